@@ -1,4 +1,4 @@
-"""What several test files share."""
+"""Fixtures shared by several test files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from shell import Shell
 
 @pytest.fixture(scope="session")
 def paper(tmp_path_factory: pytest.TempPathFactory) -> Study:
-    """The study of the paper's own robot: one for all processes that share the tests."""
+    """The study of the paper's own robot, computed once for all test processes."""
     place = made_once(
         common_folder(tmp_path_factory) / "study.pickle",
         lambda part: part.write_bytes(pickle.dumps(run_study(load_robot("amouri2019")))),
@@ -40,7 +40,7 @@ def written(paper: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def no_interrupt_outlives_its_test() -> Iterator[None]:
-    """A command that a test ran hears signals on, and raises one again that nobody answered."""
+    """Restore signal handlers after a command, and raise an interrupt that was not handled."""
     before = {number: signal.getsignal(number) for number in interrupts.HEARD}
     yield
     for number, handler in before.items():
@@ -55,7 +55,7 @@ def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
 
 @pytest.fixture
 def public_data(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
-    """The folder of a public data set by its name; the test is skipped where there is none."""
+    """The folder of a public data set by its name; the test is skipped where it is missing."""
     beside = Path(__file__).parents[2] / "shared" / "data"
     home = Path(os.environ.get("BOWSTRING_DATA", beside)).resolve()
     monkeypatch.setenv("BOWSTRING_DATA", str(home))
@@ -69,13 +69,13 @@ def public_data(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that need the data of others carry the marker `data`."""
+    """Mark tests that need public data with the marker `data`."""
     for item in items:
         if "public_data" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.data)
 
 
 def pytest_configure() -> None:
-    """A shell that starts the tests in the background has them ignore Ctrl-C; some test it."""
+    """Restore Ctrl-C, which a shell disables for tests started in the background."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,4 +1,4 @@
-"""What the tests of finite elements share: a small robot, and CalculiX if it is there."""
+"""Robots for tests of finite elements, and a skip where CalculiX is missing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def needs_ccx(test: Test) -> Test:
 
 
 def small_robot(**changes: object) -> Robot:
-    """Two modules of the study's robot, with disks that clamp."""
+    """Two modules of the study's robot, with clamping disks."""
     return load_robot(
         "amouri2019",
         {

@@ -1,4 +1,4 @@
-"""A made-up run, all in closed form: what tests of fields and files share."""
+"""A synthetic run in closed form, for tests of fields and files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bowstring.statics.fields import FIELDS, Frames, Section, derive
 def made_frames(
     robot: Robot, time: np.ndarray, points: int = 5, force: tuple[float, float, float] = (0, 0, 0)
 ) -> Frames:
-    """An arc in the x-z plane whose curvature swings as sin(2 t); ``force`` in body axes."""
+    """An arc in the x-z plane with curvature proportional to sin(2 t); ``force`` in body axes."""
     disks = robot.disks.station_m
     n, m = len(disks), len(robot.tendons.end_disk)
     starts = np.concatenate([[0.0], disks[:-1]])
@@ -84,13 +84,13 @@ def arc(kappa: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def made_file(path: Path, robot: Robot, settings: dict[str, Any], times: int = 0) -> RunFile:
-    """The file of a made-up run, still without a record."""
+    """The file of a synthetic run, still without a record."""
     frames = made_frames(robot, np.zeros(1))
     return RunFile.open(path, robot, settings, frames.station, frames.module, times=times)
 
 
 def made_records(robot: Robot, time: np.ndarray) -> np.ndarray:
-    """The records of a made-up run that began at time 0, as its file takes them."""
+    """The records of a synthetic run that began at time 0, in the format of its file."""
     frames = made_frames(robot, np.concatenate([[0.0], time]))
     values = derive(robot, frames, Section(robot, frames.station, frames.module, RodModel()))
     columns = [frames.time, *(values[field.name] for field in FIELDS)]

@@ -1,4 +1,4 @@
-"""What is made once in a run of the tests, though several processes share the work."""
+"""Objects that are made once in a test run, shared by several processes."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ _PATIENCE = 300.0  # s
 
 
 def common_folder(factory: pytest.TempPathFactory) -> Path:
-    """A folder of this run that all its processes have."""
+    """A folder of this run, common to all its processes."""
     own = factory.getbasetemp()
     return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
 
 
 def made_once(place: Path, make: Callable[[Path], object]) -> Path:
-    """A file or folder that the first process to ask makes, under another name, and renames.
+    """Make a file or folder once, in the first process that needs it, under a temporary name.
 
-    The others wait for it. Where making it fails, the next one tries.
+    The other processes wait for it. If making it fails, the next one tries.
+
     """
     claim = place.with_name(f"{place.name}.claim")
     until = time.monotonic() + _PATIENCE

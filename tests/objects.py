@@ -1,4 +1,4 @@
-"""Arguments by name, as a table of cases has them, to the objects that functions take."""
+"""Keyword arguments of test cases, converted to the objects that functions take."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ _START = ("disk_forces", "initial_history")
 
 
 def objects(**given: Any) -> dict[str, Any]:
-    """The same arguments with those of `Load`, `RodModel` and others in such an object.
+    """Return the arguments with those of `Load`, `RodModel` and others collected in such an object.
 
-    Names that begin with ``initial_`` are of the load at the start.
+    Names that begin with ``initial_`` belong to the load at the start.
+
     """
     start = {name.removeprefix("initial_"): given.pop(name) for name in _START if name in given}
     initial = {name: value for name, value in given.items() if name.startswith("initial_")}
@@ -48,7 +49,7 @@ def objects(**given: Any) -> dict[str, Any]:
 
 
 def bench(**given: Any) -> dict[str, Any]:
-    """Arguments of a synthetic bench by name, as objects; others stay as they are."""
+    """Return arguments of a synthetic bench, those of its objects collected in them."""
     changes = {"actual": "changes", "displacements": "displacements"}
     named = {changes.get(name, name): value for name, value in given.items()}
     out: dict[str, Any] = {}

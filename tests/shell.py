@@ -1,4 +1,4 @@
-"""Commands as a user gives them: in this process, or in one of their own."""
+"""Commands as a user enters them: in this process, or in one of their own."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bowstring.cli import main
 
 
 class Shell:
-    """Runs a command in this process and keeps what it wrote."""
+    """Runs a command in this process and captures its output."""
 
     def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
         self.capsys = capsys
@@ -24,14 +24,14 @@ class Shell:
         return (code, *self.capsys.readouterr())
 
     def json(self, *arguments: str, code: int = 0) -> Any:
-        """Stdout as JSON, which must be one line and all of it."""
+        """Return stdout as JSON, which must be a single line."""
         got, out, err = self(*arguments, "--json")
         assert got == code, err
         assert out.count("\n") == 1
         return json.loads(out, parse_constant=pytest.fail)  # NaN and Infinity are not JSON
 
     def error(self, *arguments: str) -> str:
-        """The sentence of a command that must refuse its input."""
+        """Return the error sentence of a command that must reject its input."""
         code, out, err = self(*arguments)
         assert (code, out) == (2, ""), (out, err)
         assert err.startswith("Error: ") and err.count("\n") == 1, err
@@ -42,9 +42,10 @@ class Shell:
 def refuses(
     shell: Shell, folder: Path, monkeypatch: pytest.MonkeyPatch, says: str, *arguments: str
 ) -> None:
-    """Check that a command in a folder refuses its input, and leaves the files there as they are.
+    """Check that a command in a folder rejects its input, and leaves existing files unchanged.
 
-    One is there: ``mine/notes.txt``.
+    One file exists: ``mine/notes.txt``.
+
     """
     monkeypatch.chdir(folder)
     mine = folder / "mine" / "notes.txt"

@@ -1,4 +1,4 @@
-"""The stages of a study, each run when a test asks for it: none needs the whole study."""
+"""The stages of a study, each computed when a test needs it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bowstring.study.verdict import Verdict, judge
 
 
 class Stages:
-    """What `run_study` computes one after another, with its settings and their defaults."""
+    """The stages that `run_study` computes, with its settings and their defaults."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class Stages:
 
     @cached_property
     def ramp(self) -> tuple[Transient | None, str]:
-        """The motion, or why there is none."""
+        """The motion, or the reason why there is none."""
         return study._dynamics(self.model, self.settings, self.statics, lambda share: None)
 
     @property
@@ -82,7 +82,7 @@ class Stages:
         return self.judged(self.budget)
 
     def judged(self, budget: Budget) -> Verdict:
-        """The verdict beside any budget, of which only its sentences on other effects speak."""
+        """The verdict for any budget, of which only the sentences on other effects are used."""
         chosen = self.settings
         return judge(self.model, chosen.tolerance, chosen.max_tension, self.comparisons, budget)
 
@@ -101,9 +101,10 @@ class Stages:
         return study._claim(self.robot, self.settings, self.comparisons, in_time or {}, {})
 
     def over(self, other: Study) -> Study:
-        """Another study with the sweep of these stages in the place of its own, and no dynamics.
+        """Return another study with the sweep of these stages in place of its own, and no dynamics.
 
-        Budget and verdict stay those of the other one.
+        Budget and verdict remain those of the other study.
+
         """
         return replace(
             other,
@@ -112,16 +113,16 @@ class Stages:
             geometry=self.geometry,
             statics=self.statics,
             dynamics=None,
-            without_dynamics="Dynamics is left out: it was not asked for.",
+            without_dynamics="Dynamics is left out: it was not requested.",
             comparisons=tuple(self.comparisons.values()),
             claim=self.claim(),
             notes=self.notes(),
         )
 
 
-def by_name(asked: dict[str, Any]) -> dict[str, Any]:
-    """Arguments of `run_study` with the fields of its objects beside the others."""
-    out = dict(asked)
+def by_name(given: dict[str, Any]) -> dict[str, Any]:
+    """Return arguments of `run_study` with the fields of its objects beside the others."""
+    out = dict(given)
     for name in ("loading", "ramp", "extras"):
         out |= vars(out.pop(name))
     return out

@@ -1,4 +1,4 @@
-"""What is said before any work of places that cannot be written."""
+"""Messages about output paths that cannot be written, before any work."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from bowstring.study import report
 from bowstring.viz import vtk
 from made_frames import made_file
 
-SEALED = Path("/proc")  # takes no file of anyone's, whatever its rights say
+SEALED = Path("/proc")  # accepts no files, whatever its permissions
 
 sealed = pytest.mark.skipif(not SEALED.is_dir(), reason="needs /proc, a folder that takes no file")
 
@@ -45,14 +45,14 @@ def test_a_folder_that_takes_no_file_is_refused() -> None:
             check(SEALED / "a" / "b")
 
 
-def test_a_place_that_is_free_is_left_as_it_is(tmp_path: Path) -> None:
+def test_a_free_path_is_not_touched(tmp_path: Path) -> None:
     check_place(tmp_path / "a" / "b", "no")
     check_place(tmp_path, "no")
     check_file(tmp_path / "x.step", "solid", (".step",), b"mark")
     assert os.listdir(tmp_path) == []
 
 
-def test_places_that_cannot_be_are_named(tmp_path: Path) -> None:
+def test_impossible_paths_are_named(tmp_path: Path) -> None:
     (tmp_path / "notes").write_text("mine")
     with pytest.raises(InputError, match=r"no: .*notes is a file"):
         check_place(tmp_path / "notes" / "a", "no")
@@ -87,10 +87,10 @@ def test_a_working_folder_that_was_removed(tmp_path: Path, monkeypatch: pytest.M
             check("run")
 
 
-def test_what_only_another_user_may_replace(
+def test_files_of_other_users_are_not_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As in /tmp: whoever may write there may not replace what is another's."""
+    """As in /tmp: files of other users in a writable folder cannot be replaced."""
     robot = load_robot("amouri2019")
     made_file(tmp_path / "run.nc", robot, {}).finish()
     (tmp_path / "a.gif").write_text("")
@@ -119,7 +119,7 @@ def _fill(new: Path) -> None:
 
 @pytest.mark.parametrize("name", ["x" * 255, "\N{VIOLIN}" * 63, f"a.{'x' * 253}"])
 def test_the_longest_names_are_written(tmp_path: Path, name: str) -> None:
-    """The hidden name beside must not be longer than is allowed where the name itself is not."""
+    """The temporary name must not be too long where the name itself is allowed."""
     write_whole_file(tmp_path / name, "file", _fill)
     assert (tmp_path / name).read_text() == "whole"
     (tmp_path / name).unlink()
@@ -129,7 +129,7 @@ def test_the_longest_names_are_written(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("mask", [0o077, 0o022, 0o007])
-def test_rights_are_those_of_any_new_file(tmp_path: Path, mask: int) -> None:
+def test_permissions_are_those_of_any_new_file(tmp_path: Path, mask: int) -> None:
     former = os.umask(mask)
     try:
         write_whole_file(tmp_path / "file", "file", _fill)
@@ -142,7 +142,7 @@ def test_rights_are_those_of_any_new_file(tmp_path: Path, mask: int) -> None:
     assert (tmp_path / "folder").stat().st_mode & 0o777 == 0o777 & ~mask
 
 
-# -- places that cannot be replaced as a whole -----------------------------------------------------
+# -- paths that cannot be replaced as a whole -----------------------------------------------------
 
 
 @pytest.mark.parametrize("check", [report.check_folder, vtk.check_folder])
@@ -164,10 +164,10 @@ def test_a_mounted_drive_is_refused() -> None:
         report.check_folder("/dev/shm")
 
 
-def test_a_large_tree_of_others_is_not_walked(
+def test_a_large_foreign_tree_is_not_walked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One file is enough to refuse it."""
+    """One file is enough to reject it."""
     for i in range(20):
         (tmp_path / "mine" / str(i)).mkdir(parents=True)
         (tmp_path / "mine" / str(i) / "notes").touch()
@@ -184,7 +184,7 @@ def test_a_large_tree_of_others_is_not_walked(
     assert len(looked) <= 2
 
 
-# -- what a killed process leaves ------------------------------------------------------------------
+# -- leftovers of a killed process -----------------------------------------------------------------
 
 KILLED = """
 import os, signal, sys
@@ -235,7 +235,7 @@ def test_killed_between_two_renames_the_former_folder_comes_back(tmp_path: Path)
     assert os.listdir(place) == ["former"] and os.listdir(tmp_path) == ["study"]
 
 
-def test_what_a_live_process_writes_is_not_swept(tmp_path: Path) -> None:
+def test_files_of_a_live_process_are_not_swept(tmp_path: Path) -> None:
     with folder_beside(tmp_path / "study") as work:
         (work / "half").touch()
         sweep(tmp_path)

@@ -1,4 +1,4 @@
-"""STEP, STL and glTF files of a solid, read back by other means than they were written."""
+"""STEP, STL and glTF files of a solid, read back by independent means."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_stl_is_a_closed_mesh_of_the_same_volume(solid, tmp_path):
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     volume = np.einsum("fi,fi->f", a, np.cross(b, c)).sum() / 6
     assert volume == pytest.approx(sum(part.volume_m3 for part in solid.parts), rel=0.01)
-    # closed: every edge is passed once each way
+    # closed: every edge occurs once in each direction
     names = np.unique(
         np.round(corners.reshape(-1, 3) * 1e9).astype(int), axis=0, return_inverse=True
     )
@@ -86,7 +86,7 @@ def triangles(file):
     return np.frombuffer(raw, dtype=np.dtype("(3,)<f4,(3,3)<f4,<u2"))["f1"].astype(float)
 
 
-SIZES = {  # of the study's robot, and shares of them
+SIZES = {  # of the study's robot, and scaled versions
     "segments.0.length": 641,
     "segments.0.backbone.diameter": 5,
     "segments.0.disks.radius": 32,
@@ -96,12 +96,12 @@ SIZES = {  # of the study's robot, and shares of them
 
 
 @pytest.mark.parametrize("share", [1.0, 1e-3, 50.0])
-def test_meshes_are_as_near_to_the_surface_as_promised_at_any_size(tmp_path, share):
+def test_mesh_error_is_within_its_tolerance_at_any_size(tmp_path, share):
     robot = bs.load_robot("amouri2019", {k: f"{share * v} mm" for k, v in SIZES.items()})
     pose = bs.solve(robot, [60 * share**2, 0, 0])  # the same shape
     corners = triangles(write_solid(make_solid(robot, pose), tmp_path / "robot.stl")) / 1e3
     assert 30_000 < len(corners) < 80_000
-    # on the backbone, away from its ends and the bores of the disks, which it has the radius of
+    # on the backbone, away from its ends and the bores of the disks, which have its radius
     corners = corners / robot.length
     path = np.concatenate(pose.to_dataset(points=401)["position"].to_numpy()) / robot.length
     radius = 0.5 * robot.segments[0].backbone.diameter / robot.length
@@ -118,7 +118,7 @@ def test_meshes_are_as_near_to_the_surface_as_promised_at_any_size(tmp_path, sha
 
 
 def gltf(file):
-    """The content of a glTF file and its data, by the standard's own words."""
+    """The content of a glTF file and its data, following the standard."""
     if file.suffix == ".gltf":
         content = json.loads(file.read_text("utf-8"))
         return content, base64.b64decode(content["buffers"][0]["uri"].partition(",")[2])
@@ -169,7 +169,7 @@ def test_gltf_holds_named_coloured_meshes_in_metres_with_y_up(solid, tmp_path, s
         box = part.shape.bounding_box()
         np.testing.assert_allclose(robot.min(axis=0), np.array(tuple(box.min)) / 1e3, atol=2e-4)
         np.testing.assert_allclose(robot.max(axis=0), np.array(tuple(box.max)) / 1e3, atol=2e-4)
-        # colours of a screen, made linear as the standard asks
+        # sRGB colours, made linear as the standard requires
         screen = rgb(part.colour)
         linear = np.where(screen <= 0.04045, screen / 12.92, ((screen + 0.055) / 1.055) ** 2.4)
         (colour,) = colours
@@ -181,7 +181,7 @@ def test_gltf_holds_named_coloured_meshes_in_metres_with_y_up(solid, tmp_path, s
     assert content["asset"]["version"] == "2.0"
 
 
-def test_a_name_of_other_letters(tmp_path):
+def test_names_with_non_ascii_letters(tmp_path):
     robot = bs.load_robot("amouri2019", {"name": "Röbot 机's"})
     read = bd.import_step(write_solid(make_solid(robot), tmp_path / "r.stp"))
     assert read.label == "Robot_s"
@@ -198,7 +198,7 @@ def test_a_name_of_other_letters(tmp_path):
         ("a" * 300 + ".step", "File name too long"),
     ],
 )
-def test_files_that_cannot_be(tmp_path, name, says):
+def test_impossible_files(tmp_path, name, says):
     (tmp_path / "folder.step").mkdir()
     (tmp_path / "file.txt").write_text("mine")
     with pytest.raises(InputError, match="cannot write the solid to") as caught:
@@ -206,18 +206,18 @@ def test_files_that_cannot_be(tmp_path, name, says):
     assert says in str(caught.value)
 
 
-@pytest.mark.parametrize("asked", ["is_dir", "exists"])
-def test_folders_that_may_not_be_searched(tmp_path, monkeypatch, asked):
+@pytest.mark.parametrize("given", ["is_dir", "exists"])
+def test_folders_without_search_permission(tmp_path, monkeypatch, given):
     def denied(self):  # root may search any folder
         raise PermissionError(13, "Permission denied")
 
     (tmp_path / "closed").mkdir()
-    monkeypatch.setattr(Path, asked, denied)
+    monkeypatch.setattr(Path, given, denied)
     with pytest.raises(InputError, match=r"cannot write the solid to .*: Permission denied"):
         check_solid_file(tmp_path / "closed" / "robot.step")
 
 
-def test_what_fails_leaves_the_former_file(tmp_path, solid, monkeypatch):
+def test_a_failure_keeps_the_former_file(tmp_path, solid, monkeypatch):
     file = tmp_path / "robot.step"
     file.write_text("bowstring_version: former")
     monkeypatch.setattr(bd, "export_step", lambda *_: False)

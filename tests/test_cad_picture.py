@@ -1,4 +1,4 @@
-"""The renderer against rays, and pictures and drawings whose words stay within them."""
+"""The renderer against ray casting; labels of pictures and drawings lie within them."""
 
 from __future__ import annotations
 
@@ -46,7 +46,8 @@ def together(*meshes):
 
 
 def first_hit(mesh, eye, ray):
-    """The part that a ray meets first, -1 for none (Moeller and Trumbore), and how near an edge."""
+    """The part that a ray meets first, -1 for none (Moeller and Trumbore), and its distance to an
+    edge."""
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     p = np.cross(ray, c - a)
     det = (p * (b - a)).sum(axis=1)
@@ -61,10 +62,10 @@ def first_hit(mesh, eye, ray):
 
 @pytest.mark.cad
 @pytest.mark.parametrize(("azimuth", "elevation"), [(0.3, 0.2), (-2.0, 1.1), (2.5, -0.6)])
-def test_each_pixel_shows_what_its_ray_meets_first(azimuth, elevation):
+def test_pixels_match_ray_casting(azimuth, elevation):
     mesh = together(
         box((-1, -1, -1), (1, 1, 1), 0),
-        box((1.2, -0.2, -3), (1.4, 0.2, 3), 1),  # a long thin one before or behind
+        box((1.2, -0.2, -3), (1.4, 0.2, 3), 1),  # a long thin one in front or behind
         box((-2, -2, -1.4), (2, 2, -1.2), 2),
     )
     camera = Camera(mesh.points, azimuth, elevation, 240)
@@ -73,7 +74,7 @@ def test_each_pixel_shows_what_its_ray_meets_first(azimuth, elevation):
     assert set(np.unique(seen)) == {-1, 0, 1, 2}
     rng = np.random.default_rng(0)
     rows, columns = rng.integers(camera.height, size=600), rng.integers(camera.width, size=600)
-    # where a pixel of the finer picture lies, in the plane at distance 1 before the eye
+    # position of a pixel of the finer picture in the plane at distance 1 from the eye
     zero = camera.see((camera.eye - camera.axes[2])[None])[0]
     right = camera.see((camera.eye - camera.axes[2] + camera.axes[0])[None])[0] - zero
     wrong = 0
@@ -105,7 +106,7 @@ def test_light_falls_from_above_and_bodies_shade_each_other():
 
 
 def readable(figure):
-    """The texts of a figure, which must lie within it and apart."""
+    """The texts of a figure, which must lie within it and not overlap."""
     from matplotlib.text import Text
 
     figure.canvas.draw()
@@ -144,7 +145,7 @@ def test_a_picture_names_its_parts(name, canvas, tmp_path):
     texts = readable(figure)
     title = f"{name}, simulated: tendon 1 at 1 N"
     assert title in [text.replace("\n", " ") for text in texts]
-    first = "tendons 1, 4" if name == "rao2021" else "tendon 1"  # that share a hole
+    first = "tendons 1, 4" if name == "rao2021" else "tendon 1"  # tendons that share a hole
     assert {"end disk", "spacer disk", "base", "backbone", first} <= set(texts)
     if name == "amouri2019":
         for suffix, head in ((".png", b"\x89PNG"), (".pdf", b"%PDF"), (".SVG", b"<?xml")):
@@ -155,7 +156,7 @@ def test_a_picture_names_its_parts(name, canvas, tmp_path):
 
 
 @pytest.mark.cad
-def test_names_point_at_what_is_seen_and_a_long_title_breaks(canvas):
+def test_labels_point_at_visible_parts_and_a_long_title_wraps(canvas):
     pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.cad.picture import draw_solid
     from bowstring.cad.solid import make_solid
@@ -169,13 +170,13 @@ def test_names_point_at_what_is_seen_and_a_long_title_breaks(canvas):
     (axes,) = figure.axes
     dots = [line.get_xydata()[0] for line in axes.lines]
     ends = [text.xy for text in axes.texts]
-    np.testing.assert_array_equal(dots, ends)  # one on each
+    np.testing.assert_array_equal(dots, ends)  # one dot on each part
     image = axes.images[0].get_array()
     assert all(image[int(y), int(x), 3] > 0 for x, y in dots)  # and on the robot
 
 
 @pytest.mark.cad
-def test_normals_are_smooth_around_a_rod_and_break_at_its_ends():
+def test_normals_are_smooth_around_a_rod_and_sharp_at_its_ends():
     bd = pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.cad.picture import mesh_of
     from bowstring.cad.solid import Part
@@ -186,7 +187,7 @@ def test_normals_are_smooth_around_a_rod_and_break_at_its_ends():
     away = mesh.points[on_side, :2] / np.linalg.norm(mesh.points[on_side, :2], axis=1)[:, None]
     assert (away * mesh.normals[on_side, :2]).sum(axis=1).min() > 0.99
     np.testing.assert_allclose(np.abs(mesh.normals[~on_side, 2]), 1.0, atol=1e-9)
-    # closed and outward: what the renderer counts on
+    # closed, with outward normals, as the renderer requires
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     volume = np.einsum("fi,fi->f", a, np.cross(b, c)).sum() / 6
     assert volume == pytest.approx(math.pi * 4 * 100, rel=0.03)
@@ -204,7 +205,7 @@ def test_a_drawing_has_all_sizes(canvas):
     assert "3 x Ø2.5\non Ø58" in texts
 
 
-def test_a_drawing_says_where_each_hole_is_if_they_are_not_alike(canvas):
+def test_a_drawing_dimensions_each_hole_if_they_differ(canvas):
     robot = bs.load_robot(
         "amouri2019",
         {
@@ -235,7 +236,7 @@ def test_a_drawing_says_where_each_hole_is_if_they_are_not_alike(canvas):
     assert any(text.endswith("and 2 more") for text in texts)
 
 
-def test_disks_that_are_alike_are_drawn_once():
+def test_equal_disks_are_drawn_once():
     def titles(name, changes=None):
         figure = draw_disks(bs.load_robot(name, changes))
         return [t.get_text() for axes in figure.axes for t in axes.texts if "disk" in t.get_text()]

@@ -85,7 +85,7 @@ def test_parts_of_the_straight_robot(plain):
 
 
 @pytest.mark.parametrize("name", bs.robot_names())
-def test_parts_are_sound_and_do_not_overlap(name):
+def test_parts_are_valid_and_do_not_overlap(name):
     solid = make_solid(bs.load_robot(name))
     assert all(part.shape.is_valid for part in solid.parts)
     disk = solid["disk_1"].shape
@@ -121,7 +121,7 @@ def test_mass_and_inertia_of_the_solid_are_those_of_the_closed_form(name, change
         checked += 1
         volume, centre = part.volume_m3, part.centre_m - [0, 0, robot.disks.station_m[d]]
         mass = density * volume
-        # about the middle of the disk, as the closed form is
+        # about the centre of the disk, as in the closed form
         moments = density * part.inertia_m5 + mass * (
             centre @ centre * np.eye(3) - np.outer(centre, centre)
         )
@@ -132,7 +132,7 @@ def test_mass_and_inertia_of_the_solid_are_those_of_the_closed_form(name, change
     assert checked >= 9
 
 
-def test_what_the_closed_form_leaves_out_is_in_the_solid():
+def test_the_solid_includes_terms_omitted_in_the_closed_form():
     robot = bs.load_robot("amouri2019", ODD)
     part = make_solid(robot)["disk_1"]
     off = np.hypot(*part.centre_m[:2])
@@ -189,15 +189,15 @@ def test_volume_of_a_bent_backbone_is_its_section_times_its_length(theory, eleme
         line = solution.centerline(points)
         return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
-    length = (4 * chords(512) - chords(256)) / 3  # chords of an arc: the error is of second order
+    length = (4 * chords(512) - chords(256)) / 3  # chords of an arc: second-order error
     area = math.pi / 4 * (0.005**2 - 0.003**2)
     part = make_solid(robot, solution)["backbone"]
     assert part.volume_m3 == pytest.approx(area * length, rel=1e-7)
     if theory == "cosserat":
-        assert part.volume_m3 < area * 0.641 * (1 - 1e-4)  # it is pressed together
+        assert part.volume_m3 < area * 0.641 * (1 - 1e-4)  # it is compressed
 
 
-def test_disks_are_where_the_solver_says_and_turned_so(bent):
+def test_disks_have_the_poses_of_the_solver(bent):
     solution, solid = bent
     robot, sizes = solution.robot, solid.sizes
     for d, part in enumerate(of_kind(solid, "disk")):
@@ -226,7 +226,7 @@ def test_tendons_run_straight_from_hole_to_hole(bent):
         path = solid.tendon_paths[i]
         spans = np.linalg.norm(np.diff(path, axis=0), axis=1)
         assert spans.sum() == pytest.approx(lengths[i], rel=1e-12)
-        # a point on the line between two holes is inside, a radius deep
+        # a point on the line between two holes is inside, one radius deep
         middle = 1e3 * 0.5 * (path[1] + path[2])
         away = part.shape.shell().distance_to(bd.Vertex(*middle))
         assert away == pytest.approx(0.5e3 * solid.sizes.tendon_m[i], rel=1e-6)
@@ -234,7 +234,7 @@ def test_tendons_run_straight_from_hole_to_hole(bent):
 
 
 @pytest.mark.parametrize("name", bs.robot_names())
-def test_bent_parts_are_sound(name):
+def test_bent_parts_are_valid(name):
     robot = bs.load_robot(name)
     solid = make_solid(robot, bs.solve(robot, tensions=LOADS[name]))
     assert solid.posed
@@ -263,7 +263,7 @@ def test_one_time_of_a_run_is_a_pose():
         make_solid(bs.load_robot("rao2021"), data.isel(time=[-1]))
 
 
-def test_what_holds_a_pose_in_words():
+def test_description_of_the_loads_of_a_pose():
     robot = bs.load_robot("amouri2019")
     assert make_solid(robot).load == ""
 
@@ -283,7 +283,7 @@ def test_what_holds_a_pose_in_words():
 # -- sizes and bad input ------------------------------------------------------------------------
 
 
-def test_sizes_that_are_given_are_used_and_others_named():
+def test_given_sizes_are_used_and_missing_ones_named():
     robot = bs.load_robot(
         "amouri2019",
         {"segments.0.disks.hole_diameter": "4 mm", "segments.0.tendons.diameter": "1.2 mm"},
@@ -296,7 +296,7 @@ def test_sizes_that_are_given_are_used_and_others_named():
         str(sizes.assumed[0]) == "segments[0].disks.hole_diameter = 2 mm, twice the thickest tendon"
     )
     assert len(sizes.assumed) == 4
-    # a list of tendons: each that lacks its own
+    # a list of tendons: each without its own size
     sizes = sizes_of(bs.load_robot("amouri2019", ODD))
     assert [size.field for size in sizes.assumed][:2] == [
         "segments[0].tendons[1].diameter",
@@ -313,7 +313,7 @@ def test_assumed_sizes_fit_a_crowded_disk():
     assert make_solid(robot)["disk_1"].shape.is_valid
 
 
-def test_what_makes_no_solid_is_refused():
+def test_impossible_solids_are_refused():
     flat = bs.load_robot("amouri2019", {"segments.0.disks.thickness": "0 mm"})
     with pytest.raises(InputError, match=r"segments\[0\].disks.thickness is 0 mm, which makes no"):
         make_solid(flat)
@@ -344,7 +344,7 @@ def test_without_the_extra_there_is_a_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "build123d", None)
     with pytest.raises(InputError, match=r"solids need .* pip install 'bowstring\[cad\]'$"):
         check_cad()
-    # sizes, masses and drawings do without
+    # sizes, masses and drawings work without the extra
     robot = bs.load_robot("amouri2019", ODD)
     assert sizes_of(robot).hole_m[0] == 0.004
     mass = drilled_disk(1200, 0.032, 0.003, 0.005, robot.holes(0), 0.004).mass
@@ -360,7 +360,7 @@ def test_without_opengl_there_is_another_sentence(monkeypatch):
     said = "libGL.so.1: cannot open shared object file: No such file or directory"
 
     class Finder:
-        """Stands in for the loader where the library is missing."""
+        """Replaces the loader as if the library were missing."""
 
         @staticmethod
         def find_spec(name, *_):

@@ -1,4 +1,4 @@
-"""Bootstrap intervals: against a plain loop, and against the truth."""
+"""Bootstrap intervals, against a plain loop and against the truth."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from bowstring.calibration.bootstrap import Linear, bootstrap, refitted
     ("trials", "least", "most"),
     [(40, 0.85, 1.0), pytest.param(300, 0.90, 0.98, marks=pytest.mark.slow)],
 )
-def test_intervals_hold_the_mean_over_all_loads(trials: int, least: float, most: float) -> None:
-    # each load has an error of its own, shared by its repeats: units are loads
+def test_intervals_cover_the_mean_over_all_loads(trials: int, least: float, most: float) -> None:
+    # each load has its own error, shared by its repeats: the resampled units are loads
     inside = narrow = 0
     loads, repeats = 30, 5
     unit = np.repeat(np.arange(loads), repeats)
@@ -28,11 +28,11 @@ def test_intervals_hold_the_mean_over_all_loads(trials: int, least: float, most:
         narrow += low <= truth <= high
     assert (
         least <= inside / trials <= most
-    )  # the percentile interval of 30 units is a little narrow
-    assert narrow / trials < 0.75  # rows as units would feign five times the data
+    )  # the percentile interval of 30 units is slightly too narrow
+    assert narrow / trials < 0.75  # resampling rows would imply five times the data
 
 
-def test_the_product_of_matrices_is_the_loop() -> None:
+def test_matrix_product_matches_the_loop() -> None:
     rng = np.random.default_rng(1)
     unit = np.array([0, 0, 1, 2, 2, 2, 3, 3])
     error = rng.normal(size=(8, 3))
@@ -51,7 +51,7 @@ def test_the_product_of_matrices_is_the_loop() -> None:
     assert found.rms[0] >= found.mean[0]
 
 
-def test_models_share_their_resamples_and_nothing_is_left_to_chance() -> None:
+def test_models_share_reproducible_resamples() -> None:
     rng = np.random.default_rng(2)
     error = rng.normal(size=(20, 3))
     unit = np.arange(20)
@@ -60,7 +60,7 @@ def test_models_share_their_resamples_and_nothing_is_left_to_chance() -> None:
     assert once.means == pytest.approx(bootstrap([error], unit)[0].means, rel=1e-15)
 
 
-def test_a_model_without_an_answer_has_no_interval() -> None:
+def test_a_model_without_a_solution_has_no_interval() -> None:
     gap = np.full((5, 3), np.nan)
     good, none = bootstrap([np.ones((5, 3)), gap], np.arange(5))
     assert np.isnan(none.mean).all() and np.isnan(none.means).all()
@@ -68,7 +68,7 @@ def test_a_model_without_an_answer_has_no_interval() -> None:
 
 
 def fitted(seed: int, rows: int = 24) -> tuple[np.ndarray, Linear, np.ndarray, float]:
-    """Six linear parameters fitted to noise, and the mean error of the fit at the rows anew."""
+    """Six linear parameters fitted to noise, and the mean error of the fit at new rows."""
     rng = np.random.default_rng(seed)
     jacobian = np.random.default_rng(7).normal(size=(rows, 3, 6))
     measured = rng.normal(size=(rows, 3))
@@ -83,7 +83,7 @@ def fitted(seed: int, rows: int = 24) -> tuple[np.ndarray, Linear, np.ndarray, f
     ("trials", "within", "least"),
     [(20, 0.05, 0.8), pytest.param(150, 0.02, 0.87, marks=pytest.mark.slow)],
 )
-def test_what_is_expected_of_a_fit_is_its_error_at_new_rows(
+def test_expected_error_of_a_fit_is_its_error_at_new_rows(
     trials: int, within: float, least: float
 ) -> None:
     held, honest = 0, 0
@@ -98,7 +98,7 @@ def test_what_is_expected_of_a_fit_is_its_error_at_new_rows(
         low, high = bootstrap([residual], unit, resamples=400)[0].mean
         held += low <= anew <= high
         honest += found.interval[0] <= anew <= found.interval[1]
-    assert np.mean(seen) < 0.94 * np.mean(real)  # on its own rows a fit flatters itself
+    assert np.mean(seen) < 0.94 * np.mean(real)  # the error at the fitted rows is too small
     assert np.mean(means) == pytest.approx(np.mean(real), rel=within)
     assert honest / trials > least and held < honest
 

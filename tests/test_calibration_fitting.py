@@ -21,7 +21,7 @@ SIDE = np.array([0.0, 5.0, 2.0])  # constant loads of the three tendons, in N
 
 
 def single():
-    """The study's robot, its first tendon loaded and unloaded by hanging masses."""
+    """The study's robot, its first tendon loaded and unloaded by weights."""
     return bs.load_robot("amouri2019")
 
 
@@ -74,7 +74,7 @@ EXACT = [
 
 
 @pytest.mark.parametrize("mixed", [False, True])
-def test_exact_derivatives_are_those_of_differences(mixed):
+def test_exact_derivatives_match_differences(mixed):
     robot = three_segments(
         **{
             "segments.0.tendons.pretension": 0.5,
@@ -186,13 +186,13 @@ def test_friction_from_loading_and_unloading_synthetic():
     half = len(data.points) // 2 + 1
     rising = fit(robot, data, names, rows=np.arange(len(data.points)) < half, loss="linear")
     worse = [rising[n].standard_error / found[n].standard_error for n in names]
-    assert min(worse) > 4  # loading alone hardly tells friction from stiffness
+    assert min(worse) > 4  # loading alone hardly separates friction from stiffness
 
 
 @pytest.mark.parametrize("loss", ["linear", "soft_l1"])
 @pytest.mark.slow
-def test_intervals_hold_the_truth_synthetic(loss):
-    """95 % intervals hold the truth in about 95 % of synthetic benches."""
+def test_intervals_cover_the_truth_synthetic(loss):
+    """95 % intervals contain the truth in about 95 % of synthetic benches."""
     robot = single()
     names = ["segments.0.backbone.E", "base.x", "base.rx", "base.ry"]
     truth = {"segments.0.backbone.E": 34e9, "base.rx": 0.005}
@@ -203,13 +203,13 @@ def test_intervals_hold_the_truth_synthetic(loss):
         found = fit(robot, data, names, loss=loss)
         real = [34.0, 0.0, np.degrees(0.005), 0.0]
         held += [e.low <= r <= e.high for e, r in zip(found.estimates, real, strict=True)]
-    # 240 intervals: 228 expected, standard deviation 3.4 were they independent
+    # 240 intervals: 228 expected, standard deviation 3.4 if independent
     assert 216 <= held.sum() <= 239
 
 
 @pytest.mark.slow
-def test_intervals_hold_the_truth_where_one_axis_is_worse_synthetic():
-    """Cameras see depth badly; one variance for all axes gave 41 % for base.y."""
+def test_intervals_cover_the_truth_where_one_axis_is_worse_synthetic():
+    """Cameras measure depth poorly; one variance for all axes gave 41 % for base.y."""
     robot = single()
     names = ["segments.0.backbone.E", "base"]
     commands = {"as": "tensions", "x": masses() + SIDE}
@@ -226,10 +226,11 @@ def test_intervals_hold_the_truth_where_one_axis_is_worse_synthetic():
 
 @pytest.mark.parametrize("loss", ["linear", "soft_l1"])
 @pytest.mark.slow
-def test_intervals_hold_the_truth_where_neighbours_err_alike_synthetic(loss):
-    """An arm that drifts: each row keeps 0.8 of the error of the one before.
+def test_intervals_cover_the_truth_with_autocorrelated_noise_synthetic(loss):
+    """A drifting arm: each row keeps 0.8 of the error of the one before.
 
-    As if rows were independent, intervals would hold the truth in half of the benches.
+    Assuming independent rows, intervals would contain the truth in half of the benches.
+
     """
     robot = single()
     names = ["segments.0.backbone.E", "base"]
@@ -245,7 +246,7 @@ def test_intervals_hold_the_truth_where_neighbours_err_alike_synthetic(loss):
         assert "allow for neighbours that err alike" in found.message
         real = [34.0, 0, 0, 0, 0, 0, 0]
         held += [e.low <= r <= e.high for e, r in zip(found.estimates, real, strict=True)]
-    # 280 intervals, of one bench not independent; a thousand linear fits hold 0.89
+    # 280 intervals, dependent within a bench; in a thousand linear fits the coverage is 0.89
     assert 0.82 <= held.sum() / (7 * trials) <= 0.97
 
 
@@ -260,7 +261,7 @@ def test_outliers_hardly_move_a_robust_fit_synthetic():
     assert abs(robust - 33) < 0.05 * abs(plain - 33)
 
 
-def test_what_the_model_lacks_is_said_synthetic():
+def test_lack_of_fit_is_reported_synthetic():
     robot = single()
     names = ["segments.0.backbone.E", "base"]
     commands = {"as": "tensions", "x": masses() + SIDE}
@@ -271,8 +272,8 @@ def test_what_the_model_lacks_is_said_synthetic():
 
 
 @pytest.mark.parametrize("draws", [10, pytest.param(40, marks=pytest.mark.slow)])
-def test_noise_of_a_short_table_is_called_noise_and_its_size_is_right_synthetic(draws):
-    """Few more numbers than parameters: the fit takes a good part of the noise into them."""
+def test_noise_of_a_short_table_is_recognised_and_estimated_synthetic(draws):
+    """Few more numbers than parameters: the fit absorbs a large part of the noise."""
     robot = single()
     names = ["segments.0.backbone.E", "base"]
     commands = {"as": "tensions", "x": masses()[:17:2] + SIDE}
@@ -282,11 +283,11 @@ def test_noise_of_a_short_table_is_called_noise_and_its_size_is_right_synthetic(
         found = fit(robot, data, names)
         assert found.message == "Converged."
         sizes.append(found.noise)
-    # 27 coordinates, 7 parameters: without the degrees of freedom it is 0.8 of the truth
+    # 27 coordinates, 7 parameters: without correction for degrees of freedom it is 0.8 of the truth
     assert np.mean(sizes) == pytest.approx(2e-5, rel=0.1)
 
 
-def test_parameters_that_the_data_cannot_tell_apart_synthetic():
+def test_correlated_parameters_synthetic():
     robot = single()
     names = ["segments.0.backbone.E", "gain", "base.x"]
     data = synthetic(robot, names, {}, {"as": "tensions", "x": masses()}, noise=2e-5)
@@ -297,8 +298,8 @@ def test_parameters_that_the_data_cannot_tell_apart_synthetic():
     assert "not determined" in str(found["gain"])
 
 
-def test_an_interval_ends_where_the_parameter_does_synthetic():
-    """Three loads hardly identify friction, and with a hand's weight it is not identifiable."""
+def test_an_interval_ends_at_the_parameter_bound_synthetic():
+    """Three loads hardly identify friction, and with the weight of a hand not at all."""
     robot = bs.load_robot("amouri2019", {"gravity": [0.0, 0.0, -9.81]})
     names = ["segments.0.backbone.E", "segments.0.tendons.friction"]
     few = bench.simulate(
@@ -352,7 +353,7 @@ def test_blocks_never_split_a_group_synthetic():
         cross_validate(robot, grouped, names, folds=9)
 
 
-# -- tendons at the edge of slack ------------------------------------------------------------
+# -- tendons at the limit of slack -----------------------------------------------------------
 
 GIVE = "segments.0.tendons.compliance"
 GIVE_TRUTH = {GIVE: 2e-4, "offset.tendons": 1e-3}
@@ -360,7 +361,7 @@ GIVE_TRUTH = {GIVE: 2e-4, "offset.tendons": 1e-3}
 IN_TURN = np.concatenate(
     [np.outer(np.linspace(0, 0.02, 4), np.roll([1, -0.5, -0.5], i)) for i in range(3)]
 )
-#: One tendon shortened, the others held: the offsets show in the first rows alone.
+#: One tendon shortened, the others held: the offsets affect the first rows only.
 ONE_DISPLACED = np.outer(np.linspace(0, 0.02, 12), [1.0, 0.0, 0.0])
 
 
@@ -369,14 +370,14 @@ def giving(compliance):
 
 
 def slack_bench(displacements, noise, seed):
-    """Synthetic tips of a robot whose tendons give way and are shorter than they should be."""
+    """Synthetic tips of a robot with elastic tendons that are too short."""
     names = [GIVE, "offset.tendons"]
     commands = {"as": "displacements", "x": displacements}
     return synthetic(giving(1e-4), names, GIVE_TRUTH, commands, noise=noise, seed=seed)
 
 
-def test_a_fit_passes_minima_beside_tendons_that_become_taut_synthetic():
-    """From each of these starts a fit ended at 14 to 26 times the noise, and had converged."""
+def test_a_fit_escapes_local_minima_where_tendons_become_taut_synthetic():
+    """From each of these starts a fit ended, with converged true, at 14 to 26 times the noise."""
     data = slack_bench(IN_TURN, 2e-5, 0)
     ends = []
     for start in (1e-5, 1e-4, 1e-3):
@@ -384,14 +385,14 @@ def test_a_fit_passes_minima_beside_tendons_that_become_taut_synthetic():
         assert found.converged and found.score.rmse < 1.2 * 2e-5 * np.sqrt(3)
         ends.append([found.values[name] for name in found.names])
     assert np.ptp(ends, axis=0) == pytest.approx(0, abs=1e-6)
-    # a model with fewer parameters ends no better
+    # a model with fewer parameters has no smaller error
     fewer = fit(giving(1e-4), data, [GIVE, "offset"])
     assert found.score.rmse <= fewer.score.rmse
 
 
 @pytest.mark.slow
-def test_intervals_hold_the_truth_where_tendons_become_slack_synthetic():
-    """A small sibling of `python -m benchmarks.coverage 200 slack`; it was 0.17 of intervals."""
+def test_intervals_cover_the_truth_where_tendons_become_slack_synthetic():
+    """A small version of `python -m benchmarks.coverage 200 slack`; coverage was 0.17."""
     held = []
     for seed in range(8):
         found = fit(giving(1e-4), slack_bench(IN_TURN, 5e-4, seed), [GIVE, "offset.tendons"])
@@ -400,8 +401,8 @@ def test_intervals_hold_the_truth_where_tendons_become_slack_synthetic():
     assert np.mean(held) >= 0.85
 
 
-def test_an_interval_reaches_across_changes_of_sides_synthetic():
-    """The lowest minimum is at -0.5 +- 0.09 mm, one at 1 mm is hardly higher."""
+def test_an_interval_spans_active_set_changes_synthetic():
+    """The lowest minimum is at -0.5 +- 0.09 mm; one at 1 mm is hardly higher."""
     found = fit(giving(1e-4), slack_bench(ONE_DISPLACED, 5e-4, 1), [GIVE, "offset.tendons"])
     assert found.converged
     offset = found["offset.tendons.0"]
@@ -410,7 +411,7 @@ def test_an_interval_reaches_across_changes_of_sides_synthetic():
     assert "determine the parameters badly" in found.message
 
 
-def test_a_parameter_that_acts_once_tendons_are_taut_is_no_idle_one_synthetic():
+def test_a_parameter_active_only_in_taut_tendons_is_identifiable_synthetic():
     line = np.outer(np.linspace(0, 0.02, 12), [1, -0.5, -0.5])
     found = fit(giving(1e-4), slack_bench(line, 2e-5, 0), [GIVE, "offset.tendons"])
     assert found.converged
@@ -422,7 +423,7 @@ def test_a_parameter_that_acts_once_tendons_are_taut_is_no_idle_one_synthetic():
 
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 def test_a_row_without_equilibrium_is_left_out_and_counted_synthetic(friction):
-    """Inextensible tendons on a backbone that does not shorten: three shortened alike fight."""
+    """Inextensible tendons on an inextensible backbone: three that are shortened alike conflict."""
     robot = single().with_({"segments.0.tendons.friction": friction})
     displacements = np.outer(np.linspace(0, 0.02, 24), [1.0, -1.5, -1.5])
     names = ["gain", "base.x"]
@@ -443,8 +444,9 @@ def test_a_row_without_equilibrium_is_left_out_and_counted_synthetic(friction):
     assert found.to_dict()["rows_without_equilibrium"] == 1
 
 
-def test_tendons_that_fight_at_the_start_do_not_stop_a_fit_synthetic():
-    """Inextensible ones have no equilibrium in 23 of 40 rows; the fit begins softer."""
+def test_conflicting_tendons_at_the_start_do_not_stop_a_fit_synthetic():
+    """Inextensible tendons have no equilibrium in 23 of 40 rows; the fit starts with a
+    compliance."""
     displacements = np.random.default_rng(0).uniform(-0.01, 0.02, (40, 3))
     data = synthetic(
         giving(2e-4), [GIVE], {}, {"as": "displacements", "x": displacements}, noise=1e-4
@@ -458,8 +460,8 @@ def test_tendons_that_fight_at_the_start_do_not_stop_a_fit_synthetic():
 
 
 @pytest.mark.parametrize("loss", ["linear", "soft_l1"])
-def test_friction_beside_parameters_that_are_hardly_told_apart_synthetic(loss):
-    """Derivatives that steps correct must not end a fit early."""
+def test_friction_with_nearly_correlated_parameters_synthetic(loss):
+    """Inexact derivatives, corrected from steps, must not end a fit early."""
     robot = single().with_({"segments.0.tendons.friction": 0.05})
     names = ["segments.0.tendons.friction", "segments.0.backbone.E", "base", "pitch_radius"]
     truth = {"segments.0.tendons.friction": 0.1, "segments.0.backbone.E": 36e9}
@@ -500,7 +502,7 @@ def test_a_rigid_offset_of_the_data_names_the_base_synthetic():
     assert whole["segments.0.backbone.E"].value == pytest.approx(34, rel=1e-3)
     there = synthetic(robot, names, {"segments.0.backbone.E": 34e9}, commands, noise=2e-5)
     assert fit(robot, there, names).message == "Converged."
-    # tips ten times too large are those of no robot of this length
+    # tips ten times too large do not belong to a robot of this length
     large = fit(robot, replace(there, points=10 * there.points), names)
     assert not large.converged and "Check the unit of the tip's columns" in large.message
     assert "rigid offset" not in large.message
@@ -553,7 +555,7 @@ def test_bad_input_is_named(data, names, words):
         fit(single(), data, names)
 
 
-def test_bad_options_are_named():
+def test_invalid_options_are_named():
     with pytest.raises(InputError, match="loss is"):
         fit(single(), loads(), ["base"], loss="cauchy")
     with pytest.raises(InputError, match="model is"):
@@ -581,7 +583,7 @@ def test_rows_without_a_tip_only_lead_the_path_synthetic():
     assert found.used.sum() == 32 and np.isnan(found.residuals[3]).all()
 
 
-def test_a_prediction_is_of_the_tool_of_its_table_synthetic():
+def test_a_prediction_uses_the_tool_of_its_table_synthetic():
     robot = single()
     names = ["segments.0.backbone.E", "base.x"]
     data = synthetic(robot, names, {}, {"as": "tensions", "x": masses()}, noise=2e-5)
@@ -595,7 +597,7 @@ def test_a_prediction_is_of_the_tool_of_its_table_synthetic():
     found = fit(robot, plain, names)
     apart = np.linalg.norm(found.predict(longer) - found.predict(plain), axis=1)
     assert apart == pytest.approx(np.full(33, 0.02))
-    # where the fit has found the tool, or was told it, it stays
+    # where the tool was fitted or given, it is kept
     for held in (
         fit(robot, plain, [*names, "tool.z"]),
         fit(robot, plain, names, start={"tool": 0.0}),
@@ -603,7 +605,7 @@ def test_a_prediction_is_of_the_tool_of_its_table_synthetic():
         assert held.predict(longer)[:, 2] == pytest.approx(held.predict(plain)[:, 2])
 
 
-def test_one_of_many_begins_where_all_are_held():
+def test_one_segment_starts_from_the_value_held_in_all():
     names = ["segments.0.tendons.compliance"]
     found = Unknowns(three_segments(), names, {"segments.*.tendons.compliance": 3e-4})
     assert found.start == pytest.approx([3e-4])
@@ -641,7 +643,7 @@ def mocap():
 
 
 def on_val(found, every, val):
-    """Val predicted by a fit to train: one path over all rows, nothing aligned."""
+    """Score of val, predicted by a fit to train: one path over all rows, without alignment."""
     return score(found.predict(every)[val], every.points[val])
 
 
@@ -674,14 +676,14 @@ FOUND = {
 
 @pytest.mark.slow
 def test_calibrated_physics_on_the_real_robot(mocap):
-    """Goal: RMSE under 6 mm on val, beside 12.55 by constant curvature, 8.8 by kernel ridge
+    """Goal: RMSE below 6 mm on val, compared with 12.55 by constant curvature, 8.8 by kernel ridge
     regression and 12.11 by the authors' simulator with its mean offset removed."""
     train, every, val = mocap
     unknowns = Unknowns(calibration.ELASTIC, calibration.CHOSEN, FOUND)
     model = TipModel(unknowns, observations.commands(train, unknowns.robot), RodModel())
     at = model.predict(unknowns.start, keep=True)
     assert 1e3 * score(at.point, train.points).rmse == pytest.approx(3.50, abs=0.01)
-    # it is the optimum on train: the best step of all parameters gains nothing there
+    # it is the optimum on train: the best step of all parameters reduces nothing there
     error = (at.point - train.points).ravel()
     jacobian = model.jacobian(unknowns.start, at).reshape(len(error), -1)
     jacobian *= [item.step for item in unknowns.items]
@@ -706,5 +708,5 @@ def test_eight_parameters_of_the_real_robot(mocap):
     assert 1e3 * reached.rmse == pytest.approx(6.84, abs=0.03)
     assert 1e3 * reached.mean == pytest.approx(5.80, abs=0.03)
     assert found.evaluations <= 12  # each, with its derivatives, under 1 s on one core
-    # of this robot the residuals are not noise, and the fit says so
+    # the residuals of this robot are not noise, and the fit reports it
     assert "residuals are not noise" in found.message

@@ -1,4 +1,4 @@
-"""The piecewise linear model of a measured point, against the rod that it stands for."""
+"""The piecewise linear model of a measured point, against the rod that it approximates."""
 
 import numpy as np
 
@@ -25,10 +25,10 @@ def model_at(offset, names=NAMES):
     return model, unknowns.start, model.predict(unknowns.start, keep=True)
 
 
-def test_the_model_follows_the_rod_across_changes_of_sides():
+def test_the_model_follows_the_rod_across_active_set_changes():
     model, values, at = model_at(5e-4)
     pieces = model.pieces(values, at)
-    change = np.array([0.0, *(3 * [6e-4]), 0.0, 0.0])  # to where more tendons are taut
+    change = np.array([0.0, *(3 * [6e-4]), 0.0, 0.0])  # to a state with more taut tendons
     real = model.predict(values + change, keep=True)
     moved, taut = pieces.moved(change)
     before = np.array([s.tensions for s in at.solutions]) > 0
@@ -38,11 +38,11 @@ def test_the_model_follows_the_rod_across_changes_of_sides():
     error = np.abs(at.point + moved - real.point).max()
     assert error < 0.03 * np.abs(real.point - at.point).max()
     straight = np.abs(at.point + pieces.tangent(before) @ change - real.point).max()
-    assert straight > 5 * error  # one active set does not see it
+    assert straight > 5 * error  # one active set does not represent it
 
 
 def test_its_tangent_is_the_models_derivative():
-    """Also for parameters that are differentiated by differences, as the holes' angle."""
+    """Also for parameters differentiated numerically, such as the angle of the holes."""
     model, values, at = model_at(5e-4, [*NAMES, "hole_angle"])
     pieces = model.pieces(values, at)
     taut = np.array([s.tensions for s in at.solutions]) > 0
@@ -50,7 +50,7 @@ def test_its_tangent_is_the_models_derivative():
     assert np.abs(pieces.tangent(taut) - exact).max() < 1e-9 * np.abs(exact).max()
 
 
-def test_a_change_of_sides_is_where_the_model_says():
+def test_active_set_changes_match_the_rod():
     model, values, at = model_at(5e-4)
     pieces = model.pieces(values, at)
     distance, gradient = pieces.crossings()

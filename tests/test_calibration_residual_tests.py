@@ -1,4 +1,4 @@
-"""Whether residuals are called noise when they are, and only then."""
+"""Residual tests classify residuals as noise when they are, and only then."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROWS = 99
 
 
 def made(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """White noise, three runs, 33 cells that repeat in each."""
+    """White noise in three runs of 33 repeated cells."""
     rng = np.random.default_rng(seed)
     return (
         rng.normal(scale=SIGMA, size=(ROWS, 3)),
@@ -25,7 +25,7 @@ def made(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(("draws", "most"), [(40, 2), pytest.param(300, 8, marks=pytest.mark.slow)])
-def test_noise_is_called_noise_as_often_as_the_tests_say(draws: int, most: int) -> None:
+def test_noise_is_recognised_at_the_significance_level(draws: int, most: int) -> None:
     alarms = 0
     for seed in range(draws):
         residual, run, cell = made(seed)
@@ -35,7 +35,7 @@ def test_noise_is_called_noise_as_often_as_the_tests_say(draws: int, most: int) 
     assert pytest.approx(0.005) == NOISE
 
 
-def test_a_course_along_the_load_is_not_noise() -> None:
+def test_a_trend_along_the_load_is_not_noise() -> None:
     residual, run, cell = made(1)
     course = SIGMA * np.sin(2.0 * np.pi * cell / 33.0)
     found = noise_test(residual + 1.5 * course[:, None], run, cell, 0)
@@ -43,7 +43,7 @@ def test_a_course_along_the_load_is_not_noise() -> None:
     assert "are not noise" in found.text and "correlate" in found.text
 
 
-def test_a_course_without_repeats_or_sigma_is_still_seen() -> None:
+def test_a_trend_without_repeats_or_sigma_is_detected() -> None:
     residual, run, _ = made(2)
     course = 2.0 * SIGMA * np.sin(np.arange(ROWS) / 5.0)
     found = noise_test(residual + course[:, None], run, np.arange(ROWS), 0)
@@ -51,23 +51,23 @@ def test_a_course_without_repeats_or_sigma_is_still_seen() -> None:
     assert found.is_noise is False
 
 
-def test_a_stated_sigma_that_is_too_small_is_told_from_a_wrong_model() -> None:
+def test_a_sigma_stated_too_small_is_distinguished_from_a_wrong_model() -> None:
     residual, run, cell = made(3)
     found = noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA / 2))
     assert found.variance_p < NOISE and found.is_noise is True
     assert "stated uncertainty is too small" in found.text
-    # without repeats nothing else can be to blame
+    # without repeats there is no other explanation
     alone = noise_test(residual, run, np.arange(ROWS), 0, np.full(ROWS, SIGMA / 2))
     assert alone.is_noise is False
 
 
-def test_a_shift_between_runs_is_seen_though_it_widens_the_scatter() -> None:
+def test_a_shift_between_runs_is_detected_despite_its_scatter() -> None:
     residual, run, cell = made(4)
     found = noise_test(residual + 3.0 * SIGMA * (run[:, None] - 1), run, cell, 0)
     assert not found.wrong_size and found.in_order
 
 
-def test_sizes_are_those_of_the_data() -> None:
+def test_residual_sizes_match_the_data() -> None:
     residual, run, cell = made(5)
     found = noise_test(residual, run, cell, 8, np.full(ROWS, SIGMA))
     assert found.dof == 3 * ROWS - 8
@@ -92,34 +92,34 @@ def test_one_mistyped_row_is_named_and_hides_nothing() -> None:
     assert found.scatter == pytest.approx(SIGMA, rel=0.15)
     assert "Line 52 errs by 1000 mm, and repeats of the same load do not" in found.text
     assert "too small" not in found.text
-    # what a wrong model leaves is still seen beside it
+    # what a wrong model leaves is still detected besides
     course = 3.0 * SIGMA * np.sin(2.0 * np.pi * cell / 33.0)
     found = noise_test(mistyped + course[:, None], run, cell, 0, sigma)
     assert found.wrong_lines == (51,) and found.is_noise is False
 
 
-def test_a_load_that_errs_in_all_repeats_is_no_mistyped_row() -> None:
+def test_a_load_wrong_in_all_repeats_is_no_mistyped_row() -> None:
     residual, run, cell = made(8)
     residual = residual + 1e-3 * (cell == 12)[:, None]
     found = noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA))
     assert found.wrong_lines == () and found.is_noise is False
 
 
-def test_repeats_that_are_none_are_no_mistyped_rows() -> None:
+def test_false_repeats_are_no_mistyped_rows() -> None:
     residual, run, cell = made(10)
     residual[::9] += 1e-3
     found = noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA))
     assert found.wrong_lines == () and found.variance_p < NOISE
 
 
-def test_too_little_is_not_tested() -> None:
+def test_too_few_rows_are_not_tested() -> None:
     residual, run, cell = (a[:4] for a in made(6))
     found = noise_test(residual, run, cell, 0)
     assert found.is_noise is None and "cannot be said" in found.text
     assert noise_test(residual, run, cell, 0, other_load=True).is_noise is False
 
 
-def test_what_a_solver_leaves_of_data_without_noise_is_not_judged() -> None:
+def test_solver_residuals_of_noise_free_data_are_not_tested() -> None:
     _, run, cell = made(9)
     course = 1e-9 * np.sin(2.0 * np.pi * cell / 33.0)[:, None] * np.ones(3)
     found = noise_test(course, run, cell, 8)

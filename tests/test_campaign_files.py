@@ -1,4 +1,4 @@
-"""A small campaign of damaged files, of the same kind as ``make campaign-files``."""
+"""A small campaign of damaged files, like ``make campaign-files``."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_damaged_files_are_read_or_refused(of: dict[str, files.Kind], tmp_path: 
     assert outcomes["read"] > 20 and outcomes["refused"] > 50
 
 
-def test_a_trial_is_known_by_its_number(of: dict[str, files.Kind], tmp_path: Path) -> None:
+def test_a_trial_is_determined_by_its_number(of: dict[str, files.Kind], tmp_path: Path) -> None:
     made = []
     for _ in range(2):
         files.trial(3, of, tmp_path, SEED)

@@ -1,4 +1,4 @@
-"""The campaign of killed commands: what it does, and what it notices."""
+"""The campaign of killed commands: its trials and its checks."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_command_is_stopped(signal: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_not_whole_is_noticed(tmp_path: Path) -> None:
+def test_incomplete_results_are_detected(tmp_path: Path) -> None:
     def judge(name: str, code: int, replaces: bool = False, said: str = "Stopped: all.") -> None:
         kills._judge(DRAWING, name, code, said, tmp_path, replaces)
 
@@ -49,5 +49,5 @@ def test_what_is_not_whole_is_noticed(tmp_path: Path) -> None:
     left.mkdir()
     with pytest.raises(AssertionError, match="is left"):
         judge("TERM", kills.STOPPED)
-    judge("KILL", -9)  # the next command sweeps it
+    judge("KILL", -9)  # the next command removes it
     assert not left.exists()

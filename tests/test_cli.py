@@ -87,7 +87,7 @@ def test_ik_inverts_fk(shell: Shell, options: list[str]) -> None:
     assert found["miss_m"] == 0
 
 
-def test_ik_reports_its_miss(shell: Shell) -> None:
+def test_ik_reports_its_distance(shell: Shell) -> None:
     found = shell.json("ik", "amouri2019", "--tip", "100 mm,0,0.5")
     assert found["segments"][0]["length_m"] == 0.641
     distance = np.linalg.norm(np.subtract(found["tip"]["position_m"], [0.1, 0, 0.5]))
@@ -199,7 +199,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
     return folder, json.loads(done.stdout, parse_constant=pytest.fail)
 
 
-def test_doctor_says_what_is_missing(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     for extra in ("build123d", "openpyxl"):
         monkeypatch.setitem(sys.modules, extra, None)
     monkeypatch.setenv("PATH", "")
@@ -247,18 +247,18 @@ def test_study(studied: tuple[Path, dict[str, Any]]) -> None:
 
 
 @pytest.mark.slow
-def test_study_of_an_own_robot(
+def test_study_of_a_user_robot(
     shell: Shell, paper: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Straight from a file, with every flag; the report lies where it says."""
+    """A file of the user with every flag; the report is written where it is stated."""
     monkeypatch.chdir(tmp_path)
     clamped = {"segments.0.disks.clamped_length": "2 mm"}
     own = load_robot(ROOT / "examples" / "my_robot.yaml").with_(clamped)
 
-    def run(robot: Robot, **asked: Any) -> Study:
+    def run(robot: Robot, **given: Any) -> Study:
         assert robot.hash == own.hash and robot.name == "my_robot"
-        asked = by_name(asked)
-        settings = {name: asked.pop(name) for name in SETTINGS}
+        given = by_name(given)
+        settings = {name: given.pop(name) for name in SETTINGS}
         assert settings == {
             "tolerance": pytest.approx(0.02),
             "max_tension": 5.0,
@@ -268,8 +268,8 @@ def test_study_of_an_own_robot(
             "rise": pytest.approx(0.9),
             "modal_damping": pytest.approx(0.02),
         }
-        asked.pop("progress")("verdict", 1.0)
-        assert not any(asked.values())  # no measurements, mapping, solid, finite elements
+        given.pop("progress")("verdict", 1.0)
+        assert not any(given.values())  # no measurements, mapping, solid, finite elements
         stages = Stages(robot, **settings)
         judged = stages.judged(paper.budget)
         return replace(stages.over(paper), dynamics=stages.motion, verdict=judged)
@@ -334,7 +334,8 @@ def test_study_stopped_half_way_writes_nothing(
 
 
 def test_a_load_without_solution(shell: Shell) -> None:
-    """It says what was reached and what to try, and JSON holds no numbers of an unsolved pose."""
+    """It states what was reached and what to try, and JSON has no numbers of an unconverged
+    pose."""
     arguments = ["solve", "amouri2019", "--tension", "80,0,0"]
     arguments += ["--set", "segments.0.backbone.E=35 MPa"]
     code, out, err = shell(*arguments)
@@ -453,14 +454,14 @@ any_text = given(
 
 @settings(max_examples=20, deadline=None, derandomize=True)
 @any_text
-def test_some_texts_are_answered_or_refused(command: list[str], text: str) -> None:
+def test_some_texts_are_solved_or_refused(command: list[str], text: str) -> None:
     answered_or_refused(command, text)
 
 
 @pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @any_text
-def test_any_text_is_answered_or_refused(command: list[str], text: str) -> None:
+def test_any_text_is_solved_or_refused(command: list[str], text: str) -> None:
     answered_or_refused(command, text)
 
 
@@ -489,7 +490,7 @@ def test_process_keeps_stdout_pure() -> None:
 
 def test_figures_need_no_display(tmp_path: Path) -> None:
     env = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    env["MPLBACKEND"] = "TkAgg"  # a window's, as one sets for notebooks
+    env["MPLBACKEND"] = "TkAgg"  # an interactive backend, as one sets for notebooks
     done = process("modes", "amouri2019", "--out", "modes", cwd=tmp_path, env=env)
     assert (done.returncode, done.stderr) == (0, "")
     assert list((tmp_path / "modes").rglob("*.png"))
@@ -507,7 +508,7 @@ def test_solve_loads_no_heavy_library() -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX pipes")
-def test_a_reader_that_leaves_is_no_error() -> None:
+def test_a_broken_pipe_is_no_error() -> None:
     command = [sys.executable, "-m", "bowstring", "schema"]
     read, write = os.pipe()
     os.close(read)
@@ -517,7 +518,7 @@ def test_a_reader_that_leaves_is_no_error() -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_said() -> None:
+def test_a_full_disk_is_reported() -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "bowstring", "schema"],
@@ -539,7 +540,7 @@ def test_ascii_terminal(tmp_path: Path) -> None:
     assert done.returncode == 0 and not done.stderr and "????" in done.stdout
 
 
-def test_a_bug_is_not_called_bad_input(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bug_is_not_reported_as_bad_input(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object) -> None:
         raise ZeroDivisionError
 
@@ -560,7 +561,7 @@ def test_stopped_by_the_user(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> N
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 @pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
 def test_stopped_while_it_starts(number: str) -> None:
-    """In the middle of its imports, which take most of the time of a short command."""
+    """During its imports, which take most of the time of a short command."""
     code = (
         "import runpy, signal, sys\n"
         "class Now:\n"
@@ -687,10 +688,10 @@ def test_errors_name_their_flag(
 def test_study_of_two_tendons(
     shell: Shell, paper: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def run(robot: Robot, **asked: Any) -> Study:
-        asked = by_name(asked)
-        assert asked["tendon"] == {2: 1.0, 4: 0.5}
-        return Stages(robot, **{name: asked[name] for name in SETTINGS}).over(paper)
+    def run(robot: Robot, **given: Any) -> Study:
+        given = by_name(given)
+        assert given["tendon"] == {2: 1.0, 4: 0.5}
+        return Stages(robot, **{name: given[name] for name in SETTINGS}).over(paper)
 
     monkeypatch.setattr(study_module, "run_study", run)
     monkeypatch.chdir(tmp_path)
@@ -704,8 +705,8 @@ def test_study_of_two_tendons(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no SIGTERM")
-def test_a_request_to_end_is_like_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So that a study leaves no temporary folder behind."""
+def test_sigterm_is_handled_like_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study then leaves no temporary folder behind."""
 
     def ended(arguments: object) -> int:
         with pytest.raises(KeyboardInterrupt):
@@ -779,7 +780,7 @@ def test_a_bare_number_that_is_far_too_large_suggests_its_unit(shell, arguments,
     assert f'write "{meant}" if that is meant, else "' in said and said.endswith('".')
 
 
-def test_a_unit_that_is_given_is_believed(shell):
+def test_an_explicit_unit_is_accepted(shell):
     code, _, err = shell(*SOLVE, "--tension", "1,0,0", "--set", "segments.0.length=600 m")
     assert code == 1 and "segments[0].length = 600 m" in err
     # SI without a unit, where nothing is doubtful

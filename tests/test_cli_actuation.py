@@ -41,7 +41,9 @@ def test_displacements(shell: Shell) -> None:
     ("tension", "displacement"),
     [("5,-,-", "-,2 mm,-1 mm"), ("5,,", ",0.002,-0.001"), ("5, - ,", " -,2000 um , -0.1 cm")],
 )
-def test_a_mix(shell: Shell, tension: str, displacement: str) -> None:
+def test_mixed_tension_and_displacement_control(
+    shell: Shell, tension: str, displacement: str
+) -> None:
     found = shell.json(*SOLVE, "--tension", tension, "--displacement", displacement)
     expected = bs.solve(
         bs.load_robot("amouri2019"),
@@ -62,7 +64,7 @@ def test_angles(shell: Shell) -> None:
     assert mixed["displacements_m"][0] == 0.02 and mixed["displacements_m"][2] == -0.03
 
 
-def test_by_tensions_displacements_are_told(shell: Shell) -> None:
+def test_tension_control_reports_displacements(shell: Shell) -> None:
     found = shell.json(*SOLVE, "--tension", "80,0,0")
     assert found["displacements_m"] == pytest.approx([0.042057, -0.019898, -0.019898], abs=1e-6)
     assert found["slack"] == [] and found["slack_m"] == [0, 0, 0]
@@ -71,7 +73,7 @@ def test_by_tensions_displacements_are_told(shell: Shell) -> None:
     assert rao["span_tensions_N"][10] == [None, None, None, 1, 0, 0]
 
 
-def test_people_see_a_table(shell: Shell) -> None:
+def test_the_terminal_shows_a_table(shell: Shell) -> None:
     code, out, err = shell(*SOLVE, "--displacement", "0.02,-0.03,-0.03")
     assert code == 0 and not err
     header = next(line for line in out.splitlines() if line.startswith("tendon"))
@@ -158,7 +160,7 @@ def test_bad_input(
     refuses(shell, tmp_path, monkeypatch, says, *SOLVE, *arguments)
 
 
-def test_a_history_of_something_else(shell: Shell, tmp_path: Path) -> None:
+def test_a_history_of_another_robot(shell: Shell, tmp_path: Path) -> None:
     file = tmp_path / "path.json"
     upright = ("--set", "gravity=0 0 1")
     shell.json(*SOLVE, "--displacement", "0.01,-0.02,-0.02", "--save-history", str(file), *upright)
@@ -198,8 +200,8 @@ def test_motion_by_displacements(shell: Shell) -> None:
     assert settings["initial_displacements_m"] == [0, 0, 0] and "initial_tensions_N" not in settings
 
 
-def test_motion_by_a_mix_from_a_start(shell: Shell) -> None:
-    """What a list of the start leaves out starts from nothing."""
+def test_motion_by_mixed_control_from_a_start(shell: Shell) -> None:
+    """Entries omitted in a list of the start are zero."""
     flags = ("--tension", "5,-,-", "--displacement", "-,2 mm,-", "--angle=-,-,-0.1")
     found = shell.json(*SIMULATE, *SPOOL, *flags, "--from-displacement=-,1 mm,0.5 mm", *BRIEF)
     expected = bs.simulate(
@@ -288,7 +290,7 @@ def test_bad_columns(shell: Shell, tmp_path: Path, header: str, says: str) -> No
 
 
 def test_modes_after_a_history(shell: Shell, tmp_path: Path) -> None:
-    """On the way back friction holds the robot farther bent than on the way there."""
+    """While unloading, friction holds the robot at a larger bend than while loading."""
     file = tmp_path / "path.json"
     shell.json(*SOLVE, *RUBS, "--tension", "40,0,0", "--save-history", str(file))
     flags = (*RUBS, "--tension", "20,0,0", "--count", "1")
@@ -314,7 +316,7 @@ def test_motion_with_friction_goes_on_from_a_history(shell: Shell, tmp_path: Pat
     found = shell.json(*SIMULATE, *RUBS, *flags, "--modal-damping", "5 %", "--out", str(run))
     tip = np.array(found["tip_position_m"])
     np.testing.assert_allclose(tip, [loaded["tip"]["position_m"]] * len(tip), atol=1e-8)
-    assert read_run(run).span_tension[0, 8, 0] > 20.5  # it was let out
+    assert read_run(run).span_tension[0, 8, 0] > 20.5  # the tendon was lengthened
     assert "of another robot" in shell.error(*SIMULATE, *flags)
 
 

@@ -85,7 +85,7 @@ def test_displacements_and_overrides(shell: Shell, here: Path) -> None:
 
 
 @pytest.mark.cad
-def test_motor_angles_bend_it_as_displacements_do(shell: Shell, here: Path) -> None:
+def test_motor_angles_match_displacements(shell: Shell, here: Path) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     spool = ("--set", "segments.0.tendons.spool_radius=10 mm", "--out", "robot.glb")
     turned = shell.json(*CAD, *spool, "--angle", "1,-1 rad,-1")
@@ -97,7 +97,7 @@ def test_motor_angles_bend_it_as_displacements_do(shell: Shell, here: Path) -> N
 
 
 @pytest.mark.cad
-def test_the_straight_robot_in_words(shell: Shell, here: Path) -> None:
+def test_description_of_the_straight_robot(shell: Shell, here: Path) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     code, out, err = shell(*CAD, "--out", "robot.stl")
     assert (code, err) == (0, "")
@@ -167,32 +167,32 @@ def test_a_load_without_an_equilibrium_writes_nothing(shell: Shell, here: Path) 
 
 
 @pytest.mark.cad
-def test_progress_begins_with_what_takes_long(
+def test_progress_begins_with_the_slow_import(
     shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.cad import solid
     from bowstring.cli import cad
 
-    told: list[str] = []
+    reported: list[str] = []
 
     @contextmanager
     def bar(first: str) -> Iterator[Callable[[str, float], None]]:
-        told.append(first)
-        yield lambda what, done: told.append(what)
+        reported.append(first)
+        yield lambda what, done: reported.append(what)
 
     def kernel() -> None:
-        told.append("loaded")
+        reported.append("loaded")
 
     monkeypatch.setattr(cad, "progress_bar", bar)
     monkeypatch.setattr(solid, "check_cad", kernel)
     code, _, err = shell(*CAD, "--out", "robot.glb", "--tension", "1e6,0,0")
     assert code == 1 and err.startswith("Error: ")
-    assert told == ["CAD kernel", "loaded"]
+    assert reported == ["CAD kernel", "loaded"]
 
 
 @pytest.mark.cad
-def test_ctrl_c_says_what_is_written(
+def test_ctrl_c_reports_written_files(
     shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
@@ -219,10 +219,10 @@ def test_the_study_shows_the_solid(
 ) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
 
-    def run(robot: Robot, **asked: Any) -> Study:
-        asked = by_name(asked)
-        assert (asked["points"], asked["rise"], asked["solid"]) == (3, 0.5, True)
-        return replace(Stages(robot, points=3).over(paper), solid=asked["solid"])
+    def run(robot: Robot, **given: Any) -> Study:
+        given = by_name(given)
+        assert (given["points"], given["rise"], given["solid"]) == (3, 0.5, True)
+        return replace(Stages(robot, points=3).over(paper), solid=given["solid"])
 
     monkeypatch.setattr(study_module, "run_study", run)
     found = shell.json("study", "--points", "3", "--rise", "0.5", "--solid", "--out", "study")

@@ -1,4 +1,4 @@
-"""Control characters of file names, labels and units reach no terminal and no file."""
+"""Control characters of file names, labels and units are written to no terminal and no file."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 @pytest.fixture
 def table(tmp_path: Path) -> str:
-    """A small table whose file name and labels are not printable; synthetic."""
+    """A small synthetic table whose file name and labels are not printable."""
     rows = (ROOT / "examples" / "bench.csv").read_text("utf-8").splitlines(keepends=True)
     path = tmp_path / f"{EVIL}.csv"
     path.write_text("".join(rows[:17]).replace("loading", f"lo{RED}ad"), "utf-8")
     return str(path)
 
 
-def test_what_is_printed_has_none(shell: Shell, table: str) -> None:
+def test_printed_text_has_no_control_characters(shell: Shell, table: str) -> None:
     code, out, err = shell("bench", "check", table, "--robot", "amouri2019")
     assert code == 0 and not CONTROL.search(out + err)
     assert r"te\x1b[31mst\x07\x9b: synthetic" in out and r"lo\x1b[31mad 12" in out
 
 
-def test_errors_have_none(shell: Shell, table: str, tmp_path: Path) -> None:
+def test_errors_have_no_control_characters(shell: Shell, table: str, tmp_path: Path) -> None:
     text = Path(table).read_text("utf-8")
     bad = tmp_path / "unit.csv"
     bad.write_text(re.sub("tip_(.)_mm", rf"tip_\1_{RED}mm", text), "utf-8")
@@ -98,6 +98,6 @@ def test_names_of_measurements_are_printable(table: str) -> None:
     assert data.name.isprintable() and all(label.isprintable() for label in data.group)
 
 
-def test_what_can_be_shown_stays() -> None:
+def test_printable_text_is_unchanged() -> None:
     for text in ("", "plain", "Größe µm 中文 😀", "two\nlines\tand a tab"):
         assert printable(text) is text or printable(text) == text

@@ -54,7 +54,7 @@ def test_simulate(shell: Shell, robot: bs.Robot) -> None:
     assert found["provenance"]["robot_hash"] == robot.hash
 
 
-def test_coarse_steps_are_said_to_be(shell: Shell) -> None:
+def test_coarse_steps_are_reported(shell: Shell) -> None:
     arguments = (*DISPLACED, "--rise", "1", "--hold", "0.5")
     coarse, fine = (shell.json(*arguments, "--dt", dt) for dt in ("50 ms", "0.2 ms"))
     off = np.linalg.norm(np.subtract(coarse["tip_position_m"], fine["tip_position_m"]), axis=1)
@@ -73,7 +73,10 @@ def test_coarse_steps_are_said_to_be(shell: Shell) -> None:
 def test_times_are_every_hundredth_whatever_the_step(shell: Shell, flags: list[str]) -> None:
     arguments = (*DISPLACED, "--rise", "1", "--hold", "0.105")
     found = shell.json(*arguments, *flags)
-    assert found["t_s"] == [*(k / 100 for k in range(111)), 1.105]  # all as people write them
+    assert found["t_s"] == [
+        *(k / 100 for k in range(111)),
+        1.105,
+    ]  # as people write them
     tip = np.array(found["tip_position_m"])
     assert tip.shape == (112, 3)
     np.testing.assert_allclose(tip[0], [0, 0, 0.641], atol=1e-12)
@@ -99,14 +102,14 @@ def test_release_from_an_equilibrium(shell: Shell, robot: bs.Robot) -> None:
 
 
 def test_rise_from_tensions(shell: Shell) -> None:
-    """Without --rise 0 the tensions go from those at the start, without a jump."""
+    """Without --rise 0 the tensions rise from those at the start, without a jump."""
     flags = ["--from", "80,0,0", "--rise", "0.2", "--hold", "0.1"]
     tip = np.array(shell.json(*DISPLACED, *flags)["tip_position_m"])
     np.testing.assert_allclose(tip, tip[:1].repeat(len(tip), axis=0), atol=1e-6)
 
 
 def test_table(shell: Shell, tmp_path: Path) -> None:
-    """The same motion as of the flags, with columns in any order and any unit."""
+    """The same motion as from flags, with columns in any order and any unit."""
     path = tmp_path / "tensions.csv"
     path.write_text(
         "\ufeff# made by hand\ntension_3_N, tension_1_mN ,t_ms,tension_2_N\n"
@@ -127,7 +130,7 @@ def test_table_may_jump(tmp_path: Path, robot: bs.Robot) -> None:
 
 
 def test_files(shell: Shell, tmp_path: Path, robot: bs.Robot) -> None:
-    """A person is told where they are; the file has the numbers of the JSON."""
+    """The terminal names the files, which have the numbers of the JSON."""
     out, vtk, gif = tmp_path / "run.nc", tmp_path / "series", tmp_path / "run.gif"
     flags = ["--out", str(out), "--vtk", str(vtk), "--animation", str(gif)]
     arguments = (*DISPLACED, "--rise", "0.05", "--hold", "0.05", *flags)
@@ -168,7 +171,7 @@ def test_every_flag_has_its_effect(shell: Shell) -> None:
 
 @pytest.mark.parametrize("as_json", [False, True])
 def test_a_run_that_stops_early(shell: Shell, tmp_path: Path, as_json: bool) -> None:
-    """It says what it reached, when it ended and why; so does its file."""
+    """Both the message and the file say what was reached, when the run ended and why."""
     out = tmp_path / "run.nc"
     arguments = [*SIMULATE, "--tension", "1e4,0,0", "--rise", "0.1", "--out", str(out)]
     code, text, err = shell(*arguments, *(["--json"] if as_json else []))
@@ -185,8 +188,8 @@ def test_a_run_that_stops_early(shell: Shell, tmp_path: Path, as_json: bool) -> 
         assert f"collision, {end:.6g} s" in text
 
 
-def test_a_jump_that_no_step_follows(shell: Shell, tmp_path: Path) -> None:
-    """The start is there once, with numbers, in JSON and in the file."""
+def test_a_jump_without_a_following_step(shell: Shell, tmp_path: Path) -> None:
+    """The start is output once, with numbers, in JSON and in the file."""
     out = tmp_path / "run.nc"
     arguments = [*SIMULATE, "--tension", "1e9,0,0", "--rise", "0", "--out", str(out)]
     code, text, err = shell(*arguments, "--json")
@@ -343,7 +346,7 @@ def test_bad_table(shell: Shell, tmp_path: Path, text: str, says: str) -> None:
     assert sentence.startswith("--table: ") and says in sentence
 
 
-def test_a_table_that_is_no_text(shell: Shell, tmp_path: Path) -> None:
+def test_a_binary_table(shell: Shell, tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
     path.write_bytes(b"\xff\xfe\x00\x9c")
     assert "is not text in UTF-8" in shell.error(*SIMULATE, "--table", str(path))
@@ -393,7 +396,7 @@ def test_stopped_while_pictures_are_drawn(
         try:
             raise KeyboardInterrupt
         except KeyboardInterrupt as error:
-            if importing:  # as a compiled module makes of it
+            if importing:  # as a compiled module raises it
                 raise ImportError("initialization failed") from error
             raise
 
@@ -417,14 +420,14 @@ def test_stopped_in_the_middle_of_an_import(shell: Shell, monkeypatch: pytest.Mo
     monkeypatch.setattr("bowstring.dynamics.simulation.simulate", fails)
     stopped = True
     assert shell(*SHORT) == (130, "", "Stopped: nothing was written.\n")
-    stopped = False  # a fault of ours
+    stopped = False  # an error of the program itself
     assert shell(*SHORT)[0] == 70
 
 
 def test_stopped_while_the_result_is_printed(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By then there is a file, or nothing: which is said."""
+    """By then there is a file, or nothing, and the message says which."""
 
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt
@@ -489,7 +492,7 @@ def test_modes_flags(shell: Shell) -> None:
 
 @pytest.mark.slow
 def test_mode_pictures(shell: Shell, tmp_path: Path) -> None:
-    """Each mode as PNG, PDF and SVG; a second run replaces them, a file of one's own is kept."""
+    """Each mode as PNG, PDF and SVG; a second run replaces them, and keeps files of the user."""
     folder = tmp_path / "modes"
     arguments = ["modes", "amouri2019", "--tension", "20,0,0", "--out", str(folder)]
     code, text, err = shell(*arguments, "--count", "5")

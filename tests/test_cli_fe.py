@@ -51,7 +51,7 @@ def test_a_sweep_beside_the_rod(shell: Shell, here: Path) -> None:
     assert {"fe.nc", "tip.png", "stress.png", "vtk/run.pvd"} <= files
     with xr.open_dataset(here / "out" / "fe.nc") as data:
         assert data.attrs["data_origin"] == "simulated by finite elements"
-        assert "complete_to_s" not in data.attrs  # time counts loads
+        assert "complete_to_s" not in data.attrs  # the time axis counts loads
     code, out, err = shell(*FE, "--loads", "0:20:40", "--out", "out")
     assert (code, err) == (0, "")
     assert "2 steps from the cache" in out and "span forces are the tensions" in out
@@ -79,7 +79,7 @@ def test_a_study_gives_a_limit_and_its_error(shell: Shell) -> None:
 
 
 @needs_ccx
-def test_a_load_that_is_too_much_prints_what_came_before(shell: Shell) -> None:
+def test_a_failed_load_prints_the_loads_before_it(shell: Shell) -> None:
     arguments = ("fe", "small.yaml", "--tension", "1e5,0,0", "--mesh", "2,4,1")
     code, out, err = shell(*arguments, "--loads", "40,1e5", "--json")
     assert code == 1
@@ -124,7 +124,7 @@ def test_wrong_input_is_named(shell: Shell, arguments: tuple[str, ...], says: st
     assert says in shell.error(*FE, *arguments)
 
 
-def test_folders_of_others_are_left_alone(
+def test_foreign_folders_are_not_changed(
     shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (here / "sub").mkdir()

@@ -1,6 +1,7 @@
-"""`bowstring fit`: a table of measurements to a calibrated robot, and refusals in one sentence.
+"""`bowstring fit`: from a table of measurements to a calibrated robot, and its error messages.
 
-All tables here are synthetic, but for those of public data sets.
+All tables here are synthetic, except those of public data sets.
+
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ NAMES = ("--parameter", E, "--parameter", MU, "--parameter", "base")
 
 @pytest.fixture(scope="module")
 def robot() -> Robot:
-    """As the example's table was made, but for its friction."""
+    """The robot of the example's table, without its friction."""
     return bs.load_robot("amouri2019", {"gravity": [0, 0, -9.80665]})
 
 
@@ -52,7 +53,7 @@ def data(robot: Robot) -> Measurements:
 
 
 @pytest.mark.slow
-def test_the_example_is_found(shell: Shell, robot: Robot, tmp_path: Path) -> None:
+def test_the_example_is_fitted(shell: Shell, robot: Robot, tmp_path: Path) -> None:
     folder = tmp_path / "new" / "fit"
     got = shell.json(*FIT, *NAMES, "--out", str(folder))
     found = {p["name"]: p for p in got["parameters"]}
@@ -67,7 +68,7 @@ def test_the_example_is_found(shell: Shell, robot: Robot, tmp_path: Path) -> Non
     assert len(got["residuals_mm"]) == len(got["lines"]) == 33
     pair = next(c for c in got["correlated"] if c["names"] == ["base.y", "base.rx"])
     assert pair["correlation"] > 0.9
-    # the folder: all of it, and a robot file that can be used as it is
+    # the folder: complete, with a robot file that can be used directly
     assert got["folder"] == str(folder)
     kept = json.loads((folder / "fit.json").read_text())
     names = kept.pop("files")
@@ -80,9 +81,9 @@ def test_the_example_is_found(shell: Shell, robot: Robot, tmp_path: Path) -> Non
     assert calibrated.bending_stiffness[0] == pytest.approx(
         1e9 * found[E]["value"] * np.pi * 0.005**4 / 64
     )
-    rubs = calibrated.model_dump()["segments"][0]["tendons"]["friction"]
-    assert rubs == pytest.approx(found[MU]["value"])
-    # again with the calibrated robot: nothing is left to find, and the folder is replaced
+    fitted_friction = calibrated.model_dump()["segments"][0]["tendons"]["friction"]
+    assert fitted_friction == pytest.approx(found[MU]["value"])
+    # again with the calibrated robot: no further improvement, and the folder is replaced
     again = shell.json(
         "fit",
         str(folder / "robot.yaml"),
@@ -95,15 +96,15 @@ def test_the_example_is_found(shell: Shell, robot: Robot, tmp_path: Path) -> Non
     assert again["rmse_before_mm"] == pytest.approx(again["rmse_mm"], rel=1e-3)
 
 
-def test_people_see_what_the_data_are(shell: Shell) -> None:
-    weightless = FIT[: -len(UPRIGHT)]  # where E and all tensions are one number
+def test_the_terminal_labels_the_data(shell: Shell) -> None:
+    weightless = FIT[: -len(UPRIGHT)]  # where only the ratio of E to all tensions is determined
     code, out, err = shell(*weightless, "--parameter", E, "--parameter", "gain")
     text = " ".join(out.split())
     assert code == 0 and not err
     assert "amouri2019, statics, fitted to bench (synthetic): 33 rows" in text
     assert f"The data cannot separate {E} and gain, which are correlated: hold one." in text
     assert text.count("unknown") == 2
-    # friction is missing in this model: the residuals show it, by order and by size
+    # friction is missing in this model: the residuals show it, in their order and their size
     assert "The residuals are not noise" in text and "times the stated uncertainty" in text
 
 
@@ -124,13 +125,13 @@ def test_rows_held_out_do_not_touch_the_fit(robot: Robot, data: Measurements) ->
     assert other.held_out_score.rmse == pytest.approx(rmse)
 
 
-def test_rows_without_an_answer_are_counted_in_no_score_and_said() -> None:
+def test_rows_without_a_solution_are_reported_and_not_scored() -> None:
     robot = bs.load_robot("amouri2019")
     bend = np.linspace(0.02, 0.5, 20)
     displacements = 0.029 * bend[:, None] * np.cos(np.radians([0.0, 120.0, 240.0]))
     tips = bs.solve_batch(robot, load=bs.Load(displacements=displacements)).tip_position
     tips += np.random.default_rng(0).normal(0.0, 2e-5, tips.shape)
-    displacements[-3:] = 0.03  # three inextensible tendons that all pull have no solution
+    displacements[-3:] = 0.03  # three inextensible tendons that are all shortened have no solution
     data = Measurements(
         source="synthetic",
         name="made",
@@ -161,7 +162,7 @@ def test_validation_in_json(shell: Shell) -> None:
 
 @pytest.mark.slow
 def test_another_table_is_predicted_once(shell: Shell, robot: Robot, tmp_path: Path) -> None:
-    """Two synthetic tables of one bench; the other is moved, and nothing is aligned to it."""
+    """Two synthetic tables of one bench; the other is displaced, and not aligned."""
     made = synthetic.simulate(robot, seed=7, **bench(masses=np.linspace(0, 8, 9), friction=0.1))
     shift = np.array([3e-3, 0.0, 4e-3])
     file, _ = synthetic.write(replace(made, points=made.points + shift), tmp_path / "other.csv")
@@ -181,7 +182,7 @@ def test_another_table_is_predicted_once(shell: Shell, robot: Robot, tmp_path: P
     text = " ".join(out.split())
     assert "was not fitted, and nothing was aligned to it. Without the mean offset" in text
 
-    # what robot.yaml cannot carry is read by the next command
+    # results that robot.yaml cannot hold are read by the next command
     again = ("fit", str(folder / "robot.yaml"), "--measurements", str(TABLE))
     start = ("--start", str(folder / "calibration.json"))
     held = shell.json(*again, *start, *of, "--parameter", E)
@@ -190,14 +191,14 @@ def test_another_table_is_predicted_once(shell: Shell, robot: Robot, tmp_path: P
     begun = shell.json(*again, *start, "--parameter", "base.x")["parameters"][0]
     base = next(p["value"] for p in got["parameters"] if p["name"] == "base.x")
     assert begun["start"] == pytest.approx(base, rel=1e-12)
-    # it goes on to the next file as well, fitted or held
+    # they are passed on to the next file as well, fitted or held
     shell.json(*again, *start, "--parameter", E, "--out", str(tmp_path / "next"))
     values = [read_start(each / "calibration.json") for each in (folder, tmp_path / "next")]
     assert len(values[0]) == 6 and values[0] == values[1]
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"values": {"base.x": "1"}}', '{"values": 1}'])
-def test_a_start_that_is_none(text: str, shell: Shell, tmp_path: Path) -> None:
+def test_an_invalid_start(text: str, shell: Shell, tmp_path: Path) -> None:
     file = tmp_path / "calibration.json"
     file.write_text(text, encoding="utf-8")
     said = shell.error(*FIT, "--parameter", E, "--start", str(file))
@@ -216,12 +217,12 @@ def test_a_part_has_all_repeats_of_its_loads(robot: Robot) -> None:
     assert found.folds is not None
     assert found.folds.labels == ("load 1", "load 2", "load 3")
     assert [part.count for part in found.folds.folds] == [6, 6, 3]  # the last is measured once
-    # friction is in neither, so that a load is predicted to its noise
+    # neither model has friction, so that a load is predicted to its noise
     assert found.folds.score.rmse < 3 * 0.02e-3 * np.sqrt(3)
 
 
-def test_folds_see_that_a_model_bends_to_the_loads_that_it_was_fitted_to(robot: Robot) -> None:
-    """Friction is in the bench alone, and frames and radius imitate it at five loads."""
+def test_folds_reveal_overfitting_to_the_loads(robot: Robot) -> None:
+    """Only the bench has friction; frames and radius compensate for it at five loads."""
     names = [E, "segments.0.tendons.pitch_radius", "base", "tool"]
     heavy = robot.with_({"gravity": [0.0, 0.0, -9.81]})
     given = {"friction": 0.1, "noise": 0.5e-3}
@@ -230,11 +231,11 @@ def test_folds_see_that_a_model_bends_to_the_loads_that_it_was_fitted_to(robot: 
     others = synthetic.simulate(heavy, seed=2, **bench(masses=np.arange(0, 8.1, 0.5), **given))
     real = score(found.fit.predict(others), others.tip).rmse
     assert found.folds is not None
-    assert real > 1.2 * found.fit.score.rmse  # what the fit says of itself flatters
+    assert real > 1.2 * found.fit.score.rmse  # the error at the fitted rows is too small
     assert found.folds.score.rmse > real
 
 
-# -- what measurements say of themselves counts ------------------------------------------------
+# -- properties stated by the measurements ------------------------------------------------------
 
 
 def test_rows_count_by_their_uncertainty(robot: Robot) -> None:
@@ -262,7 +263,7 @@ def test_the_tool_of_the_table_is_held(robot: Robot) -> None:
     assert fitted.start == pytest.approx(20) and fitted.value == pytest.approx(20, abs=0.1)
 
 
-def test_points_below_the_tip_and_blanks_are_no_tip(robot: Robot, data: Measurements) -> None:
+def test_points_below_the_tip_and_blanks_are_not_tips(robot: Robot, data: Measurements) -> None:
     plain = fit(robot, data, [E], loss="linear")
     low = np.full_like(data.points, 7.0)
     low[::2] = np.nan
@@ -274,7 +275,7 @@ def test_points_below_the_tip_and_blanks_are_no_tip(robot: Robot, data: Measurem
     assert left.used.sum() == 32 and np.isnan(left.residuals[4]).all()
 
 
-def test_disturbances_are_told_from_noise(robot: Robot) -> None:
+def test_disturbances_are_distinguished_from_noise(robot: Robot) -> None:
     names = [E, MU, "base"]
     study = {k: v for k, v in STUDY_BY_NAME.items() if k != "repeats"}
     clean = fit(robot, synthetic.simulate(robot, seed=3, **bench(**study)), names)
@@ -374,7 +375,7 @@ def test_bad_tables(
     assert says in said
 
 
-def test_one_row_again_and_again_says_what_it_cannot_tell(shell: Shell, tmp_path: Path) -> None:
+def test_repeated_rows_report_unidentifiable_parameters(shell: Shell, tmp_path: Path) -> None:
     file = table(tmp_path, lambda rows: [rows[0], *[rows[9]] * 12])
     got = shell.json("fit", "amouri2019", "--measurements", file, *UPRIGHT, *NAMES)
     assert got["not_identifiable"] and got["data"]["rows"] == 12
@@ -411,7 +412,7 @@ def test_a_mistyped_row_is_named_and_hardly_counts(shell: Shell, tmp_path: Path)
 
 
 def test_rows_without_a_tip_keep_the_path_whole(shell: Shell, tmp_path: Path) -> None:
-    """Seven tips round the peak load are blank; with their commands gone too, the path breaks."""
+    """Seven tips around the peak load are blank; without their commands too, the path breaks."""
 
     def blanked(cells: slice) -> Callable[[list[str]], list[str]]:
         def change(rows: list[str]) -> list[str]:
@@ -434,8 +435,8 @@ def test_rows_without_a_tip_keep_the_path_whole(shell: Shell, tmp_path: Path) ->
     assert code == 0 and "with friction the rows are one path, and 7 rows were left out" in err
 
 
-def test_the_scatter_says_that_it_is_a_median(shell: Shell) -> None:
-    """A rod without friction misses most rows by far more than its median: synthetic table."""
+def test_the_scatter_is_labelled_as_a_median(shell: Shell) -> None:
+    """A rod without friction misses most rows by far more than the median: synthetic table."""
     args = (*FIT, "--parameter", "segments.0.tendons.pitch_radius")
     got = shell.json(*args)
     whole = got["rmse_mm"] / np.sqrt(3)
@@ -448,7 +449,7 @@ def test_the_scatter_says_that_it_is_a_median(shell: Shell) -> None:
 
 
 @pytest.mark.parametrize("times", [1, 10])
-def test_many_rows_are_drawn_thin(robot: Robot, data: Measurements, times: int) -> None:
+def test_many_rows_are_thinned_in_figures(robot: Robot, data: Measurements, times: int) -> None:
     rows = data.select(np.tile(np.arange(33), times))
     found = calibrate(robot, rows, ["bend_gain"], model="arc")
     parity = dict(draw_fit(found))["parity"]
@@ -458,7 +459,7 @@ def test_many_rows_are_drawn_thin(robot: Robot, data: Measurements, times: int) 
         assert line.get_alpha() == (None if times == 1 else 0.35)
 
 
-def test_data_without_noise_lack_nothing(robot: Robot) -> None:
+def test_data_without_noise_have_no_lack_of_fit(robot: Robot) -> None:
     made = synthetic.simulate(
         robot, **bench(tensions=np.outer(np.linspace(0, 60, 13), [1, 0, 0]), noise=0.0)
     )
@@ -483,7 +484,7 @@ def test_too_many_rows_are_refused(robot: Robot, data: Measurements) -> None:
     ("change", "says"),
     [({"scale": None}, "in pixels"), ({"points": np.empty((33, 0, 3))}, "angles only")],
 )
-def test_what_has_no_tip_in_metres(
+def test_data_without_a_tip_in_metres(
     robot: Robot, data: Measurements, change: dict[str, Any], says: str
 ) -> None:
     with pytest.raises(InputError, match=says):
@@ -512,7 +513,7 @@ def test_a_public_set_by_name(shell: Shell, public_data: Callable[[str], Path]) 
     assert "name one" in said
 
 
-def test_a_soft_backbone_is_told_in_its_own_unit(shell: Shell, tmp_path: Path) -> None:
+def test_a_soft_backbone_is_reported_in_its_own_unit(shell: Shell, tmp_path: Path) -> None:
     soft = {E: "1 MPa", "segments.0.backbone.diameter": "20 mm", "segments.0.length": "400 mm"}
     overrides = [text for path, value in soft.items() for text in ("--set", f"{path}={value}")]
     table = tmp_path / "soft.csv"
@@ -536,7 +537,7 @@ def test_a_soft_backbone_is_told_in_its_own_unit(shell: Shell, tmp_path: Path) -
         ("fit amouri2019 --measurements TABLE --parameter friction --start PIPE", "PIPE"),
     ],
 )
-def test_a_pipe_that_nothing_writes_to_is_not_waited_for(
+def test_a_pipe_without_a_writer_is_not_waited_for(
     shell: Shell, tmp_path: Path, command: str, says: str
 ) -> None:
     pipe = tmp_path / "PIPE"
@@ -547,7 +548,7 @@ def test_a_pipe_that_nothing_writes_to_is_not_waited_for(
 
 @pytest.mark.skipif(not Path("/dev/fd").exists(), reason="no /dev/fd")
 def test_a_pipe_is_read_to_its_end() -> None:
-    # as the shell's <(...) gives it: the writer is there, its data come later
+    # as with the shell's <(...): the writer exists, its data arrive later
     end, start = os.pipe()
 
     def write() -> None:

@@ -1,4 +1,4 @@
-"""Every output of every command: an existing file that Bowstring did not write is kept."""
+"""Outputs of all commands: existing files that Bowstring did not write are not overwritten."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def foreign(path: Path) -> bytes:
-    """A file of the kind that its name says, by another program than Bowstring."""
+    """A file of the type of its extension, written by another program."""
     if path.suffix in (".png", ".svg", ".pdf"):
         figure = Figure()
         figure.text(0.1, 0.5, "Bowstring, drawn by hand")
@@ -68,7 +68,7 @@ def foreign(path: Path) -> bytes:
         ((*BENCH, "--out"), "mine.csv"),
     ],
 )
-def test_a_file_of_others_is_kept(
+def test_a_foreign_file_is_kept(
     shell: Shell, here: Path, arguments: tuple[str, ...], name: str
 ) -> None:
     before = foreign(here / name)
@@ -91,7 +91,7 @@ def test_a_file_of_others_is_kept(
     ],
 )
 @pytest.mark.slow
-def test_what_bowstring_wrote_is_replaced(
+def test_files_of_bowstring_are_replaced(
     shell: Shell, here: Path, arguments: tuple[str, ...], name: str
 ) -> None:
     for _ in range(2):
@@ -118,7 +118,7 @@ def test_solids_that_bowstring_wrote_are_replaced(shell: Shell, here: Path) -> N
         (("fit", "amouri2019", "--measurements", "table.csv", "--parameter", "gain"), "fit.json"),
     ],
 )
-def test_a_folder_of_others_is_kept(
+def test_a_foreign_folder_is_kept(
     shell: Shell, here: Path, arguments: tuple[str, ...], result: str
 ) -> None:
     if arguments[0] == "fit":
@@ -154,7 +154,7 @@ def test_a_series_of_another_program_is_kept(shell: Shell, here: Path) -> None:
     assert sorted(p.name for p in series.iterdir()) == ["flow.vtu", "run.pvd"]
 
 
-def test_a_file_that_comes_while_the_work_goes_on_is_kept(
+def test_a_file_created_during_the_work_is_kept(
     here: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from bowstring.cad import drawing

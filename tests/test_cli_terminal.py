@@ -1,4 +1,4 @@
-"""What the shell and the terminal see: completion, --quiet, colours, progress bars."""
+"""Completion, --quiet, colours and progress bars of the terminal."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ ESCAPE = "\x1b"
 
 @pytest.fixture
 def complete(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[str]]:
-    """The words that bash is offered for a line whose last word is begun."""
+    """The completions that bash offers for the last word of a line."""
 
     def offered(line: str) -> list[str]:
         monkeypatch.setenv("_BOWSTRING_COMPLETE", "complete_bash")
@@ -91,7 +91,7 @@ def test_completion_of_robot_files(
     assert complete("bowstring solve nowhere/") == []
 
 
-def test_completion_offers_what_there_is(complete: Callable[[str], list[str]]) -> None:
+def test_completion_offers_available_values(complete: Callable[[str], list[str]]) -> None:
     assert complete("bowstring data get ") == datasets.available()
     for name, parts in completion.DATA_SETS.items():
         assert parts == datasets.describe(name).parts
@@ -121,7 +121,7 @@ def test_completion_offers_what_there_is(complete: Callable[[str], list[str]]) -
 def test_completion_in_other_shells(
     shell: Shell, monkeypatch: pytest.MonkeyPatch, shell_: str, asked: dict[str, str]
 ) -> None:
-    """The script that registers the completion, and what it is answered."""
+    """The script that registers the completion, and the completions that it receives."""
     for action in ("source", "complete"):
         for name, value in {"_BOWSTRING_COMPLETE": f"{action}_{shell_}", **asked}.items():
             monkeypatch.setenv(name, value)
@@ -182,13 +182,13 @@ def test_completion_loads_no_heavy_library(line: str) -> None:
 
 
 @pytest.mark.parametrize("flag", ["--quiet", "-q"])
-def test_quiet_leaves_results_and_errors(shell: Shell, flag: str) -> None:
+def test_quiet_keeps_results_and_errors(shell: Shell, flag: str) -> None:
     code, out, err = shell(*DOUBTFUL)
     assert code == 0 and err.startswith("Warning: ")
     assert shell(*DOUBTFUL, flag) == (0, out, "")
     assert shell(flag, *DOUBTFUL) == (0, out, "")
     assert shell.json(*DOUBTFUL, flag)["warnings"]
-    assert shell(*DOUBTFUL)[2] == err  # nothing is left of it
+    assert shell(*DOUBTFUL)[2] == err  # nothing else is written
     assert "--tension: got" in shell.error("solve", "amouri2019", "--tension", "1,0", flag)
 
 
@@ -214,7 +214,7 @@ def test_every_command_can_be_quiet(shell: Shell) -> None:
 
 
 def on_terminal(*arguments: str, **environment: str) -> str:
-    """What a command writes to a terminal."""
+    """The output of a command to a terminal."""
     master, slave = pty.openpty()
     inherited = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}
     with subprocess.Popen(
@@ -234,7 +234,7 @@ def on_terminal(*arguments: str, **environment: str) -> str:
 def _read(master: int) -> bytes:
     try:
         return os.read(master, 65536)
-    except OSError:  # Linux says so when the other end is closed
+    except OSError:  # raised on Linux when the other end is closed
         return b""
 
 
@@ -278,7 +278,7 @@ def test_texts_and_errors_have_no_colour(arguments: tuple[str, ...]) -> None:
 
 
 def test_installing_completion_obeys_no_color(tmp_path: Path) -> None:
-    """It is typer that writes here, in green."""
+    """This output is from typer, in green."""
     here = {"HOME": str(tmp_path), "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
     assert ESCAPE in on_terminal("--install-completion", "bash", **here)
     text = on_terminal("--install-completion", "bash", NO_COLOR="1", **here)
@@ -290,14 +290,14 @@ def test_installing_completion_obeys_no_color(tmp_path: Path) -> None:
 
 
 class Terminal:
-    """A pseudo-terminal in the place of stderr, and the other end of it."""
+    """A pseudo-terminal in place of stderr, with its other end."""
 
     def __init__(self) -> None:
         self.master, self.slave = pty.openpty()
         self.stream = os.fdopen(self.slave, "w")
 
     def sees(self, work: Callable[[], object]) -> str:
-        """What some work writes to stderr."""
+        """The output of some work to stderr."""
         with contextlib.redirect_stderr(self.stream):
             work()
         self.stream.close()
@@ -323,7 +323,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
 
 
 def visible(text: str) -> list[str]:
-    """The lines that are left on a terminal, where \\r goes back to write over a line."""
+    """The visible lines of a terminal, where \\r overwrites a line."""
     lines = []
     for line in text.split("\n"):
         shown = ""
@@ -338,12 +338,12 @@ def test_a_line_of_progress() -> None:
     assert line == f"[{'#' * 6}{'.' * 18}]  25 %  0:03 elapsed, 0:05 left  dynamics"
     line = output.progress_line("dynamics", 0.25, 3600.0, 4000.0)
     assert line.endswith("25 %  1:06:40 elapsed, 2:53:20 left  dynamics")
-    # the time left runs down between two reports, and not below nothing
+    # the time left decreases between two reports, and not below zero
     assert "0:00 left" in output.progress_line("dynamics", 0.9, 9.0, 30.0)
     assert "100 %" in output.progress_line("done", 1.01, 9.0, 9.0)
 
 
-def test_a_line_of_work_without_a_share() -> None:
+def test_a_progress_line_without_a_fraction() -> None:
     lines = {output.progress_line("modes", 0.0, 0.0, 0.1 * k + 0.05) for k in range(60)}
     assert all(re.fullmatch(r"\[\.*###\.*\]   -    0:0\d elapsed  modes", line) for line in lines)
     assert len({line[:26] for line in lines}) == 22
@@ -356,7 +356,7 @@ def test_a_line_shows_no_control_characters() -> None:
 
 @pytest.fixture
 def public_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A public data set of one file, in a folder of the user's."""
+    """A public data set of one file, in a folder of the user."""
     content = b"x\n1\n"
     file = datasets.DataFile("a.csv", hashlib.sha256(content).hexdigest(), "a.csv", "a")
     made = replace(datasets.describe("sorosim-rods"), name="made-up", files=(file,))
@@ -381,7 +381,7 @@ def public_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (("data", "get", "made-up", "--out", "copy"), "made-up"),
     ],
 )
-def test_a_bar_is_drawn_and_taken_away(
+def test_a_bar_is_drawn_and_removed(
     terminal: Terminal,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -439,7 +439,7 @@ def test_a_bar_fits_its_terminal(terminal: Terminal) -> None:
     assert max(map(len, terminal.sees(work).split("\r"))) == 29
 
 
-def test_ctrl_c_takes_the_bar_away(tmp_path: Path) -> None:
+def test_ctrl_c_removes_the_bar(tmp_path: Path) -> None:
     master, slave = pty.openpty()
     out = tmp_path / "bench.csv"
     long = ("--tensions", "0:0.01:80", "--friction", "0.1", "--repeats", "20", "--out", str(out))

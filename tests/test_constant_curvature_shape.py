@@ -27,7 +27,7 @@ DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared
 
 
 def plane_arcs(bends: Array, start: Array, share: Array) -> Array:
-    """Points (K, P, 2) on m equal arcs in a row, by complex numbers; length 1."""
+    """Points (K, P, 2) on m equal arcs in series, by complex numbers; length 1."""
     m = bends.shape[1]
     place = np.zeros((len(bends), share.size), dtype=complex)
     heading = start[:, None] * np.ones_like(share)
@@ -40,7 +40,7 @@ def plane_arcs(bends: Array, start: Array, share: Array) -> Array:
 
 
 def space_arcs(kappa: Array, phi: Array, share: Array) -> Array:
-    """Points (P, 3) on arcs in a row, each with curvature and direction."""
+    """Points (P, 3) on arcs in series, each with curvature and direction."""
     m = len(kappa)
     position, rotation, points = np.zeros(3), np.eye(3), []
     for s in share:
@@ -86,7 +86,7 @@ def test_measured_shapes(measured: Array, pieces: int, rms: float, tip: float) -
 
 
 def test_measured_shapes_against_scipy(measured: Array) -> None:
-    """Some of them by another optimiser, from many starts, to the same sum of squares."""
+    """Some of them against another optimiser, from many starts, to the same sum of squares."""
     some = measured[::29]
     fit = fit_arcs(some)
     for k in range(len(some)):
@@ -123,7 +123,7 @@ def test_arcs_in_a_plane_are_recovered(pieces: int) -> None:
     heading = np.stack([np.cos(start), np.sin(start)], axis=-1)
     np.testing.assert_allclose(fit.direction, heading, atol=1e-10)
     np.testing.assert_allclose(fit.length, 170.0)
-    # the curvature vector is at right angles to the tangent, to its left where positive
+    # the curvature vector is perpendicular to the tangent, to its left where positive
     left = np.stack([-heading[:, 1], heading[:, 0]], axis=-1) * fit.curvature[:, :1]
     np.testing.assert_allclose(fit.curvature_vector[:, 0], left, atol=1e-9)
 
@@ -145,7 +145,7 @@ def test_arcs_in_space_are_recovered(pieces: int) -> None:
 
 
 def test_curvature_vector_in_space() -> None:
-    """Towards phi, of the size of the curvature, in the axes of the points."""
+    """Towards phi, with the magnitude of the curvature, in the axes of the points."""
     share = np.linspace(0, 1, 9)
     turn = Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()
     fit = fit_arcs(space_arcs(np.array([1.5]), np.array([0.7]), share) @ turn.T, 1, share)
@@ -153,7 +153,7 @@ def test_curvature_vector_in_space() -> None:
     np.testing.assert_allclose(fit.curvature_vector[0, 0], expected, atol=1e-10)
 
 
-def test_two_full_turns_and_an_s() -> None:
+def test_two_full_turns_and_an_s_shape() -> None:
     share = np.linspace(0, 1, 41)
     coil = plane_arcs(np.array([[11.0]]), np.zeros(1), share)
     assert fit_arcs(coil, 1, share).curvature == pytest.approx(11.0)
@@ -163,7 +163,7 @@ def test_two_full_turns_and_an_s() -> None:
 
 
 def noisy(rng: np.random.Generator, count: int, dimensions: int) -> Array:
-    """Shapes that are no arcs."""
+    """Shapes that are not arcs."""
     share = np.linspace(0, 1, 15)
     bends = rng.uniform(-2, 2, (count, 3))
     flat = plane_arcs(bends, rng.uniform(-3, 3, count), share)
@@ -177,7 +177,7 @@ def noisy(rng: np.random.Generator, count: int, dimensions: int) -> Array:
 @pytest.mark.parametrize("dimensions", [2, 3])
 @pytest.mark.parametrize("pieces", [1, 2])
 def test_objectivity(dimensions: int, pieces: int) -> None:
-    """A move, a turn and a unit change nothing but the directions."""
+    """Translation, rotation and a change of unit change only the directions."""
     rng = np.random.default_rng(7)
     shapes = noisy(rng, 25, dimensions)
     if dimensions == 3:
@@ -228,14 +228,14 @@ def test_statistics() -> None:
     np.testing.assert_allclose(rows.maximum[-1], fit.tip.max())
 
 
-def test_the_more_pieces_the_nearer() -> None:
+def test_error_decreases_with_the_number_of_pieces() -> None:
     shapes = noisy(np.random.default_rng(11), 40, 2)
     errors = [fit_arcs(shapes, m).rms for m in (1, 2, 4)]
     assert np.all(errors[1] <= errors[0] * (1 + 1e-9))
     assert np.all(errors[2] <= errors[1] * (1 + 1e-9))
 
 
-def test_where_it_fails() -> None:
+def test_known_failure_of_one_arc() -> None:
     """A backbone bent only beyond its middle bends less than its arc before it, more after it."""
     share = np.linspace(0, 1, 41)
     for sign in (1.0, -1.0):
@@ -246,7 +246,7 @@ def test_where_it_fails() -> None:
         np.testing.assert_allclose(where.bent_more[2:9], -kappa, atol=1e-9)
         np.testing.assert_allclose(where.bent_more[12:19], 2.0 - kappa, rtol=1e-3)
     two = fit_arcs(shape, 2, share).residual_curvature
-    assert np.abs(np.delete(two, 19, axis=1)).max() < 1e-3  # but for the joint
+    assert np.abs(np.delete(two, 19, axis=1)).max() < 1e-3  # except at the joint
 
 
 def test_straight_shapes_have_no_residual_direction() -> None:

@@ -1,4 +1,4 @@
-"""Ctrl-C during work of the core: it ends soon, with KeyboardInterrupt, and leaves all usable."""
+"""Ctrl-C during work of the core: prompt KeyboardInterrupt, with all objects still usable."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bowstring.dynamics.simulation import RunInterrupted
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 
-#: What it prepares, and work that would take minutes to hours if it were not interrupted.
+#: Preparation, and work that would take minutes to hours without an interrupt.
 LONG = {
     "one solve": (
         "r = robot(30_000)",
@@ -124,8 +124,8 @@ def test_long_work_is_interrupted() -> None:
     assert done.stdout.splitlines() == [f"{case}: interrupted" for case in LONG], done.stderr
 
 
-def test_a_path_goes_on_after_an_interruption() -> None:
-    """What an interrupted step began is not kept."""
+def test_a_path_continues_after_an_interruption() -> None:
+    """An interrupted step is discarded."""
     robot = bs.load_robot("amouri2019").with_({"segments.0.tendons.friction": 0.1})
     calm = bs.sweep(robot, [[5, 0, 0], [10, 0, 0]])
     path = bs.sweep(robot, [[5, 0, 0]])
@@ -136,7 +136,7 @@ def test_a_path_goes_on_after_an_interruption() -> None:
     np.testing.assert_allclose(onward.tip_position[-1], calm.tip_position[-1], atol=1e-9)
 
 
-def test_an_interrupted_motion_keeps_what_came_before() -> None:
+def test_an_interrupted_motion_keeps_its_records() -> None:
     robot = bs.load_robot("amouri2019")
     whole = bs.simulate(
         robot,
@@ -146,7 +146,7 @@ def test_an_interrupted_motion_keeps_what_came_before() -> None:
         output=bs.Output(points=0),
     )
     with interrupted_after(0.3), pytest.raises(RunInterrupted) as caught:
-        # one stretch of hours
+        # one interval of hours
         bs.simulate(
             robot,
             ramp([10, 0, 0], 0.1),
@@ -179,7 +179,7 @@ def test_a_handler_that_returns_does_not_interrupt() -> None:
     rows = np.broadcast_to([30.0, 9, 0], (2000, 3))
 
     def handler(number: int, frame: object) -> None:
-        # work within work
+        # nested work
         heard.append(bs.solve(robot, [40, 0, 0]).converged)
 
     with interrupted_after(0.05, handler):

@@ -1,4 +1,4 @@
-"""Public data sets by name: pinned, checked by hash, from the user's folder or downloaded."""
+"""Public data sets by name: pinned, verified by hash, from the user's folder or downloaded."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_table_by_its_part(public_data: Folder) -> None:
 
 @pytest.fixture
 def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of the user's, with a made-up file of tamm-spring."""
+    """A folder of the user, with a synthetic file of tamm-spring."""
     folder = tmp_path / "data" / "tamm-spring"
     folder.mkdir(parents=True)
     (folder / "bending.csv").write_text("l1_mm\n1\n")
@@ -85,7 +85,7 @@ def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("tamm-spring", "is not the file published at commit 81db7953fe9a"),
     ],
 )
-def test_what_is_wrong_is_said(name: str, says: str, given: Path, shell: Shell) -> None:
+def test_errors_are_reported(name: str, says: str, given: Path, shell: Shell) -> None:
     assert says in shell.error("data", "get", name)
     assert says in shell.error("data", "get", name, "--json")
 
@@ -102,12 +102,12 @@ def test_a_transcription_cannot_be_downloaded(monkeypatch: pytest.MonkeyPatch) -
         datasets.path("tamm-spring")
 
 
-# -- downloads, from a server of our own ---------------------------------------------------------
+# -- downloads, from a local server ---------------------------------------------------------------
 
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[tuple[str, Path]]:
-    """Its address, and the folder that it serves."""
+    """The address of the server, and the folder that it serves."""
     root = tmp_path / "served"
     root.mkdir()
 
@@ -130,7 +130,7 @@ def server(tmp_path: Path) -> Iterator[tuple[str, Path]]:
 def online(
     server: tuple[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> tuple[datasets.DataSet, Path]:
-    """A made-up set that the server has, an empty cache, and no folder of the user's."""
+    """A synthetic set on the server, an empty cache, and no folder of the user."""
     address, root = server
     made = replace(
         datasets.describe("sorosim-rods"),
@@ -167,7 +167,7 @@ def test_a_download_is_checked_and_kept(
     assert code == 0 and not err and made.commit[:12] in out
 
 
-def test_another_file_than_the_pinned_one_is_refused(
+def test_a_file_with_another_hash_is_refused(
     online: tuple[datasets.DataSet, Path], tmp_path: Path, shell: Shell
 ) -> None:
     online[1].write_bytes(b"x\n2\n")
@@ -175,7 +175,7 @@ def test_another_file_than_the_pinned_one_is_refused(
     assert not list((tmp_path / "cache").rglob("a.csv"))
 
 
-def test_a_damaged_cache_is_mended(online: tuple[datasets.DataSet, Path]) -> None:
+def test_a_damaged_cache_is_repaired(online: tuple[datasets.DataSet, Path]) -> None:
     kept = datasets.path("made-up") / "a.csv"
     kept.write_bytes(b"damaged")
     assert datasets.table("made-up").read_bytes() == b"x\n1\n"
@@ -186,7 +186,7 @@ def test_a_download_without_the_extra(
 ) -> None:
     datasets.path("made-up")
     monkeypatch.setitem(sys.modules, "requests", None)
-    shell.json("data", "get", "made-up")  # the cache has it
+    shell.json("data", "get", "made-up")  # it is in the cache
     monkeypatch.setenv("XDG_CACHE_HOME", str(online[1].parent))
     assert shell.error("data", "get", "made-up") == (
         "downloads need requests, which cannot be loaded; install it: "
@@ -197,13 +197,13 @@ def test_a_download_without_the_extra(
 def test_no_network(
     online: tuple[datasets.DataSet, Path], monkeypatch: pytest.MonkeyPatch, shell: Shell
 ) -> None:
-    monkeypatch.setattr(datasets, "_RAW", "http://127.0.0.1:9")  # discard: nobody listens
+    monkeypatch.setattr(datasets, "_RAW", "http://127.0.0.1:9")  # discard port: no server
     said = shell.error("data", "get", "made-up")
     assert "a.csv of made-up cannot be downloaded" in said
     assert "cannot be reached; BOWSTRING_DATA can name a folder that has it" in said
 
 
-def test_the_server_has_it_no_more(online: tuple[datasets.DataSet, Path], shell: Shell) -> None:
+def test_a_file_missing_on_the_server(online: tuple[datasets.DataSet, Path], shell: Shell) -> None:
     online[1].unlink()
     assert "the server answers 404" in shell.error("data", "get", "made-up")
 
@@ -227,14 +227,14 @@ def test_a_cache_without_permission(
 # -- copies, and the command -----------------------------------------------------------------------
 
 
-def test_a_copy_is_whole_and_leaves_other_files_alone(
+def test_a_copy_is_complete_and_keeps_other_files(
     online: tuple[datasets.DataSet, Path], tmp_path: Path, shell: Shell
 ) -> None:
     out = tmp_path / "out"
     got = shell.json("data", "get", "made-up", "--out", str(out))
     assert got["files"] == [str(out / "made-up" / "a.csv")]
     assert (out / "made-up" / "a.csv").read_bytes() == b"x\n1\n"
-    datasets.copy("made-up", out)  # again, in place of the former
+    datasets.copy("made-up", out)  # again, replacing the former
     (out / "made-up" / "notes.txt").write_text("mine")
     said = shell.error("data", "get", "made-up", "--out", str(out))
     assert 'holds "notes.txt", which is none of made-up' in said
@@ -255,19 +255,19 @@ def test_list(shell: Shell) -> None:
     assert code == 0 and not err and "ucl-planar-shape" in out
 
 
-# -- servers and files without an end ------------------------------------------------------------
+# -- endless servers and files ---------------------------------------------------------------------
 
 
 @pytest.fixture
 def hostile(
     online: tuple[datasets.DataSet, Path], monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[Callable[[Callable[[http.server.BaseHTTPRequestHandler], None]], None]]:
-    """Serve what a function writes in place of the file."""
+    """Serve the output of a function in place of the file."""
     answer: list[Callable[[http.server.BaseHTTPRequestHandler], None]] = []
 
     class Handler(http.server.BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            with contextlib.suppress(OSError):  # it hangs up
+            with contextlib.suppress(OSError):  # the client hangs up
                 answer[0](self)
 
         def log_message(self, *_: object) -> None:

@@ -1,4 +1,4 @@
-"""Tables as other programs write them: mappings, headers, logs joined by time, Motive exports."""
+"""Tables of other programs: mappings, headers, logs joined by time, Motive exports."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Read = Callable[..., Measurements]
 
 @pytest.fixture
 def read(tmp_path: Path) -> Read:
-    """Read a table by a mapping, both as text; others lie beside it."""
+    """Read a table by a mapping, both given as text; further files lie beside it."""
 
     def write(mapping: str, table: str, *robot: bs.Robot, **others: str) -> Measurements:
         (tmp_path / "map.yaml").write_text(mapping)
@@ -107,7 +107,7 @@ def test_one_column_for_an_antagonistic_pair(read: Read) -> None:
         ("[H]", "N", 'there is no column "H"'),
     ],
 )
-def test_what_is_wrong_with_columns(columns: str, unit: str, says: str, read: Read) -> None:
+def test_errors_in_columns(columns: str, unit: str, says: str, read: Read) -> None:
     with pytest.raises(InputError) as error:
         read(_mapping(columns, unit=unit), TABLE)
     assert says in str(error.value).partition("\n")[0]
@@ -178,7 +178,7 @@ def test_a_sheet_with_lines_to_skip(tmp_path: Path) -> None:
         ("{heder: none}", "did you mean header?"),
     ],
 )
-def test_what_is_wrong_with_a_form(form: str, says: str, read: Read) -> None:
+def test_errors_in_a_form(form: str, says: str, read: Read) -> None:
     with pytest.raises(InputError) as error:
         read(_mapping("[F]") + f"table: {form}\n", TABLE)
     assert says in str(error.value)
@@ -255,7 +255,7 @@ def test_a_log_beside_decimal_commas_and_a_name_that_both_have(read: Read) -> No
         ("file: forces.csv", "file: forces.csv, how: guess", "join.how: got"),
     ],
 )
-def test_what_is_wrong_with_a_join(old: str, new: str, says: str, read: Read) -> None:
+def test_errors_in_a_join(old: str, new: str, says: str, read: Read) -> None:
     with pytest.raises(InputError) as error:
         read(_joined().replace(old, new), CAMERA, forces=FORCES)
     assert says in str(error.value).partition("\n")[0]
@@ -266,7 +266,7 @@ def test_a_log_out_of_order(read: Read) -> None:
         read(_joined(), CAMERA, forces="ms,force\n1000,0\n1100,1\n1050,2\n")
 
 
-def test_a_gap_in_a_log_is_told(read: Read) -> None:
+def test_a_gap_in_a_log_is_reported(read: Read) -> None:
     log = "ms,force\n" + "".join(f"{1000 + i},1\n" for i in range(50)) + "1900,2\n"
     found = read(_joined(), CAMERA, forces=log)
     assert any("has no sample for up to 0.851 s" in text for _, text in found.issues)
@@ -321,13 +321,13 @@ def test_a_motive_export_with_a_force_log(read: Read) -> None:
     mapping = _mapping("[force, 0, 0]", "tip: {name: tip}\n") + PLUMB + join
     found = read(mapping, MOTIVE, bs.load_robot("amouri2019"), forces=FORCES)
     np.testing.assert_allclose(found.tensions[:3, 0], [0, 10, 20], atol=1e-9)
-    # the other way round: a row for each sample of the log
+    # the other order: a row for each sample of the log
     back = "join: {file: take.csv}\ntime: {column: s, unit: s}\n"
     mapping = _mapping("[force, 0, 0]", "tip: {name: tip}\n") + PLUMB + back
     found = read(mapping, "s,force\n0.05,1\n0.15,2\n0.31,3\n", take=MOTIVE)
     assert found.tensions[:, 0].tolist() == [1, 2, 3]
     np.testing.assert_allclose(found.tip[0], [0, 0.15, 0.635])
-    assert found.seen.tolist() == [True, False, True]  # nothing between a point and none
+    assert found.seen.tolist() == [True, False, True]  # no interpolation at a gap
 
 
 @pytest.mark.parametrize(
@@ -341,15 +341,13 @@ def test_a_motive_export_with_a_force_log(read: Read) -> None:
         ("tip: {}\n", "", "", "give either columns, those of x, y and z, or name"),
     ],
 )
-def test_what_is_wrong_with_an_export(
-    mapping: str, old: str, new: str, says: str, read: Read
-) -> None:
+def test_errors_in_an_export(mapping: str, old: str, new: str, says: str, read: Read) -> None:
     with pytest.raises(InputError) as error:
         read("source: measured\n" + mapping, MOTIVE.replace(old, new) if old else MOTIVE)
     assert says in str(error.value)
 
 
-def test_a_name_of_a_body_is_for_exports(read: Read) -> None:
+def test_a_body_name_is_for_exports_only(read: Read) -> None:
     with pytest.raises(InputError, match="it is no Motive export, give columns"):
         read("source: measured\ntip: {name: tip, unit: mm}\n", TABLE)
     with pytest.raises(InputError, match=r"tip.unit: missing; .* write for example unit: mm"):
@@ -426,7 +424,7 @@ def test_any_header_gives_a_mapping_that_is_valid(
     ("name", "columns"),
     [("tamm-spring", ["l1_mm", "l2_mm", "l3_mm"]), ("crl-ftdcr-mocap", ["servo_4_mm"])],
 )
-def test_drafts_for_tables_of_others(
+def test_drafts_for_public_tables(
     name: str, columns: list[str], public_data: Callable[[str], Path], tmp_path: Path
 ) -> None:
     folder = public_data(name)
@@ -443,10 +441,10 @@ def test_drafts_for_tables_of_others(
     np.testing.assert_array_equal(found.points, whole.points)
 
 
-def test_displacements_and_motion_capture_of_others_joined_again(
+def test_splitting_and_joining_a_recording_is_the_identity(
     public_data: Callable[[str], Path], tmp_path: Path
 ) -> None:
-    """A recording cut into a log of displacements and one of tips is the same when it is joined."""
+    """A recording split into a log of displacements and one of tips is unchanged when joined."""
     path = public_data("crl-ftdcr-mocap") / "ftdcr_v4_val.csv"
     rows = [line.split(",") for line in path.read_text().splitlines()]
     (tmp_path / "displacements.csv").write_text("\n".join(",".join(r[:1] + r[2:11]) for r in rows))
@@ -505,7 +503,7 @@ def test_each_recording_is_a_path_of_its_own(tmp_path: Path) -> None:
     assert not [text for _, text in again.issues if "comes again" in text]
 
 
-def test_backlash_and_delay_begin_anew_with_each_recording() -> None:
+def test_backlash_and_delay_restart_with_each_recording() -> None:
     from bowstring.calibration.fitting import fit
     from bowstring.calibration.observations import Data
 
@@ -542,7 +540,7 @@ def test_recordings_in_a_table(header: str, comment: str, tmp_path: Path) -> Non
     (tmp_path / "a.csv").write_text(table)
     found = read_measurements(tmp_path / "a.csv")
     assert found.recording is not None and found.recording.tolist() == [1, 1, 1, 2, 2, 2]
-    assert list(found.split()) == ["a", "b"] and not found.issues  # time may begin anew
+    assert list(found.split()) == ["a", "b"] and not found.issues  # time may start again
     mapping = Mapping.model_validate(
         {
             "source": "measured",
@@ -555,7 +553,7 @@ def test_recordings_in_a_table(header: str, comment: str, tmp_path: Path) -> Non
     assert read_measurements(tmp_path / "a.csv", mapping=mapping).recording is not None
 
 
-def test_a_comment_that_names_no_column(tmp_path: Path) -> None:
+def test_a_comment_without_a_column(tmp_path: Path) -> None:
     table = "# recording: run\ntension_1_N,tip_x_mm,tip_y_mm,tip_z_mm\n1,2,3,4\n"
     (tmp_path / "a.csv").write_text(table)
     with pytest.raises(InputError, match=r"'# recording:' is \"run\"; must be group or repeat"):

@@ -1,4 +1,4 @@
-"""Tables of measurements: the tidy format, foreign tables, and what is wrong with a table."""
+"""Tables of measurements: the tidy format, foreign tables, and errors in a table."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_masses_become_tensions(file: Write) -> None:
         found.tensions[0, 0] = 1
 
 
-def test_everything_that_a_table_can_have(file: Write) -> None:
+def test_all_columns_of_a_table(file: Write) -> None:
     table = file(
         "# source: computed\n# name: all of it\n# stations: 0.5 1\n# tool: 0 0 8 mm\n"
         "# just a remark\n\n"
@@ -130,13 +130,13 @@ def test_any_unit(file: Write) -> None:
         (GOOD.replace("\n", ",,\n"), "utf-8"),
     ],
 )
-def test_other_ways_to_write_it(text: str, encoding: str, file: Write) -> None:
+def test_other_notations_of_a_table(text: str, encoding: str, file: Write) -> None:
     found = read_measurements(file(text, encoding=encoding))
     np.testing.assert_allclose(found.tip[1], [0.0305, 0.0001, 0.64], rtol=1e-15)
     assert len(found) == 3 and found.left_out == 0
 
 
-def test_a_decimal_comma_is_told(file: Write) -> None:
+def test_a_decimal_comma_is_reported(file: Write) -> None:
     found = read_measurements(file(GOOD.replace(",", ";").replace(".", ",")))
     assert found.issues == ((3, "numbers have a decimal comma, and are read so"),)
     mixed = GOOD.replace(",", ";").replace("60.5", "60,5")
@@ -146,7 +146,7 @@ def test_a_decimal_comma_is_told(file: Write) -> None:
         read_measurements(file("displacement_1_mm\tbend_deg\n1,000\t2\n12,345\t3\n"))
     sure = read_measurements(file("displacement_1_mm\tbend_deg\n1,000\t2\n0,345\t3\n"))
     assert sure.displacements.tolist() == [[0.001], [0.345e-3]] and sure.direction is None
-    found = read_measurements(file(GOOD.replace(".", ",")))  # commas between the cells as well
+    found = read_measurements(file(GOOD.replace(".", ",")))  # commas also separate the cells
     assert len(found) == 1 and found.left_out == 2
     assert "with decimal commas, separate the cells by semicolons" in found.issues[0][1]
 
@@ -170,13 +170,13 @@ def test_a_workbook_whose_table_is_on_another_sheet(sheet: Write) -> None:
 
 
 @pytest.mark.parametrize("label", ["measured", "synthetic", "computed"])
-def test_what_the_data_are_goes_with_them(label: str, file: Write) -> None:
+def test_the_data_label_is_kept(label: str, file: Write) -> None:
     assert read_measurements(file(f"# source: {label}\n{GOOD}")).source == label
     lines = [line + ("," + ("source" if i == 0 else label)) for i, line in
              enumerate(GOOD.splitlines())]  # fmt: skip
     found = read_measurements(file("\n".join(lines)))
     assert found.source == label and found.select([0]).source == label
-    # what the file says is stronger than what a mapping says of it
+    # the file takes precedence over the mapping
     mapping = Mapping.model_validate(
         {"source": "measured", "tip": {"columns": ["tip_x_mm", "tip_y_mm", "tip_z_mm"],
                                        "unit": "mm"}}
@@ -184,7 +184,7 @@ def test_what_the_data_are_goes_with_them(label: str, file: Write) -> None:
     assert read_measurements(file(f"# source: {label}\n{GOOD}"), mapping=mapping).source == label
 
 
-def test_a_foreign_table_says_what_it_is_or_speaks_of_something_else(file: Write) -> None:
+def test_labels_of_foreign_tables(file: Write) -> None:
     for column, comment, source in [
         ("synthetic", "", "synthetic"),
         ("battery", "", "measured"),
@@ -195,7 +195,7 @@ def test_a_foreign_table_says_what_it_is_or_speaks_of_something_else(file: Write
         assert _mapped(file, MAPPING, table).source == source
 
 
-def test_made_in_python() -> None:
+def test_measurements_made_in_python() -> None:
     rows = {
         "tensions": [[1, 0], [2, 0]],
         "displacements": [[0, 0]] * 2,
@@ -278,7 +278,7 @@ def test_select_and_split() -> None:
         (f'{HEADER}\n0,0,0,1,1,"1\n', "the table cannot be read"),
     ],
 )
-def test_what_is_wrong_with_a_table(text: str, says: str, file: Write) -> None:
+def test_errors_in_a_table(text: str, says: str, file: Write) -> None:
     path = file(text)
     if not says:
         read_measurements(path)
@@ -343,7 +343,7 @@ def test_bad_rows_are_listed_and_nothing_else_is_lost(file: Write) -> None:
         assert says in text
 
 
-def test_rows_without_a_tip_are_kept_as_part_of_the_path(file: Write, shell: Shell) -> None:
+def test_rows_without_a_tip_are_kept_in_the_path(file: Write, shell: Shell) -> None:
     rows = ["0,0,0,0,0,641", "1,0,0,,,", "2,0,0,nan, NaN,", "3,0,0,,0,641", "1,0,0,60,0,637"]
     table = file("\n".join([HEADER, *rows]))
     found = read_measurements(table, bs.load_robot("amouri2019"))
@@ -360,19 +360,19 @@ def test_rows_without_a_tip_are_kept_as_part_of_the_path(file: Write, shell: She
         read_measurements(file("\n".join([HEADER, *rows[1:3]])))
 
 
-def test_quoted_numbers_with_decimal_commas_are_told(file: Write) -> None:
+def test_quoted_numbers_with_decimal_commas_are_reported(file: Write) -> None:
     found = read_measurements(file(GOOD + '0.5,0,0,"30,5",0.1,640\n'))
     says = "; with decimal commas, separate the cells by semicolons"
     assert found.left_out == 1 and found.issues[0][1].endswith(f"not a finite number{says}")
 
 
-def test_one_repeated_row_is_told_and_kept(file: Write) -> None:
+def test_one_repeated_row_is_reported_and_kept(file: Write) -> None:
     found = read_measurements(file(GOOD + "0.5,0,0,30.5,0.1,640\n"))
     assert len(found) == 4
     assert found.issues == ((5, "the same, cell by cell, as line 3; it is kept"),)
 
 
-def test_tips_that_the_robot_cannot_have_are_told(file: Write) -> None:
+def test_unreachable_tips_are_reported(file: Write) -> None:
     robot = bs.load_robot("amouri2019")
     with (ROOT / "examples" / "bench.csv").open(encoding="utf-8") as table:
         text = "".join(line for line in table if not line.startswith("#"))
@@ -383,18 +383,18 @@ def test_tips_that_the_robot_cannot_have_are_told(file: Write) -> None:
     says = r"amouri2019 is 641 mm long; check the unit of the tip's columns"
     with pytest.raises(InputError, match=says):
         read_measurements(file(in_metres), robot)
-    assert len(read_measurements(file(in_metres))) == 33  # of a robot that is not named
+    assert len(read_measurements(file(in_metres))) == 33  # of an unnamed robot
     lines = text.splitlines()
     cells = lines[12].split(",")
     cells[lines[0].split(",").index("tip_x_mm")] = "5000"
     lines[12] = ",".join(cells)
     found = read_measurements(file("\n".join(lines)), robot)
     assert len(found) == 33 and found.left_out == 0
-    [(line, told)] = found.issues
-    assert line == 13 and "from the middle of all" in told and "it is kept" in told
+    [(line, message)] = found.issues
+    assert line == 13 and "from the middle of all" in message and "it is kept" in message
 
 
-def test_a_table_sorted_afterwards_is_told(file: Write) -> None:
+def test_a_sorted_table_is_reported(file: Write) -> None:
     header = "tension_1_N,tip_x_mm,tip_y_mm,tip_z_mm,repeat,time_s\n"
     rows = [f"{f},{f},0,640,{run},{10 * run + f}\n" for run in (1, 2) for f in (0, 1, 2)]
     assert read_measurements(file(header + "".join(rows))).issues == ()
@@ -408,14 +408,14 @@ def test_a_table_sorted_afterwards_is_told(file: Write) -> None:
     )  # fmt: skip
 
 
-def test_columns_that_are_not_read_are_told(file: Write) -> None:
+def test_unread_columns_are_reported(file: Write) -> None:
     text = "\n".join(f"{row},{extra}" for row, extra in
                      zip(GOOD.splitlines(), ["sgima_mm", "1", "1", "1"], strict=True))  # fmt: skip
     found = read_measurements(file(text))
     assert found.issues == ((1, 'the column "sgima_mm" is not read; did you mean sigma_mm?'),)
 
 
-def test_a_column_without_a_name_is_told(file: Write) -> None:
+def test_a_column_without_a_name_is_reported(file: Write) -> None:
     text = "\n".join(f"7,{row}" for row in GOOD.splitlines()).replace("7,mass_1", ",mass_1")
     found = read_measurements(file(text))
     assert len(found) == 3
@@ -444,7 +444,7 @@ def test_line_breaks_in_cells_do_not_move_the_lines(file: Write) -> None:
         (b"PK\x03\x04 not really", "a.xlsx", "the workbook cannot be unpacked"),
     ],
 )  # fmt: skip
-def test_what_is_no_table(content: bytes, name: str, says: str, file: Write) -> None:
+def test_files_that_are_not_tables(content: bytes, name: str, says: str, file: Write) -> None:
     with pytest.raises(InputError, match=says):
         read_measurements(file(content, name))
 
@@ -499,7 +499,7 @@ def test_a_workbook_without_the_extra(
     assert list(tmp_path.iterdir()) == [book]
 
 
-def test_a_spreadsheet_bomb_is_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_zip_bomb_is_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bomb = _archive(
         tmp_path / "bomb.xlsx",
         {"xl/workbook.xml": b"<x/>", "xl/worksheets/sheet1.xml": b"<row></row>" * 5_000_000},
@@ -523,7 +523,7 @@ def test_a_spreadsheet_bomb_is_not_opened(tmp_path: Path, monkeypatch: pytest.Mo
         read_measurements(other)
 
 
-def test_what_a_library_says_of_a_damaged_cell_is_cut_short(tmp_path: Path) -> None:
+def test_library_messages_on_damaged_cells_are_shortened(tmp_path: Path) -> None:
     book = openpyxl.Workbook()
     book.active.append(["tension_1_N", "tip_x_mm", "tip_y_mm", "tip_z_mm"])
     book.active.append([1, 123456, 2, 3])
@@ -545,8 +545,8 @@ def test_what_a_library_says_of_a_damaged_cell_is_cut_short(tmp_path: Path) -> N
         ("xl/sharedStrings.xml", b"", "would unpack to 6. MB"),
     ],
 )
-def test_bombs_that_pack_badly(part: str, content: bytes, says: str, tmp_path: Path) -> None:
-    """Noise among the cells keeps the ratio low."""
+def test_zip_bombs_with_a_low_ratio(part: str, content: bytes, says: str, tmp_path: Path) -> None:
+    """Noise among the cells keeps the compression ratio low."""
     noise = np.random.default_rng(0).integers(97, 122, 300_000, dtype=np.uint8).tobytes()
     cells = b"".join(b"<c/>" * 50 + noise[i : i + 10] for i in range(0, len(noise), 10))
     size = 1 if content else 10
@@ -569,7 +569,7 @@ def test_a_sheet_of_empty_rows(tmp_path: Path, sheet: Write) -> None:
 
 
 def test_a_sheet_that_claims_to_be_huge(sheet: Write, tmp_path: Path) -> None:
-    """A cell far away makes each row as wide, if one believes it."""
+    """A cell far to the right makes each row as wide, if its address is trusted."""
     path = sheet([HEADER.split(","), *([i, 0, 0, 1, 1, 1] for i in range(50))])
     with zipfile.ZipFile(path) as archive:
         parts = {name: archive.read(name) for name in archive.namelist()}
@@ -606,13 +606,13 @@ def test_any_text_gives_data_or_a_sentence(text: str) -> None:
 # -- foreign tables --------------------------------------------------------------------------------
 
 
-def test_the_foreign_example_says_the_same() -> None:
+def test_the_foreign_example_has_the_same_data() -> None:
     tidy = read_measurements(ROOT / "examples" / "bench.csv")
     robot = bs.load_robot("amouri2019")
     foreign = read_measurements(
         ROOT / "examples" / "foreign.csv", robot, ROOT / "examples" / "foreign.yaml"
     )
-    same = tidy.select(np.arange(len(tidy)) != 5)  # which is marked as not valid
+    same = tidy.select(np.arange(len(tidy)) != 5)  # which is marked as invalid
     np.testing.assert_allclose(foreign.tensions, same.tensions, rtol=1e-14)
     np.testing.assert_allclose(foreign.tip, same.tip, atol=0.6e-6)  # three digits of mm in each
     assert foreign.source == "synthetic" and foreign.left_out == 1
@@ -692,14 +692,14 @@ def test_frames(frame: str, tip: list[float], file: Write) -> None:
         (MAPPING, "source: measured", "nothing is measured; write tip, points, shape or angles"),
     ],
 )
-def test_what_is_wrong_with_a_mapping(old: str, new: str, says: str, file: Write) -> None:
+def test_errors_in_a_mapping(old: str, new: str, says: str, file: Write) -> None:
     text = MAPPING.replace(old, new) if old else f"{MAPPING}{new}\n"
     with pytest.raises(InputError) as error:
         _mapped(file, text)
     assert says in str(error.value).partition("\n")[0]
 
 
-def test_what_is_not_finite_passes_through_a_frame_without_harm(file: Write) -> None:
+def test_non_finite_points_pass_through_a_frame(file: Write) -> None:
     found = _mapped(file, f"{MAPPING}frame: {{axes: [y, z, x]}}\n", TABLE + "1,2,inf,4,5\n")
     assert len(found) == 2 and found.left_out == 1
 
@@ -711,7 +711,7 @@ def test_repeats_are_whole_numbers(file: Write) -> None:
 
 
 @pytest.mark.parametrize("g", [0.0, -1.0, math.nan, math.inf])
-def test_gravity_that_is_none(g: float, file: Write) -> None:
+def test_invalid_gravity(g: float, file: Write) -> None:
     with pytest.raises(InputError, match="it must be above 0 and up to 10000"):
         read_measurements(file(GOOD), g=g)
 
@@ -775,7 +775,7 @@ def test_tamm_spring(public_data: Folder) -> None:
     np.testing.assert_allclose(published, math.sqrt(3) / 2 * fitted.theta, rtol=1e-9)
     assert rmse(published) == pytest.approx(18.41, abs=0.01)
     assert rmse(fitted.theta) == pytest.approx(30.13, abs=0.01)
-    # one fitted gain takes up the factor: the same error, whichever it is
+    # one fitted gain absorbs the factor: the same error in both cases
     for theta, gain in ((published, 0.772), (fitted.theta, 0.669)):
         best = float(theta @ np.radians(measured) / (theta @ theta))
         assert best == pytest.approx(gain, abs=1e-3)
@@ -791,7 +791,7 @@ def test_crl_ftdcr_mocap(part: str, rows: int, public_data: Folder) -> None:
     found = load("crl-ftdcr-mocap", part)
     robot = bs.load_robot("crl-ftdcr-v4")
     assert len(found) == rows and found.left_out == 0 and found.source == "measured"
-    # by column, as SOURCE.md has it, not by the numbers of the servos
+    # by column, as in SOURCE.md, not by the numbers of the servos
     raw = np.loadtxt(folder / f"ftdcr_v4_{part}.csv", delimiter=",", skiprows=1,
                      usecols=range(2, 14))  # fmt: skip
     np.testing.assert_allclose(found.displacements, raw[:, :9] * 1e-3, rtol=1e-14)
@@ -818,7 +818,7 @@ def test_each_measured_set_has_a_mapping() -> None:
 # -- the command -----------------------------------------------------------------------------------
 
 
-def test_check_says_what_is_in_a_table(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_check_summarises_a_table(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     found = shell.json("bench", "check", "examples/bench.csv", "--robot", "amouri2019")
     assert found["source"] == "synthetic" and found["rows"] == 33 and found["rows_left_out"] == 0

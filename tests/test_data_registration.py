@@ -1,6 +1,7 @@
-"""Registration: exact without noise, and as sure of itself as simulated benches say.
+"""Registration: exact without noise, and with the coverage found in simulated benches.
 
 All data here are synthetic, with a known truth.
+
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def robot() -> bs.Robot:
 
 @pytest.fixture(scope="module")
 def tips(robot: bs.Robot) -> tuple[Array, Array]:
-    """Tips bent to all sides: positions (20, 3), m, and rotations."""
+    """Tips bent in all directions: positions (20, 3), m, and rotations."""
     rng = np.random.default_rng(1)
     tensions = rng.uniform(0, 40, (20, 3))
     tensions[np.arange(20), rng.integers(0, 3, 20)] = 0.0
@@ -51,7 +52,7 @@ def tips(robot: bs.Robot) -> tuple[Array, Array]:
 
 @pytest.fixture(scope="module")
 def plane_tips(robot: bs.Robot) -> tuple[Array, Array]:
-    """Tips along one direction of bending, all in the plane of x and z."""
+    """Tips with one direction of bending, all in the plane of x and z."""
     tensions = np.zeros((17, 3))
     tensions[:, 0] = np.linspace(0, 80, 17)
     sweep = bs.sweep(robot, tensions)
@@ -59,7 +60,7 @@ def plane_tips(robot: bs.Robot) -> tuple[Array, Array]:
 
 
 def errors(found: Registration, truth: Rigid, offset: Array | None = None) -> Array:
-    """Truth minus found, as the covariance has it."""
+    """Truth minus estimate, as in the covariance."""
     turn = truth.rotation @ found.frame.rotation.T
     shift = truth.apply(found.frame.inverse().apply(found.pivot)) - found.pivot
     out = [Rotation.from_matrix(turn).as_rotvec(), shift]
@@ -84,8 +85,8 @@ def test_fiducials_without_noise() -> None:
         assert np.all(found.standard_error < 1e-12)
 
 
-def test_heavier_fiducials_pull_harder() -> None:
-    """A bad fiducial of a large sigma hardly moves the frame."""
+def test_fiducials_are_weighted_by_sigma() -> None:
+    """A bad fiducial with a large sigma hardly moves the frame."""
     measured = CORNERS.copy()
     measured[3] += [0.0, 0.0, 5e-3]
     even = fit_fiducials(measured, CORNERS)
@@ -97,7 +98,7 @@ def test_heavier_fiducials_pull_harder() -> None:
 @pytest.mark.parametrize("sigma", ["one", "each", None])
 @pytest.mark.slow
 def test_coverage_of_fiducials(sigma: str | None) -> None:
-    """95 % intervals of all six errors hold the truth in 95 % of simulated registrations."""
+    """95 % intervals of all six errors contain the truth in 95 % of simulated registrations."""
     rng = np.random.default_rng(7)
     noise = np.array([5e-5, 1e-4, 2e-4, 4e-4]) if sigma == "each" else np.full(4, 1e-4)
     runs, inside, normal, fit, target = 1500, np.zeros(6), [], [], []
@@ -115,7 +116,7 @@ def test_coverage_of_fiducials(sigma: str | None) -> None:
     assert np.all(np.abs(inside / runs - 0.95) < 0.03)
     missed_mean, expected = np.mean(target, axis=0)
     if sigma:
-        # the whole covariance, correlations included; and what is left is noise
+        # the whole covariance, correlations included; and the residual is noise
         assert stats.kstest(normal, stats.chi2(6).cdf).pvalue > 1e-3
         assert stats.kstest(6 * np.array(fit), stats.chi2(6).cdf).pvalue > 1e-3
         assert missed_mean == pytest.approx(expected, rel=0.1)
@@ -124,7 +125,7 @@ def test_coverage_of_fiducials(sigma: str | None) -> None:
         assert math.isnan(found.misfit)
 
 
-def test_target_error_is_fitzpatricks() -> None:
+def test_target_error_matches_fitzpatricks_formula() -> None:
     """The formula of Fitzpatrick, West and Maurer 1998, from the principal axes."""
     sigma, count = 1e-4, len(CORNERS)
     found = fit_fiducials(CORNERS, CORNERS, sigma)
@@ -145,7 +146,7 @@ def test_target_error_is_fitzpatricks() -> None:
     np.testing.assert_allclose(moved[3:, 3:], found.point_covariance(point), rtol=1e-12)
 
 
-def test_noise_that_is_more_than_said() -> None:
+def test_noise_larger_than_stated() -> None:
     rng = np.random.default_rng(3)
     measured = CORNERS + 1e-3 * rng.normal(size=(4, 3))
     assert fit_fiducials(measured, CORNERS, 1e-4).chance < 1e-6
@@ -173,7 +174,7 @@ def test_left_handed_fiducials_are_named(change: Array, cause: str) -> None:
 
 @pytest.mark.parametrize("draws", [30, pytest.param(300, marks=pytest.mark.slow)])
 def test_noise_is_rarely_called_left_handed(draws: int) -> None:
-    """Fiducials nearly in one plane, and a noise as large as they are off it."""
+    """Fiducials nearly in one plane, with noise as large as their distance from it."""
     rng = np.random.default_rng(2)
     flat = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, 0.5, 1e-3]])
     for _ in range(draws):
@@ -211,7 +212,7 @@ def test_bad_sigma(sigma: object) -> None:
 
 @pytest.mark.parametrize("robust", [False, True])
 def test_model_without_noise(tips: tuple[Array, Array], robust: bool) -> None:
-    """Any frame and offset, from no guess."""
+    """Any frame and offset, without a starting guess."""
     predicted, rotations = tips
     rng = np.random.default_rng(0)
     for size in (0.0, 0.02, 0.3):
@@ -229,7 +230,7 @@ def test_model_without_noise(tips: tuple[Array, Array], robust: bool) -> None:
 def test_coverage_with_the_model(
     tips: tuple[Array, Array], sigma: float | None, robust: bool
 ) -> None:
-    """95 % intervals of all nine unknowns hold the truth in 95 % of simulated benches."""
+    """95 % intervals of all nine unknowns contain the truth in 95 % of simulated benches."""
     predicted, rotations = tips
     rng = np.random.default_rng(11)
     runs, inside = 200 if robust else 400, np.zeros(9)
@@ -240,7 +241,7 @@ def test_coverage_with_the_model(
         found = fit_model(measured, predicted, rotations, sigma=sigma, robust=robust)
         inside += np.abs(errors(found, truth, offset)) <= found.interval()
         assert not found.undetermined
-    # each within what so many runs can say, 3.3 standard errors; all together within 1.5 %
+    # each within 3.3 standard errors of so many runs; all together within 1.5 %
     assert np.all(np.abs(inside / runs - 0.95) < 3.3 * math.sqrt(0.95 * 0.05 / runs))
     assert abs(inside.mean() / runs - 0.95) < 0.015
 
@@ -255,7 +256,7 @@ def test_residuals_of_a_good_model_are_noise(tips: tuple[Array, Array]) -> None:
     assert bent.chance < 1e-9
 
 
-def test_gross_mistakes_are_found(tips: tuple[Array, Array]) -> None:
+def test_gross_errors_are_found(tips: tuple[Array, Array]) -> None:
     predicted, rotations = tips
     rng = np.random.default_rng(6)
     truth, offset = any_frame(rng), np.array([0.0, 0.01, 0.02])
@@ -272,7 +273,7 @@ def test_gross_mistakes_are_found(tips: tuple[Array, Array]) -> None:
 
 
 def test_objectivity(tips: tuple[Array, Array]) -> None:
-    """The registered points do not depend on where the measuring frame stands."""
+    """The registered points do not depend on the position of the measuring frame."""
     predicted, rotations = tips
     rng = np.random.default_rng(8)
     measured = predicted + 1e-3 * rng.standard_t(2, size=predicted.shape)
@@ -285,7 +286,7 @@ def test_objectivity(tips: tuple[Array, Array]) -> None:
         np.testing.assert_allclose((two.frame @ other).rotation, one.frame.rotation, atol=1e-7)
 
 
-def test_a_plane_leaves_the_offset_across_it_open(plane_tips: tuple[Array, Array]) -> None:
+def test_planar_tips_leave_the_normal_offset_undetermined(plane_tips: tuple[Array, Array]) -> None:
     predicted, rotations = plane_tips
     rng = np.random.default_rng(1)
     truth, offset = any_frame(rng), np.array([0.01, 0.02, 0.03])
@@ -295,7 +296,7 @@ def test_a_plane_leaves_the_offset_across_it_open(plane_tips: tuple[Array, Array
     assert found.undetermined == ("shift of the frame along y against offset along y of the tip",)
     names = np.array(found.parameters)
     assert set(names[np.isinf(found.standard_error)]) == {"shift_y_m", "offset_y_m"}
-    # what is determined is as sure as ever, what is not stays near none
+    # the determined part is as accurate as before, the undetermined part stays near zero
     error = np.abs(errors(found, truth, offset))
     known_ones = np.isfinite(found.standard_error)
     assert np.all(error[known_ones] < 4 * found.standard_error[known_ones])
@@ -305,11 +306,11 @@ def test_a_plane_leaves_the_offset_across_it_open(plane_tips: tuple[Array, Array
     row = found.to_dict()
     assert row["standard_error"]["shift_y_m"] is None
     json.dumps(row, allow_nan=False)
-    # without an offset a plane is enough
+    # without an offset a plane is sufficient
     assert not fit_model(measured, predicted).undetermined
 
 
-def test_small_bends_hardly_tell_offset_from_frame(robot: bs.Robot) -> None:
+def test_small_bends_hardly_separate_offset_and_frame(robot: bs.Robot) -> None:
     tensions = np.zeros((17, 3))
     tensions[:, 0] = np.linspace(0, 8, 17)
     sweep = bs.sweep(robot, tensions)
@@ -317,14 +318,14 @@ def test_small_bends_hardly_tell_offset_from_frame(robot: bs.Robot) -> None:
     assert any("shift" in w and "offset" in w and "standard error" in w for w in found.weak)
 
 
-def test_a_line_leaves_the_turn_about_it_open() -> None:
+def test_collinear_tips_leave_a_rotation_undetermined() -> None:
     line = np.outer(np.linspace(0, 1, 8), [0, 0, 0.3])
     truth = Rigid.from_rotation_vector([0.3, -0.2, 0.0], [1.0, 2.0, 3.0])
     found = fit_model(truth.inverse().apply(line), line)
     assert found.undetermined == ("rotation of the frame about z",)
     assert found.rms < 1e-12
     assert found.parameters[2] == "rotation_z_rad" and math.isinf(found.standard_error[2])
-    # a tip that never turns cannot tell its offset from the frame at all
+    # a tip that never rotates does not separate its offset from the frame
     stiff = np.tile(np.eye(3), (8, 1, 1))
     found = fit_model(truth.inverse().apply(line), line, stiff)
     # equally undetermined: in any order
@@ -335,7 +336,7 @@ def test_a_line_leaves_the_turn_about_it_open() -> None:
     assert found.offset is not None and np.abs(found.offset).max() < 1e-9
 
 
-def test_start_stays_where_nothing_is_known() -> None:
+def test_undetermined_parameters_keep_their_start() -> None:
     line = np.outer(np.linspace(0, 1, 8), [0, 0, 0.3])
     start = Rigid.from_rotation_vector([0, 0, 1.0])
     found = fit_model(line, line, start=start)
@@ -374,7 +375,7 @@ def test_bad_model_input(tips: tuple[Array, Array]) -> None:
 # -- known, and with and without ---------------------------------------------------------------
 
 
-def test_known() -> None:
+def test_known_registration() -> None:
     frame = Rigid.from_rotation_vector([0.1, 0.2, 0.3], [1, 2, 3])
     exact = known(frame)
     assert exact.target_error([5, 5, 5]) == 0.0 and math.isnan(exact.rms)
@@ -392,7 +393,7 @@ def test_known() -> None:
 
 
 def test_with_and_without(tips: tuple[Array, Array]) -> None:
-    """The same error statistics before and after, over points and by axis."""
+    """Error statistics before and after, over points and by axis."""
     predicted, rotations = tips
     rng = np.random.default_rng(3)
     truth = Rigid.from_rotation_vector([0.0, 0.005, 0.0], [0.002, 0.0, 0.0])
@@ -428,7 +429,7 @@ def test_points_without_a_prediction_are_left_out(tips: tuple[Array, Array]) -> 
 
 
 def test_a_wrong_model_is_not_called_left_handed() -> None:
-    """Tips on a dome flatter than the model errs: its mirror fits better, but not clearly."""
+    """Tips on a dome flatter than the model's error: its mirror image fits better, not clearly."""
     rng = np.random.default_rng(0)
     x, y = rng.uniform(-0.1, 0.1, (2, 300))
     dome = x**2 + y**2

@@ -1,4 +1,4 @@
-"""Rigid motions: a group, right-handed only."""
+"""Rigid motions form a group, right-handed only."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def test_a_group(motion: Rigid) -> None:
     assert hash(copy.copy(motion)) == hash(motion)
 
 
-def test_it_maps_as_written() -> None:
-    """Turn first, then move; counter-clockwise about z takes x to y."""
+def test_rotation_comes_before_translation() -> None:
+    """Rotation first, then translation; counter-clockwise about z maps x to y."""
     motion = Rigid.from_rotation_vector([0, 0, np.pi / 2], [10.0, 0, 0])
     np.testing.assert_allclose(motion.apply([1.0, 0, 0]), [10.0, 1.0, 0.0], atol=1e-15)
     assert "(0, 0, 90) deg" in repr(motion)
@@ -57,13 +57,13 @@ def test_points_are_aligned(count: int, spread: str) -> None:
     np.testing.assert_allclose(align(points, targets).apply(points), targets, atol=1e-14)
 
 
-def test_the_heavier_points_are_aligned_better() -> None:
+def test_points_are_weighted() -> None:
     points = np.eye(3)
     frame = align(points, points * [1.0, 1.0, 2.0], np.array([1.0, 1.0, 1e-9]))
     np.testing.assert_allclose(frame.apply(points)[:2], points[:2], atol=1e-6)
 
 
-def test_immutable_and_its_own() -> None:
+def test_motions_are_immutable_copies() -> None:
     turn = np.eye(3)
     motion = Rigid(turn)
     turn[0, 0] = 5.0

@@ -1,4 +1,4 @@
-"""The virtual bench: exactly the sweep where nothing disturbs, and its truth is all of the truth.
+"""The virtual bench: equal to the sweep without disturbances, and with a complete truth.
 
 All data here are synthetic.
 """
@@ -48,17 +48,17 @@ def study(robot: bs.Robot) -> Bench:
 
 
 def all_sides(count: int = 20) -> Array:
-    """Tensions that bend the robot to all sides, (count, 3), N."""
+    """Tensions that bend the robot in all directions, (count, 3), N."""
     rng = np.random.default_rng(1)
     tensions = rng.uniform(0, 40, (count, 3))
     tensions[np.arange(count), rng.integers(0, 3, count)] = 0.0
     return tensions
 
 
-# -- what nothing disturbs is the sweep ------------------------------------------------------------
+# -- without disturbances it equals the sweep ------------------------------------------------------
 
 
-def test_clean_is_the_sweep(robot: bs.Robot) -> None:
+def test_an_undisturbed_bench_is_the_sweep(robot: bs.Robot) -> None:
     tensions = all_sides()
     found = simulate(robot, **bench(tensions=tensions, **CLEAN))
     np.testing.assert_array_equal(found.tip, bs.sweep(robot, tensions).tip_position)
@@ -77,9 +77,9 @@ def test_clean_is_the_sweep(robot: bs.Robot) -> None:
     ],
 )
 def test_progress_changes_no_number(robot: bs.Robot, loads: dict[str, Any]) -> None:
-    told: list[float] = []
-    made = set_up(robot, **bench(**loads), progress=told.append)
-    assert len(made.points) > 250 and told == [100 * k / len(made.points) for k in range(3)]
+    reported: list[float] = []
+    made = set_up(robot, **bench(**loads), progress=reported.append)
+    assert len(made.points) > 250 and reported == [100 * k / len(made.points) for k in range(3)]
     without = set_up(robot, **bench(**loads))
     np.testing.assert_array_equal(made.points, without.points)
     np.testing.assert_array_equal(made.tip_rotation, without.tip_rotation)
@@ -90,9 +90,9 @@ def test_a_load_without_solution_is_named_with_progress(robot: bs.Robot) -> None
     loads = bench(masses=[*np.linspace(0, 8, 150), 1e6], friction=0.1, unload=False)
     with pytest.raises(NoSolutionError, match="1 of 151 loads") as plain:
         set_up(robot, **loads)
-    with pytest.raises(NoSolutionError) as told:
+    with pytest.raises(NoSolutionError) as reported:
         set_up(robot, **loads, progress=lambda share: None)
-    assert str(told.value) == str(plain.value)
+    assert str(reported.value) == str(plain.value)
 
 
 def test_masses_are_tensions(robot: bs.Robot) -> None:
@@ -139,10 +139,10 @@ def test_order_of_the_rows(robot: bs.Robot) -> None:
 
 
 def test_friction_follows_the_path(robot: bs.Robot) -> None:
-    """The whole path, all repeats, is one sweep with its history."""
+    """The whole path, with all repeats, is one sweep with its history."""
     made = set_up(robot, **bench(masses=MASSES, friction=0.1, repeats=2, noise=0.0))
-    rubbing = robot.with_({"segments.0.tendons.friction": 0.1})
-    expected = bs.sweep(rubbing, made.tensions)
+    with_friction = robot.with_({"segments.0.tendons.friction": 0.1})
+    expected = bs.sweep(with_friction, made.tensions)
     np.testing.assert_array_equal(made.measure().tip, expected.tip_position)
     up, down = made.points[5], made.points[32 - 5]
     assert made.tensions[5, 0] == made.tensions[27, 0]
@@ -152,16 +152,18 @@ def test_friction_follows_the_path(robot: bs.Robot) -> None:
     assert set_up(robot, **bench(masses=MASSES, unload=False)).hysteresis is None
     without = set_up(robot, **bench(masses=MASSES)).hysteresis
     assert without is not None and without < 1e-9
-    # a robot whose file has friction keeps it, or is told to lose it
-    assert set_up(rubbing, **bench(masses=MASSES)).hysteresis == pytest.approx(made.hysteresis)
-    smooth = set_up(rubbing, **bench(masses=MASSES, friction=0.0)).hysteresis
+    # a robot whose file has friction keeps it, or loses it on request
+    assert set_up(with_friction, **bench(masses=MASSES)).hysteresis == pytest.approx(
+        made.hysteresis
+    )
+    smooth = set_up(with_friction, **bench(masses=MASSES, friction=0.0)).hysteresis
     assert smooth is not None and smooth < 1e-9
 
 
-# -- what disturbs it ------------------------------------------------------------------------------
+# -- disturbances ----------------------------------------------------------------------------------
 
 
-def test_noise_is_as_said(study: Bench) -> None:
+def test_noise_has_the_stated_size(study: Bench) -> None:
     rng = np.random.default_rng(2)
     noise = np.concatenate([study.measure(rng).tip - study.points for _ in range(100)])
     assert len(noise) == 9900
@@ -179,7 +181,7 @@ def test_a_seed_gives_the_same_bench(robot: bs.Robot, study: Bench) -> None:
     assert (study.measure(None).points != study.measure(None).points).all()
     rng = np.random.default_rng(7)
     np.testing.assert_array_equal(study.measure(rng).points, study.measure(7).points)
-    assert (study.measure(rng).points != study.measure(7).points).all()  # it goes on
+    assert (study.measure(rng).points != study.measure(7).points).all()  # the generator advances
     seeds = [study.measure(s).truth for s in (7, None, rng)]
     assert [truth and truth["seed"] for truth in seeds] == [7, None, None]
 
@@ -219,7 +221,7 @@ def test_any_base(robot: bs.Robot) -> None:
     np.testing.assert_allclose(made.frame.apply(made.points), tips, atol=1e-15)
 
 
-def test_a_marker_that_is_not_where_it_is_said_to_be(robot: bs.Robot) -> None:
+def test_a_misplaced_marker(robot: bs.Robot) -> None:
     tool, error = [0.0, 0.0, 8e-3], [1e-3, -2e-3, 0.5e-3]
     made = set_up(
         robot, **bench(tensions=all_sides(), tool=tool, tool_error=error, base=PLACE, **CLEAN)
@@ -232,7 +234,7 @@ def test_a_marker_that_is_not_where_it_is_said_to_be(robot: bs.Robot) -> None:
     np.testing.assert_allclose(made.truth["actual_tool_m"], np.add(tool, error))
 
 
-def test_the_actual_robot_is_another(robot: bs.Robot) -> None:
+def test_the_actual_robot_differs(robot: bs.Robot) -> None:
     path = "segments.0.backbone.E"
     made = set_up(robot, **bench(masses=MASSES, actual={path: "+5 %"}, **CLEAN))
     stiff = robot.with_({path: 1.05 * 35e9})
@@ -258,18 +260,18 @@ def test_the_actual_robot_is_another(robot: bs.Robot) -> None:
     }
 
 
-def test_gravity_turns_with_the_base_or_stays_plumb(robot: bs.Robot) -> None:
+def test_gravity_rotates_with_the_base_or_stays_vertical(robot: bs.Robot) -> None:
     options = {**CLEAN, "tilt": math.radians(0.3), "gravity": (0, 0, -9.81), "masses": MASSES}
     turning = set_up(robot, **bench(**options))
     plumb = set_up(robot, **bench(gravity_frame="measuring", **options))
     tips = bs.sweep(robot, turning.tensions, load=bs.Load(gravity=(0, 0, -9.81))).tip_position
     np.testing.assert_array_equal(turning.tip_position, tips)
-    # leaning towards x, it is pulled towards x
+    # tilted towards x, it bends towards x
     felt = 9.81 * np.array([math.sin(math.radians(0.3)), 0, -math.cos(math.radians(0.3))])
     np.testing.assert_allclose(plumb.truth["gravity_in_base_m_per_s2"], felt, atol=1e-15)
     aslant = bs.sweep(robot, turning.tensions, load=bs.Load(gravity=felt)).tip_position
     np.testing.assert_allclose(plumb.tip_position, aslant, atol=1e-12)
-    # more than the noise: it is no detail
+    # more than the noise: not negligible
     assert plumb.tip_position[0, 0] - tips[0, 0] == pytest.approx(0.408e-3, abs=1e-6)
 
 
@@ -301,7 +303,7 @@ def test_disturbances_that_no_model_has(robot: bs.Robot) -> None:
 def test_a_disturbance_stays_after_registration(
     robot: bs.Robot, disturbance: dict[str, Any]
 ) -> None:
-    """Registered residuals are the noise without one, and are not with one."""
+    """Registered residuals are noise without a disturbance, and are not with one."""
     predicted = bs.sweep(robot, all_sides(100)).tip_position
     data = simulate(
         robot,
@@ -326,12 +328,12 @@ STEPS = np.array([35e6, 1e-3, *[1e-4] * 6])
 
 @pytest.fixture(scope="module")
 def truth() -> Array:
-    """The study's bench with a softer backbone and a base that is moved too: `PARAMETERS`, SI."""
+    """The study's bench with a softer backbone and a displaced base: `PARAMETERS`, SI."""
     return np.array([0.97 * 35e9, 0.1, 1e-3, -1e-3, 2e-3, 0.0, math.radians(0.3), 0.0])
 
 
 def bench_of(robot: bs.Robot, values: Array, **options: Any) -> Bench:
-    """A bench of these `PARAMETERS`."""
+    """A bench with these `PARAMETERS`."""
     E, mu, *base = values.tolist()
     place = Rigid.from_rotation_vector(base[3:], base[:3])
     study = {k: v for k, v in STUDY_BY_NAME.items() if k != "tilt"} | {"friction": mu} | options
@@ -340,7 +342,7 @@ def bench_of(robot: bs.Robot, values: Array, **options: Any) -> Bench:
 
 @pytest.fixture(scope="module")
 def derivative(robot: bs.Robot, truth: Array) -> Array:
-    """Of the points of one run through the loads by `PARAMETERS`, (33, 3, 8), at the truth."""
+    """Derivative of the points of one run by `PARAMETERS`, (33, 3, 8), at the truth."""
 
     def along(k: int) -> Array:
         ahead, behind = (
@@ -352,8 +354,8 @@ def derivative(robot: bs.Robot, truth: Array) -> Array:
     return np.stack([along(k) for k in range(8)], axis=-1)
 
 
-def test_loading_alone_hardly_tells_friction_from_stiffness(derivative: Array) -> None:
-    """Correlation of the two, the base fitted too, of least squares about the truth."""
+def test_loading_alone_hardly_separates_friction_and_stiffness(derivative: Array) -> None:
+    """Correlation of friction and stiffness by least squares about the truth, base fitted too."""
 
     def correlation(rows: slice) -> float:
         by = (derivative[rows] * STEPS).reshape(-1, 8)
@@ -365,7 +367,7 @@ def test_loading_alone_hardly_tells_friction_from_stiffness(derivative: Array) -
 
 
 def fitted(made: Bench, derivative: Array, truth: Array, noisy: Array) -> tuple[Array, Array]:
-    """Least squares about the truth: values and standard errors, by the variance of each axis."""
+    """Least squares about the truth: values and standard errors, with the variance of each axis."""
     by = np.tile(derivative * STEPS, (3, 1, 1)).reshape(-1, 8)
     noise = (noisy - made.points).ravel()
     solve = np.linalg.pinv(by)
@@ -377,7 +379,7 @@ def fitted(made: Bench, derivative: Array, truth: Array, noisy: Array) -> tuple[
 
 
 def test_intervals_of_400_benches(robot: bs.Robot, truth: Array, derivative: Array) -> None:
-    """Each parameter lies inside its own 95 % interval in 95 +- 3 % of them."""
+    """Each parameter lies inside its own 95 % interval in 95 +- 3 % of the benches."""
     made = bench_of(robot, truth)
     rng = np.random.default_rng(1)
     found = [fitted(made, derivative, truth, made.measure(rng).tip) for _ in range(400)]
@@ -392,13 +394,13 @@ def test_intervals_of_400_benches(robot: bs.Robot, truth: Array, derivative: Arr
         ({}, False, False),
         ({"drift": [0, 0.2e-3, 0]}, True, False),
         ({"tip_force": [0.05, 0, 0]}, True, True),
-        # these two hide: a frame that is fitted takes them up, or stiffness and friction do
+        # these two are hidden: a fitted frame compensates them, or stiffness and friction do
         ({"tip_force": [0, 0.01, 0]}, False, False),
         ({"gravity_frame": "measuring"}, False, True),
     ],
     ids=str,
 )
-def test_what_calibrated_residuals_show(
+def test_calibrated_residuals_reveal_disturbances(
     disturbance: dict[str, Any],
     seen: bool,
     bias: bool,
@@ -406,7 +408,7 @@ def test_what_calibrated_residuals_show(
     truth: Array,
     derivative: Array,
 ) -> None:
-    """Residuals that are more than noise, and a stiffness that is off by many standard errors."""
+    """Residuals larger than noise, and a stiffness with an error of many standard errors."""
     made = bench_of(robot, truth)
     data = bench_of(robot, truth, **disturbance).measure(3)
     by = np.tile(derivative * STEPS, (3, 1, 1)).reshape(-1, 8)
@@ -418,7 +420,7 @@ def test_what_calibrated_residuals_show(
 
 
 def test_calibration_finds_the_truth(robot: bs.Robot, truth: Array, derivative: Array) -> None:
-    """Least squares about the truth are what a calibration comes to, so that the above is its."""
+    """A calibration agrees with least squares about the truth, used in the tests above."""
     made = bench_of(robot, truth)
     known = robot.with_({"gravity": STUDY_BY_NAME["gravity"]})
     for seed in (1, 2):
@@ -466,7 +468,7 @@ def test_the_study(robot: bs.Robot, study: Bench) -> None:
 
 
 def rebuilt(truth: dict[str, Any]) -> Array:
-    """The data of a bench of masses, from its truth alone."""
+    """Rebuild the data of a bench of masses from its truth alone."""
     actual = Robot.model_validate(truth["actual_robot"])
     loads = truth["loads"]
     way = [*loads["masses_kg"], *loads["masses_kg"][-2::-1]] if loads["unload"] else [
@@ -538,7 +540,7 @@ def test_label_and_truth_survive_the_file(study: Bench, tmp_path: Path) -> None:
     assert data["sha256"] == found.sha256 and data["file"] == "bench.csv"
     assert content == json.loads(json.dumps(made.truth))
     assert json.loads(truth.read_text())["source"] == "synthetic"
-    # the table alone has the truth as well, in a comment
+    # the table alone contains the truth as well, in a comment
     (line,) = (x for x in table.read_text().splitlines() if x.startswith("# truth: "))
     short = json.loads(line.removeprefix("# truth: "))
     assert short == {k: v for k, v in content.items() if k not in ("rows", "actual_robot")}
@@ -547,7 +549,7 @@ def test_label_and_truth_survive_the_file(study: Bench, tmp_path: Path) -> None:
 
 
 def test_the_label_survives_other_programs(study: Bench, tmp_path: Path) -> None:
-    """Comments may be dropped, and rows be left out: each says what it is."""
+    """Comments may be dropped, and rows omitted: each row is labelled."""
     table, _ = write(study.measure(1), tmp_path / "bench.csv")
     rows = [x for x in table.read_text().splitlines() if not x.startswith("#")]
     bare = tmp_path / "bare.csv"
@@ -566,7 +568,7 @@ def test_label_and_truth_of_a_part(study: Bench) -> None:
     assert part.source == "synthetic" and part.truth is not None and part.truth["seed"] == 1
 
 
-def test_no_noise_is_said(robot: bs.Robot, tmp_path: Path) -> None:
+def test_noise_free_data_are_labelled(robot: bs.Robot, tmp_path: Path) -> None:
     table, _ = write(simulate(robot, **bench(masses=MASSES, **CLEAN)), tmp_path / "a.csv")
     assert "# There is no noise.\n" in table.read_text()
     assert read_measurements(table).sigma is None
@@ -593,7 +595,7 @@ def test_a_bench_is_replaced_and_nothing_else(study: Bench, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("former", [True, False])
 @pytest.mark.parametrize("failing", ["the truth", "the table"])
-def test_whole_or_not_at_all(
+def test_a_bench_is_written_atomically(
     failing: str, former: bool, study: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if former:
@@ -640,7 +642,7 @@ def test_the_truth_of_another_table(study: Bench, tmp_path: Path) -> None:
         read_truth(file)
 
 
-def test_what_was_measured_has_no_truth(tmp_path: Path) -> None:
+def test_measured_data_have_no_truth(tmp_path: Path) -> None:
     found = read_measurements(Path(__file__).parents[1] / "examples" / "bench.csv")
     with pytest.raises(InputError, match="is not of a virtual bench, it has no known truth"):
         write(found, tmp_path / "a.csv")
@@ -715,7 +717,7 @@ def test_more_bad_input(robot: bs.Robot, study: Bench) -> None:
         simulate(robot, **bench(tensions=[[1, 0, 0], [1e6, 0, 0]]))
 
 
-def test_the_place_is_checked(tmp_path: Path) -> None:
+def test_the_output_path_is_checked(tmp_path: Path) -> None:
     (tmp_path / "folder.csv").mkdir()
     for name, says in (
         ("bench.xlsx", "a table ends in .csv; name for example bench.csv"),
@@ -856,6 +858,6 @@ def test_measured_data_are_never_replaced(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bench.csv").write_text("mass_1_kg\n1\n")
-    monkeypatch.setattr(synthetic, "set_up", pytest.fail)  # it is said before any work
+    monkeypatch.setattr(synthetic, "set_up", pytest.fail)  # it is reported before any work
     assert "--out: cannot write the bench to" in shell.error(*COMMAND, "--masses", "1")
     assert (tmp_path / "bench.csv").read_text() == "mass_1_kg\n1\n"

@@ -1,4 +1,4 @@
-"""Swapped tendons, left-handed frames and wrong units are named, and nothing that is not sure."""
+"""Swapped tendons, left-handed frames and wrong units are reported, but only where certain."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_one_segment(tensions: Floats, gravity: tuple[float, float, float]) -> N
     assert "other sense" not in right.sentence
     for pair in combinations((1, 2, 3), 2):
         found = check_tendons(STUDY, reordered(data, *pair))
-        # three tendons the other way round are two of them swapped: both are said
+        # three tendons in reverse order are two of them swapped: both are reported
         assert found.found == "mirrored" and found.tendons == pair and found.alarm
         assert f"or tendons {pair[0]} and {pair[1]} are swapped" in found.sentence
         assert "left-handed" in found.sentence
@@ -80,14 +80,14 @@ def test_the_measuring_frame_may_lie_anywhere(turn: int) -> None:
 
 
 @pytest.mark.parametrize("gravity", GRAVITIES)
-def test_motion_in_a_plane_raises_no_alarm(gravity: tuple[float, float, float]) -> None:
+def test_planar_motion_gives_no_warning(gravity: tuple[float, float, float]) -> None:
     data = made(STUDY, PLANE, gravity=gravity)
     for same in (data, reordered(data, 2, 3), replace(data, points=data.points * [1, -1, 1])):
         found = check_tendons(STUDY, same)
         assert (
             found.found == "as_said" and "numbered in the other sense they would" in found.sentence
         )
-    # where the frame is registered, the direction names the tendon
+    # where the frame is registered, the direction identifies the tendon
     wrong = check_tendons(STUDY, reordered(data, 1, 2))
     assert wrong.found == "turned" and wrong.tendons == (1, 2) and not wrong.alarm
     assert wrong.turn == pytest.approx(-np.radians(120), abs=np.radians(2))
@@ -117,7 +117,7 @@ def test_two_segments() -> None:
     assert check_tendons(robot, replace(data, points=data.points * [-1, 1, 1])).found == "mirrored"
 
 
-def test_what_cannot_be_checked() -> None:
+def test_tables_that_cannot_be_checked() -> None:
     data = made(STUDY, ANY)
     for other, says in (
         (data.select(slice(3)), "it takes 4 rows or more"),
@@ -145,14 +145,14 @@ def test_a_measured_robot_of_three_segments(part: str, public_data: Callable[[st
     right = check_tendons(robot, data)
     assert right.found == "as_said", right.sentence
     if part == "tendon_pull":
-        return  # most tendons hang: too little is explained to name any
+        return  # most tendons are slack: too little variance is explained to identify any
     for pair in [(1, 2), (2, 3), (4, 5), (5, 6), (7, 8), (7, 9)]:
         found = check_tendons(robot, reordered(data, *pair))
         assert (found.found, found.tendons) == ("swapped", pair), found.sentence
     for mirror in ([1, -1, 1], [-1, 1, 1]):
         found = check_tendons(robot, replace(data, points=data.points * mirror))
         assert found.found == "mirrored" and not found.tendons
-    # the numbers in the names of the columns taken for the order
+    # the numbers in the column names used as the order
     by_id = np.argsort([4, 3, 9, 5, 2, 8, 6, 1, 7])
     found = check_tendons(robot, replace(data, displacements=data.displacements[:, by_id]))
     assert found.found == "unclear" and found.alarm
@@ -186,7 +186,7 @@ def test_measured_angles(public_data: Callable[[str], Path]) -> None:
 @pytest.mark.parametrize(
     ("factor", "says"), [(1e3, "would wind amouri2019"), (1e-3, "the tip moves far more")]
 )
-def test_tensions_a_thousand_times_off_are_doubted(factor: float, says: str) -> None:
+def test_tensions_in_a_wrong_unit_give_a_warning(factor: float, says: str) -> None:
     data = made(STUDY, PLANE, gravity=(0, 0, -9.81))
     assert not check_tendons(STUDY, data).alarm
     found = check_tendons(STUDY, replace(data, tensions=factor * data.tensions))
@@ -201,11 +201,11 @@ def test_a_stiffness_to_be_calibrated_is_not_doubted(times: float) -> None:
     assert not check_tendons(other, data).alarm
 
 
-# -- a table in another unit, or by another factor ---------------------------------------------
+# -- a table in another unit, or scaled by a factor ----------------------------------------------
 
 SILICONE = STUDY.with_(
     {
-        "gravity": "0 0 9.80665",  # hanging: it bends a tenth of what the linear law says
+        "gravity": "0 0 9.80665",  # suspended: it bends a tenth of the linear law
         "segments.0.length": "400 mm",
         "segments.0.backbone.diameter": "20 mm",
         "segments.0.backbone.E": "1 MPa",
@@ -245,14 +245,14 @@ BENCHES = {
 
 
 @pytest.mark.parametrize("name", BENCHES)
-def test_a_right_table_raises_no_alarm(name: str) -> None:
+def test_a_correct_table_gives_no_warning(name: str) -> None:
     robot, data = BENCHES[name]
     found = check_tendons(robot, data)
     assert found.found == "as_said" and found.unexplained < 0.2, found.sentence
 
 
 @pytest.mark.parametrize("name", BENCHES)
-@pytest.mark.parametrize("factor", [1e-3, 0.1, 10.0])  # 1000 times larger ones are refused
+@pytest.mark.parametrize("factor", [1e-3, 0.1, 10.0])  # 1000 times larger ones are rejected
 def test_tips_in_another_unit_are_noticed(name: str, factor: float) -> None:
     robot, data = BENCHES[name]
     found = check_tendons(robot, replace(data, points=factor * data.points))
@@ -281,14 +281,14 @@ def test_a_tip_that_does_not_move_is_noticed() -> None:
     assert found.alarm and "does not move, though amouri2019 would" in found.sentence
 
 
-def test_other_errors_of_a_robot_file_are_not_taken_for_a_unit() -> None:
+def test_other_errors_of_a_robot_file_are_not_reported_as_units() -> None:
     robot, data = BENCHES["slender"]
     for path, factor in (("backbone.E", 0.4), ("backbone.E", 2.5), ("length", 1.3)):
         value = factor * (robot.length if path == "length" else robot.segments[0].backbone.E)
         assert not check_tendons(robot.with_({f"segments.0.{path}": value}), data).alarm
 
 
-def test_displacements_that_stretch_the_tendons_are_no_wrong_unit() -> None:
+def test_elongating_displacements_are_not_reported_as_units() -> None:
     soft = {"segments.0.tendons.compliance": "5 mm/N"}
     data = BENCHES["slender, by displacement"][1]
     displacements = data.displacements + 5e-3 * STAR / 15

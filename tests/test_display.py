@@ -1,4 +1,4 @@
-"""What objects and functions say of themselves: reprs, notebooks, signatures, dir."""
+"""Representations of objects and functions: reprs, notebooks, signatures, dir."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def robot() -> bs.Robot:
 
 @pytest.fixture(scope="module")
 def objects(robot: bs.Robot, paper: Study) -> dict[str, Any]:
-    """What the public functions return."""
+    """Results of the public functions."""
     solution = bs.solve(robot, [1, 0, 0, 0, 0, 0])
     loads = np.outer(np.linspace(0, 1, 200), [1, 0, 0, 0, 0, 0])
     return {
@@ -54,7 +54,7 @@ def test_reprs_are_short(objects: dict[str, Any]) -> None:
             assert len(repr(value)) <= 800 and "\n" not in repr(value), name
 
 
-def test_reprs_say_what_it_is(objects: dict[str, Any]) -> None:
+def test_reprs_name_the_object(objects: dict[str, Any]) -> None:
     assert repr(objects["robot"]) == "<Robot rao2021: 400 mm, 2 segments, 20 disks, 6 tendons>"
     assert repr(objects["study"]) == "<Study of amouri2019 to 80 N: 8 comparisons>"
     assert repr(objects["data"]).startswith("Measurements(source='synthetic', name='bench', ten")
@@ -102,7 +102,7 @@ def test_names_in_tables_are_text(robot: bs.Robot) -> None:
 
 
 def _public() -> Iterator[Any]:
-    """Functions that users call, each with its name."""
+    """Public functions, each with its name."""
     modules = [bs, *(getattr(bs, name) for name in bs.__all__), datasets, registration, synthetic]
     seen = set()
     for module in modules:

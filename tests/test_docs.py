@@ -1,4 +1,4 @@
-"""The examples that people read do what is written beside them."""
+"""The examples of the documentation produce the results shown there."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TUTORIALS = [page for page in PAGES if "{code-cell}" in page.read_text("utf-8")]
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
 
 
-#: Words of examples that take long, and their marker.
+#: Words of slow examples, and their marker.
 _LONG = (
     (r"bowstring study|make study|run_study|judge_data|bowstring fit", pytest.mark.slow),
     (r"bowstring fe|import fem", pytest.mark.fem),
@@ -63,7 +63,7 @@ def blocks(language: str) -> list[object]:
 
 @pytest.fixture(autouse=True)
 def beginner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An empty folder with the robot files that the README and the start pages tell to copy."""
+    """An empty folder with the robot files that the README and the start pages say to copy."""
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     for name in ("my_robot.yaml", "small.yaml"):
         shutil.copy(ROOT / "examples" / name, tmp_path)
@@ -78,7 +78,7 @@ def test_commands(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Each `$ bowstring ...` ends well, and prints what is shown below it, if anything is."""
+    """Each `$ bowstring ...` succeeds, and prints the output shown below it, if any."""
     for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
         command, _, shown = part.partition("\n")
         program, *arguments = shlex.split(command)
@@ -98,8 +98,8 @@ def test_commands(
 
 
 @pytest.mark.parametrize("page", PAGES, ids=_name)
-def test_commands_that_are_not_run(page: Path) -> None:
-    """What takes minutes or others' data stands in sh blocks; its flags are those there are."""
+def test_commands_in_sh_blocks(page: Path) -> None:
+    """Slow examples and those with public data are in sh blocks; their flags must exist."""
     import typer
 
     fences = re.findall(
@@ -112,7 +112,7 @@ def test_commands_that_are_not_run(page: Path) -> None:
             assert language == "sh", f"{line!r} is never run: put it into a console block"
             _, *arguments = shlex.split(line, comments=True)
             command = typer.main.get_command(main.app)
-            if arguments[0].startswith("-"):  # of the program itself, which would act at once
+            if arguments[0].startswith("-"):  # options of the program itself, which act at once
                 assert arguments[0] in {name for option in command.params for name in option.opts}
                 continue
             while hasattr(command, "commands"):
@@ -121,16 +121,17 @@ def test_commands_that_are_not_run(page: Path) -> None:
 
 
 def finite_elements_at(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Skip where there is no CalculiX; its results are kept apart from the user's."""
+    """Skip where CalculiX is missing; keep its results apart from the user's."""
     if shutil.which("ccx") is None:
         pytest.skip("needs CalculiX (the program ccx) on the search path")
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
 
 
 def assert_same_text(printed: str, shown: str) -> None:
-    """Equal words, up to a line of dots; numbers may differ in the last digit, as platforms do.
+    """Compare words, up to a line of dots; numbers may differ in the last digit between platforms.
 
-    Folders, numbers of time steps, and those that the program calls rough are left out.
+    Folders, numbers of time steps, and numbers that the program calls approximate are ignored.
+
     """
     vary = r"\S+(?=/bowstring-study)|\d+ (?=steps)|(?<=about )\d\S*"
     printed, shown = (re.sub(vary, "", text) for text in (printed, shown))
@@ -145,7 +146,7 @@ def assert_same_text(printed: str, shown: str) -> None:
 
 @pytest.mark.parametrize("block", blocks("python"))
 def test_python(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A block with prompts is a doctest, any other is run."""
+    """A block with prompts is a doctest, any other block is executed."""
     if "make_solid" in block:
         pytest.importorskip("build123d", exc_type=ImportError)
     if "import fem" in block:
@@ -160,7 +161,7 @@ def test_python(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.parametrize("page", TUTORIALS, ids=_name)
 def test_tutorials(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The cells of a tutorial run one after the other."""
+    """The cells of a tutorial are executed in order."""
     from matplotlib import pyplot
 
     monkeypatch.setattr(pyplot, "show", lambda: pyplot.close("all"))
@@ -170,7 +171,7 @@ def test_tutorials(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     exec(compile("\n".join(cells), str(page), "exec"), {"__name__": "tutorial"})
 
 
-def test_every_public_name_has_its_place_in_the_reference() -> None:
+def test_every_public_name_is_in_the_reference() -> None:
     import bowstring
 
     listed = set()
@@ -204,7 +205,27 @@ def test_messages_of_the_troubleshooting_page_are_those_of_the_program() -> None
             assert words in text, f"no message of the program contains {words!r}"
 
 
-def test_readme_says_where_the_command_is_before_it_is_used() -> None:
+def test_equations_cited_in_the_core_exist() -> None:
+    theory = DOCS / "theory"
+    pages = re.search(
+        r"```\{toctree\}(.*?)```", (theory / "index.md").read_text("utf-8"), re.DOTALL
+    )
+    assert pages is not None
+    equations = {
+        f"{number}.{equation}"
+        for number, page in enumerate(re.findall(r"^[\w-]+$", pages[1], re.MULTILINE), start=1)
+        for equation in range(1, 1 + (theory / f"{page}.md").read_text("utf-8").count("\n:label:"))
+    }
+    cited = set()
+    for source in (ROOT / "crates" / "bowstring-core" / "src").rglob("*.rs"):
+        text = source.read_text("utf-8")
+        cited.update(*re.findall(r"Eq\. (\d\.\d+)(?: and (\d\.\d+))?", text))
+        for page in re.findall(r"docs/theory/([\w-]+)\.md", text):
+            assert (theory / f"{page}.md").exists(), source
+    assert len(cited) > 25 and cited - {""} <= equations
+
+
+def test_readme_locates_the_command_before_its_first_use() -> None:
     text = (ROOT / "README.md").read_text("utf-8")
     assert 0 < text.find("$ source .venv/bin/activate") < text.find("$ bowstring")
 
@@ -223,7 +244,7 @@ def test_make_study_of_a_robot(given: tuple[str, ...], robot: str) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=_name)
 def test_links(page: Path) -> None:
-    """Every link and picture of a page leads to a file that is there."""
+    """Every link and picture of a page leads to an existing file."""
     for target in re.findall(r"\]\(([^)#]+)", page.read_text("utf-8")):
         if not target.startswith("http"):
             assert (page.parent / target).exists(), target

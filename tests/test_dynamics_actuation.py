@@ -32,10 +32,10 @@ ELASTIC = bs.load_robot(
         TENDONS + "spool_radius": "10 mm",
     },
 )
-RUBBING = bs.load_robot("amouri2019", {TENDONS + "friction": 0.1})
+WITH_FRICTION = bs.load_robot("amouri2019", {TENDONS + "friction": 0.1})
 RAO = bs.load_robot("rao2021")
 CRL = bs.load_robot("crl-ftdcr-v4")
-THREADS = {"stiff": STIFF, "elastic": ELASTIC, "rubbing": RUBBING}
+THREADS = {"stiff": STIFF, "elastic": ELASTIC, "friction": WITH_FRICTION}
 
 
 # -- motion ------------------------------------------------------------------------------------
@@ -70,8 +70,8 @@ def test_a_ramp_ends_in_the_equilibrium_of_its_displacements(
     np.testing.assert_allclose(end.tendon_displacement, displacements, rtol=0, atol=1e-15)
 
 
-def test_a_tendon_hangs_by_its_surplus_or_displacements() -> None:
-    """At every output time, in a motion that throws tendons loose and catches them."""
+def test_slack_lengths_equal_surplus_lengths() -> None:
+    """At every output time, in a motion in which tendons become slack and taut."""
     for robot in (STIFF, ELASTIC):
         displacements = [0.02, -0.01, -0.012]
         run = simulate(
@@ -83,23 +83,23 @@ def test_a_tendon_hangs_by_its_surplus_or_displacements() -> None:
         fields = run.raise_for_status().to_dataset()
         home = bs.solve(robot, load=bs.Load(displacements=[0, 0, 0])).tendon_lengths
         if robot is ELASTIC:
-            home = home - (0.3 + robot.length) / 20e3 * 5.0  # its stretch under the pretension
+            home = home - (0.3 + robot.length) / 20e3 * 5.0  # its elongation under the pretension
         slack = fields.slack.values
         surplus = home - fields.tendon_displacement.values - fields.tendon_length.values
         assert (slack >= 0).all() and (fields.tension.values >= 0).all()
-        hangs = slack > 1e-9
-        assert hangs.any(axis=0).sum() >= 2 and not hangs.all()
-        np.testing.assert_allclose(slack[hangs], surplus[hangs], rtol=0, atol=1e-12)
-        # one that is taut stretches; one that does not stretch is as long as its displacement says
-        taut = ~hangs & (fields.time.values > 0)[:, None]
+        is_slack = slack > 1e-9
+        assert is_slack.any(axis=0).sum() >= 2 and not is_slack.all()
+        np.testing.assert_allclose(slack[is_slack], surplus[is_slack], rtol=0, atol=1e-12)
+        # a taut elastic tendon elongates; an inextensible one has the length of its displacement
+        taut = ~is_slack & (fields.time.values > 0)[:, None]
         assert (surplus[taut] < 1e-9).all()
         if robot is STIFF:
             np.testing.assert_allclose(surplus[taut], 0, atol=1e-10)
 
 
 @pytest.mark.parametrize("name", ["stiff", "elastic"])
-def test_energy_is_kept_after_a_release(name: str) -> None:
-    """Without damping, and from one output to the next: tendons that catch lose some."""
+def test_energy_is_conserved_after_a_release(name: str) -> None:
+    """Without damping, between outputs: tendons that become taut dissipate energy."""
     run = simulate(
         THREADS[name],
         duration=1.0,
@@ -111,13 +111,13 @@ def test_energy_is_kept_after_a_release(name: str) -> None:
     size = float((fields.kinetic_energy + fields.elastic_energy).max())
     assert float(abs(fields.energy_balance).max()) < 1e-3 * size
     assert np.diff(fields.dissipated_energy).min() > -1e-6 * size
-    assert float(abs(fields.work).max()) < 1e-9  # motors stand still
+    assert float(abs(fields.work).max()) < 1e-9  # the motors do not move
 
 
-def test_friction_takes_what_the_balance_says() -> None:
+def test_friction_dissipation_closes_the_energy_balance() -> None:
     course = Table([0, 1, 2], [[0, 0, 0], [40, 0, 0], [0, 0, 0]])
     fields = simulate(
-        RUBBING, course, 2.0, integrator=bs.Integrator(spectral_radius=1.0, dt=2e-3)
+        WITH_FRICTION, course, 2.0, integrator=bs.Integrator(spectral_radius=1.0, dt=2e-3)
     ).to_dataset()
     work = float(fields.work.max())
     assert float(abs(fields.energy_balance).max()) < 2e-3 * work
@@ -126,37 +126,40 @@ def test_friction_takes_what_the_balance_says() -> None:
 
 
 def test_slow_load_and_unload_follow_the_path() -> None:
-    """Tension up and down: the motion goes through the hysteresis loop of statics."""
+    """Tension up and down: the motion follows the hysteresis loop of statics."""
     course = Table([0, 10, 20], [[0, 0, 0], [40, 0, 0], [0, 0, 0]])
     run = simulate(
-        RUBBING,
+        WITH_FRICTION,
         course,
         20.0,
         integrator=bs.Integrator(mass_damping=2.0),
         output=bs.Output(every=0.25),
     )
-    path = bs.sweep(RUBBING, run.raise_for_status().to_dataset().tension.values)
+    path = bs.sweep(WITH_FRICTION, run.raise_for_status().to_dataset().tension.values)
     x, static = run.tip_position[:, 0], path.tip_position[:, 0]
     width = static[::-1] - static
-    assert width[20] > 2e-3  # half way up, 20 N
+    assert width[20] > 2e-3  # in the middle of loading, 20 N
     assert abs(x - static).max() < 1e-3
     assert (x[::-1] - x)[20] == pytest.approx(width[20], rel=0.2)
 
 
-def test_a_history_goes_on() -> None:
-    """From 20 N on the way down from 40 N, where friction holds the robot farther bent."""
-    path = bs.sweep(RUBBING, [[20, 0, 0], [40, 0, 0], [30, 0, 0], [20, 0, 0]])
+def test_a_motion_continues_a_history() -> None:
+    """From 20 N while unloading from 40 N, where friction holds the robot at a larger bend."""
+    path = bs.sweep(WITH_FRICTION, [[20, 0, 0], [40, 0, 0], [30, 0, 0], [20, 0, 0]])
     history = json.loads(json.dumps(path.history()))
-    run = simulate(RUBBING, [20, 0, 0], 0.1, start=bs.Start(history=history)).raise_for_status()
+    run = simulate(
+        WITH_FRICTION, [20, 0, 0], 0.1, start=bs.Start(history=history)
+    ).raise_for_status()
     np.testing.assert_allclose(run.tip_position[:, 0], path.tip_position[3, 0], atol=1e-9)
-    fresh = simulate(RUBBING, [20, 0, 0], 0.1)
+    fresh = simulate(WITH_FRICTION, [20, 0, 0], 0.1)
     assert fresh.tip_position[0, 0] < path.tip_position[3, 0] - 2e-3
 
 
-def test_lines_without_a_law_change_nothing() -> None:
-    """Tensions beside a history of a robot that neither stretches nor rubs.
+def test_ideal_tendons_match_tension_control() -> None:
+    """Tensions after a history of a robot without elasticity and friction.
 
-    Without numerical damping, for with it only a motion by tension leaves its steps an imbalance.
+    Without numerical damping: only with it, and only under tensions alone, steps keep an imbalance.
+
     """
     course = ramp([40, 0, 0], 0.2)
     steps = {"dt": 2e-3, "spectral_radius": 1.0}
@@ -173,7 +176,7 @@ def test_lines_without_a_law_change_nothing() -> None:
     np.testing.assert_allclose(controlled.tip_position, plain.tip_position, rtol=0, atol=1e-9)
 
 
-def test_angles_wind_the_displacements() -> None:
+def test_motor_angles_match_displacements() -> None:
     angles = np.array([0.4, -0.2, -0.2])
     turned = simulate(ELASTIC, duration=0.2, load=bs.Load(angles=ramp(angles, 0.1)))
     pulled = simulate(ELASTIC, duration=0.2, load=bs.Load(displacements=ramp(0.01 * angles, 0.1)))
@@ -191,7 +194,7 @@ def test_angles_wind_the_displacements() -> None:
 
 
 @pytest.mark.parametrize("as_function", [False, True])
-def test_a_mix_over_time(as_function: bool) -> None:
+def test_mixed_control_over_time(as_function: bool) -> None:
     tensions = ramp([5, NAN, NAN], 0.1)
     displacements = ramp([NAN, 0.002, NAN], 0.1)
     angles = ramp([NAN, NAN, -0.1], 0.1)
@@ -218,7 +221,7 @@ def test_a_mix_over_time(as_function: bool) -> None:
     json.dumps(run.settings, allow_nan=False)
 
 
-def test_a_displacement_that_stretches_may_jump() -> None:
+def test_displacements_of_elastic_tendons_may_jump() -> None:
     run = simulate(
         ELASTIC, duration=0.1, load=bs.Load(displacements=step([0.004, -0.002, -0.002], 0.02))
     )
@@ -252,8 +255,8 @@ def test_several_segments(robot: bs.Robot, displacement: float) -> None:
     assert float(abs(fields.energy_balance).max()) < 2e-2 * size
 
 
-def test_modal_damping_knows_displacements_and_leaves_friction_out() -> None:
-    """Taut tendons that keep their length make the slowest mode faster, and its damping with it."""
+def test_modal_damping_includes_displacement_control_without_friction() -> None:
+    """Taut tendons of constant length raise the slowest frequency and the modal damping."""
     displacements = [0.004, -0.002, -0.002]
     damped = simulate(
         ELASTIC,
@@ -267,10 +270,12 @@ def test_modal_damping_knows_displacements_and_leaves_friction_out() -> None:
     for w in (slow, fast):
         assert mass / (2 * w) + material * w / 2 == pytest.approx(0.05, rel=1e-9)
     alone = simulate(STIFF, [20, 0, 0], 0.01, integrator=bs.Integrator(modal_damping=0.05)).settings
-    rubs = simulate(
-        RUBBING, [20, 0, 0], 0.01, integrator=bs.Integrator(modal_damping=0.05)
+    with_friction = simulate(
+        WITH_FRICTION, [20, 0, 0], 0.01, integrator=bs.Integrator(modal_damping=0.05)
     ).settings
-    assert rubs["mass_damping_per_s"] == pytest.approx(alone["mass_damping_per_s"], rel=1e-9)
+    assert with_friction["mass_damping_per_s"] == pytest.approx(
+        alone["mass_damping_per_s"], rel=1e-9
+    )
 
 
 # -- modes -------------------------------------------------------------------------------------
@@ -280,13 +285,13 @@ def test_modal_damping_knows_displacements_and_leaves_friction_out() -> None:
     ("robot", "given"),
     [
         (ELASTIC, {"displacements": [0.004, -0.002, -0.002]}),
-        (STIFF, {"displacements": [0.012, -0.0065, -0.0065]}),  # two hang
-        (RUBBING, {"tensions": [20, 0, 0]}),
+        (STIFF, {"displacements": [0.012, -0.0065, -0.0065]}),  # two are slack
+        (WITH_FRICTION, {"tensions": [20, 0, 0]}),
     ],
-    ids=["elastic", "two hang", "rubbing"],
+    ids=["elastic", "two slack", "friction"],
 )
-def test_modes_move_as_the_robot_does(robot: bs.Robot, given: dict[str, Any]) -> None:
-    """Let go from forces that are those of a mode, the robot oscillates at its frequency."""
+def test_modes_match_free_oscillations(robot: bs.Robot, given: dict[str, Any]) -> None:
+    """Released from forces with the shape of a mode, the robot oscillates at its frequency."""
     found = modes(robot, count=2, **objects(**given))
     rest = bs.solve(robot, **objects(**given)).disk_positions
     for frequency, shape in zip(found.frequency_hz, found.displacement, strict=True):
@@ -310,25 +315,25 @@ def test_modes_move_as_the_robot_does(robot: bs.Robot, given: dict[str, Any]) ->
         assert len(crossed) >= 5 and 1 / period == pytest.approx(frequency, rel=2e-3)
 
 
-def test_what_is_held_is_faster() -> None:
-    """Tendons that keep their length stiffen the robot; those that stick in their holes too."""
+def test_constraints_raise_frequencies() -> None:
+    """Tendons of constant length stiffen the robot, and so do those that stick in their holes."""
     tensions = [20, 12, 10]
     free = modes(STIFF, tensions).frequency_hz
     pulled = modes(
         STIFF, load=bs.Load(displacements=bs.solve(STIFF, tensions).displacements())
     ).frequency_hz
-    stuck = modes(RUBBING, tensions).frequency_hz
+    stuck = modes(WITH_FRICTION, tensions).frequency_hz
     assert (pulled >= free * (1 - 1e-6)).all() and (stuck >= free * (1 - 1e-6)).all()
     assert pulled[0] > 1.3 * free[0] and stuck[0] > pulled[0]
 
 
-def test_modes_of_a_robot_whose_tendons_hang_are_its_own() -> None:
+def test_slack_tendons_do_not_change_modes() -> None:
     paid_out = modes(STIFF, load=bs.Load(displacements=[-0.01, -0.01, -0.01]))
     np.testing.assert_allclose(paid_out.frequency_hz, modes(STIFF).frequency_hz, rtol=1e-9)
     assert (paid_out.tensions == 0).all()
 
 
-def test_modes_of_angles_and_of_a_mix() -> None:
+def test_modes_under_motor_angles_and_mixed_control() -> None:
     by_angle = modes(ELASTIC, load=bs.Load(angles=[0.4, -0.2, -0.2]))
     by_displacement = modes(ELASTIC, load=bs.Load(displacements=[0.004, -0.002, -0.002]))
     np.testing.assert_allclose(by_angle.frequency_hz, by_displacement.frequency_hz, rtol=1e-12)
@@ -345,13 +350,15 @@ def test_modes_of_angles_and_of_a_mix() -> None:
     [
         (STIFF, {"displacements": [0.02, -0.03, -0.03]}),
         (ELASTIC, {"tensions": [5, None, None], "displacements": [None, 0.002, -0.001]}),
-        (RUBBING, {"displacements": [0.02, -0.012, -0.03]}),
-        (RUBBING, {"tensions": [40, 0, 0]}),
+        (WITH_FRICTION, {"displacements": [0.02, -0.012, -0.03]}),
+        (WITH_FRICTION, {"tensions": [40, 0, 0]}),
         (RAO, {"displacements": [0.004, -0.01, -0.01, 0.003, -0.01, -0.01]}),
         (RAO, {"tensions": [1, 0, 0, 1, 0, 0]}),
     ],
 )
-def test_fields_of_an_equilibrium_are_the_solutions(robot: bs.Robot, given: dict[str, Any]) -> None:
+def test_fields_of_an_equilibrium_match_the_solution(
+    robot: bs.Robot, given: dict[str, Any]
+) -> None:
     solution = bs.solve(robot, **objects(**given)).raise_for_status()
     fields = solution.to_dataset().isel(time=0)
     assert solution.tendon_lengths is not None
@@ -372,9 +379,9 @@ def test_a_file_has_the_new_fields(tmp_path: Path) -> None:
         "displacements": ramp([NAN, 0.002, -0.02], 0.05),
         "duration": 0.1,
     }
-    kept = simulate(RUBBING, **objects(**arguments))
+    kept = simulate(WITH_FRICTION, **objects(**arguments))
     file = tmp_path / "run.nc"
-    simulate(RUBBING, **objects(**arguments, path=file))
+    simulate(WITH_FRICTION, **objects(**arguments, path=file))
     read = read_run(file)
     xr.testing.assert_identical(read, kept.to_dataset())
     for name in ("tension", "tendon_displacement", "slack", "span_tension"):
@@ -386,7 +393,7 @@ def test_a_file_has_the_new_fields(tmp_path: Path) -> None:
 
 
 def test_without_friction_all_spans_carry_the_tension() -> None:
-    """Also where nothing but tensions drives the robot, and beyond a tendon's end is nothing."""
+    """Also under tension control alone; NaN beyond a tendon's end."""
     fields = simulate(RAO, [1, 0, 0, 1, 0, 0], 0.02).to_dataset().isel(time=-1)
     passes = np.arange(20)[:, None] <= RAO.tendons.end_disk
     assert (np.isnan(fields.span_tension) == ~passes).all()
@@ -424,7 +431,7 @@ def test_an_interrupted_run_keeps_its_displacements(tmp_path: Path) -> None:
     assert float(read.tendon_displacement[-1, 0]) == pytest.approx(0.1 * float(read.time[-1]))
 
 
-def test_displacements_after_the_end_are_not_asked_for() -> None:
+def test_displacement_functions_are_not_called_after_the_end() -> None:
     far = Table([0, 0.1, 50], [[0, 0, 0], [0.001, 0, 0], [0.7, 0, 0]])
     run = simulate(
         STIFF,
@@ -437,7 +444,7 @@ def test_displacements_after_the_end_are_not_asked_for() -> None:
         simulate(STIFF, duration=46.0, load=bs.Load(displacements=far))
 
 
-# -- what is refused ---------------------------------------------------------------------------
+# -- rejected input ----------------------------------------------------------------------------
 
 OTHER = bs.solve(STIFF.with_({TENDONS + "friction": 0.2}), [10, 0, 0]).history()
 
@@ -521,8 +528,8 @@ def test_bad_commands(given: dict[str, Any], says: str, tmp_path: Path) -> None:
     assert late or not file.exists()
 
 
-def test_displacements_that_fight() -> None:
-    """Three tendons of a backbone that does not shorten."""
+def test_conflicting_displacements() -> None:
+    """Three tendons of an inextensible backbone."""
     run = simulate(
         STIFF,
         duration=0.1,
@@ -531,8 +538,8 @@ def test_displacements_that_fight() -> None:
     )
     assert run.status == "step_failed"
     assert "bowstring.solve tells whether the displacements of that time conflict" in run.message
-    # a backbone that shortens follows for a while, until it buckles; what it stopped at is as sound
-    # as before (slower motions may pass the buckling, which rounding decides)
+    # an extensible backbone follows for a while, until it buckles; the last state is as accurate as
+    # before (slower motions may pass the buckling point, which rounding decides)
     fields = simulate(
         STIFF,
         duration=0.3,
@@ -555,8 +562,8 @@ def test_displacements_that_fight() -> None:
         modes(STIFF, load=bs.Load(displacements=[0.03] * 3), model=bs.RodModel("kirchhoff"))
 
 
-def test_a_displacement_that_jumps_acts_at_once() -> None:
-    """Not over a step, which would be late by half of one: the error falls faster than the step."""
+def test_a_displacement_jump_acts_at_once() -> None:
+    """A jump is not spread over a step: the error decreases faster than the step."""
     robot = bs.load_robot("amouri2019").with_(
         {
             "segments.0.tendons.axial_stiffness": "20 kN",
@@ -590,7 +597,7 @@ def test_a_displacement_that_jumps_acts_at_once() -> None:
     assert fine < 0.35 * coarse
 
 
-def test_rounding_is_no_jump_and_no_slip() -> None:
+def test_rounding_causes_no_jump_and_no_slip() -> None:
     times, displacements = [0.0, 0.1, 0.2, 0.3], [0.0, -0.02, -0.007, 0.0]
     table = bs.dynamics.Table(times, np.array([displacements, np.zeros(4), np.zeros(4)]).T)
     force = bs.dynamics.Table([0.0, 0.2, 0.2, 0.3], [[0, 0, 0], [0, 0, 0], [0.01, 0, 0], [0, 0, 0]])
@@ -600,8 +607,8 @@ def test_rounding_is_no_jump_and_no_slip() -> None:
         load=bs.Load(displacements=table, tip_force=force),
     )
     assert run.converged
-    # a displacement that rises and then stays does not turn friction round at the base hole
-    rubbing = bs.load_robot("amouri2019").with_(
+    # a displacement that rises and then stays does not reverse friction at the base hole
+    with_friction = bs.load_robot("amouri2019").with_(
         {
             "segments.0.tendons.axial_stiffness": "20 kN",
             "segments.0.tendons.pretension": "5 N",
@@ -611,7 +618,7 @@ def test_rounding_is_no_jump_and_no_slip() -> None:
     path = np.array([0.0, 0.001, 0.010, 0.010])
     table = bs.dynamics.Table([0.0, 0.1, 0.5, 0.7], np.stack([path, -path / 2, -path / 2], axis=1))
     run = bs.simulate(
-        rubbing,
+        with_friction,
         duration=0.7,
         load=bs.Load(displacements=table),
         integrator=bs.Integrator(mass_damping=5.0),
@@ -621,8 +628,8 @@ def test_rounding_is_no_jump_and_no_slip() -> None:
     assert run.converged and (ratio[-15:] > 1.0).all()
 
 
-def test_holes_without_bend_hold_nothing() -> None:
+def test_holes_without_bend_have_no_friction() -> None:
     plain = bs.load_robot("amouri2019")
-    rubbing = plain.with_({"segments.0.tendons.friction": 0.1})
-    straight = bs.modes(rubbing, [10, 10, 10]).frequency_hz
+    with_friction = plain.with_({"segments.0.tendons.friction": 0.1})
+    straight = bs.modes(with_friction, [10, 10, 10]).frequency_hz
     np.testing.assert_allclose(straight, bs.modes(plain, [10, 10, 10]).frequency_hz, rtol=1e-6)

@@ -1,4 +1,4 @@
-"""Damaged runs are refused by one sentence, before they are loaded."""
+"""Damaged run files are rejected with one sentence, before they are loaded."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def put(offset: int, value: int) -> Callable[[bytes], bytes]:
 
 
 def after(name: str, more: int, value: int) -> Callable[[bytes], bytes]:
-    """A number that stands so many bytes after the first mention of a name."""
+    """Change the number at an offset after the first occurrence of a name."""
     word = struct.pack(">i", len(name)) + name.encode()
 
     def change(data: bytes) -> bytes:
@@ -74,7 +74,7 @@ def test_a_damaged_header(
 
 
 def test_variables_that_overlap(whole: bytes, tmp_path: Path) -> None:
-    """Many that lie in one place would take more memory than the file has bytes."""
+    """Many variables at one position would need more memory than the file has bytes."""
     file = tmp_path / "run.nc"
     data = xr.Dataset({name: ("x", np.zeros(100)) for name in "abc"})
     data.to_netcdf(file, format="NETCDF3_64BIT")
@@ -119,7 +119,7 @@ def test_a_run_of_another_form(
     assert says in str(caught.value)
 
 
-def test_hdf5_that_claims_more_than_it_can_hold(tmp_path: Path) -> None:
+def test_hdf5_with_impossible_sizes(tmp_path: Path) -> None:
     import netCDF4
 
     with netCDF4.Dataset(tmp_path / "run.nc", "w") as data:
@@ -129,7 +129,7 @@ def test_hdf5_that_claims_more_than_it_can_hold(tmp_path: Path) -> None:
         read_run(tmp_path / "run.nc")
 
 
-def test_hdf5_that_takes_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_hdf5_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "run.nc").write_bytes(netcdf.HDF5 + bytes(100))
     with pytest.raises(InputError, match="it is damaged"):
         read_run(tmp_path / "run.nc")

@@ -1,4 +1,4 @@
-"""The file of a run: whole at every moment, and the same as the dataset."""
+"""The file of a run: complete at every moment, and equal to the dataset."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_a_run_in_chunks_is_the_dataset(tmp_path, name):
     assert os.listdir(tmp_path) == ["run.nc"]
 
 
-def test_it_says_where_it_is(tmp_path):
+def test_repr_names_the_file(tmp_path):
     path = tmp_path / "run.nc"
     run = made_file(path, ROBOT, SETTINGS)
     assert os.listdir(tmp_path) == []
@@ -86,7 +86,7 @@ def test_a_run_without_output_times(tmp_path):
         (RuntimeError("ä" * 2000), "failed", "ä" * 512),
     ],
 )
-def test_an_error_on_the_way_is_kept(tmp_path, error, status, reason):
+def test_an_error_during_a_run_is_recorded(tmp_path, error, status, reason):
     path = tmp_path / "run.nc"
     with pytest.raises(type(error)), made_file(path, ROBOT, SETTINGS) as run:
         run.append(chunk(0))
@@ -116,7 +116,7 @@ WRITER = """
 
 @pytest.mark.slow
 def test_a_killed_run_opens_and_says_where_it_ended(tmp_path):
-    """SIGKILL at moments from the first chunk to long after."""
+    """SIGKILL at moments from the first chunk to long after it."""
     rng = np.random.default_rng(7)
     waits = [0.0, 0.001, 0.003, *rng.uniform(0.0, 0.05, 9)]
     ends = []
@@ -136,21 +136,21 @@ def test_a_killed_run_opens_and_says_where_it_ended(tmp_path):
         ends.append(end)
         assert data.time[-1] == end and data.sizes["time"] % 20 == 0
         np.testing.assert_allclose(data.time, 0.01 * np.arange(data.sizes["time"]), atol=1e-9)
-        # each chunk of the writer is the same but for its time
+        # the chunks of the writer differ only in their time
         for name in ("position", "von_mises", "tension", "von_mises_max_place", "energy_balance"):
             rows = data[name].values.reshape(-1, 20, *data[name].shape[1:])
             assert np.array_equal(rows, np.broadcast_to(rows[0], rows.shape)), name
     assert len(set(map(str, ends))) > 5
 
 
-def test_a_full_drive(tmp_path):
+def test_a_full_disk(tmp_path):
     path = tmp_path / "run.nc"
     run = made_file(path, ROBOT, SETTINGS)
     run.append(chunk(0))
     file = run._open()
 
     class Full:
-        """Takes half a chunk, then nothing at the end of the file; the header is in its place."""
+        """Writes half a chunk, then nothing at the end of the file; the header fits."""
 
         half = True
 
@@ -199,7 +199,7 @@ LIMITED = """
 @pytest.mark.parametrize(("limit", "times"), [(1_000_000, 60), (100_000, 0)])
 @pytest.mark.slow
 def test_a_limit_of_the_system(tmp_path, limit, times):
-    """The kernel refuses in the middle of a chunk, also of the first."""
+    """The kernel refuses in the middle of a chunk, including the first."""
     path = tmp_path / "run.nc"
     folder = Path(__file__).parent
     arguments = [sys.executable, "-c", textwrap.dedent(LIMITED), path, folder, str(limit)]
@@ -211,7 +211,7 @@ def test_a_limit_of_the_system(tmp_path, limit, times):
     assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != limit
 
 
-def test_no_room_is_said_before_the_work(tmp_path):
+def test_too_little_disk_space_is_reported_before_the_work(tmp_path):
     need = 1e-9 * 10**11 * len(chunk(0)) / 20
     says = re.escape(f"needs {need:.2g} GB and the drive has ")
     with pytest.raises(InputError, match=says):
@@ -219,7 +219,7 @@ def test_no_room_is_said_before_the_work(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_where_it_may_be_written(tmp_path):
+def test_writable_paths(tmp_path):
     with pytest.raises(InputError, match=r"the folder .*/no does not exist"):
         made_file(tmp_path / "no" / "run.nc", ROBOT, SETTINGS)
     (tmp_path / "text").write_text("mine")
@@ -232,7 +232,7 @@ def test_where_it_may_be_written(tmp_path):
     xr.Dataset({"a": 1}).to_netcdf(tmp_path / "other.nc")
     with pytest.raises(InputError, match="existing files are not overwritten"):
         check_file(tmp_path / "other.nc")
-    # a former run is, once there is another
+    # a former run is replaced, once there is another
     for end in ("first", "second"):
         with made_file(tmp_path / "run.nc", ROBOT, SETTINGS) as run:
             if end == "second":
@@ -244,8 +244,8 @@ def test_where_it_may_be_written(tmp_path):
 @pytest.mark.parametrize("chunks", [1, 2])
 @pytest.mark.parametrize("ending", [False, True])
 @pytest.mark.parametrize("other", ["run", "text", None])
-def test_a_run_whose_file_is_taken_is_lost(tmp_path, chunks, ending, other):
-    """Two runs into one file: the first says so, and writes nothing into the second's."""
+def test_a_second_run_into_the_same_file(tmp_path, chunks, ending, other):
+    """Two runs to one file: the first reports it, and writes nothing to the file of the second."""
     path = tmp_path / "run.nc"
     first = made_file(path, ROBOT, SETTINGS)
     for i in range(chunks):
@@ -279,8 +279,8 @@ def test_a_run_whose_file_is_taken_is_lost(tmp_path, chunks, ending, other):
     ("ending", "size"),
     [(False, 0), (False, 100), (False, -8), (False, 100_000_000), (True, 0), (True, -8)],
 )
-def test_a_file_that_others_write_to_is_lost(tmp_path, ending, size):
-    """As ``> run.nc`` does: what would be added to it makes no run."""
+def test_a_file_truncated_by_another_process(tmp_path, ending, size):
+    """As after ``> run.nc``: appended data would make no valid run."""
     path = tmp_path / "run.nc"
     run = made_file(path, ROBOT, SETTINGS)
     run.append(chunk(0))
@@ -296,8 +296,8 @@ def test_a_file_that_others_write_to_is_lost(tmp_path, ending, size):
     assert path.stat().st_size == left
 
 
-def test_a_drive_that_is_full_at_once(tmp_path, monkeypatch):
-    """Nothing is there, and what is said does not speak of a file."""
+def test_a_disk_that_is_already_full(tmp_path, monkeypatch):
+    """No file is left, and the message does not mention one."""
 
     def full(file):
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -309,7 +309,7 @@ def test_a_drive_that_is_full_at_once(tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == []
 
 
-def test_chunks_that_do_not_follow(tmp_path):
+def test_chunks_out_of_sequence(tmp_path):
     with made_file(tmp_path / "run.nc", ROBOT, SETTINGS) as run:
         run.append(chunk(1))
         with pytest.raises(InputError, match=r"must increase: got 0 s after 0\.39 s"):
@@ -320,7 +320,7 @@ def test_chunks_that_do_not_follow(tmp_path):
     assert read_run(tmp_path / "run.nc").sizes["time"] == 40
 
 
-def test_what_is_not_a_run(tmp_path):
+def test_files_that_are_not_runs(tmp_path):
     with pytest.raises(InputError, match="No such file"):
         read_run(tmp_path / "no.nc")
     (tmp_path / "text.nc").write_text("a run?")
@@ -336,15 +336,15 @@ def test_what_is_not_a_run(tmp_path):
 
 @pytest.mark.parametrize("missing", [1, 200_000, None])
 @pytest.mark.parametrize("status", ["converged", "running"])
-def test_a_copy_that_did_not_end_is_no_run(tmp_path, missing, status):
-    """Other readers take zeros for what is missing."""
+def test_an_incomplete_copy_is_refused(tmp_path, missing, status):
+    """Other readers read zeros for missing data."""
     run = made_file(tmp_path / "run.nc", ROBOT, SETTINGS)
     run.append(chunk(0))
     if status == "converged":
         run.finish()
     whole = (tmp_path / "run.nc").read_bytes()
     run.finish()
-    size = run._header.size  # all of the header, and a little
+    size = run._header.size  # all of the header, and a little more
     kept = size + 100 if missing is None else len(whole) - missing
     assert size < kept < len(whole)
     for content, cut in ((whole, False), (whole[:kept], True)):
@@ -356,7 +356,7 @@ def test_a_copy_that_did_not_end_is_no_run(tmp_path, missing, status):
             assert read_run(tmp_path / "copy.nc").attrs["status"] == status
 
 
-def test_a_file_cut_within_its_header_is_no_run(tmp_path):
+def test_a_file_cut_within_its_header_is_refused(tmp_path):
     run = made_file(tmp_path / "run.nc", ROBOT, SETTINGS)
     run.append(chunk(0))
     run.finish()
@@ -371,7 +371,7 @@ def test_a_file_cut_within_its_header_is_no_run(tmp_path):
 @pytest.mark.parametrize("call", [1, 2, 3])
 @pytest.mark.parametrize("after", [False, True])
 def test_ctrl_c_within_a_write(tmp_path, monkeypatch, step, call, after):
-    """Before or after a step of writing: the file holds whole chunks and says why it ended."""
+    """Before or after a step of writing: the file holds whole chunks and the reason of its end."""
     path = tmp_path / "run.nc"
     calls = 0
     original = getattr(RunFile, step)

@@ -1,4 +1,4 @@
-"""Dynamics from Python: motion, fields, modes, loads over time, files, bad input."""
+"""Dynamics from Python: motion, fields, modes, time-dependent loads, files, invalid input."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def tendon_1(newtons: float) -> list[float]:
 # -- motion ----------------------------------------------------------------------------------
 
 
-def test_ramp_meets_independent_engines() -> None:
+def test_ramp_matches_independent_engines() -> None:
     run = simulate(
         ROBOT, ramp(tendon_1(80), 1.0), 1.3, integrator=bs.Integrator(mass_damping=0.5, dt=1e-3)
     )
@@ -53,7 +53,7 @@ def test_ramp_meets_independent_engines() -> None:
     assert run.time[x.argmax()] == pytest.approx(1.15, abs=0.011)
 
 
-def test_default_settings_are_near_the_limit() -> None:
+def test_default_settings_are_near_convergence() -> None:
     run = simulate(ROBOT, ramp(tendon_1(80), 1.0), 2.0, integrator=bs.Integrator(mass_damping=0.5))
     limit = simulate(
         ROBOT,
@@ -80,8 +80,8 @@ def test_slow_ramp_is_statics() -> None:
 
 @pytest.mark.parametrize("case", [1, 2])
 def test_release_of_another_groups_rod(case: int, tmp_path: Path) -> None:
-    """A steel rod let go from forces in its middle and at its tip, by a Cosserat solver of
-    another group. Its damping ratio is that of strain rate to strain: material damping."""
+    """A steel rod released from forces in its middle and at its tip, by a Cosserat solver of
+    another group. Its damping ratio is strain rate to strain: material damping."""
     path = DATA / "sorosim-rods" / f"SpringSteel_dynamics_{case}.txt"
     if not path.exists():
         pytest.skip(f"needs the data of others, sorosim-rods, in {DATA}")
@@ -116,13 +116,13 @@ segments:
     error = np.linalg.norm(run.tip_position - expected, axis=1)
     rms = math.sqrt((error**2).mean())
     assert len(error) == 2001
-    assert rms < 1e-3 * 0.6, f"{1e3 * rms:.2f} mm"  # asked: 1 % of length
+    assert rms < 1e-3 * 0.6, f"{1e3 * rms:.2f} mm"  # requirement: 1 % of length
     assert error[0] < 0.1e-3
 
 
 @pytest.mark.parametrize("radius", [0.8, 1.0])
 @pytest.mark.parametrize("dt", [None, 1e-2, 5e-2])
-def test_steps_know_their_error(radius: float, dt: float | None) -> None:
+def test_step_error_estimates_are_accurate(radius: float, dt: float | None) -> None:
     def moved(dt: float | None) -> Any:
         return simulate(
             ROBOT,
@@ -138,7 +138,7 @@ def test_steps_know_their_error(radius: float, dt: float | None) -> None:
     assert ("give a smaller dt" in run.message) == (run.error_estimate > 0.01 * ROBOT.length)
 
 
-def test_one_step_says_nothing_of_their_error() -> None:
+def test_one_step_has_no_error_estimate() -> None:
     run = simulate(
         ROBOT,
         tendon_1(20),
@@ -157,7 +157,7 @@ def test_one_step_says_nothing_of_their_error() -> None:
 
 
 @pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
-def test_a_hundred_periods_keep_their_energy(theory: Any) -> None:
+def test_energy_is_conserved_over_a_hundred_periods(theory: Any) -> None:
     run = simulate(
         ROBOT,
         tendon_1(0),
@@ -183,7 +183,7 @@ def test_energy_is_kept_without_damping() -> None:
     )
     data = run.to_dataset()
     assert abs(data.energy_balance).max() < 1e-3 * data.elastic_energy[0]
-    # and taken by numerical damping where it is asked for
+    # and dissipated by numerical damping where it is requested
     damped = simulate(
         ROBOT,
         tendon_1(0),
@@ -221,7 +221,7 @@ def test_segments_and_gravity_start_at_rest() -> None:
 # -- fields ----------------------------------------------------------------------------------
 
 
-def test_static_stress_is_that_of_the_internal_wrench() -> None:
+def test_static_stress_matches_the_internal_wrench() -> None:
     data = bs.solve(ROBOT, tendon_1(80)).to_dataset()
     diameter = 5e-3
     area, inertia = math.pi * diameter**2 / 4, math.pi * diameter**4 / 64
@@ -242,7 +242,7 @@ def test_static_stress_is_that_of_the_internal_wrench() -> None:
 
 
 def test_internal_moment_is_that_of_the_tendon_at_the_disks() -> None:
-    """Beyond the middle of a module 80 N act along the span, at its distance."""
+    """Beyond the middle of a module, 80 N act along the span, at its distance."""
     model = bs.RodModel("kirchhoff", elements=4)
     data = bs.solve(ROBOT, tendon_1(80), model=model).to_dataset(points=3)
     solution = bs.solve(ROBOT, tendon_1(80), model=bs.RodModel("kirchhoff", elements=4))
@@ -260,8 +260,8 @@ def test_internal_moment_is_that_of_the_tendon_at_the_disks() -> None:
         np.testing.assert_allclose(force, pull, atol=1e-7)
 
 
-def test_fields_fit_the_weight_beyond() -> None:
-    """Hanging straight, every section carries what is below it."""
+def test_section_forces_carry_the_weight_below() -> None:
+    """Suspended and straight, every section carries the weight below it."""
     data = bs.solve(ROBOT, tendon_1(0), load=bs.Load(gravity=[0, 0, 9.81])).to_dataset()
     density = 1800 * math.pi * 2.5e-3**2
     for s, module, force in zip(
@@ -301,8 +301,8 @@ def test_a_release_needs_few_iterations_at_short_steps(
 
 @pytest.mark.parametrize("dt", [1e-4, 1e-5, 3e-6])
 @pytest.mark.parametrize(("start", "end"), [(40, 0), (0, 40), (10, 60)])
-def test_tensions_along_the_backbone_may_jump(dt: float, start: float, end: float) -> None:
-    """They shorten it at once; no mass is kicked by that, however short the step."""
+def test_tensions_of_continuous_tendons_may_jump(dt: float, start: float, end: float) -> None:
+    """They shorten it at once; mass gets no impulse from that, however short the step."""
     run = simulate(
         ROBOT,
         tendon_1(end),
@@ -318,7 +318,7 @@ def test_tensions_along_the_backbone_may_jump(dt: float, start: float, end: floa
     ).to_dataset()
     assert run.repeated == 0
     assert float(abs(data.energy_balance).max()) < 3e-4 * float(bent.elastic_energy[0])
-    # slow at first: the force on it, less what it was, over the mass, and time
+    # slow at first: change of force over mass, times time
     assert float(data.kinetic_energy[1]) < 0.1 * float(data.kinetic_energy[-1])
 
 
@@ -331,10 +331,10 @@ def test_tensions_along_the_backbone_may_jump(dt: float, start: float, end: floa
         ("crl-ftdcr-v4", [0, 0, 4.28, 4.31, 0, 0, 0, 0.04, 3.23], 3e-4),
     ],
 )
-def test_a_violent_release_goes_on_from_steps_that_were_cut(
+def test_a_violent_release_continues_after_cut_steps(
     name: str, tensions: list[float], dt: float, radius: float, theory: Any
 ) -> None:
-    """Steps that are too long for it leave velocities that the strain cannot follow."""
+    """Steps that are too long leave velocities that the strain cannot follow."""
     robot = bs.load_robot(name)
     run = simulate(
         robot,
@@ -349,8 +349,8 @@ def test_a_violent_release_goes_on_from_steps_that_were_cut(
     assert float(energy.max()) < 1.05 * float(energy[0])
 
 
-@pytest.mark.parametrize("room", [1, 100_000, 10_000_000])  # bytes: a time, some, all of them
-def test_file_holds_the_same_run(
+@pytest.mark.parametrize("room", [1, 100_000, 10_000_000])  # bytes: one time, some, all of them
+def test_file_contains_the_same_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
 ) -> None:
     monkeypatch.setattr("bowstring.dynamics.run_file._ROOM", room)
@@ -381,8 +381,8 @@ def test_file_holds_the_same_run(
         {"dt": 0.02, "points": 2},
     ],
 )
-def test_file_of_a_release_holds_the_same_run(tmp_path: Path, settings: dict[str, Any]) -> None:
-    """Energy at the start is not zero, and sections are those of the theory."""
+def test_file_of_a_release_contains_the_same_run(tmp_path: Path, settings: dict[str, Any]) -> None:
+    """Energy at the start is not zero, and sections have shear as in the theory."""
     arguments: Any = {
         "initial_tensions": [30, 5, 0],
         "initial_tip_force": [0.2, 0.4, 0],
@@ -418,14 +418,14 @@ def test_interrupted_while_it_is_written(
     data = run.to_dataset()  # of the same times
     assert data.attrs["status"] == run.status == "interrupted"
     assert len(run.time) == data.sizes.get("time", 0) < 101
-    assert 0 < run.wall_s < 10  # with the stretch that it was in
+    assert 0 < run.wall_s < 10  # with the interval of the interrupt
     assert (len(run.time) > 0) == (after or call > 1)
     assert run.wall_s > 0 and np.isfinite(run.real_time_factor)
 
 
 @pytest.mark.parametrize("name", [None, "run.nc"])
-def test_time_that_a_motion_takes(tmp_path: Path, name: str | None) -> None:
-    """Its start is part of it, what `progress` does is not."""
+def test_wall_time_of_a_motion(tmp_path: Path, name: str | None) -> None:
+    """The start is included, and the time in `progress` is not."""
     out = None if name is None else tmp_path / name
     start = simulate(ROBOT, tendon_1(5), 0.0, output=bs.Output(path=out))
     assert start.wall_s > 0 and start.real_time_factor == 0.0
@@ -451,7 +451,7 @@ def test_a_load_that_fails_at_the_start_keeps_the_former_run(tmp_path: Path) -> 
     assert asked == [0.0, 0.0] and former.to_dataset().attrs["status"] == "converged"
 
 
-def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
+def test_an_interrupted_run_keeps_its_records(tmp_path: Path) -> None:
     def stop(share: float) -> None:
         if share > 0.4:
             raise KeyboardInterrupt
@@ -469,7 +469,7 @@ def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
 # -- loads over time -------------------------------------------------------------------------
 
 
-def test_a_file_that_holds_another_run_by_now_is_not_taken_for_it(tmp_path: Path) -> None:
+def test_a_file_overwritten_by_another_run_is_detected(tmp_path: Path) -> None:
     out = tmp_path / "run.nc"
     first, second = (
         bs.simulate(ROBOT, [pull, 0, 0], 0.02, output=bs.Output(path=out)) for pull in (5.0, 6.0)
@@ -490,7 +490,7 @@ def test_a_second_interrupt_does_not_spoil_the_file(
         finish(self, *arguments)
 
     def stop(share: float) -> None:
-        # both wait until the interpreter looks at them, for this thread: another may be late
+        # both wait until the interpreter checks for signals; another thread may be late
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
         try:
             signal.raise_signal(signal.SIGINT)
@@ -513,7 +513,7 @@ def test_a_second_interrupt_does_not_spoil_the_file(
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_function_table_and_ramp_are_one() -> None:
+def test_function_table_and_ramp_agree() -> None:
     arguments: dict[str, Any] = {"dt": 2e-3, "mass_damping": 0.5}
     by_ramp = simulate(ROBOT, ramp(tendon_1(30), 0.2), 0.3, **objects(**arguments))
     by_table = simulate(
@@ -528,7 +528,7 @@ def test_function_table_and_ramp_are_one() -> None:
     by_function = simulate(ROBOT, tension, 0.3, **objects(**arguments))
     np.testing.assert_array_equal(by_ramp.tip_position, by_table.tip_position)
     np.testing.assert_allclose(by_function.tip_position, by_ramp.tip_position, atol=1e-7)
-    # once before each step, beside the start
+    # once before each step, and at the start
     later = [t for t in asked if t > 0]
     assert len(later) == by_function.steps == 150
     assert (np.diff(later) > 0).all()
@@ -546,7 +546,7 @@ def test_jump_inside_a_run() -> None:
 @pytest.mark.parametrize("rises", [True, False])
 @pytest.mark.parametrize("every", [0.01, 0.07])
 def test_times_of_two_tables_may_differ_by_rounding(rises: bool, every: float) -> None:
-    """Half a unit in the last place between two corners or jumps is no step of its own."""
+    """Half a unit in the last place between two corners or jumps makes no step of its own."""
     tips = []
     for time in (0.3, 0.1 + 0.2):
         times = [0, time, 0.5] if rises else [0, time, time, 0.5]
@@ -608,7 +608,7 @@ def test_modes_of_the_straight_robot() -> None:
     assert f == pytest.approx(refined.frequency_hz, rel=1e-4)
 
 
-def test_modes_of_a_bare_rod_are_euler_bernoullis(tmp_path: Path) -> None:
+def test_modes_of_a_bare_rod_match_euler_bernoulli(tmp_path: Path) -> None:
     file = tmp_path / "bare.yaml"
     file.write_text(
         """
@@ -625,11 +625,11 @@ segments:
     radius = 1e-3
     speed = math.sqrt(70e9 * radius**2 / 4 / 2700)
     exact = np.array([1.875104, 4.694091, 7.854757]) ** 2 / (2 * math.pi * 0.5**2) * speed
-    # rotary inertia takes 1e-5 and more off
+    # rotary inertia reduces it by 1e-5 and more
     assert bending[[0, 2, 4]] == pytest.approx(exact, rel=2e-4)
 
 
-def test_modes_move_as_the_robot_does() -> None:
+def test_modes_match_free_oscillations() -> None:
     """A small free oscillation about a bent equilibrium has the rate of its mode."""
     found = modes(ROBOT, tendon_1(40), count=4)
     sideways = int(np.argmax(np.abs(found.displacement[:2, -1, 1])))
@@ -711,7 +711,7 @@ def test_bad_tables(times: Any, values: Any, text: str) -> None:
         ({"initial_tensions": [1.0]}, "start.load.tensions has shape"),
         ({"disk_forces": [[0.0, 0.0, 0.0]]}, "disk_forces"),
         ({"path": "no/such/folder/run.nc"}, "does not exist"),
-        # booleans and text are no numbers, wherever they stand
+        # booleans and text are rejected as numbers everywhere
         *(
             ({name: value}, f"{name} is {value!r}, it must be a finite number")
             for name in NUMBERS
@@ -729,7 +729,7 @@ def test_bad_tables(times: Any, values: Any, text: str) -> None:
         ({"tensions": lambda t: [True, False, False]}, "returned .True, .* at 0 s, it must be 3 n"),
         ({"tensions": lambda t: "high"}, "returned 'high' at 0 s"),
         ({"tensions": lambda t: [10**400, 0, 0]}, "the function for tensions returned"),
-        # of a wrong type or size altogether
+        # of a wrong type or size
         ({"robot": "amouri2019"}, "robot is 'amouri2019', it must be a Robot"),
         ({"duration": 10**400}, "duration is inf s, it must be a finite number"),
         ({"tensions": [10**400, 0, 0]}, r"tensions is \[1000.* \.\.\., it must be 3 numbers"),
@@ -823,7 +823,7 @@ def test_errors_carry_their_status() -> None:
     assert error.value.status == still.status
 
 
-def test_modes_are_where_they_were() -> None:
+def test_modes_are_unchanged() -> None:
     assert bs.modes is modal.modes
     assert bs.Modes is modal.Modes
     assert repr(modes(ROBOT, count=2)) == "<Modes of amouri2019: 2.28, 2.28 Hz>"
@@ -855,7 +855,7 @@ def test_bad_functions_stop_the_run_and_keep_it(function: Any, text: str, tmp_pa
         assert data.sizes["time"] == 0 or float(data.time[-1]) <= 0.051
 
 
-def test_failed_run_says_when_and_why() -> None:
+def test_a_failed_run_reports_time_and_reason() -> None:
     two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
     run = simulate(two, ramp(tendon_1(4000), 4.0), 4.0, integrator=bs.Integrator(mass_damping=5.0))
     assert run.status in ("collision", "step_failed")
@@ -865,7 +865,7 @@ def test_failed_run_says_when_and_why() -> None:
         run.raise_for_status()
 
 
-def test_function_beside_a_ramp_whose_end_no_output_meets() -> None:
+def test_function_with_a_ramp_that_ends_between_outputs() -> None:
     """0.7 is not 70 times 0.01 in floating point."""
     for rise in (0.35, 0.57, 0.7):
         run = simulate(
@@ -877,7 +877,7 @@ def test_function_beside_a_ramp_whose_end_no_output_meets() -> None:
 
 
 @pytest.mark.parametrize("dt", [1e-4, 2e-3])
-def test_tendons_along_the_backbone_move_as_well(dt: float) -> None:
+def test_continuous_tendons_in_motion(dt: float) -> None:
     arguments: dict[str, Any] = {"dt": dt, "tendon_path": "continuous", "spectral_radius": 1.0}
     run = simulate(ROBOT, ramp(tendon_1(40), 0.1), 0.15, **objects(**arguments))
     assert run.converged
@@ -885,22 +885,22 @@ def test_tendons_along_the_backbone_move_as_well(dt: float) -> None:
     assert abs(data.energy_balance).max() < 1e-4 * float(data.work.max())
     still = bs.solve(ROBOT, tendon_1(40), model=bs.RodModel(tendon_path="continuous")).to_dataset()
     straight = bs.solve(ROBOT, tendon_1(40)).to_dataset()
-    # the backbone carries what the tendon displacements
+    # the backbone carries the tendon tension
     np.testing.assert_allclose(still.force.values[0, :, 2], -40.0, rtol=1e-9)
     assert float(still.von_mises_max[0]) == pytest.approx(
         float(straight.von_mises_max[0]), rel=0.03
     )
 
 
-def test_held_upside_down_is_not_an_equilibrium() -> None:
-    """Beyond its Euler load a straight robot is held by no force along it."""
+def test_no_rest_above_the_euler_load() -> None:
+    """Above its Euler load, a straight robot is unstable under an axial force."""
     forces = np.zeros((9, 3))
     forces[-1] = [0.0, 0.0, -10.0]
     with pytest.raises(NoSolutionError, match="no stable equilibrium"):
         simulate(ROBOT, tendon_1(0), 0.1, start=bs.Start(disk_forces=forces))
 
 
-def test_a_run_that_cannot_begin_spares_the_former_one(tmp_path: Path) -> None:
+def test_a_run_that_cannot_start_keeps_the_former_file(tmp_path: Path) -> None:
     file = tmp_path / "run.nc"
     simulate(ROBOT, tendon_1(5), 0.1, output=bs.Output(path=file))
     before = file.read_bytes()
@@ -923,7 +923,7 @@ def test_times_outside_a_run_are_refused() -> None:
         run.tip_at([0.05, 5.0])
 
 
-def test_modes_know_what_rounding_leaves() -> None:
+def test_modes_below_rounding_are_dropped() -> None:
     found = modes(ROBOT, count=1000)
     assert 20 < len(found) < 90 and found.frequency_hz[-1] < 1e7
     with pytest.raises(NoSolutionError, match=r"neutral|no stable"):
@@ -933,7 +933,7 @@ def test_modes_know_what_rounding_leaves() -> None:
 @pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
 @pytest.mark.parametrize("count", [1, 8])
 def test_a_start_under_a_moment_is_found(theory: Any, count: int) -> None:
-    """A soft rod that a moment turns far has a start wherever statics have an answer."""
+    """A soft rod rotated far by a moment has a start wherever statics have a solution."""
     soft = {
         "segments.0.length": "0.4 m",
         "segments.0.backbone.diameter": "10 mm",
@@ -958,7 +958,7 @@ def test_a_start_under_a_moment_is_found(theory: Any, count: int) -> None:
     assert np.linalg.norm(run.tip_position - start, axis=1).max() < 1e-4 * robot.length
 
 
-def test_forces_on_disks_hold_beside_a_moment() -> None:
+def test_disk_forces_act_together_with_a_moment() -> None:
     holding = np.zeros((9, 3))
     holding[4, 0], holding[8, 1] = 2.0, 0.5
     load: dict[str, Any] = {"tip_moment": [0.3, 0.6, 0.2], "points": 0}
@@ -966,7 +966,7 @@ def test_forces_on_disks_hold_beside_a_moment() -> None:
     at_rest = bs.solve(
         ROBOT, tendon_1(10), load=bs.Load(tip_moment=load["tip_moment"])
     ).tip.position
-    assert np.linalg.norm(run.tip_position[0] - at_rest) > 0.05  # until they are let go
+    assert np.linalg.norm(run.tip_position[0] - at_rest) > 0.05  # until they are released
     assert np.linalg.norm(run.tip_position[-1] - run.tip_position[0]) > 0.01
     alone = np.zeros((9, 3))
     alone[8] = [0.4, 0.5, 0.0]
@@ -984,8 +984,8 @@ def test_no_equilibrium_to_start_from() -> None:
 
 
 @pytest.mark.parametrize("jump", [0.0, 0.02])
-def test_a_load_that_no_step_follows_leaves_what_came_before(jump: float, tmp_path: Path) -> None:
-    """At a jump beyond all bounds the motion stops at the jump, which is an output time once."""
+def test_a_failed_jump_keeps_the_records_before_it(jump: float, tmp_path: Path) -> None:
+    """After a jump beyond all bounds the motion stops at the jump, which is output once."""
     pull = Table([jump, jump], [tendon_1(0), tendon_1(1e9)])
     times = [0.0, 0.01, 0.02] if jump else [0.0]
     for out in (None, tmp_path / "run.nc"):

@@ -1,4 +1,4 @@
-"""Finite elements beside the rod: what is compared where hardly anything is loaded."""
+"""Finite elements compared with the rod, where hardly anything is loaded."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ def beside(middle: list[list[float]], rod: list[list[float]], edge: list[list[fl
 
 
 def test_a_module_without_load_has_no_concentration() -> None:
-    """Two segments, the inner one pulled: what the outer one has is rounding."""
+    """Two segments with only the inner one loaded: values in the outer one are rounding."""
     found = beside([[50e6, 20.0]], [[49e6, 0.0]], [[60e6, 500.0]])
     np.testing.assert_allclose(found.stress_ratio, [50 / 49])
     np.testing.assert_allclose(found.concentration, [1.2])
 
 
-def test_a_load_that_is_taken_off_again_leaves_nothing_to_compare() -> None:
+def test_an_unloaded_state_is_not_compared() -> None:
     found = beside([[50e6], [30.0]], [[50e6], [0.0]], [[60e6], [90.0]])
     np.testing.assert_array_equal(np.isnan(found.stress_ratio), [False, True])
     np.testing.assert_array_equal(np.isnan(found.concentration), [False, True])
@@ -43,6 +43,6 @@ def test_tension_put_on_and_taken_off(tmp_path: Path, monkeypatch: pytest.Monkey
     run = sweep(small_robot(), [[20.0, 0, 0], [0, 0, 0]], settings=COARSE).raise_for_status()
     found = beside_rod(run)
     assert found.stress_ratio[0] == pytest.approx(1.0, abs=0.1)
-    assert found.concentration[0] > 0.7  # 4 bricks around have too little at their nodes
+    assert found.concentration[0] > 0.7  # 4 bricks around have too low stress at their nodes
     assert np.isnan([found.stress_ratio[1], found.concentration[1]]).all()
     np.testing.assert_allclose(run.tip_position[1], [0.0, 0.0, 0.140], atol=1e-8)

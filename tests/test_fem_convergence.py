@@ -1,4 +1,4 @@
-"""Richardson's extrapolation, and a study of a mesh for real."""
+"""Richardson's extrapolation, and a real mesh study."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fem_robots import COARSE, needs_ccx, small_robot
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 3.7])
 @pytest.mark.parametrize("sizes", [(1.0, 0.5, 0.25), (1 / 8, 1 / 12, 1 / 16), (10.0, 1.0, 0.1)])
-def test_errors_of_one_order_are_taken_away(order: float, sizes: tuple[float, ...]) -> None:
+def test_errors_of_one_order_are_removed(order: float, sizes: tuple[float, ...]) -> None:
     slope = np.array([[1.0, -2.0, 0.0]])
     values = np.array([np.array([[5.0, 6.0, 7.0]]) + slope * h**order for h in sizes])
     limit, doubt, seen = extrapolated(sizes, values)
@@ -26,14 +26,14 @@ def test_errors_of_one_order_are_taken_away(order: float, sizes: tuple[float, ..
 
 
 @pytest.mark.parametrize("values", [(1.0, 2.0, 1.9), (1.0, 1.1, 1.3), (1.0, 1.0, 1.0)])
-def test_without_an_order_the_changes_are_the_doubt(values: tuple[float, ...]) -> None:
+def test_without_an_order_changes_are_the_uncertainty(values: tuple[float, ...]) -> None:
     limit, doubt, seen = extrapolated((1.0, 0.5, 0.25), np.array(values)[:, None])
     assert limit == values[2]
     assert doubt == max(abs(values[1] - values[0]), abs(values[2] - values[1]))
     assert np.isnan(seen)
 
 
-def test_a_component_that_does_not_settle_is_not_extrapolated() -> None:
+def test_a_component_without_convergence_is_not_extrapolated() -> None:
     sizes = np.array([1.0, 0.5, 0.25])
     settling, restless, slow = 1.0 + sizes**2, [1.0, 1.02, 1.01], [1.0, 1.001, 1.003]
     limit, doubt, seen = extrapolated(sizes, np.array([settling, restless, slow]).T)
@@ -47,9 +47,12 @@ def test_a_study_refines_one_thing_at_a_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    told: list[float] = []
+    reported: list[float] = []
     found = study(
-        small_robot(), [[40.0, 0, 0]], settings=COARSE, progress=lambda _, share: told.append(share)
+        small_robot(),
+        [[40.0, 0, 0]],
+        settings=COARSE,
+        progress=lambda _, share: reported.append(share),
     )
     names = {r.name: r.labels for r in found.refinements}
     assert names == {
@@ -57,8 +60,8 @@ def test_a_study_refines_one_thing_at_a_time(
         "bricks around": ("4", "8", "12"),
         "stiffness of disks": ("100", "300", "1000"),
     }
-    assert told == sorted(told) and told[-1] <= 1.0
-    # 4 bricks around are too stiff: the limit bends more, and the error says that it is unsure
+    assert reported == sorted(reported) and reported[-1] <= 1.0
+    # 4 bricks around are too stiff: the limit bends more, and the error states the uncertainty
     assert found.limit[0, 0] > found.run.tip_position[0, 0]
     assert found.error[0] > 1e-6
 
@@ -71,6 +74,6 @@ def test_a_study_refines_one_thing_at_a_time(
         (Settings(Fineness(200, 4, 1)), "takes 400 as bricks along a module: the mesh has 400"),
     ],
 )
-def test_what_cannot_be_refined_is_told_before_any_work(settings: Settings, says: str) -> None:
+def test_impossible_refinements_are_reported_before_any_work(settings: Settings, says: str) -> None:
     with pytest.raises(InputError, match=says):
         study(small_robot(), [[40.0, 0, 0]], settings=settings)

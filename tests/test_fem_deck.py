@@ -38,11 +38,11 @@ def test_the_model_is_in_mm_newton_and_tonnes() -> None:
     assert "*AMPLITUDE, NAME=COURSE1, TIME=TOTAL TIME\n0,0\n0.5,40\n" in text
     nodes = text[text.index("*NODE") : text.index("*NSET")].split("\n")[1:-1]
     assert max(float(line.split(",")[3]) for line in nodes) == pytest.approx(141.5)
-    assert max(map(len, text.split("\n"))) < 132  # what CalculiX reads of a line
+    assert max(map(len, text.split("\n"))) < 132  # limit of CalculiX
 
 
-def test_a_base_that_slides_is_held_by_means() -> None:
-    """All of its motion as a whole is; how a bent section widens and narrows is not."""
+def test_a_sliding_base_is_held_on_average() -> None:
+    """Its rigid-body motion is constrained, but not the deformation of a bent section."""
     mesh = brick_mesh(small_robot(), Fineness(2, 8, 1))
     text = deck.model(small_robot(), mesh, replace(LOADING, bonded=False), [deck.Step((1.0, 0, 0))])
     x, y, _ = mesh.nodes[mesh.base].T
@@ -65,7 +65,7 @@ def test_a_base_that_slides_is_held_by_means() -> None:
         np.testing.assert_allclose(means @ bent, 0.0, atol=1e-12)
 
 
-def test_static_steps_ramp_and_motion_follows_its_course() -> None:
+def test_static_steps_ramp_and_motion_follows_its_history() -> None:
     robot = small_robot(gravity="0 0 -10 m/s^2")
     mesh = brick_mesh(robot, Fineness(2, 4, 1))
     loading = replace(LOADING, gravity=(0.0, 0.0, -10.0), tip_force=(0.0, 2.0, 0.0))
@@ -85,8 +85,8 @@ def test_static_steps_ramp_and_motion_follows_its_course() -> None:
     assert "U,V" in moving
 
 
-def test_a_motion_is_one_step_printed_on_the_way() -> None:
-    """At the start of each step CalculiX would find the accelerations anew, with a jolt."""
+def test_a_motion_is_one_step_with_intermediate_output() -> None:
+    """At the start of each step CalculiX would recompute the accelerations, with an impulse."""
     mesh = brick_mesh(small_robot(), Fineness(2, 4, 1))
     todo = [
         deck.Step((0.0, 0.0, 0.0), first=0.1),
@@ -111,5 +111,5 @@ def test_damping_is_of_the_whole_model() -> None:
     assert "*DAMPING" not in deck.model(small_robot(), mesh, LOADING, [])
 
 
-def test_a_stopped_run_goes_on_after_its_last_step() -> None:
+def test_a_stopped_run_continues_after_its_last_step() -> None:
     assert deck.resume(7).startswith("*RESTART, READ, STEP=7\n")

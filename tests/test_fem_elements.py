@@ -1,4 +1,4 @@
-"""Shape functions against what they must be: one at their node, and exact for quadratics."""
+"""Shape functions: one at their own node, and exact for quadratic fields."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def test_each_function_of_a_brick_is_one_at_its_node_alone():
     assert value == pytest.approx(np.eye(20), abs=1e-14)
 
 
-def test_a_brick_shows_quadratic_fields_and_their_slopes():
+def test_a_brick_represents_quadratic_fields_and_their_slopes():
     def field(x, y, z):
         return 1 + x - 2 * y + 3 * z + x * y - y * z + 0.5 * x * z + x**2 - 2 * y**2 + z**2
 

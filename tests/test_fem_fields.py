@@ -1,4 +1,4 @@
-"""Fields of bricks: of a bar that is stretched and turned by hand, and of one that bends far."""
+"""Fields of bricks: of a bar that is stretched and rotated, and of one with a large bend."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STRAIN = 1e-4
 
 
 def turned(turn: np.ndarray) -> BrickRun:
-    """All stretched along its axis by 1e-4, then turned: stress turns with it, strain does not."""
+    """A uniform axial strain of 1e-4, then a rotation: stress rotates with it, strain does not."""
     run = stretched(STRAIN)
     (state,) = run.states
     place = (run.mesh.nodes + state.displacement) @ turn.T
@@ -32,22 +32,22 @@ def turned(turn: np.ndarray) -> BrickRun:
 
 
 @pytest.mark.parametrize("angle", [0.0, 30.0, 90.0, 180.0])
-def test_a_turn_changes_no_energy_and_turns_strain_as_stress(angle: float) -> None:
+def test_a_rotation_keeps_energy_and_rotates_strain_and_stress(angle: float) -> None:
     run = turned(Rotation.from_euler("yx", [angle, 20.0], degrees=True).as_matrix())
     free = small_robot().length - 1.5 * 3e-3  # two disks of 3 mm, the half of one beyond
-    wanted = 0.5 * YOUNG * STRAIN**2 * np.pi / 4 * 0.005**2 * free
+    expected = 0.5 * YOUNG * STRAIN**2 * np.pi / 4 * 0.005**2 * free
     energy = run.to_dataset().elastic_energy.item()
-    assert energy == pytest.approx(wanted, rel=0.02)  # of 4 bricks around
-    # a material that strains along its stress alone
+    assert energy == pytest.approx(expected, rel=0.02)  # of 4 bricks around
+    # a material with uniaxial strain under uniaxial stress
     strain = strain_in_base(run.mesh, run.states[0])
     np.testing.assert_allclose(YOUNG * strain, run.states[0].stress, atol=1e-6 * YOUNG * STRAIN)
 
 
 @needs_ccx
-def test_energy_of_a_robot_that_bends_far_is_the_rods(
+def test_energy_at_a_large_bend_matches_the_rod(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By 65 degrees, where the axes of stress and of the straight robot are far apart."""
+    """Bent by 65 degrees, where the axes of stress differ much from those of the straight robot."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     robot = small_robot(**{"segments.0.backbone.E": "5 GPa"})
     run = sweep(robot, [[40.0, 0.0, 0.0]], settings=COARSE).raise_for_status()
@@ -55,7 +55,7 @@ def test_energy_of_a_robot_that_bends_far_is_the_rods(
     assert by_rod.tip is not None and by_rod.tip.rotation[2, 2] < 0.5
     theirs = by_rod.to_dataset(9).elastic_energy.item()
     assert run.to_dataset().elastic_energy.item() == pytest.approx(theirs, rel=0.06)  # coarse
-    # stress and strain have one set of axes: Hooke's law holds as they are, but for large strain
+    # stress and strain have the same axes: Hooke's law holds directly, except for large strain
     (state,) = run.states
     strain = strain_in_base(run.mesh, state)
     young, poisson = 5e9, 0.3
@@ -64,7 +64,7 @@ def test_energy_of_a_robot_that_bends_far_is_the_rods(
     np.testing.assert_allclose(state.stress, law, atol=0.15 * np.abs(law).max())
 
 
-def test_gravity_of_the_run_counts_not_that_of_the_robot() -> None:
+def test_gravity_of_the_run_overrides_that_of_the_robot() -> None:
     run = stretched(STRAIN)
     assert run.to_dataset().gravity_energy.item() == 0.0
     again = stretched(STRAIN)
@@ -76,8 +76,8 @@ def test_gravity_of_the_run_counts_not_that_of_the_robot() -> None:
     assert again.to_dataset().gravity_energy.item() == pytest.approx(theirs, rel=2e-3)
 
 
-def test_a_displacement_is_the_rods() -> None:
-    """What a tendon and its transmission give way is taken in too."""
+def test_displacements_match_the_rod() -> None:
+    """The compliance of tendon and transmission is included."""
     drive = {
         "segments.0.tendons.compliance": "0.1 mm/N",
         "segments.0.tendons.axial_stiffness": "20 kN",
@@ -98,8 +98,8 @@ def test_a_displacement_is_the_rods() -> None:
     np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
 
 
-def test_with_pretension_no_displacement_is_known() -> None:
-    """The home pose is then another, which bricks have not computed."""
+def test_with_pretension_displacements_are_unknown() -> None:
+    """The home pose differs then, and bricks have not computed it."""
     run = stretched(STRAIN)
     run.robot = small_robot(**{"segments.0.tendons.pretension": "2 N"})
     assert np.isnan(run.to_dataset().tendon_displacement).all()

@@ -1,4 +1,4 @@
-"""Pictures of finite elements."""
+"""Figures of finite elements."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from bowstring.fem.mesh import Fineness, brick_mesh
 from fem_robots import small_robot, two_segments
 
 
-def test_the_side_that_is_seen_is_so_where_the_backbone_leaves_its_plane() -> None:
+def test_visible_faces_of_an_out_of_plane_backbone() -> None:
     for robot in (small_robot(), two_segments()):
         mesh = brick_mesh(robot, Fineness(2, 8, 1))
         nothing = np.zeros((int((~mesh.stiff).sum()), 8, 6))
-        moved = np.outer(mesh.nodes[:, 2], [0.1, 0.3, 0.0])  # aside, farther than it is thick
+        moved = np.outer(mesh.nodes[:, 2], [0.1, 0.3, 0.0])  # sideways, by more than its thickness
         state = State(moved, None, nothing, nothing, np.zeros((len(deck.spans(mesh).first), 3)))
         settings = {"rise_s": None, "gravity": [0.0] * 3, "tip_force": [0.0] * 3}
         tensions = np.zeros((1, len(robot.tendons.end_disk)))

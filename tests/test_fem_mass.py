@@ -1,4 +1,4 @@
-"""Energies of a mesh that moves as one body, by those of its disks and its rod."""
+"""Energies of a mesh in rigid-body motion, compared with its disks and its rod."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ MESH = brick_mesh(ROBOT, Fineness(2, 8, 1), mass_arms=True)
 
 
 def rod_pieces() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mass, middle and length of the backbone of each segment, to the mesh's end."""
+    """Mass, centre and length of the backbone of each segment, to the mesh's end."""
     ends = np.cumsum([0.0] + [s.length for s in ROBOT.segments])
     ends[-1] = MESH.slice_z[-1]
     length = np.diff(ends)
     return ROBOT.mass_per_length * length, 0.5 * (ends[1:] + ends[:-1]), length
 
 
-def test_the_points_of_a_disk_have_its_mass() -> None:
+def test_points_of_a_disk_have_its_mass() -> None:
     np.testing.assert_allclose(4 * disk_points(ROBOT, MESH).sum(axis=1), ROBOT.disks.mass_kg)
 
 
-def test_a_shift_of_all_has_the_energy_of_all_mass() -> None:
+def test_translation_has_the_energy_of_all_mass() -> None:
     velocity = np.array([0.3, -0.2, 0.6])
     mass = ROBOT.disks.mass_kg.sum() + rod_pieces()[0].sum()
     energy = kinetic_energy(ROBOT, MESH, np.broadcast_to(velocity, MESH.nodes.shape))
@@ -33,12 +33,12 @@ def test_a_shift_of_all_has_the_energy_of_all_mass() -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2], ids=["x", "y", "z"])
-def test_a_turn_about_the_base_has_the_energy_of_all_inertia(axis: int) -> None:
+def test_rotation_has_the_energy_of_all_inertia(axis: int) -> None:
     spin = 2.0 * np.eye(3)[axis]
     mass, middle, length = rod_pieces()
     across, axial = ROBOT.disks.inertia_kg_m2.T
     if axis == 2:
-        # of rods the polar moment: twice their second moment of area by their area
+        # polar moment of a rod: twice its second moment of area over its area
         turned = [2 * s.backbone.second_moment / s.backbone.area for s in ROBOT.segments]
         inertia = axial.sum() + mass @ turned
     else:
@@ -55,6 +55,6 @@ def test_weight_is_zero_with_all_mass_at_the_base() -> None:
     assert gravity_energy(ROBOT, MESH, 0.0 * MESH.nodes, disk, gravity) == 0.0
     disk[:, 2] = ROBOT.disks.station_m
     mass, middle, _ = rod_pieces()
-    wanted = 9.8 * (ROBOT.disks.mass_kg @ ROBOT.disks.station_m + mass @ middle)
+    expected = 9.8 * (ROBOT.disks.mass_kg @ ROBOT.disks.station_m + mass @ middle)
     energy = gravity_energy(ROBOT, MESH, MESH.nodes, disk, gravity)
-    assert energy == pytest.approx(wanted, rel=2e-3)
+    assert energy == pytest.approx(expected, rel=2e-3)

@@ -15,7 +15,7 @@ from fem_robots import small_robot, two_segments
 
 
 def volumes(mesh: object, which: np.ndarray) -> np.ndarray:
-    """Of bricks, by the 8 points that CalculiX takes; all parts of them must be positive."""
+    """Volumes of bricks, by CalculiX's 8 integration points; all contributions must be positive."""
     _, slope = brick_shape(POINTS)
     parts = np.linalg.det(np.einsum("pnk,bni->bpki", slope, mesh.nodes[mesh.bricks[which]]))
     assert parts.min() > 0
@@ -34,8 +34,8 @@ def test_bricks_fill_the_backbone(robot: Robot, fineness: Fineness) -> None:
         clamps = disks.clamped_length_m
         before = 0.5 * np.concatenate([[0.0], clamps[:-1]]) + 0.5 * clamps
         lengths = np.diff(disks.station_m, prepend=0.0) - before
-        wanted = segment.backbone.area * lengths[disks.segment == k].sum()
-        assert volumes(mesh, free).sum() == pytest.approx(wanted, rel=near)
+        expected = segment.backbone.area * lengths[disks.segment == k].sum()
+        assert volumes(mesh, free).sum() == pytest.approx(expected, rel=near)
 
 
 @pytest.mark.parametrize("robot", [small_robot(), two_segments()], ids=["rod", "tubes"])
@@ -50,7 +50,7 @@ def test_sections_have_the_second_moment_of_the_backbone(robot: Robot) -> None:
         x = np.einsum("pn,bni->bpi", value, points)
         length = np.ptp(points[..., 2])
         moment = (volume * x[..., 0] ** 2).sum() / length
-        # 8 points a brick are not exact for it, as they are for CalculiX's stiffness
+        # 8 points are not exact for it, but they are for CalculiX's stiffness
         assert moment == pytest.approx(segment.backbone.second_moment, rel=0.02)
 
 
@@ -72,8 +72,8 @@ def test_holes_are_where_the_robot_has_them() -> None:
         assert (mesh.hole[: ends[t] + 2, t] >= 0).all()
         assert (mesh.hole[ends[t] + 2 :, t] < 0).all()
         stations = [0.0, *robot.disks.station_m[: ends[t] + 1]]
-        wanted = [[x, y, z] for z in stations]
-        np.testing.assert_allclose(mesh.nodes[mesh.hole[: ends[t] + 2, t]], wanted, atol=1e-15)
+        expected = [[x, y, z] for z in stations]
+        np.testing.assert_allclose(mesh.nodes[mesh.hole[: ends[t] + 2, t]], expected, atol=1e-15)
     rows = mesh.nodes[mesh.rows[mesh.station_row]]
     np.testing.assert_allclose(rows[..., 2].T, np.tile(robot.disks.station_m, (rows.shape[1], 1)))
 
@@ -105,11 +105,11 @@ def test_points_that_carry_mass_have_the_moments_of_a_disk() -> None:
         share = 0.25 * np.array([off, 1 - 2 * off, off])
         place = mesh.nodes[nodes] - [0, 0, robot.disks.station_m[i]]
         moment = np.einsum("k,aki,akj->ij", share, place, place)
-        wanted = np.diag([radius**2 / 4, radius**2 / 4, thickness**2 / 12])
-        np.testing.assert_allclose(moment, wanted, atol=1e-12)
+        expected = np.diag([radius**2 / 4, radius**2 / 4, thickness**2 / 12])
+        np.testing.assert_allclose(moment, expected, atol=1e-12)
 
 
-def test_middle_bricks_are_longer_and_none_is_long_beside_its_neighbour() -> None:
+def test_brick_lengths_grow_gradually_towards_the_middle() -> None:
     mesh = brick_mesh(small_robot(), Fineness(8, 8, 1))
     length = np.diff(mesh.slice_z)[mesh.slice_module == 0]
     np.testing.assert_allclose(length, length[::-1])
@@ -126,7 +126,7 @@ def test_middle_bricks_are_longer_and_none_is_long_beside_its_neighbour() -> Non
         (Fineness(4, 8, 0), "rings"),
     ],
 )
-def test_a_mesh_that_cannot_be_is_named(fineness: Fineness, says: str) -> None:
+def test_impossible_meshes_are_named(fineness: Fineness, says: str) -> None:
     with pytest.raises(InputError, match=says):
         brick_mesh(small_robot(), fineness)
 
@@ -139,6 +139,6 @@ def test_a_mesh_that_cannot_be_is_named(fineness: Fineness, says: str) -> None:
         ({"segments.0.tendons.friction": 0.1}, "have friction, which"),
     ],
 )
-def test_a_robot_that_cannot_be_meshed_is_told_why(changes: dict[str, object], says: str) -> None:
+def test_a_robot_that_cannot_be_meshed_gets_a_reason(changes: dict[str, object], says: str) -> None:
     with pytest.raises(InputError, match=says):
         brick_mesh(small_robot(**changes), Fineness())

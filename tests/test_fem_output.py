@@ -1,4 +1,4 @@
-"""What CalculiX prints, also half of it."""
+"""Output of CalculiX, including partial output."""
 
 from __future__ import annotations
 

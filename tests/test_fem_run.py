@@ -1,4 +1,4 @@
-"""Finite elements for real, on a coarse mesh; and what becomes of a run that does not end well."""
+"""Real finite-element runs on a coarse mesh, and runs that fail or are stopped."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ LOADS = [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [40.0, 0.0, 10.0]]
 
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """No test sees what another has kept, nor what the user has."""
+    """No test sees results kept by another test or by the user."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     return tmp_path
@@ -68,16 +68,16 @@ class TestSweep:
             by_rod = rod.solve(found.robot, row).tip
             assert by_rod is not None
             moved = np.linalg.norm(by_rod.position - straight)
-            # stiffer by what rigid disks hold across, 0.3 %, and by the coarse mesh
+            # stiffer because rigid disks prevent lateral contraction, 0.3 %, and by the coarse mesh
             assert np.linalg.norm(tip - by_rod.position) <= 0.006 * moved + 1e-12
 
     def test_span_forces_are_the_tensions(self, found: BrickRun) -> None:
         assert found.span_error < 1e-3
-        wanted = np.broadcast_to(found.tensions[:, None], found.span_tensions.shape)
-        np.testing.assert_allclose(found.span_tensions, wanted, rtol=1e-5, atol=1e-4)
+        expected = np.broadcast_to(found.tensions[:, None], found.span_tensions.shape)
+        np.testing.assert_allclose(found.span_tensions, expected, rtol=1e-5, atol=1e-4)
 
     def test_forces_in_the_backbone_are_the_rods(self, found: BrickRun) -> None:
-        """Integrals of stress over sections, against a theory that knows no stress."""
+        """Integrals of stress over sections, against a theory without stress."""
         bricks = found.to_dataset().isel(time=-1)
         rods = rod.solve(found.robot, found.tensions[-1]).to_dataset(9).isel(time=0)
         for module in (1, 2):
@@ -128,7 +128,7 @@ class TestSweep:
         np.testing.assert_allclose(displacement[mesh.base], 0.0, atol=1e-15)
         there = np.isfinite(stress[:, 2])
         assert there.sum() == len(np.unique(mesh.bricks[~mesh.stiff]))
-        # where the backbone has hardly turned, axial stress is E times axial strain
+        # where the backbone has hardly rotated, axial stress is E times axial strain
         low = there & (mesh.nodes[:, 2] > 0.010) & (mesh.nodes[:, 2] < 0.035)
         ratio = np.polyfit(strain[low, 2], stress[low, 2], 1)[0]
         assert ratio == pytest.approx(35e9, rel=0.03)
@@ -136,7 +136,7 @@ class TestSweep:
 
 @needs_ccx
 def test_two_tubes_under_gravity_and_a_tip_force() -> None:
-    """Both segments driven, out of plane, tendons at odd angles."""
+    """Both segments actuated, out of plane, tendons at different angles."""
     robot = two_segments()
     pull = [30.0, 3.0, 20.0, 0.0, 2.0]
     load = {"tip_force": (0.3, 0.2, 0.0), "gravity": (1.0, 0.0, -9.8)}
@@ -157,7 +157,7 @@ def test_two_tubes_under_gravity_and_a_tip_force() -> None:
 
 @needs_ccx
 def test_the_base_holds_the_weight_and_the_tip_force_once() -> None:
-    """At every load, though each step of the deck names the dead loads again; by closed forms."""
+    """At every load, although each step of the deck names the dead loads again; by closed forms."""
     robot = small_robot()
     run = sweep(
         robot,
@@ -171,7 +171,7 @@ def test_the_base_holds_the_weight_and_the_tip_force_once() -> None:
     weight = 9.8 * (robot.disks.mass_kg.sum() + beyond)
     dead = np.array([0.5, -weight, 0.0])
     np.testing.assert_allclose(force[0], dead, atol=1e-4)
-    # what is more is the pull of the first spans along themselves
+    # the difference is the force of the first spans along themselves
     ends = np.array([[*hole, robot.disks.station_m[0]] for hole in robot.tendons.hole_m])
     moved = frames.disk_position[1, 0] + (ends - [0, 0, robot.disks.station_m[0]]) @ (
         frames.disk_rotation[1, 0].T
@@ -191,10 +191,10 @@ def test_the_base_holds_the_weight_and_the_tip_force_once() -> None:
     ],
     ids=["heavy", "sliding", "damped"],
 )
-def test_motion_is_near_the_rods(
+def test_motion_is_close_to_the_rods(
     grip: Literal["bonded", "sliding"], damping: float, gravity: tuple[float, float, float]
 ) -> None:
-    """Over a slowest period, 20 ms, with outputs on the way."""
+    """Over a period of the slowest mode, 20 ms, with intermediate outputs."""
     settings = Settings(Fineness(2, 4, 1), grip=grip)
     run = ramp(
         small_robot(),
@@ -224,7 +224,7 @@ def test_motion_is_near_the_rods(
         .to_dataset()
         .isel(time=slice(1, None))
     )
-    # and in energy by more; the mesh 4,8,1 is 0.5 % off where disks slide
+    # and the energy by more; the mesh 4,8,1 has an error of 0.5 % where disks slide
     largest = theirs.kinetic_energy.max().item()
     for name in ("kinetic_energy", "gravity_energy"):
         found = run.to_dataset()[name].to_numpy()
@@ -232,7 +232,7 @@ def test_motion_is_near_the_rods(
 
 
 @needs_ccx
-def test_outputs_on_the_way_change_no_motion() -> None:
+def test_intermediate_outputs_do_not_change_the_motion() -> None:
     tips = [
         ramp(small_robot(), [80.0, 0, 0], Motion(0.01, every=every, dt=0.0005), settings=COARSE)
         .raise_for_status()
@@ -242,7 +242,7 @@ def test_outputs_on_the_way_change_no_motion() -> None:
     np.testing.assert_allclose(*tips, rtol=0, atol=1e-6)
 
 
-def test_outputs_fit_rise_and_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_outputs_divide_rise_and_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[list[deck.Step], np.ndarray]] = []
     monkeypatch.setattr(
         "bowstring.fem.run._run", lambda robot, steps, time, *_: asked.append((steps, time))
@@ -255,7 +255,7 @@ def test_outputs_fit_rise_and_hold(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @needs_ccx
-def test_what_is_known_is_not_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_results_are_not_recomputed(monkeypatch: pytest.MonkeyPatch) -> None:
     first = sweep(small_robot(), LOADS, settings=COARSE)
     assert (first.cached, first.iterations > 0) == (0, True)
     monkeypatch.setattr(ccx, "run", lambda *_: pytest.fail("CalculiX was asked again"))
@@ -269,10 +269,10 @@ def test_what_is_known_is_not_computed_again(monkeypatch: pytest.MonkeyPatch) ->
 
 @needs_ccx
 @pytest.mark.parametrize("motion", [False, True], ids=["rest", "motion"])
-def test_a_run_that_is_stopped_goes_on_after_its_last_step(
+def test_a_stopped_run_resumes_after_its_last_step(
     motion: bool, own_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A motion, which is one step, goes on after the rest under its weight."""
+    """A motion, which is one step, continues after the rest under its weight."""
 
     def run() -> BrickRun:
         robot = small_robot()
@@ -293,7 +293,7 @@ def test_a_run_that_is_stopped_goes_on_after_its_last_step(
 
     def stop(kept: Path, number: int, state: object, restart: Path | None) -> None:
         save(kept, number, state, restart)
-        # a step that is read before the next has begun has no restart, and is done again
+        # a step that is read before the next has begun has no restart, and is repeated
         goes_on = motion or restart is not None
         if enough <= number < 4 and goes_on and not list(kept.glob(f"step_{number + 1:04d}*")):
             monkeypatch.setattr(steps, "_save", save)
@@ -315,10 +315,10 @@ def test_a_run_that_is_stopped_goes_on_after_its_last_step(
 
 @needs_ccx
 @pytest.mark.parametrize("fault", ["cut", "gone"])
-def test_a_run_whose_restart_is_broken_begins_anew(
+def test_a_run_with_a_damaged_restart_starts_again(
     fault: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Cut by a crash amid a write; or gone, as another process has done the rest meanwhile."""
+    """Cut by a crash during a write; or missing, as another process has completed it meanwhile."""
     loads = [[t, 0, 0] for t in (10, 20, 30)]
     save = steps._save
 
@@ -328,7 +328,7 @@ def test_a_run_whose_restart_is_broken_begins_anew(
             raise KeyboardInterrupt
 
     found: list[Path] = []
-    for _ in range(20):  # CalculiX may be done before it is stopped, and then leaves no restart
+    for _ in range(20):  # CalculiX may finish before it is stopped, and then leaves no restart
         with monkeypatch.context() as patch, contextlib.suppress(RunInterrupted):
             patch.setattr(steps, "_save", stop)
             sweep(small_robot(), loads, settings=COARSE)
@@ -339,7 +339,7 @@ def test_a_run_whose_restart_is_broken_begins_anew(
     (restart,) = found
     kept = restart.parent
     if fault == "cut":
-        # it may already hold the begin of a later step: none of that will do
+        # it may already hold the beginning of a later step, which is not usable
         restart.write_bytes(restart.read_bytes()[:1000])
     else:
         find = steps._restart_at
@@ -353,13 +353,13 @@ def test_a_run_whose_restart_is_broken_begins_anew(
     run = sweep(small_robot(), loads, settings=COARSE)
     assert run.converged and (run.cached, len(run.states)) == (0, 3)
     assert sorted(p.name for p in kept.iterdir()) == [f"step_000{k}.npz" for k in (1, 2, 3)]
-    (kept / "restart_0002").touch()  # of a process that was killed when all was done
+    (kept / "restart_0002").touch()  # left by a process that was killed after the end
     assert sweep(small_robot(), loads, settings=COARSE).cached == 3
     assert not list(kept.glob("restart_*"))
 
 
 @needs_ccx
-def test_a_kept_step_that_is_broken_is_done_again() -> None:
+def test_a_damaged_kept_step_is_recomputed() -> None:
     loads = [[10.0, 0, 0]]
     first = sweep(small_robot(), loads, settings=COARSE)
     (file,) = fem.cache_folder().glob("*/step_0001.npz")
@@ -372,7 +372,7 @@ def test_a_kept_step_that_is_broken_is_done_again() -> None:
 
 
 def fake(folder: Path, script: str) -> Path:
-    """A program ccx that stands before the real one."""
+    """A fake ccx that runs before the real one."""
     program = folder / "bin" / "ccx"
     program.parent.mkdir()
     real = shutil.which("ccx") or "false"
@@ -404,14 +404,14 @@ def before_real(folder: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> N
         ),
     ],
 )
-def test_an_early_end_is_told(
+def test_an_early_end_is_reported(
     script: str, status: str, says: str, own_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before_real(own_cache, monkeypatch, script + "\n")
     run = sweep(small_robot(), LOADS, settings=COARSE)
     assert run.status == status
     assert says in run.message
-    assert len(run.states) == 1  # that without load needs no solver
+    assert len(run.states) == 1  # the unloaded state needs no solver
     with pytest.raises(NoSolutionError, match="1 of 3 are kept") as error:
         run.raise_for_status()
     assert error.value.status == status
@@ -440,8 +440,8 @@ def test_a_run_that_reached_nothing_has_fields_of_no_load(
 
 
 @needs_ccx
-def test_what_came_before_a_kill_is_kept(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The real program, killed in its second step; then let work."""
+def test_results_before_a_kill_are_kept(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The real program, killed in its second step, then continued."""
     script = """REAL "$1" > out.txt & child=$!
 while kill -0 $child 2>/dev/null; do
   if grep -q '^ *2 ' "$1.sta" 2>/dev/null; then kill -KILL $child; kill -KILL $$; fi
@@ -457,15 +457,15 @@ done
         assert 1 <= len(run.states) < 4
         assert "N of 62 N" in run.message
     with monkeypatch.context() as patch:
-        patch.setattr(ccx, "version", lambda program: "2.20")  # as results are kept for a version
+        patch.setattr(ccx, "version", lambda program: "2.20")  # results are kept by version
         rest = sweep(small_robot(), loads, settings=Settings(Fineness(4, 8, 1)))
     assert rest.converged and rest.cached >= 1
     assert rest.span_error < 1e-3
 
 
 @needs_ccx
-def test_a_restart_file_that_is_cut_off_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As of a drive that was full: the run begins anew instead of failing for ever."""
+def test_a_truncated_restart_file_is_recovered_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after a full drive: the run starts again instead of failing for ever."""
     loads = [[t, 0, 0] for t in (10, 20, 30)]
     save = steps._save
 
@@ -491,7 +491,7 @@ def test_a_restart_file_that_is_cut_off_is_no_end(monkeypatch: pytest.MonkeyPatc
 def test_the_restart_file_of_the_step_that_failed_is_not_kept(
     own_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The real program, then its last restart is spoilt, as on a full drive; then let work."""
+    """The real program, then its last restart is damaged, as on a full drive, then continued."""
     script = """REAL "$1" > out.txt
 head -c 1000 "$1.rout" > cut; mv cut "$1.rout"; grep -v '^ *2 ' "$1.sta" > cut; mv cut "$1.sta"
 exit 2
@@ -506,7 +506,7 @@ exit 2
 
 
 @needs_ccx
-def test_a_load_beyond_all_equilibria_keeps_what_came_before() -> None:
+def test_a_load_without_an_equilibrium_keeps_earlier_results() -> None:
     run = sweep(small_robot(), [[100, 0, 0], [1e5, 0, 0]], settings=COARSE)
     assert run.status == "diverged"
     assert len(run.states) == 1
@@ -522,7 +522,7 @@ def test_a_load_beyond_all_equilibria_keeps_what_came_before() -> None:
         (b"#!/no/such/shell\n", "does not start: No such file or directory$"),
     ],
 )
-def test_a_program_that_is_none(
+def test_an_invalid_program(
     content: bytes, says: str, own_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program = fake(own_cache, "") / "ccx"
@@ -532,7 +532,7 @@ def test_a_program_that_is_none(
         sweep(small_robot(), LOADS, settings=COARSE)
 
 
-def test_a_cache_that_cannot_be_written_is_said_first(
+def test_an_unwritable_cache_is_reported_first(
     own_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before_real(own_cache, monkeypatch, "exit 1\n")
@@ -556,7 +556,7 @@ def test_a_cache_that_cannot_be_written_is_said_first(
         (Settings(residual=10.0), "residual is 10, it must be from 1e-09 to 0.01"),
     ],
 )
-def test_settings_that_are_none_are_named(settings: Settings, says: str) -> None:
+def test_invalid_settings_are_named(settings: Settings, says: str) -> None:
     with pytest.raises(InputError, match=re.escape(says)):
         sweep(small_robot(), LOADS, settings=settings)
 
@@ -572,12 +572,12 @@ def test_settings_that_are_none_are_named(settings: Settings, says: str) -> None
         ([-1, 0, 0], "tension of tendon 1 is -1 N, a tendon can only pull"),
     ],
 )
-def test_tensions_of_a_motion_that_are_none_are_named(tensions: object, says: str) -> None:
+def test_invalid_tensions_of_a_motion_are_named(tensions: object, says: str) -> None:
     with pytest.raises(InputError, match=re.escape(says)):
         ramp(small_robot(), tensions, Motion(0.1))  # type: ignore[arg-type]
 
 
-def test_what_is_no_robot_is_named() -> None:
+def test_non_robots_are_named() -> None:
     for run in (
         lambda: sweep("amouri2019", LOADS),  # type: ignore[arg-type]
         lambda: ramp("amouri2019", [1, 0, 0], Motion(1.0)),  # type: ignore[arg-type]
@@ -586,7 +586,7 @@ def test_what_is_no_robot_is_named() -> None:
             run()
 
 
-def test_a_folder_with_files_is_no_place_for_those_of_calculix(tmp_path: Path) -> None:
+def test_a_folder_with_files_is_refused_for_calculix(tmp_path: Path) -> None:
     (tmp_path / "robot.inp").write_text("mine")
     with pytest.raises(InputError, match="not an empty folder"):
         sweep(small_robot(), LOADS, settings=COARSE, keep=str(tmp_path))
@@ -606,7 +606,7 @@ def test_without_calculix_it_says_how_to_install_it(
 def test_calculix_ends_with_the_process_that_started_it(
     number: signal.Signals, own_cache: Path
 ) -> None:
-    """Whatever ends it, nothing is left: neither the program at work nor its temporary folder."""
+    """Whatever ends it, neither the running program nor its temporary folder is left."""
     script = f"echo $$ > '{own_cache}/pid.new'; mv '{own_cache}/pid.new' '{own_cache}/pid'\n"
     path = f"{fake(own_cache, script + 'exec sleep 100')}{os.pathsep}{os.environ['PATH']}"
     robot = own_cache / "small.yaml"
@@ -639,7 +639,7 @@ def runs(process: int) -> bool:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    state = Path(f"/proc/{process}/stat")  # a dead one may wait for its new parent to look
+    state = Path(f"/proc/{process}/stat")  # a dead process may wait for its new parent
     return not (state.exists() and state.read_text().rpartition(")")[2].split()[0] == "Z")
 
 
@@ -664,7 +664,7 @@ def test_an_old_calculix_is_refused(own_cache: Path, monkeypatch: pytest.MonkeyP
         (PermissionError(13, "Permission denied"), "failed"),
     ],
 )
-def test_a_drive_that_takes_no_files_is_told(
+def test_an_unwritable_disk_is_reported(
     error: OSError, status: str, own_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before_real(own_cache, monkeypatch, "exit 0\n")
@@ -679,7 +679,7 @@ def test_a_drive_that_takes_no_files_is_told(
 
 
 @needs_ccx
-def test_files_of_calculix_stay_where_they_are_wanted(own_cache: Path) -> None:
+def test_files_of_calculix_are_kept_on_request(own_cache: Path) -> None:
     run = sweep(small_robot(), LOADS, settings=COARSE, keep=own_cache / "files")
     assert run.converged
     names = {path.name for path in (own_cache / "files").iterdir()}
@@ -687,7 +687,7 @@ def test_files_of_calculix_stay_where_they_are_wanted(own_cache: Path) -> None:
     assert not list(own_cache.glob(".bowstring-fe-*"))
 
 
-def test_files_of_another_run_are_not_taken_for_its_own(
+def test_files_of_another_run_are_not_used(
     own_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before_real(own_cache, monkeypatch, "exit 0\n")
@@ -706,7 +706,7 @@ def test_files_of_another_run_are_not_taken_for_its_own(
         ("much", "must be numbers in N"),
     ],
 )
-def test_tensions_that_are_none_are_refused(tensions: object, says: str) -> None:
+def test_invalid_tensions_are_refused(tensions: object, says: str) -> None:
     with pytest.raises(InputError, match=says):
         sweep(small_robot(), tensions)
 
@@ -728,7 +728,7 @@ def test_disks_that_are_no_wider_than_the_backbone_are_named(
             sweep(robot, LOADS, settings=COARSE)
 
 
-def test_settings_that_are_none_are_refused() -> None:
+def test_invalid_settings_are_refused() -> None:
     with pytest.raises(InputError, match="10 to 1e6"):
         sweep(small_robot(), LOADS, settings=Settings(stiffness=1.0))
     for residual in (0.0, 1.0, np.nan):  # no end of the iteration, or no equilibrium at its end
@@ -737,8 +737,8 @@ def test_settings_that_are_none_are_refused() -> None:
 
 
 @needs_ccx
-def test_what_parts_bricks_from_the_rod_is_how_disks_hold_across() -> None:
-    """Bonded disks stiffen the backbone next to them; where it may contract, the rod is met."""
+def test_the_difference_to_the_rod_is_due_to_lateral_contraction() -> None:
+    """Bonded disks stiffen the backbone next to them; with free contraction the rod is matched."""
     robot = small_robot()
     by_rod = rod.solve(robot, [40, 0, 0], model=bs.RodModel(elements=4)).tip
     assert by_rod is not None
@@ -748,6 +748,6 @@ def test_what_parts_bricks_from_the_rod_is_how_disks_hold_across() -> None:
         run = sweep(robot, [[40, 0, 0]], settings=Settings(Fineness(4, 8, 1), grip=grip))
         x, y, _ = run.raise_for_status().tip_position[0]
         off[grip] = float(x / by_rod.position[0] - 1.0)
-        assert abs(y) < 1e-5 * x  # tendon, robot and arms are one plane's
+        assert abs(y) < 1e-5 * x  # tendon, robot and arms lie in one plane
     assert -5e-3 < off["bonded"] < -2e-3
     assert abs(off["sliding"]) < 5e-4

@@ -21,7 +21,7 @@ YOUNG = 35e9
 
 
 def stretched(strain: float) -> BrickRun:
-    """A run made by hand: everything stretched along z."""
+    """A synthetic run with uniform axial strain."""
     robot = small_robot()
     mesh = brick_mesh(robot, Fineness(2, 4, 1))
     free = int((~mesh.stiff).sum())
@@ -93,7 +93,7 @@ def test_von_mises_of_known_stress() -> None:
     np.testing.assert_allclose(von_mises(stress), [3.0, 2.0 * np.sqrt(3.0), 0.0])
 
 
-def test_nothing_reached_is_nothing_to_show(tmp_path: Path) -> None:
+def test_a_run_without_results_has_no_fields(tmp_path: Path) -> None:
     run = stretched(1e-3)
     run.states.clear()
     with pytest.raises(InputError, match="no step"):

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM reach a command wherever they come."""
+"""Ctrl-C and SIGTERM reach a command at any moment."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="no SIGTERM")
 
-# what an import of large libraries does with an interrupt; `ready` says when it may come
+# the effect of imports of large libraries on an interrupt; `ready` marks when it may arrive
 BROKEN_IMPORT = """
 try:
     ready()
@@ -61,7 +61,7 @@ time.sleep(20)
 
 
 def stop(folder: Path, library: str, signals: list[signal.Signals]) -> tuple[int, str]:
-    """Exit code and words of `bowstring cad` that is stopped while it imports a library."""
+    """Exit code and output of `bowstring cad` when stopped while it imports a library."""
     marker = folder / "ready"
     begin = f"import time\ndef ready():\n    open({str(marker)!r}, 'w').close()\n"
     (folder / "build123d.py").write_text(begin + textwrap.dedent(library))
@@ -97,7 +97,7 @@ def test_an_interrupt_within_an_import(
 
 
 @pytest.mark.parametrize("library", [DESTRUCTOR, CALLBACK])
-def test_an_interrupt_that_python_throws_away(tmp_path: Path, library: str) -> None:
+def test_an_interrupt_swallowed_by_an_import(tmp_path: Path, library: str) -> None:
     signals = [signal.SIGTERM, signal.SIGTERM]
     assert stop(tmp_path, library, signals) == (130, "Stopped: nothing was written.\n")
 
@@ -117,8 +117,8 @@ def test_further_signals_do_not_break_off_the_clean_up(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
-def test_a_command_that_is_over_ignores_signals() -> None:
-    """One that comes while Python ends must not abort it."""
+def test_a_finished_command_ignores_signals() -> None:
+    """A signal during the end of Python must not abort it."""
     code = (
         "import os, signal, sys, atexit\n"
         "from bowstring.cli import main\n"

@@ -1,4 +1,4 @@
-"""Metadata, citation, recipe and workflows say the same of the package."""
+"""Metadata, citation, recipe and workflows are consistent."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def project() -> Any:
 
 
 def as_conda(requirement: str) -> str:
-    """``numpy>=1.26`` as ``numpy >=1.26``, by its name in conda-forge."""
+    """Convert ``numpy>=1.26`` to ``numpy >=1.26``, with its name in conda-forge."""
     found = re.fullmatch(r"([\w.-]+)(>=[\w.]+)", requirement)
     assert found, requirement
     return f"{CONDA_NAMES.get(found[1], found[1])} {found[2]}"
@@ -49,7 +49,7 @@ def test_the_base_has_at_most_twelve_dependencies(project: Any) -> None:
     assert 5 < len(project["dependencies"]) <= 12
 
 
-def test_each_extra_brings_the_module_that_is_asked_for(project: Any) -> None:
+def test_each_extra_installs_its_module(project: Any) -> None:
     brings = {
         extra: [re.split(r"\W", each)[0] for each in needs]
         for extra, needs in project["optional-dependencies"].items()
@@ -57,7 +57,7 @@ def test_each_extra_brings_the_module_that_is_asked_for(project: Any) -> None:
     assert brings == {extra: [module] for extra, (module, *_) in EXTRAS.items()}
 
 
-def test_the_conda_recipe_is_that_of_the_project(project: Any) -> None:
+def test_the_conda_recipe_matches_the_project(project: Any) -> None:
     recipe = parsed("packaging", "conda", "recipe.yaml")
     oldest = project["requires-python"].removeprefix(">=")
     assert recipe["context"]["version"] == bs.__version__
@@ -76,7 +76,7 @@ def test_the_conda_recipe_is_that_of_the_project(project: Any) -> None:
     assert backend.replace("maturin", "maturin ") in needs["host"]
 
 
-def test_the_citation_is_that_of_the_page(project: Any) -> None:
+def test_the_citation_matches_the_page(project: Any) -> None:
     cite = parsed("CITATION.cff")
     (study,) = cite["references"]
     assert cite["version"] == bs.__version__ and cite["license"] == project["license"]
@@ -93,7 +93,7 @@ def test_the_citation_is_that_of_the_page(project: Any) -> None:
     assert f"title: '{cite['title']}'" in text("paper", "paper.md")
 
 
-def test_an_older_python_is_told_so() -> None:
+def test_an_old_python_gets_a_message() -> None:
     code = "import sys; sys.version_info = (3, 9, 18, 'final', 0); import bowstring"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 1

@@ -1,4 +1,4 @@
-"""The draft of the paper: numbers are those of the program, references and figures are there."""
+"""The draft of the paper: its numbers match the program, its references and figures exist."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BODY = re.sub(r"<!--.*?-->", "", TEXT.split("---\n", 2)[2], flags=re.DOTALL)
 FLAT = " ".join(BODY.split())
 
 
-def test_it_is_as_long_as_the_journal_asks() -> None:
+def test_length_is_within_the_journals_limits() -> None:
     assert 250 <= len(BODY.split()) <= 1000
 
 
@@ -48,7 +48,7 @@ def figures() -> ModuleType:
     return module
 
 
-def test_its_numbers_are_those_of_the_program(paper: Study, figures: ModuleType) -> None:
+def test_its_numbers_match_the_program(paper: Study, figures: ModuleType) -> None:
     measured = list(figures.distances())
     said = dict(line.split(": ") for line in figures.numbers(paper, measured) if ": " in line)
     means = {name: said[name].split(" mm")[0] for name in ("cc_from_lengths", "cc_from_force")}

@@ -1,4 +1,4 @@
-"""Work done side by side: all of it once, errors told, nothing left running."""
+"""Parallel work: every item once, errors reported, no process left running."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def cores(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> in
 
 @pytest.mark.parametrize("count", [0, 1, 2, 7])
 def test_each_item_is_done(cores: int, count: int, tmp_path: Path) -> None:
-    told: list[float] = []
+    reported: list[float] = []
     processes.for_each(
-        range(count), lambda i: (tmp_path / str(i)).touch(exist_ok=False), tell=told.append
+        range(count), lambda i: (tmp_path / str(i)).touch(exist_ok=False), tell=reported.append
     )
     assert sorted(int(p.name) for p in tmp_path.iterdir()) == list(range(count))
-    assert told == sorted(told) and all(0.0 <= share < 1.0 for share in told)
+    assert reported == sorted(reported) and all(0.0 <= share < 1.0 for share in reported)
 
 
 @pytest.mark.parametrize("bad", [0, 1, 4])
-def test_an_error_comes_up_here(cores: int, bad: int) -> None:
+def test_an_error_is_raised_in_the_parent(cores: int, bad: int) -> None:
     def do(i: int) -> None:
         if i == bad:
             raise OSError(28, "No space left on device")
@@ -51,12 +51,12 @@ def _in_a_pool(folder: Path) -> int:
     return len(list(folder.iterdir()))
 
 
-def test_a_worker_of_a_pool_does_all_itself(tmp_path: Path) -> None:
+def test_a_pool_worker_starts_no_processes(tmp_path: Path) -> None:
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         assert pool.apply(_in_a_pool, (tmp_path,)) == 3
 
 
-def test_what_a_lost_process_left_is_done_here(
+def test_work_of_a_lost_process_is_done_in_the_parent(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(processes, "_cores", lambda: 2)
@@ -83,7 +83,7 @@ def test_a_stop_ends_the_other_processes(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_stop_while_processes_start_ends_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An interrupt between the start of one and its entry in the list would leave it alone."""
+    """An interrupt between the start of a process and its entry in the list would orphan it."""
     monkeypatch.setattr(processes, "_cores", lambda: 3)
     submit = ProcessPoolExecutor.submit
 
@@ -99,7 +99,7 @@ def test_a_stop_while_processes_start_ends_them(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_processes_end_by_a_signal_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Also where Python cannot run a handler, as while it waits for a lock for good."""
+    """Also where Python cannot run a handler, as while it waits for a lock for ever."""
     monkeypatch.setattr(processes, "_cores", lambda: 2)
     here = os.getpid()
 

@@ -1,4 +1,4 @@
-"""The lock files: every package pinned by hash, one version in all, and no registry named."""
+"""The lock files: every package pinned by hash, consistent versions, and no registry named."""
 
 from __future__ import annotations
 

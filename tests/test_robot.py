@@ -1,4 +1,4 @@
-"""The robot file: what it means, what it refuses and how it says so."""
+"""The robot file: its meaning, its checks and their messages."""
 
 import copy
 import json
@@ -50,7 +50,7 @@ def load(tmp_path):
 
 @pytest.fixture
 def refuse(load):
-    """The message of a refused file, without the file's name."""
+    """The message of a rejected file, without the file's name."""
 
     def refused(text, overrides=None):
         with pytest.raises(InputError) as caught:
@@ -65,10 +65,10 @@ def changed(old, new):
     return GOOD.replace(old, new)
 
 
-# --- what a robot is ------------------------------------------------------------------
+# --- contents of a robot --------------------------------------------------------------
 
 
-def test_amouri2019_is_table_1():
+def test_amouri2019_matches_table_1():
     robot = load_robot("amouri2019")
     (segment,) = robot.segments
     assert robot.length == segment.length == 0.641
@@ -111,7 +111,7 @@ def test_rao2021_has_two_segments_that_share_their_holes():
     assert robot.gravity == (0, 0, 0)
 
 
-def test_crl_ftdcr_v4_is_the_published_geometry():
+def test_crl_ftdcr_v4_matches_the_published_geometry():
     robot = load_robot("crl-ftdcr-v4")
     assert [s.length for s in robot.segments] == [0.06, 0.0625, 0.064]
     assert robot.length == pytest.approx(0.1865, rel=1e-15)
@@ -134,7 +134,7 @@ def test_crl_ftdcr_v4_is_the_published_geometry():
     assert tendons.segment.tolist() == [0] * 3 + [1] * 3 + [2] * 3
     assert tendons.end_disk.tolist() == [9] * 3 + [19] * 3 + [29] * 3
     assert robot.gravity == (0, 0, 0)
-    # what the source puts into a backbone of 37708 kg/m^3
+    # mass of the source's backbone at 37708 kg/m^3
     mass = robot.disks.mass_kg.sum() + robot.mass_per_length @ [s.length for s in robot.segments]
     assert mass == pytest.approx(37708 * math.pi * 0.0005**2 * 0.1865, rel=0.03)
 
@@ -171,7 +171,7 @@ def test_each_segment_has_its_own_disks_and_tendons(load):
     assert robot.warnings == ()
 
 
-def test_documented_example_loads_and_means_what_its_comments_say(load):
+def test_documented_example_matches_its_comments(load):
     text = (ROOT / "docs" / "reference" / "robot-file.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"```yaml\n(.*?)```", text, re.S)
     robot = load(example)
@@ -202,7 +202,7 @@ def test_name_is_the_file_name_unless_given(load):
 
 # --- tendon properties ----------------------------------------------------------------
 
-# text in a file, SI, the array, its value where the field is left out
+# text in a file, SI value, array, and value where the field is omitted
 DRIVE = {
     "axial_stiffness": ("20 kN", 20e3, "axial_stiffness_N", math.inf),
     "free_length": ("300 mm", 0.3, "free_length_m", 0.0),
@@ -220,7 +220,7 @@ def arrays(robot):
 
 
 @pytest.mark.parametrize("name", robot_names())
-def test_tendons_are_ideal_unless_the_file_says_otherwise(name):
+def test_tendons_are_ideal_by_default(name):
     robot = load_robot(name)
     count = len(robot.tendons.segment)
     for _, _, array, absent in DRIVE.values():
@@ -229,7 +229,7 @@ def test_tendons_are_ideal_unless_the_file_says_otherwise(name):
         assert (tendon.axial_stiffness, tendon.spool_radius) == (None, None)
 
 
-def test_a_ring_drives_all_of_its_tendons_alike(load):
+def test_a_ring_sets_all_of_its_tendons(load):
     robot = load(changed(RING, f"{{count: 3, pitch_radius: 12 mm, {DRIVEN}}}"))
     assert arrays(robot) == {array: [value] * 3 for _, value, array, _ in DRIVE.values()}
     for tendon in robot.segments[0].tendon_list:
@@ -237,7 +237,7 @@ def test_a_ring_drives_all_of_its_tendons_alike(load):
     for array in arrays(robot):
         with pytest.raises(ValueError, match="read-only"):
             getattr(robot.tendons, array)[0] = 1
-    # the same as a list, which is the same robot
+    # the same as a list, which gives the same robot
     tree = robot.model_dump(mode="json", exclude_none=True)
     tree["segments"][0]["tendons"] = [
         tendon.model_dump(mode="json", exclude_none=True)
@@ -292,7 +292,7 @@ def test_overrides_of_tendon_properties():
     assert one.tendons.friction.tolist() == [0, 0, 0, 0, 0, 0.3]
 
 
-def test_a_drive_counts_in_the_hash_where_it_is_not_ideal():
+def test_tendon_properties_enter_the_hash_if_not_ideal():
     robot = load_robot("amouri2019")
     hashes = {robot.hash}
     for name, (_, value, _, absent) in DRIVE.items():
@@ -358,7 +358,7 @@ def test_a_drive_counts_in_the_hash_where_it_is_not_ideal():
         ),
     ],
 )
-def test_a_wrong_drive_is_named(refuse, form, field, text, problem):
+def test_invalid_tendon_properties_are_named(refuse, form, field, text, problem):
     if form == "ring":
         tendons, where = f"{{count: 3, pitch_radius: 12 mm, {field}: {text}}}", "tendons"
     else:
@@ -370,7 +370,7 @@ def test_a_wrong_drive_is_named(refuse, form, field, text, problem):
 
 @pytest.mark.parametrize("field", DRIVE)
 @pytest.mark.parametrize("value", [-1e-9, math.nan, math.inf, -math.inf, True, 10**400])
-def test_wrong_drives_from_python(field, value):
+def test_invalid_tendon_properties_from_python(field, value):
     with pytest.raises(InputError) as caught:
         load_robot("amouri2019").with_({f"segments.0.tendons.{field}": value})
     text = str(caught.value)
@@ -504,7 +504,7 @@ def test_positions_forms(load):
         assert robot.disks.station_m.tolist() == [0.05, 0.0805, 0.2]
 
 
-# --- refusals -------------------------------------------------------------------------
+# --- rejected files -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -700,7 +700,7 @@ def test_positions_forms(load):
         ),
     ],
 )
-def test_a_wrong_field_is_named_with_what_it_got_and_may_be(refuse, old, new, message):
+def test_an_invalid_field_is_named_with_its_value_and_rule(refuse, old, new, message):
     assert refuse(changed(old, new)) == message
 
 
@@ -713,7 +713,7 @@ def test_all_problems_are_listed_at_once(refuse):
     assert lines[2].startswith('  segments[0].disks.mass: got "-3 g"')
 
 
-def test_a_very_wrong_file_gets_a_short_message(refuse):
+def test_a_file_with_many_errors_gets_a_short_message(refuse):
     lines = refuse("segments: [" + "{}, " * 90 + "]").splitlines()
     assert len(lines) == 22 and lines[-1].endswith("more.")
 
@@ -779,7 +779,7 @@ def test_billion_laughs_is_refused_at_the_first_anchor(refuse):
     assert refuse(laughs).startswith(", line 1: anchors and aliases")
 
 
-def test_the_slower_yaml_reader_serves_as_well(load, refuse, monkeypatch):
+def test_the_pure_python_yaml_reader_works(load, refuse, monkeypatch):
     fast = load(GOOD)
     monkeypatch.delattr(yaml, "CBaseLoader", raising=False)
     assert load(GOOD) == fast
@@ -814,7 +814,7 @@ def test_yaml_guesses_do_not_happen(load):
         ("x" * 5000, "cannot be read"),
     ],
 )
-def test_sources_that_are_no_robot(source, message):
+def test_sources_that_are_not_robots(source, message):
     with pytest.raises(InputError) as caught:
         load_robot(source)
     text = str(caught.value)
@@ -974,7 +974,7 @@ def test_wrong_overrides(path, value, message):
         assert re.sub(r" \(and \d more\)", "", lines[0]) == message
 
 
-def test_caps_hold_over_all_segments():
+def test_limits_apply_over_all_segments():
     segment = load_robot("amouri2019").model_dump(mode="json", exclude_none=True)["segments"][0]
     segment["disks"]["count"] = 60_000
     with pytest.raises(InputError, match="got 120000 disks in all; must be at most 100000"):
@@ -987,7 +987,7 @@ def test_caps_hold_over_all_segments():
 # --- warnings -------------------------------------------------------------------------
 
 
-def test_the_modulus_printed_in_the_study_is_doubted():
+def test_the_modulus_printed_in_the_study_gives_a_warning():
     robot = load_robot("amouri2019", {"segments.0.backbone.E": "35 MPa"})
     (warning,) = robot.warnings
     assert warning == (
@@ -1007,7 +1007,7 @@ def test_an_upright_robot_of_that_modulus_buckles_too():
 
 @pytest.mark.parametrize("name", robot_names())
 @pytest.mark.parametrize("gravity", [0, 9.81, -9.81])
-def test_built_in_robots_are_not_doubted(name, gravity):
+def test_built_in_robots_give_no_warning(name, gravity):
     assert load_robot(name, {"gravity": [0, 0, gravity]}).warnings == ()
     assert load_robot(name, {"gravity": [gravity, 0, 0]}).warnings == ()
 
@@ -1065,19 +1065,19 @@ SOFT_BUT_REAL = {
 
 
 @pytest.mark.parametrize("name", SOFT_BUT_REAL)
-def test_soft_but_real_robots_are_not_doubted(name):
+def test_soft_but_real_robots_give_no_warning(name):
     assert robot_of(**SOFT_BUT_REAL[name]).warnings == ()
 
 
 @pytest.mark.parametrize("name", list(SOFT_BUT_REAL))
-def test_a_modulus_wrong_by_a_thousand_is_doubted_in_each(name):
+def test_a_modulus_wrong_by_a_thousand_gives_a_warning(name):
     robot = robot_of(**SOFT_BUT_REAL[name])
     softer = robot.segments[0].backbone.E / 1000
     (warning,) = robot.with_({"segments.0.backbone.E": softer}).warnings
     assert warning.startswith("segments[0].backbone.E = ") and "wind the backbone" in warning
 
 
-def test_self_weight_buckling_finds_the_uniform_column():
+def test_self_weight_buckling_of_the_uniform_column():
     """The exact critical length of a column under its own weight is (7.837 E I / q)^(1/3)."""
     column = robot_of(backbone__E="1 GPa", disks__mass=0, tendons__pitch_radius="29 mm").with_(
         {"gravity": "0 0 -9.81"}
@@ -1118,13 +1118,13 @@ def test_buckling_of_a_column_split_into_segments_is_that_of_the_whole():
         ("gravity", "0 0 9810 m/s^2", ["gravity = 9810 m/s^2", "mm/s^2"]),
     ],
 )
-def test_other_doubts_name_the_number(path, value, words):
+def test_other_warnings_name_the_value(path, value, words):
     text = "\n".join(load_robot("amouri2019", {path: value}).warnings)
     for word in words:
         assert word in text
 
 
-def test_thick_disks_must_say_what_they_clamp():
+def test_thick_disks_need_a_clamped_length():
     """With 3 mm the tip of the study's robot is 16 mm elsewhere at 80 N."""
     path = "segments.0.disks.clamped_length"
     for robot in (
@@ -1153,13 +1153,13 @@ SILICONE = {
 
 
 @pytest.mark.parametrize("friction", [0, 0.1])
-def test_a_load_without_an_answer_names_its_likely_cause(friction):
-    """A doubtful modulus if there is one, else how far the load would bend the robot."""
-    rubs = {"segments.0.tendons.friction": friction}
-    soft = load_robot("amouri2019", {"segments.0.backbone.E": "60 MPa", **rubs})
+def test_a_load_without_a_solution_names_its_likely_cause(friction):
+    """A doubtful modulus if there is one, otherwise the bend that the load would cause."""
+    overrides = {"segments.0.tendons.friction": friction}
+    soft = load_robot("amouri2019", {"segments.0.backbone.E": "60 MPa", **overrides})
     said = bs.solve(soft, [80, 0, 0]).message
     assert "segments[0].backbone.E = 60 MPa looks too small (GPa, not MPa?)" in said
-    silicone = load_robot("amouri2019", {**SILICONE, **rubs})
+    silicone = load_robot("amouri2019", {**SILICONE, **overrides})
     assert silicone.warnings == ()
     for said in (
         bs.solve(silicone, [10, 0, 0]).message,
@@ -1167,8 +1167,8 @@ def test_a_load_without_an_answer_names_its_likely_cause(friction):
     ):
         assert "By the linear law these tensions would bend amouri2019 by 730 degrees." in said
         assert "GPa" not in said
-    # equal tensions bend nothing: neither is to blame
-    balanced = bs.solve(load_robot("amouri2019", rubs), [1000, 1000, 1000]).message
+    # equal tensions bend nothing: no cause is named
+    balanced = bs.solve(load_robot("amouri2019", overrides), [1000, 1000, 1000]).message
     assert "GPa" not in balanced and "linear law" not in balanced
 
 
@@ -1237,7 +1237,7 @@ def test_a_robot_is_immutable():
             array[...] = 0
 
 
-def test_core_is_built_once_and_copies_leave_it_behind(monkeypatch):
+def test_core_is_built_once_and_not_copied(monkeypatch):
     import bowstring._core
 
     class Core:
@@ -1345,7 +1345,7 @@ def test_schema_examples_are_good_and_fields_described():
                 jsonschema.validate(example, content)
 
 
-def test_a_part_of_what_the_file_left_out_can_be_set() -> None:
+def test_a_part_omitted_in_the_file_can_be_set() -> None:
     changed = load_robot("amouri2019").with_({"gravity.2": -9.81})
     assert changed.gravity == (0.0, 0.0, -9.81)
 
@@ -1362,7 +1362,7 @@ def test_a_part_of_what_the_file_left_out_can_be_set() -> None:
         lambda: bs.load_robot(3),
     ],
 )
-def test_what_is_no_robot_is_refused_in_a_sentence(call: Callable[[], object]) -> None:
+def test_non_robots_are_refused_in_a_sentence(call: Callable[[], object]) -> None:
     with pytest.raises(InputError, match=r"^robot is .*, it must be "):
         call()
 

@@ -40,7 +40,7 @@ def by_integration(density, radius, thickness, bore, holes, width):
     st.floats(0, 0.4),
     st.floats(0.001, 0.2),
 )
-def test_mass_and_moments_are_those_of_integration(angles, thickness, bore, width):
+def test_mass_and_moments_match_integration(angles, thickness, bore, width):
     holes = [(0.7 * math.cos(a), 0.7 * math.sin(a)) for a in angles]
     made = drilled_disk(1200.0, 1.0, thickness, bore, holes, width)
     mass, x, y, z = by_integration(1200.0, 1.0, thickness, bore, holes, width)
@@ -65,7 +65,7 @@ def test_shared_holes_count_once():
     assert distinct_holes([]).shape == (0, 2)
 
 
-def test_room_ends_at_rim_bore_or_neighbour():
+def test_hole_clearance_ends_at_rim_bore_or_neighbour():
     cases = [(0.9, "rim", 0.2), (0.3, "backbone", 0.4), (0.6, "each other", 0.12)]
     for away, what, angle in cases:
         holes = [(away, 0.0), (away * math.cos(angle), away * math.sin(angle))]
@@ -84,12 +84,12 @@ def test_density_gives_the_masses_of_a_robot():
         rho * t * math.pi / 2 * (0.032**4 - 0.0025**4 - 3 * (0.001**4 + 2 * (0.001 * 0.029) ** 2))
     )
     np.testing.assert_allclose(robot.disks.inertia_kg_m2[:, 1], axial, rtol=1e-13)
-    # the product without a density is what it was
+    # the built-in robot without a density is unchanged
     plain = load_robot("amouri2019")
     np.testing.assert_allclose(plain.disks.inertia_kg_m2[:, 1], 0.02 * 0.032**2 / 2, rtol=1e-15)
 
 
-def test_the_bore_of_an_end_disk_is_that_of_the_thicker_backbone():
+def test_the_bore_of_an_end_disk_fits_the_thicker_backbone():
     path = "segments.{}.disks."
     made = load_robot(
         "rao2021",
@@ -111,7 +111,7 @@ def test_density_matters_to_motion_and_hash():
     wider = one.with_({"segments.0.disks.hole_diameter": "4 mm"})
     assert one.hash == two.hash
     assert len({one.hash, heavier.hash, wider.hash}) == 3
-    # geometry that no model knows does not count
+    # geometry that no model uses is not in the hash
     plain = load_robot("amouri2019")
     drawn = plain.with_(
         {"segments.0.disks.hole_diameter": "2 mm", "segments.0.tendons.diameter": "1 mm"}
@@ -121,7 +121,7 @@ def test_density_matters_to_motion_and_hash():
     assert np.isnan(plain.tendons.diameter_m).all()
 
 
-def test_mass_replaces_density_and_the_other_way_round():
+def test_mass_and_density_replace_each_other():
     robot = load_robot("amouri2019", HEAVY)
     assert robot.segments[0].disks.mass is None
     again = robot.with_({"segments.0.disks.mass": "20 g"})
@@ -157,13 +157,13 @@ def test_mass_replaces_density_and_the_other_way_round():
         ),
     ],
 )
-def test_disks_that_cannot_be_are_refused(change, says):
+def test_impossible_disks_are_refused(change, says):
     with pytest.raises(InputError) as caught:
         load_robot("amouri2019", change)
     assert says in str(caught.value)
 
 
-def test_a_density_in_the_wrong_unit_is_doubted():
+def test_a_density_in_the_wrong_unit_gives_a_warning():
     robot = load_robot("amouri2019", HEAVY | {"segments.0.disks.density": "1.2 kg/m^3"})
     assert any("disks.density = 1.2 kg/m^3" in w for w in robot.warnings)
     assert not load_robot("amouri2019", HEAVY).warnings

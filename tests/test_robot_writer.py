@@ -1,4 +1,4 @@
-"""A robot that is written is read as the same robot."""
+"""A written robot is read back as the same robot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize("name", [*robot_names(), ROOT / "examples" / "my_robot.yaml"], ids=str)
-def test_written_robots_are_read_as_they_were(name: str | Path, tmp_path: Path) -> None:
+def test_written_robots_are_read_back_unchanged(name: str | Path, tmp_path: Path) -> None:
     odd = {"segments.0.backbone.E": 1e11 / 3, "gravity": [0.1, -1 / 3, 1e-7]}
     robot = load_robot(name, odd | {"segments.0.disks.clamped_length": 1.2345678912345e-5})
     file = tmp_path / "robot.yaml"

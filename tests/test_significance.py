@@ -17,6 +17,6 @@ def test_printed_tables() -> None:
     assert s.variance_ratio_limit(0.05, 5, 10) == pytest.approx(3.326, rel=1e-3)
 
 
-def test_a_parameter_that_explains_nothing_or_all() -> None:
+def test_f_test_of_a_useless_and_a_perfect_parameter() -> None:
     assert s.explained_p(1.0, 1.0, 2, 10) == 1.0
     assert s.explained_p(1.0, 0.0, 2, 10) < 1e-100

@@ -1,4 +1,4 @@
-"""Discretisation error: what answers say of it, against closed forms and finer elements."""
+"""Discretisation error stated by solutions, against closed forms and finer elements."""
 
 import math
 
@@ -27,20 +27,21 @@ def study(**fields: object) -> bs.Robot:
 
 @pytest.mark.parametrize("disks", [1, 9])
 @pytest.mark.parametrize("elements", ELEMENTS)
-def test_stretch_under_own_weight(disks: int, elements: int | None) -> None:
+def test_extension_under_own_weight(disks: int, elements: int | None) -> None:
     robot = bs.load_robot("amouri2019", {**SOFT, "segments.0.disks.count": disks})
-    hanging = bs.solve(
+    suspended = bs.solve(
         robot, [0, 0, 0], load=bs.Load(gravity=[0, 0, 9.81]), model=bs.RodModel(elements=elements)
     )
     young, density = 5e6, 1800.0
     stretch = density * 9.81 * robot.length**2 / (2 * young)
-    assert hanging.tip.position[2] - robot.length == pytest.approx(stretch, rel=1e-6)
+    assert suspended.tip.position[2] - robot.length == pytest.approx(stretch, rel=1e-6)
 
 
 def heavy_beam(weight: float) -> float:
     """First frequency of an upright cantilever, over sqrt(EI / (m L^4)) in rad/s.
 
-    `weight` is w L^3 / EI, negative where it hangs; by Ritz with polynomials.
+    `weight` is w L^3 / EI, negative where it is suspended; by Ritz with polynomials.
+
     """
     powers = range(2, 12)
     stiffness, mass = (np.zeros((10, 10)) for _ in range(2))
@@ -82,7 +83,7 @@ def test_axial_mode_of_a_light_robot() -> None:
     modes = bs.modes(robot, count=40)
     axial = [f for f, kind in zip(modes.frequency_hz, modes.kind, strict=True) if kind == "axial"]
     exact = math.sqrt(5e6 / 1800.0) / (4 * robot.length)
-    # linear between disks: (pi / 2 / 9)^2 / 24 high
+    # linear between disks: (pi / 2 / 9)^2 / 24 too high
     assert axial[0] == pytest.approx(exact, rel=2e-3)
 
 
@@ -95,7 +96,7 @@ def test_a_motion_starts_where_statics_is(theory: str) -> None:
     assert np.linalg.norm(run.tip_position[0] - rest.tip.position) < 2e-5 * robot.length
 
 
-# --- elements that are chosen --------------------------------------------------------------
+# --- choice of elements --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("elements", [None, 8])
@@ -112,14 +113,14 @@ def test_buckling_between_disks(elements: int | None) -> None:
     assert "buckled" in above.message
 
 
-def test_few_elements_do_not_call_a_buckled_column_stable() -> None:
+def test_few_elements_do_not_report_a_buckled_column_as_stable() -> None:
     robot = study(**{"disks.count": 3})
     critical = math.pi**2 * robot.bending_stiffness[0] / (robot.length / 3) ** 2
     found = bs.solve(robot, [1.02 * critical / 3] * 3, model=bs.RodModel("kirchhoff", elements=1))
     assert found.stable is None
 
 
-def test_error_near_buckling_is_seen() -> None:
+def test_error_near_buckling_is_estimated() -> None:
     robot = study(**{"disks.count": 3})
     load = {"tip_force": [0.2, 0, 0]}
     coarse, fine, chosen = (
@@ -133,7 +134,7 @@ def test_error_near_buckling_is_seen() -> None:
     assert error < 1e-5 * robot.length and chosen.message == "A stable equilibrium."
 
 
-def test_answers_beyond_all_elements_say_so() -> None:
+def test_unreachable_tolerances_are_reported() -> None:
     found = bs.solve(bs.load_robot("amouri2019"), [650, 600, 600])
     assert found.model.elements == 8
     assert "Discretisation error: the tip by up to" in found.message
@@ -154,7 +155,7 @@ def test_tensions_of_three_taut_tendons() -> None:
 
 
 @pytest.mark.parametrize("by_displacement", [True, False])
-def test_friction_remembers_the_error(by_displacement: bool) -> None:
+def test_error_estimates_with_friction_do_not_decrease(by_displacement: bool) -> None:
     there_and_back = np.r_[np.linspace(0, 1, 8), np.linspace(0.9, 0.1, 6)]
     for seed in range(6):
         rng = np.random.default_rng(seed)
@@ -166,7 +167,7 @@ def test_friction_remembers_the_error(by_displacement: bool) -> None:
         coarse, fine = (
             bs.sweep(robot, **objects(**given, elements=elements)) for elements in (1, 8)
         )
-        # beyond that the coarse rod may go another way
+        # beyond that the coarse rod may take another branch
         known = np.cumprod(coarse.converged & fine.converged).astype(bool)
         error = np.linalg.norm(coarse.tip_position - fine.tip_position, axis=1)[known]
         assert (error <= coarse.tip_error[known] + fine.tip_error[known]).all()
@@ -193,7 +194,7 @@ def test_sweep_and_batch_carry_the_estimate() -> None:
         assert (error <= found.tip_error + rest).all()
 
 
-def test_a_path_takes_on_elements_as_it_needs_them() -> None:
+def test_a_path_adds_elements_as_needed() -> None:
     robot = study(**{"disks.count": 3, "tendons.friction": 0.1})
     displacements = np.outer(np.linspace(0, 0.06, 7), [1, -1, -1])
     path = bs.sweep(robot, load=bs.Load(displacements=displacements))
@@ -201,7 +202,7 @@ def test_a_path_takes_on_elements_as_it_needs_them() -> None:
     error = np.linalg.norm(path.tip_position - fine.tip_position, axis=1)
     assert path.converged.all()
     assert (error <= path.tip_error + fine.tip_error + 1e-9).all()
-    # its history leads on, and only a path with other fixed elements refuses it
+    # its history can be continued; only a path with other fixed elements rejects it
     on = bs.solve(robot, history=path.history(), load=bs.Load(displacements=[0.061, -0.06, -0.06]))
     assert on.converged
     fixed = bs.solve(

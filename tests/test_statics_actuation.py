@@ -1,4 +1,4 @@
-"""Robots actuated by displacements, motor angles and tensions, with slack, stretch and friction."""
+"""Actuation by displacements, motor angles and tensions, with slack, elasticity and friction."""
 
 import copy
 import json
@@ -28,7 +28,7 @@ def rao():
 
 @pytest.fixture(scope="module")
 def elastic(robot):
-    """Tendons as of steel wire, a little taut at home."""
+    """Tendons as of steel wire, with a small pretension."""
     return robot.with_(
         {
             TENDONS + "axial_stiffness": "20 kN",
@@ -41,7 +41,7 @@ def elastic(robot):
 
 
 @pytest.fixture(scope="module")
-def rubbing(robot):
+def with_friction(robot):
     return robot.with_({TENDONS + "friction": 0.1})
 
 
@@ -71,7 +71,7 @@ def test_tensions_to_displacements_and_back(name, request):
     for _ in range(20):
         tensions = draw.uniform(1.0, most, robot.core.tendon_count)
         load = {"gravity": (0, 1, -3), "tip_force": (*draw.uniform(-0.1, 0.1, 2), 0)}
-        # the same elements both ways: else they differ by the discretisation error
+        # the same elements in both: otherwise they differ by the discretisation error
         given = bs.solve(robot, tensions, **objects(**load, elements=1)).raise_for_status()
         found = bs.solve(
             robot, **objects(**load, displacements=given.displacements(), elements=1)
@@ -85,15 +85,15 @@ def test_tensions_to_displacements_and_back(name, request):
         np.testing.assert_allclose(found.tendon_lengths, given.tendon_lengths, rtol=0, atol=1e-10)
 
 
-def test_displacement_of_a_stiff_tendon_is_what_it_is_shorter_by(robot):
+def test_displacement_of_an_inextensible_tendon_is_its_shortening(robot):
     found = bs.solve(robot, [80, 3, 0])
     np.testing.assert_allclose(
         found.displacements(), 0.641 - found.tendon_lengths, rtol=0, atol=1e-15
     )
 
 
-def test_displacement_of_an_elastic_tendon_is_longer_by_its_stretch(elastic):
-    """Hooke: what motor and tendon give way by, from the pretension on."""
+def test_displacement_of_an_elastic_tendon_includes_its_elongation(elastic):
+    """Hooke: elongation of tendon and transmission, from the pretension on."""
     home = bs.solve(elastic, [2, 2, 2])
     assert np.abs(home.displacements()).max() < 1e-15
     found = bs.solve(elastic, load=bs.Load(displacements=[0.02, -0.005, -0.005]))
@@ -104,7 +104,7 @@ def test_displacement_of_an_elastic_tendon_is_longer_by_its_stretch(elastic):
     np.testing.assert_allclose(found.displacements()[taut], expected[taut], rtol=0, atol=1e-12)
 
 
-def test_elastic_tendons_tend_to_stiff_ones(robot):
+def test_elastic_tendons_converge_to_inextensible_ones(robot):
     displacements = [0.02, -0.03, -0.03]
     limit = tip(bs.solve(robot, load=bs.Load(displacements=displacements)))
     errors = [
@@ -124,7 +124,7 @@ def test_elastic_tendons_tend_to_stiff_ones(robot):
 
 
 @pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
-def test_what_is_paid_out_hangs(robot, theory):
+def test_lengthened_tendons_are_slack(robot, theory):
     found = bs.solve(
         robot, load=bs.Load(displacements=[0.02, -0.03, -0.03]), model=bs.RodModel(theory)
     ).raise_for_status()
@@ -138,14 +138,14 @@ def test_what_is_paid_out_hangs(robot, theory):
     np.testing.assert_allclose(straight.slack_lengths, 0.01, rtol=0, atol=1e-12)
 
 
-def test_home_does_not_hang(robot, elastic):
+def test_tendons_are_not_slack_at_home(robot, elastic):
     for each in (robot, elastic):
         found = bs.solve(each, load=bs.Load(displacements=[0, 0, 0])).raise_for_status()
         assert found.slack == ()
         np.testing.assert_allclose(found.tensions, each.tendons.pretension_N, rtol=0, atol=1e-7)
 
 
-def test_angles_wind_spools(elastic):
+def test_motor_angles_wind_spools(elastic):
     by_angle = bs.solve(elastic, tensions=[None, None, 3.0], load=bs.Load(angles=[2.0, -0.5, None]))
     by_displacement = bs.solve(
         elastic, tensions=[np.nan, np.nan, 3.0], load=bs.Load(displacements=[0.02, -0.005, np.nan])
@@ -156,7 +156,7 @@ def test_angles_wind_spools(elastic):
 
 
 def test_three_tendons_of_an_inextensible_backbone(robot):
-    """Many tensions hold the pose; the smallest are given, and it is said."""
+    """The tensions of the pose are not unique; the smallest are returned, and it is reported."""
     given = bs.solve(robot, [30, 20, 20], model=bs.RodModel("kirchhoff"))
     found = bs.solve(
         robot, load=bs.Load(displacements=given.displacements()), model=bs.RodModel("kirchhoff")
@@ -171,7 +171,7 @@ def test_three_tendons_of_an_inextensible_backbone(robot):
 
 
 def test_two_segments(rao):
-    """Tips of the published robot by tensions, and the same by the displacements they make."""
+    """Tips of the published robot by tensions, and by the displacements that result."""
     for tensions, mm, within in (
         ([4, 0, 0, 0, 2, 0], (129.370, 145.940, 334.202), 0.15),
         ([0, 0, 0, 3, 0, 0], (0, 211.15, 312.10), 0.03),
@@ -180,7 +180,7 @@ def test_two_segments(rao):
         given = bs.solve(rao, tensions, model=bs.RodModel(elements=8))
         assert np.linalg.norm(1e3 * tip(given) - mm) < within
         assert np.linalg.norm(tip(bs.solve(rao, tensions)) - tip(given)) < 1e-5
-        displacements = given.displacements() - 0.001 * (np.array(tensions) == 0)  # the others hang
+        displacements = given.displacements() - 0.001 * (np.array(tensions) == 0)  # others slack
         found = bs.solve(
             rao, load=bs.Load(displacements=displacements), model=bs.RodModel(elements=8)
         ).raise_for_status()
@@ -188,7 +188,7 @@ def test_two_segments(rao):
         assert found.slack == tuple(np.flatnonzero(np.array(tensions) == 0) + 1)
 
 
-def test_no_equilibrium_says_who_fights(robot):
+def test_opposing_tendons_are_named_without_an_equilibrium(robot):
     found = bs.solve(
         robot, load=bs.Load(displacements=[0.03, 0.03, 0.03]), model=bs.RodModel("kirchhoff")
     )
@@ -213,7 +213,7 @@ def test_no_equilibrium_says_who_fights(robot):
 # --- sweeps --------------------------------------------------------------------------------
 
 
-def test_sweep_is_the_solves_one_by_one(rao):
+def test_sweep_matches_single_solves(rao):
     draw = np.random.default_rng(2)
     displacements = draw.uniform(-1, 1, (20, 2)) @ rao.tendons.hole_m.T - draw.uniform(
         0, 0.002, (20, 6)
@@ -238,7 +238,7 @@ def test_sweep_is_the_solves_one_by_one(rao):
     assert alone.history() is None and path.history()["robot_hash"] == rao.hash
 
 
-def test_sweep_by_tensions_knows_displacements(elastic):
+def test_sweep_by_tensions_reports_displacements(elastic):
     tensions = np.outer(np.linspace(0, 40, 5), [1, 0, 0]) + 1.0
     rows = bs.sweep(elastic, tensions)
     assert rows.path is None and rows.history() is None and not rows.undetermined.any()
@@ -251,7 +251,7 @@ def test_sweep_by_tensions_knows_displacements(elastic):
     assert not rows.slack_lengths.any()
 
 
-def test_drive_changes_from_row_to_row(robot):
+def test_actuation_changes_from_row_to_row(robot):
     nan = np.nan
     rows = bs.sweep(
         robot,
@@ -268,21 +268,23 @@ def test_drive_changes_from_row_to_row(robot):
 # --- friction and paths --------------------------------------------------------------------
 
 
-def test_tensions_of_a_robot_that_rubs_are_a_product_over_its_bends(rubbing):
-    found = bs.solve(rubbing, [40, 0, 0]).raise_for_status()
+def test_tensions_with_friction_follow_the_capstan_equation(with_friction):
+    found = bs.solve(with_friction, [40, 0, 0]).raise_for_status()
     expected = 40 * np.exp(-0.1 * np.cumsum(bends(found, 0)))
     np.testing.assert_allclose(found.span_tensions[:, 0], expected, rtol=1e-11)
     assert found.stable is None and "friction has no potential" in found.message
     assert (
-        np.abs(tip(found) - tip(bs.solve(rubbing.with_({TENDONS + "friction": 0}), [40, 0, 0])))[0]
+        np.abs(
+            tip(found) - tip(bs.solve(with_friction.with_({TENDONS + "friction": 0}), [40, 0, 0]))
+        )[0]
         > 1e-3
     )
 
 
-def test_loading_and_unloading_make_a_loop(rubbing):
+def test_loading_and_unloading_form_a_hysteresis_loop(with_friction):
     up = np.linspace(0, 40, 21)
     path = np.concatenate((up, up[-2:0:-1], up))
-    rows = bs.sweep(rubbing, np.outer(path, [1, 0, 0])).raise_for_status()
+    rows = bs.sweep(with_friction, np.outer(path, [1, 0, 0])).raise_for_status()
     x = 1e3 * rows.tip_position[:, 0]
     loading, unloading, again = x[10], x[30], x[50]
     assert unloading - loading > 2
@@ -290,32 +292,32 @@ def test_loading_and_unloading_make_a_loop(rubbing):
     assert rows.displacements()[30, 0] > rows.displacements()[10, 0]
 
 
-def test_history_goes_on_through_json(rubbing):
+def test_history_continues_through_json(with_friction):
     tensions = np.array([[10, 0, 0], [40, 0, 0], [30, 5, 0], [15, 5, 0], [20, 0, 0]], float)
-    path = bs.sweep(rubbing, tensions).raise_for_status()
+    path = bs.sweep(with_friction, tensions).raise_for_status()
     history = None
     for i, row in enumerate(tensions):
-        found = bs.solve(rubbing, row, history=history).raise_for_status()
+        found = bs.solve(with_friction, row, history=history).raise_for_status()
         assert np.abs(tip(found) - path.tip_position[i]).max() < 1e-9
         np.testing.assert_allclose(found.span_tensions, path.span_tensions[i], rtol=1e-7)
         history = json.loads(json.dumps(found.history(), allow_nan=False))
-    rest = bs.sweep(rubbing, tensions[:1], history=history).raise_for_status()
-    end = bs.sweep(rubbing, np.vstack((tensions, tensions[:1]))).raise_for_status()
+    rest = bs.sweep(with_friction, tensions[:1], history=history).raise_for_status()
+    end = bs.sweep(with_friction, np.vstack((tensions, tensions[:1]))).raise_for_status()
     assert np.abs(rest.tip_position[0] - end.tip_position[-1]).max() < 1e-9
     assert np.abs(end.tip_position[-1] - end.tip_position[0]).max() > 1e-4  # the path matters
 
 
-def test_displacements_with_friction_make_a_loop_and_go_on_through_json(rubbing):
+def test_displacement_hysteresis_continues_through_json(with_friction):
     up = np.linspace(0, 0.02, 11)
     path = np.outer(np.concatenate((up, up[-2::-1])), [1, -0.55, -0.55]) - [0, 0.001, 0.001]
-    rows = bs.sweep(rubbing, load=bs.Load(displacements=path)).raise_for_status()
+    rows = bs.sweep(with_friction, load=bs.Load(displacements=path)).raise_for_status()
     np.testing.assert_array_equal(rows.displacements(), path)
     assert (rows.tensions * rows.slack_lengths == 0).all()
-    assert rows.tensions[5, 0] > rows.tensions[15, 0] + 0.5  # the same displacement, up and down
+    assert rows.tensions[5, 0] > rows.tensions[15, 0] + 0.5  # loading, unloading
     history = None
     for i, row in enumerate(path):
         found = bs.solve(
-            rubbing, history=history, load=bs.Load(displacements=row)
+            with_friction, history=history, load=bs.Load(displacements=row)
         ).raise_for_status()
         assert np.abs(tip(found) - rows.tip_position[i]).max() < 1e-12
         np.testing.assert_allclose(found.tensions, rows.tensions[i], rtol=0, atol=1e-8)
@@ -328,8 +330,8 @@ def test_displacements_with_friction_make_a_loop_and_go_on_through_json(rubbing)
 
 def test_random_paths_with_friction(rao):
     draw = np.random.default_rng(3)
-    rubs = {f"segments.{s}.tendons.{i}.friction": 0.2 for s in (0, 1) for i in (0, 1, 2)}
-    robot = rao.with_(rubs)
+    overrides = {f"segments.{s}.tendons.{i}.friction": 0.2 for s in (0, 1) for i in (0, 1, 2)}
+    robot = rao.with_(overrides)
     displacements = draw.uniform(-0.8, 0.8, (30, 2)) @ rao.tendons.hole_m.T - 0.001
     for given in ({"displacements": displacements}, {"tensions": draw.uniform(0, 4, (30, 6))}):
         rows = bs.sweep(robot, **objects(**given)).raise_for_status()
@@ -340,7 +342,7 @@ def test_random_paths_with_friction(rao):
         np.testing.assert_allclose(rest.tip_position, rows.tip_position[15:], rtol=0, atol=1e-9)
 
 
-def test_friction_of_zero_is_none(robot):
+def test_zero_friction_equals_no_friction(robot):
     given = [[20, 3, 1], [5, 8, 1]]
     plain = bs.sweep(robot, given)
     history = bs.solve(robot, [0, 0, 0]).history()
@@ -364,10 +366,10 @@ def test_history_of_a_solve_without_friction(robot):
     )
 
 
-# --- what is asked of a solution -----------------------------------------------------------
+# --- queries of a solution -----------------------------------------------------------------
 
 
-def test_span_tensions_end_with_the_tendon(rao):
+def test_span_tensions_beyond_the_tendon_are_nan(rao):
     for found in (
         bs.solve(rao, [1, 0, 0, 2, 0, 0]),
         bs.solve(rao, load=bs.Load(displacements=[0.002, *[-0.004] * 5])),
@@ -378,11 +380,11 @@ def test_span_tensions_end_with_the_tendon(rao):
         np.testing.assert_array_equal(spans[:10, 0], found.tensions[0])
 
 
-def test_shape_and_copies_of_a_driven_robot(rubbing, robot):
-    before = bs.solve(rubbing, [40, 0, 0]).history()
+def test_shape_and_copies_of_an_actuated_robot(with_friction, robot):
+    before = bs.solve(with_friction, [40, 0, 0]).history()
     for found in (
         bs.solve(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03])),
-        bs.solve(rubbing, [20, 0, 0], history=before),
+        bs.solve(with_friction, [20, 0, 0], history=before),
     ):
         line = found.centerline(4)
         np.testing.assert_allclose(line[-1], tip(found), rtol=0, atol=1e-14)
@@ -395,11 +397,11 @@ def test_shape_and_copies_of_a_driven_robot(rubbing, robot):
         assert content["slack"] == list(found.slack)
 
 
-def test_fields_are_those_of_the_tensions(robot):
+def test_fields_match_tension_control(robot):
     found = bs.solve(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03]))
     fields = found.to_dataset()
     alone = bs.solve(robot, found.tensions).to_dataset()
-    # a tendon that hangs is paid out farther; bent by one tendon, all modules are loaded alike
+    # a slack tendon is lengthened further; bent by one tendon, all modules have equal loads
     differ = {"tendon_displacement", "slack", "von_mises_max_arc_length", "von_mises_max_place"}
     np.testing.assert_allclose(
         fields.tendon_displacement + fields.slack, alone.tendon_displacement, rtol=0, atol=1e-12
@@ -469,20 +471,20 @@ def test_displacement_jacobian_of_other_transmissions(robot):
         bs.displacement_jacobian(bs.solve(robot, [5, 5, 5], model=bs.RodModel("kirchhoff")))
 
 
-# --- what is refused -----------------------------------------------------------------------
+# --- rejected input ------------------------------------------------------------------------
 
 
-def test_what_does_not_know_friction_says_so(rubbing):
-    found = bs.solve(rubbing, [10, 0, 0]).raise_for_status()
+def test_functions_without_friction_refuse_it(with_friction):
+    found = bs.solve(with_friction, [10, 0, 0]).raise_for_status()
     for attempt in (
         lambda: bs.jacobians(found),
         lambda: bs.displacement_jacobian(found),
     ):
-        with pytest.raises(InputError, match=r"friction|rub") as error:
+        with pytest.raises(InputError, match="friction") as error:
             attempt()
         assert "\n" not in str(error.value) and "set friction to 0" in str(error.value)
     with pytest.raises(InputError, match="need straight spans"):
-        bs.solve(rubbing, [10, 0, 0], model=bs.RodModel(tendon_path="continuous"))
+        bs.solve(with_friction, [10, 0, 0], model=bs.RodModel(tendon_path="continuous"))
 
 
 @pytest.mark.parametrize(
@@ -555,7 +557,7 @@ def test_bad_histories(robot, change, says):
     assert says in text and "\n" not in text and len(text) < 250
 
 
-def test_much_friction_is_doubted_where_there_is_no_answer():
+def test_large_friction_gives_a_warning_without_a_solution():
     def said(friction):
         found = SimpleNamespace(
             status="max_iterations", conflict=((), None), residual=1e-3, iterations=400
@@ -576,7 +578,7 @@ def test_a_pretension_without_a_home_pose(robot):
 
 
 @pytest.mark.parametrize("call", [bs.solve, bs.sweep, bs.solve_batch])
-def test_a_name_is_no_robot(call):
+def test_a_name_is_not_a_robot(call):
     with pytest.raises(InputError, match="it must be a Robot"):
         call("amouri2019", [0, 0, 0])
 

@@ -27,7 +27,7 @@ STEPPED = load_robot("rao2021", {"segments.1.backbone.diameter": "1 mm"})
 
 
 def wrench(robot, rng, times=TIMES, scale=1.0):
-    """Frames with random internal force and moment."""
+    """Fields with random internal force and moment."""
     frames = made_frames(robot, times)
     shape = frames.force.shape
     return dataclasses.replace(
@@ -36,7 +36,7 @@ def wrench(robot, rng, times=TIMES, scale=1.0):
 
 
 def brute_force(robot, frames, count=20_000):
-    """Largest von Mises stress around each section, from the textbook's formulas, one by one."""
+    """Largest von Mises stress around each section, by the textbook formulas, one by one."""
     psi = np.linspace(-math.pi, math.pi, count, endpoint=False)
     out = np.empty(frames.force.shape[:2])
     for t, p in np.ndindex(out.shape):
@@ -80,7 +80,7 @@ def test_von_mises_is_the_maximum_around_the_surface(robot):
 
 
 def test_planar_bending_with_compression():
-    """The largest axial stress is |M| d / (2 I) + |N| / A, on the side that both compress."""
+    """The largest axial stress is |M| d / (2 I) + |N| / A, where both are compressive."""
     frames = made_frames(ROBOT, TIMES, force=(0.0, 0.0, -80.0))
     data = fields.to_dataset(ROBOT, frames, {})
     rod = ROBOT.segments[0].backbone
@@ -135,7 +135,7 @@ def test_maximum_in_all_special_cases(sigma, tau, case):
         s[0] = t[0] = 0.0
     if case in ("round", "flat"):  # the square's quadratic form is a circle
         t[1:] = np.array([-s[2], s[1]]) / math.sqrt(3.0)
-    if case == "flat":  # nearly the same all around
+    if case == "flat":  # nearly constant around the circumference
         s[0] *= 1e-9
         t[0] *= 1e-9
     value, c, w = fields.von_mises(s[:, None], t[:, None])
@@ -204,7 +204,7 @@ def test_tip_displacement_and_energy():
     assert data.module[-1] == 20
 
 
-def test_every_variable_says_what_it_is():
+def test_every_variable_is_described():
     data = fields.to_dataset(ROBOT, made_frames(ROBOT, TIMES), {})
     for name, variable in data.data_vars.items():
         assert variable.attrs["units"], name
@@ -218,7 +218,7 @@ def test_every_variable_says_what_it_is():
 
 
 def test_round_trip_through_netcdf(tmp_path):
-    told = {
+    settings = {
         "theory": "cosserat",
         "twist": True,
         "damping": None,
@@ -226,12 +226,16 @@ def test_round_trip_through_netcdf(tmp_path):
         "µ": "ü",
     }
     data = fields.to_dataset(
-        STEPPED, made_frames(STEPPED, TIMES), told, status="failed", reason="the step became ½ ns"
+        STEPPED,
+        made_frames(STEPPED, TIMES),
+        settings,
+        status="failed",
+        reason="the step became ½ ns",
     )
     data.to_netcdf(tmp_path / "run.nc")
     back = xr.load_dataset(tmp_path / "run.nc")
     xr.testing.assert_identical(back, data)
-    assert json.loads(back.attrs["settings"]) == told
+    assert json.loads(back.attrs["settings"]) == settings
     assert Robot.model_validate_json(back.attrs["robot_definition"]).hash == STEPPED.hash
 
 
@@ -258,14 +262,14 @@ def test_bad_settings(value):
         fields.to_dataset(ROBOT, made_frames(ROBOT, TIMES), {"tension": value})
 
 
-def test_a_single_time_and_none():
+def test_one_time_and_no_times():
     one = fields.to_dataset(ROBOT, made_frames(ROBOT, TIMES[:1]), {})
     assert one.sizes["time"] == 1 and one.attrs["complete_to_s"] == 0.0
     none = fields.to_dataset(ROBOT, made_frames(ROBOT, TIMES[:0]), {})
     assert none.sizes["time"] == 0 and math.isnan(none.attrs["complete_to_s"])
 
 
-def test_heavy_imports_wait():
+def test_heavy_imports_are_lazy():
     code = "import sys, bowstring, bowstring.dynamics.run_file;"
     code += "import bowstring.viz.vtk, bowstring.viz.animation;"
     code += "print([m for m in ('xarray', 'netCDF4', 'matplotlib', 'pandas') if m in sys.modules])"

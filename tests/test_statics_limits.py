@@ -1,4 +1,4 @@
-"""Warnings of a pose: disks below the base, and what the backbone can take."""
+"""Warnings about a pose: disks below the base, and strain limits of the backbone."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ def limited() -> Robot:
     )
 
 
-def test_strain_is_that_of_the_bend(limited: Robot) -> None:
+def test_strain_matches_the_bend(limited: Robot) -> None:
     solution = bs.solve(limited, [20.0, 0.0, 0.0])
     warnings, (strain, stress) = solution.limits()
     assert warnings == () == solution.warnings()
-    # an arc of F r l / (E I), a little more of straight spans, and the pull along the rod
+    # an arc of F r l / (E I), slightly more by straight spans, and the axial force
     ei = 35e9 * math.pi / 64 * 0.005**4
     assert strain.value == pytest.approx(0.0025 * 20.0 * 0.029 / ei, rel=0.05)
     assert stress.value == pytest.approx(35e9 * strain.value, rel=0.02)
@@ -51,7 +51,7 @@ def test_a_backbone_beyond_its_limit_is_named(limited: Robot) -> None:
     weak = limited.with_({ROD + "yield_strength": "100 MPa", ROD + "strain_limit": None})
     (warning,) = bs.solve(weak, [80.0, 0.0, 0.0]).warnings()
     assert "von Mises stress" in warning and "of yield_strength 100 MPa" in warning
-    # actuated by the displacements of that pose it is as far
+    # the same when actuated by the displacements of that pose
     by_displacement = bs.solve(limited, load=bs.Load(displacements=bent.displacements())).limits()[
         1
     ]
@@ -75,7 +75,7 @@ def test_a_tip_below_the_base_is_named() -> None:
     assert z < 0 and warning.startswith(f"the tip is {-z:.3g} mm below the base (z = {z:.3g} mm)")
 
 
-def test_the_study_warns_of_its_sweep(limited: Robot, paper: Study) -> None:
+def test_the_study_warns_about_its_sweep(limited: Robot, paper: Study) -> None:
     strong = limited.with_({ROD + "yield_strength": "1 GPa"})
     found = Stages(strong, max_tension=200.0, points=5).over(paper)
     assert found.statics.tip_position[-1, 2] < 0
@@ -101,7 +101,7 @@ def test_the_builtin_study_has_no_warnings(paper: Study) -> None:
     assert paper.warnings == () and paper.limits_text == ()
 
 
-def test_loads_without_an_equilibrium_are_passed_over(limited: Robot) -> None:
+def test_loads_without_an_equilibrium_are_skipped(limited: Robot) -> None:
     disks = np.full((4, 9, 3), np.nan)
     disks[:2, :, 2] = 0.1
     disks[2, :, 2] = -0.01
@@ -114,7 +114,7 @@ def test_loads_without_an_equilibrium_are_passed_over(limited: Robot) -> None:
     assert uses[0].endswith("strain 0.3 %, 60 % of strain_limit 0.5 % at 2 N.")
 
 
-def test_stress_is_known_where_a_sweep_takes_more_elements(limited: Robot, paper: Study) -> None:
+def test_stress_is_available_where_a_sweep_uses_more_elements(limited: Robot, paper: Study) -> None:
     few = limited.with_({"segments.0.disks.count": 2})
     found = Stages(few, max_tension=80.0, points=3).over(paper)
     assert found.statics.converged.all()
@@ -122,7 +122,7 @@ def test_stress_is_known_where_a_sweep_takes_more_elements(limited: Robot, paper
     assert found.warnings[-1].startswith("From 80 N on the backbone is beyond what it can take")
 
 
-def test_limits_are_no_physics(limited: Robot) -> None:
+def test_limits_do_not_change_the_physics(limited: Robot) -> None:
     assert limited.hash == load_robot("amouri2019").hash
     assert limited.segments[0].backbone.strain_limit == 0.005
     assert "strain_limit: 0.005" in to_yaml(limited)
@@ -134,7 +134,7 @@ def test_bad_strain_limits(value: object) -> None:
         load_robot("amouri2019").with_({ROD + "strain_limit": value})
 
 
-def test_the_command_says_so(shell: Shell) -> None:
+def test_the_command_prints_the_warning(shell: Shell) -> None:
     flags = ("--tension", "200,0,0", "--set", ROD + "strain_limit=2 %")
     code, out, err = shell("solve", "amouri2019", *flags)
     assert code == 0

@@ -1,4 +1,4 @@
-"""Statics from Python, against independent references, conservation laws and bad input."""
+"""Statics from Python, against independent references, conservation laws and invalid input."""
 
 import copy
 import doctest
@@ -56,7 +56,7 @@ CASES = [
     (40, UP, (0, 0, 0), (239.0139242, 0, 578.1474897), (238.99937, 0, 578.11313)),
     (0, UP, (0, 0, 0), (0, 0, 641), None),
 ]
-# Clamped length 3 mm: tension, tip x and z in mm; good to 0.02 mm.
+# Clamped length 3 mm: tension, tip x and z in mm; accurate to 0.02 mm.
 CLAMPED = np.array(
     [
         [10, 53.49688, 638.0112],
@@ -91,7 +91,7 @@ def rao():
 
 @pytest.fixture(scope="module")
 def bare(robot):
-    """A rod: without tension and gravity, disks do nothing."""
+    """A rod: without tension and gravity, disks have no effect."""
     return robot.with_({"segments.0.disks.count": 16})
 
 
@@ -150,7 +150,7 @@ def test_load_cases_refined(robot, case):
     [(40, bs.Load(tip_force=(0, 1, 0))), (20, bs.Load(gravity=(0, 0, 9.81)))],
 )
 def test_order_of_convergence(robot, tension, load):
-    """Twice the elements, a sixteenth of the error; the weight of the backbone is refined too."""
+    """Twice the elements give a sixteenth of the error, also with the weight of the backbone."""
     tips = [
         tip_mm(
             bs.solve(robot, [tension, 0, 0], load=load, model=bs.RodModel("kirchhoff", elements=e))
@@ -163,7 +163,7 @@ def test_order_of_convergence(robot, tension, load):
 
 
 def test_continuous_tendon_is_the_limit_of_many_disks(robot):
-    """Its closed form is an arc with theta = F r l / (E I); n disks miss it as 1 / n^2."""
+    """Its closed form is an arc with theta = F r l / (E I); n disks have an error of order n^-2."""
     tension, r, length = 40.0, robot.tendons.pitch_radius_m[0], robot.length
     theta = tension * r * length / robot.bending_stiffness[0]
     closed = 1e3 * length / theta * np.array([1 - math.cos(theta), 0, math.sin(theta)])
@@ -191,8 +191,9 @@ def test_clamped_length(robot):
 def shoot(robot, tension, g):
     """Tip (x, z) of a planar Kirchhoff robot with tension on tendon 1, under gravity g down.
 
-    Written from the balance of forces and moments alone. Unknown are the moment at the base and
-    the direction of every span; the rod is integrated as an initial value problem.
+    Written from the balance of forces and moments alone. The unknowns are the moment at the base
+    and the direction of every span; the rod is integrated as an initial value problem.
+
     """
     n, length = len(robot.disks.station_m), robot.length
     h, r = length / n, robot.tendons.pitch_radius_m[0]
@@ -236,7 +237,7 @@ def shoot(robot, tension, g):
     ("tension", "g", "density", "tolerance_mm"),
     [
         (60.0, 0.0, 1800.0, 1e-6),
-        (40.0, 9.81, 0.0, 1e-6),  # disks weigh, the backbone does not
+        (40.0, 9.81, 0.0, 1e-6),  # disks have weight, the backbone has none
         (40.0, 9.81, 1800.0, 1e-6),
         (20.0, -9.81, 1800.0, 1e-6),
     ],
@@ -252,7 +253,7 @@ def test_against_shooting(robot, tension, g, density, tolerance_mm):
 
 
 def test_two_segments(rao):
-    """A published code's tip, then figures of an independent solution."""
+    """A published code's tip, then values of an independent solution."""
     published = tip_mm(bs.solve(rao, [4, 0, 0, 0, 2, 0]))
     assert distance(published, [129.370, 145.940, 334.202]) < 0.15
     for tensions, expected in (
@@ -283,7 +284,7 @@ def test_elastica(robot, bare):
 
 
 @pytest.mark.parametrize("theta", [0.5, math.pi, 2 * math.pi, 3 * math.pi, 4 * math.pi])
-def test_roll_up(robot, bare, theta):
+def test_roll_up_by_a_moment(robot, bare, theta):
     moment = theta * robot.bending_stiffness[0] / robot.length
     found = bs.solve(
         bare, [0, 0, 0], load=bs.Load(tip_moment=(0, moment, 0)), model=bs.RodModel("kirchhoff")
@@ -296,7 +297,7 @@ def test_roll_up(robot, bare, theta):
     if theta < 3:
         assert found.raise_for_status().stable is True
         return
-    # a moment that keeps its direction turns a rod over that it has turned half around
+    # a dead moment makes a rod unstable that it has rotated by half a turn
     assert not found.stable and "stable" in found.message
     with pytest.warns(StabilityWarning):
         found.raise_for_status()
@@ -332,7 +333,7 @@ def test_buckling_finds_the_bent_branch(robot, bare, ratio):
     assert z == pytest.approx(2 * ellipe(low) / target - 1, abs=1e-6)
 
 
-# --- laws that any answer obeys ----------------------------------------------------------
+# --- conservation laws --------------------------------------------------------------------
 
 
 def turn(angle):
@@ -341,7 +342,7 @@ def turn(angle):
 
 
 @pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
-def test_turning_the_load_turns_the_answer(robot):
+def test_rotating_the_load_rotates_the_solution(robot):
     """Tendons are 120 degrees apart; the robot has no preferred direction."""
     tensions, gravity = np.array([50.0, 10.0, 3.0]), np.array([3.0, -2.0, -9.0])
     force, moment = np.array([0.3, 1.0, -0.5]), np.array([0.1, -0.05, 0.2])
@@ -390,11 +391,11 @@ def test_maxwell_reciprocity(rao, theory, tendon):
     scale = np.sqrt(np.abs(np.diag(compliance)))
     normed = compliance / np.outer(scale, scale)
     assert np.abs(normed - normed.T).max() < 1e-6
-    assert np.linalg.eigvalsh(-(normed + normed.T)).min() > -1e-6  # a minimum gives way
+    assert np.linalg.eigvalsh(-(normed + normed.T)).min() > -1e-6  # positive compliance
 
 
 def test_work_of_tension_and_force_around_a_loop_is_zero(robot):
-    """Pull, then push the tip; release, then let go: no energy is won."""
+    """Apply tension, then a tip force; release both in the same order: no energy is gained."""
     t = np.linspace(0, 1, 401)
     one, zero = np.ones_like(t), np.zeros_like(t)
     tension = 40 * np.concatenate([t, one, 1 - t, zero])
@@ -408,7 +409,7 @@ def test_work_of_tension_and_force_around_a_loop_is_zero(robot):
     work = -np.sum(middle * np.diff(found.tendon_lengths, axis=0))
     forces = np.outer(force, [0.3, 1, 0])
     push = np.sum((forces[1:] + forces[:-1]) / 2 * np.diff(found.tip_position, axis=0))
-    assert abs(work) > 1e-3  # each alone is not zero
+    assert abs(work) > 1e-3  # neither part is zero
     assert abs(work + push) < 1e-5 * abs(work)
 
 
@@ -480,10 +481,10 @@ def test_jacobians_are_reciprocal(rao, theory):
     scale = np.sqrt(np.diag(compliance))
     normed = compliance / np.outer(scale, scale)
     assert np.abs(normed - normed.T).max() < 1e-9
-    assert np.linalg.eigvalsh(normed + normed.T).min() > -1e-9  # a minimum gives way
+    assert np.linalg.eigvalsh(normed + normed.T).min() > -1e-9  # positive compliance
 
 
-def test_jacobians_of_nothing(robot):
+def test_jacobians_need_a_solution_and_straight_spans(robot):
     with pytest.raises(NoSolutionError):
         bs.jacobians(bs.solve(robot, [2e4, 2e4, 2e4]))
     with pytest.raises(InputError, match='solve with tendon_path="straight"'):
@@ -510,12 +511,12 @@ def test_frames_and_centerline_agree(rao):
 
 
 def test_gravity_is_the_robots_own_unless_given(robot):
-    hanging = robot.with_({"gravity": [0, 0, 9.81]})
-    own = bs.solve(hanging, [40, 0, 0])
+    suspended = robot.with_({"gravity": [0, 0, 9.81]})
+    own = bs.solve(suspended, [40, 0, 0])
     assert np.array_equal(own.load.gravity, [0, 0, 9.81])
     given = bs.solve(robot, [40, 0, 0], load=bs.Load(gravity=[0, 0, 9.81]))
     assert np.array_equal(own.tip.position, given.tip.position)
-    off = bs.solve(hanging, [40, 0, 0], load=bs.Load(gravity=(0, 0, 0)))
+    off = bs.solve(suspended, [40, 0, 0], load=bs.Load(gravity=(0, 0, 0)))
     assert np.array_equal(off.tip.position, bs.solve(robot, [40, 0, 0]).tip.position)
 
 
@@ -586,7 +587,7 @@ def test_input_arrays_of_any_kind(robot):
         assert np.array_equal(bs.sweep(robot, tensions).tip_position[0], expected)
 
 
-def test_an_answer_is_not_changed_by_its_reader(robot):
+def test_a_solution_cannot_be_changed_through_its_arrays(robot):
     s = bs.solve(robot, [80, 0, 0])
     position = s.tip.position
     position *= 1e3
@@ -614,7 +615,7 @@ def test_pickle_and_copy(robot):
 # --- failures ----------------------------------------------------------------------------
 
 
-def test_the_studys_modulus_as_printed_is_doubted(robot):
+def test_the_studys_modulus_as_printed_gives_a_warning(robot):
     soft = robot.with_({"segments.0.backbone.E": 35e6})
     s = bs.solve(soft, [80, 0, 0])
     assert not s.converged and s.status != "converged"
@@ -669,7 +670,7 @@ def test_messages(case, part):
 
 
 @pytest.mark.parametrize("residual", [float("nan"), float("inf")])
-def test_the_message_of_no_solution_promises_nothing(residual):
+def test_the_message_of_no_solution_makes_no_false_promise(residual):
     text = of_tensions(ended("max_iterations", None, residual))
     assert "at its limit" in text and "Lower the load" in text
     assert not any(word in text for word in ("sweep", "elements", "residual", "nan", "inf "))
@@ -750,7 +751,7 @@ def test_other_bad_arguments(robot):
             s.centerline(points)
 
 
-# --- the face ----------------------------------------------------------------------------
+# --- the interface -----------------------------------------------------------------------
 
 
 def test_contract_of_the_command_line(robot):
@@ -804,7 +805,7 @@ def test_examples_in_the_documentation():
     assert result.attempted >= 6 and result.failed == 0
 
 
-def test_message_doubts_a_coarse_mesh() -> None:
+def test_message_mentions_a_coarse_mesh() -> None:
     robot = bs.load_robot("amouri2019").with_({"segments.0.disks.count": 3})
     strong = bs.solve(robot, [60, 0, 0], model=bs.RodModel(elements=1))
     assert strong.converged
@@ -826,7 +827,7 @@ ROBOT = bs.load_robot("amouri2019")
 
 
 @pytest.mark.parametrize("moment", [1e-12, 1e-6])
-def test_a_negligible_moment_turns_no_failure_into_an_answer(moment: float) -> None:
+def test_a_negligible_moment_does_not_hide_a_failure(moment: float) -> None:
     found = bs.solve(ROBOT, [1000.0] * 3, load=bs.Load(tip_moment=[moment, 0, 0]))
     assert not bs.solve(ROBOT, [1000.0] * 3).converged
     assert not found.converged and found.tip is None
@@ -834,7 +835,7 @@ def test_a_negligible_moment_turns_no_failure_into_an_answer(moment: float) -> N
         found.raise_for_status()
 
 
-def test_a_negligible_moment_hides_no_buckle() -> None:
+def test_a_negligible_moment_does_not_hide_buckling() -> None:
     buckled = bs.solve(ROBOT, [700.0] * 3, model=bs.RodModel(elements=8))
     assert buckled.stable and "buckled" in buckled.message
     found = bs.solve(
@@ -842,13 +843,13 @@ def test_a_negligible_moment_hides_no_buckle() -> None:
     )
     assert found.converged and found.stable and "buckled" in found.message
     assert np.linalg.norm(found.tip.position - buckled.tip.position) < 1e-6
-    # and one that is left straight is told to be unstable
+    # and one that stays straight is reported as unstable
     assert np.linalg.norm(found.tip.position[:2]) > 0.01
 
 
 @pytest.mark.parametrize("tension", [800.0, 1000.0])
 @pytest.mark.parametrize("moment", [[1e-12, 0, 0], [0, 0, 1e-12]])
-def test_a_moment_below_all_tolerances_is_none(tension: float, moment: list[float]) -> None:
+def test_a_moment_below_all_tolerances_is_ignored(tension: float, moment: list[float]) -> None:
     without, found = (
         bs.solve(ROBOT, [tension] * 3, load=bs.Load(tip_moment=m)) for m in ([0, 0, 0], moment)
     )
@@ -857,14 +858,14 @@ def test_a_moment_below_all_tolerances_is_none(tension: float, moment: list[floa
 
 
 @pytest.mark.parametrize("moment", [[0.5, 0, 0], [0, 1.0, 0.01], [0, 0, 0.05]])
-def test_small_motions_under_a_moment_die_out(moment: list[float]) -> None:
+def test_small_motions_under_a_moment_decay(moment: list[float]) -> None:
     found = bs.solve(ROBOT, [5.0, 0, 0], load=bs.Load(tip_moment=moment)).raise_for_status()
     assert found.stable is True and found.message.startswith("A stable equilibrium.")
 
 
 @pytest.mark.parametrize("damping", [0.02, 0.1])
-def test_a_moment_along_a_round_backbone_feeds_small_oscillations(damping: float) -> None:
-    """Nikolai's paradox; how fast they grow is seen in motion."""
+def test_a_moment_along_a_round_backbone_causes_flutter(damping: float) -> None:
+    """Nikolai's paradox; the growth rate is compared with a motion."""
     moment = [0, 0, 0.5]
     found = bs.solve(ROBOT, [0.0] * 3, load=bs.Load(tip_moment=moment))
     assert found.converged and found.stable is None and "damped" in found.message
@@ -886,7 +887,7 @@ def test_a_moment_along_a_round_backbone_feeds_small_oscillations(damping: float
     assert grows == (damping < 0.05)
 
 
-def test_a_robot_without_mass_does_not_tell_its_stability() -> None:
+def test_stability_of_a_massless_robot_is_unknown() -> None:
     light = {"segments.0.disks.mass": "0 kg", "segments.0.backbone.density": "0 kg/m^3"}
     robot = bs.load_robot("amouri2019", overrides=light)
     assert bs.solve(robot, [0.0] * 3, load=bs.Load(tip_moment=[0, 0, 0.5])).stable is None
@@ -928,7 +929,7 @@ def test_a_robot_without_mass_does_not_tell_its_stability() -> None:
         ),
     ],
 )
-def test_what_is_no_such_object_is_named(robot, call, part):
+def test_objects_of_a_wrong_type_are_named(robot, call, part):
     with pytest.raises(InputError) as error:
         call(robot)
     assert part in str(error.value) and "\n" not in str(error.value)
@@ -949,7 +950,7 @@ def test_errors_name_argument_index_value_and_rule(robot):
     assert found.rule == "zero or more: a tendon can only pull"
 
 
-def test_a_load_of_a_solution_gives_the_solution_again(robot):
+def test_the_load_of_a_solution_reproduces_it(robot):
     for load in (
         bs.Load([40, 5, 0], gravity=(0, 0, -9.81), tip_moment=(0, 0, 0.01)),
         bs.Load([np.nan, 5, 0], [0.02, np.nan, np.nan]),

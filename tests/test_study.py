@@ -1,4 +1,4 @@
-"""The study's numbers against references computed by other programs, and its own logic."""
+"""The study's numbers against references of other programs, and its own logic."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ EI = 35e9 * math.pi / 64 * 0.005**4  # of the study's robot, N m^2
 # -- the sweeps, and what the paper printed ----------------------------------------------------
 
 
-def test_the_sweep_is_the_studys(paper: Study) -> None:
+def test_the_sweep_matches_the_studys(paper: Study) -> None:
     assert paper.statics.tension == pytest.approx(np.arange(0.0, 81.0, 5.0))
     assert paper.statics.converged.all()
     assert paper.statics.tip_position[-1] / MM == pytest.approx([384.556, 0.0, 444.808], abs=6e-3)
 
 
-def test_displacement_beside_the_linear_law(paper: Study) -> None:
+def test_displacement_against_the_linear_law(paper: Study) -> None:
     # delta l = F r^2 l / (E I)
     assert paper.statics.linear_displacement[-1] == pytest.approx(
         80.0 * 0.029**2 * 0.641 / EI, rel=1e-9
     )
-    # a span's lever arm grows with the bend, so the real displacement runs ahead
+    # a span's lever arm grows with the bend, so the actual displacement is larger
     assert paper.statics.displacement[-1] > paper.statics.linear_displacement[-1]
     assert paper.statics.displacement[0] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_geometric_sweep_is_eq_5(paper: Study) -> None:
+def test_geometric_sweep_matches_eq_5(paper: Study) -> None:
     g = paper.geometry
     length = paper.length
     pull = np.linspace(0.0, 80.0 * 0.029**2 * 0.641 / EI, 17)
@@ -77,7 +77,7 @@ def test_two_segments() -> None:
     # the outer tendon bends both segments
     assert np.all(got.geometry.theta[-1] > 0.1)
     assert got.comparisons["cc_from_lengths"].n == 17
-    # no printed value: what must hold for straight spans in short modules
+    # no published value: must hold for straight spans in short modules
     assert got.comparisons["cc_from_lengths"].mean < 1e-3 * robot.length
     assert got.comparisons["cc_from_lengths_chord"].mean < 1e-5 * robot.length
 
@@ -100,7 +100,7 @@ def test_the_load_range_follows_the_linear_law(stiffness: str, tension: float) -
 
 
 def silicone(gravity: str) -> Robot:
-    """Silicone, E = 1 MPa, with disks of 30 g: gravity decides how far a load bends it."""
+    """Silicone, E = 1 MPa, with disks of 30 g: gravity determines how far a load bends it."""
     return load_robot("amouri2019").with_(
         {
             "gravity": gravity,
@@ -117,7 +117,7 @@ def silicone(gravity: str) -> Robot:
     )
 
 
-def test_the_load_range_in_gravity_is_that_of_statics() -> None:
+def test_the_load_range_in_gravity_matches_statics() -> None:
     hanging = silicone("0 0 9.81 m/s^2")
     got = Stages(hanging, points=2)
     load = got.settings.max_tension
@@ -127,7 +127,7 @@ def test_the_load_range_in_gravity_is_that_of_statics() -> None:
         assert tip is not None
         assert (math.degrees(math.acos(tip.rotation[2, 2])) <= 80.0) == bent
     assert any("by statics in gravity" in note for note in got.notes())
-    # commanded lengths and geometry end where the robot does, not at the linear law's 219 degrees
+    # commanded lengths and geometry end with the robot, not at the linear law's 219 degrees
     assert math.degrees(got.geometry.theta[-1, 0]) == pytest.approx(80.0, abs=1.0)
     assert any("about the robot's own bend" in note for note in got.notes())
     model, tension = got.model, got.statics.tension
@@ -135,7 +135,7 @@ def test_the_load_range_in_gravity_is_that_of_statics() -> None:
     assert budget.displacement_controlled.problem is None
 
 
-def test_gravity_that_bends_further_ends_the_load_range_earlier() -> None:
+def test_gravity_that_adds_bend_reduces_the_load_range() -> None:
     upright = load_robot("amouri2019").with_({"gravity": "0 0 -9.81 m/s^2"})
     got = Stages(upright, points=2)
     assert got.settings.max_tension < 80.0
@@ -204,13 +204,13 @@ def test_tendons_that_balance_each_other_can_be_studied_to_a_given_load(paper: S
     json.dumps(found.to_dict(), allow_nan=False)
 
 
-def test_a_load_that_winds_the_robot_up_is_named() -> None:
+def test_a_load_that_rolls_the_robot_up_is_named() -> None:
     soft = load_robot("amouri2019").with_({"segments.0.backbone.E": "35 MPa"})
     with pytest.raises(InputError, match=r"80 N winds amouri2019 up by 220 turns"):
         run_study(soft, loading=Loading(max_tension=80.0))
 
 
-def test_loads_beyond_any_arc_count_in_no_mean(paper: Study) -> None:
+def test_loads_beyond_any_arc_are_in_no_mean(paper: Study) -> None:
     got = Stages(load_robot("amouri2019"), max_tension=900.0)
     lengths = got.comparisons["cc_from_lengths"]
     assert 0 < lengths.n < 17
@@ -265,7 +265,7 @@ def test_bad_settings(setting: str, value: object) -> None:
             run_study(load_robot("amouri2019"), **given)
 
 
-# -- what goes out -----------------------------------------------------------------------------
+# -- outputs -----------------------------------------------------------------------------------
 
 
 def test_the_contract(paper: Study) -> None:
@@ -291,8 +291,8 @@ def test_the_contract(paper: Study) -> None:
     assert json.loads(json.dumps(got, allow_nan=False)) == got
 
 
-def test_a_study_is_its_stages_and_tells_its_progress() -> None:
-    """On two modules; other tests run the stages that they are about alone."""
+def test_a_study_runs_its_stages_and_reports_progress() -> None:
+    """On two modules; other tests run single stages."""
     robot = load_robot("amouri2019").with_(
         {"segments.0.disks.count": 2, "segments.0.length": "140 mm"}
     )

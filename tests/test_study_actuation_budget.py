@@ -1,4 +1,4 @@
-"""The actuation of the robot in the study: friction, elastic tendons and displacement control."""
+"""The actuation budget of the study: friction, elastic tendons and displacement control."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def amouri() -> Robot:
 
 
 def displacements_for(robot: Robot, tension: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What the spools are told for the first of three tendons, and the tip that is meant."""
+    """Commands of the first of three tendons, and the intended tip."""
     arcs = RobotArcs.from_tensions(robot, np.outer(tension, [1, 0, 0]))
     lengths = arcs.lengths()
     meant = RobotArcs.from_lengths(robot, lengths).tip.position  # Eq. 5, from the commanded lengths
@@ -75,9 +75,9 @@ def errors(tips: np.ndarray, others: np.ndarray) -> np.ndarray:
 # -- against direct calls ------------------------------------------------------------------------
 
 
-def test_friction_is_that_of_a_path_up_and_down(paper: Study, amouri: Robot) -> None:
-    rubbing = amouri.with_({TENDONS + "friction": ASSUMED_FRICTION})
-    path = bs.sweep(rubbing, np.outer(UP_AND_DOWN, [1, 0, 0])).raise_for_status()
+def test_friction_matches_a_loading_and_unloading_path(paper: Study, amouri: Robot) -> None:
+    with_friction = amouri.with_({TENDONS + "friction": ASSUMED_FRICTION})
+    path = bs.sweep(with_friction, np.outer(UP_AND_DOWN, [1, 0, 0])).raise_for_status()
     law = RobotArcs.from_tensions(amouri, np.outer(UP[::3], [1, 0, 0])).tip.position
     d = paper.budget.actuation
     for effect, rows in (
@@ -96,9 +96,7 @@ def test_friction_is_that_of_a_path_up_and_down(paper: Study, amouri: Robot) -> 
     assert d.loops[0].width == pytest.approx(width)
 
 
-def test_displacements_are_those_that_constant_curvature_asks_for(
-    paper: Study, amouri: Robot
-) -> None:
+def test_displacements_are_those_of_constant_curvature(paper: Study, amouri: Robot) -> None:
     d = paper.budget.actuation
     displacements, meant = displacements_for(amouri, UP)
     assert d.displacement == pytest.approx(displacements[::3, 0], abs=1e-12)
@@ -112,7 +110,7 @@ def test_displacements_are_those_that_constant_curvature_asks_for(
         assert case.error(COMMANDED) == pytest.approx(
             errors(meant, found.tip_position)[::3], abs=1e-9
         )
-        assert np.all(found.slack_lengths[:, 1:] > 0.0)  # the others hang
+        assert np.all(found.slack_lengths[:, 1:] > 0.0)  # the others are slack
     path = bs.sweep(
         both, load=bs.Load(displacements=np.concatenate((displacements, displacements[-2::-1])))
     ).raise_for_status()
@@ -123,8 +121,8 @@ def test_displacements_are_those_that_constant_curvature_asks_for(
     assert d.loops[1].width == pytest.approx(errors(there, back).max(), abs=1e-9)
 
 
-def test_an_elastic_tendon_is_late_by_its_stretch(paper: Study, amouri: Robot) -> None:
-    """Elastic tendons equal inextensible ones with the displacement less T l0 / (E A)."""
+def test_an_elastic_tendon_lags_by_its_elongation(paper: Study, amouri: Robot) -> None:
+    """Elastic tendons equal inextensible ones with the displacement reduced by T l0 / (E A)."""
     displacements, _ = displacements_for(amouri, UP[-1:])
     elastic = bs.solve(
         amouri.with_({TENDONS + "axial_stiffness": ASSUMED}),
@@ -139,25 +137,25 @@ def test_an_elastic_tendon_is_late_by_its_stretch(paper: Study, amouri: Robot) -
 # -- limits --------------------------------------------------------------------------------------
 
 
-def test_without_friction_and_stretch_nothing_changes(amouri: Robot) -> None:
+def test_ideal_tendons_change_nothing(amouri: Robot) -> None:
     d = budget(amouri.with_({TENDONS + "friction": 1e-12, TENDONS + "axial_stiffness": 1e12}))
     assert not d.friction_assumed and not d.elasticity_assumed and d.assumptions == ()
     for row in d.rows:
         moved = errors(row.case.tip_position, row.base.tip_position)
-        # a path with friction may take more elements than the sweep without
+        # a path with friction may use more elements than the sweep without
         assert row.case.problem is None and moved.max() < 1e-5 * amouri.length, row.effect
         assert not row.exceeds
     assert max(loop.width for loop in d.loops) < 1e-5 * amouri.length
 
 
-def test_the_present_numbers_stay(paper: Study) -> None:
+def test_reference_numbers_are_unchanged(paper: Study) -> None:
     d = paper.budget.actuation
     for name in ("cc_from_lengths", "cc_from_force"):
         assert d.tension_controlled.comparisons[name].mean == paper.comparison(name).mean
     assert d.loops[0].free[::3] == pytest.approx(paper.statics.tip_position, abs=1e-9)
 
 
-def test_short_steps_tell_the_same(amouri: Robot) -> None:
+def test_short_steps_give_the_same_result(amouri: Robot) -> None:
     coarse, fine = budget(amouri), budget(amouri, points=401)
     for effect in ROWS:
         some = fine.row(effect).case.tip_position[::25]
@@ -166,7 +164,7 @@ def test_short_steps_tell_the_same(amouri: Robot) -> None:
         assert a.width == pytest.approx(b.width, rel=0.02)
 
 
-# -- what it says --------------------------------------------------------------------------------
+# -- reported results ----------------------------------------------------------------------------
 
 
 def test_figures_of_the_papers_robot(paper: Study) -> None:
@@ -175,7 +173,7 @@ def test_figures_of_the_papers_robot(paper: Study) -> None:
     up, down = d.row("friction_loading"), d.row("friction_unloading")
     assert up.case.comparisons["cc_from_force"].mean / MM == pytest.approx(2.61, abs=0.01)
     assert down.case.comparisons["cc_from_force"].mean / MM == pytest.approx(9.25, abs=0.01)
-    # friction holds back: less bent while loading, more while unloading
+    # friction opposes motion: less bent while loading, more while unloading
     inner = slice(1, -1)
     bend = [c.tip_position[inner, 0] for c in (up.case, paper.budget.sweep, down.case)]
     assert np.all(bend[0] < bend[1]) and np.all(bend[1][:-2] < bend[2][:-2])
@@ -207,7 +205,7 @@ def test_json(paper: Study) -> None:
         assert loop["width_percent"] == pytest.approx(loop["width_mm"] / 641 * 100)
 
 
-def test_what_is_assumed_is_said(paper: Study) -> None:
+def test_assumptions_are_reported(paper: Study) -> None:
     d = paper.budget.actuation
     assert d.assumptions == ("friction 0.1", STRETCH)
     assert sum("not measured" in note for note in d.notes) == 2
@@ -227,7 +225,7 @@ def test_values_of_the_file_are_used(amouri: Robot) -> None:
     assert d.loops[0].width < narrower.loops[0].width
 
 
-def test_a_compliance_alone_is_elasticity_enough(amouri: Robot) -> None:
+def test_a_compliance_alone_counts_as_elasticity(amouri: Robot) -> None:
     d = budget(amouri.with_({TENDONS + "compliance": "0.01 mm/N"}))
     assert not d.elasticity_assumed and np.isinf(d.axial_stiffness)
     assert d.assumptions == ("friction 0.1",)
@@ -238,7 +236,7 @@ def test_assumed_stiffness_follows_from_the_tendon(amouri: Robot) -> None:
     assert assumed_stiffness(thin, 0) == (1.9e3, "steel, 0.15 mm, diameter as in the file")
     nylon = thin.with_({TENDONS + "material": "nylon"})
     assert assumed_stiffness(nylon, 0)[0] == pytest.approx(44.0)
-    assert nylon.hash == amouri.hash  # an assumption of a study is no physics of the robot
+    assert nylon.hash == amouri.hash  # an assumption of a study does not change the robot's physics
     with pytest.raises(InputError, match='got "wood"; must be one of steel'):
         thin.with_({TENDONS + "material": "wood"})
     d = budget(thin, points=3)
@@ -247,7 +245,7 @@ def test_assumed_stiffness_follows_from_the_tendon(amouri: Robot) -> None:
     assert any("diameter as in the file" in note for note in d.notes)
 
 
-def test_a_robot_whose_size_tells_no_tendon_has_no_row_of_stretch() -> None:
+def test_elasticity_is_omitted_where_no_stiffness_can_be_assumed() -> None:
     small = load_robot("amouri2019").with_(
         {
             "segments.0.length": "20 mm",
@@ -271,7 +269,7 @@ def test_a_robot_whose_size_tells_no_tendon_has_no_row_of_stretch() -> None:
     assert d.row("tendon_elasticity").moved > 0.0
 
 
-def test_calibrated_friction_is_that_of_the_budget(amouri: Robot) -> None:
+def test_calibrated_friction_is_used_in_the_budget(amouri: Robot) -> None:
     model = Model(amouri, 0, "cosserat")
     tension = np.linspace(0.0, 80.0, 5)
     sweep = model.case(model.main, tension)
@@ -294,9 +292,7 @@ def test_calibrated_friction_is_that_of_the_budget(amouri: Robot) -> None:
 
 
 @pytest.mark.slow
-def test_friction_of_the_file_is_not_in_the_sweep_and_the_study_says_so(
-    paper: Study, amouri: Robot
-) -> None:
+def test_friction_of_the_file_is_reported_as_not_in_the_sweep(paper: Study, amouri: Robot) -> None:
     stages = Stages(amouri.with_({TENDONS + "friction": 0.2}))
     found = replace(
         stages.over(paper),
@@ -328,7 +324,7 @@ def test_robots_of_several_segments(name: str) -> None:
     assert not any("In spite of that" in note for note in d.notes)
 
 
-def test_a_tendon_that_does_not_hang_is_told(
+def test_a_tendon_that_stays_taut_is_reported(
     amouri: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("bowstring.study.actuation_budget._SURPLUS", -0.001)
@@ -336,7 +332,7 @@ def test_a_tendon_that_does_not_hang_is_told(
 
 
 @pytest.mark.slow
-def test_commands_without_equilibrium_are_told(amouri: Robot) -> None:
+def test_commands_without_equilibrium_are_reported(amouri: Robot) -> None:
     d = budget(amouri.with_({TENDONS + "friction": 3}), 400.0)
     case = d.row("displacement_controlled_loading").case
     assert case.problem is not None and "means are over the others" in case.problem
@@ -350,7 +346,7 @@ def test_pretension_and_two_points(amouri: Robot) -> None:
     assert all(np.isfinite(row.moved) for row in d.rows)
 
 
-def test_fields_of_tendons_are_filled_where_they_lack() -> None:
+def test_missing_tendon_fields_are_filled() -> None:
     robot = load_robot("rao2021").with_({"segments.1.tendons.0.friction": 0.3})
     assert with_tendons(robot, {"friction": 0.1}, missing=True).tendons.friction.tolist() == [
         *[0.1] * 3,

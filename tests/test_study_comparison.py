@@ -1,4 +1,4 @@
-"""Constant curvature beside physics, against means computed by other programs."""
+"""Constant curvature against physics, with means computed by other programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The error budget: each effect against reference cases, and one thing changed at a time."""
+"""The error budget: each effect against reference cases, one factor at a time."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def row(s: Study | Stages, effect: str) -> BudgetRow:
     return next(r for r in s.budget.rows if r.effect == effect)
 
 
-def test_constant_curvature_is_exact_in_the_plainest_physics(paper: Study) -> None:
+def test_constant_curvature_is_exact_in_the_baseline(paper: Study) -> None:
     for c in paper.budget.baseline.comparisons.values():
         assert c.maximum < 1e-9
 
 
-def test_straight_spans_are_most_of_the_sweep(paper: Study) -> None:
+def test_straight_spans_dominate_the_sweep(paper: Study) -> None:
     added = row(paper, "straight_spans").added.comparisons
     assert added["cc_from_force"].mean / MM == pytest.approx(4.417, abs=5e-3)
     assert added["cc_from_lengths"].mean / MM == pytest.approx(0.228, abs=5e-3)
@@ -64,23 +64,23 @@ def test_the_budget_changes_one_thing_at_a_time(paper: Study) -> None:
         assert differences(r.full.physics, paper.budget.full_model.physics) <= 1
 
 
-def test_stiffness_off_matters_from_force_only(paper: Study) -> None:
+def test_stiffness_error_matters_from_force_only(paper: Study) -> None:
     for effect in ("E_minus_10", "E_plus_10"):
         added = row(paper, effect).added.comparisons
         assert added["cc_from_force"].mean / MM > 10.0
         assert added["cc_from_lengths"].mean < 1e-9
 
 
-def test_torsion_is_worth_nothing_in_a_plane(paper: Study) -> None:
+def test_torsion_has_no_effect_in_a_plane(paper: Study) -> None:
     assert row(paper, "torsion").added.comparisons["cc_from_force"].mean < 1e-9
 
 
 def test_a_transverse_tip_force_leaves_the_plane(paper: Study) -> None:
     case = row(paper, "tip_force").added
     assert case.physics.tip_force == (0.0, 1.0, 0.0)
-    # less than the 80.9 mm of a backbone that may twist
+    # less than the 80.9 mm of a backbone that can twist
     assert 60.0 < case.tip_position[8, 1] / MM < 80.9
-    # the same in the main sweep, which may: the reference case
+    # the same in the main sweep, where it can: the reference case
     case = row(paper, "tip_force").in_sweep
     assert case.tip_position[8] / MM == pytest.approx([213.273, 80.872, 583.929], abs=6e-3)
 
@@ -99,7 +99,7 @@ def test_clamps_in_the_main_sweep(paper: Study) -> None:
     assert spans.in_sweep.comparisons["cc_from_lengths"].mean / MM < 1e-2
 
 
-def test_a_robot_that_buckles_says_so_and_the_study_goes_on() -> None:
+def test_a_buckling_robot_is_reported_and_the_study_continues() -> None:
     heavy = {f"segments.{k}.disks.mass": "50 g" for k in (0, 1)}
     got = Stages(load_robot("rao2021").with_(heavy))
     assert "tip" in got.budget.full_model_is
@@ -110,7 +110,7 @@ def test_a_robot_that_buckles_says_so_and_the_study_goes_on() -> None:
     json.dumps(plain(got.budget.to_dict()), allow_nan=False)
 
 
-def test_a_robot_that_cannot_stand_hangs_in_the_full_model(
+def test_a_robot_that_cannot_stand_is_suspended_in_the_full_model(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     real = Model.case
@@ -128,7 +128,7 @@ def test_a_robot_that_cannot_stand_hangs_in_the_full_model(
 # -- contributions -----------------------------------------------------------------------------
 
 
-def test_a_contribution_is_with_the_effect_less_without_it(paper: Study) -> None:
+def test_a_contribution_is_the_difference_with_and_without(paper: Study) -> None:
     b = paper.budget
     name = "cc_from_force"
 
@@ -138,10 +138,10 @@ def test_a_contribution_is_with_the_effect_less_without_it(paper: Study) -> None
     hanging = row(paper, "gravity_hanging")
     c = b.contribution(hanging, "removed", name)
     assert (c.with_effect, c.without_effect) == (mean(hanging.full), mean(hanging.removed))
-    assert c.mean / MM == pytest.approx(-10.89, abs=5e-3)  # it makes the error smaller
+    assert c.mean / MM == pytest.approx(-10.89, abs=5e-3)  # it reduces the error
     assert c.n == c.of == 17 and not c.partial
 
-    # the sweep has straight spans, so they are taken out; it has no tip force, so that is added
+    # the sweep has straight spans, so they are removed; it has no tip force, so that is added
     spans, force = row(paper, "straight_spans"), row(paper, "tip_force")
     for r, present, absent in ((spans, b.sweep, spans.in_sweep), (force, force.in_sweep, b.sweep)):
         c = b.contribution(r, "in_sweep", name)
@@ -185,8 +185,8 @@ def test_a_contribution_is_over_the_loads_that_both_cases_have(paper: Study) -> 
 
 
 @pytest.mark.slow
-def test_other_gravity_is_compared_with_the_sweep_without_any() -> None:
-    """What upright gravity adds to the sweep of a robot that hangs is not what turning it does."""
+def test_other_gravity_is_compared_with_the_sweep_without_gravity() -> None:
+    """The effect of upright gravity on a suspended robot differs from that of reversing gravity."""
     robot = load_robot(Path(__file__).parent / "silicone.yaml")
     got = Stages(robot, points=3, max_tension=1.0)
     without = Stages(robot.with_({"gravity": "0 0 0 m/s^2"}), points=3, max_tension=1.0)

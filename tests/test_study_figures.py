@@ -1,4 +1,4 @@
-"""Figures of the study: what is drawn agrees with the numbers, and nothing hides anything else."""
+"""Figures of the study: they agree with the numbers, and no element covers another."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ SIDES: tuple[Side, Side] = ("in_sweep", "removed")
 
 @pytest.fixture(scope="module")
 def soft(paper: Study) -> Study:
-    """The sweep of a robot whose constant curvature from force is far off."""
+    """A sweep in which constant curvature from force has a large error."""
     return Stages(load_robot(SILICONE), points=9).over(paper)
 
 
 def drawn(found: Study, stem: str) -> Figure:
-    """One figure, laid out as for a file."""
+    """One figure, laid out as in a file."""
     with figure_style():
         figure = _DRAWINGS[stem](found)
         figure.draw_without_rendering()
@@ -41,7 +41,7 @@ def drawn(found: Study, stem: str) -> Figure:
 
 
 def with_gaps(found: Study, effect: str, loads: Sequence[int]) -> Study:
-    """As if the full model without an effect had no equilibrium at some loads."""
+    """The study as if the full model without an effect had no equilibrium at some loads."""
     row = next(r for r in found.budget.rows if r.effect == effect)
     compared = {}
     for name, c in row.removed.comparisons.items():
@@ -175,7 +175,7 @@ def test_each_row_of_the_budget_is_drawn_between_its_own_two_cases(paper: Study)
                 key = round(place + shift, 3), LIGHT[colour]
                 assert found[(*key, True)] == pytest.approx(max(c.with_effect * 1e3, 1e-3))
                 assert found[(*key, False)] == pytest.approx(max(c.without_effect * 1e3, 1e-3))
-    # gravity that hangs makes less of an error than none: its line points to the left
+    # gravity of a suspended robot reduces the error: its line points to the left
     hanging = next(i for i, r in enumerate(budget.rows) if r.effect == "gravity_hanging")
     level = round(len(budget.rows) - 1 - hanging - 0.16, 3)
     red = ends(figure.axes[1])
@@ -197,14 +197,14 @@ def test_rows_over_fewer_loads_are_marked(paper: Study) -> None:
     assert [text.get_text() for text in none.texts] == ["none"]
 
 
-# -- what figures are called -------------------------------------------------------------------
+# -- names of figures --------------------------------------------------------------------------
 
 
-def test_figures_of_data_are_called_as_in_the_source_study() -> None:
+def test_figures_of_data_are_named_as_in_the_source_study() -> None:
     captions = {figure.stem: figure.caption for figure in DATA_FIGURES}
     assert "Fig. 12 of the study" in captions["fig12_measured_errors"]
     assert "along each axis" in captions["fig12_measured_errors"]
-    for stem, caption in captions.items():  # a file is called after the figure that it repeats
+    for stem, caption in captions.items():  # a file is named after its figure
         number = stem[3:5].lstrip("0") if stem.startswith("fig") else None
         assert (f"Fig. {number} " in caption) if number else ("Fig." not in caption)
     for figure in FIGURES:

@@ -39,18 +39,18 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_constant_curvature_finite_elements_and_rod(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The three-way comparison out of one command."""
+    """The three-way comparison by one command."""
     made: list[Study] = []
 
-    def run(robot: Robot, **asked: Any) -> Study:
-        if asked["extras"].fe.grip == "bonded":
-            made.append(run_study(robot, **asked))
+    def run(robot: Robot, **given: Any) -> Study:
+        if given["extras"].fe.grip == "bonded":
+            made.append(run_study(robot, **given))
             return made[-1]
         (whole,) = made
         loads = Stages(robot, points=3, max_tension=80.0).model.tensions(whole.statics.tension)
         tips = whole.statics.tip_position
         return replace(
-            whole, bricks=solve(robot, loads, tips, asked["extras"].fe, lambda share: None)
+            whole, bricks=solve(robot, loads, tips, given["extras"].fe, lambda share: None)
         )
 
     monkeypatch.setattr(study_module, "run_study", run)
@@ -61,7 +61,7 @@ def test_constant_curvature_finite_elements_and_rod(
     by_name = {(c["name"], c["against"]): c for c in found["comparisons"]}
     for name in COMPARISONS:
         assert by_name[name, "fe"]["n"] == 3
-    # constant curvature from force errs by the clamps, whoever says so
+    # the error of constant curvature from force is due to the clamps in every comparison
     rod, solid = (by_name["cc_from_force", a]["mean_mm"] for a in ("statics", "fe"))
     assert solid == pytest.approx(rod, abs=0.1)
     part = found["finite_elements"]
@@ -86,7 +86,7 @@ def test_constant_curvature_finite_elements_and_rod(
 def test_finite_elements_stand_beside_measurements(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All of it out of one command: constant curvature, finite elements, rod, data."""
+    """All by one command: constant curvature, finite elements, rod, data."""
     monkeypatch.chdir(tmp_path)
     Path("small.yaml").write_text(ROBOT)
     shell.json("bench", "simulate", "small.yaml", "--masses", "0:1:8", "--out", "bench.csv")
@@ -95,7 +95,7 @@ def test_finite_elements_stand_beside_measurements(
     part = found["finite_elements"]
     point = np.array(part["measured_point_mm"], dtype=float)
     data = np.isfinite(point).all(axis=1)
-    assert 10 <= data.sum() < len(data)  # 7 and 8 kg pull with more than 60 N
+    assert 10 <= data.sum() < len(data)  # 7 and 8 kg exceed 60 N
     means = part["mean_from_measurement_mm"]
     assert set(means) == {
         "finite elements",
@@ -103,7 +103,7 @@ def test_finite_elements_stand_beside_measurements(
         "constant curvature from force",
         "constant curvature from lengths",
     }
-    # coarse in load, stiffer by the disks' grip; no friction in it as in the rod
+    # coarse in load, stiffer because disks prevent contraction; no friction, as in the rod
     assert means["finite elements"] == pytest.approx(means["the rod as in the file"], abs=0.15)
     assert any("rows of the synthetic table" in s for s in part["text"])
     html = (tmp_path / "out" / "report.html").read_text("utf-8")
@@ -113,7 +113,7 @@ def test_finite_elements_stand_beside_measurements(
 
 
 @needs_ccx
-def test_a_study_that_is_stopped_says_that_it_goes_on(
+def test_a_stopped_study_reports_that_it_can_continue(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stop(robot: Robot, *_: object, **__: object) -> None:
@@ -138,11 +138,11 @@ def test_it_is_refused_before_any_work(monkeypatch: pytest.MonkeyPatch, tmp_path
         run_study(small_robot(), extras=Extras(fe=Settings()))
 
 
-def test_a_grip_is_of_finite_elements(shell: Shell) -> None:
+def test_the_disk_contact_option_needs_finite_elements(shell: Shell) -> None:
     assert shell("study", "--grip", "sliding")[0] == 2
 
 
-def test_without_it_there_is_nothing_of_it(paper: Study) -> None:
+def test_a_study_without_finite_elements_has_no_entries_of_them(paper: Study) -> None:
     assert paper.bricks is None
     assert paper.against("fe") == ()
     assert paper.to_dict()["finite_elements"] is None

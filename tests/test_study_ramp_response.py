@@ -1,4 +1,4 @@
-"""The tension ramp of the study: against theory, its own runs, and where there is none."""
+"""The tension ramp of the study: against theory, its own runs, and failures."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def slow(paper: Study) -> Transient:
 # -- the motion --------------------------------------------------------------------------------
 
 
-def test_the_ramp_is_as_asked(slow: Transient) -> None:
+def test_the_ramp_is_as_requested(slow: Transient) -> None:
     assert slow.converged
     assert slow.frequency == pytest.approx(FREQUENCY, rel=1e-3)
     assert slow.rise == pytest.approx(20 / FREQUENCY, rel=1e-3)
@@ -43,32 +43,32 @@ def test_the_ramp_is_as_asked(slow: Transient) -> None:
 
 
 def test_the_slow_ramp_is_near_statics(slow: Transient, paper: Study) -> None:
-    """The reason for the defaults, and the figure that the report gives."""
+    """The reason for the defaults, and the value in the report."""
     assert slow.mean_difference < 1e-3 * paper.length
     largest, at = slow.max_difference
     assert largest < 6e-3 * paper.length and at < 5.0
-    # twice as slow rings half as high and for half as many of the loads
+    # a ramp of twice the duration has half the oscillation, at half as many loads
     slower = Stages(paper.robot, rise=2 * slow.rise).motion
     assert slower.mean_difference < 0.5 * slow.mean_difference
     assert slower.max_difference[0] < 0.6 * slow.max_difference[0]
 
 
 @pytest.mark.parametrize("ratio", [0.02, 0.05, 0.1])
-def test_lag_is_that_of_a_damped_oscillator(paper: Study, ratio: float) -> None:
-    # x'' + 2 zeta omega x' + omega^2 x follows a ramp by 2 zeta / omega late
+def test_lag_matches_a_damped_oscillator(paper: Study, ratio: float) -> None:
+    # x'' + 2 zeta omega x' + omega^2 x follows a ramp with a delay of 2 zeta / omega
     motion = Stages(paper.robot, modal_damping=ratio).motion
     assert motion.lag == pytest.approx(2 * ratio / (2 * math.pi * FREQUENCY), rel=0.15)
 
 
-def test_five_percent_is_nearest_to_statics(paper: Study) -> None:
+def test_five_percent_damping_is_nearest_to_statics(paper: Study) -> None:
     apart = {
         z: Stages(paper.robot, modal_damping=z).motion.mean_difference for z in (0.02, 0.05, 0.1)
     }
     assert min(apart, key=apart.__getitem__) == 0.05
 
 
-def test_overshoot_is_that_of_the_run(slow: Transient, paper: Study) -> None:
-    """Found again from a run with shorter steps and outputs of its own."""
+def test_overshoot_matches_the_run(slow: Transient, paper: Study) -> None:
+    """Computed again from a run with shorter steps and outputs of its own."""
     assert slow.peak is not None
     when, size = slow.peak
     run = simulation.simulate(
@@ -90,7 +90,7 @@ def test_overshoot_is_that_of_the_run(slow: Transient, paper: Study) -> None:
     assert slow.residual < size
 
 
-def test_a_fast_ramp_shows_what_statics_cannot(slow: Transient, paper: Study) -> None:
+def test_a_fast_ramp_differs_from_statics(slow: Transient, paper: Study) -> None:
     found = Stages(paper.robot, rise=0.5)
     fast = found.motion
     assert not fast.rise_chosen and slow.rise_chosen
@@ -98,7 +98,7 @@ def test_a_fast_ramp_shows_what_statics_cannot(slow: Transient, paper: Study) ->
     assert fast.peak[1] > 10 * slow.peak[1]
     assert fast.mean_difference > 10 * slow.mean_difference
     assert any(f"overshoots by {fast.peak[1] * 1e3:.3g} mm" in s for s in fast.text)
-    # what needs no time is the same
+    # quasi-static results are the same
     assert found.verdict.text == paper.verdict.text
     assert found.budget.to_dict() == paper.budget.to_dict()
     for name in COMPARISONS:
@@ -136,7 +136,7 @@ def test_weight_and_clamps_have_static_stress(gravity: str) -> None:
     assert np.isfinite(found.statics.surface.strain).all()
 
 
-def test_stress_in_time_ends_at_that_of_statics(slow: Transient, paper: Study) -> None:
+def test_stress_in_time_ends_at_the_static_stress(slow: Transient, paper: Study) -> None:
     still = np.interp(slow.tension, paper.statics.tension, paper.statics.surface.von_mises)
     late = slow.time > 0.8 * slow.rise
     assert slow.surface.von_mises[late] == pytest.approx(still[late], rel=0.02)
@@ -177,10 +177,10 @@ def test_other_robots(source: str, theory: Theory) -> None:
         assert found.in_time[name].n == 5
 
 
-# -- where there is none, or not all -----------------------------------------------------------
+# -- failed and partial motions ----------------------------------------------------------------
 
 
-def test_a_robot_without_mass_has_its_statics(paper: Study) -> None:
+def test_a_robot_without_mass_has_statics_only(paper: Study) -> None:
     light = {"segments.0.disks.mass": "0 g", "segments.0.backbone.density": "0 kg/m^3"}
     stages = Stages(load_robot("amouri2019").with_(light))
     motion, why_not = stages.ramp
@@ -227,7 +227,7 @@ def test_a_motion_that_stops_is_shown_up_to_there(
 
 
 @pytest.mark.slow
-def test_disks_that_meet_end_the_motion() -> None:
+def test_colliding_disks_end_the_motion() -> None:
     found = Stages(load_robot("amouri2019"), max_tension=900.0, rise=0.115)
     motion = found.motion
     assert motion.status == "collision" and motion.time[-1] < motion.rise

@@ -33,13 +33,13 @@ from stages import Stages
 
 @pytest.fixture
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Moving folders about needs no drawing."""
+    """Skip the figures: moving folders needs no drawing."""
     monkeypatch.setattr(figures, "draw", lambda study: iter(()))
     monkeypatch.setattr(report, "_html", lambda study, content, drawn: "<p>a report</p>")
 
 
 class Page(HTMLParser):
-    """Checks that elements nest, and collects what a page refers to."""
+    """Checks that elements nest, and collects the references of a page."""
 
     VOID = frozenset({"meta", "br", "link", "img", "input", "hr"})
 
@@ -90,7 +90,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 # -- the page ----------------------------------------------------------------------------------
 
 
-def test_the_page_is_whole_and_needs_nothing_else(written: Path) -> None:
+def test_the_page_is_complete_and_self_contained(written: Path) -> None:
     page = read(written / "report.html")
     assert page.open == []
     assert len(page.ids) == len(set(page.ids))
@@ -121,7 +121,7 @@ def test_each_figure_of_the_source_study_has_its_counterpart_or_a_reason(
     assert missing == ["Fig. 1", "Fig. 8", "Fig. 9", "Fig. 12"]
 
 
-def test_the_page_tells_a_reader_everything(written: Path, paper: Study) -> None:
+def test_the_page_has_all_results(written: Path, paper: Study) -> None:
     page = read(written / "report.html")
     text = " ".join(" ".join(page.text).split())
     assert page.tags.count("h1") == 1
@@ -176,7 +176,7 @@ def test_names_from_a_robot_file_are_escaped(paper: Study, tmp_path: Path) -> No
 # -- files -------------------------------------------------------------------------------------
 
 
-def test_the_folder_holds_what_the_study_lists(written: Path) -> None:
+def test_the_folder_contains_the_listed_files(written: Path) -> None:
     content = json.loads((written / "study.json").read_text(encoding="utf-8"))
     assert set(contents(written)) == set(content["files"])
     assert len(content["figures"]) == len(FIGURES) == 14
@@ -185,7 +185,7 @@ def test_the_folder_holds_what_the_study_lists(written: Path) -> None:
         assert (written / figure["pdf"]).read_bytes().startswith(b"%PDF")
 
 
-def test_study_json_is_the_study(written: Path, paper: Study) -> None:
+def test_study_json_matches_the_study(written: Path, paper: Study) -> None:
     def refuse(word: str) -> None:
         raise AssertionError(f"{word} is not JSON")
 
@@ -276,7 +276,7 @@ def test_the_same_study_writes_the_same_bytes(written: Path, paper: Study, tmp_p
     assert contents(report.write(paper, tmp_path / "again")) == contents(written)
 
 
-# -- the folder is replaced whole or not at all ------------------------------------------------
+# -- the folder is replaced as a whole or not at all -------------------------------------------
 
 
 @pytest.mark.usefixtures("without_figures")
@@ -318,7 +318,7 @@ def test_a_failed_move_puts_the_old_folder_back(
 ) -> None:
     out = report.write(paper, tmp_path / "out")
     before = contents(out)
-    monkeypatch.setattr(atomic_io, "_exchange", lambda *_: False)  # as on a drive that cannot
+    monkeypatch.setattr(atomic_io, "_exchange", lambda *_: False)  # as on some drives
     rename = os.rename
 
     def fail(source: Path, target: Path) -> None:
@@ -334,7 +334,7 @@ def test_a_failed_move_puts_the_old_folder_back(
 
 
 @pytest.mark.usefixtures("without_figures")
-def test_files_of_others_are_never_touched(paper: Study, tmp_path: Path) -> None:
+def test_foreign_files_are_never_changed(paper: Study, tmp_path: Path) -> None:
     thesis = tmp_path / "thesis"
     thesis.mkdir()
     (thesis / "chapter1.tex").write_text("years of work")
@@ -375,7 +375,7 @@ def test_an_empty_folder_and_missing_parents_are_fine(paper: Study, tmp_path: Pa
         ("..", "robot"),
     ],
 )
-def test_the_default_folder_stays_where_it_belongs(name: str, folder: str) -> None:
+def test_the_default_folder_is_below_bowstring_study(name: str, folder: str) -> None:
     robot = load_robot("amouri2019").with_({"name": name})
     assert report.default_folder(robot) == Path("bowstring-study") / folder
 
@@ -488,7 +488,7 @@ def test_the_terminal_begins_with_the_verdict_in_25_lines(paper: Study, width: i
 
 
 def test_fonts_in_a_pdf_are_truetype(tmp_path: Path) -> None:
-    """IEEE's check of a paper refuses fonts of Type 3."""
+    """IEEE's check of a paper rejects Type 3 fonts."""
     from matplotlib.figure import Figure
 
     figure = Figure()

@@ -1,7 +1,8 @@
-"""The verdict on data: benches with a known truth, what the report says of them, bad input.
+"""The verdict on data: benches with a known truth, sentences of the report, invalid input.
 
-All data here are synthetic: made by `bowstring.sweep` with friction, gravity, a base that stands
-askew, and noise.
+All data here are synthetic: made by `bowstring.sweep` with friction, gravity, a tilted base, and
+noise.
+
 """
 
 from __future__ import annotations
@@ -106,7 +107,7 @@ def verdict(robot: bs.Robot, bench: Measurements) -> AgainstData:
 # -- a known truth -----------------------------------------------------------------------------
 
 
-def test_the_calibrated_rod_is_within_the_noise_and_what_is_left_is_noise(
+def test_residuals_of_the_calibrated_rod_are_noise(
     verdict: AgainstData,
 ) -> None:
     best = verdict.comparison("rod_calibrated")
@@ -117,7 +118,7 @@ def test_the_calibrated_rod_is_within_the_noise_and_what_is_left_is_noise(
     assert "The residuals are noise" in verdict.residuals.text
 
 
-def test_what_is_expected_of_the_calibrated_rod_is_its_error_at_a_new_bench(
+def test_expected_error_of_the_calibrated_rod_is_its_error_at_a_new_bench(
     verdict: AgainstData,
 ) -> None:
     assert verdict.expected is not None and verdict.calibration is not None
@@ -130,13 +131,13 @@ def test_what_is_expected_of_the_calibrated_rod_is_its_error_at_a_new_bench(
     assert "at rows of this kind that it was not fitted to" in " ".join(verdict.text)
 
 
-def test_parameters_and_frame_are_the_truth(verdict: AgainstData) -> None:
+def test_parameters_and_frame_match_the_truth(verdict: AgainstData) -> None:
     calibration = verdict.calibration
     assert calibration is not None
     modulus = calibration.robot.segments[0].backbone.E
     assert modulus == pytest.approx(1.05 * 35e9, rel=1e-3)
     assert calibration.robot.tendons.friction == pytest.approx(np.full(3, 0.1), rel=0.01)
-    # the frame where the robot is: noise and a shift along y that the plane hardly tells
+    # the frame of the robot: noise and a shift along y that planar motion hardly determines
     tip = np.array([0.0, 0.0, 0.641])
     missed = verdict.frame.apply(FRAME.inverse().apply(tip)) - tip
     assert np.linalg.norm(missed) < 3 * NOISE
@@ -155,7 +156,7 @@ def test_all_models_in_all_frames_with_intervals(verdict: AgainstData) -> None:
                 low, high = c.intervals.mean_by_axis[axis]
                 assert low <= c.mean_by_axis[axis] <= high
             assert c.registered == (frame != "as_measured")
-    # its own frame is the best there is, in the sum of squares
+    # its own frame minimises the sum of squares
     for name in DATA_MODELS:
         own, shared = verdict.comparison(name, "own"), verdict.comparison(name)
         assert own.rms <= shared.rms * (1 + 1e-6)
@@ -199,7 +200,7 @@ def test_calibrated_constant_curvature_is_judged_as_it_was_fitted(verdict: Again
     mine, own = (verdict.comparison("cc_calibrated", f) for f in ("calibrated", "own"))
     assert mine.mean == pytest.approx(own.mean, rel=1e-9)
     assert mine.rms == pytest.approx(own.rms, rel=1e-9)
-    # and yet its tips stand in the one base frame for all, beside the others
+    # its tips are still compared in the common base frame of all models
     assert mine.tip_position - verdict.point == pytest.approx(mine.difference, abs=1e-12)
     # never worse than the same model uncalibrated, in the same frame
     for frame in ("as_measured", "own"):
@@ -208,15 +209,15 @@ def test_calibrated_constant_curvature_is_judged_as_it_was_fitted(verdict: Again
         assert fitted.rms <= 1.001 * plain.rms
 
 
-def test_calibration_of_constant_curvature_does_not_lose_to_none_of_it() -> None:
-    # gravity along the bending plane: the calibrated rod's base frame is wrong for any arc
+def test_calibrated_constant_curvature_is_not_worse_than_uncalibrated() -> None:
+    # gravity in the bending plane: the calibrated rod's base frame is wrong for any arc
     lying = (9.81, 0.0, 0.0)
     robot = load_robot("amouri2019").with_({"gravity": list(lying)})
     found = judge_data(robot, made(gravity=lying, repeats=1), 0.01)
     mine = found.comparison("cc_calibrated").mean
     assert mine < 8e-3 < found.comparison("cc_from_force").mean
     assert mine < found.comparison("cc_from_force", "own").mean
-    # the one from lengths has those of the rod, and says so
+    # the one from lengths has the lengths of the rod, and says so
     assert found.lengths_of == "rod_calibrated"
     assert found.labels["cc_from_lengths"].startswith("CC from lengths of the calibrated rod")
     text = " ".join(found.text)
@@ -225,7 +226,7 @@ def test_calibration_of_constant_curvature_does_not_lose_to_none_of_it() -> None
 
 
 @pytest.mark.slow
-def test_calibrated_constant_curvature_that_did_not_settle_is_not_shown(
+def test_unconverged_constant_curvature_is_not_shown(
     robot: bs.Robot, bench: Measurements, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = study_calibration.calibrate_arc
@@ -258,12 +259,12 @@ def test_effects_one_after_another_end_at_the_calibrated_rod(verdict: AgainstDat
         assert effect.costs == pytest.approx(effect.without - best, abs=1e-12)
         assert effect.costs_interval[0] <= effect.costs <= effect.costs_interval[1]
         assert effect.costs > 1e-3  # each of them matters on this bench
-    # registration alone: what the misplaced base makes of a perfect model
+    # registration alone: the effect of the displaced base on a perfect model
     moved = np.linalg.norm(verdict.point - verdict.data.tip, axis=1).mean()
     assert verdict.effects[0].without == pytest.approx(moved, rel=0.01)
 
 
-def test_where_the_measuring_frame_stands_changes_no_effect_but_registration(
+def test_the_measuring_frame_affects_registration_only(
     robot: bs.Robot, bench: Measurements, verdict: AgainstData
 ) -> None:
     far = replace(bench, points=np.add(bench.points, [0.5, 0.0, 1.0]))
@@ -275,7 +276,7 @@ def test_where_the_measuring_frame_stands_changes_no_effect_but_registration(
     assert found[0].explains > 0.9 * math.hypot(0.5, 1.0)
 
 
-def test_loads_runs_and_ways(verdict: AgainstData) -> None:
+def test_loads_runs_and_directions(verdict: AgainstData) -> None:
     loads = verdict.loads
     assert loads.count == 17 and len(np.unique(loads.run)) == 3
     assert loads.loading.reshape(3, 33)[0].tolist() == [True] * 17 + [False] * 16
@@ -283,7 +284,7 @@ def test_loads_runs_and_ways(verdict: AgainstData) -> None:
     assert loads.label == "tension of tendon 1 (N)"
 
 
-def test_what_is_resampled(verdict: AgainstData, bench: Measurements) -> None:
+def test_resampled_units(verdict: AgainstData, bench: Measurements) -> None:
     unit, words = verdict.loads.resampled
     assert len(np.unique(unit)) == 17 and "17 loads" in words
     assert any("17 loads" in note for note in verdict.notes)
@@ -291,12 +292,12 @@ def test_what_is_resampled(verdict: AgainstData, bench: Measurements) -> None:
     loads = replace(verdict.loads, unit=np.arange(400)[rng.permutation(400)])
     unit, words = loads.resampled
     assert np.bincount(unit).tolist() == [20] * 20 and "20 neighbouring rows" in words
-    # a path that comes home now and then is still a path
+    # a path that returns home occasionally is still a path
     home = np.where(np.arange(400) % 10 == 0, 0, np.arange(400))
     assert np.bincount(replace(loads, unit=home).resampled[0]).tolist() == [20] * 20
 
 
-def test_loading_alone_hardly_tells_friction_from_stiffness(
+def test_loading_alone_hardly_separates_friction_and_stiffness(
     robot: bs.Robot, verdict: AgainstData
 ) -> None:
     alone = judge_data(robot, made(unload=False), 0.01)
@@ -322,7 +323,7 @@ def test_a_side_force_is_not_noise(robot: bs.Robot, side: tuple[float, float, fl
         assert found.calibration.other_load and found.calibration.gravity != "calibrated"
 
 
-def test_gravity_that_the_file_lacks_is_seen_and_said(
+def test_gravity_missing_in_the_file_is_detected_and_reported(
     bench: Measurements, verdict: AgainstData
 ) -> None:
     found = judge_data(load_robot("amouri2019"), bench, 0.01)
@@ -331,13 +332,13 @@ def test_gravity_that_the_file_lacks_is_seen_and_said(
     assert found.calibration.robot.gravity == pytest.approx((0.0, 0.0, -STANDARD_GRAVITY))
     assert found.residuals is not None and found.residuals.is_noise is True
     assert any("has no gravity, the data do" in note for note in found.notes)
-    # what is held is known as well as if the file had said it
+    # a held value is reported as known, as if the file had stated it
     name = "segments.*.backbone.E"
     errors = [v.calibration.fit[name].standard_error for v in (found, verdict) if v.calibration]
     assert errors[0] == pytest.approx(errors[1], rel=0.1)
 
 
-def test_gravity_of_a_base_askew_is_calibrated() -> None:
+def test_gravity_of_a_tilted_base_is_calibrated() -> None:
     lean = np.radians(1.5)
     askew = 9.81 * np.array([math.sin(lean), 0.0, -math.cos(lean)])
     data = made(gravity=(askew[0], askew[1], askew[2]))
@@ -350,7 +351,7 @@ def test_gravity_of_a_base_askew_is_calibrated() -> None:
         assert found.residuals is not None and found.residuals.is_noise is True
 
 
-def test_without_gravity_none_is_seen() -> None:
+def test_no_gravity_is_detected_where_there_is_none() -> None:
     found = judge_data(load_robot("amouri2019"), made(gravity=(0.0, 0.0, 0.0)), 0.01)
     assert found.calibration is not None and found.calibration.gravity == "file"
     assert not any(found.calibration.robot.gravity) and not found.calibration.other_load
@@ -358,7 +359,7 @@ def test_without_gravity_none_is_seen() -> None:
 
 
 @pytest.mark.slow
-def test_a_robot_driven_by_displacements_knows_its_lengths() -> None:
+def test_displacement_control_gives_the_lengths() -> None:
     robot = load_robot("amouri2019").with_({"segments.0.tendons.compliance": 1e-5})
     bend = np.linspace(0.02, 0.7, 24)
     towards = np.linspace(0.0, 2.5, 24)
@@ -385,7 +386,7 @@ def test_a_robot_driven_by_displacements_knows_its_lengths() -> None:
     assert not any("lengths were not measured" in note for note in found.notes)
 
 
-def test_a_tool_is_compared_where_it_is(robot: bs.Robot, bench: Measurements) -> None:
+def test_a_tool_is_compared_at_its_own_position(robot: bs.Robot, bench: Measurements) -> None:
     tool = np.array([0.0, 0.0, 0.02])
     assert robot.hash != load_robot("amouri2019").hash
     plain = made(repeats=1)
@@ -415,7 +416,7 @@ def test_a_real_robot(public_data: Callable[[str], Path]) -> None:
 
 @pytest.mark.slow
 def test_rows_without_a_tip_lead_the_path(robot: bs.Robot) -> None:
-    """Synthetic: tips round the peak load were not measured; without their rows the path breaks."""
+    """Synthetic: tips near the peak load are missing; without their rows the path breaks."""
     whole = made(repeats=1)
     gap = whole.points.copy()
     gap[13:20] = np.nan
@@ -429,7 +430,7 @@ def test_rows_without_a_tip_lead_the_path(robot: bs.Robot) -> None:
     assert not any("has no answer" in note for note in found.notes)
     said = found.to_dict()
     assert said["rows"] == 33 and said["without_tip"] == 7
-    # as many resampled loads as were measured: intervals are those of the rows alone
+    # as many resampled loads as were measured: intervals are those of these rows only
     errors = best.difference[data.seen]
     [alone] = bootstrap([errors], found.loads.unit[data.seen])
     assert best.intervals is not None
@@ -442,7 +443,7 @@ def test_rows_without_a_tip_lead_the_path(robot: bs.Robot) -> None:
 # -- bad input ---------------------------------------------------------------------------------
 
 
-def test_measurements_that_cannot_be_judged(robot: bs.Robot, bench: Measurements) -> None:
+def test_measurements_that_cannot_be_validated(robot: bs.Robot, bench: Measurements) -> None:
     count = len(bench)
     gap = bench.points.copy()
     gap[3:] = np.nan
@@ -489,8 +490,8 @@ def test_swapped_tendons_are_named_before_any_work() -> None:
 
 
 @pytest.mark.slow
-def test_a_base_that_must_be_turned_is_said(robot: bs.Robot, bench: Measurements) -> None:
-    # tendon 2 acts where tendon 1 is said to: in one plane a turned base explains it as well
+def test_a_rotated_base_is_reported(robot: bs.Robot, bench: Measurements) -> None:
+    # tendon 2 acts where tendon 1 is stated: in one plane a rotated base explains it as well
     data = replace(bench, tensions=bench.tensions[:, [1, 0, 2]])
     check_measurements(robot, data)
     text = " ".join(judge_data(robot, data, 0.01).text)
@@ -498,8 +499,8 @@ def test_a_base_that_must_be_turned_is_said(robot: bs.Robot, bench: Measurements
     assert "if it is not, tendons 1 and 2 are swapped" in text
 
 
-def test_a_mean_over_some_rows_says_so(robot: bs.Robot, bench: Measurements) -> None:
-    # kg where g were meant: nothing but the unloaded rows has an equilibrium
+def test_a_mean_over_some_rows_is_labelled(robot: bs.Robot, bench: Measurements) -> None:
+    # kg instead of g: only the unloaded rows have an equilibrium
     found = judge_data(robot, replace(bench, tensions=1e3 * bench.tensions), 0.01)
     rod = found.comparison("rod")
     assert 0 < rod.n < len(bench)
@@ -521,7 +522,7 @@ def written(whole: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_friction_that_the_data_told_is_that_of_the_budget(
+def test_calibrated_friction_enters_the_budget(
     whole: Study, written: Path, verdict: AgainstData
 ) -> None:
     budget = whole.budget.actuation
@@ -554,14 +555,14 @@ def test_the_json_has_the_comparisons_and_the_block(written: Path, whole: Study)
     assert block["bootstrap"]["resamples"] == 2000 and block["bootstrap"]["units"] == 17
     assert content["data"] == "simulated; synthetic: a made bench"
     assert whole.comparison("rod_calibrated", "measurement").registered  # type: ignore[attr-defined]
-    # the simulated part is the one without measurements
+    # the simulated part equals that of the study without measurements
     alone = Stages(whole.robot, points=5)
     assert [c for c in content["comparisons"] if c["against"] != "measurement"] == [
         c.to_dict() for c in (*alone.comparisons.values(), *alone.in_time.values())
     ]
 
 
-def test_the_page_has_the_figures_and_says_what_the_data_are(written: Path, whole: Study) -> None:
+def test_the_page_has_the_figures_and_labels_the_data(written: Path, whole: Study) -> None:
     source = (written / "report.html").read_text(encoding="utf-8")
     text = " ".join(re.sub(r"<svg.*?</svg>|<[^>]*>", " ", source, flags=re.DOTALL).split())
     assert whole.data is not None
@@ -584,7 +585,7 @@ def test_the_page_has_the_figures_and_says_what_the_data_are(written: Path, whol
     assert "measured tip (mm)" not in text  # nothing here was measured
 
 
-def test_the_tables_say_in_each_row_what_the_data_are(written: Path, whole: Study) -> None:
+def test_the_tables_label_the_data_in_each_row(written: Path, whole: Study) -> None:
     with (written / "tables" / "measured.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 99 and {row["source"] for row in rows} == {"synthetic"}
@@ -600,7 +601,7 @@ def test_the_tables_say_in_each_row_what_the_data_are(written: Path, whole: Stud
 
 
 @pytest.mark.slow
-def test_without_a_calibration_the_rest_is_there(
+def test_a_failed_calibration_keeps_the_other_results(
     robot: bs.Robot,
     bench: Measurements,
     whole: Study,
@@ -627,10 +628,10 @@ def test_without_a_calibration_the_rest_is_there(
     assert 'id="measured_residuals"' not in source
 
 
-def test_the_fewest_rows_are_judged(robot: bs.Robot, bench: Measurements) -> None:
+def test_the_fewest_rows_are_validated(robot: bs.Robot, bench: Measurements) -> None:
     found = judge_data(robot, bench.select([0, 5, 10, 16]), 0.01)
     assert found.comparison("rod").n == 4
-    # fewer points than numbers to find: as the file has it, and the report says why
+    # fewer points than parameters: as in the file, and the report gives the reason
     assert found.calibration is None and found.residuals is None
     assert any("too few" in note for note in found.notes)
     found = judge_data(robot, bench.select([0, 2, 4, 6, 8, 10, 12, 14, 16]), 0.01)
@@ -647,10 +648,10 @@ def test_the_command(
 ) -> None:
     table = write_measurements(bench.select(bench.repeat == 1), tmp_path / "bench.csv")
 
-    def run(robot: bs.Robot, **asked: Any) -> Study:
-        """The study with other measurements, after those that were asked for are read."""
-        assert robot.hash == whole.robot.hash and asked["loading"].points == 3
-        read_here = study_module._read(robot, asked["measurements"])
+    def run(robot: bs.Robot, **given: Any) -> Study:
+        """The study with other measurements, after the given ones are read."""
+        assert robot.hash == whole.robot.hash and given["loading"].points == 3
+        read_here = study_module._read(robot, given["measurements"])
         assert read_here.tip == pytest.approx(bench.tip[bench.repeat == 1], abs=1e-9)
         return whole
 
@@ -667,7 +668,7 @@ def test_the_command(
     assert (tmp_path / "out" / "report.html").is_file()
 
 
-def test_what_the_command_refuses(shell: Shell, bench: Measurements, tmp_path: Path) -> None:
+def test_inputs_that_the_command_refuses(shell: Shell, bench: Measurements, tmp_path: Path) -> None:
     one = write_measurements(bench.select([3]), tmp_path / "one.csv")
     for args, words in (
         (["amouri2019", "--measurements", str(one)], "there is one row"),
@@ -685,5 +686,5 @@ def test_a_study_of_51_points_is_quick(tmp_path: Path) -> None:
     robot = load_robot("amouri2019")
     before = time.process_time()
     judge_data(robot, data, 0.01)
-    # of 15 s for the whole study; what is left is drawing. CPU time: other work may run beside
+    # of 15 s for the whole study; the rest is drawing. CPU time: other work may run in parallel
     assert time.process_time() - before < 5.0

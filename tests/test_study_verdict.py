@@ -1,4 +1,4 @@
-"""The verdict: crossings against an independent sweep, and words that say no more than numbers."""
+"""The verdict: crossings against an independent sweep, and sentences that match the numbers."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def test_clamps_in_the_main_sweep_rise_and_fall(paper: Study) -> None:
     assert [at[40.0], at[50.0], at[60.0], at[80.0]] == pytest.approx([4.9, 5.0, 4.8, 3.4], abs=0.05)
     assert got.judged(paper.budget).meanings[1].holds_throughout
 
-    # a tolerance that is crossed on the way up and again on the way down
+    # a tolerance that is crossed upwards and again downwards
     tight = Stages(robot, tolerance=4.6 * MM / robot.length).judged(paper.budget).meanings[1]
     ((start, end),) = tight.fails
     assert 30.0 < start < 40.0 and 60.0 < end < 80.0
     assert tight.holds_to == start
 
 
-def test_gravity_across_ends_it_at_the_first_load(paper: Study) -> None:
+def test_horizontal_gravity_exceeds_the_tolerance_at_the_first_load(paper: Study) -> None:
     got = Stages(load_robot("amouri2019").with_({"gravity": "-9.81 0 0 m/s^2"}))
     meanings = got.judged(paper.budget).meanings
     for m in meanings:
@@ -64,8 +64,8 @@ def test_gravity_across_ends_it_at_the_first_load(paper: Study) -> None:
     assert any("gravity (-9.81, 0, 0)" in note for note in got.notes())
 
 
-def test_a_cause_is_named_only_if_the_error_falls_without_it(paper: Study) -> None:
-    """In the example's own sweep, clamps and gravity cancel in part: no effect ends the error."""
+def test_a_dominant_cause_needs_a_smaller_error_without_it(paper: Study) -> None:
+    """In the example's own sweep, clamps and gravity partly cancel: none is a dominant cause."""
     got = Stages(load_robot(Path(__file__).parents[1] / "examples" / "my_robot.yaml"))
     lengths, force = got.judged(paper.budget).meanings
     assert abs(lengths.shares[0].share) < 0.1 and lengths.ended_by is None
@@ -73,7 +73,7 @@ def test_a_cause_is_named_only_if_the_error_falls_without_it(paper: Study) -> No
     assert force.ended_by is not None and "Dominant cause" in force.text
 
 
-def test_a_correction_that_does_harm_is_not_called_better(paper: Study) -> None:
+def test_a_harmful_correction_is_not_recommended(paper: Study) -> None:
     clamped = {"segments.0.disks.clamped_length": "3 mm"}
     got = Stages(load_robot("amouri2019").with_(clamped))
     (words,) = [
@@ -108,7 +108,7 @@ def test_the_costliest_effect_has_the_numbers_of_the_budget(paper: Study) -> Non
         assert f"{words} by {in_mm(c.mean)} to {in_mm(c.with_effect)}" in text
 
 
-def test_a_robot_that_hangs_does_not_leave_out_gravity() -> None:
+def test_gravity_of_a_suspended_robot_is_not_listed_as_omitted() -> None:
     got = Stages(load_robot(Path(__file__).parent / "silicone.yaml"), points=3)
     (text,) = [t for t in got.verdict.text if t.startswith("A real robot has effects")]
     assert "gravity" not in text and "E 10 %" in text

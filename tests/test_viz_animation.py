@@ -1,4 +1,4 @@
-"""The moving picture of a run."""
+"""The animation of a run."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def test_a_gif_in_real_time(tmp_path, data, speed, pictures):
     assert durations == [40] * pictures
     for before, after in pairwise(shown):
         box = ImageChops.difference(before, after).getbbox()
-        assert box is not None and box[3] - box[1] > 100  # the robot moves, not the label only
-    # the backbone's blue is there, and much paper
+        assert box is not None and box[3] - box[1] > 100  # the robot moves, not only the label
+    # the backbone's blue is there, and much white
     colours = np.asarray(shown[-1]).reshape(-1, 3).astype(int)
     assert (abs(colours - (0, 0x72, 0xB2)).max(axis=1) < 24).sum() > 300
     assert (colours.min(axis=1) > 240).mean() > 0.7
@@ -65,7 +65,7 @@ def test_each_picture_shows_its_time(tmp_path, monkeypatch):
 
 
 def test_mp4_goes_through_ffmpeg(tmp_path, data, monkeypatch):
-    """A stand-in takes the pictures and writes how it was called and how many bytes came."""
+    """A stand-in receives the images and records its call and the number of bytes."""
     programs = tmp_path / "bin"
     programs.mkdir()
     fake = programs / "ffmpeg"
@@ -79,7 +79,7 @@ def test_mp4_goes_through_ffmpeg(tmp_path, data, monkeypatch):
     size, *arguments = file.read_text().split()
     text = " ".join(arguments)
     assert int(size) == 6 * 616 * 616 * 4 and "616x616" in arguments
-    assert "-framerate 25 " in text and "-pix_fmt yuv420p" in text  # what every player shows
+    assert "-framerate 25 " in text and "-pix_fmt yuv420p" in text  # shown by every player
     fake.write_text(f"#!{sys.executable}\nimport sys\nsys.stdin.buffer.read()\nsys.exit(3)\n")
     with pytest.raises(InputError, match=r"ffmpeg failed \(exit code 3\); name a \.gif"):
         animate(ROBOT, data, tmp_path / "other.mp4")

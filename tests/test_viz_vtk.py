@@ -96,7 +96,7 @@ def test_backbone(series, data, i):
 
 
 def test_faces_look_outward(series, data):
-    """So that a viewer lights them from outside."""
+    """A viewer needs this for lighting."""
     grid, _, _ = read(series.parent / "backbone_00002.vtu")
     surface = vtkGeometryFilter()
     surface.SetInputData(grid)
@@ -153,10 +153,10 @@ def test_tendons_run_through_the_holes(tmp_path):
         assert (arrays["tension_N"][rows] == k + 1.0).all()
 
 
-def test_a_folder_of_the_user_is_safe(tmp_path, data):
+def test_a_user_folder_is_not_overwritten(tmp_path, data):
     folder = tmp_path / "vtk"
     write_vtk(ROBOT, data, folder)
-    write_vtk(ROBOT, data.isel(time=[0]), folder)  # a former series is replaced whole
+    write_vtk(ROBOT, data.isel(time=[0]), folder)  # a former series is replaced as a whole
     assert len(os.listdir(folder)) == 4
     (folder / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match=r"notes\.txt, which is not of a VTK series"):
@@ -183,7 +183,7 @@ def test_a_full_drive_leaves_nothing(tmp_path, data, monkeypatch):
     assert os.listdir(tmp_path) == []
 
 
-def test_no_room_is_said_first(tmp_path, data, monkeypatch):
+def test_too_little_disk_space_is_reported_first(tmp_path, data, monkeypatch):
     monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 10}))
     with pytest.raises(InputError, match="the drive has 1e-08 GB free"):
         write_vtk(ROBOT, data, tmp_path / "vtk")
@@ -206,6 +206,6 @@ def test_bad_input(tmp_path, data):
 
 
 def test_progress(tmp_path, data):
-    told = []
-    write_vtk(ROBOT, data, tmp_path / "vtk", progress=lambda what, share: told.append(share))
-    assert told == sorted(told) and told[-1] == 1.0
+    reported = []
+    write_vtk(ROBOT, data, tmp_path / "vtk", progress=lambda what, share: reported.append(share))
+    assert reported == sorted(reported) and reported[-1] == 1.0
