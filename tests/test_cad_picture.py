@@ -46,8 +46,7 @@ def together(*meshes):
 
 
 def first_hit(mesh, eye, ray):
-    """The part that a ray meets first, -1 for none (Moeller and Trumbore), and its distance to an
-    edge."""
+    """The first part on a ray, -1 for none (Moeller and Trumbore), and its distance to an edge."""
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     p = np.cross(ray, c - a)
     det = (p * (b - a)).sum(axis=1)

@@ -445,8 +445,7 @@ def test_a_row_without_equilibrium_is_left_out_and_counted_synthetic(friction):
 
 
 def test_conflicting_tendons_at_the_start_do_not_stop_a_fit_synthetic():
-    """Inextensible tendons have no equilibrium in 23 of 40 rows; the fit starts with a
-    compliance."""
+    """Inextensible tendons have no equilibrium in 23 of 40 rows; the fit starts compliant."""
     displacements = np.random.default_rng(0).uniform(-0.01, 0.02, (40, 3))
     data = synthetic(
         giving(2e-4), [GIVE], {}, {"as": "displacements", "x": displacements}, noise=1e-4

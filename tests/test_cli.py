@@ -334,8 +334,7 @@ def test_study_stopped_half_way_writes_nothing(
 
 
 def test_a_load_without_solution(shell: Shell) -> None:
-    """It states what was reached and what to try, and JSON has no numbers of an unconverged
-    pose."""
+    """The message says what was reached and what to try; JSON has no unconverged numbers."""
     arguments = ["solve", "amouri2019", "--tension", "80,0,0"]
     arguments += ["--set", "segments.0.backbone.E=35 MPa"]
     code, out, err = shell(*arguments)

@@ -953,8 +953,7 @@ def test_module_buckling_is_no_solution():
 
 
 def test_the_lever_arm_law_and_the_rod_buckle_at_the_same_load():
-    """Three equally taut tendons: a straight robot, until the backbone buckles between its
-    disks."""
+    """Three equally taut tendons: straight, until the backbone buckles between its disks."""
     robot = bs.load_robot("amouri2019", {"segments.0.disks.count": 3})
     euler = np.pi**2 * robot.bending_stiffness[0] * 9 / robot.length**2
     for share, status in ((0.98, "converged"), (1.02, None)):
