@@ -19,13 +19,15 @@ from rich.console import Console
 from bowstring import atomic_io
 from bowstring.data.measurements import read_measurements
 from bowstring.errors import InputError
-from bowstring.formatting import signed
+from bowstring.formatting import in_mm, signed
 from bowstring.robot.reader import load_robot
 from bowstring.study import figures, report
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.counterparts import counterparts
 from bowstring.study.data_validation import judge_data
-from bowstring.study.study import FIGURES, SCHEMA_VERSION, Study
+from bowstring.study.settings import Loading
+from bowstring.study.study import FIGURES, SCHEMA_VERSION, Study, run_study
+from bowstring.study.summary import summarise
 from bowstring.study.terminal import print_study
 from bowstring.viz.style import figure_style, svg
 from stages import Stages
@@ -485,6 +487,37 @@ def test_the_terminal_begins_with_the_verdict_in_25_lines(paper: Study, width: i
     assert limit is not None and f"{limit:.3g} N" in text
     assert "Dominant cause: straight spans between the disks (CC from" in text
     assert "friction 0.1 (assumed)" in text and "--verbose" in text
+
+
+def test_loads_without_equilibrium_are_said_first() -> None:
+    """A mean over one load, that without tension, is no mean; one over three says so."""
+    soft = {
+        "gravity": "0 0 9.80665 m/s^2",
+        "segments.0.length": "200 mm",
+        "segments.0.backbone.diameter": "1 mm",
+        "segments.0.backbone.E": "60 GPa",
+        "segments.0.disks.count": 5,
+        "segments.0.disks.mass": "2 g",
+        "segments.0.disks.clamped_length": "3 mm",
+        "segments.0.tendons.count": 4,
+        "segments.0.tendons.pitch_radius": "6 mm",
+    }
+    robot = load_robot("amouri2019", soft)
+    found = run_study(robot, loading=Loading(max_tension=50.0, points=5))
+    known = {name: found.comparison(name).n for name in MEANINGS}
+    assert known == {"cc_from_lengths": 1, "cc_from_force": 3}
+    text, (heading, sentence) = summarise(found), summarise(found).findings[0]
+    assert [row[2] for row in text.rows] == [
+        "\N{EN DASH}",
+        f"{in_mm(found.comparison('cc_from_force').mean)} (3 of 5 loads)",
+    ]
+    assert heading == "Left out" and sentence.startswith("2 of 5 loads have no stable equilibrium")
+    assert "first at 37.5 N" in sentence and "smaller largest tension (--max-tension)" in sentence
+    assert sentence + "." in found.to_dict()["warnings"]
+    rest = dict(text.findings)
+    assert rest["Corrections in closed form"] == "too few loads to compare"
+    assert "mm (loading, 3 of 5 loads)" in rest["Actuation"]
+    assert found.verdict.text[-1].startswith("Some commands have no equilibrium")
 
 
 def test_fonts_in_a_pdf_are_truetype(tmp_path: Path) -> None:

@@ -90,6 +90,12 @@ class ActuationRow:
         """How far the effect moves the robot's own tip, mean, m."""
         return known_mean(np.linalg.norm(self.case.tip_position - self.base.tip_position, axis=-1))
 
+    @property
+    def moved_n(self) -> int:
+        """Number of loads over which `moved` is the mean."""
+        both = np.isfinite(self.case.tip_position) & np.isfinite(self.base.tip_position)
+        return int(both.all(axis=-1).sum())
+
     def mean_error(self, case: Case) -> float:
         """Of constant curvature from force, or for displacements from the commanded lengths, m."""
         return case.comparisons["cc_from_force" if self.control == "tension" else COMMANDED].mean
@@ -554,6 +560,11 @@ def _in_words(
             f"Hysteresis: at the same command, loading and unloading differ by up to "
             f"{' and '.join(widths)}. A model that knows only the command, as constant curvature "
             "does, has an error of at least half of this difference on one of the two branches."
+        )
+    if out and any(case.problem for row in rows for case in (row.case, row.base)):
+        out.append(
+            "Some commands have no equilibrium: each mean on actuation is over the others, which "
+            "need not be the same ones for two means."
         )
     return tuple(out)
 

@@ -414,8 +414,27 @@ class Study:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Of the robot file, and of the sweep: disks below the base, limits of the backbone."""
-        return (*self.robot.warnings, *self._limits[0])
+        """Of the robot file, and of the sweep: no equilibrium, disks below the base, limits."""
+        missing = self.without_equilibrium
+        return (*self.robot.warnings, *([missing] if missing else []), *self._limits[0])
+
+    @property
+    def without_equilibrium(self) -> str:
+        """Which loads of the sweep have none, and what to do; empty if each has one."""
+        failed = np.flatnonzero(~self.statics.converged)
+        if not failed.size:
+            return ""
+        loads = self.statics.tension
+        advice = (
+            "Give a smaller largest tension (--max-tension)"
+            if failed[0] > 0
+            else "Check stiffness and gravity"
+        )
+        return (
+            f"{failed.size} of {len(loads)} loads have no stable equilibrium that the solver found "
+            f"(first at {loads[failed[0]]:.4g} N: {self.statics.status[failed[0]]}); they count in "
+            f"no mean. {advice}."
+        )
 
     @property
     def limits_text(self) -> tuple[str, ...]:
@@ -934,13 +953,6 @@ def _notes(
             "stress and strain and of the ranges in the verdict. What it does, loading and "
             "unloading, is in the error budget under 'Actuation' and in the "
             "verdict's last sentences."
-        )
-    failed = np.flatnonzero(~statics.converged)
-    if failed.size:
-        out.append(
-            f"{failed.size} of {len(statics.tension)} loads have no stable equilibrium that the "
-            f"solver found (first at {statics.tension[failed[0]]:.4g} N: "
-            f"{statics.status[failed[0]]}); they count in no mean."
         )
     for name, comparison in comparisons.items():
         missing = int(statics.converged.sum()) - comparison.n

@@ -7,17 +7,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from bowstring.display import short_repr
-from bowstring.formatting import in_mm, in_percent, listed, significant
+from bowstring.formatting import in_mm, in_percent, listed, number, significant
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.study import Study
-from bowstring.study.verdict import Meaning
+from bowstring.study.verdict import Meaning, corrections
 
 __all__ = ["COLUMNS", "Summary", "summarise"]
 
 COLUMNS: Final = ("CC from", "holds to", "mean error", "corrected", "largest error", "at")
 """Of the table; the corrected error is the mean with the correction in closed form."""
 
+_FEWEST: Final = 3  # loads of a mean, one of which is mostly that without tension
 _INPUTS: Final = {
     "cc_from_lengths": "tendon lengths",
     "cc_from_force": "force (linear law)",
@@ -72,14 +75,32 @@ def _row(study: Study, meaning: Meaning) -> tuple[str, ...]:
     else:
         holds = f"{significant(meaning.holds_to)} N"
     error = f"{in_mm(meaning.max_error)} ({in_percent(meaning.max_error / study.length)})"
-    mean = study.comparison(meaning.name, "statics").mean
-    corrected = study.comparison(_CORRECTED[meaning.name], "statics").mean
-    after = in_mm(corrected) if corrected < mean else "no gain"
+    known = study.comparison(meaning.name, "statics")
+    corrected = study.comparison(_CORRECTED[meaning.name], "statics")
+    mean = in_mm(known.mean) if _enough(study, known.n) else number(None)
+    if _enough(study, known.n) and (over := _over(study, known.n)):
+        mean += f" ({over})"
+    after = number(None)
+    if _enough(study, corrected.n):
+        after = in_mm(corrected.mean) if corrected.mean < known.mean else "not lower"
     at = f"{significant(meaning.max_at)} N"
-    return _INPUTS[meaning.name], holds, in_mm(mean), after, error, at
+    return _INPUTS[meaning.name], holds, mean, after, error, at
+
+
+def _enough(study: Study, n: int) -> bool:
+    """Whether a mean over so many loads is worth a reader's time."""
+    return n >= min(_FEWEST, len(study.statics.tension))
+
+
+def _over(study: Study, n: int, before: str = "") -> str:
+    """Over how many loads a mean is, where it is not over all."""
+    loads = len(study.statics.tension)
+    return "" if n == loads else f"{before}{n} of {loads} loads"
 
 
 def _findings(study: Study) -> Iterator[tuple[str, str]]:
+    if study.without_equilibrium:
+        yield "Left out", study.without_equilibrium.rstrip(".")
     causes: dict[tuple[str, str], list[str]] = {}
     for m in study.verdict.meanings:
         if m.shares:
@@ -113,9 +134,11 @@ def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:
     parts: dict[str, list[str]] = {}
     for name, words in zip(MEANINGS, ("from lengths", "from force"), strict=True):
         found, _ = study.budget.left_out(name)
-        if found:
+        n = study.comparison(name).n
+        if found and _enough(study, n):
             _, mean, label = max(found)
-            parts.setdefault(label, []).append(f"{in_mm(mean)} {words}")
+            over = _over(study, n, " over ")
+            parts.setdefault(label, []).append(f"{in_mm(mean)} {words}{over}")
     if parts:
         yield (
             "Largest effect not in this sweep",
@@ -127,18 +150,21 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     actuation = study.budget.actuation
     up, down, *stretches, _, _ = actuation.rows
     parts = []
-    if math.isfinite(up.moved) and math.isfinite(down.moved):
+    if _enough(study, min(up.moved_n, down.moved_n)):
+        loaded, released = (_over(study, row.moved_n, ", ") for row in (up, down))
         assumed = " (assumed)" if actuation.friction_assumed else ""
         parts.append(
             f"friction {actuation.friction:.3g}{assumed} moves the tip by {in_mm(up.moved)} "
-            f"(loading) and {in_mm(down.moved)} (unloading) on average"
+            f"(loading{loaded}) and {in_mm(down.moved)} (unloading{released}) on average"
         )
     for row in stretches:
-        if math.isfinite(row.moved):
+        if _enough(study, row.moved_n):
             assumed = " (assumed)" if actuation.elasticity_assumed else ""
-            parts.append(f"elastic tendons{assumed} by {in_mm(row.moved)}")
-    if math.isfinite(actuation.loops[0].width):
-        loop = actuation.loops[0]
+            over = _over(study, row.moved_n, " over ")
+            verb = " move the tip" * (not parts)
+            parts.append(f"elastic tendons{assumed}{verb} by {in_mm(row.moved)}{over}")
+    loop = actuation.loops[0]
+    if _enough(study, int(np.isfinite(loop.apart).sum())):
         parts.append(f"hysteresis up to {in_mm(loop.width)} at {significant(loop.widest_at)} N")
     if parts:
         yield "Actuation", "; ".join(parts)

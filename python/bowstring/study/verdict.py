@@ -7,7 +7,7 @@ the physics: each effect that acts in the main sweep is taken out alone at the l
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -20,7 +20,7 @@ from bowstring.formatting import in_mm, in_newtons, in_percent, listed, signific
 from bowstring.study.comparison import MEANINGS, Case, Model, Physics
 from bowstring.study.error_budget import Budget
 
-__all__ = ["Meaning", "Share", "Verdict", "judge"]
+__all__ = ["Correction", "Meaning", "Share", "Verdict", "corrections", "judge"]
 
 Array = NDArray[np.float64]
 
@@ -326,22 +326,57 @@ def _blame(m: Meaning) -> str:
     return words
 
 
-def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
-    chord, arm = comparisons["cc_from_lengths_chord"], comparisons["cc_from_force_arm"]
-    plain, force = comparisons["cc_from_lengths"], comparisons["cc_from_force"]
-    parts = []
-    for what, source, before, after in (
-        ("chords instead of arcs", "from lengths", plain, chord),
-        ("the mean lever arm", "from force", force, arm),
+@short_repr
+@dataclass(frozen=True)
+class Correction:
+    """A correction in closed form: means over the loads that have a tip with and without it."""
+
+    what: str
+    source: str
+    before: float
+    """Mean error without it, m."""
+    after: float
+    """Mean error with it, m."""
+    n: int
+    """Number of these loads."""
+
+
+def corrections(comparisons: Mapping[str, Comparison]) -> list[Correction]:
+    """The corrections that can be compared with what they correct.
+
+    Parameters
+    ----------
+    comparisons : mapping
+        Against statics, by name.
+
+    Returns
+    -------
+    list of Correction
+    """
+    out = []
+    for what, source, name, corrected in (
+        ("chords instead of arcs", "from lengths", "cc_from_lengths", "cc_from_lengths_chord"),
+        ("mean lever arm", "from force", "cc_from_force", "cc_from_force_arm"),
     ):
-        was, now = in_mm(before.mean), in_mm(after.mean)
-        if not math.isfinite(after.mean):
-            continue
+        errors = np.array([comparisons[name].error, comparisons[corrected].error])
+        both = errors[:, np.isfinite(errors).all(axis=0)]
+        if both.size:
+            before, after = both.mean(axis=1).tolist()
+            out.append(Correction(what, source, before, after, both.shape[1]))
+    return out
+
+
+def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
+    parts = []
+    loads = len(comparisons["cc_from_force"].error)
+    for c in corrections(comparisons):
+        was, now = in_mm(c.before), in_mm(c.after)
+        over = "" if c.n == loads else f" (over {c.n} of {loads} loads)"
         if was == now:
-            parts.append(f"{what}, {source}: the mean error stays at {now}")
+            parts.append(f"{c.what}, {c.source}: the mean error stays at {now}{over}")
         else:
-            change = "better" if after.mean < before.mean else "worse"
-            parts.append(f"{what}, {source}: {change}, mean error {now} instead of {was}")
+            change = "better" if c.after < c.before else "worse"
+            parts.append(f"{c.what}, {c.source}: {change}, mean error {now} instead of {was}{over}")
     return [f"Corrections in closed form: {'; '.join(parts)}."] if parts else []
 
 
