@@ -148,6 +148,37 @@ def test_files(shell: Shell, tmp_path: Path, robot: bs.Robot) -> None:
     assert len(list(vtk.glob("*.vtu"))) == 3 * 11
 
 
+def test_a_table_has_a_row_for_each_output_time(shell: Shell, tmp_path: Path) -> None:
+    out, nc = tmp_path / "run.csv", tmp_path / "run.nc"
+    arguments = (*DISPLACED, "--rise", "0.05", "--hold", "0.05", "--every", "0.02")
+    for _ in range(2):  # the second replaces the first
+        found = shell.json(*arguments, "--out", str(out))
+    assert found["files"]["run"] == str(out)
+    first, header, *rows = out.read_text(encoding="utf-8").splitlines()
+    assert first.startswith("# simulated by Bowstring")
+    assert first.endswith("amouri2019, converged at 0.1 s")
+    columns = dict(zip(header.split(","), np.loadtxt(rows, delimiter=",").T, strict=True))
+    assert columns.keys() == {
+        "t_s",
+        *(f"tip_{axis}_mm" for axis in "xyz"),
+        *(f"{what}" for i in (1, 2, 3) for what in (f"tension_{i}_N", f"displacement_{i}_mm")),
+    }
+    shell.json(*arguments, "--out", str(nc))
+    data = read_run(nc)
+    assert columns["t_s"].tolist() == [0, 0.02, 0.04, 0.06, 0.08, 0.1]
+    tip = 1e3 * data["disk_position"].to_numpy()[:, -1]
+    for k, axis in enumerate("xyz"):
+        np.testing.assert_allclose(columns[f"tip_{axis}_mm"], tip[:, k], atol=1e-5)
+    for i in (1, 2, 3):
+        tension = data["tension"].to_numpy()[:, i - 1]
+        np.testing.assert_allclose(columns[f"tension_{i}_N"], tension, rtol=1e-8, atol=1e-8)
+        displacement = 1e3 * data["tendon_displacement"].to_numpy()[:, i - 1]
+        np.testing.assert_allclose(columns[f"displacement_{i}_mm"], displacement, atol=1e-6)
+    assert columns["displacement_1_mm"][-1] != 0 and columns["tension_1_N"][-1] > 0
+    out.write_text(header)  # somebody else's
+    assert "existing files are not overwritten" in shell.error(*arguments, "--out", str(out))
+
+
 def test_every_flag_has_its_effect(shell: Shell) -> None:
     plain = shell.json(*SHORT)
     for flags in (
@@ -276,13 +307,15 @@ def test_no_equilibrium_at_the_start(shell: Shell) -> None:
         # files
         (["--tension", "80,0,0", "--out", "no/run.nc"], "--out: cannot write the run"),
         (["--tension", "80,0,0", "--out", "."], "it is a folder; name a file"),
-        (["--tension", "80,0,0", "--out", "mine/notes.txt"], "it is not a run of Bowstring"),
+        (
+            ["--tension", "80,0,0", "--out", "mine/notes.txt"],
+            "must end in .nc (all fields) or .csv",
+        ),
         (["--tension", "80,0,0", "--vtk", "mine"], "--vtk: cannot write the VTK series"),
         (["--tension", "80,0,0", "--animation", "run.png"], "must end in .gif or .mp4"),
         (["--tension", "80,0,0", "--animation", "run.gif", "--hold", "1000"], "5000 are possible"),
-        (["--tension", "80,0,0", "--out", "a.gif", "--animation", "a.gif"], "the same file"),
         (["--tension", "80,0,0", "--out", "e/a.nc", "--vtk", "e"], "lies in the folder of --vtk"),
-        (["--tension", "80,0,0", "--out", "f", "--vtk", "f"], "--vtk needs a folder there"),
+        (["--tension", "80,0,0", "--out", "f.nc", "--vtk", "f.nc"], "--vtk needs a folder there"),
         (["--tension", "80,0,0", "--animation", "f.gif", "--vtk", "f.gif/g"], "a folder there"),
     ],
 )

@@ -225,8 +225,11 @@ def test_writable_paths(tmp_path):
     (tmp_path / "text").write_text("mine")
     with pytest.raises(InputError, match="/text is a file"):
         check_file(tmp_path / "text" / "run.nc")
+    (tmp_path / "text.nc").write_text("mine")
     with pytest.raises(InputError, match="existing files are not overwritten"):
-        check_file(tmp_path / "text")
+        check_file(tmp_path / "text.nc")
+    with pytest.raises(InputError, match=r"its name must end in \.nc$"):
+        check_file(tmp_path / "run.csv")
     with pytest.raises(InputError, match="it is a folder; name a file"):
         check_file(tmp_path)
     xr.Dataset({"a": 1}).to_netcdf(tmp_path / "other.nc")

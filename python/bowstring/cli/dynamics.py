@@ -126,7 +126,11 @@ def simulate(
     elements: Elements = 1,
     out: Annotated[
         Path | None,
-        option("FILE", "NetCDF file of all fields, .nc.", values=completion.formats(".nc")),
+        option(
+            "FILE",
+            "All fields as NetCDF, .nc, or tip and tendons over time as CSV, .csv.",
+            values=completion.formats(".nc", ".csv"),
+        ),
     ] = None,
     vtk: Annotated[Path | None, option("DIR", "Folder of a VTK series for ParaView.")] = None,
     animation: Annotated[
@@ -181,8 +185,9 @@ def simulate(
     from bowstring.dynamics.integrator import Integrator
 
     integrator = Integrator(fixed, error, spectral_radius, mass, material, modal)
-    fields = out or vtk or animation
-    points = simulation.DEFAULT_POINTS if fields else 0  # nobody looks at them
+    points = simulation.DEFAULT_POINTS
+    if not (targets.out or vtk or animation):  # nobody looks at the backbone
+        points = 2 if targets.table else 0
     share = 0.1 if vtk or animation else 1.0  # of the time
     run: Run | None = None
     files: dict[str, Path | None] | None = None
@@ -334,10 +339,22 @@ class _Targets:
     def __init__(
         self, out: Path | None, vtk: Path | None, animation: Path | None, duration: float
     ) -> None:
-        self.out, self.vtk, self.animation = out, vtk, animation
-        if out is not None:
+        self.vtk, self.animation = vtk, animation
+        #: Of --out: the run as it goes on, or its table, which is written at its end.
+        self.out: Path | None = None
+        self.table: Path | None = None
+        if out is not None and out.suffix.lower() == ".csv":
+            from bowstring.dynamics.run_table import check_table
+
+            self.table = of_flag("--out", check_table, out)
+        elif out is not None:
             from bowstring.dynamics.run_file import check_file
 
+            if out.suffix.lower() != ".nc" and not out.is_dir():
+                raise InputError(
+                    f"--out: cannot write the run to {out}: its name must end in .nc (all fields) "
+                    "or .csv (tip and tendons)"
+                )
             self.out = of_flag("--out", check_file, out)
         if vtk is not None:
             from bowstring.viz.vtk import check_folder
@@ -348,9 +365,7 @@ class _Targets:
 
             self.animation = of_flag("--animation", check_picture, animation)
             of_flag("--animation", check_length, duration)
-        if self.out is not None and self.out == self.animation:
-            raise InputError(f"--out and --animation are the same file, {self.out}.")
-        for flag, file in (("--out", self.out), ("--animation", self.animation)):
+        for flag, file in (("--out", self.out or self.table), ("--animation", self.animation)):
             if self.vtk is None or file is None:
                 continue
             if file == self.vtk or file in self.vtk.parents:
@@ -371,10 +386,14 @@ class _Targets:
         files: dict[str, Path | None] = {"run": run.path, "vtk": None, "animation": None}
         if run.status == "interrupted" or len(run.time) == 0:
             return files
-        if self.vtk is None and self.animation is None:
+        if self.vtk is None and self.animation is None and self.table is None:
             return files
         share = 0.5 if self.vtk and self.animation else 1.0  # of the time, each
         data = run.to_dataset()
+        if self.table is not None:
+            from bowstring.dynamics.run_table import write_table
+
+            files["run"] = write_table(data, self.table)
         if self.vtk is not None:
             from bowstring.viz.vtk import write_vtk
 

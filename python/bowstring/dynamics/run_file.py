@@ -70,7 +70,7 @@ def check_file(path: str | Path) -> Path:
     Parameters
     ----------
     path : str or Path
-        Its folder must exist. A former run in its place will be replaced.
+        Ends in ``.nc``; its folder must exist. A former run in its place will be replaced.
 
     Returns
     -------
@@ -80,7 +80,8 @@ def check_file(path: str | Path) -> Path:
     Raises
     ------
     InputError
-        If the folder does not exist, or something that is not a run is in its place.
+        If its ending is another, its folder does not exist, or something that is not a run is in
+        its place.
     """
     file = resolved(path, f"cannot write the run to {path}")
     why = f"cannot write the run to {file}"
@@ -92,6 +93,8 @@ def check_file(path: str | Path) -> Path:
             kind = None
         if kind == stat.S_IFDIR:
             raise InputError(f"{why}: it is a folder; name a file, for example {file / 'run.nc'}")
+        if file.suffix.lower() != ".nc":
+            raise InputError(f"{why}: its name must end in .nc")
         if kind is not None:
             if kind != stat.S_IFREG:
                 raise InputError(f"{why}: it is a device or pipe; name a file")
