@@ -90,7 +90,7 @@ def of_tensions(found: Any, advice: str = "") -> str:
             reached = "none of the load" if share == 0 else f"{100 * share:.3g} % of the load"
             return (
                 f"No equilibrium was found: {reached} converged, then the solver gave up after "
-                f"{_effort(found)}. A actuated tendon or the compressed backbone "
+                f"{_effort(found)}. An actuated tendon or the compressed backbone "
                 f"between two disks is probably at its limit (buckling between disks). {advice}"
                 "Lower the load."
             )
