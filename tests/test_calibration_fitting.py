@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from types import SimpleNamespace
 import numpy as np
 import pytest
 from benchmarks import calibration
@@ -541,7 +542,7 @@ def loads(**change):
         (
             loads(tensions=np.full((17, 3), np.nan)),
             ["base"],
-            "row 0: the command of tendon 1 is nan",
+            "row 1: the command of tendon 1 is nan",
         ),
         (loads(tensions=np.full((17, 3), np.inf)), ["base"], "command of tendon 1 is inf"),
         (loads(tensions=np.ones((17, 4))), ["base"], "3 columns"),
@@ -569,7 +570,7 @@ def test_invalid_options_are_named():
 
 def test_a_start_without_solution_is_named():
     fight = Data(points=np.ones((7, 3)), displacements=np.full((7, 3), 0.03))
-    with pytest.raises(NoSolutionError, match="the first is row 0"):
+    with pytest.raises(NoSolutionError, match="the first is row 1"):
         fit(single(), fight, ["base"], model=RodModel("kirchhoff"))
 
 
@@ -600,6 +601,9 @@ def test_a_prediction_uses_the_tool_of_its_table_synthetic():
     for held in (
         fit(robot, plain, [*names, "tool.z"]),
         fit(robot, plain, names, start={"tool": 0.0}),
+    table = SimpleNamespace(**vars(fight), line=np.arange(3, 10))
+    with pytest.raises(NoSolutionError, match="the first is in line 3;"):
+        fit(single(), table, ["base"], model=RodModel("kirchhoff"))
     ):
         assert held.predict(longer)[:, 2] == pytest.approx(held.predict(plain)[:, 2])
 

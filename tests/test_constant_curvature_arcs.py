@@ -855,7 +855,7 @@ BAD = {
     "three tendons": lambda: Arc.from_lengths([0.6, 0.6], Routing(ANGLES[:2], RADIUS)),
     "tendon 1 must be positive": lambda: Arc.from_lengths([0.6, -0.1, 0.6], ROUTING),
     "tendon 0 must be positive": lambda: Arc.from_lengths([0.0, 0.6, 0.6], ROUTING),
-    "row 1: the length of tendon 2": lambda: Arc.from_lengths(
+    "row 2: the length of tendon 2": lambda: Arc.from_lengths(
         [[0.6, 0.6, 0.6], [0.6, 0.6, np.nan]], ROUTING
     ),
     "positive and finite, got inf": lambda: Arc.from_lengths([np.inf] * 3, ROUTING),

@@ -664,13 +664,13 @@ def test_modes_need_mass_and_a_stable_equilibrium() -> None:
     [
         ([0, 1, 0.5], [[0], [1], [2]], "must not decrease"),
         ([0, 0, 0], [[0], [1], [2]], "three times"),
-        ([0, 0.3, 0.1 + 0.2], [[0], [1], [2]], "5.6e-17 s apart in rows 1 and 2 .* for a jump"),
-        ([0, float("nan")], [[0], [1]], "not finite in row 1"),
-        ([0, 1], [[0], [float("inf")]], "not finite in row 1$"),
+        ([0, 0.3, 0.1 + 0.2], [[0], [1], [2]], "5.6e-17 s apart in rows 2 and 3 .* for a jump"),
+        ([0, float("nan")], [[0], [1]], "not finite in row 2"),
+        ([0, 1], [[0], [float("inf")]], "not finite in row 2$"),
         (
             [0, 1],
             [[0], [float("nan")]],
-            "row 1; a tendon with a command of another kind has NaN in all",
+            "row 2; a tendon with a command of another kind has NaN in all",
         ),
         ([0, 1], [[0]], "2 times but 1 rows"),
         ([], [], "shapes"),

@@ -587,8 +587,8 @@ def test_bad_rows(robot):
     for given, says in (
         ({"displacements": [0, 0, 0]}, "displacements has shape (3,)"),
         ({"displacements": [[0, 0, 0]], "tensions": [[np.nan] * 3] * 2}, "1 of displacements"),
-        ({"displacements": [[0, 0, 0], [0, np.nan, 0]]}, "row 1: tendon 2 has no command"),
-        ({"displacements": [[0, 0, 0], [0, 2, 0]]}, "row 1: displacement of tendon 2 is 2 m"),
+        ({"displacements": [[0, 0, 0], [0, np.nan, 0]]}, "row 2: tendon 2 has no command"),
+        ({"displacements": [[0, 0, 0], [0, 2, 0]]}, "row 2: displacement of tendon 2 is 2 m"),
         ({}, "tensions is None"),
     ):
         for call in (bs.sweep, bs.solve_batch):

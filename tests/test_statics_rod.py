@@ -639,7 +639,7 @@ def test_failed_rows_are_nan_and_flagged(robot):
         for name in ("tip_position", "tip_rotation", "tendon_lengths", "disk_positions"):
             values = getattr(found, name)
             assert np.isnan(values[1]).all() and np.isfinite(values[[0, 2]]).all()
-        with pytest.raises(NoSolutionError, match=r"1 of 3 loads .* first is row 1: No equil"):
+        with pytest.raises(NoSolutionError, match=r"1 of 3 loads .* first is row 2: No equil"):
             found.raise_for_status()
 
 
@@ -722,10 +722,10 @@ BAD_ROWS = [
     ({"tensions": [[80, 0]] * 4}, "tensions has shape (4, 2)"),
     ({"tensions": [[80, 0, 0], [1]]}, "tensions must be numbers of shape (n, 3)"),
     ({"tensions": "abc"}, "tensions must be numbers"),
-    ({"tensions": [[0, 0, 0], [0, 0, -1]]}, "row 1: tension of tendon 3 is -1 N"),
+    ({"tensions": [[0, 0, 0], [0, 0, -1]]}, "row 2: tension of tendon 3 is -1 N"),
     ({"tip_force": np.zeros((3, 3))}, "tip_force has shape (3, 3), it must be (3,) or (4, 3)"),
     ({"gravity": np.zeros((4, 3, 1))}, "it must be 3 numbers"),
-    ({"gravity": [[0, 0, 0]] * 3 + [[0, NAN, 0]]}, "row 3: gravity is"),
+    ({"gravity": [[0, 0, 0]] * 3 + [[0, NAN, 0]]}, "row 4: gravity is"),
     ({"theory": "x"}, "theory is 'x'"),
     ({"elements": 5}, "elements is 5"),
 ]

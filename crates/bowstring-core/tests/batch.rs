@@ -142,7 +142,7 @@ fn input_is_checked_before_work_begins() {
     t[3 * 17 + 1] = f64::NAN;
     let bad = refused(&loads(&t, &[0.0; 3], &[0.0; 3]), 1);
     assert!(
-        bad.starts_with("row 17: tension of tendon 2 is NaN"),
+        bad.starts_with("row 18: tension of tendon 2 is NaN"),
         "{bad}"
     );
     let good = tensions(40);

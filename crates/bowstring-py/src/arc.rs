@@ -28,7 +28,7 @@ fn each<T: Send>(
 ) -> PyResult<Vec<T>> {
     let place = |row: usize, text: String| {
         if rows > 1 {
-            format!("row {row}: {text}")
+            format!("row {}: {text}", row + 1)
         } else {
             text
         }

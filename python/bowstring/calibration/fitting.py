@@ -311,7 +311,9 @@ def fit(
     if any(name == "delay" for name in unknowns.names):
         commands.clock()
     sigma = observations.sigmas(data, len(commands))
-    work = Residuals(TipModel(unknowns, commands, rod), measured, used, sigma)
+    work = Residuals(
+        TipModel(unknowns, commands, rod), measured, used, sigma, getattr(data, "line", None)
+    )
     first = work.begin(start or {})
     work.take(first)
     if rod is not None and commands.by_displacement.any() and work.has_friction(first):

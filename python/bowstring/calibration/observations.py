@@ -45,7 +45,7 @@ class Measured(Protocol):
     either may be None. ``points`` is (K, P, 3) in m, the last point the tip (or ``tip`` (K, 3)).
     ``group`` (K,) and ``time`` (K,) in s may be None. Read where they are there, as in
     `bowstring.Measurements`: ``sigma`` (K,) in m, ``repeat`` (K,), ``recording`` (K,),
-    ``tool`` (3,) in m.
+    ``line`` (K,) of the table for messages, ``tool`` (3,) in m.
     """
 
     @property
@@ -183,7 +183,7 @@ def commands(data: Measured, robot: Robot) -> Commands:
     by_displacement, values = actuation.commands(robot, load, rows=True)
     if not np.isfinite(values).all():
         k, t = np.argwhere(~np.isfinite(values))[0]
-        raise InputError(f"row {k}: the command of tendon {t + 1} is {values[k, t]}")
+        raise InputError(f"row {k + 1}: the command of tendon {t + 1} is {values[k, t]}")
     time = _column(data, "time", len(values), "s")
     if time is not None and not np.isfinite(time).all():
         time = None
@@ -225,7 +225,7 @@ def tips(data: Measured, count: int) -> Floats:
             f"points give tips of shape {found.shape}, they must be ({count}, 3): one for each row"
         )
     if np.isinf(found).any():
-        raise InputError(f"row {int(np.argwhere(np.isinf(found))[0, 0])}: the tip is infinite")
+        raise InputError(f"row {1 + int(np.argwhere(np.isinf(found))[0, 0])}: the tip is infinite")
     return found
 
 
@@ -237,7 +237,7 @@ def fitted_rows(rows: ArrayLike | None, measured: Floats) -> Bools:
         raise InputError(f"rows must be {len(seen)} booleans, one for each measurement")
     if (used & ~seen).any():
         k = int(np.flatnonzero(used & ~seen)[0])
-        raise InputError(f"row {k} is to be fitted, and its tip is NaN")
+        raise InputError(f"row {k + 1} is to be fitted, and its tip is NaN")
     if not used.any():
         raise InputError("there is no measured tip to fit")
     return used
@@ -279,7 +279,7 @@ def sigmas(data: Measured, count: int) -> Floats | None:
     """Standard uncertainty (K,) of a measured coordinate in m; None where none is given."""
     found = _column(data, "sigma", count, "m")
     if found is not None and not (found > 0).all():
-        raise InputError(f"row {int(np.argmin(found > 0))}: sigma must be positive")
+        raise InputError(f"row {1 + int(np.argmin(found > 0))}: sigma must be positive")
     return found
 
 

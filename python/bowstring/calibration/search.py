@@ -91,11 +91,17 @@ class Residuals:
     """
 
     def __init__(
-        self, model: TipModel, measured: Floats, asked: Bools, sigma: Floats | None
+        self,
+        model: TipModel,
+        measured: Floats,
+        asked: Bools,
+        sigma: Floats | None,
+        line: NDArray[np.int64] | None = None,
     ) -> None:
         self.model, self.measured, self.asked, self.sigma = model, measured, asked, sigma
         self._weights = np.ones(len(asked)) if sigma is None else np.median(sigma[asked]) / sigma
         self.used = asked
+        self._line = line
         self.before = np.full_like(measured, np.nan)
         self.items = model.unknowns.items
         self.step = np.array([item.step for item in self.items])
@@ -131,9 +137,11 @@ class Residuals:
         values, at = self._softened(values, at)
         failed = np.flatnonzero(~at.solved & self.asked)
         if failed.size > _MOST_LOST * self.asked.sum():
+            k = int(failed[0])
+            first = f"row {k + 1}" if self._line is None else f"in line {self._line[k]}"
             raise NoSolutionError(
                 f"{self.model.unknowns.robot.name}: {failed.size} of {self.asked.sum()} rows have "
-                f"no solution to begin with, the first is row {failed[0]}; begin from other "
+                f"no solution to begin with, the first is {first}; begin from other "
                 "values, such as tendons with some compliance"
             )
         self._align(values, at, start)

@@ -70,7 +70,7 @@ class Table:
         for name, array in (("times", self.times), ("values", self.values[:, said])):
             if not np.isfinite(array).all():
                 row = int(np.argwhere(~np.isfinite(array))[0][0])
-                text = f"the {name} of a table over time are not finite in row {row}"
+                text = f"the {name} of a table over time are not finite in row {row + 1}"
                 if name == "values" and not np.isinf(array).any():
                     text += "; a tendon with a command of another kind has NaN in all rows"
                 raise InputError(text)
@@ -78,7 +78,7 @@ class Table:
         if (gaps < 0).any():
             row = int(np.argmax(gaps < 0)) + 1
             raise InputError(
-                f"the times of a table must not decrease: {self.times[row]:g} s in row {row} "
+                f"the times of a table must not decrease: {self.times[row]:g} s in row {row + 1} "
                 f"comes after {self.times[row - 1]:g} s"
             )
         if ((gaps[1:] == 0) & (gaps[:-1] == 0)).any():
@@ -87,7 +87,7 @@ class Table:
         if near.any():
             row = int(np.argmax(near)) + 1
             raise InputError(
-                f"the times of a table are {gaps[row - 1]:.2g} s apart in rows {row - 1} and {row} "
+                f"the times of a table are {gaps[row - 1]:.2g} s apart in rows {row} and {row + 1} "
                 f"({self.times[row]:g} s), which is below numerical resolution; give the same time "
                 f"twice for a jump, else {CLOSEST:g} s or more"
             )

@@ -49,7 +49,7 @@ def read_actuation(path: str | Path, robot: Robot) -> dict[str, Table]:
     Raises
     ------
     InputError
-        If it cannot be read, or is wrong; the text names file and row.
+        If it cannot be read, or is wrong; the text names file and line.
     """
     count = len(robot.tendons.end_disk)
     rows = _rows(Path(path))
@@ -57,11 +57,11 @@ def read_actuation(path: str | Path, robot: Robot) -> dict[str, Table]:
         line, header = next(rows)
     except StopIteration:
         raise InputError(f"{path}: the file is empty; {_wanted(count)}") from None
-    columns, kinds = _columns(f"{path}, row {line}", header, count)
+    columns, kinds = _columns(f"{path}, line {line}", header, count)
     times: list[float] = []
     values: list[list[float]] = []
     for line, cells in rows:
-        here = f"{path}, row {line}"
+        here = f"{path}, line {line}"
         if len(cells) != len(header):
             raise InputError(f"{here}: it has {len(cells)} cells, the header has {len(header)}")
         row = [_cell(here, header[i], cells[i], factor) for i, factor in columns]

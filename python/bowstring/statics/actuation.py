@@ -179,7 +179,7 @@ def _not_one(
     tables: Mapping[str, Floats], count: NDArray[np.int64], said: Mapping[str, Bools]
 ) -> InputError:
     place = tuple(int(i) for i in np.argwhere(count != 1)[0])
-    where = f"row {place[0]}: " if len(place) == 2 else ""
+    where = f"row {place[0] + 1}: " if len(place) == 2 else ""
     tendon = f"{where}tendon {place[-1] + 1}"
     if count[place] == 0:
         return InputError(f"{tendon} has no command; {_GIVE}")

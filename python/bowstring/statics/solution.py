@@ -621,11 +621,11 @@ class Sweep:
             first = int(failed[0])
             raise NoSolutionError(
                 f"{self.robot.name}: {failed.size} of {len(self)} loads have no solution; "
-                f"the first is row {first}: {self.message(first)}"
+                f"the first is row {first + 1}: {self.message(first)}"
             )
         if not all(self.stable) and not self.robot.has_friction:
             row = [bool(stable) for stable in self.stable].index(False)
-            said = f"{self.robot.name}: row {row}: {self.message(row)}"
+            said = f"{self.robot.name}: row {row + 1}: {self.message(row)}"
             warnings.warn(said, StabilityWarning, stacklevel=2)
         return self
 

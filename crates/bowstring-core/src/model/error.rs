@@ -301,7 +301,7 @@ impl fmt::Display for InputError {
                 };
                 write!(f, " {verb} {}, it must {rule}", value.with(unit))
             }
-            InputError::Row { row, error } => write!(f, "row {row}: {error}"),
+            InputError::Row { row, error } => write!(f, "row {}: {error}", row + 1),
             InputError::Other(sentence) => f.write_str(sentence),
         }
     }
@@ -403,7 +403,7 @@ mod tests {
             "tension of tendon 2 is -2 N, it must be zero or more: a tendon can only pull"
         );
         assert_eq!(error.clone().in_row(3).parts(), error.parts());
-        assert!(error.in_row(3).to_string().starts_with("row 3: tension"));
+        assert!(error.in_row(3).to_string().starts_with("row 4: tension"));
         let (name, index, value, rule) = InputError::elements(3).parts().unwrap();
         assert_eq!((name, index, &*value), ("elements", None, "3"));
         assert_eq!(rule, "1, 2, 4 or 8");
