@@ -102,7 +102,7 @@ def test_the_terminal_labels_the_data(shell: Shell) -> None:
     text = " ".join(out.split())
     assert code == 0 and not err
     assert "amouri2019, statics, fitted to bench (synthetic): 33 rows" in text
-    assert f"The data cannot separate {E} and gain, which are correlated: hold one." in text
+    assert f"The data cannot separate {E} and gain, which are correlated: hold one of them." in text
     assert text.count("unknown") == 2
     # friction is missing in this model: the residuals show it, in their order and their size
     assert "The residuals are not noise" in text and "times the stated uncertainty" in text

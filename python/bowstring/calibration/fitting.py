@@ -48,6 +48,8 @@ _MOST_LOST: Final = 0.05
 #: Variances of a residual, for each parameter, by which one more step may promise to lower the
 #: cost of a fit that has converged (Bates and Watts, Technometrics 23, 1981).
 _OFFSET: Final = 0.5
+#: Correlation of two parameters that holds up a fit.
+_HELD_UP: Final = 0.99
 #: A friction to begin with, in natural steps, where it begins from none.
 _LITTLE: Final = 0.2
 #: Share of the squares that a rigid motion leaves, below which residuals are mostly one.
@@ -411,6 +413,7 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
         profiled,
         alike if is_alike else None,
         excess if excess > _EXCESS and excess_p < NOISE else None,
+        _correlated_pair([item.name for item in items], correlation),
     )
     return Fit(
         model="arc" if work.model.rod is None else "rod",
@@ -459,6 +462,15 @@ def _estimates(work: Residuals, found: Any, error: Floats, ends: Floats) -> list
     return estimates
 
 
+def _correlated_pair(names: Sequence[str], correlation: Floats) -> tuple[str, ...]:
+    """The two most strongly correlated parameters, unless both are of one frame; empty if none."""
+    size = np.triu(np.nan_to_num(np.abs(correlation)), 1)
+    frame = [n.partition(".")[0] if n.startswith(("base.", "tool.")) else n for n in names]
+    size[np.array(frame)[:, None] == np.array(frame)] = 0.0
+    i, j = divmod(int(np.argmax(size)), len(names))
+    return (names[i], names[j]) if size[i, j] >= _HELD_UP else ()
+
+
 def _message(
     work: Residuals,
     found: Any,
@@ -468,12 +480,13 @@ def _message(
     profiled: bool,
     alike: float | None,
     excess: float | None,
+    pair: tuple[str, ...],
 ) -> str:
     """How the fit ended and what its numbers are worth.
 
     `doubts`: whether too many rows have no equilibrium, the derivatives promise more, and the
     points move farther than the robot is long. `alike` and `excess` are given where chance alone
-    does not make them so large.
+    does not make them so large. `pair`: two parameters that hold up the fit, if there are such.
     """
     lost, stuck, astray = doubts
     unsolved = f"{work.unsolved} of {work.asked.sum()} rows"
@@ -492,10 +505,10 @@ def _message(
     elif found.status > 0:
         said = ["Converged."]
     else:
-        said = [
-            f"Not converged after {found.nfev} steps: begin from better values, or with fewer "
-            "parameters."
-        ]
+        advice = "begin from better values, or with fewer parameters"
+        if pair:
+            advice = f"{listed(pair)} are strongly correlated; hold one of them"
+        said = [f"Not converged after {found.nfev} steps: {advice}."]
     if work.unsolved and not lost:
         said.append(f"Left out, without an equilibrium: {unsolved}.")
     for names in not_identifiable:
@@ -503,7 +516,7 @@ def _message(
             said.append(f"{names[0]} is not identifiable from these data.")
         else:
             said.append(
-                f"The data cannot separate {listed(names)}, which are correlated: hold one."
+                f"The data cannot separate {listed(names)}, which are correlated: hold one of them."
             )
     if profiled:
         said.append(
@@ -514,7 +527,8 @@ def _message(
     if edge := [estimate.name for estimate in estimates if estimate.at_limit]:
         said.append(f"At the limit of what it may be: {listed(edge)}.")
     if cut := [estimate.name for estimate in estimates if estimate.cut]:
-        said.append(f"Cut at what it may be: the interval of {listed(cut)}.")
+        which = "interval of {} is" if len(cut) == 1 else "intervals of {} are"
+        said.append(f"The {which.format(listed(cut))} limited by the allowed range.")
     signs = [f"neighbours correlate by {alike:.2f}"] if alike is not None else []
     if excess is not None:
         signs.append(f"they are {significant(excess, 2)} times the stated uncertainty")
