@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -595,6 +596,14 @@ def test_invalid_options_are_named():
         fit(single(), loads(), ["base"], start={"gain": "big"})
     with pytest.raises(InputError, match="robot is"):
         fit("amouri2019", loads(), ["base"])
+    for work in (
+        lambda: fit(single(), "bench.csv", ["base"]),
+        lambda: bs.calibrate(single(), Path("bench.csv"), ["base"]),
+    ):
+        with pytest.raises(
+            InputError, match=r"read them by bowstring.read_measurements\('bench.csv'"
+        ):
+            work()
 
 
 def test_a_start_without_solution_is_named():

@@ -413,6 +413,13 @@ SOLVE = ("solve", "amouri2019", "--tension", "1,2,3")
         ([*SOLVE, "--set", "segments.0.tendons.pitch_radius=40 mm"], "outside its disk"),
         # usage
         (["fly"], "No such command 'fly'"),
+        (["stdy"], "Did you mean 'study'? See bowstring --help."),
+        ([*SOLVE, "0", "0"], "unexpected 0 0: separate numbers by commas, without blanks"),
+        ([*SOLVE, "-1", "0"], "unexpected -1: separate numbers by commas, without blanks"),
+        ([*SOLVE, "--friction", "0.2"], "write --set segments.0.tendons.friction=0.2;"),
+        ([*SOLVE, "--E=60 GPa"], 'write --set segments.0.backbone.E="60 GPa";'),
+        ([*SOLVE, "--clamped-length"], "write --set segments.0.disks.clamped_length=VALUE;"),
+        (["solve", "rao2021", "--tension", "1 kg"], 'for example --tension "80 N",0,0,0,0,0.'),
         (["fk", "amouri2019"], "Missing option '--lengths'"),
         (["fk", "--lengths", "1,1,1"], "Missing argument 'ROBOT'"),
         (["fk", "amouri2019", "--wings"], "--wings"),

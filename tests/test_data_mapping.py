@@ -378,7 +378,8 @@ def test_an_unknown_table_gets_a_mapping_to_start_from(
     code, out, err = shell("bench", "check", str(path), "--robot", "amouri2019")
     assert (code, out) == (2, "")
     sentence, _, mapping = err.partition("\n\n")
-    assert "--mapping" in sentence and "\n" not in sentence
+    assert "save these lines as map.yaml, check them, and give --mapping map.yaml" in sentence
+    assert "\n" not in sentence and "?;" not in sentence
     (tmp_path / "map.yaml").write_text(mapping)
     found = read_measurements(path, bs.load_robot("amouri2019"), tmp_path / "map.yaml")
     np.testing.assert_allclose(found.tensions[0], tensions)

@@ -515,7 +515,7 @@ OTHER = bs.solve(STIFF.with_({TENDONS + "friction": 0.2}), [10, 0, 0]).history()
         ),
         ({"angles": [1, 0, 0]}, "tendon 1 of amouri2019 has no spool_radius"),
         ({"displacements": [0, 0, 0], "tendon_path": "continuous"}, "need straight spans"),
-        ({"displacements": [0, 0, 0], "initial_history": OTHER}, "history is of another robot"),
+        ({"displacements": [0, 0, 0], "initial_history": OTHER}, "or leave the history out"),
         ({"displacements": [0, 0, 0], "initial_history": [1]}, "this is no history"),
     ],
 )

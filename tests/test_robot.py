@@ -565,7 +565,8 @@ def test_positions_forms(load):
         (
             "60 GPa",
             "60 gpa",
-            'segments[0].backbone.E: got "60 gpa"; "gpa" is not a known unit; '
+            'segments[0].backbone.E: got "60 gpa"; "gpa" is not a known unit '
+            "(units are case-sensitive: GPa); "
             'write for example "35 GPa".',
         ),
         ("0.3", "0.6", "segments[0].backbone.nu: got 0.6; must lie between -0.99 and 0.5."),
@@ -753,6 +754,10 @@ def test_outer_tendons_must_pass_the_inner_disks(load, refuse):
         ("segments: []", "segments: got an empty list; must have at least one."),
         ("a: {b: 1", "not valid YAML"),
         ("a: b: c", "line 1, column 5: not valid YAML"),
+        (
+            "a:\n  - b: 1\n\tc: 2",
+            "line 3, column 1: the line begins with a tab; indent with spaces",
+        ),
         ("a: \x01", "not valid YAML"),
         (b"a: 1\nb: \xff\xfe", "line 2: not UTF-8 text; save the file as UTF-8."),
         (GOOD + "---\n" + GOOD, "a second document starts; give one robot a file."),
@@ -792,6 +797,18 @@ def test_yaml_guesses_do_not_happen(load):
     robot = load("name: no\n" + changed("count: 4", "count: 010"))
     assert robot.name == "no"
     assert len(robot.disks.mass_kg) == 10
+
+
+def test_a_misspelt_file_is_suggested(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text("")
+    Path("notes.txt").write_text("")
+    for wrong in ("mine.yml", tmp_path / "mine.ymal"):
+        near = Path(wrong).with_name("mine.yaml")
+        with pytest.raises(InputError, match=f"did you mean {re.escape(str(near))}[?] built in"):
+            load_robot(wrong)
+    with pytest.raises(InputError, match="built-in robot; built in are"):
+        load_robot("notes.yaml")
 
 
 @pytest.mark.parametrize(

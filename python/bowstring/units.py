@@ -86,7 +86,9 @@ def _factor(unit: str, si: str) -> Decimal:
     try:
         found = registry.parse_units(plain)
     except Exception as error:  # pint raises many kinds on text that is no unit
-        raise ValueError(f"; {quote(unit)} is not a known unit") from error
+        same = [known for known in _UNITS[si] if known.lower() == plain.lower()]
+        hint = f" (units are case-sensitive: {same[0]})" if same else ""
+        raise ValueError(f"; {quote(unit)} is not a known unit{hint}") from error
     try:
         # versions of pint differ in the last digit, and a robot's hash must not
         return Decimal(f"{float(registry.Quantity(1.0, found).m_as(si)):.15g}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from os import PathLike
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 
 __all__ = [
+    "check_is_read",
     "check_values",
     "choice",
     "floats",
@@ -182,4 +184,14 @@ def check_values(name: str, row: Floats, when: str = "") -> None:
         raise InputError(
             f"tension of tendon {i + 1} is {row[i]:g} N{when}, a tendon can only pull: "
             "give zero or more"
+        )
+
+
+def check_is_read(data: object) -> None:
+    """Refuse the path of a table where its measurements are asked for."""
+    if isinstance(data, (str, PathLike)):
+        path = str(data)[:100]
+        raise InputError(
+            f"data is {path!r}, it must be measurements; read them by "
+            f"bowstring.read_measurements({path!r}, robot)"
         )

@@ -16,7 +16,7 @@ from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
-from bowstring.validation import floats
+from bowstring.validation import check_is_read, floats
 
 __all__ = [
     "Data",
@@ -160,6 +160,7 @@ def score(predicted: ArrayLike, measured: ArrayLike) -> Score:
 
 def commands(data: Measured, robot: Robot) -> Commands:
     """Displacements and tensions of all rows, checked."""
+    check_is_read(data)
     count = robot.core.tendon_count
     given = {}
     for name in ("tensions", "displacements"):

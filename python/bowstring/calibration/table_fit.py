@@ -26,6 +26,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
+from bowstring.validation import check_is_read
 
 __all__ = ["BESIDE", "Calibration", "Validation", "calibrate", "read_start"]
 
@@ -272,6 +273,7 @@ def calibrate(
     NoSolutionError
         If the model has no answer to a row to begin with.
     """
+    check_is_read(data)
     check = validation or Validation()
     holdout, folds, validate = check.holdout, check.folds, check.other
     if validate is not None and data.sha256 is not None and validate.sha256 == data.sha256:

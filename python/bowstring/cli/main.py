@@ -6,6 +6,7 @@ Libraries that take long to load are imported by the command that needs them.
 from __future__ import annotations
 
 import io
+import re
 import sys
 import traceback
 import warnings
@@ -141,6 +142,34 @@ def in_flags(error: InputError, arguments: Sequence[str]) -> str:
     return f"{flags[0]}: got {error.value}{where}; must be {error.rule}."
 
 
+def _mended(sentence: str, context: Any, arguments: Sequence[str]) -> str:
+    """What typer says of the arguments, with what to write instead where it is known."""
+    from bowstring.units import is_bare
+
+    extra = re.fullmatch(r"Got unexpected extra argument\S* \((.*)\)", sentence)
+    if extra and all(is_bare(word) for word in extra[1].split()):
+        return f"unexpected {extra[1]}: separate numbers by commas, without blanks"
+    unknown = re.match(r"No such option: (-[-\w]+)", sentence)
+    if unknown and re.match(r"-\.?\d", unknown[1]):
+        return f"unexpected {unknown[1]}: separate numbers by commas, without blanks"
+    takes = {flag for each in context.command.params for flag in each.opts} if context else set()
+    if unknown and "--set" in takes:
+        from bowstring.robot.messages import paths_of_field
+
+        given = [text.partition("=") for text in arguments]
+        places = [i for i, (flag, _, _) in enumerate(given) if flag == unknown[1]]
+        value = "VALUE"
+        if places:
+            following = arguments[places[0] + 1 : places[0] + 2]
+            value = given[places[0]][2] or (following[0] if following else value)
+        paths = paths_of_field(unknown[1].lstrip("-").replace("-", "_"))
+        if paths:
+            value = f'"{value}"' if " " in value else value
+            ways = " or ".join(f"--set {path}={value}" for path in paths)
+            return f"no flag {unknown[1]}; it is a field of the robot file: write {ways}"
+    return sentence
+
+
 def run(arguments: Sequence[str]) -> int:
     """Run one command.
 
@@ -179,8 +208,9 @@ def run(arguments: Sequence[str]) -> int:
         context = getattr(error, "ctx", None)
         command = context.command_path if context else "bowstring"
         sentence = " ".join(error.format_message().split()).rstrip(".")
-        sentence = sentence.replace("Value error, ", "")
-        say("Error", f"{sentence}; see {command} --help.")
+        sentence = _mended(sentence.replace("Value error, ", ""), context, arguments)
+        see = f" See {command}" if sentence.endswith("?") else f"; see {command}"
+        say("Error", f"{sentence}{see} --help.")
         return BAD_INPUT
     except MemoryError as error:
         what = f" ({error})" if str(error) else ""

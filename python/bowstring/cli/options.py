@@ -93,7 +93,7 @@ OfMasses = Annotated[str, option("g", "Gravity that turns masses into tensions."
 
 _EXAMPLES: Final = {
     "--lengths": '"641 mm",0.65,0.65',
-    "--tension": "80,0,0",
+    "--tension": '"80 N",0,0',
     "--displacement": '"10 mm",-0.005,-0.005',
     "--angle": '"90 deg",-0.5,-0.5',
     "--tip": "0.1,0,0.6",
@@ -101,8 +101,8 @@ _EXAMPLES: Final = {
     "--tip-force": "0,1,0",
     "--tip-moment": "0,0.1,0",
     "--tolerance": '"1 %"',
-    "--max-tension": "80",
-    "--from": "40,0,0",
+    "--max-tension": '"80 N"',
+    "--from": '"40 N",0,0',
     "--from-displacement": '"10 mm",-0.005,-0.005',
     "--rise": '"500 ms"',
     "--hold": '"2 s"',
@@ -158,9 +158,9 @@ def changes_of(flag: str, texts: Sequence[str] | None, example: str) -> dict[str
     return changes
 
 
-def numbers_of(flag: str, text: str, si: str) -> list[float]:
-    # --tolerance of simulate is a length, that of the study a share
-    example = '"1 um"' if (flag, si) == ("--tolerance", "m") else _EXAMPLES[flag]
+def numbers_of(flag: str, text: str, si: str, example: str = "") -> list[float]:
+    if not example:  # --tolerance of simulate is a length, that of the study a share
+        example = '"1 um"' if (flag, si) == ("--tolerance", "m") else _EXAMPLES[flag]
     values = []
     for item in text.split(","):
         try:
@@ -307,10 +307,13 @@ def per_tendon(
 ) -> list[Any]:
     """A number for each tendon; with dashes, None where a dash or a blank stands for it."""
     items = [item.strip() for item in text.split(",")]
-    values = [
-        None if dashes and item in ("", "-") else numbers_of(flag, item, si)[0] for item in items
-    ]
     wanted = tendon_count(robot)
+    first = _EXAMPLES[flag].partition(",")[0]
+    example = ",".join([first, *[first if above_zero else "0"] * (wanted - 1)])
+    values = [
+        None if dashes and item in ("", "-") else numbers_of(flag, item, si, example)[0]
+        for item in items
+    ]
     if len(values) != wanted:
         kind = ("entry", "entries") if dashes else ("number", "numbers")
         rest = "a number or - for each" if dashes else "one number for each"

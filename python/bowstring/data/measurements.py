@@ -251,9 +251,11 @@ def read_measurements(
             layout = tidy(table, g)
         except UnknownColumnsError as error:
             tendons = None if robot is None else len(robot.tendons.angle_rad)
+            joint = " Or" if str(error).endswith("?") else "; or"
             raise InputError(
-                f"{error}; or say what the columns are in a mapping file, given by --mapping (in "
-                f"Python mapping=), to start from:\n\n{draft(error.table, tendons)}"
+                f"{error}{joint} say what the columns are in a mapping file: save these lines as "
+                "map.yaml, check them, and give --mapping map.yaml (in Python "
+                f'mapping="map.yaml"):\n\n{draft(error.table, tendons)}'
             ) from None
     else:
         if not isinstance(mapping, Mapping):

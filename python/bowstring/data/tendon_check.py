@@ -21,6 +21,7 @@ from bowstring.data.rigid import align
 from bowstring.errors import BowstringError
 from bowstring.formatting import in_mm, listed, significant
 from bowstring.robot.model import check_robot
+from bowstring.validation import check_is_read
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
@@ -117,6 +118,7 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
         better than the order as given.
     """
     check_robot(robot)
+    check_is_read(measurements)
     if 0 < measurements.without_tip < len(measurements):
         measurements = measurements.select(measurements.seen)
     problem, motion = _motion(robot, measurements)

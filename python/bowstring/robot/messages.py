@@ -12,7 +12,7 @@ from bowstring.errors import InputError
 from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Disks, Segment, Tendon, TendonRing
 from bowstring.units import Quantity, quote
 
-__all__ = ["build", "units_of_field"]
+__all__ = ["build", "paths_of_field", "units_of_field"]
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -125,6 +125,17 @@ def units_of_field(path: str) -> tuple[str, str] | None:
             if isinstance(mark, Quantity) and mark.si and mark.vector is None:
                 return mark.si, mark.example.partition(" ")[2]
     return None
+
+
+def paths_of_field(name: str) -> list[str]:
+    """Paths, as `--set` takes them, of the fields of a segment that have this name."""
+    name = name if name in Backbone.model_fields else _SYNONYMS.get(name.lower(), name)
+    out = []
+    for place, part in _PARTS.items():
+        if name in part.model_fields and (*place, name) not in _PARTS and name != "tendons":
+            steps = [step for step in place[1:] if step not in ("ring", "list")]
+            out.append(".".join(["segments.0", *steps, name]))
+    return list(dict.fromkeys(out))
 
 
 def _fields_of(part: type[BaseModel]) -> list[str]:

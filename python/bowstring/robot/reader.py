@@ -90,10 +90,20 @@ def load_robot(source: str | Path, overrides: Mapping[str, Any] | None = None) -
     return build(Robot, override(tree, overrides or {}), label)
 
 
+def _near_files(path: Path) -> list[str]:
+    """The YAML file in the same folder whose name is the nearest, if one is near."""
+    if not str(path).isprintable() or not path.parent.is_dir():
+        return []
+    names = (file.name for file in path.parent.iterdir() if file.suffix in (".yaml", ".yml"))
+    beside = [name for name in names if name.isprintable()]
+    near = difflib.get_close_matches(path.name, beside, n=1, cutoff=0.8)
+    return [str(path.with_name(name)) for name in near]
+
+
 def _read_text(path: Path, label: str, names: list[str]) -> str:
     with reading(label):
         if not path.exists():
-            near = difflib.get_close_matches(label, names, n=1)
+            near = difflib.get_close_matches(label, names, n=1) or _near_files(path)
             hint = f"did you mean {near[0]}? " if near else ""
             raise InputError(
                 f"{label} is neither a file nor a built-in robot; {hint}"

@@ -56,7 +56,12 @@ def read_yaml(
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise InputError(f"{label}{place}: not valid YAML ({error.problem}).") from None
+        what = f"not valid YAML ({error.problem})"
+        if mark and text.splitlines()[mark.line : mark.line + 1]:
+            line = text.splitlines()[mark.line]
+            if "\t" in line[: len(line) - len(line.lstrip())]:
+                what = "the line begins with a tab; indent with spaces"
+        raise InputError(f"{label}{place}: {what}.") from None
     except yaml.YAMLError as error:
         reason = getattr(error, "reason", "not readable")
         raise InputError(f"{label}: not valid YAML ({reason}).") from None

@@ -257,7 +257,8 @@ class Path:
         if history["robot_hash"] != self.robot.hash:
             raise InputError(
                 f"the history is of another robot ({history.get('robot')!s:.100}), or of one with "
-                f"other numbers than {self.robot.name} has now"
+                f"other numbers than {self.robot.name} has now; give the robot that it was made "
+                "with, or leave the history out"
             )
         for name, value in self._settings.items():
             if name == "elements" and (value is None or history.get(name, 1) is None):
