@@ -13,7 +13,7 @@ from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, number, significant
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.study import Study
-from bowstring.study.verdict import Meaning, corrections
+from bowstring.study.verdict import Meaning
 
 __all__ = ["COLUMNS", "Summary", "summarise"]
 
