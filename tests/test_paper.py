@@ -52,9 +52,9 @@ def test_its_numbers_match_the_program(paper: Study, figures: ModuleType) -> Non
     measured = list(figures.distances())
     said = dict(line.split(": ") for line in figures.numbers(paper, measured) if ": " in line)
     means = {name: said[name].split(" mm")[0] for name in ("cc_from_lengths", "cc_from_force")}
-    assert f"off by {means['cc_from_lengths']} mm in the mean" in FLAT
+    assert f"off by {means['cc_from_lengths']} mm on average" in FLAT
     percent = said["cc_from_force"].split(", ")[1]
-    assert f"off by {means['cc_from_force']} mm ({percent} of length) in the mean" in FLAT
+    assert f"off by {means['cc_from_force']} mm ({percent} of length) on average" in FLAT
     corrected = said["cc_from_force_arm"].split(" mm")[0]
     assert f"leaves {corrected} mm" in FLAT
     holds = next(m for m in paper.verdict.meanings if m.name == "cc_from_force").holds_to

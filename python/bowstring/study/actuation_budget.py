@@ -102,7 +102,7 @@ class ActuationRow:
 
     @property
     def exceeds(self) -> bool:
-        """Whether it moves the tip by more than constant curvature's own error, in the means."""
+        """Whether it moves the tip by more than constant curvature's own error, of the means."""
         return self.moved > self.mean_error(self.base)
 
     def to_dict(self) -> dict[str, Any]:
@@ -524,7 +524,7 @@ def _in_words(
         mu = up.label.split(",")[0].split(" (")[0].removeprefix("friction ")
         out.append(
             f"Tension control: friction of {mu} at the holes ({source}) moves the tip by "
-            f"{in_mm(up.moved)} in the mean during loading and {in_mm(down.moved)} during "
+            f"{in_mm(up.moved)} on average during loading and {in_mm(down.moved)} during "
             f"unloading. The mean error of constant curvature from force changes from {own(up)} to "
             f"{mean(up)} (loading) and {mean(down)} (unloading).{from_lengths}"
         )
@@ -535,7 +535,7 @@ def _in_words(
         )
         text = (
             f"Displacement control: elastic tendons, {give.removesuffix(', assumed')}{source}, "
-            f"move the tip by {in_mm(stretched.moved)} in the mean. The mean error of constant "
+            f"move the tip by {in_mm(stretched.moved)} on average. The mean error of constant "
             f"curvature from the commanded lengths changes from {own(stretched)} to "
             f"{mean(stretched)}"
         )

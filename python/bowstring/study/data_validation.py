@@ -784,7 +784,7 @@ def _in_words(found: AgainstData, tolerance: float, order: TendonCheck) -> tuple
         worth = max(found.effects, key=lambda e: e.costs)
         out.append(
             "What explains the rod's error, switched on one after another: without any of them it "
-            f"is {in_mm(found.plain)} in the mean; {listed(parts)}; "
+            f"is {in_mm(found.plain)} on average; {listed(parts)}; "
             f"{in_mm(found.effects[-1].added)} is left. Of what is left out alone of the "
             f"calibrated rod, {worth.name} costs most, {in_mm(worth.costs)}."
         )
@@ -824,7 +824,7 @@ def _sentence(found: AgainstData, name: str, tolerance: float) -> str:
         rod = "the calibrated rod" if found.lengths_of == "rod_calibrated" else "the rod"
         subject += f" (those of {rod}, for none were measured)"
     out = (
-        f"{subject} is off by {_mean(registered)} in the mean{_over(registered, found)}, "
+        f"{subject} is off by {_mean(registered)} on average{_over(registered, found)}, "
         f"{in_percent(registered.mean / registered.length)} of length, and by up to "
         f"{in_mm(registered.maximum)}"
     )
@@ -847,7 +847,7 @@ def _of_the_rod(found: AgainstData) -> str:
             out.append(f"{_mean(registered)} {what} (not registered {_mean(raw)})")
     if not out:
         return "Physics has no answer to these commands."
-    text = f"Physics, the rod, is off by {' and by '.join(out)} in the mean."
+    text = f"Physics, the rod, is off by {' and by '.join(out)} on average."
     if found.expected is not None:
         low, high = (significant(x * 1e3) for x in found.expected.interval)
         text += (

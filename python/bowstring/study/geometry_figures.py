@@ -204,7 +204,7 @@ def draw_module(study: Study) -> Figure:
     number = ", segment 1" if len(robot.segments) > 1 else ""
     rows = [
         ("", f"module {k + 1} of {len(segment.stations)}{number}", "ink"),
-        ("h", f"module length\n{significant(size, 4)} mm", "ink"),
+        ("h", f"arc length of the\nmodule {significant(size, 4)} mm", "ink"),
         ("a", f"bend angle of the module\n{significant(math.degrees(turn))}°", "red"),
         ("R", f"disk radius\n{in_mm(radius / _MM)}", "muted"),
         ("t", f"disk thickness\n{in_mm(high / _MM)}", "muted"),
@@ -214,7 +214,7 @@ def draw_module(study: Study) -> Figure:
         rows.append(("", f"holes, diameter\n{in_mm(part.disks.hole_diameter)}", "muted"))
     if clamp:
         rows.append(("c", f"clamped by each disk\n{in_mm(clamp)}", "purple"))
-    rows.append(("d", "of a tendon: distance\ntowards φ; s: its span", "ink"))
+    rows.append(("d", "offset of a tendon from\nthe axis; s: its span", "ink"))
     for distance, names, (low, top), colour in spans[:_MOST]:
         which = f"tendon{'s' * (len(names) > 1)} {_numbers(names)}"
         span = float(np.linalg.norm(top - low))

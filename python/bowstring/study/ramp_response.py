@@ -2,7 +2,7 @@
 
 The tension rises in a straight line from zero, the robot at rest, and is then held. By default the
 rise takes 20 periods of the slowest mode at 5 % of critical damping. That is slow enough for a tip
-within 0.1 % of length of statics in the mean (on the built-in robots; 5 % also comes nearest, with
+within 0.1 % of length of statics on average (on the built-in robots; 5 % also comes nearest, with
 less the robot rings longer, with more it lags), and still fast enough to show what statics cannot:
 lag, overshoot, oscillation. They are measured here.
 """
@@ -152,7 +152,7 @@ class Transient:
 
     @property
     def lag(self) -> float:
-        """How long the motion runs behind statics, in the mean over the rise, s.
+        """How long the motion runs behind statics, on average over the rise, s.
 
         Measured along the line from the tip's first to its last static place in the rise, by the
         area between the two curves, so that oscillation cancels.

@@ -17,8 +17,8 @@ from bowstring.study.verdict import Meaning
 
 __all__ = ["COLUMNS", "Summary", "summarise"]
 
-COLUMNS: Final = ("CC from", "holds to", "mean error", "corrected", "largest error", "at")
-"""Of the table; the corrected error is the mean with the correction in closed form."""
+COLUMNS: Final = ("CC from", "valid to", "mean error", "mean, corrected", "largest error", "at")
+"""Of the table; the corrected mean is with the correction in closed form."""
 
 _FEWEST: Final = 3  # loads of a mean, one of which is mostly that without tension
 _INPUTS: Final = {
@@ -56,7 +56,7 @@ def summarise(study: Study) -> Summary:
             f"{robot.name}: {study.length * 1e3:g} mm, {study.settings.actuated} from 0 to "
             f"{study.settings.max_tension:g} N, tolerance {tolerance}"
         ),
-        reference="Tip error of constant curvature (CC) against the rod model; simulated",
+        reference="Tip error of constant curvature (CC) against the rod model, simulated",
         rows=tuple(_row(study, meaning) for meaning in verdict.meanings),
         findings=tuple(_findings(study)),
     )
@@ -106,10 +106,11 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         if m.shares:
             effect = m.ended_by
             found = (m.cause_is, effect.label) if effect else ("Dominant cause", "no single effect")
-            where = f"CC from {_INPUTS[m.name].split(' (')[0]} at {significant(m.blamed_at)} N"
+            where = f"from {_INPUTS[m.name].split(' (')[0]}, at {significant(m.blamed_at)} N"
             causes.setdefault(found, []).append(where)
     for (title, label), loads in causes.items():
-        yield title, f"{label} ({listed(loads)})"
+        link = "of" if title == "Dominant cause" else "to"
+        yield f"{title} {link} the error", f"{label} ({'; '.join(loads)})"
     yield from _largest_effect(study)
     yield from _actuation(study)
     if study.limits_text:
@@ -118,8 +119,9 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         largest, at = study.dynamics.max_difference
         yield (
             "Dynamics",
-            f"while the tension rises in {significant(study.dynamics.rise)} s, the tip is at most "
-            f"{in_mm(largest)} from its static equilibrium (at {significant(at)} N)",
+            f"the tension rises within {significant(study.dynamics.rise)} s; the tip is then at "
+            f"most {in_mm(largest)} from its static equilibrium (at a tension of "
+            f"{significant(at)} N)",
         )
     elif study.dynamics is None:
         yield "Dynamics", study.dynamics_text[0].rstrip(".")
@@ -141,30 +143,33 @@ def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:
             parts.setdefault(label, []).append(f"{in_mm(mean)} {words}{over}")
     if parts:
         yield (
-            "Largest effect not in this sweep",
-            "; ".join(f"{label}, mean error then {listed(v)}" for label, v in parts.items()),
+            "Largest effect left out",
+            "; ".join(
+                f"{label}; with it the mean error is {listed(v)}" for label, v in parts.items()
+            ),
         )
 
 
 def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     actuation = study.budget.actuation
-    up, down, *stretches, _, _ = actuation.rows
+    up, down, *elastic, _, _ = actuation.rows
     parts = []
     if _enough(study, min(up.moved_n, down.moved_n)):
         loaded, released = (_over(study, row.moved_n, ", ") for row in (up, down))
-        assumed = " (assumed)" if actuation.friction_assumed else ""
         parts.append(
-            f"friction {actuation.friction:.3g}{assumed} moves the tip by {in_mm(up.moved)} "
-            f"(loading{loaded}) and {in_mm(down.moved)} (unloading{released}) on average"
+            f"moves the tip by {in_mm(up.moved)} (loading{loaded}) and {in_mm(down.moved)} "
+            f"(unloading{released}) on average, at the same tension"
         )
-    for row in stretches:
-        if _enough(study, row.moved_n):
-            assumed = " (assumed)" if actuation.elasticity_assumed else ""
-            over = _over(study, row.moved_n, " over ")
-            verb = " move the tip" * (not parts)
-            parts.append(f"elastic tendons{assumed}{verb} by {in_mm(row.moved)}{over}")
     loop = actuation.loops[0]
     if _enough(study, int(np.isfinite(loop.apart).sum())):
-        parts.append(f"hysteresis up to {in_mm(loop.width)} at {significant(loop.widest_at)} N")
+        at = significant(loop.widest_at)
+        parts.append(f"loading and unloading differ by up to {in_mm(loop.width)}, at {at} N")
+    assumed = " (assumed)" if actuation.friction_assumed else ""
     if parts:
-        yield "Actuation", "; ".join(parts)
+        yield f"Friction {actuation.friction:.3g}{assumed}", "; ".join(parts)
+    assumed = " (assumed)" if actuation.elasticity_assumed else ""
+    for row in elastic:
+        if _enough(study, row.moved_n):
+            over = _over(study, row.moved_n, ", over ")
+            moved = f"move the tip by {in_mm(row.moved)} on average, at the same displacement{over}"
+            yield f"Elastic tendons{assumed}", moved

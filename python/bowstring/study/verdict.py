@@ -243,8 +243,8 @@ def _shares(
     plain, robot = Physics(), model.robot
     clamped = any(s.disks.clamped_length for s in robot.segments)
     acting = {
-        "straight_spans": ("straight spans between the disks", "tendon", True),
-        "clamps": ("the backbone that the disks clamp", "clamped", clamped),
+        "straight_spans": ("tendons straight between the disks", "tendon", True),
+        "clamps": ("clamped lengths at the disks", "clamped", clamped),
         "shear_extension": ("shear and extension", "theory", model.main.theory == "cosserat"),
         "torsion": ("torsion", "twist", True),
         "gravity": ("gravity as in the file", "gravity", any(robot.gravity)),
@@ -273,7 +273,7 @@ def _in_words(
     percent = f"{in_percent(tolerance, 3)} of length ({in_mm(tolerance * length)})"
     top = f"{max_tension:.4g} N"
     source = {
-        "cc_from_lengths": "From tendon lengths (Eq. 5)",
+        "cc_from_lengths": "From tendon lengths (Eq. 5 of Amouri 2019)",
         "cc_from_force": "From force through the linear law",
     }[m.name]
     if not math.isfinite(m.max_error):
@@ -286,17 +286,17 @@ def _in_words(
         f"at {significant(m.max_at)} N"
     )
     if m.holds_throughout:
-        words = f"{source}, constant curvature holds to {percent} over the whole sweep to {top}"
+        range_of = f"stays below {percent} over the sweep to {top}"
     elif not m.fails:
-        words = f"{source}, constant curvature holds to {percent} wherever it could be compared"
+        range_of = f"stays below {percent} wherever it is compared"
     elif m.holds_to is None or m.holds_to == 0.0:
-        words = f"{source}, constant curvature is off by more than {percent} from the first load"
+        range_of = f"is above {percent} from the first load"
     else:
-        words = f"{source}, constant curvature holds to {percent} up to {significant(m.holds_to)} N"
-    words += f"; its largest error is {largest}."
+        range_of = f"stays below {percent} up to {significant(m.holds_to)} N"
+    words = f"{source}, the error of constant curvature {range_of}; the largest is {largest}."
     if m.fails:
         ranges = listed([f"{significant(a)} to {significant(b)} N" for a, b in m.fails])
-        words += f" It does not hold from {ranges}."
+        words += f" It is above from {ranges}."
     if m.undecided:
         words += f" No comparison is possible at {listed(without)}."
     words += _blame(m)
@@ -306,7 +306,7 @@ def _in_words(
 def _blame(m: Meaning) -> str:
     where = f"at {significant(m.blamed_at)} N"
     if not m.shares:
-        return " Here the two agree."
+        return " There the two agree."
     worst = m.shares[0]
     if worst.share <= 0.0:
         return (
@@ -318,7 +318,7 @@ def _blame(m: Meaning) -> str:
             f" No single effect of this sweep explains it {where}: without {worst.label}, which "
             f"has the largest share, the error would still be {in_mm(worst.error_without)}."
         )
-    rest = f"without it the error {where} would be {in_mm(worst.error_without)}"
+    rest = f"without this effect the error {where} would be {in_mm(worst.error_without)}"
     words = f" {m.cause_is}: {worst.label}; {rest}."
     rivals = [s.label for s in m.shares[1:] if s.share > 0.5 * worst.share]
     if rivals:
@@ -424,7 +424,7 @@ def _on_left_out(budget: Budget) -> list[str]:
         return []
     text = (
         "A real robot has effects that this sweep leaves out. Of those in the budget, each added "
-        f"alone to this sweep, the largest {'is' if len(found) == 1 else 'are'} "
+        f"alone to this sweep, the largest {'is' if len(found) == 1 else 'are'}: "
         f"{listed([f'{label}, which {listed(parts)}' for label, parts in found.items()])}."
     )
     if partly:
