@@ -5,12 +5,21 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import TypeAdapter
 
 from bowstring.cli import main
+from bowstring.schemas import COMMANDS
+
+
+@cache
+def adapter(command: str) -> TypeAdapter[Any]:
+    """What checks the JSON of a command."""
+    return TypeAdapter(COMMANDS[command])
 
 
 class Shell:
@@ -24,10 +33,13 @@ class Shell:
         return (code, *self.capsys.readouterr())
 
     def json(self, *arguments: str, code: int = 0) -> Any:
-        """Return stdout as JSON, which must be a single line."""
+        """Return stdout as JSON: a single line that its schema allows."""
         got, out, err = self(*arguments, "--json")
         assert got == code, err
         assert out.count("\n") == 1
+        command = " ".join(arguments[: 2 if arguments[0] in ("bench", "data") else 1])
+        if command in COMMANDS:
+            adapter(command).validate_json(out, strict=True)
         return json.loads(out, parse_constant=pytest.fail)  # NaN and Infinity are not JSON
 
     def error(self, *arguments: str) -> str:

@@ -27,7 +27,7 @@ from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.study import study as study_module
 from bowstring.study.study import Study
-from shell import Shell, process, refuses
+from shell import Shell, adapter, process, refuses
 from stages import Stages, by_name
 
 ROOT = Path(__file__).parents[1]
@@ -196,6 +196,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
     done = process("study", "--out", str(folder), "--json")
     assert done.returncode == 0, done.stderr
     assert not done.stderr and done.stdout.count("\n") == 1
+    adapter("study").validate_json(done.stdout, strict=True)
     return folder, json.loads(done.stdout, parse_constant=pytest.fail)
 
 

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 import bowstring as bs
 from bowstring.calibration.bootstrap import bootstrap
@@ -27,6 +28,7 @@ from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, load, wr
 from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.reader import load_robot
+from bowstring.schemas import study as schemas
 from bowstring.study import calibration as study_calibration
 from bowstring.study import data_validation, report
 from bowstring.study import study as study_module
@@ -514,6 +516,10 @@ def test_a_mean_over_some_rows_is_labelled(robot: bs.Robot, bench: Measurements)
 def whole(robot: bs.Robot, bench: Measurements) -> Study:
     """The whole study with measurements."""
     return run_study(robot, measurements=bench, loading=Loading(points=5))
+
+
+def test_json_is_as_its_schema_has_it(whole: Study) -> None:
+    TypeAdapter(schemas.StudyResults).validate_python(whole.to_dict(), strict=True)
 
 
 @pytest.fixture(scope="module")

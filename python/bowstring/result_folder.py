@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -100,7 +100,7 @@ def _sha256(file: Path) -> str:
     return digest.hexdigest()
 
 
-def write_listing(file: Path, content: dict[str, Any]) -> None:
+def write_listing(file: Path, content: Mapping[str, Any]) -> None:
     """Write the JSON file of a folder: its content, and a list of all files for `check_folder`."""
     written = sorted(_files_in(file.parent))
     hashes = {name: _sha256(file.parent / name) for name in written}
@@ -108,7 +108,7 @@ def write_listing(file: Path, content: dict[str, Any]) -> None:
     write_json(file, {**content, "files": files, "sha256": hashes})
 
 
-def write_json(path: Path, content: dict[str, Any]) -> None:
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Plain values, as people can read them; NaN is an error."""
     text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
     # JSON escapes control characters but those from DEL on, and no lone surrogates

@@ -11,10 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from bowstring.schemas import study as schema
 
 __all__ = ["LEVEL", "RESAMPLES", "Expected", "Intervals", "Linear", "bootstrap", "refitted"]
 
@@ -131,7 +134,7 @@ class Expected:
     interval: Array
     """(2,), at 95 %, m."""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.ExpectedError:
         """In mm."""
         return {"mean_mm": self.mean * 1e3, "interval_95_mm": (self.interval * 1e3).tolist()}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ Progress = Callable[[str, float], None]
 
 def write_fit(
     calibration: Calibration,
-    content: dict[str, Any],
+    content: Mapping[str, Any],
     out: str | Path,
     *,
     progress: Progress | None = None,

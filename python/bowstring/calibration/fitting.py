@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +29,9 @@ from bowstring.robot.model import Robot, check_robot
 from bowstring.significance import NOISE, chi_square_p, explained_p
 from bowstring.statics.model import RodModel, as_model
 from bowstring.validation import shown
+
+if TYPE_CHECKING:
+    from bowstring.schemas import fit as schema
 
 __all__ = ["Estimate", "Fit", "Loss", "fit"]
 
@@ -196,7 +199,7 @@ class Fit:
         tool = np.where(self._tool_said, observations.tool(data, held), held)
         return replace(found, setting=replace(found.setting, tool=tool)).point
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.FitNumbers:
         """All numbers of the fit, ready for `json.dumps`; None where there is no number."""
         return {
             "model": self.model,

@@ -6,7 +6,7 @@ Any object with the attributes of `Measured` will do; inside all is SI. K is the
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,9 @@ from bowstring.robot.model import Robot
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
 from bowstring.validation import check_is_read, floats
+
+if TYPE_CHECKING:
+    from bowstring.schemas import fit as schema
 
 __all__ = [
     "Data",
@@ -116,7 +119,7 @@ class Score:
             f"{mm * self.rmse_centred:.2f} mm, mean {mm * self.mean_centred:.2f} mm"
         )
 
-    def to_dict(self) -> dict[str, float]:
+    def to_dict(self) -> schema.TipErrors:
         """In mm, without the count."""
         return {
             "rmse_mm": 1e3 * self.rmse,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from scipy import special
 
 from bowstring.formatting import in_mm, listed, significant
 from bowstring.significance import NOISE, chi_square_p, variance_ratio_p
+
+if TYPE_CHECKING:
+    from bowstring.schemas import study as schema
 
 __all__ = ["NoiseTest", "autocorrelation", "noise_test"]
 
@@ -151,7 +154,7 @@ class NoiseTest:
             )
         return out
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.ResidualTests:
         """The tests for JSON."""
         return {
             "noise": self.is_noise,

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
 from bowstring.validation import check_is_read
+
+if TYPE_CHECKING:
+    from bowstring.schemas import fit as schema
 
 __all__ = ["BESIDE", "Calibration", "Validation", "calibrate", "read_start"]
 
@@ -143,17 +146,22 @@ class Calibration:
             "values": self.beside,
         }
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.TableFit:
         """All numbers, in the units that the keys name."""
         data, found = self.data, self.fit
-        validation: dict[str, Any] | None = None
+        validation: schema.Validation | None = None
         if self.held_out_score is not None:
-            validation = {"kind": "holdout", **_scores(self.held_out_score)}
+            validation = {
+                "kind": "holdout",
+                **_scores(self.held_out_score),
+                "rows_unanswered": self.unanswered,
+            }
         elif self.folds is not None:
             folds = zip(self.folds.labels, self.folds.folds, strict=True)
             validation = {
                 "kind": "folds",
                 **_scores(self.folds.score),
+                "rows_unanswered": self.unanswered,
                 "converged": self.folds.converged,
                 "folds": [{"left_out": label, **_scores(each)} for label, each in folds],
             }
@@ -161,6 +169,7 @@ class Calibration:
             validation = {
                 "kind": "file",
                 **_scores(self.other_score),
+                "rows_unanswered": self.unanswered,
                 "name": self.other.name,
                 "source": self.other.source,
                 "rows_left_out": self.other.left_out,
@@ -170,7 +179,7 @@ class Calibration:
             **found.to_dict(),
             "loss": self.loss,
             "correlated": [{"names": [a, b], "correlation": r} for a, b, r in self.correlated],
-            "validation": validation and {**validation, "rows_unanswered": self.unanswered},
+            "validation": validation,
             "tendon_check": {
                 "found": self.tendons.found,
                 "alarm": self.tendons.alarm,
@@ -195,7 +204,7 @@ def _in_file(name: str) -> bool:
     return name.partition(".")[0] in _IN_FILE
 
 
-def _scores(of: Score) -> dict[str, Any]:
+def _scores(of: Score) -> schema.RowErrors:
     return {"rows": of.count, **of.to_dict()}
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
 import typer
 
@@ -34,8 +34,8 @@ from bowstring.cli.options import (
 )
 from bowstring.cli.output import (
     counted,
-    fields_of,
     fixed,
+    made_by,
     new_table,
     progress_bar,
     provenance_of,
@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from bowstring.data.synthetic import Bench
     from bowstring.data.tendon_check import TendonCheck
     from bowstring.robot.model import Robot
+    from bowstring.schemas import bench as schema
 
 MOST_ISSUES: Final = 20  # that people are shown
 
@@ -87,7 +88,12 @@ def check(
         check = None if model is None else check_tendons(model, found)
     if as_json:
         settings = {"file": file, "mapping": mapping, "g_m_per_s2": gravity}
-        return write_json(_measurements_json(found, check, model, settings))
+        made: Mapping[str, object] = (
+            {"provenance": made_by(**settings)}
+            if model is None
+            else provenance_of(model, **settings)
+        )
+        return write_json({**_measurements_json(found, check), **made})
     write_tables(*_measurements_tables(found, check))
 
 
@@ -234,14 +240,14 @@ def simulate(
         for part in (loads, really, mounting, instrument):
             settings |= {k: v for k, v in vars(part).items() if k not in _NOT_SETTINGS}
         settings |= {"actual": really.changes, "seed": seed}
-        return write_json(
-            {
-                **_measurements_json(found, None, model, settings),
-                "hysteresis_m": made.hysteresis,
-                "truth": found.truth,
-                "files": {"table": table, "truth": truth},
-            }
-        )
+        content: schema.BenchSimulate = {
+            **_measurements_json(found, None),
+            **provenance_of(model, **settings),
+            "hysteresis_m": made.hysteresis,
+            "truth": cast("schema.Truth", found.truth),
+            "files": {"table": str(table), "truth": str(truth)},
+        }
+        return write_json(content)
     write_tables(
         *_measurements_tables(found, None),
         _truth_table(made),
@@ -286,19 +292,20 @@ def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> tu
 
 
 def _measurements_json(
-    found: Measurements, check: TendonCheck | None, robot: Robot | None, settings: dict[str, Any]
-) -> dict[str, Any]:
+    found: Measurements, check: TendonCheck | None
+) -> schema.TableOfMeasurements:
     import numpy as np
 
-    tendons = [
-        {"given_by": kind, f"smallest_{unit}": low, f"largest_{unit}": high}
-        for kind, unit, low, high in _commands(found)
+    tendons: list[schema.TensionRange | schema.DisplacementRange] = [
+        {"given_by": "tension", "smallest_N": low, "largest_N": high}
+        if kind == "tension"
+        else {"given_by": "displacement", "smallest_m": low, "largest_m": high}
+        for kind, _, low, high in _commands(found)
     ]
-    ranges = None
+    ranges: schema.TipRange | None = None
     if found.points.shape[1] and found.seen.any():
         tips = found.tip[found.seen]
-        ranges = {"smallest": tips.min(axis=0), "largest": tips.max(axis=0)}
-    provenance = provenance_of(robot, **settings)
+        ranges = {"smallest": tips.min(axis=0).tolist(), "largest": tips.max(axis=0).tolist()}
     return {
         "name": found.name,
         "source": found.source,
@@ -309,22 +316,27 @@ def _measurements_json(
         "points": found.points.shape[1],
         "points_unit": "px" if found.scale is None else "m",
         "tip": ranges,
-        "tool_m": found.tool,
-        "stations": found.stations,
+        "tool_m": found.tool.tolist(),
+        "stations": None if found.stations is None else found.stations.tolist(),
         "angles": found.bend is not None,
         "sigma_m": None if found.sigma is None else float(np.median(found.sigma)),
         "groups": {name: count for name, count in _groups(found).items() if name},
         "repeats": len(np.unique(found.repeat)),
         "recordings": 1 if found.recording is None else len(np.unique(found.recording)),
-        "time_s": None if found.time is None else [found.time.min(), found.time.max()],
+        "time_s": None
+        if found.time is None
+        else [float(found.time.min()), float(found.time.max())],
         "issues": [{"line": line, "text": text} for line, text in found.issues],
-        "tendon_check": check
-        and {
-            **fields_of(check, "found", "tendons", "sentence", "unexplained"),
+        "tendon_check": None
+        if check is None
+        else {
+            "found": check.found,
+            "tendons": list(check.tendons),
+            "sentence": check.sentence,
+            "unexplained": check.unexplained,
             "turn_rad": check.turn,
         },
         "sha256": found.sha256,
-        **provenance,
     }
 
 

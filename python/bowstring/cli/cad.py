@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any
 
 from bowstring.atomic_io import resolved
 from bowstring.cli import completion
@@ -10,7 +10,6 @@ from bowstring.cli.actuation import Angle, Displacement, Tension, actuated_by
 from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag, option
 from bowstring.cli.output import (
     Stopped,
-    fields_of,
     fixed,
     frame,
     new_table,
@@ -26,11 +25,9 @@ from bowstring.formatting import listed
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from bowstring.cad.solid import Solid
+    from bowstring.cad.solid import Part, Solid
+    from bowstring.schemas import solids as schema
     from bowstring.statics.solution import Solution
-
-
-_OF_PART: Final = ("name", "kind", "colour", "volume_m3", "centre_m", "mass_kg")
 
 
 def cad(
@@ -91,7 +88,8 @@ def cad(
             of_flag(flag, check, file)
     _all_different(out, picture, drawing)
     sizes = sizes_of(model)
-    pose, solid, files = None, None, {}
+    pose, solid = None, None
+    files: schema.SolidFiles = {}
     try:
         with progress_bar("CAD kernel" if out or picture else "drawing") as tell:
             if out is not None or picture is not None:
@@ -103,13 +101,13 @@ def cad(
                 solid = make_solid(model, pose)
                 if out is not None:
                     tell("file", 0.7)
-                    files["solid"] = export.write_solid(solid, out)
+                    files["solid"] = str(export.write_solid(solid, out))
                 if picture is not None:
                     tell("picture", 0.75)
-                    files["picture"] = write_picture(solid, picture)
+                    files["picture"] = str(write_picture(solid, picture))
             if drawing is not None:
                 tell("drawing", 0.95 if out or picture else 0.0)
-                files["drawing"] = write_drawing(model, drawing)
+                files["drawing"] = str(write_drawing(model, drawing))
     except KeyboardInterrupt:
         if not files:
             raise
@@ -117,21 +115,23 @@ def cad(
         verb = "is" if len(files) == 1 else "are"
         raise Stopped(f"of the files only {written} {verb} written.") from None
     if as_json:
-        return write_json(
-            {
-                "pose": "straight" if pose is None else "simulated",
-                **_pose_json(pose),
-                "parts": solid and [fields_of(part, *_OF_PART) for part in solid.parts],
-                "assumed": [vars(size) for size in sizes.assumed],
-                "files": files,
-                **provenance_of(
-                    model,
-                    tensions_N=acting and acting.tensions,
-                    displacements_m=acting and acting.displacements,
-                    angles_rad=acting and acting.angles,
-                ),
-            }
-        )
+        content: schema.Cad = {
+            "pose": "straight" if pose is None else "simulated",
+            **_pose_json(pose),
+            "parts": None if solid is None else [_part_json(part) for part in solid.parts],
+            "assumed": [
+                {"field": size.field, "value_m": size.value_m, "why": size.why}
+                for size in sizes.assumed
+            ],
+            "files": files,
+            **provenance_of(
+                model,
+                tensions_N=acting and acting.tensions,
+                displacements_m=acting and acting.displacements,
+                angles_rad=acting and acting.angles,
+            ),
+        }
+        return write_json(content)
     lines: list[Table | str] = [
         f"{model.name}, " + ("straight, as built" if pose is None else "simulated pose")
     ]
@@ -156,7 +156,7 @@ def _all_different(*files: str | None) -> None:
             raise InputError(f"two of --out, --picture and --drawing name {file}; give two names.")
 
 
-def _pose_json(pose: Solution | None) -> dict[str, Any]:
+def _pose_json(pose: Solution | None) -> schema.SolidPose:
     if pose is None or pose.tip is None:
         return {"tip": None, "disks": None}
     positions, rotations = pose.disk_positions, pose.disk_rotations
@@ -164,6 +164,17 @@ def _pose_json(pose: Solution | None) -> dict[str, Any]:
     return {
         "tip": frame(pose.tip.position, pose.tip.rotation),
         "disks": [frame(p, r) for p, r in zip(positions, rotations, strict=True)],
+    }
+
+
+def _part_json(part: Part) -> schema.Part:
+    return {
+        "name": part.name,
+        "kind": part.kind,
+        "colour": part.colour,
+        "volume_m3": part.volume_m3,
+        "centre_m": list(part.centre_m),
+        "mass_kg": part.mass_kg,
     }
 
 

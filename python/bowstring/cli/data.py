@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bowstring.cli import completion
 from bowstring.cli.options import AsJson, of_flag, option
-from bowstring.cli.output import fields_of, new_table, progress_bar, write, write_json, write_tables
+from bowstring.cli.output import new_table, progress_bar, write, write_json, write_tables
 from bowstring.units import printable
 
-_WHERE: Final = ("kind", "repository", "commit", "licence")
+if TYPE_CHECKING:
+    from bowstring.data.datasets import DataSet
+    from bowstring.schemas import program as schema
 
 
 def list_sets(as_json: AsJson = False) -> None:
@@ -21,18 +23,20 @@ def list_sets(as_json: AsJson = False) -> None:
 
     sets = [datasets.describe(name) for name in datasets.available()]
     if as_json:
-        rows = [
+        rows: list[schema.DataSet] = [
             {
-                **fields_of(item, "name", "description", *_WHERE),
+                **_origin(item),
+                "description": item.description,
                 "transcribed_from": item.transcribed,
-                "parts": item.parts,
+                "parts": list(item.parts),
                 "files": [
                     {"name": f.name, "url": item.url(f), "sha256": f.sha256} for f in item.files
                 ],
             }
             for item in sets
         ]
-        return write_json({"data_sets": rows})
+        content: schema.DataSets = {"data_sets": rows}
+        return write_json(content)
     table = new_table("name", "kind", "licence", "parts", "description")
     for item in sets:
         table.add_row(item.name, item.kind, item.licence, " ".join(item.parts), item.description)
@@ -61,15 +65,23 @@ def get(
         else:
             folder = of_flag("--out", lambda place: datasets.copy(name, place, progress=tell), out)
     if as_json:
-        return write_json(
-            {
-                **fields_of(item, "name", "kind"),
-                "folder": folder,
-                "files": [folder / file.name for file in item.files],
-                **fields_of(item, *_WHERE[1:]),
-            }
-        )
+        content: schema.DataFolder = {
+            **_origin(item),
+            "folder": str(folder),
+            "files": [str(folder / file.name) for file in item.files],
+        }
+        return write_json(content)
     write(
         f"{printable(str(folder))}: {item.kind}, {item.licence} licence, "
         f"github.com/{item.repository} at commit {item.commit[:12]}; hashes agree\n"
     )
+
+
+def _origin(item: DataSet) -> schema.DataOrigin:
+    return {
+        "name": item.name,
+        "kind": item.kind,
+        "repository": item.repository,
+        "commit": item.commit,
+        "licence": item.licence,
+    }

@@ -9,13 +9,16 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from importlib.metadata import version
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from bowstring._core import __version__, instructions
 from bowstring.cli.options import AsJson
 from bowstring.cli.output import new_table, progress_bar, write_json, write_tables
 from bowstring.errors import InputError
 from bowstring.optional import EXTRAS, load_extra
+
+if TYPE_CHECKING:
+    from bowstring.schemas import program as schema
 
 _FFMPEG: Final = "Debian: apt-get install ffmpeg; else https://ffmpeg.org"
 
@@ -66,7 +69,7 @@ _PARTS: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
 )
 
 
-def facts() -> dict[str, Any]:
+def facts() -> schema.Machine:
     """Version, interpreter, platform and processor instructions."""
     return {
         "bowstring": __version__,
@@ -79,19 +82,26 @@ def facts() -> dict[str, Any]:
 
 def doctor(as_json: AsJson = False) -> None:
     """Show what is installed, what is missing and how to add it."""
-    found = []
+    found: list[schema.OptionalPart] = []
     with progress_bar(_PARTS[0][0]) as progress:
         for k, (name, look, purpose, cure) in enumerate(_PARTS):
             progress(name, k / len(_PARTS))
+            part: schema.OptionalPart = {
+                "name": name,
+                "needed_for": purpose,
+                "version": None,
+                "problem": None,
+                "cure": None,
+            }
             try:
-                part: dict[str, Any] = {"version": look(), "problem": None, "cure": None}
+                part["version"] = look()
             except InputError as error:
-                part = {"version": None, "problem": str(error), "cure": cure}
-            found.append({"name": name, "needed_for": purpose, **part})
+                part["problem"], part["cure"] = str(error), cure
+            found.append(part)
     here = facts()
     if as_json:
-        write_json({**here, "optional": found})
-        return
+        content: schema.Doctor = {**here, "optional": found}
+        return write_json(content)
     table = new_table("optional part", "found", "needed for")
     for part in found:
         table.add_row(part["name"], part["version"] or "no", part["needed_for"])

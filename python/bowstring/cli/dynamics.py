@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from bowstring.cli import completion
 from bowstring.cli.actuation import (
@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.dynamics.simulation import Run
+    from bowstring.schemas import dynamics as schema
 
 TIP_INTERVAL: Final = 0.01  # s, of the tip in the JSON of simulate, if --every is not longer
 MOST_OUTPUTS: Final = 1_000_000
@@ -209,9 +210,9 @@ def simulate(
                 run = stopped.run
             except simulation.NoStart as error:
                 if as_json:
-                    why = {"status": error.status, "message": str(error)}
-                    files = targets.write(error.run)
-                    write_json({**_run_json(error.run, interval), **why, "files": files})
+                    content = _run_json(error.run, interval, targets.write(error.run))
+                    content["status"], content["message"] = error.status, str(error)
+                    write_json(content)
                 raise
             try:
                 files = targets.write(
@@ -222,7 +223,7 @@ def simulate(
                     raise
                 raise KeyboardInterrupt from None
         if as_json:
-            write_json({**_run_json(run, interval), "files": files})
+            write_json(_run_json(run, interval, files))
         else:
             write_tables(*_run_tables(run, files))
     except KeyboardInterrupt:
@@ -311,25 +312,32 @@ def modes(
             )
     except NoSolutionError as error:
         if as_json:
-            nothing = {"status": error.status, "tensions_N": acting.tensions}
-            write_json({**nothing, "modes": [], "disks": [], **provenance})
+            nothing: schema.Modes = {
+                "status": error.status,
+                "tensions_N": plain(acting.tensions),
+                "modes": [],
+                "disks": [],
+                **provenance,
+                "folder": None,
+            }
+            write_json(nothing)
         raise
-    content = plain({**found.to_dict(), **provenance})
-    folder = None
+    content: schema.Modes = {**found.to_dict(), **provenance, "folder": None}
     if out is not None:
         with progress_bar("pictures") as tell:
             from bowstring.viz.modes_folder import write_modes
 
-            folder = write_modes(found, content, out, progress=tell)
+            written = {key: value for key, value in content.items() if key != "folder"}
+            content["folder"] = str(write_modes(found, plain(written), out, progress=tell))
     if as_json:
-        return write_json({**content, "folder": folder})
+        return write_json(content)
     listed = new_table(">mode", ">frequency Hz", "kind")
     for i, (frequency, kind) in enumerate(zip(found.frequency_hz, found.kind, strict=True), 1):
         listed.add_row(str(i), f"{frequency:.5g}", kind)
     write_tables(
         f"{model.name}, {theory}: {counted(len(found), 'mode')} about the equilibrium",
         listed,
-        *([f"Pictures: {folder}"] if folder else []),
+        *([f"Pictures: {content['folder']}"] if content["folder"] else []),
     )
 
 
@@ -412,7 +420,7 @@ class _Targets:
         return files
 
 
-def _run_json(run: Run, every: float) -> dict[str, Any]:
+def _run_json(run: Run, every: float, files: Mapping[str, Path | None]) -> schema.Simulate:
     import numpy as np
 
     interval = max(TIP_INTERVAL, every)
@@ -425,14 +433,23 @@ def _run_json(run: Run, every: float) -> dict[str, Any]:
     moved = len(run.time) > 0
     return {
         "status": run.status,
-        "t_s": times if moved else [],
-        "tip_position_m": run.tip_at(times) if moved else [],
+        "t_s": times.tolist() if moved else [],
+        "tip_position_m": run.tip_at(times).tolist() if moved else [],
         "steps": run.steps,
         "error_estimate": {"tip_m": run.error_estimate},
         "real_time_factor": run.real_time_factor if moved else None,
         "message": run.message,
+        "files": {
+            "run": _path(files["run"]),
+            "vtk": _path(files["vtk"]),
+            "animation": _path(files["animation"]),
+        },
         **provenance_of(run.robot, **run.settings),
     }
+
+
+def _path(file: Path | None) -> str | None:
+    return None if file is None else str(file)
 
 
 def _run_tables(run: Run, files: dict[str, Path | None]) -> Iterator[Table | str]:

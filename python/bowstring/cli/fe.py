@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from bowstring.fem.convergence import Convergence
     from bowstring.fem.mesh import Fineness
     from bowstring.fem.run import BrickRun
+    from bowstring.schemas import solids as schema
 
 _STEPS = 8  # of a sweep, if none are asked for
 
@@ -157,15 +158,20 @@ def fe(
     from bowstring.fem.comparison import beside_rod
 
     beside = beside_rod(run)
-    content = plain({**_content(run, beside, limit), **provenance_of(run.robot, **run.settings)})
-    folder = None
+    content: schema.Fe = {
+        **_content(run, beside, limit),
+        **provenance_of(run.robot, **run.settings),
+        "folder": None,
+    }
     if out is not None and run.states:
         with progress_bar("figures") as tell:
-            folder = report.write(run, beside, content, out, progress=tell)
+            written = {key: value for key, value in content.items() if key != "folder"}
+            folder = report.write(run, beside, plain(written), out, progress=tell)
+        content["folder"] = str(folder)
     if as_json:
-        write_json({**content, "folder": folder})
+        write_json(content)
     elif run.states:
-        write_tables(*_tables(run, beside, limit, folder))
+        write_tables(*_tables(run, beside, limit, content["folder"]))
     run.raise_for_status()
 
 
@@ -197,12 +203,12 @@ def _rows(last: Any, loads: str | None) -> Any:
     return np.outer(values / top, last)
 
 
-def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> dict[str, Any]:
+def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> schema.FeRun:
     import numpy as np
 
     from bowstring.fem.report import rows
 
-    content: dict[str, Any] = {
+    content: schema.FeRun = {
         "status": run.status,
         "message": run.message,
         "loads": rows(run, beside),
@@ -218,17 +224,17 @@ def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> dic
     }
     if limit is not None:
         content["limit"] = {
-            "tip_position_m": limit.limit,
-            "error_mm": 1e3 * limit.error,
-            "difference_mm": 1e3 * np.linalg.norm(limit.limit - beside.tip, axis=1),
+            "tip_position_m": limit.limit.tolist(),
+            "error_mm": (1e3 * limit.error).tolist(),
+            "difference_mm": (1e3 * np.linalg.norm(limit.limit - beside.tip, axis=1)).tolist(),
             "refinements": [
                 {
                     "name": r.name,
                     "of": list(r.labels),
-                    "tip_position_m": r.tips,
+                    "tip_position_m": r.tips.tolist(),
                     "order": r.order,
-                    "limit_m": r.limit,
-                    "doubt_m": r.doubt,
+                    "limit_m": r.limit.tolist(),
+                    "doubt_m": r.doubt.tolist(),
                 }
                 for r in limit.refinements
             ],
@@ -237,7 +243,7 @@ def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> dic
 
 
 def _tables(
-    run: BrickRun, beside: BesideRod, limit: Convergence | None, folder: Path | None
+    run: BrickRun, beside: BesideRod, limit: Convergence | None, folder: str | None
 ) -> Iterator[Table | str]:
     import numpy as np
 

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from bowstring.calibration.fitting import Fit
     from bowstring.calibration.table_fit import Calibration
     from bowstring.data.measurements import Measurements
+    from bowstring.schemas import fit as schema
 
 #: Times the robust scatter of a coordinate that its root mean square is, so that it is said.
 _FAR_MORE: Final = 2.0
@@ -171,36 +172,35 @@ def fit(
         say("Warning", found.tendons.sentence)
     if found.broken_path:
         say("Warning", found.broken_path)
-    content = plain(
-        {
-            **found.to_dict(),
-            **provenance_of(
-                known,
-                measurements=measurements,
-                mapping=mapping if data is None else data,
-                data=data,
-                part=part,
-                g_m_per_s2=gravity,
-                parameters=parameter,
-                model=model,
-                loss=loss,
-                holdout=share,
-                folds=folds,
-                validate=validate,
-                start=begin,
-            ),
-        }
-    )
-    folder = None
+    content: schema.Fit = {
+        **found.to_dict(),
+        **provenance_of(
+            known,
+            measurements=measurements,
+            mapping=mapping if data is None else data,
+            data=data,
+            part=part,
+            g_m_per_s2=gravity,
+            parameters=parameter,
+            model=model,
+            loss=loss,
+            holdout=share,
+            folds=folds,
+            validate=validate,
+            start=begin,
+        ),
+        "folder": None,
+    }
     if out is not None and found.fit.converged:
         with progress_bar("figures") as tell:
             from bowstring.calibration.fit_folder import write_fit
 
-            folder = write_fit(found, content, out, progress=tell)
+            written = {key: value for key, value in content.items() if key != "folder"}
+            content["folder"] = str(write_fit(found, plain(written), out, progress=tell))
     if as_json:
-        write_json({**content, "folder": folder})
+        write_json(content)
     else:
-        write_tables(*_fit_tables(found, out if folder else None))
+        write_tables(*_fit_tables(found, out if content["folder"] else None))
     if not found.fit.converged:
         raise NoSolutionError(f"{known.name}: {found.fit.message}")
 

@@ -9,7 +9,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.robot.model import Robot
+    from bowstring.schemas import basic as schema
 
 OUTPUT_LOST: Final = 74  # EX_IOERR
 PIPE_CLOSED: Final = 141  # as a shell reports SIGPIPE
@@ -79,18 +80,23 @@ def write(text: str) -> None:
         raise typer.Exit(OUTPUT_LOST) from None
 
 
-def write_json(content: dict[str, Any]) -> None:
-    write(json.dumps(plain(content), allow_nan=False) + "\n")
+def write_json(content: Mapping[str, object]) -> None:
+    write(json.dumps(plain(dict(content)), allow_nan=False) + "\n")
 
 
-def provenance_of(robot: Robot | None, **settings: Any) -> dict[str, Any]:
-    made_by = {"bowstring_version": __version__, "schema_version": JSON_SCHEMA_VERSION}
-    if robot is None:
-        return {"provenance": {**made_by, "settings": settings}}
+def made_by(**settings: Any) -> schema.MadeBy:
+    return {
+        "bowstring_version": __version__,
+        "schema_version": JSON_SCHEMA_VERSION,
+        "settings": settings,
+    }
+
+
+def provenance_of(robot: Robot, **settings: Any) -> schema.OfRobot:
     return {
         "robot": robot.name,
-        "warnings": robot.warnings,
-        "provenance": {**made_by, "robot_hash": robot.hash, "settings": settings},
+        "warnings": list(robot.warnings),
+        "provenance": {**made_by(**settings), "robot_hash": robot.hash},
     }
 
 
@@ -180,12 +186,8 @@ def progress_bar(what: str) -> Iterator[Callable[[str, float], None]]:
         bar.close()
 
 
-def fields_of(thing: object, *names: str) -> dict[str, Any]:
-    return {name: getattr(thing, name) for name in names}
-
-
-def frame(position: Any, rotation: Any) -> dict[str, Any]:
-    return {"position_m": position, "rotation": rotation}
+def frame(position: Any, rotation: Any) -> schema.Pose:
+    return {"position_m": position.tolist(), "rotation": rotation.tolist()}
 
 
 def new_table(*columns: str) -> Table:

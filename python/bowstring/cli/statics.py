@@ -56,6 +56,8 @@ if TYPE_CHECKING:
 
     from bowstring.constant_curvature import RobotArcs
     from bowstring.robot.model import Robot
+    from bowstring.schemas import program
+    from bowstring.schemas.statics import Arc, FittedArc, Fk, Ik, Solve
     from bowstring.statics import limits
     from bowstring.statics.solution import Solution
 
@@ -70,7 +72,7 @@ def robots(as_json: AsJson = False) -> None:
 
     known = [reader.load_robot(name) for name in reader.robot_names()]
     if as_json:
-        rows = [
+        rows: list[program.BuiltInRobot] = [
             {
                 "name": robot.name,
                 "description": robot.description,
@@ -81,7 +83,8 @@ def robots(as_json: AsJson = False) -> None:
             }
             for robot in known
         ]
-        return write_json({"robots": rows})
+        content: program.Robots = {"robots": rows}
+        return write_json(content)
     table = new_table("name", ">length mm", ">segments", ">disks", ">tendons", "description")
     for robot in known:
         counts = (len(robot.segments), len(robot.disks.station_m), tendon_count(robot))
@@ -118,17 +121,19 @@ def fk(
         arcs = RobotArcs.from_lengths(model, values, "chord" if chord else None)
     except InputError as error:
         raise InputError(f"--lengths: {error}") from None
-    segments = _segments(arcs)
-    for segment, misfit in zip(segments, arcs.misfit, strict=True):
-        segment["misfit_m"] = float(misfit)
-    result = {
+    segments: list[FittedArc] = [
+        {**segment, "misfit_m": float(misfit)}
+        for segment, misfit in zip(_segments(arcs), arcs.misfit, strict=True)
+    ]
+    result: Fk = {
         "segments": segments,
         "tip": frame(arcs.tip.position, arcs.tip.rotation),
         **provenance_of(model, lengths_m=values, chord=chord),
     }
     if as_json:
         return write_json(result)
-    write_tables(_arc_table(segments), tip_line(arcs.tip.position, arcs.tip.rotation))
+    misfits = [segment["misfit_m"] for segment in segments]
+    write_tables(_arc_table(segments, misfits), tip_line(arcs.tip.position, arcs.tip.rotation))
 
 
 def ik(
@@ -167,9 +172,9 @@ def ik(
             )
     arcs = RobotArcs.ik(model, point, "chord" if chord else None, free_length=free_length)
     segments, tendons, miss = _segments(arcs), arcs.lengths(), float(arcs.misfit[0])
-    result = {
+    result: Ik = {
         "segments": segments,
-        "tendon_lengths_m": tendons,
+        "tendon_lengths_m": tendons.tolist(),
         "miss_m": miss,
         "tip": frame(arcs.tip.position, arcs.tip.rotation),
         **provenance_of(model, tip_m=point, free_length=free_length, chord=chord),
@@ -226,26 +231,25 @@ def solve(
         write_history(save_history, solution.history())
     warnings, uses = solution.limits()
     if as_json:
-        write_json(
-            {
-                **solution.to_dict(),
-                "message": solution.message,
-                **provenance_of(
-                    model,
-                    tensions_N=load_.tensions,
-                    displacements_m=load_.displacements,
-                    angles_rad=load_.angles,
-                    history=history,
-                    theory=theory,
-                    gravity_m_per_s2=weight,
-                    tip_force_N=force,
-                    tip_moment_Nm=moment,
-                    elements=solution.model.elements,
-                ),
-                "warnings": [*model.warnings, *warnings],
-                "backbone_limits": [use.to_dict() for use in uses],
-            }
-        )
+        content: Solve = {
+            **solution.to_dict(),
+            "message": solution.message,
+            **provenance_of(
+                model,
+                tensions_N=load_.tensions,
+                displacements_m=load_.displacements,
+                angles_rad=load_.angles,
+                history=history,
+                theory=theory,
+                gravity_m_per_s2=weight,
+                tip_force_N=force,
+                tip_moment_Nm=moment,
+                elements=solution.model.elements,
+            ),
+            "warnings": [*model.warnings, *warnings],
+            "backbone_limits": [use.to_dict() for use in uses],
+        }
+        write_json(content)
     solution.raise_for_status()
     for sentence in warnings:
         say("Warning", sentence)
@@ -261,24 +265,25 @@ def solve(
         )
 
 
-def _segments(arcs: RobotArcs) -> list[dict[str, float]]:
+def _segments(arcs: RobotArcs) -> list[Arc]:
     columns = (arcs.kappa, arcs.phi, arcs.theta, arcs.length)
-    names = ("kappa_per_m", "phi_rad", "theta_rad", "length_m")
-    return [dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True)]
+    return [
+        {"kappa_per_m": kappa, "phi_rad": phi, "theta_rad": theta, "length_m": length}
+        for kappa, phi, theta, length in zip(*(c.tolist() for c in columns), strict=True)
+    ]
 
 
-def _arc_table(segments: Sequence[dict[str, float]]) -> Table:
-    fitted = "misfit_m" in segments[0]
+def _arc_table(segments: Sequence[Arc], misfits: Sequence[float] = ()) -> Table:
     names = ("segment", ">kappa 1/m", ">phi deg", ">theta deg", ">length mm")
-    table = new_table(*names, *([">misfit mm"] if fitted else []))
-    for i, s in enumerate(segments, 1):
+    table = new_table(*names, *([">misfit mm"] if misfits else []))
+    for i, s in enumerate(segments):
         table.add_row(
-            str(i),
+            str(i + 1),
             fixed(s["kappa_per_m"], 6),
             fixed(math.degrees(s["phi_rad"]), 3),
             fixed(math.degrees(s["theta_rad"]), 3),
             fixed(1e3 * s["length_m"], 3),
-            *([fixed(1e3 * s["misfit_m"], 3)] if fitted else []),
+            *[fixed(1e3 * misfit, 3) for misfit in misfits[i : i + 1]],
         )
     return table
 

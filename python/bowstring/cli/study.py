@@ -28,6 +28,7 @@ from bowstring.units import quote
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
+    from bowstring.schemas import study as schema
 
 
 def study(
@@ -154,7 +155,8 @@ def study(
     for sentence in found.warnings[len(model.warnings) :]:  # the robot's own are said already
         say("Warning", sentence)
     if as_json:
-        return write_json({**found.to_dict(), "folder": folder})
+        content: schema.Study = {**found.to_dict(), "folder": str(folder)}
+        return write_json(content)
     from bowstring.study.terminal import print_study
 
     write_rich(lambda console: print_study(found, console, folder, verbose=verbose))

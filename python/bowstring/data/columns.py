@@ -9,7 +9,7 @@ import difflib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,8 @@ __all__ = [
 ]
 
 #: What data can be, by where they come from.
-SOURCES: Final = ("measured", "synthetic", "computed")
+Source = Literal["measured", "synthetic", "computed"]
+SOURCES: Final = get_args(Source)
 PIXELS: Final = "px"
 TOOL: Final = Quantity("m", "0 0 8 mm", "-10 m", "10 m", vector=3)
 SIGMA: Final = Quantity("m", "0.02 mm", "1e-12 m", "10 m")

@@ -17,7 +17,7 @@ import urllib.parse
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 from bowstring.atomic_io import (
     check_replaceable,
@@ -84,7 +84,7 @@ class DataSet:
 
     name: str
     description: str
-    kind: str
+    kind: Literal["measured", "computed"]
     repository: str
     commit: str
     licence: str

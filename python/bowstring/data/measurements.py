@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, TextIO
+from typing import Any, Final, TextIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bowstring._core import __version__
 from bowstring.atomic_io import has_mark, not_overwritten, write_whole_file
 from bowstring.data import datasets
-from bowstring.data.columns import SOURCES, Column, Layout, check_stations, tidy
+from bowstring.data.columns import SOURCES, Column, Layout, Source, check_stations, tidy
 from bowstring.data.joining import seconds_of
 from bowstring.data.mapping import Mapping, load_mapping
 from bowstring.data.mapping_draft import draft
@@ -68,7 +68,7 @@ class Measurements:
     Rows are in the order of the file, which is the robot's history where friction matters.
     """
 
-    source: str
+    source: Source
     """"measured", "synthetic" or "computed"."""
     name: str
     tensions: Floats
@@ -391,7 +391,7 @@ class _Reader:
         else:
             self.unlisted = (self.unlisted[0] + 1, max(self.unlisted[1], line))
 
-    def source(self) -> str:
+    def source(self) -> Source:
         """What the data are: the table's own word, before what a mapping says of it."""
         said = self.table.about.get("source")
         labels = dict(self.labels)
@@ -415,7 +415,7 @@ class _Reader:
                 f"{self.table.path}: the column source says {quote(found)}, the comment "
                 f"'# source:' says {quote(said)}"
             )
-        return found.lower()
+        return cast("Source", found.lower())
 
     # -- rows --
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring.errors import InputError
 from bowstring.validation import numbers, shown, vectors
+
+if TYPE_CHECKING:
+    from bowstring.schemas import basic as schema
 
 __all__ = ["SKEW", "Rigid", "align"]
 
@@ -134,7 +137,7 @@ class Rigid:
         shift = ", ".join(f"{1e3 * x:.4g}" for x in self._translation)
         return f"<Rigid: turned by ({turn}) deg, moved by ({shift}) mm>"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.RigidMotion:
         """Rotation and translation for JSON."""
         return {
             "rotation": self._rotation.tolist(),

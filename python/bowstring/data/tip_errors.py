@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.display import short_repr
+
+if TYPE_CHECKING:
+    from bowstring.schemas import study as schema
 
 __all__ = ["Comparison", "known_max", "known_mean"]
 
@@ -70,7 +73,7 @@ class Comparison:
         """Absolute errors (3, n) of points that both sides have."""
         return np.asarray(np.abs(self.difference[np.isfinite(self.error)]).T)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.Comparison:
         """The comparison in mm and percent."""
         return {
             "name": self.name,

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from bowstring._core import Flexibility, RodModel
     from bowstring.robot.model import Robot
+    from bowstring.schemas import dynamics as schema
     from bowstring.statics.fields import Labelled
 
 __all__ = ["Modes", "modes"]
@@ -102,7 +103,7 @@ class Modes:
         tensions = {"tensions_N": self.tensions}
         return rows_to_dataset(self.robot, "mode", {}, others, tensions)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.EquilibriumModes:
         """Return the content of ``bowstring modes --json``."""
         return {
             "status": "converged",

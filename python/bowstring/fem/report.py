@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from bowstring.fem.vtk import write_vtk
 from bowstring.result_folder import check_folder, write_listing
 from bowstring.viz.style import figure_style, save_figures
 
+if TYPE_CHECKING:
+    from bowstring.schemas import solids as schema
+
 __all__ = ["rows", "write"]
 
 Progress = Callable[[str, float], None]
@@ -24,7 +27,7 @@ Progress = Callable[[str, float], None]
 def write(
     run: BrickRun,
     beside: BesideRod,
-    content: dict[str, Any],
+    content: Mapping[str, Any],
     out: str | Path,
     *,
     progress: Progress | None = None,
@@ -61,7 +64,7 @@ def write(
     return folder
 
 
-def rows(run: BrickRun, beside: BesideRod) -> list[dict[str, Any]]:
+def rows(run: BrickRun, beside: BesideRod) -> list[schema.FeLoad]:
     """One entry for each load or time, for JSON; what is not known is None."""
 
     def known(value: Any) -> Any:
@@ -71,20 +74,20 @@ def rows(run: BrickRun, beside: BesideRod) -> list[dict[str, Any]]:
     found = []
     for i in range(len(run.states)):
         assert frames is not None
-        found.append(
-            {
-                **({"t_s": float(run.time[i])} if run.is_motion else {}),
-                "tensions_N": run.tensions[i].tolist(),
-                "tip": {
-                    "position_m": frames.disk_position[i, -1].tolist(),
-                    "rotation": frames.disk_rotation[i, -1].tolist(),
-                },
-                "rod_tip_position_m": known(beside.tip[i]),
-                "difference_mm": known(1e3 * beside.difference[i]),
-                "span_tensions_N": [[known(v) for v in row] for row in frames.span_tension[i]],
-                "middle_stress_Pa": beside.middle[i].tolist(),
-                "rod_middle_stress_Pa": known(beside.rod_middle[i]),
-                "edge_stress_Pa": beside.edge[i].tolist(),
-            }
-        )
+        row: schema.FeLoad = {
+            "tensions_N": run.tensions[i].tolist(),
+            "tip": {
+                "position_m": frames.disk_position[i, -1].tolist(),
+                "rotation": frames.disk_rotation[i, -1].tolist(),
+            },
+            "rod_tip_position_m": known(beside.tip[i]),
+            "difference_mm": known(1e3 * beside.difference[i]),
+            "span_tensions_N": [[known(v) for v in span] for span in frames.span_tension[i]],
+            "middle_stress_Pa": beside.middle[i].tolist(),
+            "rod_middle_stress_Pa": known(beside.rod_middle[i]),
+            "edge_stress_Pa": beside.edge[i].tolist(),
+        }
+        if run.is_motion:
+            row["t_s"] = float(run.time[i])
+        found.append(row)
     return found

@@ -8,8 +8,8 @@ and ``strain_limit`` (strain along its surface); statics stays linearly elastic 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +22,14 @@ from bowstring.units import number_with_unit
 if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
+    from bowstring.schemas import statics as schema
     from bowstring.statics.fields import Frames, Section
 
 __all__ = ["POINTS", "Use", "below_base", "by_segment", "has_limits", "of_pose", "of_sweep", "used"]
 
 Floats = NDArray[np.float64]
+
+What = Literal["strain_limit", "yield_strength"]
 
 POINTS: Final = 5  # stations of a module, as in fields
 _NOTHING: Final = 1e-6  # of the length, by which rounding may put a disk below the base
@@ -38,8 +41,8 @@ class Use:
 
     segment: int
     """From 1."""
-    what: str
-    """``strain_limit`` or ``yield_strength``."""
+    what: What
+    """Field of the robot file."""
     value: float
     """Largest strain along the surface, or largest von Mises stress there, Pa."""
     limit: float
@@ -57,9 +60,15 @@ class Use:
         )
         return f"{name} {value}, {in_percent(self.share)} of {self.what} {limit}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.BackboneLimit:
         """The use as plain values, SI."""
-        return {**asdict(self), "share": self.share}
+        return {
+            "segment": self.segment,
+            "what": self.what,
+            "value": self.value,
+            "limit": self.limit,
+            "share": self.share,
+        }
 
 
 def has_limits(robot: Robot) -> bool:
@@ -89,10 +98,11 @@ def used(robot: Robot, von_mises: Floats, strain: Floats) -> list[Use]:
     out = []
     for k, segment in enumerate(robot.segments):
         rod = segment.backbone
-        for what, value, limit in (
+        found: tuple[tuple[What, float, float | None], ...] = (
             ("strain_limit", float(strain[k]), rod.strain_limit),
             ("yield_strength", float(von_mises[k]), rod.yield_strength),
-        ):
+        )
+        for what, value, limit in found:
             if limit is not None and np.isfinite(value):
                 out.append(Use(k + 1, what, value, limit))
     return out

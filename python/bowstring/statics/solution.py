@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     import bowstring._core as _core
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
+    from bowstring.schemas import statics as schema
     from bowstring.statics.fields import Frames
     from bowstring.statics.limits import Use
 
@@ -67,7 +68,7 @@ class ErrorEstimate:
     tip: float
     tension: float
 
-    def to_dict(self) -> dict[str, float | None]:
+    def to_dict(self) -> schema.ErrorEstimate:
         """Return it with units in the names, ready for `json.dumps`."""
         tip, tension = plain([self.tip, self.tension])
         return {"tip_m": tip, "tension_N": tension}
@@ -402,7 +403,7 @@ class Solution:
             warnings.warn(f"{self.robot.name}: {self.message}", StabilityWarning, stacklevel=2)
         return self
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.Equilibrium:
         """Return the content of ``bowstring solve --json``, ready for `json.dumps`.
 
         Returns
@@ -415,7 +416,7 @@ class Solution:
         """
         core = self.core
         error = self.error_estimate
-        disks = None
+        disks: list[schema.Pose] | None = None
         positions, rotations = core.disk_positions, core.disk_rotations
         if positions is not None and rotations is not None:
             disks = [

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,9 @@ from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.solution import Sweep
 from bowstring.study.comparison import MEANINGS, Case, Model
+
+if TYPE_CHECKING:
+    from bowstring.schemas import study as schema
 
 __all__ = [
     "ASSUMED_FRICTION",
@@ -105,9 +108,9 @@ class ActuationRow:
         """Whether it moves the tip by more than constant curvature's own error, of the means."""
         return self.moved > self.mean_error(self.base)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.TensionEffect | schema.DisplacementEffect:
         """The row in mm and percent."""
-        return {
+        found = {
             "effect": self.effect,
             "label": self.label,
             "control": self.control,
@@ -115,6 +118,7 @@ class ActuationRow:
             **self.case.to_dict(self.base),
             "more_than_constant_curvature": self.exceeds,
         }
+        return cast("schema.TensionEffect | schema.DisplacementEffect", found)
 
 
 @short_repr
@@ -150,17 +154,28 @@ class Loop:
         known = np.isfinite(self.apart)
         return float(self.command[np.nanargmax(self.apart)]) if known.any() else math.nan
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.TensionHysteresis | schema.DisplacementHysteresis:
         """The loop in N or mm, mm and percent."""
-        name, scale = ("tension_N", 1.0) if self.control == "tension" else ("displacement_mm", 1e3)
-        tips = ("free", "loading", "unloading", "constant_curvature")
-        return {
-            "control": self.control,
+        loop: schema.Hysteresis = {
             "width_mm": self.width * 1e3,
             "width_percent": self.width / self.length * 100.0,
-            f"widest_at_{name}": self.widest_at * scale,
-            name: (self.command * scale).tolist(),
-            **{f"tip_{tip}_mm": (getattr(self, tip) * 1e3).tolist() for tip in tips},
+            "tip_free_mm": (self.free * 1e3).tolist(),
+            "tip_loading_mm": (self.loading * 1e3).tolist(),
+            "tip_unloading_mm": (self.unloading * 1e3).tolist(),
+            "tip_constant_curvature_mm": (self.constant_curvature * 1e3).tolist(),
+        }
+        if self.control == "tension":
+            return {
+                **loop,
+                "control": "tension",
+                "widest_at_tension_N": self.widest_at,
+                "tension_N": self.command.tolist(),
+            }
+        return {
+            **loop,
+            "control": "displacement",
+            "widest_at_displacement_mm": self.widest_at * 1e3,
+            "displacement_mm": (self.command * 1e3).tolist(),
         }
 
 
@@ -227,7 +242,7 @@ class ActuationBudget:
         """The row of that effect."""
         return next(row for row in self.rows if row.effect == effect)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.ActuationBudget:
         """The budget of actuation in mm and percent."""
         return {
             "friction": self.friction,
@@ -238,14 +253,12 @@ class ActuationBudget:
             "elasticity_is": self.elasticity_is,
             "elasticity_by": self.elasticity_by,
             "commanded_displacement_mm": (self.displacement * 1e3).tolist(),
-            "tension": {
-                "is": "tension control, no friction (this sweep)",
-                **self.tension_controlled.to_dict(),
-            },
-            "displacement": {
-                "is": "displacement control, inextensible tendons, no friction",
-                **self.displacement_controlled.to_dict(),
-            },
+            "tension": self.tension_controlled.described(
+                "tension control, no friction (this sweep)"
+            ),
+            "displacement": self.displacement_controlled.described(
+                "displacement control, inextensible tendons, no friction"
+            ),
             "rows": [row.to_dict() for row in self.rows],
             "hysteresis": [loop.to_dict() for loop in self.loops],
             "text": list(self.text),

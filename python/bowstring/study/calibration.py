@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,9 @@ from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.statics.solution import Sweep, joined
 from bowstring.study.comparison import Theory
+
+if TYPE_CHECKING:
+    from bowstring.schemas import study as schema
 
 __all__ = ["ArcCalibration", "StudyCalibration", "calibrate", "calibrate_arc", "predicted"]
 
@@ -63,12 +66,16 @@ class StudyCalibration:
     """Whether a constant load that is not gravity would explain the data clearly better."""
     notes: tuple[str, ...] = field(default=())
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.StudyCalibrationNumbers:
         """Parameters with standard errors, and how the fit ended."""
         found = self.fit.to_dict()
-        keys = ("converged", "message", "parameters", "correlation", "not_identifiable", "rows")
         return {
-            **{key: found[key] for key in keys},
+            "converged": found["converged"],
+            "message": found["message"],
+            "parameters": found["parameters"],
+            "correlation": found["correlation"],
+            "not_identifiable": found["not_identifiable"],
+            "rows": found["rows"],
             "gravity_is": self.gravity,
             "gravity_m_per_s2": list(self.robot.gravity),
             "other_load": self.other_load,

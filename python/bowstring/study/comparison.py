@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.statics.solution import Sweep
+
+if TYPE_CHECKING:
+    from bowstring.schemas import study as schema
 
 __all__ = [
     "COMPARISONS",
@@ -110,7 +113,7 @@ class Case:
         """Euclidean tip error (n,) of constant curvature in this physics, m."""
         return self.comparisons[meaning].error
 
-    def to_dict(self, base: Case | None = None) -> dict[str, Any]:
+    def to_dict(self, base: Case | None = None) -> Any:  # its keys depend on the comparisons
         """The case in mm and percent; with `base`, also the change from it at common points."""
         out: dict[str, Any] = {"problem": self.problem}
         for name, comparison in self.comparisons.items():
@@ -123,7 +126,11 @@ class Case:
                 out[name]["change_of_mean_percent"] = known_mean(change) / comparison.length * 100.0
         return out if base is None else out | self.moved_from(base)
 
-    def moved_from(self, base: Case) -> dict[str, float]:
+    def described(self, assumptions: str) -> Any:
+        """The case in mm and percent, after its assumptions in words."""
+        return {"is": assumptions, **self.to_dict()}
+
+    def moved_from(self, base: Case) -> schema.TipMoved:
         """How far the tip is from that of another case, in mm, at the loads that both have."""
         moved = np.linalg.norm(self.tip_position - base.tip_position, axis=-1)
         return {

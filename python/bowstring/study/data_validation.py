@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,9 @@ from bowstring.study.calibration import (
     predicted,
 )
 from bowstring.study.comparison import FROM_FORCE, Theory, points_by_arcs
+
+if TYPE_CHECKING:
+    from bowstring.schemas import study as schema
 
 __all__ = [
     "DATA_MODELS",
@@ -159,21 +162,22 @@ class DataComparison(Comparison):
         """Whether a base frame was fitted."""
         return self.frame != "as_measured"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.DataComparison:
         """The comparison in mm and percent, with bootstrap intervals at 95 %."""
-        out = super().to_dict()
-        out["max_by_axis_mm"] = (self.max_by_axis * 1e3).tolist()
-        out["registered"] = self.registered
-        out["frame"] = self.frame
-        if self.intervals is not None:
-            mean = self.intervals.mean * 1e3
-            out["interval_95"] = {
+        assert self.intervals is not None
+        mean = self.intervals.mean * 1e3
+        return {
+            **super().to_dict(),
+            "max_by_axis_mm": (self.max_by_axis * 1e3).tolist(),
+            "registered": self.registered,
+            "frame": self.frame,
+            "interval_95": {
                 "mean_mm": mean.tolist(),
                 "rms_mm": (self.intervals.rms * 1e3).tolist(),
                 "mean_percent": (mean / self.length / 10.0).tolist(),
                 "mean_by_axis_mm": (self.intervals.mean_by_axis * 1e3).tolist(),
-            }
-        return out
+            },
+        }
 
 
 @short_repr
@@ -196,7 +200,7 @@ class Effect:
     costs_interval: Array
     """(2,), m."""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.DecompositionStep:
         """The step in mm."""
         return {
             "effect": self.name,
@@ -277,20 +281,20 @@ class AgainstData:
         """The comparison of that model in that frame."""
         return next(c for c in self.comparisons if (c.name, c.frame) == (name, frame))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.StudyMeasurements:
         """The block ``measurements`` of a study."""
         d, c = self.data, self.calibration
-        base = (
-            None
-            if c is None
-            else {
+        base: dict[str, schema.BaseEstimate] | None = None
+        if c is not None:
+            base = {
                 e.name.removeprefix("base."): {
-                    key: getattr(e, key) for key in ("value", "standard_error", "unit")
+                    "value": e.value,
+                    "standard_error": e.standard_error,
+                    "unit": e.unit,
                 }
                 for e in c.fit.estimates
                 if e.name.startswith("base.")
             }
-        )
         return {
             "source": d.source,
             "name": d.name,
@@ -311,8 +315,10 @@ class AgainstData:
                     name: _frame_to_dict(frame) for name, frame in self.own_frames.items()
                 },
             },
-            "calibration": c and {**c.to_dict(), "constant_curvature_gains": self.gains},
-            "residuals": self.residuals and self.residuals.to_dict(),
+            "calibration": None
+            if c is None
+            else {**c.to_dict(), "constant_curvature_gains": self.gains},
+            "residuals": None if self.residuals is None else self.residuals.to_dict(),
             "decomposition": {
                 "begins_mm": self.plain * 1e3,
                 "effects": [effect.to_dict() for effect in self.effects],
@@ -322,7 +328,9 @@ class AgainstData:
                 "level": LEVEL,
                 "unit": self.loads.resampled[1],
                 "units": len(np.unique(self.loads.resampled[0])),
-                "calibrated_rod_at_other_rows": self.expected and self.expected.to_dict(),
+                "calibrated_rod_at_other_rows": None
+                if self.expected is None
+                else self.expected.to_dict(),
             },
             "text": list(self.text),
             "notes": list(self.notes),
@@ -333,7 +341,7 @@ def _turn(frame: Rigid) -> float:
     return math.degrees(float(np.linalg.norm(frame.rotation_vector)))
 
 
-def _frame_to_dict(frame: Rigid) -> dict[str, Any]:
+def _frame_to_dict(frame: Rigid) -> schema.TurnedFrame:
     return {**frame.to_dict(), "turned_deg": _turn(frame)}
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ from bowstring.formatting import round_down
 from bowstring.robot.model import Robot
 from bowstring.study.actuation_budget import ActuationBudget, actuation_budget
 from bowstring.study.comparison import MEANINGS, Case, Model, Physics
+
+if TYPE_CHECKING:
+    from bowstring.schemas import study as schema
 
 __all__ = ["GRAVITY", "SIDES", "Budget", "BudgetRow", "Contribution", "Side", "error_budget"]
 
@@ -167,21 +170,21 @@ class Budget:
         named = (("with it", present.problem), ("without it", absent.problem))
         return tuple(f"{which}: {problem}" for which, problem in named if problem)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.Budget:
         """The budget in mm and percent."""
         return {
-            "baseline": {"is": self.baseline_is, **self.baseline.to_dict()},
-            "full_model": {"is": self.full_model_is, **self.full_model.to_dict()},
+            "baseline": self.baseline.described(self.baseline_is),
+            "full_model": self.full_model.described(self.full_model_is),
             "sweep": self.sweep.to_dict(),
             "rows": [self._row_to_dict(row) for row in self.rows],
             "notes": list(self.notes),
             "actuation": self.actuation.to_dict(),
         }
 
-    def _row_to_dict(self, row: BudgetRow) -> dict[str, Any]:
-        def side(name: Side) -> dict[str, Any]:
+    def _row_to_dict(self, row: BudgetRow) -> schema.BudgetRow:
+        def side(name: Side, **more: str) -> Any:
             case: Case = getattr(row, name)
-            out = case.to_dict()
+            out = {**more, **case.to_dict()}
             for meaning in MEANINGS:
                 found = self.contribution(row, name, meaning)
                 length = case.comparisons[meaning].length
@@ -197,7 +200,7 @@ class Budget:
             "added": side("added"),
             "full": row.full.to_dict(),
             "removed": side("removed"),
-            "in_sweep": {"how": "removed" if row.acts_in_sweep else "added", **side("in_sweep")},
+            "in_sweep": side("in_sweep", how="removed" if row.acts_in_sweep else "added"),
         }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from bowstring.formatting import in_mm, in_percent, listed
 from bowstring.robot.model import Robot
 
 if TYPE_CHECKING:
+    from bowstring.schemas import study as schema
     from bowstring.study.data_validation import AgainstData
 
 __all__ = ["FiniteElements", "at_data", "solve"]
@@ -114,7 +115,7 @@ class FiniteElements:
             f"frame for all, is: {listed(means)}; finite elements are interpolated between loads.",
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.StudyFiniteElements:
         """In mm, for JSON."""
         run, point = self.run, self.measured_point
         return {
@@ -128,7 +129,10 @@ class FiniteElements:
             "middle_stress_ratio": self.beside.stress_ratio.tolist(),
             "concentration": self.beside.concentration.tolist(),
             "span_error": run.span_error,
-            **{key: run.settings[key] for key in ("mesh", "stiffness", "grip", "calculix_version")},
+            "mesh": run.settings["mesh"],
+            "stiffness": run.settings["stiffness"],
+            "grip": run.settings["grip"],
+            "calculix_version": run.settings["calculix_version"],
         }
 
 

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,9 @@ from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.robot.model import Robot
 from bowstring.statics import fields, limits, simulator
 from bowstring.study.comparison import Model
+
+if TYPE_CHECKING:
+    from bowstring.schemas import study as schema
 
 __all__ = [
     "MODAL_DAMPING",
@@ -71,7 +74,7 @@ class Surface:
     by_segment: Array
     """(2, K, S), largest von Mises stress in Pa and strain of each segment."""
 
-    def to_dict(self) -> dict[str, list[float]]:
+    def to_dict(self) -> schema.Surface:
         """In MPa and percent."""
         return {
             "von_mises_max_MPa": (self.von_mises / 1e6).tolist(),
@@ -212,7 +215,7 @@ class Transient:
             out.append(words + ".")
         return tuple(out)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.MotionNumbers:
         """The motion in s, N, mm, MPa and percent."""
         largest, where = self.max_difference
         when, size = self.peak or (math.nan, math.nan)

@@ -32,7 +32,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,7 @@ from bowstring.validation import choice, instance, number, shown
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
+    from bowstring.schemas import study as schema
     from bowstring.study.data_validation import AgainstData
     from bowstring.study.finite_elements import FiniteElements
 
@@ -446,18 +447,22 @@ class Study:
         """What dynamics did and found, or why it is left out."""
         return self.dynamics.text if self.dynamics else (self.without_dynamics,)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.StudyResults:
         """The study as JSON values only; what is not a number is None."""
         s, g, d = self.statics, self.geometry, self.data
-        out: dict[str, Any] = {
+        out: schema.StudyResults = {
             "robot": self.robot.name,
             "length_m": self.length,
             "comparisons": [c.to_dict() for c in self.comparisons],
             "verdict": self.verdict.to_dict(),
             "budget": self.budget.to_dict(),
             "figures": [
-                {"title": f.title, "caption": f.caption}
-                | {kind: f"figures/{f.stem}.{kind}" for kind in ("png", "pdf")}
+                {
+                    "title": f.title,
+                    "caption": f.caption,
+                    "png": f"figures/{f.stem}.png",
+                    "pdf": f"figures/{f.stem}.pdf",
+                }
                 for f in self.figures
             ],
             "published_claim": None
@@ -512,9 +517,10 @@ class Study:
                 },
             },
         }
-        return dict(plain(out))
+        found: schema.StudyResults = plain(out)
+        return found
 
-    def _errors_mm(self, against: str) -> dict[str, list[float]]:
+    def _errors_mm(self, against: str) -> dict[str, list[float | None]]:
         """By name, at the loads of the sweep."""
         return {c.name: (c.error * 1e3).tolist() for c in self.against(against)}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -99,7 +99,7 @@ def study_tables(study: Study) -> Iterable[Table]:
         )
 
     comparisons = simulated(study)
-    rows = [c.to_dict() for c in comparisons]
+    rows: list[Mapping[str, Any]] = [c.to_dict() for c in comparisons]
     keys = ("name", "against", "n", "mean_mm", "max_mm", "rms_mm", "mean_percent")
     yield _table(
         "comparisons",
@@ -128,7 +128,7 @@ def study_tables(study: Study) -> Iterable[Table]:
     yield "budget", *_budget_table(budget)
     yield "actuation", *_actuation_table(budget["actuation"])
     for loop in study.budget.actuation.loops:
-        d = loop.to_dict()
+        d: Mapping[str, Any] = loop.to_dict()
         command = "tension_N" if loop.control == "tension" else "displacement_mm"
         yield _table(
             f"hysteresis_by_{loop.control}",
@@ -198,7 +198,7 @@ def _data_tables(found: AgainstData) -> Iterable[Table]:
         (_named("registered"), found.point * 1e3),
         *((_named(name), found.comparison(name).tip_position * 1e3) for name in found.models),
     )
-    rows = [c.to_dict() for c in found.comparisons]
+    rows: list[Mapping[str, Any]] = [c.to_dict() for c in found.comparisons]
     yield _table(
         "measured_comparisons",
         ("source", source * len(rows)),
@@ -210,7 +210,7 @@ def _data_tables(found: AgainstData) -> Iterable[Table]:
         *((_named(key), [row[f"{key}_by_axis_mm"] for row in rows]) for key in ("mean", "max")),
     )
     if found.effects:
-        steps = [effect.to_dict() for effect in found.effects]
+        steps: list[Mapping[str, Any]] = [effect.to_dict() for effect in found.effects]
         keys = [key for key in steps[0] if "interval" not in key]
         none: list[Cell] = [data.source, "none", "none of the below", found.plain * 1e3]
         yield (
@@ -229,12 +229,12 @@ _ERROR: Final = ("n", "mean_mm", "max_mm", "mean_percent")
 _MOVED: Final = ("tip_moved_mean_mm", "tip_moved_max_mm")
 
 
-def _budget_table(budget: dict[str, Any]) -> tuple[list[str], list[Sequence[Cell]]]:
+def _budget_table(budget: Mapping[str, Any]) -> tuple[list[str], list[Sequence[Cell]]]:
     kinds = (*_ERROR, *(f"contribution_{kind}" for kind in ("n", "mm", "percent")))
     header = ["effect", "case", "problem", *_MOVED]
     header += [f"{name}_{kind}" for name in MEANINGS for kind in kinds]
 
-    def row(effect: str, what: str, d: dict[str, Any]) -> list[Cell]:
+    def row(effect: str, what: str, d: Mapping[str, Any]) -> list[Cell]:
         errors = [d[name].get(kind) for name in MEANINGS for kind in kinds]
         return [effect, what, d["problem"], *map(d.get, _MOVED), *errors]
 
@@ -254,7 +254,7 @@ def _budget_table(budget: dict[str, Any]) -> tuple[list[str], list[Sequence[Cell
     return header, rows
 
 
-def _actuation_table(actuation: dict[str, Any]) -> tuple[list[str], list[Sequence[Cell]]]:
+def _actuation_table(actuation: Mapping[str, Any]) -> tuple[list[str], list[Sequence[Cell]]]:
     kinds = (*_ERROR, "change_of_mean_mm")
     rows: list[Sequence[Cell]] = []
     for kind, d in (

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,10 @@ from bowstring.formatting import in_mm, in_newtons, in_percent, listed, signific
 from bowstring.study.comparison import MEANINGS, Case, Model, Physics
 from bowstring.study.error_budget import Budget
 
-__all__ = ["Correction", "Meaning", "Share", "Verdict", "corrections", "judge"]
+if TYPE_CHECKING:
+    from bowstring.schemas import study as schema
+
+__all__ = ["Meaning", "Share", "Verdict", "judge"]
 
 Array = NDArray[np.float64]
 
@@ -92,7 +95,7 @@ class Verdict:
     """Errors on the fine sweep that was searched, m."""
     text: tuple[str, ...]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> schema.Verdict:
         """The verdict in mm, N and percent."""
         return {
             "tolerance_percent": self.tolerance * 100.0,

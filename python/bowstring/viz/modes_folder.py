@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ Progress = Callable[[str, float], None]
 
 
 def write_modes(
-    modes: Modes, content: dict[str, Any], out: str | Path, *, progress: Progress | None = None
+    modes: Modes, content: Mapping[str, Any], out: str | Path, *, progress: Progress | None = None
 ) -> Path:
     """Write pictures of mode shapes.
 

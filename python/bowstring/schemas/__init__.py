@@ -1,0 +1,31 @@
+"""Schemas of the JSON that commands print with ``--json``.
+
+Each object is a typed dictionary: key, type, meaning, and unit where the key does not end in it.
+Type checks hold what makes the JSON to these types, tests hold to them what is printed, and
+``docs/reference/json.md`` is made from them. No command imports this package.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from bowstring.schemas import bench, dynamics, fit, program, solids, statics, study
+
+#: The object that each command prints; that of `schema` is a JSON Schema itself.
+COMMANDS: Final[dict[str, Any]] = {
+    "robots": program.Robots,
+    "doctor": program.Doctor,
+    "fk": statics.Fk,
+    "ik": statics.Ik,
+    "solve": statics.Solve,
+    "simulate": dynamics.Simulate,
+    "modes": dynamics.Modes,
+    "study": study.Study,
+    "bench check": bench.BenchCheck,
+    "bench simulate": bench.BenchSimulate,
+    "fit": fit.Fit,
+    "cad": solids.Cad,
+    "fe": solids.Fe,
+    "data list": program.DataSets,
+    "data get": program.DataFolder,
+}

@@ -1,0 +1,199 @@
+"""JSON of the command fit, and of the calibration in a study."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from bowstring.schemas.basic import (
+    InFolder,
+    Object,
+    OfRobot,
+    OrNull,
+    Source,
+    VectorOrNull,
+    about,
+)
+
+
+class Estimate(Object):
+    """A fitted parameter."""
+
+    name: Annotated[str, about("Name.")]
+    unit: Annotated[str, about("Unit of the numbers below.")]
+    value: Annotated[float, about("Estimate.", "`unit`")]
+    standard_error: Annotated[
+        OrNull, about("Standard error; `null` if the parameter is not identifiable.", "`unit`")
+    ]
+    low: Annotated[OrNull, about("Lower bound of the 95 % interval, or `null`.", "`unit`")]
+    high: Annotated[OrNull, about("Upper bound, or `null`.", "`unit`")]
+    start: Annotated[float, about("Value at which the fit begins.", "`unit`")]
+    at_limit: Annotated[bool, about("Whether the estimate is at the end of its range.")]
+    cut: Annotated[bool, about("Whether the interval ends at the end of the range.")]
+
+
+class CorrelatedPair(Object):
+    """Two correlated parameters."""
+
+    names: Annotated[list[str], about("The two names.")]
+    correlation: Annotated[float, about("Correlation of their estimates.")]
+
+
+class TipErrors(Object):
+    """Tip errors over rows."""
+
+    rmse_mm: Annotated[OrNull, about("Root mean square.")]
+    mean_mm: Annotated[OrNull, about("Mean.")]
+    max_mm: Annotated[OrNull, about("Largest.")]
+    rmse_centred_mm: Annotated[OrNull, about("Root mean square without the mean error vector.")]
+    mean_centred_mm: Annotated[OrNull, about("Mean without the mean error vector.")]
+
+
+class RowErrors(TipErrors):
+    """Tip errors and their number of rows."""
+
+    rows: Annotated[int, about("Number of rows.")]
+
+
+class HoldoutValidation(RowErrors):
+    """Validation with rows that were kept from the fit."""
+
+    kind: Annotated[Literal["holdout"], about("Kind of validation.")]
+    rows_unanswered: Annotated[
+        int, about("Rows without a solution of the calibrated model; they count in no number.")
+    ]
+
+
+class Fold(RowErrors):
+    """A part of a cross-validation."""
+
+    left_out: Annotated[str, about("What this part leaves out of the fit and predicts.")]
+
+
+class FoldsValidation(RowErrors):
+    """Cross-validation: errors over all parts."""
+
+    kind: Annotated[Literal["folds"], about("Kind of validation.")]
+    rows_unanswered: Annotated[
+        int, about("Rows without a solution of the calibrated model; they count in no number.")
+    ]
+    converged: Annotated[bool, about("Whether all fits converged.")]
+    folds: Annotated[list[Fold], about("Parts.")]
+
+
+class FileValidation(RowErrors):
+    """Validation with another table."""
+
+    kind: Annotated[Literal["file"], about("Kind of validation.")]
+    rows_unanswered: Annotated[
+        int, about("Rows without a solution of the calibrated model; they count in no number.")
+    ]
+    name: Annotated[str, about("Name of the table.")]
+    source: Annotated[Source, about("Origin of its numbers.")]
+    rows_left_out: Annotated[int, about("Rows that could not be read.")]
+    sha256: Annotated[str | None, about("SHA-256 of the table.")]
+
+
+Validation = HoldoutValidation | FoldsValidation | FileValidation
+
+
+class FitTendonCheck(Object):
+    """Comparison of the order of the tendons with the motion of the tip."""
+
+    found: Annotated[
+        Literal["as_said", "turned", "swapped", "mirrored", "unclear", "unchecked"],
+        about("As in `bench check`."),
+    ]
+    alarm: Annotated[bool, about("Whether something is probably wrong.")]
+    sentence: Annotated[str, about("Result as a sentence.")]
+
+
+class FitData(Object):
+    """The fitted table."""
+
+    name: Annotated[str, about("Name of the table.")]
+    source: Annotated[Source, about("Origin of its numbers.")]
+    rows: Annotated[int, about("Number of rows, without those left out.")]
+    rows_left_out: Annotated[int, about("Rows that could not be read.")]
+    rows_without_tip: Annotated[int, about("Rows without a measured tip.")]
+    sigma_mm: Annotated[
+        OrNull, about("Median stated standard uncertainty of a coordinate; `null` if not stated.")
+    ]
+    sha256: Annotated[str | None, about("SHA-256 of the table.")]
+
+
+class FarRow(Object):
+    """A row far beyond the scatter of the others."""
+
+    line: Annotated[int, about("Line of the table, from 1.")]
+    distance_mm: Annotated[float, about("Tip error.")]
+
+
+class EndOfFit(Object):
+    """Estimates, and how the fit ended."""
+
+    converged: Annotated[bool, about("Whether the fit converged.")]
+    message: Annotated[str, about("How it ended.")]
+    parameters: Annotated[list[Estimate], about("Fitted parameters.")]
+    correlation: Annotated[
+        list[list[OrNull]],
+        about("Correlation matrix; `null` for parameters that are not identifiable."),
+    ]
+    not_identifiable: Annotated[
+        list[list[str]], about("Groups of parameters that the rows cannot separate.")
+    ]
+    rows: Annotated[int, about("Fitted rows.")]
+
+
+class FitNumbers(EndOfFit, TipErrors):
+    """Result of `Fit.to_dict`; tip errors are those after the fit."""
+
+    model: Annotated[Literal["rod", "arc"], about("`rod`: statics; `arc`: constant curvature.")]
+    rows_without_equilibrium: Annotated[
+        int, about("Rows without an equilibrium; they are not fitted.")
+    ]
+    rmse_before_mm: Annotated[
+        OrNull,
+        about(
+            "Root mean square of the tip error of ROBOT as given; a base of which all six "
+            "parameters are fitted is first put where it fits best."
+        ),
+    ]
+    mean_before_mm: Annotated[OrNull, about("Mean of the same.")]
+    noise_mm: Annotated[
+        OrNull, about("Scatter of a coordinate by its median, which outliers hardly change.")
+    ]
+    residuals_over_stated_uncertainty: Annotated[
+        OrNull,
+        about(
+            "Root mean square of residual over stated uncertainty: about 1 if the model lacks "
+            "nothing; `null` if none is stated."
+        ),
+    ]
+    autocorrelation: Annotated[
+        OrNull, about("Autocorrelation of the residuals; `null` with too few rows.")
+    ]
+    evaluations: Annotated[int, about("Evaluations of all rows.")]
+
+
+class TableFit(FitNumbers):
+    """Result of `Calibration.to_dict`."""
+
+    loss: Annotated[Literal["linear", "soft_l1", "huber"], about("Loss function.")]
+    correlated: Annotated[
+        list[CorrelatedPair], about("Pairs correlated by 0.9 or more, strongest first.")
+    ]
+    validation: Annotated[Validation | None, about("Validation; `null` without any.")]
+    tendon_check: Annotated[FitTendonCheck, about("Check of the order of the tendons.")]
+    data: Annotated[FitData, about("The fitted table.")]
+    far: Annotated[
+        list[FarRow], about("Few rows far beyond the scatter of the others, such as mistyped ones.")
+    ]
+    lines: Annotated[list[int], about("Line of each row in the table.")]
+    residuals_mm: Annotated[
+        list[VectorOrNull],
+        about("Predicted less measured tip of each row; `null` where nothing was measured."),
+    ]
+
+
+class Fit(TableFit, OfRobot, InFolder):
+    """Output of `bowstring fit`."""

@@ -1,0 +1,114 @@
+"""JSON of the commands fk, ik and solve."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, about
+
+__all__ = ["Arc", "BackboneLimit", "Equilibrium", "ErrorEstimate", "Fk", "Ik", "Pose", "Solve"]
+
+
+class Arc(Object):
+    """Arc of a segment by constant curvature."""
+
+    kappa_per_m: Annotated[float, about("Curvature.")]
+    phi_rad: Annotated[float, about("Angle of the bending plane from x, counter-clockwise.")]
+    theta_rad: Annotated[float, about("Bending angle.")]
+    length_m: Annotated[float, about("Arc length.")]
+
+
+class FittedArc(Arc):
+    """Arc of a segment from tendon lengths."""
+
+    misfit_m: Annotated[
+        float, about("Root mean square of the part of redundant lengths that no arc has.")
+    ]
+
+
+class Fk(OfRobot):
+    """Output of `bowstring fk`."""
+
+    segments: Annotated[list[FittedArc], about("Arcs, inner segment first.")]
+    tip: Annotated[Pose, about("Tip.")]
+
+
+class Ik(OfRobot):
+    """Output of `bowstring ik`."""
+
+    segments: Annotated[list[Arc], about("The arc.")]
+    tendon_lengths_m: Annotated[list[float], about("Length of each tendon.")]
+    miss_m: Annotated[float, about("Distance between the tip and the point.")]
+    tip: Annotated[Pose, about("Tip.")]
+
+
+class ErrorEstimate(Object):
+    """Estimated discretisation error."""
+
+    tip_m: Annotated[OrNull, about("Of the position of the tip.")]
+    tension_N: Annotated[OrNull, about("Of the tension of a displacement-controlled tendon.")]
+
+
+class BackboneLimit(Object):
+    """Largest strain or stress of a segment's backbone beside the limit of the robot file."""
+
+    segment: Annotated[int, about("Segment, from 1.")]
+    what: Annotated[Literal["strain_limit", "yield_strength"], about("Field of the robot file.")]
+    value: Annotated[
+        float,
+        about("Largest strain along the surface, or largest von Mises stress.", "1 or Pa"),
+    ]
+    limit: Annotated[float, about("Limit.", "1 or Pa")]
+    share: Annotated[float, about("Value over limit.")]
+
+
+class Equilibrium(Object):
+    """Result of `Solution.to_dict`."""
+
+    status: Annotated[
+        str,
+        about(
+            "`converged`, or the reason for no solution: `max_iterations`; `unstable`, only "
+            "unstable equilibria were found; `no_equilibrium`."
+        ),
+    ]
+    stable: Annotated[
+        bool | None, about("Whether the equilibrium is stable ([details](cli.md#solve)).")
+    ]
+    iterations: Annotated[int, about("Number of Newton iterations.")]
+    residual: Annotated[
+        OrNull, about("Largest moment imbalance over (bending stiffness / length).")
+    ]
+    error_estimate: Annotated[
+        ErrorEstimate | None, about("Estimated error; `null` without a solution.")
+    ]
+    elements: Annotated[int | None, about("Elements between two disks.")]
+    theory: Annotated[Literal["cosserat", "kirchhoff"], about("Theory of the backbone.")]
+    tip: Annotated[Pose | None, about("Tip, `null` without a solution.")]
+    disks: Annotated[
+        list[Pose] | None,
+        about("All disks from base to tip, without the base; `null` without a solution."),
+    ]
+    tendon_lengths_m: Annotated[list[float] | None, about("Length of each tendon.")]
+    tensions_N: Annotated[list[OrNull], about("Tension of each tendon before the base hole.")]
+    displacements_m: Annotated[list[float] | None, about("Displacement of each tendon.")]
+    slack: Annotated[list[int] | None, about("Slack tendons, from 1.")]
+    slack_m: Annotated[list[float] | None, about("Slack length of each tendon.")]
+    span_tensions_N: Annotated[
+        list[list[OrNull]] | None,
+        about("Tensions by span from base to tip; `null` beyond the end of a tendon."),
+    ]
+    undetermined: Annotated[
+        bool,
+        about("Whether the displacements leave the tensions undetermined; the smallest are given."),
+    ]
+    length_residual_m: Annotated[OrNull, about("Largest deviation from a prescribed displacement.")]
+
+
+class Solve(Equilibrium, OfRobot):
+    """Output of `bowstring solve`."""
+
+    message: Annotated[str, about("Status as a sentence, and what to try.")]
+    backbone_limits: Annotated[
+        list[BackboneLimit], about("Segments for which the robot file has limits.")
+    ]

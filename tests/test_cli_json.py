@@ -1,0 +1,101 @@
+"""The JSON of every command is as its schema has it; `shell.json` checks all that tests print."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from pydantic import TypeAdapter, ValidationError
+
+from bowstring.cli import main
+from bowstring.schemas import COMMANDS, study
+from bowstring.study.study import Study
+from shell import Shell, adapter
+
+BENCH = str(Path(__file__).parents[1] / "examples" / "bench.csv")
+
+
+def test_every_command_with_json_has_a_schema() -> None:
+    def commands(group: Any, words: tuple[str, ...] = ()) -> Iterator[str]:
+        for name, command in group.commands.items():
+            if hasattr(command, "commands"):
+                yield from commands(command, (*words, name))
+            elif any("--json" in parameter.opts for parameter in command.params):
+                yield " ".join((*words, name))
+
+    found = set(commands(typer.main.get_command(main.app)))
+    assert found == {*COMMANDS, "schema"}  # which prints a JSON Schema itself
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_key_is_described(command: str) -> None:
+    schema = adapter(command).json_schema()
+    for part in (schema, *schema.get("$defs", {}).values()):
+        assert part["description"] and part["additionalProperties"] is False
+        for key, about in part["properties"].items():
+            # pydantic leaves out what the object behind the key says as well
+            assert "$ref" in about or about["description"].endswith("."), (part["title"], key)
+
+
+def test_schemas_are_strict(shell: Shell) -> None:
+    found = shell.json("ik", "amouri2019", "--tip", "0.3,0,0.5")
+    content = json.dumps(found)
+    for wrong in (
+        content.replace('"miss_m"', '"miss_mm"'),  # an unknown key, and one that is missing
+        json.dumps({**found, "more": 1}),
+        json.dumps({**found, "miss_m": None}),
+        json.dumps({**found, "miss_m": True}),
+        json.dumps({**found, "miss_m": float("nan")}),
+        json.dumps({**found, "tip": {**found["tip"], "position_m": [0.0, 1.0]}}),
+    ):
+        with pytest.raises(ValidationError):
+            adapter("ik").validate_json(wrong, strict=True)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("robots",),
+        ("doctor",),
+        ("data", "list"),
+        ("fk", "rao2021", "--lengths", "0.2,0.2,0.2,0.39,0.41,0.4"),
+        ("solve", "rao2021", "--displacement", "1 mm,0,0,0,2 mm,0"),
+        (
+            *("solve", "amouri2019", "--tension", "20,0,0"),
+            *("--set", "segments.0.backbone.yield_strength=1 GPa"),
+            *("--set", "segments.0.backbone.strain_limit=0.02"),
+        ),
+        ("modes", "amouri2019", "--tension", "20,0,0", "--count", "2"),
+        ("simulate", "rao2021", "--tension", "0,0,0,1,0,0", "--rise", "0.1", "--hold", "0"),
+        ("bench", "check", BENCH),
+        ("bench", "check", BENCH, "--robot", "amouri2019"),
+        ("bench", "simulate", "amouri2019", "--masses", "0:2:8", "--unload", "--out", "b.csv"),
+        (
+            *("bench", "simulate", "amouri2019", "--displacements", "0:10 mm:0.03"),
+            *("--actual", "segments.0.backbone.E=+5 %", "--out", "b.csv"),
+        ),
+        pytest.param(
+            ("study", "amouri2019", "--points", "3", "--measurements", BENCH),
+            marks=pytest.mark.slow,
+        ),
+    ],
+    ids=lambda arguments: " ".join(arguments[:2]),
+)
+def test_json_of_commands(
+    arguments: tuple[str, ...], shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Variants that no other test prints; the schema is all that is asked here."""
+    monkeypatch.chdir(tmp_path)
+    shell.json(*arguments)
+
+
+def test_study_in_python(paper: Study) -> None:
+    check = TypeAdapter(study.StudyResults).validate_python
+    still = replace(paper, dynamics=None, without_dynamics="The robot has no mass.")
+    for found in (paper, still):
+        check(found.to_dict(), strict=True)
