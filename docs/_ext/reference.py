@@ -2,6 +2,8 @@
 
 ``{command} solve`` lists the arguments and flags of a command as the parser has them;
 ``{robot-fields} Backbone`` the fields of a part of the robot file as its JSON Schema has them;
+``{json} solve`` the keys of a command's JSON, and of the objects in it, as `bowstring.schemas` has
+them; ``{json} shared`` those of the objects that several commands have;
 ``{api} bowstring.dynamics`` documents the names that its content lists, from their docstrings.
 """
 
@@ -9,15 +11,20 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
+from functools import cache
 from typing import Any, get_args
 
 import typer
 from docutils import nodes
+from pydantic import TypeAdapter
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 import bowstring
+from bowstring import schemas
 from bowstring.cli import main
+from bowstring.schemas import basic
 
 
 class _Table(SphinxDirective):
@@ -32,10 +39,12 @@ class _Table(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Parse the table as a part of the page."""
-        rows = self.rows(self.arguments[0])
-        lines = ["| " + " | ".join(_cell(text) for text in row) + " |" for row in rows]
-        lines.insert(1, "|---" * len(rows[0]) + "|")
-        return self.parse_text_to_nodes("\n".join(lines))
+        return self.parse_text_to_nodes("\n".join(_table(self.rows(self.arguments[0]))))
+
+
+def _table(rows: list[list[str]]) -> list[str]:
+    lines = ["| " + " | ".join(_cell(text) for text in row) + " |" for row in rows]
+    return [lines[0], "|---" * len(rows[0]) + "|", *lines[1:]]
 
 
 def _cell(text: str) -> str:
@@ -95,6 +104,105 @@ class RobotFields(_Table):
         return found
 
 
+#: Units by the end of a key.
+_UNITS = {
+    **{name: name for name in ("m", "mm", "rad", "deg", "N", "Pa", "MPa", "kg", "s")},
+    **{"m3": "m³", "Nm": "N m", "hz": "Hz", "percent": "%", "per_m": "1/m", "per_s": "1/s"},
+    **{"m_per_s2": "m/s²", "m_per_N": "m/N"},
+}
+_UNIT = re.compile(f"_({'|'.join(sorted(_UNITS, key=len, reverse=True))})$")
+_LISTS = {2: "`[low, high]`", 3: "`[x, y, z]`"}
+
+
+@cache
+def _json_objects() -> dict[str, list[dict[str, Any]]]:
+    """Schemas of objects by section: those that are shared, then each command and what is new."""
+    common = (basic.OfRobot, basic.MadeBy, basic.Pose, basic.RigidMotion, basic.MeasurementIssue)
+    found: dict[str, list[dict[str, Any]]] = {}
+    seen: dict[str, dict[str, Any]] = {}
+    commands = {name: (kind,) for name, kind in schemas.COMMANDS.items()}
+    for section, kinds in {"shared": common, **commands}.items():
+        found[section] = []
+        for kind in kinds:
+            whole = TypeAdapter(kind).json_schema()
+            parts = whole.pop("$defs", {})
+            for part in _reached(whole, parts, []):
+                if seen.setdefault(part["title"], part) is part:
+                    found[section].append(part)
+                elif seen[part["title"]] != part:
+                    raise ValueError(f"two schemas have the name {part['title']}")
+    return found
+
+
+def _reached(part: Any, parts: dict[str, Any], found: list[Any]) -> list[Any]:
+    """An object and all objects in it, in the order of the keys."""
+    found.append(part)
+    for name in re.findall(r"'#/\$defs/(\w+)'", str(part["properties"])):
+        if parts[name] not in found:
+            _reached(parts[name], parts, found)
+    return found
+
+
+def _json_kind(about: dict[str, Any]) -> str:
+    """A JSON type in words."""
+    if "$ref" in about:
+        name = about["$ref"].rpartition("/")[2]
+        return f"[{name}](#json-{name.lower()})"
+    if "anyOf" in about:
+        return " or ".join(map(_json_kind, about["anyOf"]))
+    if values := about.get("enum", [about["const"]] if "const" in about else []):
+        return " or ".join(f"`{value}`" for value in values)
+    if about.get("type") == "array":
+        items, count = about["items"], about.get("minItems")
+        if count is None:
+            kind = _json_kind(items)
+            return f"list of ({kind})" if "anyOf" in items else f"list of {kind}"
+        if items.get("type") == "array":
+            return f"list of {count} {_json_kind(items)}"
+        return _LISTS[count] + ", numbers or null" * ("anyOf" in items)
+    if isinstance(values := about.get("additionalProperties"), dict):
+        return f"object of {_json_kind(values)} by name"
+    return str(about.get("type", "any"))
+
+
+class JsonObjects(SphinxDirective):
+    """Objects of a command's JSON: one table each."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list[nodes.Node]:
+        """Write the tables in Markdown and parse them."""
+        lines: list[str] = []
+        for part in _json_objects()[self.arguments[0]]:
+            title, keys, more = part["title"], part["properties"], ""
+            if title != "OfRobot" and _of_robot().items() <= keys.items():
+                keys = {key: about for key, about in keys.items() if key not in _of_robot()}
+                more = " It has the keys of [OfRobot](#json-ofrobot) too."
+            lines += ["", f"(json-{title.lower()})=", f"**{title}.** {part['description']}{more}"]
+            rows = [
+                _json_row(key, about, key in part.get("required", ()))
+                for key, about in keys.items()
+            ]
+            lines += ["", *_table([["key", "type", "unit", "meaning"], *rows])]
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
+def _of_robot() -> dict[str, Any]:
+    return next(p["properties"] for p in _json_objects()["shared"] if p["title"] == "OfRobot")
+
+
+def _json_row(key: str, about: dict[str, Any], required: bool) -> list[str]:
+    end = _UNIT.search(key)
+    unit = about.get("unit", _UNITS[end[1]] if end else "")
+    text = about.get("description", "")
+    if not text:  # the object behind the key says the same, and pydantic has it there alone
+        name = about["$ref"].rpartition("/")[2]
+        parts = (part for section in _json_objects().values() for part in section)
+        text = next(part["description"] for part in parts if part["title"] == name)
+    return [f"`{key}`", _json_kind(about), unit, text if required else f"{text} Else absent."]
+
+
 class Api(SphinxDirective):
     """Public names of a module, one a line: a table of first lines, then the docstrings."""
 
@@ -121,5 +229,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
     app.add_directive("command", CommandTable)
     app.add_directive("robot-fields", RobotFields)
+    app.add_directive("json", JsonObjects)
     app.add_directive("api", Api)
     return {"version": bowstring.__version__, "parallel_read_safe": True}

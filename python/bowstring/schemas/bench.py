@@ -126,9 +126,11 @@ class BenchLoads(Object):
     """Loads of a synthetic test bench."""
 
     by: Annotated[str, about("`tensions`, `displacements`, both, or `masses`.")]
-    masses_kg: NotRequired[Annotated[list[float], about("Masses.")]]
-    tendon: NotRequired[Annotated[int, about("Tendon on which they hang, from 1.")]]
-    g_m_per_s2: NotRequired[Annotated[float, about("Gravity on the masses.")]]
+    masses_kg: NotRequired[Annotated[list[float], about("Masses, if masses are given.")]]
+    tendon: NotRequired[
+        Annotated[int, about("Tendon that the masses load, from 1, if masses are given.")]
+    ]
+    g_m_per_s2: NotRequired[Annotated[float, about("Gravity on the masses, if masses are given.")]]
     repeats: Annotated[int, about("Number of runs through the loads.")]
     unload: Annotated[bool, about("Whether a run unloads again.")]
 

@@ -22,10 +22,15 @@ class Estimate(Object):
     unit: Annotated[str, about("Unit of the numbers below.")]
     value: Annotated[float, about("Estimate.", "`unit`")]
     standard_error: Annotated[
-        OrNull, about("Standard error; `null` if the parameter is not identifiable.", "`unit`")
+        OrNull,
+        about(
+            "Standard error; `null`, as are the bounds, if the parameter is not identifiable or "
+            "the standard error as wide as its range.",
+            "`unit`",
+        ),
     ]
-    low: Annotated[OrNull, about("Lower bound of the 95 % interval, or `null`.", "`unit`")]
-    high: Annotated[OrNull, about("Upper bound, or `null`.", "`unit`")]
+    low: Annotated[OrNull, about("Lower bound of the 95 % interval.", "`unit`")]
+    high: Annotated[OrNull, about("Upper bound.", "`unit`")]
     start: Annotated[float, about("Value at which the fit begins.", "`unit`")]
     at_limit: Annotated[bool, about("Whether the estimate is at the end of its range.")]
     cut: Annotated[bool, about("Whether the interval ends at the end of the range.")]
@@ -41,11 +46,13 @@ class CorrelatedPair(Object):
 class TipErrors(Object):
     """Tip errors over rows."""
 
-    rmse_mm: Annotated[OrNull, about("Root mean square.")]
-    mean_mm: Annotated[OrNull, about("Mean.")]
-    max_mm: Annotated[OrNull, about("Largest.")]
-    rmse_centred_mm: Annotated[OrNull, about("Root mean square without the mean error vector.")]
-    mean_centred_mm: Annotated[OrNull, about("Mean without the mean error vector.")]
+    rmse_mm: Annotated[OrNull, about("Root mean square of the tip error.")]
+    mean_mm: Annotated[OrNull, about("Mean tip error.")]
+    max_mm: Annotated[OrNull, about("Largest tip error.")]
+    rmse_centred_mm: Annotated[
+        OrNull, about("Root mean square of the tip error without the mean error vector.")
+    ]
+    mean_centred_mm: Annotated[OrNull, about("Mean tip error without the mean error vector.")]
 
 
 class RowErrors(TipErrors):

@@ -84,7 +84,7 @@ class Equilibrium(Object):
     ]
     elements: Annotated[int | None, about("Elements between two disks.")]
     theory: Annotated[Literal["cosserat", "kirchhoff"], about("Theory of the backbone.")]
-    tip: Annotated[Pose | None, about("Tip, `null` without a solution.")]
+    tip: Annotated[Pose | None, about("Tip; `null` without a solution.")]
     disks: Annotated[
         list[Pose] | None,
         about("All disks from base to tip, without the base; `null` without a solution."),

@@ -646,7 +646,7 @@ class StudyResults(Object):
 
     robot: Annotated[str, about("Name of the robot.")]
     length_m: Annotated[float, about("Length of the straight backbone.")]
-    comparisons: Annotated[list[DataComparison | Comparison], about("Comparisons.")]
+    comparisons: Annotated[list[Comparison | DataComparison], about("Comparisons.")]
     verdict: Annotated[Verdict, about("Verdict.")]
     budget: Annotated[Budget, about("Error budget.")]
     figures: Annotated[list[Figure], about("Figures of the report.")]
