@@ -13,7 +13,7 @@ from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, number, significant
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.study import Study
-from bowstring.study.verdict import Meaning
+from bowstring.study.verdict import Meaning, corrections
 
 __all__ = ["COLUMNS", "Summary", "summarise"]
 
@@ -24,12 +24,6 @@ _FEWEST: Final = 3  # loads of a mean, one of which is mostly that without tensi
 _INPUTS: Final = {
     "cc_from_lengths": "tendon lengths",
     "cc_from_force": "force (linear law)",
-}
-
-
-_CORRECTED: Final = {
-    "cc_from_lengths": "cc_from_lengths_chord",
-    "cc_from_force": "cc_from_force_arm",
 }
 
 
@@ -76,15 +70,17 @@ def _row(study: Study, meaning: Meaning) -> tuple[str, ...]:
         holds = f"{significant(meaning.holds_to)} N"
     error = f"{in_mm(meaning.max_error)} ({in_percent(meaning.max_error / study.length)})"
     known = study.comparison(meaning.name, "statics")
-    corrected = study.comparison(_CORRECTED[meaning.name], "statics")
     mean = in_mm(known.mean) if _enough(study, known.n) else number(None)
     if _enough(study, known.n) and (over := _over(study, known.n)):
         mean += f" ({over})"
-    after = number(None)
-    if _enough(study, corrected.n):
-        after = in_mm(corrected.mean) if corrected.mean < known.mean else "not lower"
+    found = corrections({c.name: c for c in study.against("statics")})
+    correction = next((c for c in found if c.name == meaning.name), None)
+    corrected = number(None)
+    if correction is not None and _enough(study, correction.n):
+        lower = correction.after < correction.before
+        corrected = in_mm(correction.after) if lower else "not lower"
     at = f"{significant(meaning.max_at)} N"
-    return _INPUTS[meaning.name], holds, mean, after, error, at
+    return _INPUTS[meaning.name], holds, mean, corrected, error, at
 
 
 def _enough(study: Study, n: int) -> bool:

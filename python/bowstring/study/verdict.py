@@ -23,7 +23,7 @@ from bowstring.study.error_budget import Budget
 if TYPE_CHECKING:
     from bowstring.schemas import study as schema
 
-__all__ = ["Meaning", "Share", "Verdict", "judge"]
+__all__ = ["Correction", "Meaning", "Share", "Verdict", "corrections", "judge"]
 
 Array = NDArray[np.float64]
 
@@ -334,6 +334,8 @@ def _blame(m: Meaning) -> str:
 class Correction:
     """A correction in closed form: means over the loads that have a tip with and without it."""
 
+    name: str
+    """Of the comparison that it corrects."""
     what: str
     source: str
     before: float
@@ -359,13 +361,13 @@ def corrections(comparisons: Mapping[str, Comparison]) -> list[Correction]:
     out = []
     for what, source, name, corrected in (
         ("chords instead of arcs", "from lengths", "cc_from_lengths", "cc_from_lengths_chord"),
-        ("mean lever arm", "from force", "cc_from_force", "cc_from_force_arm"),
+        ("the mean lever arm", "from force", "cc_from_force", "cc_from_force_arm"),
     ):
         errors = np.array([comparisons[name].error, comparisons[corrected].error])
         both = errors[:, np.isfinite(errors).all(axis=0)]
         if both.size:
             before, after = both.mean(axis=1).tolist()
-            out.append(Correction(what, source, before, after, both.shape[1]))
+            out.append(Correction(name, what, source, before, after, both.shape[1]))
     return out
 
 
@@ -378,8 +380,10 @@ def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
         if was == now:
             parts.append(f"{c.what}, {c.source}: the mean error stays at {now}{over}")
         else:
-            change = "better" if c.after < c.before else "worse"
-            parts.append(f"{c.what}, {c.source}: {change}, mean error {now} instead of {was}{over}")
+            change = "lower" if c.after < c.before else "raise"
+            parts.append(
+                f"{c.what}, {c.source}, {change}s the mean error from {was} to {now}{over}"
+            )
     return [f"Corrections in closed form: {'; '.join(parts)}."] if parts else []
 
 
