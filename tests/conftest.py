@@ -41,11 +41,11 @@ def written(paper: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def no_interrupt_outlives_its_test() -> Iterator[None]:
     """Restore signal handlers after a command, and raise an interrupt that was not handled."""
-    before = {number: signal.getsignal(number) for number in interrupts.HEARD}
+    before = {number: signal.getsignal(number) for number in interrupts.SIGNALS}
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
-    interrupts.answered()
+    interrupts.acknowledge()
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from bowstring.atomic_io import (
     check_file,
     check_place,
     folder_beside,
-    sweep,
+    remove_leftovers,
     write_whole,
     write_whole_file,
 )
@@ -238,7 +238,7 @@ def test_killed_between_two_renames_the_former_folder_comes_back(tmp_path: Path)
 def test_files_of_a_live_process_are_not_swept(tmp_path: Path) -> None:
     with folder_beside(tmp_path / "study") as work:
         (work / "half").touch()
-        sweep(tmp_path)
+        remove_leftovers(tmp_path)
         write_whole_file(tmp_path / "other", "file", _fill)
         assert os.listdir(work) == ["half"]
     assert os.listdir(tmp_path) == ["other"]

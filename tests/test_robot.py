@@ -1008,8 +1008,8 @@ def test_the_modulus_printed_in_the_study_gives_a_warning():
     robot = load_robot("amouri2019", {"segments.0.backbone.E": "35 MPa"})
     (warning,) = robot.warnings
     assert warning == (
-        "segments[0].backbone.E = 35 MPa looks wrong: a pull of the robot's own weight (2 N) on "
-        "one tendon would wind the backbone 5.5 times around; with 35 GPa it would bend it by "
+        "segments[0].backbone.E = 35 MPa looks wrong: the robot's own weight (2 N) as the tension "
+        "of one tendon would wind the backbone 5.5 times around; with 35 GPa it would bend it by "
         "2 degrees: is 35 GPa meant?"
     )
 

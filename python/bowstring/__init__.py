@@ -9,7 +9,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-if sys.version_info < (3, 10):  # noqa: UP036 - pip refuses an older one, a folder on the path not
+if sys.version_info < (3, 10):  # noqa: UP036 - pip checks it, a folder on the path does not
     raise ImportError(
         "Bowstring needs Python 3.10 or newer, and this is "
         + sys.version.split()[0]
@@ -127,7 +127,7 @@ _HOME = {
     }.items()
     for name in names.split()
 }
-"""Module of each public name that is not itself one."""
+"""Module of each public name that is not itself a module."""
 
 
 def __getattr__(name: str) -> Any:

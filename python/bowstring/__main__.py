@@ -1,4 +1,4 @@
-"""``python -m bowstring`` and ``bowstring``: the command, and Ctrl-C while it starts and ends."""
+"""Entry point of ``bowstring`` and ``python -m bowstring``; Ctrl-C during start and end."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Final
 
-# as bowstring.cli.main has them, which takes long to import
+# The same values as in bowstring.cli.main, which takes long to import.
 _STOPPED: Final = 130
 _BAD_INPUT: Final = 2
 
 
 def _stopped(*_: object) -> None:
-    # in the middle of an import an exception may be caught there, or become another one
+    # An exception raised during an import may be caught or replaced there.
     os.write(2, b"Stopped: nothing was written.\n")
     os._exit(_STOPPED)
 
@@ -25,15 +25,15 @@ def _refused(sentence: str) -> int:
     return _BAD_INPUT
 
 
-def _answer(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
+def _set_handler(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
+        if signal.getsignal(number) is not signal.SIG_IGN:  # nohup ignores signals
             signal.signal(number, handler)
 
 
 def main() -> None:
     """Run the command of ``sys.argv`` and exit."""
-    _answer(_stopped)
+    _set_handler(_stopped)
     from bowstring import interrupts
 
     try:
@@ -43,13 +43,13 @@ def main() -> None:
             raise
         sys.exit(_refused(str(error)))
 
-    _answer(interrupts.handler)
+    _set_handler(interrupts.handler)
     try:
         command()
-    except KeyboardInterrupt:  # one more while the first was answered
+    except KeyboardInterrupt:  # a second one while the first was handled
         sys.exit(_STOPPED)
     finally:
-        _answer(signal.SIG_IGN)  # all is said
+        _set_handler(signal.SIG_IGN)  # all output is written
 
 
 if __name__ == "__main__":

@@ -33,26 +33,26 @@ __all__ = [
     "has_mark",
     "not_overwritten",
     "readable",
+    "remove_leftovers",
     "resolved",
-    "sweep",
     "user_cache",
     "write_whole",
     "write_whole_file",
 ]
 
 
-_LETTERS: Final = 50  # of a name that stand in that of the hidden folder beside it
+_LETTERS: Final = 50  # letters of a name that begin the name of its hidden folder
 _HIDDEN: Final = re.compile(r"\..*-[0-9a-f]{12}\.bowstring", re.DOTALL)
-_OLD: Final = "old"  # in a hidden folder: what was moved away from its place
-_WINDOW: Final = 65536  # bytes at either end of a file in which its mark stands
+_OLD: Final = "old"  # subfolder of a hidden folder with the former content
+_WINDOW: Final = 65536  # bytes at either end of a file that are searched for its mark
 
 
 def resolved(path: str | Path, why: str) -> Path:
-    """The path, absolute, links resolved; refused where it has no place, as links in a circle."""
+    """Absolute path with links resolved; raise `InputError` where links lead in a circle."""
     try:
         found = Path(path).resolve()
-        circle = found.is_symlink()  # what newer Pythons leave of a circle
-    except RuntimeError:  # what older ones make of it
+        circle = found.is_symlink()  # newer Pythons leave a circle of links unresolved
+    except RuntimeError:  # older ones raise
         circle = True
     except OSError as error:  # such as a working folder that was removed
         raise InputError(f"{why}: {error.strerror}") from None
@@ -64,7 +64,7 @@ def resolved(path: str | Path, why: str) -> Path:
 
 
 def user_cache() -> Path:
-    """Folder of the user for what can be fetched or computed again."""
+    """User's cache folder."""
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData/Local") / "bowstring"
     if sys.platform == "darwin":
@@ -73,7 +73,7 @@ def user_cache() -> Path:
 
 
 def check_parent(file: Path, why: str) -> None:
-    """Refuse a file whose folder is none; `why` begins the sentence."""
+    """Refuse a file whose folder does not exist; `why` begins the message."""
     try:
         if file.parent.is_dir():
             return
@@ -84,9 +84,9 @@ def check_parent(file: Path, why: str) -> None:
 
 
 def check_place(folder: Path, why: str) -> None:
-    """Refuse a folder that cannot be made or exchanged in its place; `why` begins the sentence.
+    """Refuse a folder that cannot be created or replaced; `why` begins the message.
 
-    Neither it nor those above it need be there.
+    Neither the folder nor its parents need exist.
     """
     if folder.parent == folder:
         raise InputError(f"{why}: it is the root of the file system; name a folder in it")
@@ -102,7 +102,7 @@ def check_place(folder: Path, why: str) -> None:
 
 
 def check_replaceable(folder: Path, why: str) -> None:
-    """Refuse a folder that cannot be replaced as a whole; `why` begins the sentence."""
+    """Refuse a folder that cannot be replaced as a whole; `why` begins the message."""
     try:
         here: Path | None = Path.cwd()
     except OSError:  # it was removed
@@ -119,10 +119,10 @@ def check_replaceable(folder: Path, why: str) -> None:
 def check_whole_folder(
     out: str | Path, what: str, check_content: Callable[[Path, str], None]
 ) -> Path:
-    """Say before any work whether `write_whole` may write to a folder; return it, absolute.
+    """Check before any work that `write_whole` may write to a folder; return its absolute path.
 
-    It need not exist. `what` stands in the error; `check_content`, which is given the folder and
-    the beginning of a sentence, refuses what may not be replaced.
+    The folder need not exist. `what` names the content in the error. `check_content`, called with
+    the folder and the beginning of the message, raises where the content must not be replaced.
     """
     folder = resolved(out, f"cannot write the {what} to {out}")
     why = f"cannot write the {what} to {folder}"
@@ -140,11 +140,11 @@ def check_whole_folder(
 
 
 def check_writable(path: Path, why: str) -> None:
-    """Refuse a place in a folder that takes no file, and what only its owner may replace there.
+    """Refuse a path in a folder without write permission, or owned by another user.
 
-    That is what others have in a folder such as /tmp.
+    In a folder such as /tmp only the owner of a file may replace it.
     """
-    sweep(path.parent)
+    remove_leftovers(path.parent)
     if not _takes_files(path.parent):
         raise InputError(f"{why}: the folder {path.parent} may not be written")
     if not hasattr(os, "geteuid"):
@@ -166,8 +166,8 @@ def check_writable(path: Path, why: str) -> None:
 
 
 def _takes_files(folder: Path) -> bool:
-    """Try whether a new file can be made; rights alone do not say it, as of a read-only drive."""
-    with contextlib.suppress(AttributeError, OSError):  # where there are files without a name
+    """Try to create a file: permissions alone do not show a read-only drive."""
+    with contextlib.suppress(AttributeError, OSError):  # some systems have no unnamed files
         os.close(os.open(folder, os.O_TMPFILE | os.O_WRONLY))
         return True
     try:
@@ -179,11 +179,11 @@ def _takes_files(folder: Path) -> bool:
 
 @contextlib.contextmanager
 def folder_beside(path: Path) -> Iterator[Path]:
-    """A new, hidden folder for what will take a place, on the same drive; removed at the end.
+    """Create a hidden folder beside a path, on the same drive; remove it at the end.
 
-    It is locked while it is in use, so that `sweep` tells it from what a killed process left.
+    It is locked while in use: `remove_leftovers` removes unlocked ones only.
     """
-    sweep(path.parent)
+    remove_leftovers(path.parent)
     work, lock = _locked_folder(path)
     try:
         yield work
@@ -202,9 +202,9 @@ def _locked_folder(path: Path) -> tuple[Path, int | None]:
             return work, None
         try:
             lock = os.open(work, os.O_RDONLY)
-        except FileNotFoundError:  # another process swept it before it was locked
+        except FileNotFoundError:  # another process removed it before it was locked
             continue
-        with contextlib.suppress(OSError):  # a drive without locks: nothing is swept there either
+        with contextlib.suppress(OSError):  # a drive without locks: nothing is removed there
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         with contextlib.suppress(OSError):
             if os.path.samestat(os.stat(work), os.fstat(lock)):
@@ -212,10 +212,10 @@ def _locked_folder(path: Path) -> tuple[Path, int | None]:
         os.close(lock)
 
 
-def sweep(folder: Path) -> None:
-    """Remove what killed processes left hidden in a folder; what they had moved away comes back.
+def remove_leftovers(folder: Path) -> None:
+    """Remove hidden folders that killed processes left in a folder, and restore former content.
 
-    What a live process uses is locked and stays.
+    Folders that a live process uses are locked and stay.
     """
     if fcntl is None:
         return
@@ -235,7 +235,7 @@ def sweep(folder: Path) -> None:
             continue
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            _give_back(work)
+            _restore(work)
             shutil.rmtree(work, ignore_errors=True)
         except OSError:
             pass
@@ -243,8 +243,8 @@ def sweep(folder: Path) -> None:
             os.close(lock)
 
 
-def _give_back(work: Path) -> None:
-    """Put what was moved away where it was, unless something else has come there."""
+def _restore(work: Path) -> None:
+    """Move former content back, unless its path is in use again."""
     with contextlib.suppress(FileNotFoundError):
         for former in (work / _OLD).iterdir():
             place = work.with_name(former.name)
@@ -253,7 +253,7 @@ def _give_back(work: Path) -> None:
 
 
 def not_overwritten(why: str, name: str = "it") -> InputError:
-    """The error for a file in the way that Bowstring did not write; `why` begins the sentence."""
+    """Error for an existing file that Bowstring did not write; `why` begins the message."""
     return InputError(
         f"{why}: {name} was not written by Bowstring, and existing files are not overwritten; name "
         "another file, or move that one away"
@@ -261,7 +261,7 @@ def not_overwritten(why: str, name: str = "it") -> InputError:
 
 
 def readable(file: str | Path) -> BinaryIO:
-    """A file or pipe, open to be read; a pipe that nothing writes to is empty, and not waited for.
+    """Open a file or pipe for reading; a pipe without a writer is empty and does not block.
 
     Raises
     ------
@@ -272,7 +272,7 @@ def readable(file: str | Path) -> BinaryIO:
     handle = os.open(file, flags)
     try:
         if hasattr(os, "set_blocking"):
-            os.set_blocking(handle, True)  # what is written to a pipe is waited for
+            os.set_blocking(handle, True)  # wait for data of a pipe that has a writer
         return os.fdopen(handle, "rb")
     except BaseException as error:
         os.close(handle)
@@ -282,7 +282,7 @@ def readable(file: str | Path) -> BinaryIO:
 
 
 def has_mark(file: Path, mark: bytes) -> bool:
-    """Whether a file is empty or has a mark near its begin or its end."""
+    """Whether a file is empty or contains a mark near its beginning or end."""
     with file.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
         stream.seek(0)
@@ -293,17 +293,17 @@ def has_mark(file: Path, mark: bytes) -> bool:
 
 
 def check_file(file: Path, content: str, suffixes: Sequence[str], mark: bytes) -> Path:
-    """Say before any work whether a file may be written.
+    """Check before any work that a file may be written.
 
     Parameters
     ----------
     file : Path
     content : str
-        Stands in the error.
+        Name of the content in the error.
     suffixes : sequence of str
-        One of them must end its name, such as ``".png"``; upper case is the same.
+        Allowed suffixes, such as ``".png"``; case does not matter.
     mark : bytes
-        What every such file of Bowstring holds near its begin or its end.
+        Bytes that every such file of Bowstring has near its beginning or end.
 
     Returns
     -------
@@ -313,8 +313,8 @@ def check_file(file: Path, content: str, suffixes: Sequence[str], mark: bytes) -
     Raises
     ------
     InputError
-        If its name ends otherwise or is too long, it is a folder, its folder does not exist or may
-        not be reached or written, or a file is there that Bowstring did not write.
+        If the suffix is not allowed, the name is too long, the path is a folder, its folder does
+        not exist or cannot be written, or the file exists and Bowstring did not write it.
     """
     why = f"cannot write the {content} to {file}"
     if file.suffix.lower() not in suffixes:
@@ -336,24 +336,23 @@ def check_file(file: Path, content: str, suffixes: Sequence[str], mark: bytes) -
 def write_whole_file(
     file: Path, what: str, fill: Callable[[Path], None], check: Callable[[], object] = lambda: None
 ) -> None:
-    """Fill a new file beside its place, then put it there in exchange for a former one.
+    """Write a file beside its path, then replace the former one in one step.
 
     Parameters
     ----------
     file : Path
-        Checked before.
+        Path that was checked before.
     what : str
-        Stands in the error.
+        Name of the content in the error.
     fill : callable
-        Is given the new file's path, which has the same suffix.
+        Writes the content; called with the path of the new file, which has the same suffix.
     check : callable
-        Called just before the exchange; raises if the file may not be replaced, as the check before
-        the work did.
+        Repeats the check just before the replacement; raises if the file must not be replaced.
 
     Raises
     ------
     InputError
-        If the drive does not take it; what was there before stays.
+        If the file cannot be written; the former file stays.
     """
     try:
         with folder_beside(file) as work:
@@ -372,25 +371,24 @@ def write_whole(
     fill: Callable[[Path], None],
     check: Callable[[], object] = lambda: None,
 ) -> None:
-    """Fill a new folder beside its place, then put it there in exchange for a former one.
+    """Write a folder beside its path, then replace the former one in one step.
 
     Parameters
     ----------
     folder : Path
-        Checked before: what it holds is replaced.
+        Path that was checked before; its content is replaced.
     what : str
-        Stands in the error.
+        Name of the content in the error.
     fill : callable
-        Is given the new, empty folder. Beside it, in a hidden folder, is room for what is only
-        passed on.
+        Writes the content; called with the new, empty folder. Its parent is a hidden folder for
+        temporary files.
     check : callable
-        Called just before the exchange; raises if the folder may not be replaced, as the check
-        before the work did.
+        Repeats the check just before the replacement; raises if the folder must not be replaced.
 
     Raises
     ------
     InputError
-        If the drive does not take it; what was there before stays.
+        If the folder cannot be written; the former folder stays.
     """
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -411,7 +409,7 @@ def _move_in(new: Path, folder: Path, work: Path) -> None:
         return
     if _exchange(new, folder):
         return
-    # two steps; `sweep` takes back the first where the process is killed after it
+    # Two steps: `remove_leftovers` undoes the first one if the process is killed between them.
     former = work / _OLD / folder.name
     former.parent.mkdir()
     os.rename(folder, former)
@@ -423,7 +421,7 @@ def _move_in(new: Path, folder: Path, work: Path) -> None:
 
 
 def _exchange(one: Path, other: Path) -> bool:
-    """Exchange two folders in one step; False where the system or the drive cannot."""
+    """Exchange two folders in one step; return False where that is not supported."""
     try:
         library = ctypes.CDLL(None)
         paths = os.fsencode(one), os.fsencode(other)

@@ -1,4 +1,4 @@
-"""How objects show themselves: one short line as text, a small table in a notebook."""
+"""Short representations of objects: one line of text, a small table in a notebook."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-__all__ = ["html_table", "in_few_rows", "millimetres", "short_repr"]
+__all__ = ["html_table", "millimetres", "sampled_rows", "short_repr"]
 
 Class = TypeVar("Class", bound=type)
 
 _LONGEST: Final = 60  # characters of a value
-_MOST: Final = 4  # numbers of an array that are shown
+_MOST: Final = 4  # largest array that is shown in full
 _MOST_ROWS: Final = 10
 
 
 def short_repr(cls: Class) -> Class:
-    """Give a dataclass a repr of one line, in which arrays and long values are told by their size.
+    """Give a dataclass a one-line repr that shows long arrays and values by their size.
 
-    A decorator above that of the dataclass.
+    Use it as a decorator above that of the dataclass.
     """
 
     def text(self: Any) -> str:
@@ -58,16 +58,16 @@ def html_table(title: str, rows: Iterable[Sequence[object]], header: Sequence[st
     Parameters
     ----------
     title : str
-        Stands above it.
+        Caption.
     rows : iterable of sequence
-        Cells, shown by `str`; the first of a row is its name.
+        Cells, converted by `str`; the first cell of a row is its name.
     header : sequence of str
-        Of the columns.
+        Names of the columns.
 
     Returns
     -------
     str
-        HTML without anything that could run.
+        HTML with all cells escaped.
     """
     head = "".join(f"<th>{html.escape(str(cell))}</th>" for cell in header)
     body = "".join(
@@ -84,8 +84,8 @@ def html_table(title: str, rows: Iterable[Sequence[object]], header: Sequence[st
     )
 
 
-def in_few_rows(count: int, row: Callable[[int], Sequence[object]]) -> list[Sequence[object]]:
-    """Rows of a long table: the first, some between, the last."""
+def sampled_rows(count: int, row: Callable[[int], Sequence[object]]) -> list[Sequence[object]]:
+    """Sample the rows of a long table: the first, some between, the last."""
     if count <= _MOST_ROWS:
         return [row(k) for k in range(count)]
     shown = np.unique(np.linspace(0, count - 1, _MOST_ROWS).round().astype(int))
@@ -93,6 +93,6 @@ def in_few_rows(count: int, row: Callable[[int], Sequence[object]]) -> list[Sequ
 
 
 def millimetres(point: object) -> str:
-    """Write a point or several lengths, given in m."""
+    """Write lengths given in m as text in mm."""
     values = 1e3 * np.asarray(point, dtype=float).ravel()
     return ", ".join(f"{v:.3f}" for v in values) + " mm"

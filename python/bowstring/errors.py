@@ -1,10 +1,10 @@
-"""The errors that Bowstring raises on purpose, and its warning."""
+"""Exceptions and the warning of Bowstring."""
 
 from __future__ import annotations
 
 
 class BowstringError(ValueError):
-    """Base of all errors that Bowstring raises on purpose; the message is one clear sentence."""
+    """Base class of all errors that Bowstring raises; the message is one sentence."""
 
 
 class InputError(BowstringError):
@@ -13,11 +13,11 @@ class InputError(BowstringError):
     Attributes
     ----------
     argument : str
-        Name of the argument, as in Python; empty where the error is not of a single one.
+        Name of the Python argument; empty if no single argument is wrong.
     index : int or None
-        Of the tendon, disk, segment or row it is about, from 0.
+        Index, from 0, of the tendon, disk, segment or row that is wrong.
     value, rule : str
-        What was given, with its unit, and what it must be; empty where the message alone says it.
+        Given value with its unit, and allowed range; empty if only the message has them.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class InputError(BowstringError):
 
     @classmethod
     def of(cls, argument: str, value: str, rule: str) -> InputError:
-        """The error of an argument whose value breaks a rule."""
+        """Make the error of an argument outside its allowed range."""
         message = f"{argument} is {value}, it must be {rule}"
         return cls(message, argument=argument, value=value, rule=rule)
 
@@ -45,8 +45,8 @@ class NoSolutionError(BowstringError):
     Attributes
     ----------
     status : str
-        The word for it, as in JSON: that of a solution or a run that is not ``"converged"``, or
-        ``"no_equilibrium"`` where there is none to begin from. Empty where no word is defined.
+        Status of the solution or run, as in JSON, or ``"no_equilibrium"`` if the initial
+        equilibrium does not exist; empty if no status applies.
     """
 
     def __init__(self, message: str, *, status: str = "") -> None:

@@ -1,4 +1,4 @@
-"""Numbers as people read them, in sentences and tables, and as JSON holds them."""
+"""Format numbers for sentences, tables and JSON."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ _MINUS: Final = "\N{MINUS SIGN}"
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """A few significant digits, large numbers without an exponent."""
+    """Round to a few significant digits; write large numbers without an exponent."""
     rounded = float(f"{value:.{digits}g}")  # 999.6 is 1000, not 1e+03
     return f"{value:.0f}" if abs(rounded) >= 10.0**digits else f"{value:.{digits}g}"
 
 
 def in_mm(metres: float) -> str:
-    """Three significant digits of mm, nothing finer than a micrometre."""
+    """Write a length in mm with three significant digits, not finer than a micrometre."""
     mm = metres * 1e3
     if not math.isfinite(mm):
         return "no number"
@@ -45,7 +45,7 @@ def in_mm(metres: float) -> str:
 
 
 def with_error(value: float, error: float) -> str:
-    """A value to the last digit that its standard error has, of which two are told."""
+    """Write a value with its standard error, which has two significant digits."""
     digits = max(0, 1 - math.floor(math.log10(error))) if 0.0 < error < math.inf else 99
     if digits > 9 or abs(value) >= 1e9:
         return f"{value:.5g} +- {error:.2g}"
@@ -53,24 +53,24 @@ def with_error(value: float, error: float) -> str:
 
 
 def in_percent(share: float, digits: int = 2) -> str:
-    """Percent, to two significant digits if not said otherwise."""
+    """Write a share in percent, by default with two significant digits."""
     return f"{significant(share * 100.0, digits)} %"
 
 
 def in_newtons(a: float, b: float) -> str:
-    """A range of force, or one."""
+    """Write a range of force, or one force if both ends agree."""
     return f"{significant(a)} N" if a == b else f"{significant(a)} to {significant(b)} N"
 
 
 def listed(parts: Sequence[str], word: str = "and") -> str:
-    """Parts of a sentence: with commas, and "and" or another word before the last."""
+    """Join parts of a sentence with commas, and with a word before the last."""
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {word} {parts[-1]}"
 
 
 def round_down(value: float) -> float:
-    """Largest of 1, 1.2, 1.5, ... times a power of ten that is not above the value."""
+    """Round down to 1, 1.2, 1.5, ... times a power of ten."""
     power = math.floor(math.log10(value))
-    # through decimal text: 8 * 10.0**-3 is not the float 0.008
+    # Decimal text, because 8 * 10.0**-3 is not the float 0.008.
     candidates = (float(f"{m}e{p}") for p in (power - 1, power) for m in _ROUND)
     return max(c for c in candidates if c <= value * (1 + 1e-12))
 
@@ -79,16 +79,16 @@ def round_down(value: float) -> float:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Fixed digits after the point; a dash where there is no number."""
+    """Write a number with fixed decimals; a dash for None."""
     if value is None or not math.isfinite(value):
         return _DASH
-    if 1e-6 < abs(value) < 0.5 * 10.0**-digits:  # below is rounding of exact zeros
+    if 1e-6 < abs(value) < 0.5 * 10.0**-digits:  # smaller values are rounded zeros
         return f"< {10.0**-digits:.{digits}f}"
     return signed(value, digits).removeprefix("+")
 
 
 def signed(value: float | None, digits: int = 2) -> str:
-    """As `number`, but with its sign, for changes."""
+    """Write a change: `number` with its sign."""
     if value is None or not math.isfinite(value):
         return _DASH
     text = f"{value:+.{digits}f}"
@@ -99,12 +99,12 @@ def signed(value: float | None, digits: int = 2) -> str:
 
 
 def plain(value: Any) -> Any:
-    """What JSON can hold: lists for arrays, null for what is not a finite number."""
+    """Convert a value for JSON: arrays become lists, non-finite numbers become None."""
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
-    if hasattr(value, "tolist"):  # of numpy, which takes long to import
+    if hasattr(value, "tolist"):  # NumPy takes long to import
         return plain(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None

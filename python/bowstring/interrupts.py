@@ -1,9 +1,9 @@
-"""Ctrl-C and SIGTERM of a command: each becomes a `KeyboardInterrupt`, until it is answered.
+"""Ctrl-C and SIGTERM of a command: raise `KeyboardInterrupt` until it is acknowledged.
 
-Python throws away an exception that comes within a destructor or a callback, and libraries turn
-one that comes within an import into an `ImportError`. So the interrupt is raised again, every tenth
-of a second, until the command has unwound or says by `answered` what became of it. While it
-unwinds, a further signal does not break off the clean-up, unless it comes much later.
+Python discards an exception raised in a destructor or a callback, and libraries turn one raised
+in an import into an `ImportError`. The interrupt is therefore raised again, every tenth of a
+second, until the command has unwound or calls `acknowledge`. A further signal does not interrupt
+the clean-up, unless it comes much later.
 """
 
 from __future__ import annotations
@@ -18,71 +18,71 @@ from types import FrameType
 from typing import Any, Final
 
 __all__ = [
-    "HEARD",
-    "answered",
+    "SIGNALS",
+    "acknowledge",
+    "deferred",
     "handler",
-    "held",
     "ignore",
+    "ignored",
+    "is_interrupt",
     "listen",
     "pending",
-    "unheard",
-    "was_stopped",
 ]
 
-HEARD: Final = (signal.SIGINT, signal.SIGTERM)
-_AGAIN: Final = 0.1  # s between two attempts
-_PATIENCE: Final = 2.0  # s of clean-up that further signals leave alone
-_first: float | None = None  # when the signal that waits for an answer came
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+_INTERVAL: Final = 0.1  # s between two attempts
+_PATIENCE: Final = 2.0  # s of clean-up that further signals do not interrupt
+_first: float | None = None  # time of the signal that is not acknowledged yet, s
 
 
 def listen() -> None:
-    """Hear both signals from now on, unless one is ignored, as nohup has it."""
-    for number in HEARD:
+    """Install the handlers of both signals; one that is ignored, as under nohup, stays so."""
+    for number in SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, handler)
     if hasattr(signal, "setitimer"):
-        signal.signal(signal.SIGALRM, _again)
-    sys.unraisablehook = _not_lost
+        signal.signal(signal.SIGALRM, _raise_again)
+    sys.unraisablehook = _discarded
 
 
 def handler(number: int, frame: FrameType | None) -> None:
-    """The signal handler."""
+    """Handle a signal."""
     global _first
     now = time.monotonic()
     if _first is None:
         _first = now
-    _wake()
+    _schedule()
     if now - _first > _PATIENCE or not _unwinding():
         raise KeyboardInterrupt
 
 
-def answered() -> None:
-    """Say that an interrupt was met and what follows is meant to run."""
+def acknowledge() -> None:
+    """Mark the interrupt as handled, so that it is not raised again."""
     global _first
     _first = None
-    _wake(0.0)
+    _schedule(0.0)
 
 
 def ignore() -> None:
-    """Hear no signal any more: the command is over, and one that meets Python's end aborts it."""
-    for number in HEARD:
+    """Ignore signals from now on: one during Python's shutdown would abort it."""
+    for number in SIGNALS:
         if signal.getsignal(number) is handler:
             signal.signal(number, signal.SIG_IGN)
-    answered()
+    acknowledge()
 
 
 def pending() -> bool:
-    """Whether an interrupt came that nobody has answered."""
+    """Whether an interrupt came that is not acknowledged."""
     return _first is not None
 
 
 @contextmanager
-def held() -> Iterator[None]:
-    """Hold interrupts back within; one that came is heard at the end."""
+def deferred() -> Iterator[None]:
+    """Context manager that defers interrupts to its end."""
     came: list[int] = []
-    numbers = [*HEARD, *([signal.SIGALRM] if hasattr(signal, "SIGALRM") else [])]
+    numbers = [*SIGNALS, *([signal.SIGALRM] if hasattr(signal, "SIGALRM") else [])]
     try:
-        with _handled(numbers, lambda number, _: came.append(number)):
+        with _replaced(numbers, lambda number, _: came.append(number)):
             yield
     finally:
         if came:
@@ -90,18 +90,18 @@ def held() -> Iterator[None]:
 
 
 @contextmanager
-def unheard() -> Iterator[None]:
-    """Ignore interrupts within, so that the end of a run is written whole."""
-    with _handled(HEARD, signal.SIG_IGN):
+def ignored() -> Iterator[None]:
+    """Context manager that ignores interrupts, so that the end of a run is written whole."""
+    with _replaced(SIGNALS, signal.SIG_IGN):
         yield
 
 
 @contextmanager
-def _handled(numbers: Iterable[int], by: Any) -> Iterator[None]:
-    """Handle signals otherwise within, where the handler is ours or Python's own."""
+def _replaced(numbers: Iterable[int], by: Any) -> Iterator[None]:
+    """Context manager that replaces handlers, if they are ours or Python's own."""
     former = {}
-    if threading.current_thread() is threading.main_thread():  # the only one that hears any
-        ours = (signal.default_int_handler, handler, _again)
+    if threading.current_thread() is threading.main_thread():  # the one that gets signals
+        ours = (signal.default_int_handler, handler, _raise_again)
         former = {n: signal.getsignal(n) for n in numbers if signal.getsignal(n) in ours}
     try:
         for number in former:
@@ -112,33 +112,33 @@ def _handled(numbers: Iterable[int], by: Any) -> Iterator[None]:
             signal.signal(number, one)
 
 
-def was_stopped(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind an error: in the middle of an import it may become another one."""
+def is_interrupt(error: BaseException | None) -> bool:
+    """Whether Ctrl-C caused an error: during an import it may become another exception."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None
 
 
-def _again(number: int, frame: FrameType | None) -> None:
+def _raise_again(number: int, frame: FrameType | None) -> None:
     if _first is None:
         return
-    _wake()
+    _schedule()
     if not _unwinding():
         raise KeyboardInterrupt
 
 
-def _wake(seconds: float = _AGAIN) -> None:
-    """Have the interrupt raised again after some time, or no more after 0."""
+def _schedule(seconds: float = _INTERVAL) -> None:
+    """Schedule raising the interrupt again; 0 cancels it."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
 def _unwinding() -> bool:
-    """Whether the interrupted code is that of an except or finally clause for an interrupt."""
-    return was_stopped(sys.exc_info()[1])
+    """Whether an except or finally clause for an interrupt is running."""
+    return is_interrupt(sys.exc_info()[1])
 
 
-def _not_lost(lost: sys.UnraisableHookArgs) -> None:
-    """Say nothing of an interrupt that Python throws away: it comes again."""
+def _discarded(lost: sys.UnraisableHookArgs) -> None:
+    """Print nothing for an interrupt that Python discards: it is raised again."""
     if not (_first is not None and issubclass(lost.exc_type, KeyboardInterrupt)):
         sys.__unraisablehook__(lost)

@@ -7,11 +7,11 @@ from types import ModuleType
 from typing import Final
 
 from bowstring.errors import InputError
-from bowstring.interrupts import was_stopped
+from bowstring.interrupts import is_interrupt
 
 __all__ = ["EXTRAS", "load_extra"]
 
-#: Extra -> the module it brings, what needs that, and where.
+#: Module of each extra, its purpose, and the feature that needs it.
 EXTRAS: Final = {
     "cad": ("build123d", "solids", "bowstring cad"),
     "excel": ("openpyxl", "Excel tables", "measurements as .xlsx"),
@@ -20,7 +20,7 @@ EXTRAS: Final = {
 
 
 def load_extra(extra: str) -> ModuleType:
-    """The module that an extra brings.
+    """Import the module of an extra.
 
     Parameters
     ----------
@@ -29,16 +29,16 @@ def load_extra(extra: str) -> ModuleType:
     Raises
     ------
     InputError
-        If it cannot be loaded; the message has the command that installs it.
+        If the module cannot be imported; the message has the command that installs it.
     """
     name, purpose, _ = EXTRAS[extra]
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        if was_stopped(error):
+        if is_interrupt(error):
             raise KeyboardInterrupt from None
         why = "" if error.name == name else f" ({error})"
-        if "libGL" in why:  # the CAD kernel is there, and what it draws with is not
+        if "libGL" in why:  # the CAD kernel is installed, the system's OpenGL library is not
             cure = (
                 "install the system's OpenGL library, on Debian and Ubuntu: apt-get install libgl1"
             )

@@ -1,4 +1,4 @@
-"""Work that leaves files, done side by side in several processes."""
+"""Run file-writing work in parallel processes."""
 
 from __future__ import annotations
 
@@ -18,33 +18,32 @@ __all__ = ["for_each"]
 
 T = TypeVar("T")
 
-_MOST = 4  # processes; each holds a copy of what it changes
-_PATIENCE = 60.0  # s without any finished item: the processes hang
+_MOST = 4  # processes; each copies the memory that it changes
+_PATIENCE = 60.0  # s without a finished item after which the processes count as stuck
 
-_do: Callable[[int], None]  # what a forked process does with the item of an index
+_do: Callable[[int], None]  # work of a forked process on the item of an index
 
 
 def for_each(
     items: Sequence[T], do: Callable[[T], None], *, tell: Callable[[float], None] | None = None
 ) -> None:
-    """Do something with each item, in as many processes as there are cores, four at most.
+    """Call a function on each item, in one process per core, at most four.
 
-    Only files that `do` leaves are seen afterwards. What another process failed to do is done
-    again here, so that an error comes up as if there were this process only. Other processes are
-    forked, which costs nothing to start and asks nothing of the items, but is safe on Linux only;
-    elsewhere the items are done one after the other.
+    Only files that `do` writes remain. An item that failed in another process is repeated in this
+    one, so that its exception is raised here. Processes are forked, so items need no pickling;
+    that is safe on Linux only, and other systems process the items one after the other.
 
     Parameters
     ----------
     items : sequence
     do : callable
-        Is given one item; doing it twice must be the same as doing it once. It must not use the
-        compiled core, whose threads are not there in a forked process.
+        Called with one item; must be idempotent. It must not use the compiled core, whose threads
+        do not exist in a forked process.
     tell : callable, optional
-        Progress callback: the share that is done, from 0 to 1.
+        Progress callback, called with the finished share from 0 to 1.
     """
     tell = tell or (lambda share: None)
-    # a process of a pool may start none itself
+    # a daemonic process may not have children
     may_fork = sys.platform == "linux" and not multiprocessing.current_process().daemon
     count = min(_cores(), _MOST, len(items)) if may_fork else 1
     done = _in_processes(items, do, count, tell) if count > 1 else set()
@@ -62,14 +61,14 @@ def _cores() -> int:
 def _in_processes(
     items: Sequence[T], do: Callable[[T], None], count: int, tell: Callable[[float], None]
 ) -> set[int]:
-    """Do the items in forked processes; return the indices of those that are done."""
+    """Process items in forked processes; return the indices of the finished ones."""
     former = multiprocessing.active_children()
     futures: dict[Future[None], int] = {}
     pool = None
     try:
         # an interrupt between a fork and its entry among the children would lose a process
-        with interrupts.held(), warnings.catch_warnings():
-            # newer Pythons warn of threads; those there are hold no lock that the work needs
+        with interrupts.deferred(), warnings.catch_warnings():
+            # Newer Pythons warn of threads; ours hold no lock that the work needs.
             warnings.simplefilter("ignore", DeprecationWarning)
             pool = ProcessPoolExecutor(
                 count, multiprocessing.get_context("fork"), _begin, (lambda i: do(items[i]),)
@@ -96,14 +95,14 @@ def _begin(do: Callable[[int], None]) -> None:
     """Prepare a forked process."""
     global _do
     _do = do
-    # the first process ends it; where its threads held a lock, Python's own handlers never run
+    # The parent ends it; where a thread of the parent held a lock, Python's handlers never run.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:
-    """End a process whose parent was killed: it would wait for work without end."""
+    """End a process whose parent was killed, which would wait for work forever."""
     parent: Any = multiprocessing.parent_process()
     parent.join()
     os._exit(1)

@@ -1,4 +1,4 @@
-"""Folders of results: what may be replaced, JSON files, and a list of all files."""
+"""Result folders: check before replacing, JSON files, and a list of all files."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from bowstring.errors import InputError
 
 __all__ = ["check_folder", "write_json", "write_listing"]
 
-_CALLED: Final = {"fe": "finite elements"}  # what is not called as its file
+_CALLED: Final = {"fe": "finite elements"}  # name in messages where it is not the file's
 
 
 def check_folder(out: str | Path, what: str = "study") -> Path:
-    """Say before any work whether a study may be written to a folder.
+    """Check before any work that results may be written to a folder.
 
     Parameters
     ----------
     out : str or Path
         The folder; it need not exist.
     what : str
-        ``"study"``, ``"modes"``, ``"fit"`` or ``"fe"``; its JSON file lists the files that may be
-        replaced.
+        Kind of result: ``"study"``, ``"modes"``, ``"fit"`` or ``"fe"``; its JSON file lists the
+        files that may be replaced.
 
     Returns
     -------
@@ -37,8 +37,8 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
     Raises
     ------
     InputError
-        If there is something in its place that is not a study of this program, or holds files that
-        the study did not write, or if it cannot be written.
+        If the folder exists and is no result of Bowstring, contains files that Bowstring did not
+        write, or cannot be written.
     """
     called = _CALLED.get(what, what)
 
@@ -46,7 +46,7 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
         if next(_files_in(folder), None) is None:
             return
         listed = _listed(folder / f"{what}.json")
-        if listed is None:  # before all files are looked at, which may be those of a whole drive
+        if listed is None:  # before listing all files, which may be those of a whole drive
             raise InputError(
                 f"{why}: it holds files but no {called} of Bowstring, and existing files are "
                 "not overwritten; name a new or an empty folder"
@@ -69,7 +69,7 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
 
 
 def _files_in(folder: Path) -> Iterator[str]:
-    """Paths of all that is no folder, relative; a folder that is not readable is an `OSError`."""
+    """Yield relative paths of all files; raise `OSError` for an unreadable folder."""
 
     def give_up(error: OSError) -> None:
         raise error
@@ -81,7 +81,7 @@ def _files_in(folder: Path) -> Iterator[str]:
 
 
 def _listed(file: Path) -> dict[str, str | None] | None:
-    """The files that a folder's JSON file lists, with their SHA-256 where it has that."""
+    """Read the files listed in a folder's JSON file, with their SHA-256 if given."""
     try:
         former = json.loads(file.read_text(encoding="utf-8"))
         hashes = former.get("sha256", {})
@@ -101,7 +101,7 @@ def _sha256(file: Path) -> str:
 
 
 def write_listing(file: Path, content: Mapping[str, Any]) -> None:
-    """Write the JSON file of a folder: its content, and a list of all files for `check_folder`."""
+    """Write the JSON file of a folder: content, and a list of all files for `check_folder`."""
     written = sorted(_files_in(file.parent))
     hashes = {name: _sha256(file.parent / name) for name in written}
     files = sorted([*written, file.name])
@@ -109,8 +109,8 @@ def write_listing(file: Path, content: Mapping[str, Any]) -> None:
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Plain values, as people can read them; NaN is an error."""
+    """Write indented JSON; NaN raises an error."""
     text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
-    # JSON escapes control characters but those from DEL on, and no lone surrogates
+    # The json module does not escape DEL and later control characters, nor lone surrogates.
     text = re.sub("[\x7f-\x9f\ud800-\udfff]", lambda found: f"\\u{ord(found[0]):04x}", text)
     path.write_text(text + "\n", encoding="utf-8")

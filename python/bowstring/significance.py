@@ -18,7 +18,7 @@ __all__ = [
 ]
 
 NOISE: Final = 0.005
-"""Below this p-value a test says that residuals are not noise."""
+"""P-value below which residuals are not noise."""
 MIRROR: Final = 1e-4
 """That noise alone looks like a mirror image: such a frame is refused, which ends the work."""
 EXTRA_LOAD: Final = 1e-6
@@ -31,18 +31,18 @@ def chi_square_p(square: float, dof: int) -> float:
 
 
 def variance_ratio_p(ratio: float, dof: int, noise_dof: int) -> float:
-    """P-value of a ratio of two variances (F test), `noise_dof` those of the denominator."""
+    """P-value of a ratio of two variances (F test); `noise_dof` belong to the denominator."""
     return float(special.fdtrc(dof, noise_dof, ratio))
 
 
 def variance_ratio_limit(level: float, dof: int, noise_dof: int) -> float:
-    """The ratio of two variances whose p-value is the level."""
+    """Ratio of two variances whose p-value is `level`."""
     return float(special.fdtri(dof, noise_dof, 1.0 - level))
 
 
 def explained_p(before: float, after: float, more: int, dof: int) -> float:
-    """P-value of a sum of squares that more parameters lower (F test of nested models).
+    """P-value of a lower sum of squares with more parameters (F test of nested models).
 
-    `dof` are the degrees of freedom that are left with them.
+    `dof` are the degrees of freedom of the larger model.
     """
     return variance_ratio_p((before - after) / more / max(after / dof, 1e-300), more, dof)

@@ -1,4 +1,4 @@
-"""Numbers with units in a robot file: parsing, and the marks of the model's fields."""
+"""Numbers with units: parsing, and validators of the robot file's fields."""
 
 from __future__ import annotations
 
@@ -50,18 +50,18 @@ _QUANTITY_NAMES: Final = {
     "s": "time",
     "1/s": "rate",
 }
-# as people write them, or as they stand behind a number
+# Spellings that differ from the table's.
 _OTHER_FORMS: Final = {"Nm": "N*m", "Nmm": "N*mm", "mNm": "mN*m", "/s": "1/s"}
 _SAME_UNIT: Final = str.maketrans({"²": "^2", "³": "^3", "µ": "u", "μ": "u", "°": "deg", "·": "*"})
 NUMBER: Final = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
-# Names with small whole powers only: what reaches pint cannot make it compute 9**9**9.
+# Names with small whole powers only, so that pint never computes 9**9**9.
 _UNIT: Final = r"[A-Za-z_]+(?:\^-?[1-9])?(?:[*/][A-Za-z_]+(?:\^-?[1-9])?){0,5}"
 _MAX_WORD: Final = 100
 
 
 @cache
 def _pint() -> Any:
-    """The registry of units that the table above does not hold, built at the first use."""
+    """Unit registry for units that are not in the table above, built at the first use."""
     import pint
 
     return pint.UnitRegistry(cache_folder=None)
@@ -69,7 +69,7 @@ def _pint() -> Any:
 
 @cache
 def _factor(unit: str, si: str) -> Decimal:
-    """Factor from ``unit`` to the SI unit ``si``; ValueError ends a "got ..." that says why not."""
+    """Factor from ``unit`` to the SI unit ``si``; ValueError has the end of a message "got ..."."""
     if len(unit) > _MAX_WORD:
         raise ValueError(f"; {quote(unit)} is not a unit")
     plain = unit.translate(_SAME_UNIT).replace("**", "^").replace(" ", "")
@@ -85,19 +85,19 @@ def _factor(unit: str, si: str) -> Decimal:
     registry = _pint()
     try:
         found = registry.parse_units(plain)
-    except Exception as error:  # pint raises many kinds on text that is no unit
+    except Exception as error:  # pint raises many kinds of exception on invalid units
         same = [known for known in _UNITS[si] if known.lower() == plain.lower()]
         hint = f" (units are case-sensitive: {same[0]})" if same else ""
         raise ValueError(f"; {quote(unit)} is not a known unit{hint}") from error
     try:
-        # versions of pint differ in the last digit, and a robot's hash must not
+        # Versions of pint differ in the last digit, which must not change a robot's hash.
         return Decimal(f"{float(registry.Quantity(1.0, found).m_as(si)):.15g}")
     except Exception as error:
         raise ValueError(f"; {quote(unit)} is not a unit of {_QUANTITY_NAMES[si]}") from error
 
 
 def _parse_quantities(text: str, si: str) -> list[float]:
-    """Read "641 mm" or "0 0 -9.81 m/s^2" as SI numbers; ValueError ends a "got ..."."""
+    """Read "641 mm" or "0 0 -9.81 m/s^2" as SI; ValueError has the end of a message "got ..."."""
     numbers, unit = _split(text)
     if not numbers:
         raise ValueError(", which is not a number" + (" with a unit" if si else ""))
@@ -110,7 +110,7 @@ def _parse_quantities(text: str, si: str) -> list[float]:
 def _split(text: str) -> tuple[list[str], str]:
     """Split "0 0 -9.81 m/s^2" or "641mm" into numbers and unit.
 
-    Word by word, as one pattern for all could take forever on hostile text.
+    Word by word, because a single pattern could take exponential time on hostile text.
     """
     words = text.split()
     numbers: list[str] = []
@@ -155,7 +155,7 @@ def _limit(text: str, si: str) -> float:
 
 
 def number_with_unit(value: float, si: str) -> str:
-    """Write an SI number in the unit that people use for it."""
+    """Write an SI number in the usual unit of its quantity."""
     unit, factor = si, 1.0
     if si == "m":
         unit, factor = ("m", 1.0) if abs(value) >= 10 else ("mm", 1e-3)
@@ -171,7 +171,7 @@ _BY_SIZE: Final = {"Pa": ("GPa", "MPa", "kPa", "Pa"), "N": ("kN", "N", "mN")}
 
 
 def unit_of_size(value: float, si: str, usual: str) -> str:
-    """The unit that people use for a value of this size: the usual one, or a smaller one."""
+    """Choose the unit for a value of this size: the usual one, or a smaller one."""
     units = _BY_SIZE.get(si, ())
     if usual not in units or value == 0:
         return usual
@@ -179,20 +179,20 @@ def unit_of_size(value: float, si: str, usual: str) -> str:
     return next((u for u in smaller if abs(value) >= _UNITS[si][u]), smaller[-1])
 
 
-def is_bare(text: str) -> bool:
-    """Whether a number of the command line has no unit, so that it is SI."""
+def has_no_unit(text: str) -> bool:
+    """Whether a number of the command line has no unit and is thus SI."""
     return re.fullmatch(NUMBER, text.strip(), re.ASCII) is not None
 
 
 def rounded(value: float, digits: int = 2) -> str:
-    """Write a number with so many significant digits, and up to a million without exponent."""
+    """Round to `digits` significant digits; no exponent up to a million."""
     return f"{float(f'{value:.{digits}g}'):g}"
 
 
 def printable(text: str) -> str:
-    """The text with escapes such as \\x1b for what a terminal or a file would take as a command.
+    """Escape control characters, such as \\x1b, in text from files and users.
 
-    Line feeds and tabs stay. Names of files and columns, labels and units come from elsewhere.
+    Line feeds and tabs stay.
     """
     if text.isprintable():
         return text
@@ -203,7 +203,7 @@ def printable(text: str) -> str:
 
 
 def quote(value: object) -> str:
-    """Show what was given: on one line, and short."""
+    """Quote a value in a message, shortened to one line."""
     if isinstance(value, str):
         if not value.strip():
             return "nothing"
@@ -228,7 +228,7 @@ def wrong(sentence: str) -> PydanticCustomError:
 
 
 class _Marker(ABC):
-    """Marks a field: pydantic validates it by `read`."""
+    """Annotation of a field that pydantic validates by `read`."""
 
     @abstractmethod
     def read(self, value: Any) -> Any: ...
@@ -251,10 +251,10 @@ class _Marker(ABC):
 
 @dataclass(frozen=True)
 class Quantity(_Marker):
-    """Marks a field that is text with a unit in a file and an SI number inside.
+    """Annotation of a field with a unit: text in a file, an SI number in Python.
 
-    Text must carry its unit; a number that comes from Python is SI already. The limits are far
-    outside any robot: they only keep every later product finite.
+    Text must have a unit; a Python number is SI. The limits are far outside any robot: they only
+    keep every later product finite.
     """
 
     si: str
@@ -338,7 +338,7 @@ class Quantity(_Marker):
 
 @dataclass(frozen=True)
 class Count(_Marker):
-    """Marks a field that is a whole number from 1."""
+    """Annotation of a field that is a whole number from 1."""
 
     most: int
     example: str
@@ -363,7 +363,7 @@ class Count(_Marker):
 
 @dataclass(frozen=True)
 class Share(_Marker):
-    """Marks a share, as a plain number or in percent."""
+    """Annotation of a share, given as a plain number or in percent."""
 
     example: str
     high: float
@@ -391,7 +391,7 @@ class Share(_Marker):
 
 @dataclass(frozen=True)
 class Choice(_Marker):
-    """Marks one of a few words."""
+    """Annotation of a field with a fixed set of words."""
 
     words: tuple[str, ...]
     example: str
@@ -407,7 +407,7 @@ class Choice(_Marker):
 
 @dataclass(frozen=True)
 class Text(_Marker):
-    """Marks a text of limited length; ``lines``: of several lines or none."""
+    """Annotation of a text of limited length; ``lines`` allows line feeds and empty text."""
 
     most: int
     example: str

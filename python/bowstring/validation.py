@@ -1,4 +1,4 @@
-"""Checks of arguments: one sentence that names the argument, what it got and what it must be."""
+"""Checks of arguments; messages name the argument, its value and the allowed range."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-_LONGEST = 60  # letters of a value in a sentence
+_LONGEST = 60  # characters of a value in a message
 
 
 def shown(value: object) -> str:
-    """A value as Python writes it, on one line, and short."""
+    """Write a value as Python does, shortened to one line."""
     try:
         text = " ".join(repr(value).split())
     except ValueError:  # a whole number of thousands of digits
@@ -44,14 +44,14 @@ def shown(value: object) -> str:
 
 
 def floats(value: Any) -> Floats:
-    """A new array of numbers.
+    """Convert to a new array of floats.
 
     Raises
     ------
     TypeError
-        For what is none; text, booleans and complex numbers are none.
+        For text, booleans, complex numbers and other objects that are not real numbers.
     InputError
-        For more numbers than fit into memory.
+        If the array does not fit into memory.
     """
     if _has_truth(value):
         raise TypeError("a boolean is no number")
@@ -69,21 +69,21 @@ def floats(value: Any) -> Floats:
 
 
 def too_large(value: Any) -> InputError:
-    """What to raise for more numbers than fit into memory."""
+    """Error for an array that does not fit into memory."""
     return InputError(
         f"an array of shape {np.shape(value)} does not fit into memory; give fewer numbers at once"
     )
 
 
 def _has_truth(value: Any) -> bool:
-    # an array has one type for all, which is looked at as such
+    # an array has a single type
     if isinstance(value, (list, tuple)):
         return any(map(_has_truth, value))
     return isinstance(value, (bool, np.bool_))
 
 
 def read(name: str, value: Any, what: str) -> Floats:
-    """A new array of numbers; the error says that the argument must be `what`."""
+    """Convert to a new array of floats; `what` is the allowed value in the error."""
     try:
         return floats(value)
     except TypeError:
@@ -91,7 +91,7 @@ def read(name: str, value: Any, what: str) -> Floats:
 
 
 def number(name: str, value: Any, unit: str = "", *, zero: bool = False) -> float:
-    """A finite number above zero, or also zero."""
+    """Check a finite positive number; `zero` allows zero too."""
     right = isinstance(value, (float, int, np.floating, np.integer)) and not _has_truth(value)
     try:
         found = float(value) if right else math.nan
@@ -106,7 +106,7 @@ def number(name: str, value: Any, unit: str = "", *, zero: bool = False) -> floa
 
 
 def whole(name: str, value: Any, low: int, high: int) -> int:
-    """A whole number from one to another."""
+    """Check a whole number from `low` to `high`."""
     if not is_whole(value) or not low <= value <= high:
         raise InputError.of(name, shown(value), f"a whole number from {low} to {high}")
     return int(value)
@@ -116,7 +116,7 @@ Object = TypeVar("Object")
 
 
 def instance(name: str, value: Object | None, kind: type[Object]) -> Object:
-    """An object of a class, its default for None."""
+    """Check an object's class; None gives the class's default."""
     if value is None:
         return kind()
     if not isinstance(value, kind):
@@ -126,14 +126,14 @@ def instance(name: str, value: Object | None, kind: type[Object]) -> Object:
 
 
 def truth(name: str, value: Any) -> bool:
-    """True or False."""
+    """Check a boolean."""
     if not isinstance(value, (bool, np.bool_)):
         raise InputError.of(name, shown(value), "True or False")
     return bool(value)
 
 
 def choice(name: str, value: Any, words: Sequence[str]) -> None:
-    """Refuse a word that is not in the list."""
+    """Refuse a value that is not one of `words`."""
     if not isinstance(value, str) or value not in words:
         listed = " or ".join(f'"{word}"' for word in words)
         raise InputError.of(name, shown(value), listed)
@@ -145,7 +145,7 @@ def is_whole(value: object) -> bool:
 
 
 def row(name: str, value: Any, count: int, unit: str, or_else: str = "") -> Floats:
-    """Finite numbers (count,); `or_else` says what the value may be besides."""
+    """Check finite numbers (count,); `or_else` names further allowed values in the error."""
     if isinstance(value, np.ndarray) and value.shape != (count,):
         raise InputError(f"{name} has shape {value.shape}, it must be ({count},), in {unit}")
     found = read(name, value, f"{count} numbers in {unit}{or_else}")
@@ -156,7 +156,7 @@ def row(name: str, value: Any, count: int, unit: str, or_else: str = "") -> Floa
 
 
 def numbers(name: str, value: Any, shape: tuple[int, ...], unit: str = "") -> Floats:
-    """A new array of finite numbers of this shape."""
+    """Convert to a new array of finite numbers of a given shape."""
     found = read(name, value, f"numbers of shape {shape}")
     if found.shape != shape:
         raise InputError(
@@ -168,7 +168,7 @@ def numbers(name: str, value: Any, shape: tuple[int, ...], unit: str = "") -> Fl
 
 
 def vectors(name: str, value: Any) -> Floats:
-    """A new array of points (..., 3) in m, which may be NaN."""
+    """Convert to a new array of points (..., 3) in m; NaN is allowed."""
     found = read(name, value, "points (..., 3) in m")
     if found.ndim == 0 or found.shape[-1] != 3:
         raise InputError(f"{name} has shape {found.shape}, it must be points (..., 3) in m")
@@ -176,7 +176,7 @@ def vectors(name: str, value: Any) -> Floats:
 
 
 def check_values(name: str, row: Floats, when: str = "") -> None:
-    """Refuse what is not finite, and tensions that push."""
+    """Refuse values that are not finite, and negative tensions."""
     if not np.isfinite(row).all():
         raise InputError(f"{name} is {row.tolist()}{when}, all must be finite numbers")
     if "tensions" in name and (row < 0).any():

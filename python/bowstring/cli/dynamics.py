@@ -49,7 +49,7 @@ from bowstring.cli.output import (
 )
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import plain
-from bowstring.interrupts import was_stopped
+from bowstring.interrupts import is_interrupt
 from bowstring.units import rounded
 
 if TYPE_CHECKING:
@@ -219,7 +219,7 @@ def simulate(
                     run, lambda what, done: tell(what, share + (1 - share) * done)
                 )
             except ImportError as error:
-                if not was_stopped(error):
+                if not is_interrupt(error):
                     raise
                 raise KeyboardInterrupt from None
         if as_json:

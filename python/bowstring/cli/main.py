@@ -190,13 +190,13 @@ def run(arguments: Sequence[str]) -> int:
         style = None if coloured(sys.stdout) else False
         code = app(list(arguments), prog_name="bowstring", standalone_mode=False, color=style)
         late = interrupts.pending() and code != STOPPED
-        interrupts.answered()
+        interrupts.acknowledge()
         if late:
             say("Stopped", "the work was done before.")
             return STOPPED
     except (InputError, NoSolutionError) as error:
         if interrupts.pending():  # what went wrong is the interrupt's, as an import that it broke
-            interrupts.answered()
+            interrupts.acknowledge()
             code = STOPPED
         else:
             if isinstance(error, InputError):
@@ -217,20 +217,20 @@ def run(arguments: Sequence[str]) -> int:
         say("Error", f"the memory does not suffice{what}; ask for less at a time.")
         return BAD_INPUT
     except Stopped as stopped:
-        interrupts.answered()
+        interrupts.acknowledge()
         say("Stopped", str(stopped))
         return STOPPED
     except KeyboardInterrupt:
-        interrupts.answered()
+        interrupts.acknowledge()
         code = STOPPED
     except BaseException as error:  # a panic of the core is no Exception
         if isinstance(error, SystemExit):
             raise
-        if not (interrupts.was_stopped(error) or interrupts.pending()):
+        if not (interrupts.is_interrupt(error) or interrupts.pending()):
             traceback.print_exc()
             say("Error", "this is a bug in Bowstring; please report it with the lines above.")
             return BUG
-        interrupts.answered()
+        interrupts.acknowledge()
         code = STOPPED
     if code == STOPPED:
         say("Stopped", "nothing was written.")

@@ -16,7 +16,7 @@ import typer
 from bowstring.cli import completion
 from bowstring.cli.output import counted, say
 from bowstring.errors import InputError
-from bowstring.units import is_bare, number_with_unit, quote, read_number
+from bowstring.units import has_no_unit, number_with_unit, quote, read_number
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
@@ -170,8 +170,8 @@ def numbers_of(flag: str, text: str, si: str, example: str = "") -> list[float]:
                 f"{flag}: got {quote(item.strip())}, {error}; write for example {flag} {example}."
             ) from None
         low, high = _EARTH_IN_MM
-        if si == "m/s^2" and is_bare(item) and low < abs(values[-1]) < high:
-            raise _is_bare(flag, item.strip(), si, "mm/s^2")
+        if si == "m/s^2" and has_no_unit(item) and low < abs(values[-1]) < high:
+            raise _without_unit(flag, item.strip(), si, "mm/s^2")
     return values
 
 
@@ -242,15 +242,15 @@ def check_bare(
     items = [item.strip() for item in text.split(",")]
     limits = [most] * len(items) if isinstance(most, (int, float)) else most
     for item, limit in zip(items, limits, strict=False):
-        if not is_bare(item) or abs(float(item)) <= limit:
+        if not has_no_unit(item) or abs(float(item)) <= limit:
             continue
         if abs(read_number(f"{item} {small}", si)) <= limit:
             winds = " and more than all of a tendon" if si == "rad" else ""
             why = f"{winds}, and {robot.name} is {number_with_unit(robot.length, 'm')} long"
-            raise _is_bare(flag, item, si, small, why)
+            raise _without_unit(flag, item, si, small, why)
 
 
-def _is_bare(flag: str, item: str, si: str, small: str, why: str = "") -> InputError:
+def _without_unit(flag: str, item: str, si: str, small: str, why: str = "") -> InputError:
     return InputError(
         f"{flag}: got {item} without a unit, which is {item} {si}{why}; "
         f'write "{item} {small}" if that is meant, else "{item} {si}".'
@@ -274,12 +274,12 @@ def check_bare_changes(
             return math.inf
 
     for path, text in changes.items():
-        units = units_of_field(path) if is_bare(text) else None
+        units = units_of_field(path) if has_no_unit(text) else None
         if units is None:
             continue
         si, usual = units
         if doubts(path, f"{text} {si}") > doubts(path, f"{text} {usual}"):
-            raise _is_bare(f"{flag} {path}", text.strip(), si, usual)
+            raise _without_unit(f"{flag} {path}", text.strip(), si, usual)
 
 
 def check_bare_command(flag: str, text: str, si: str, robot: Robot) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bowstring import validation
 from bowstring._core import check_memory, flexibility, flexibility_at
-from bowstring.display import html_table, in_few_rows
+from bowstring.display import html_table, sampled_rows
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
@@ -86,7 +86,7 @@ class Modes:
             return k + 1, f"{self.frequency_hz[k]:.6g}", self.kind[k]
 
         header = ("mode", "frequency, Hz", "kind")
-        return html_table(f"Modes of {self.robot.name}", in_few_rows(len(self), row), header)
+        return html_table(f"Modes of {self.robot.name}", sampled_rows(len(self), row), header)
 
     def to_dataset(self) -> xr.Dataset:
         """All modes with labels and units, along the dimension ``mode``."""

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bowstring import interrupts, validation
 from bowstring._core import check_memory
-from bowstring.display import html_table, in_few_rows, millimetres
+from bowstring.display import html_table, millimetres, sampled_rows
 from bowstring.dynamics.integrator import DEFAULT_INTERVAL, Integrator
 from bowstring.dynamics.load_history import Actuation, Loads, OverTime, over_time
 from bowstring.dynamics.modal import about
@@ -132,7 +132,7 @@ class Run:
             return f"{self.time[k]:.6g} s", millimetres(self.tip_position[k])
 
         title = repr(self).strip("<>")
-        return html_table(title, in_few_rows(len(self.time), row), ("time", "tip"))
+        return html_table(title, sampled_rows(len(self.time), row), ("time", "tip"))
 
     @property
     def converged(self) -> bool:
@@ -464,7 +464,7 @@ def simulate(
     aside = 0.0  # seconds that were not the motion's
     begun = clock.perf_counter()
 
-    @interrupts.unheard()
+    @interrupts.ignored()
     def finish(status: Status, reason: str = "") -> None:
         run.wall_s = clock.perf_counter() - begun - aside - simulator.output_s
         run.status, run.reason = status, reason
@@ -538,7 +538,7 @@ def simulate(
                 ended = True
             except KeyboardInterrupt:  # one more, which waited with the first
                 continue
-        interrupts.answered()
+        interrupts.acknowledge()
         raise RunInterrupted(run) from None
     except BaseException as error:
         finish("failed", str(error) or type(error).__name__)

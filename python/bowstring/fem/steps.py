@@ -111,7 +111,7 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
             return work(job, program, kept, keep, tell)
         ended.status, ended.why = end
     except KeyboardInterrupt:
-        interrupts.answered()
+        interrupts.acknowledge()
         ended.status, ended.why = "interrupted", "it was interrupted"
     except OSError as error:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)

@@ -1,4 +1,4 @@
-"""What a robot is: the model and its file, checks, built-in robots."""
+"""Robot model: its file, checks, and built-in robots."""
 
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot, robot_names, robot_schema

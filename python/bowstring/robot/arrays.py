@@ -1,4 +1,4 @@
-"""The numbers of a robot as arrays, one entry for each disk, tendon or segment."""
+"""Numbers of a robot as arrays, one entry per disk, tendon or segment."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ Ints = NDArray[np.int64]
 @short_repr
 @dataclass(frozen=True)
 class RobotDisks:
-    """All disks from base to tip (N of them, the base excluded), in SI.
+    """Arrays of all N disks from base to tip, base excluded, in SI.
 
     ``inertia_kg_m2`` (N, 2) are the moments of inertia about a diameter and about the axis.
-    ``bore_m`` are the diameters of the holes that the backbone passes.
+    ``bore_m`` are the diameters of the holes for the backbone.
     """
 
     station_m: Floats
@@ -46,11 +46,11 @@ class RobotDisks:
 @short_repr
 @dataclass(frozen=True)
 class RobotTendons:
-    """All tendons (T of them, segment by segment, inner first, in file order), in SI.
+    """Arrays of all T tendons by segment, innermost first, in file order, in SI.
 
     ``hole_m`` are x and y of the holes in the base frame, ``end_disk`` the index (from 0) of the
-    disk at which a tendon ends. ``axial_stiffness_N`` is infinite where a tendon is inextensible,
-    ``spool_radius_m`` is NaN where it has no spool, ``diameter_m`` where it is not known.
+    disk to which a tendon is anchored. ``axial_stiffness_N`` is infinite for an inextensible
+    tendon, ``spool_radius_m`` NaN for one without a spool, ``diameter_m`` NaN where unknown.
     """
 
     hole_m: Floats
@@ -74,7 +74,7 @@ def frozen(values: object, dtype: type = float) -> NDArray[Any]:
 
 
 class RobotArrays(Part):
-    """The fields of a robot, and their numbers as arrays, SI."""
+    """Fields of a robot, with their numbers as arrays in SI."""
 
     name: Annotated[str, Text(100, "my_robot")] = Field(
         "robot", description="Name for reports; the file's name if left out."
@@ -128,7 +128,7 @@ class RobotArrays(Part):
             [mass * (3.0 * radius**2 + thickness**2) / 12.0, mass * radius**2 / 2.0], axis=1
         )
         bore = bores(self.segments)[index]
-        ends = np.flatnonzero(np.diff(index))  # an end disk also holds the backbone beyond it
+        ends = np.flatnonzero(np.diff(index))  # an end disk also clamps the next segment's start
         bore[ends] = np.maximum(bore[ends], bore[ends + 1])
         for k, s in enumerate(self.segments):
             d = s.disks
@@ -182,7 +182,7 @@ class RobotArrays(Part):
         )
 
     def holes(self, segment: int) -> Floats:
-        """Places (H, 2) of the holes in the disks of a segment (from 0), x and y in m."""
+        """Positions x, y (H, 2) of the holes in the disks of a segment (index from 0), in m."""
         return distinct_holes(self.tendons.hole_m[self.tendons.segment >= segment])
 
     @cached_property
@@ -214,7 +214,7 @@ class RobotArrays(Part):
 
     @cached_property
     def mass_per_length(self) -> Floats:
-        """Backbone mass by length of each segment in kg/m."""
+        """Backbone mass per length of each segment in kg/m."""
         return frozen([s.backbone.density * s.backbone.area for s in self.segments])
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Checks across the fields of a robot."""
+"""Checks between the fields of a robot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 def problems(parts: tuple[Segment, ...]) -> Iterator[str]:
-    """Yield "path: sentence" for what no single field can know to be wrong."""
+    """Yield "path: sentence" for each inconsistency between fields."""
     for k, s in enumerate(parts):
         here = f"segments[{k}]"
         if s.backbone.inner_diameter >= s.backbone.diameter:
@@ -57,7 +57,7 @@ def _position_problems(s: Segment, here: str) -> Iterator[str]:
 
 
 def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
-    """Every tendon passes the disks and backbones of its own and of all inner segments."""
+    """Check each tendon's hole against disks and backbones of its own and all inner segments."""
     for k, s in enumerate(parts):
         radii = [t.pitch_radius for t in s.tendon_list]
         for j, inner in enumerate(parts[: k + 1]):
@@ -79,12 +79,12 @@ def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
 
 
 def bores(parts: tuple[Segment, ...]) -> Floats:
-    """Diameter of the hole that the backbone passes in the disks of each segment."""
+    """Diameter of the hole for the backbone in the disks of each segment, m."""
     return np.array([s.backbone.diameter for s in parts])
 
 
 def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
-    """Holes of a given diameter lie within their disk, apart, and let their tendons through."""
+    """Check that holes lie within their disk, do not overlap, and are wider than their tendons."""
     bore = bores(parts)
     for k, s in enumerate(parts):
         width, radius = s.disks.hole_diameter, s.disks.radius
@@ -117,8 +117,8 @@ def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
 
 
 def _clamp_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
-    """Each module needs backbone that can bend between what its two disks clamp."""
-    before = 0.0  # what the disk before clamps of a segment's first module; the base clamps none
+    """Check that each module has flexible backbone between the clamped lengths of its disks."""
+    before = 0.0  # clamped length at the start of a segment; the base clamps none
     for k, s in enumerate(parts):
         spacing = np.diff((0.0, *s.disk_positions))
         own = s.disks.clamped_length
@@ -133,7 +133,7 @@ def _clamp_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
         i = int(full[0])
         space = number_with_unit(float(spacing[i]), "m")
         advice = "write a smaller length, so that some backbone is free to bend"
-        if start[i] > half[i]:  # the end disk of the segment before holds more of it
+        if start[i] > half[i]:  # the end disk of the previous segment clamps more of it
             yield (
                 f"segments[{k - 1}].disks.clamped_length: got "
                 f"{number_with_unit(parts[k - 1].disks.clamped_length, 'm')}; the end disk of "

@@ -1,4 +1,4 @@
-"""A spacer disk from its material: mass and inertia of a cylinder less its bore and its holes."""
+"""Mass and inertia of a spacer disk from its density: a cylinder without bore and holes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ __all__ = ["DiskMass", "distinct_holes", "drilled_disk", "room_for_holes"]
 
 Floats = NDArray[np.float64]
 
-_SAME_HOLE = 1e-9  # share of the distance from the axis
+_SAME_HOLE = 1e-9  # distance of equal holes as a share of the distance from the axis
 
 
 class DiskMass(NamedTuple):
     """Mass in kg, moments of inertia about a diameter and about the axis in kg m^2.
 
-    All about the middle of the disk. `across` is the mean over the diameters: one ring of three or
-    more equal holes makes them equal.
+    All refer to the centre of the disk. `across` is the mean over all diameters; with a ring of
+    three or more equal holes they are equal.
     """
 
     mass: float
@@ -28,7 +28,7 @@ class DiskMass(NamedTuple):
 
 
 def distinct_holes(places: ArrayLike) -> Floats:
-    """Each place of holes once.
+    """Remove duplicates from hole positions.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def distinct_holes(places: ArrayLike) -> Floats:
     Returns
     -------
     ndarray (H, 2)
-        In the order of the first tendon of each hole.
+        Positions in the order of the first tendon of each hole.
     """
     rows = np.asarray(places, dtype=float).reshape(-1, 2)
     found = np.empty((0, 2))
@@ -50,19 +50,19 @@ def distinct_holes(places: ArrayLike) -> Floats:
 
 
 def room_for_holes(holes: ArrayLike, radius: float, bore: float) -> tuple[float, str]:
-    """How wide holes may be before they meet the rim, the bore or each other.
+    """Largest hole diameter before holes meet the rim, the bore or each other.
 
     Parameters
     ----------
     holes : array_like (H, 2)
-        Distinct places, in m.
+        Distinct positions x, y in m.
     radius, bore : float
         Radius of the disk and diameter of its bore, in m.
 
     Returns
     -------
     float, str
-        The diameter in m, and what wider holes would do.
+        Diameter in m, and the fault of wider holes, for a message.
     """
     places = np.asarray(holes, dtype=float).reshape(-1, 2)
     away = np.hypot(places[:, 0], places[:, 1])
@@ -90,11 +90,11 @@ def drilled_disk(
     Parameters
     ----------
     density : float
-        In kg/m^3.
+        Density in kg/m^3.
     radius, thickness : float
-        Of the disk, in m.
+        Radius and thickness of the disk in m.
     bore, hole_diameter : float
-        Diameters in m.
+        Diameters of the bore and of the tendons' holes in m.
     holes : array_like (H, 2)
         x and y of the holes, in m.
 

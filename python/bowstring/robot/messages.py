@@ -1,4 +1,4 @@
-"""What is wrong with a robot file, in sentences that name the field and what to write."""
+"""Error messages for a robot file: the field, the fault, and what to write."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ _MAX_LISTED: Final = 20
 
 
 def build(model: type[Model], tree: dict[str, Any], label: str) -> Model:
-    """A robot from the tree of its file; every problem is named in one `InputError`."""
+    """Build a robot from the tree of its file; one `InputError` lists all problems."""
     segments = tree.get("segments")
-    if isinstance(segments, list) and len(segments) > MAX_SEGMENTS:  # before each is looked at
+    if isinstance(segments, list) and len(segments) > MAX_SEGMENTS:  # before each one is validated
         most = f"must have at most {MAX_SEGMENTS}"
         raise InputError(f"{label}: segments: got a list of {len(segments)}; {most}.")
     try:
@@ -65,7 +65,7 @@ def build(model: type[Model], tree: dict[str, Any], label: str) -> Model:
 
 
 def _path(loc: tuple[int | str, ...]) -> str:
-    """`segments[0].tendons[1].angle`, as people write it."""
+    """Write a location as `segments[0].tendons[1].angle`."""
     text = ""
     for i, step in enumerate(loc):
         if isinstance(step, int):
@@ -93,7 +93,7 @@ def _sentences(error: Any, model: type[BaseModel]) -> list[str]:
         hint = f"; did you mean {near}?" if near else "."
         return [f"{path}: unknown field{hint} Known here: {', '.join(known)}"]
     if kind == "too_short" and given:
-        return []  # its entries are wrong, and reported
+        return []  # errors of its entries are reported
     if kind == "too_short":
         return [f"{path}: got an empty list; must have at least one"]
     if kind == "too_long":
@@ -102,7 +102,7 @@ def _sentences(error: Any, model: type[BaseModel]) -> list[str]:
 
 
 def _advice(names: tuple[str, ...], model: type[BaseModel]) -> str:
-    """What to write at a field: an example, or the names of its own fields."""
+    """Advice for a field: an example, or the names of its subfields."""
     if names == ("segments",):
         return "must be a list of segments, each after a '-'"
     if names[-1:] == ("tendons",):
@@ -116,7 +116,7 @@ def _advice(names: tuple[str, ...], model: type[BaseModel]) -> str:
 
 
 def units_of_field(path: str) -> tuple[str, str] | None:
-    """The SI unit and the usual unit of the field that a path names, if it has a unit."""
+    """SI unit and usual unit of the field at a path; None if it has no unit."""
     names = tuple(name for name in re.split(r"[.\[\]]+", path) if name and not name.isdecimal())
     parts = [_PARTS.get((*names[:-1], *kind)) for kind in ((), ("ring",), ("list",))]
     for part in parts:
@@ -139,7 +139,7 @@ def paths_of_field(name: str) -> list[str]:
 
 
 def _fields_of(part: type[BaseModel]) -> list[str]:
-    """The names of a part's fields, its own before those that it shares with others."""
+    """Names of a part's fields, its own before the shared ones."""
     return sorted(part.model_fields, key=lambda name: name not in part.__annotations__)
 
 

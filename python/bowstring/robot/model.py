@@ -1,7 +1,7 @@
-"""The robot: its file with units, its checks, and its numbers in SI as arrays.
+"""Robot: file with units, checks, and numbers in SI as arrays.
 
-A robot is read from YAML (`load_robot`), checked as a whole, and never changes afterwards;
-`Robot.with_` returns a changed copy. Inside there are only SI numbers and radians.
+A robot is read from YAML (`load_robot`), checked as a whole, and immutable; `Robot.with_` returns
+a changed copy. All stored numbers are in SI and radians.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from bowstring.robot.arrays import RobotArrays
 from bowstring.robot.messages import build
 from bowstring.robot.overrides import check_mapping, fill, override
 from bowstring.robot.parts import Disks, Tendon, TendonProperties, TendonRing
-from bowstring.robot.plausibility import doubts
+from bowstring.robot.plausibility import implausible
 from bowstring.units import number_with_unit
 from bowstring.validation import shown
 
@@ -25,17 +25,17 @@ __all__ = ["Robot", "check_robot", "with_tendons"]
 
 
 class Robot(RobotArrays):
-    """A cable-driven continuum robot, checked and immutable; every number is SI.
+    """Cable-driven continuum robot, checked and immutable; every number is SI.
 
-    Make one with `load_robot`, a changed copy with `with_`.
+    `load_robot` makes one, `with_` a changed copy.
 
     Attributes
     ----------
     name, description : str
     gravity : tuple of 3 floats
-        In the base frame, in m/s^2.
+        Gravity in the base frame in m/s^2.
     segments : tuple of Segment
-        From base to tip.
+        Segments from base to tip.
     """
 
     def __repr__(self) -> str:
@@ -66,7 +66,7 @@ class Robot(RobotArrays):
         named = ", ".join(f"{n} {what}{'' if n == 1 else 's'}" for n, what in counts)
         return f"{number_with_unit(self.length, 'm')}, {named}"
 
-    # Caches live in __dict__; the core's object cannot be pickled and need not be.
+    # Caches are in __dict__; the core's object cannot be pickled, and is built again at first use.
     def __getstate__(self) -> dict[Any, Any]:
         state = super().__getstate__()
         state["__dict__"] = self._fields()
@@ -87,14 +87,14 @@ class Robot(RobotArrays):
         Parameters
         ----------
         overrides : mapping from path to value
-            As ``{"segments.0.disks.clamped_length": "3 mm"}``. A string may carry a unit; numbers
-            without one are SI. None removes a field. Setting one of ``G`` and ``nu``, or of
-            ``count`` and ``positions``, removes the other.
+            New values, such as ``{"segments.0.disks.clamped_length": "3 mm"}``. A string may have
+            a unit; numbers without one are SI. None removes a field. Setting one of ``G`` and
+            ``nu``, or of ``count`` and ``positions``, removes the other.
 
         Returns
         -------
         Robot
-            This robot stays as it is.
+            Changed copy; this robot stays as it is.
 
         Raises
         ------
@@ -102,7 +102,7 @@ class Robot(RobotArrays):
             If a path does not exist or the changed robot is not valid.
         """
         check_mapping(overrides)
-        # what the file left out stays left out, but where a part of it is set
+        # Fields that the file leaves out stay left out, unless a part of them is set.
         tree = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
         whole = self.model_dump(mode="json", exclude_none=True)
         for path in overrides:
@@ -111,15 +111,15 @@ class Robot(RobotArrays):
 
     @cached_property
     def definition(self) -> str:
-        """The robot as JSON text, every number in SI."""
+        """Robot as JSON text, every number in SI."""
         return json.dumps(self.model_dump(mode="json", exclude_none=True))
 
     @cached_property
     def hash(self) -> str:
         """SHA-256 of the robot's physics, as hex.
 
-        Every physical field counts, resolved to SI (disk positions, G, tendons one by one), so
-        that two ways to write one robot agree. Names and descriptions do not count.
+        It covers every physical field in SI, with disk positions, G and single tendons, so that
+        it does not depend on how the file is written. Names and descriptions do not count.
         """
 
         import hashlib  # 7 ms, and most runs need no hash
@@ -128,7 +128,7 @@ class Robot(RobotArrays):
             return (value + 0.0).hex()  # + 0.0 makes -0.0 the same as 0.0
 
         def tendon(t: Tendon) -> list[Any]:
-            # What is not used is not named, so that robots keep the hash they had without it.
+            # Unused fields are left out, so that a new field does not change existing hashes.
             properties = {
                 name: exact(getattr(t, name))
                 for name, field in TendonProperties.model_fields.items()
@@ -169,19 +169,19 @@ class Robot(RobotArrays):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Plausibility warnings: valid numbers that are probably not meant, each in a sentence."""
-        return tuple(doubts(self))
+        """Plausibility warnings: a sentence for each valid but implausible number."""
+        return tuple(implausible(self))
 
     @cached_property
     def core(self) -> Any:
-        """The robot in the Rust core (``bowstring._core.Robot``), built at the first use."""
+        """Robot of the Rust core (``bowstring._core.Robot``), built at the first use."""
         import bowstring._core as _core
 
         return _core.Robot(self)
 
 
 def with_tendons(robot: Robot, values: Mapping[str, float | None], missing: bool = False) -> Robot:
-    """The robot with these fields of all its tendons, or of those only that lack them."""
+    """Set fields of all tendons of a robot, or only where a field is missing."""
     changes = {}
     for k, segment in enumerate(robot.segments):
         ring = isinstance(segment.tendons, TendonRing)
@@ -195,7 +195,7 @@ def with_tendons(robot: Robot, values: Mapping[str, float | None], missing: bool
 
 
 def check_robot(robot: object) -> None:
-    """Refuse what is no robot, such as its name."""
+    """Refuse an object that is not a robot, such as its name."""
     if not isinstance(robot, Robot):
         raise InputError(
             f"robot is {shown(robot)}, it must be a Robot, as bowstring.load_robot gives it"

@@ -1,4 +1,4 @@
-"""Changes of single fields of a robot file, by their path."""
+"""Overrides: change single fields of a robot file by their path."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bowstring.validation import shown
 
 __all__ = ["check_mapping", "fill", "override"]
 
-# Setting one of a pair removes the other, so that an override need not know the file's choice.
+# Setting one of a pair removes the other, so that an override works for either form of the file.
 _EITHER: Final = {
     **{"G": "nu", "nu": "G", "count": "positions", "positions": "count"},
     **{"mass": "density", "density": "mass"},
@@ -23,7 +23,7 @@ _EITHER: Final = {
 
 
 def check_mapping(overrides: object) -> None:
-    """Refuse overrides that are no mapping."""
+    """Refuse overrides that are not a mapping."""
     if not isinstance(overrides, Mapping):
         raise InputError(
             f"overrides is {shown(overrides)}, it must be a mapping from path to value"
@@ -31,7 +31,7 @@ def check_mapping(overrides: object) -> None:
 
 
 def fill(tree: Any, whole: Any, keys: Sequence[str]) -> None:
-    """Take from the whole what a path goes through and the tree lacks."""
+    """Copy the parts along a path that `tree` lacks from `whole`."""
     if len(keys) < 2:
         return
     key, *rest = keys
@@ -73,7 +73,7 @@ def override(tree: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, An
 
 
 def _step(here: Any, key: str, above: list[str], path: str) -> Any:
-    """The key or index of ``key`` in ``here``, or an error that says what there is."""
+    """Key or index of ``key`` in ``here``; the error lists the existing ones."""
     name = ".".join(above)
     if isinstance(here, dict):
         return key
@@ -86,7 +86,7 @@ def _step(here: Any, key: str, above: list[str], path: str) -> Any:
 
 
 def _read_override(value: Any, path: str) -> Any:
-    """Text of an override as a file would have it, but a number without a unit is SI."""
+    """Read an override as in a file, except that a number without a unit is SI."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""The parts of a robot file: their fields, units and ranges."""
+"""Parts of a robot file: their fields, units and ranges."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ TENDON_MATERIALS: Final = {
     "polyethylene": 30e9,
     "nylon": 2.5e9,
 }
-"""E A over the area of the full circle in Pa, for a tendon of that material whose E A is not known:
-the middle between strand and wire (steel: 60 to 190 GPa), right within a factor of two."""
+"""E A over the area of the full circle in Pa by material, for tendons without a given E A: the
+mean of strand and wire (steel: 60 to 190 GPa), within a factor of two of either."""
 
 
 class Part(BaseModel):
@@ -57,20 +57,20 @@ def _one_of(first: str, second: str) -> Any:
 
 
 class Backbone(Part):
-    """The elastic rod in the middle of a segment: round, solid or a tube.
+    """Elastic rod in the middle of a segment, a solid round bar or a tube.
 
     Attributes
     ----------
     diameter, inner_diameter : float
-        Outer diameter, and that of the bore (0 for a solid rod), in m.
+        Outer diameter and diameter of the bore (0 for a solid rod) in m.
     E, G : float
         Young's and shear modulus in Pa; ``G`` is None where ``nu`` is given.
     nu : float
         Poisson's ratio; None where ``G`` is given.
     density : float
-        In kg/m^3.
+        Density in kg/m^3.
     yield_strength, strain_limit : float or None
-        Von Mises stress in Pa and strain that the material can take; they only warn.
+        Largest allowed von Mises stress in Pa and strain; exceeding one gives a warning.
     """
 
     model_config = ConfigDict(json_schema_extra=_one_of("G", "nu"))
@@ -125,7 +125,7 @@ class Backbone(Part):
 
 
 class Disks(Part):
-    """The spacer disks of a segment; the last one is its end disk.
+    """Spacer disks of a segment; the last one is its end disk.
 
     Attributes
     ----------
@@ -134,15 +134,16 @@ class Disks(Part):
     positions : tuple of float
         Distances from the segment's start in m; None where ``count`` is given.
     mass : float
-        Of each disk in kg, as if of a full cylinder; None where ``density`` is given.
+        Mass of each disk in kg, a cylinder without holes; None where ``density`` is given.
     density : float
-        Of the material in kg/m^3; with the holes it gives mass and inertia. None where ``mass`` is.
+        Density of the material in kg/m^3, from which mass and inertia of the drilled disk follow;
+        None where ``mass`` is given.
     radius, thickness : float
-        Of each disk, in m.
+        Outer radius and thickness of each disk in m.
     hole_diameter : float
-        Of the holes of the tendons in m; None where it is not known.
+        Diameter of the tendons' holes in m; None where unknown.
     clamped_length : float
-        Length of backbone that each disk holds rigid, centred on the disk, in m.
+        Length of backbone that each disk clamps rigidly, centred on the disk, in m.
     """
 
     model_config = ConfigDict(
@@ -197,9 +198,9 @@ _ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
 
 
 class TendonProperties(Part):
-    """What ring and list have in common: elasticity, friction, actuation and diameter of a tendon.
+    """Common fields of ring and list: elasticity, friction, actuation and diameter of a tendon.
 
-    Left out, a tendon is inextensible, frictionless and without a transmission.
+    By default a tendon is inextensible and frictionless, and its transmission rigid.
     """
 
     axial_stiffness: Annotated[float | None, Quantity("N", "20 kN", "1 mN", "1e12 N")] = Field(
@@ -209,10 +210,10 @@ class TendonProperties(Part):
         0.0, description="Length of tendon from the base hole to the actuator; 0 if left out."
     )
     compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = Field(
-        0.0, description="Give of the transmission (spool, gearbox, sheath); 0 if left out."
+        0.0, description="Compliance of the transmission (spool, gearbox, sheath); 0 if left out."
     )
     friction: Annotated[float, Quantity("", "0.1", "0", "10")] = Field(
-        0.0, description="Coulomb's coefficient mu at each hole; 0 if left out."
+        0.0, description="Coulomb friction coefficient mu at each hole; 0 if left out."
     )
     pretension: Annotated[float, Quantity("N", "2 N", "0 N", "1e9 N")] = Field(
         0.0, description="Tension in the home pose, where its displacement is zero; 0 if left out."
@@ -241,9 +242,9 @@ class TendonRing(TendonProperties):
     first_angle : float
         Angle of the first tendon from x in rad.
     axial_stiffness, free_length, compliance, friction, pretension, spool_radius, diameter : float
-        Of each tendon, as in `Tendon`.
+        Values of each tendon, as in `Tendon`.
     material : str or None
-        Of each tendon.
+        Material of each tendon.
     """
 
     count: Annotated[int, Count(MAX_TENDONS, "3")] = Field(description="Number of tendons.")
@@ -261,25 +262,25 @@ class Tendon(TendonProperties):
     Attributes
     ----------
     angle : float
-        From x, counter-clockwise about z, in rad.
+        Angle of the hole from x, counter-clockwise about z, in rad.
     pitch_radius : float
         Distance of its holes from the backbone's axis in m.
     axial_stiffness : float or None
-        E A in N; None for an inextensible tendon.
+        Axial stiffness E A in N; None for an inextensible tendon.
     free_length : float
-        Between the base hole and the actuator in m; it stretches as well.
+        Elastic length between base hole and actuator in m.
     compliance : float
-        Of the transmission in m/N.
+        Compliance of the transmission in m/N.
     friction : float
-        Coulomb's coefficient at each hole.
+        Coulomb friction coefficient at each hole.
     pretension : float
         Tension in the home pose, where its displacement is zero, in N.
     spool_radius : float or None
-        In m; None where no spool is given, hence no motor angle.
+        Radius of the spool in m; None without a spool, which excludes motor angles.
     diameter : float or None
-        In m; the solid has it, and a study that has to assume E A.
+        Diameter in m, used for the solid and for a study that assumes E A.
     material : str or None
-        One of `TENDON_MATERIALS`; for a study that has to assume E A.
+        One of `TENDON_MATERIALS`, used for a study that assumes E A.
     """
 
     angle: Annotated[float, _ANGLE] = Field(description="Angle from x, counter-clockwise.")
@@ -289,7 +290,7 @@ class Tendon(TendonProperties):
 
 
 def tendon_field(segment: int, tendons: object, tendon: int, name: str) -> str:
-    """Where a file says this of a tendon (from 0): for a ring there is one place for all."""
+    """Path of a tendon's field in a file (tendon from 0); a ring has one for all its tendons."""
     ring = isinstance(tendons, TendonRing)
     return f"segments[{segment}].tendons{'' if ring else f'[{tendon}]'}.{name}"
 
@@ -299,13 +300,13 @@ def _tendon_form(value: object) -> str:
 
 
 class Segment(Part):
-    """One segment: backbone, disks, and the tendons that end at its last disk.
+    """One segment: backbone, disks, and the tendons anchored to its end disk.
 
     Attributes
     ----------
     name : str or None
     length : float
-        Of the straight backbone in m.
+        Length of the straight backbone in m.
     backbone : Backbone
     disks : Disks
     tendons : TendonRing or tuple of Tendon
@@ -334,7 +335,7 @@ class Segment(Part):
 
     @cached_property
     def tendon_list(self) -> tuple[Tendon, ...]:
-        """The tendons one by one, also where the file gives them as a ring."""
+        """Tendons one by one, also where the file gives a ring."""
         ring = self.tendons
         if not isinstance(ring, TendonRing):
             return ring

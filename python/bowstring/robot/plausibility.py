@@ -1,4 +1,4 @@
-"""Valid numbers of a robot that are probably not meant, each with its reason."""
+"""Plausibility checks: valid numbers of a robot that are probably mistakes."""
 
 from __future__ import annotations
 
@@ -18,34 +18,35 @@ _STANDARD_GRAVITY: Final = 9.80665  # m/s^2
 
 Floats = NDArray[np.float64]
 
-# What makes a number doubtful. A wrong unit is mostly wrong by 1000, so each range is wide enough
-# for any robot that we know of and much narrower than 1000 times beyond it.
+# Plausible ranges. A wrong unit is mostly wrong by 1000, so each range covers all robots that we
+# know of and is much narrower than 1000.
 #
-# Stiffness: a pull of the robot's own weight W on one tendon bends a segment by
-# theta = W r L / (E I) (linear law). W scales with the robot, so one limit serves a catheter and
-# an elephant trunk: 2 degrees for the robot of the study, 5 for rao2021, 0.4 rad for a Nitinol
-# catheter (0.4 mm by 1 m), 1.7 rad for 1 mm Nitinol under ten disks of 10 g at r = 10 mm, 2.4 rad
-# for silicone of 0.1 MPa. Beyond one turn the robot cannot hold its own weight in any useful pose;
-# the E = 35 MPa that the study prints gives 5.5 turns.
+# Stiffness: a tension of the robot's own weight W on one tendon bends a segment by
+# theta = W r L / (E I) (Eq. 1.7 of docs/theory). W scales with the robot, so one limit serves a
+# catheter and an elephant trunk: 2 degrees for the study's robot, 5 for rao2021, 0.4 rad for a
+# Nitinol catheter (0.4 mm by 1 m), 1.7 rad for 1 mm Nitinol under ten disks of 10 g at r = 10 mm,
+# 2.4 rad for silicone of 0.1 MPa. Beyond one turn the robot cannot hold its own weight in any
+# useful pose; the E = 35 MPa that the study prints gives 5.5 turns.
 _MAX_TURNS: Final = 1.0
-# The other way round: 1 kN, more than tendons of such robots carry, must bend it by a degree.
-_STRONG_PULL: Final = 1000.0
+# Conversely, 1 kN, more than tendons of such robots carry, must bend it by a degree.
+_LARGE_TENSION: Final = 1000.0
 _MIN_BEND: Final = math.radians(1.0)
 _SLENDERNESS: Final = (5.0, 5000.0)  # length/diameter; 60 to 143 for the built-in robots
 _DENSITY: Final = (100.0, 25_000.0)  # kg/m^3: light foam to osmium
 _DISK_DENSITY: Final = (20.0, 25_000.0)  # of the full disk; holes and cut-outs make it lighter
-# Share of the length that disks may hold over their thickness while the file does not say whether
-# they do: the bend is off by as much, and the tip by about half of it in lengths.
-_HELD: Final = 0.02
+# Largest total disk thickness, as a share of the length, for which clamped_length may be missing:
+# the bend is wrong by that share, and the tip by about half of it in lengths.
+_MAX_UNSTATED_CLAMP: Final = 0.02
 _MAX_E: Final = 1.3e12  # Pa: diamond
 _MAX_GRAVITY: Final = 30.0  # m/s^2: a little more than on Jupiter
 
 
-def doubts(robot: RobotArrays) -> Iterator[str]:
+def implausible(robot: RobotArrays) -> Iterator[str]:
+    """Yield a warning for each implausible number of a robot."""
     disks, weight = robot.disks, _weight(robot)
     for k, s in enumerate(robot.segments):
         here = f"segments[{k}]"
-        yield from _stiffness_doubts(robot, k, weight)
+        yield from _implausible_stiffness(robot, k, weight)
 
         slenderness = s.length / s.backbone.diameter
         if not _SLENDERNESS[0] <= slenderness <= _SLENDERNESS[1]:
@@ -76,7 +77,7 @@ def doubts(robot: RobotArrays) -> Iterator[str]:
                 )
         if "clamped_length" not in s.disks.model_fields_set:
             held = len(s.disk_positions) * s.disks.thickness / s.length
-            if held >= _HELD:
+            if held >= _MAX_UNSTATED_CLAMP:
                 yield (
                     f"{here}.disks.clamped_length: missing, so that no disk stiffens the backbone; "
                     f"disks that hold it over their thickness of "
@@ -107,29 +108,29 @@ def doubts(robot: RobotArrays) -> Iterator[str]:
         yield (
             f"gravity = {rounded(size, 4)} m/s^2 in size: more than on any planet; is it in mm/s^2?"
         )
-    yield from _buckling_doubts(robot)
+    yield from _buckling(robot)
 
 
 def _weight(robot: RobotArrays) -> float:
-    """Weight of disks and backbone on Earth in N, whatever the gravity of the file."""
+    """Weight of disks and backbone in N under standard gravity, not that of the file."""
     lengths = np.array([s.length for s in robot.segments])
     mass = robot.disks.mass_kg.sum() + robot.mass_per_length @ lengths
     return float(mass) * _STANDARD_GRAVITY
 
 
 def _turns(robot: RobotArrays, k: int, weight: float) -> float:
-    """Turns of a segment under a pull of the robot's own weight on one tendon, linear law."""
+    """Turns of a segment if one tendon has the robot's weight as tension (linear law)."""
     return weight * _bend_by_newton(robot, k) / math.tau
 
 
 def _bend_by_newton(robot: RobotArrays, k: int) -> float:
-    """Bend of a segment by a tendon, by the linear law, in rad/N."""
+    """Bend angle of a segment per newton of tension in rad/N, Eq. 1.7 of docs/theory."""
     passing = robot.tendons.segment >= k
     arm = float(robot.tendons.pitch_radius_m[passing].max())
     return arm * robot.segments[k].length / float(robot.bending_stiffness[k])
 
 
-def _stiffness_doubts(robot: RobotArrays, k: int, weight: float) -> Iterator[str]:
+def _implausible_stiffness(robot: RobotArrays, k: int, weight: float) -> Iterator[str]:
     s = robot.segments[k]
     where = f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}"
     diameter = f"diameter = {number_with_unit(s.backbone.diameter, 'm')}"
@@ -144,36 +145,36 @@ def _stiffness_doubts(robot: RobotArrays, k: int, weight: float) -> Iterator[str
             bend = 360.0 * turns / 1000
             guess = f"with {meant} it would bend it by {rounded(bend)} degrees: is {meant} meant?"
         yield (
-            f"{where} looks wrong: a pull of the robot's own weight ({rounded(weight)} N) on one "
-            f"tendon would wind the backbone {rounded(turns)} times around; {guess}"
+            f"{where} looks wrong: the robot's own weight ({rounded(weight)} N) as the tension of "
+            f"one tendon would wind the backbone {rounded(turns)} times around; {guess}"
         )
-    elif _STRONG_PULL * _bend_by_newton(robot, k) < _MIN_BEND:
+    elif _LARGE_TENSION * _bend_by_newton(robot, k) < _MIN_BEND:
         yield (
             f"{where} with {diameter} looks wrong: 1 kN on one tendon would bend the segment by "
             f"less than a degree; is one of the two in the wrong unit (GPa, MPa; mm, cm)?"
         )
 
 
-#: Bend by the linear law that is worth a word where a load has no answer, rad.
+#: Bend angle of the linear law above which a load without equilibrium gets a hint, rad.
 _MUCH_BEND: Final = math.pi
 
 
 def load_advice(robot: RobotArrays, tensions: ArrayLike, tip_force: ArrayLike = (0, 0, 0)) -> str:
-    """What is probably wrong with a load that has no equilibrium.
+    """Hint at the probable cause where a load has no equilibrium.
 
     Parameters
     ----------
     robot : Robot
     tensions : array_like (T,)
-        In N; NaN where a tendon has none of its own.
+        Tensions in N; NaN for displacement-controlled tendons.
     tip_force : array_like (3,)
-        In N.
+        Force on the tip in N.
 
     Returns
     -------
     str
-        A sentence that names a doubtful Young's modulus or, if there is none, how far the load
-        would bend the robot by the linear law, with a blank behind it; empty if neither is odd.
+        A sentence, ending in a space, on an implausible Young's modulus or else on a large bend
+        by the linear law; empty if both are plausible.
     """
     weight = _weight(robot)
     for k in range(len(robot.segments)):
@@ -190,7 +191,7 @@ def load_advice(robot: RobotArrays, tensions: ArrayLike, tip_force: ArrayLike = 
         passing = robot.tendons.segment >= k
         law = s.length / float(robot.bending_stiffness[k])
         total += law * tension[passing] @ robot.tendons.hole_m[passing]
-        by_force += law * sideways * (beyond - s.length / 2)  # a cantilever's end
+        by_force += law * sideways * (beyond - s.length / 2)  # rotation of a cantilever
         beyond -= s.length
     by_tension = float(np.hypot(*total))
     bend, what = max((by_tension, "these tensions"), (by_force, "this force at the tip"))
@@ -200,14 +201,14 @@ def load_advice(robot: RobotArrays, tensions: ArrayLike, tip_force: ArrayLike = 
     return f"By the linear law {what} would bend {robot.name} by {angle} degrees. "
 
 
-def _buckling_doubts(robot: RobotArrays) -> Iterator[str]:
-    """Does the backbone buckle under its own weight, in the gravity of the file?
+def _buckling(robot: RobotArrays) -> Iterator[str]:
+    """Warn if the backbone buckles under its own weight, in the gravity of the file.
 
-    Rayleigh's quotient with the slope sin(pi s / 2 L) of a buckled column: elastic energy against
-    the work of every weight. It finds the critical q L^3 / (E I) of a uniform column as 8.30
-    (exact: 7.837), near enough for a warning, and knows disks and segments.
+    Rayleigh's quotient with the slope sin(pi s / 2 L) of a buckled column: elastic energy over the
+    work of all weights. For a uniform column it gives a critical q L^3 / (E I) of 8.30 (exact:
+    7.837), which suffices for a warning; it includes disks and segments.
     """
-    pressing = -robot.gravity[2]  # the base is at z = 0: weight towards it presses
+    pressing = -robot.gravity[2]  # weight towards the base at z = 0 compresses the backbone
     if pressing <= 0:
         return
     length, disks = robot.length, robot.disks

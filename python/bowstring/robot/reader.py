@@ -1,4 +1,4 @@
-"""Robots by name or file, and the JSON Schema of a file."""
+"""Read built-in robots and robot files; JSON Schema of a file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def robot_names() -> list[str]:
     Returns
     -------
     list of str
-        Sorted; each is accepted by `load_robot`.
+        Sorted names, each accepted by `load_robot`.
     """
     return sorted(path.stem for path in _BUILT_IN.glob("*.yaml"))
 
@@ -37,14 +37,14 @@ def robot_schema() -> dict[str, Any]:
     Returns
     -------
     dict
-        JSON Schema (draft 2020-12). It knows fields, types and units' form; checks across
-        fields are made by `load_robot` only.
+        JSON Schema (draft 2020-12) of fields, types and the form of units; only `load_robot`
+        checks consistency between fields.
     """
     schema = Robot.model_json_schema()
     for part in (schema, *schema["$defs"].values()):
         part["description"] = part["description"].partition("\n")[0]  # docstrings' first line
         for field in part["properties"].values():
-            field.pop("default", None)  # SI numbers, that a file cannot hold
+            field.pop("default", None)  # defaults are SI numbers, which a file cannot have
             field.pop("title", None)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
@@ -57,17 +57,17 @@ def load_robot(source: str | Path, overrides: Mapping[str, Any] | None = None) -
     source : str or Path
         Name of a built-in robot (see `robot_names`) or path of a YAML file.
     overrides : mapping from path to value, optional
-        As for `Robot.with_`.
+        Changed fields, as for `Robot.with_`.
 
     Returns
     -------
     Robot
-        Checked, with warnings for doubtful numbers.
+        Checked robot; `Robot.warnings` lists implausible numbers.
 
     Raises
     ------
     InputError
-        If there is no such robot or the file is not valid; every problem is named.
+        If there is no such robot or the file is not valid; the message lists all problems.
 
     Examples
     --------

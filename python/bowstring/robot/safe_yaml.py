@@ -1,4 +1,4 @@
-"""YAML as nested dicts, lists and text, without YAML's guesses and without its traps."""
+"""Safe YAML reader: nested dicts, lists and text, without type guesses, aliases and tags."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MAX_BYTES: Final = 1_000_000
 
 @contextmanager
 def reading(label: str) -> Iterator[None]:
-    """Say in one sentence what keeps a file from being looked at or read."""
+    """Context manager that turns an error of reading a file into an `InputError`."""
     try:
         yield
     except (OSError, ValueError) as error:
@@ -30,7 +30,7 @@ def reading(label: str) -> Iterator[None]:
 
 
 def text_of(path: Path, label: str, what: str) -> str:
-    """The text of a file of `what`, which is not large; within `reading`."""
+    """Read the text of a small file, inside `reading`; `what` names its kind in the error."""
     with readable(path) as file:
         data = file.read(_MAX_BYTES + 1)
     if len(data) > _MAX_BYTES:
@@ -45,10 +45,11 @@ def text_of(path: Path, label: str, what: str) -> str:
 def read_yaml(
     text: str, label: str, what: str = "robot", field: str = "segments"
 ) -> dict[str, Any]:
-    """Read YAML as nested dicts, lists and text: each field reads its own text.
+    """Read YAML as nested dicts, lists and text; each field converts its own text.
 
-    So YAML's guesses (yes, 017, 1:30, 1e3) never happen, and anchors, aliases and tags, which make
-    a file grow or run code, are refused at sight. Errors speak of a file of `what`, with `field`.
+    YAML therefore never guesses types (yes, 017, 1:30, 1e3). Anchors, aliases and tags, which can
+    expand a file or run code, are refused. `what` and `field` name the file's kind and its main
+    field in errors.
     """
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     try:
@@ -73,7 +74,7 @@ def read_yaml(
 
 
 class _Tree:
-    """Builds the tree from YAML's events, so that each one is looked at before it is used."""
+    """Builder of the tree from YAML's events, each checked before it is used."""
 
     def __init__(self, label: str, what: str) -> None:
         self.label, self.what = label, what

@@ -1,4 +1,4 @@
-"""Sizes that a solid needs and a robot file may leave out: each is then assumed, and named."""
+"""Sizes of a robot's solid; those that a robot file leaves out are assumed and listed."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ __all__ = ["Assumed", "Sizes", "sizes_of"]
 
 Floats = NDArray[np.float64]
 
-# Thin beside the backbone, as in the robots of the field (0.2 to 1 mm on 1 to 5 mm).
-_TENDON: Final = 1 / 5  # of the backbone's diameter
-_HOLE: Final = 2.0  # times the tendon
-_USED_ROOM: Final = 0.8  # of the room that a disk has for its holes
-_BASE_RADIUS, _BASE_THICKNESS = 1.25, 2.0  # times those of the first disks
+# Tendons are thin compared with the backbone (published robots: 0.2 to 1 mm on 1 to 5 mm).
+_TENDON: Final = 1 / 5  # tendon diameter over backbone diameter
+_HOLE: Final = 2.0  # hole diameter over tendon diameter
+_USED_ROOM: Final = 0.8  # hole diameter over the largest that fits
+_BASE_RADIUS, _BASE_THICKNESS = 1.25, 2.0  # times those of the first disk
 
 
 @dataclass(frozen=True)
 class Assumed:
-    """A size that the robot file does not say: its field, value in m, and where it comes from."""
+    """Size that the robot file leaves out: its field, assumed value in m, and reason."""
 
     field: str
     value_m: float
@@ -39,18 +39,18 @@ class Assumed:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of a robot's solid in m; S segments, T tendons.
+    """Sizes of the solid of a robot with S segments and T tendons, in m.
 
     Attributes
     ----------
     hole_m : ndarray (S,)
-        Diameter of the tendons' holes in the disks of each segment; that of the base is the first.
+        Diameter of the tendons' holes in the disks of each segment; the base has that of the first.
     tendon_m : ndarray (T,)
         Diameter of each tendon.
     base_radius_m, base_thickness_m : float
-        Of the plate below the base frame's origin.
+        Radius and thickness of the base plate below the origin of the base frame.
     assumed : tuple of Assumed
-        Those that the file does not say.
+        Sizes that the file leaves out.
     """
 
     hole_m: Floats
@@ -61,7 +61,7 @@ class Sizes:
 
 
 def sizes_of(robot: Robot) -> Sizes:
-    """The sizes of the robot's solid, as given or else assumed.
+    """Collect the sizes of a robot's solid, given or assumed.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def sizes_of(robot: Robot) -> Sizes:
         bore = float(robot.disks.bore_m[robot.disks.segment == k].max())
         room, fault = room_for_holes(robot.holes(k), s.disks.radius, bore)
         if s.disks.hole_diameter is not None:
-            holes[k] = s.disks.hole_diameter  # was checked with the file
+            holes[k] = s.disks.hole_diameter  # checked when the file was read
             continue
         holes[k] = min(_HOLE * wanted[thick], _USED_ROOM * room)
         if holes[k] <= np.nan_to_num(tendons.diameter_m[passing]).max():

@@ -1,4 +1,4 @@
-"""A robot written as a robot file, for robots that a program has changed."""
+"""Write a robot as a robot file, for robots changed by a program."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ __all__ = ["to_yaml"]
 
 
 def to_yaml(robot: Robot, comment: str = "") -> str:
-    """The text of a robot file that is read as this very robot.
+    """Text of a robot file that reads back as the same robot.
 
     Parameters
     ----------
     robot : Robot
     comment : str
-        Lines for the top of the file.
+        Comment lines at the top of the file.
 
     Returns
     -------
     str
-        YAML; numbers in SI units, to the last digit.
+        YAML with numbers in SI units, exact to the last digit.
     """
     import yaml
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.display import html_table, in_few_rows, millimetres
+from bowstring.display import html_table, millimetres, sampled_rows
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.formatting import plain
 from bowstring.robot.plausibility import load_advice
@@ -558,7 +558,7 @@ class Sweep:
             return k, tensions, tip, self.status[k]
 
         title = repr(self).strip("<>")
-        return html_table(title, in_few_rows(len(self), row), ("", "tensions, N", "tip", "status"))
+        return html_table(title, sampled_rows(len(self), row), ("", "tensions, N", "tip", "status"))
 
     def to_dataset(self) -> xr.Dataset:
         """All rows with labels and units, along the dimension ``load``.
