@@ -1,4 +1,4 @@
-"""Constant curvature: arcs, tendon lengths, poses, forces; arcs from measured points."""
+"""Constant curvature: arcs, tendon lengths, poses, tensions; arcs fitted to measured points."""
 
 from bowstring.constant_curvature.arc import Arc, Routing
 from bowstring.constant_curvature.robot_arcs import RobotArcs

@@ -1,8 +1,8 @@
 """Constant curvature of one segment: tendon lengths or tensions to arcs, arcs to poses, and back.
 
-The backbone of a segment is one circular arc, as in section 3 of the source study [1]_. All of it
-is pure geometry but for the two force laws, and works on arrays: every argument may have leading
-dimensions, which broadcast. All numbers are SI and radians.
+The backbone of a segment is one circular arc, as in section 3 of the source study [1]_. All maps
+are pure geometry except for the two force laws. Every argument may have leading dimensions, which
+broadcast. All numbers are in SI and radians. docs/theory/constant-curvature.md has the equations.
 
 An arc has a curvature kappa (1/m), a direction of bending phi (from x towards y) and a length (m);
 its bending angle is theta = kappa * length. Tendon i sits at the angle alpha_i (from x towards y)
@@ -10,16 +10,16 @@ and the pitch radius r_i, so the tendon on the inside of a bend is shorter::
 
     l_i = length - theta r_i cos(phi - alpha_i)
 
-The frame of a pose is the segment's start, z along the straight backbone; a rotation maps body to
-that frame and holds no twist, Rz(phi) Ry(theta) Rz(-phi).
+The frame of a pose is the segment's start, z along the straight backbone. A rotation maps body to
+that frame and contains no twist: Rz(phi) Ry(theta) Rz(-phi).
 
-Curvature and direction are singular where the arc is straight, so the *bend coordinates*
-(theta cos(phi), theta sin(phi), length) carry the computation and are what Jacobians refer to
-unless asked otherwise; in them nothing is special about the straight pose.
+Curvature and direction are singular where the arc is straight. Computations therefore use the
+*bend coordinates* (theta cos(phi), theta sin(phi), length), in which the straight pose is regular
+(Eq. 1.2 of docs/theory). Jacobians refer to them by default.
 
-The tip is that of the study's Eq. 1, z = sin(theta)/kappa, also from tendon lengths. Its Eq. 5,
-which is Eq. 1 with the lengths put in, is printed with twice this z: it would put the straight
-robot's tip at twice its length.
+The tip follows the study's Eq. 1, z = sin(theta)/kappa, also from tendon lengths. The study's
+Eq. 5, which is its Eq. 1 in terms of lengths, is printed with twice this z: the straight robot's
+tip would be at twice its length.
 
 Bad input raises `bowstring.errors.InputError`; "row" in its text counts along the flattened leading
 dimensions.
@@ -53,7 +53,7 @@ Coordinates = Literal["bend", "curvature"]
 @short_repr
 @dataclass(frozen=True, eq=False, init=False)
 class Routing:
-    """Routing of the tendons of one segment: their holes, and how they run between disks.
+    """Routing of the tendons of one segment: holes, and tendon path between disks.
 
     ``routing[index]`` selects tendons.
     """
@@ -61,7 +61,7 @@ class Routing:
     holes: Array
     """Positions x, y of the holes (T, 2), m."""
     shares: Array
-    """Share of each module in the segment's length (n,); empty where tendons run parallel to the
+    """Length of each module over that of the segment (n,); empty for tendons parallel to the
     backbone."""
 
     def __init__(
@@ -115,7 +115,7 @@ class Routing:
 @short_repr
 @dataclass(frozen=True, eq=False, init=False)
 class Arc:
-    """Circular arcs, an array of any shape; ``arc[index]`` indexes them as NumPy does."""
+    """Array of circular arcs of any shape; ``arc[index]`` indexes as NumPy does."""
 
     kappa: Array
     """Curvature (...), 1/m."""
@@ -152,7 +152,7 @@ class Arc:
 
     @classmethod
     def _of(cls, bend: Array, shape: tuple[int, ...], misfit: Array | None = None) -> Arc:
-        """Arcs of checked bend coordinates."""
+        """Make arcs from checked bend coordinates."""
         rows = np.ascontiguousarray(bend).reshape(-1, 3)
         kappa, phi = _core.arc_curvature(rows).T
         arc = cls.__new__(cls)
@@ -192,17 +192,18 @@ class Arc:
         routing : Routing
             Holes and spans of the tendons.
         length : array_like (...), optional
-            Holds the arc's length (m) and fits the bend alone, for tendons parallel to the
-            backbone; otherwise the length is free.
+            Fixed length of the arc, m, so that only the bend is fitted; for tendons parallel to
+            the backbone. By default the length is free.
 
         Returns
         -------
         Arc
-            Least squares of l_i - (length - theta r_i cos(phi - alpha_i)). Three tendons at 0, 120
-            and 240 degrees: Amouri 2019, Eq. 2-4, with phi in all four quadrants and no misfit.
-            On straight spans (Fig. 4), with n equal modules and q the radicand of Eq. 4, the bend
-            of a module is a = 2 asin(sqrt(q)/(3 r n)) and the length is (mean tendon length)
-            (a/2)/sin(a/2).
+            Least-squares fit of l_i = length - theta r_i cos(phi - alpha_i), Eq. 1.3 of
+            docs/theory. For three tendons at 0, 120 and 240 degrees it is Eq. 1.4 of docs/theory
+            (Amouri 2019, Eq. 2-4, with phi in all four quadrants), without misfit. On straight
+            spans with n equal modules and the radicand q of Eq. 1.4, the bend of a module is
+            a = 2 asin(sqrt(q)/(3 r n)) and the length (mean tendon length) (a/2)/sin(a/2),
+            Eq. 1.6 of docs/theory.
 
         Raises
         ------
@@ -230,8 +231,8 @@ class Arc:
         tensions : array_like (..., T)
             Tensions, N, not negative.
         routing : Routing
-            Tendons parallel to the backbone bend it by the linear law, straight spans with their
-            mean lever arm; the latter need equal modules.
+            Tendons parallel to the backbone use the linear law, straight spans the law with the
+            mean lever arm, which needs equal modules.
         length : array_like (...)
             Length of the backbone, m; the arc keeps it.
         bending_stiffness : array_like (...)
@@ -240,22 +241,22 @@ class Arc:
         Returns
         -------
         Arc
-            Bends along the moment m = sum of T_i r_i (cos alpha_i, sin alpha_i). Linear law: theta
-            is ``|m| l/(E I)``, ``F r l/(E I)`` for one tendon; a soft backbone winds up. With n
-            modules, a = theta/n and F = sum of T_i:
-            ``theta = (l/EI) (|m| + F (l/n) a/12 - |m| a^2/8)``.
+            Arcs that bend along the moment m = sum of T_i r_i (cos alpha_i, sin alpha_i). Linear
+            law: theta is ``|m| l/(E I)``, for one tendon ``F r l/(E I)`` (Eq. 1.7 of docs/theory),
+            without an upper limit. With n modules, a = theta/n and F = sum of T_i:
+            ``theta = (l/EI) (|m| + F (l/n) a/12 - |m| a^2/8)`` (Eq. 1.9 of docs/theory).
 
         Raises
         ------
         NoSolutionError
-            With modules, from the total tension on at which the backbone buckles between its disks,
-            Euler's pi^2 E I n^2/l^2.
+            With modules, if the total tension reaches Euler's buckling load of the backbone between
+            two disks, pi^2 E I n^2/l^2.
 
         Notes
         -----
-        The law with the mean lever arm is where the energy of a module is stationary, E I a^2/(2 h)
-        plus tensions times the straight spans 2 sin(a/2) (h/a - r cos(phi - alpha)), h = l/n, to
-        second order in a. It is solved exactly as a quadratic.
+        The law with the mean lever arm makes the energy of a module stationary, to second order in
+        a: E I a^2/(2 h) plus tensions times the straight spans 2 sin(a/2) (h/a - r cos(phi -
+        alpha)), h = l/n (Eq. 1.8 of docs/theory). The quadratic equation is solved exactly.
         """
         given = to_array("tensions", tensions, len(routing))
         scalars = {"length": length, "bending_stiffness": bending_stiffness}
@@ -274,22 +275,23 @@ class Arc:
         Parameters
         ----------
         position : array_like (..., 3)
-            Wanted tip, m, in the frame of the segment's start.
+            Target position of the tip, m, in the frame of the segment's start.
         length : array_like (...), optional
-            Length of the arcs, m. If not given it is free and the arcs end at the points.
+            Length of the arcs, m. By default it is free and the arcs end at the points.
 
         Returns
         -------
         Arc
-            Of free length: phi = atan2(y, x), theta = 2 atan2(hypot(x, y), z) below 2 pi, length =
-            ``|tip| (theta/2)/sin(theta/2)``. Of a given length: the nearest of all arcs with theta
-            from 0 to 2 pi, and its distance as `misfit`; phi is 0 where it is not unique (z axis).
+            With a free length: phi = atan2(y, x), theta = 2 atan2(hypot(x, y), z) below 2 pi,
+            length = ``|tip| (theta/2)/sin(theta/2)``. With a given length: the arc with theta from
+            0 to 2 pi whose tip is nearest, with its distance as `misfit`; phi is 0 where it is not
+            unique (z axis).
 
         Raises
         ------
         InputError
-            With a free length for the points that no arc ends at: the base itself and the axis
-            behind it.
+            With a free length, for a point that no arc reaches: the origin and the negative z
+            axis.
         """
         points = to_array("position", position, 3)
         if length is None:
@@ -322,7 +324,7 @@ class Arc:
         ----------
         s : array_like (...), optional
             Arc length from the base, m, within [0, length]; the tip if not given. Broadcasts with
-            the arcs: ``arc[..., None].fk(s)`` gives many places of each.
+            the arcs: ``arc[..., None].fk(s)`` gives several points of each.
 
         Returns
         -------
@@ -331,7 +333,8 @@ class Arc:
 
         Notes
         -----
-        Amouri 2019, Eq. 1: tip = (1 - cos theta)/kappa (cos phi, sin phi), sin theta/kappa.
+        Eq. 1.1 of docs/theory (Amouri 2019, Eq. 1):
+        tip = (1 - cos theta)/kappa (cos phi, sin phi), sin theta/kappa.
         """
         shape, rows = self.kappa.shape, self.bend.reshape(-1, 3)
         if s is not None:
@@ -343,8 +346,9 @@ class Arc:
     def lengths(self, routing: Routing) -> Array:
         """Tendon lengths (..., T), m.
 
-        They are length - theta r cos(phi - alpha), or the sum of the straight spans 2 sin(a/2)
-        (h/a - r cos(phi - alpha)), a and h the bend and length of a module (Amouri 2019, Fig. 4).
+        Parallel to the backbone: length - theta r cos(phi - alpha), Eq. 1.3 of docs/theory. On
+        straight spans: the sum of 2 sin(a/2) (h/a - r cos(phi - alpha)) with bend a and length h
+        of each module, Eq. 1.5 of docs/theory (Amouri 2019, Fig. 4).
         """
         out = _core.arc_lengths(self.bend.reshape(-1, 3), routing.holes, routing.shares)
         return out.reshape(*self.kappa.shape, len(routing))
@@ -355,14 +359,14 @@ class Arc:
         Parameters
         ----------
         coordinates : {"bend", "curvature"}
-            What the columns refer to: (theta cos phi, theta sin phi, length), or (kappa, phi,
+            Variables of the columns: (theta cos phi, theta sin phi, length), or (kappa, phi,
             length).
 
         Returns
         -------
         ndarray (..., 6, 3)
             Rows 0 to 2: tip position, m. Rows 3 to 5: rotation vector w in the axes of the
-            segment's start, rad, with dR = [w] R. By tendon lengths it is
+            segment's start, rad, with dR = [w] R. The derivative by tendon lengths is
             ``arc.jacobian() @ arc.from_lengths_jacobian(routing)``.
         """
         return self._by(coordinates, _core.arc_pose_jacobian(self.bend.reshape(-1, 3)))
@@ -376,21 +380,21 @@ class Arc:
     def from_lengths_jacobian(
         self, routing: Routing, coordinates: Coordinates = "bend", *, hold_length: bool = False
     ) -> Array:
-        """Derivative of `from_lengths` by the tendon lengths, at an arc that it gave.
+        """Derivative of `from_lengths` by the tendon lengths, at its result.
 
         Parameters
         ----------
         routing : Routing
             As for `from_lengths`.
         coordinates : {"bend", "curvature"}
-            What the rows refer to: (theta cos phi, theta sin phi, length), or (kappa, phi, length).
+            Variables of the rows: (theta cos phi, theta sin phi, length), or (kappa, phi, length).
         hold_length : bool
-            Whether the arc's length was held; its row is then zero.
+            Whether the arc's length was fixed; its row is then zero.
 
         Returns
         -------
         ndarray (..., 3, T)
-            Rows as chosen by `coordinates`, in SI units per metre of tendon.
+            Derivatives in SI units per metre of tendon.
 
         Raises
         ------
@@ -405,7 +409,7 @@ class Arc:
         return out.reshape(*self.kappa.shape, 3, len(routing))
 
     def _by(self, coordinates: Coordinates, by_bend: Array) -> Array:
-        """Derivatives (..., k, 3) by these coordinates, from rows (n, k, 3) by bend coordinates."""
+        """Convert derivatives (n, k, 3) by bend coordinates to (..., k, 3) by `coordinates`."""
         check_option("coordinates", coordinates, ("bend", "curvature"))
         if coordinates == "curvature":
             scalars = (v.reshape(-1) for v in (self.kappa, self.phi, self.length))
@@ -417,7 +421,7 @@ class Arc:
 
 
 def to_array(name: str, value: ArrayLike, last: int | None = None) -> Array:
-    """An array of numbers, `last` of them along the last dimension."""
+    """Convert to an array of numbers, `last` of them along the last dimension."""
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -432,7 +436,7 @@ def to_array(name: str, value: ArrayLike, last: int | None = None) -> Array:
 def broadcast(
     scalars: dict[str, ArrayLike], *vectors: Array
 ) -> tuple[tuple[int, ...], list[Array]]:
-    """Common leading shape; scalars flattened to (n,), vectors to (n, k)."""
+    """Broadcast leading dimensions; scalars are flattened to (n,), vectors to (n, k)."""
     arrays = [to_array(name, value) for name, value in scalars.items()]
     try:
         shape = np.broadcast_shapes(*(a.shape for a in arrays), *(v.shape[:-1] for v in vectors))
@@ -445,14 +449,14 @@ def broadcast(
 
 
 def check_option(name: str, value: object, options: Sequence[object]) -> None:
-    """Refuse a keyword that is not an option."""
+    """Refuse a value that is not one of `options`."""
     if value not in options:
         names = ", ".join(repr(o) for o in options)
         raise InputError(f"{name} must be one of {names}, got {value!r:.60}")
 
 
 def _shares(modules: int | ArrayLike | None) -> Array:
-    """Share of each module in the segment's length; empty for curved tendons."""
+    """Length of each module over that of the segment; empty for parallel tendons."""
     if modules is None:
         return np.empty(0)
     if isinstance(modules, int | np.integer):

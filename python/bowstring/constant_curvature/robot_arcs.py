@@ -1,6 +1,6 @@
-"""Constant curvature of a robot: one arc a segment, in series, with its tendon lengths.
+"""Constant curvature of a robot: one arc per segment, in series, with tendon lengths.
 
-Frames, units and words are those of `bowstring.constant_curvature.arc`; poses are in the robot's
+Frames, units and terms are those of `bowstring.constant_curvature.arc`; poses are in the robot's
 base frame.
 """
 
@@ -29,13 +29,13 @@ Array = NDArray[np.float64]
 Correction = Literal["chord"]
 Law = Literal["linear", "arm"]
 
-_FAR: Final = 10.0  # times a straight tendon's length or its inverse: surely another unit
+_FAR: Final = 10.0  # factor from a straight tendon's length beyond which the unit is wrong
 
 
 @short_repr
 @dataclass(frozen=True, eq=False)
 class RobotArcs:
-    """A robot's backbone as one arc a segment, an array of any shape of such robots.
+    """Backbone of a robot as one arc per segment, or an array of any shape of them.
 
     ``arcs[index]`` indexes the leading dimensions as NumPy does.
     """
@@ -44,10 +44,10 @@ class RobotArcs:
     arc: Arc
     """Arcs (..., S), each in the frame of its segment's start."""
     correction: Correction | None = None
-    """How tendons run. None: parallel to the backbone (Amouri 2019, Eq. 2-5). "chord": straight
-    from disk to disk (Fig. 4), at the robot's own disk positions."""
+    """Tendon path. None: parallel to the backbone, Eq. 1.3 of docs/theory (Amouri 2019, Eq. 2-5).
+    "chord": straight between disks at the robot's disk positions, Eq. 1.5 of docs/theory."""
     hold_length: bool = False
-    """Whether tendon lengths bend segments that keep their lengths."""
+    """Whether segments keep their lengths where arcs are fitted to tendon lengths."""
 
     def __post_init__(self) -> None:
         check_option("correction", self.correction, (None, "chord"))
@@ -79,7 +79,7 @@ class RobotArcs:
 
     @property
     def misfit(self) -> Array:
-        """Residual of each arc's fit (..., S), m, see `Arc.misfit`."""
+        """Residual of the fit of each arc (..., S), m; see `Arc.misfit`."""
         return self.arc.misfit
 
     def __getitem__(self, index: Any) -> RobotArcs:
@@ -99,8 +99,8 @@ class RobotArcs:
     ) -> RobotArcs:
         """Fit arcs to a robot's tendon lengths.
 
-        Each segment's arc comes from the tendons that end at it. What an outer tendon spends in the
-        inner segments follows from their arcs at its holes and is taken off first.
+        The arc of a segment follows from the tendons anchored to its end disk. Their lengths within
+        the inner segments follow from the arcs of those and are subtracted first.
 
         Parameters
         ----------
@@ -109,9 +109,9 @@ class RobotArcs:
         lengths : array_like (..., T)
             Tendon lengths from the base to each tendon's end disk, m.
         correction : {None, "chord"}
-            None: tendons parallel to the backbone. "chord": straight from disk to disk.
+            None: tendons parallel to the backbone. "chord": straight between disks.
         hold_length : bool
-            Whether segments keep their lengths, so that their bends alone are fitted; not with a
+            Whether segments keep their lengths, so that only the bends are fitted; not with a
             correction.
 
         Returns
@@ -121,8 +121,8 @@ class RobotArcs:
         Raises
         ------
         InputError
-            For lengths that no arcs can have, and for those shorter than a tenth or longer than ten
-            times the straight tendon's.
+            For lengths that no arcs can have, and for lengths below a tenth or above ten times the
+            straight tendon's.
         """
         segments = _segments(robot, correction)
         rest = np.array(to_array("lengths", lengths, len(robot.tendons.segment)))
@@ -154,7 +154,7 @@ class RobotArcs:
     def from_tensions(cls, robot: Robot, tensions: ArrayLike, law: Law = "linear") -> RobotArcs:
         """Make arcs from a robot's tensions; segments keep their lengths.
 
-        Every tendon bends all segments that it passes, not only the one that it ends at.
+        Every tendon bends all segments that it passes, not only the one of its end disk.
 
         Parameters
         ----------
@@ -163,9 +163,9 @@ class RobotArcs:
         tensions : array_like (..., T)
             Tensions, N, not negative.
         law : {"linear", "arm"}
-            The linear law of tendons parallel to the backbone, or the law with the mean lever arm
-            of straight spans, see `Arc.from_tensions`; the latter takes a segment's disks for
-            equally spaced and sets `correction` to "chord".
+            Linear law of tendons parallel to the backbone, or law with the mean lever arm of
+            straight spans, see `Arc.from_tensions`; the latter assumes equally spaced disks and
+            sets `correction` to "chord".
 
         Returns
         -------
@@ -202,18 +202,18 @@ class RobotArcs:
     ) -> RobotArcs:
         """Find the arc that brings the tip of a robot with one segment nearest to a point.
 
-        Its tendon lengths are those of `lengths`.
+        `lengths` of the result gives the tendon lengths.
 
         Parameters
         ----------
         robot : Robot
-            With one segment: more have no unique answer.
+            Robot with one segment; with more segments the inverse is not unique.
         position : array_like (..., 3)
-            Wanted tip position, m, base frame.
+            Target position of the tip, m, base frame.
         correction : {None, "chord"}
             As in `from_lengths`.
         free_length : bool
-            Whether the arc's length changes so that its tip meets the point.
+            Whether the arc's length is free, so that its tip reaches the point.
 
         Returns
         -------
@@ -238,7 +238,8 @@ class RobotArcs:
         ----------
         s : array_like (...), optional
             Arc length from the base, m, from 0 to the sum of the arcs' lengths; the tip if not
-            given. Broadcasts with the robots: ``arcs[..., None].fk(s)`` gives many places of each.
+            given. Broadcasts with the robots: ``arcs[..., None].fk(s)`` gives several points of
+            each.
 
         Returns
         -------
@@ -257,7 +258,7 @@ class RobotArcs:
 
     @cached_property
     def tip(self) -> Pose:
-        """Tip: position (..., 3), m, and rotation (..., 3, 3)."""
+        """Pose of the tip: position (..., 3), m, and rotation (..., 3, 3)."""
         return self.fk()
 
     @cached_property
@@ -275,12 +276,12 @@ class RobotArcs:
         return self._disks.rotation
 
     def centerline(self, points_per_segment: int = 65) -> Array:
-        """Backbone from base to tip.
+        """Points of the backbone from base to tip.
 
         Parameters
         ----------
         points_per_segment : int
-            Points of each arc, both ends counted; two at least.
+            Points on each arc, both ends included; at least 2.
 
         Returns
         -------
@@ -293,7 +294,7 @@ class RobotArcs:
         return self._at(np.linspace(0.0, count, count * (points_per_segment - 1) + 1)).position
 
     def _at(self, places: Array) -> Pose:
-        """Poses (..., n) at places (n,) that count each segment for 1."""
+        """Poses (..., n) at coordinates (n,) that grow by 1 in each segment."""
         share = np.clip(places[:, None] - np.arange(self.kappa.shape[-1]), 0.0, 1.0)
         return series_pose(self.arc.bend[..., None, :, :], share)
 
@@ -307,7 +308,7 @@ class RobotArcs:
         return out
 
     def jacobian(self) -> Array:
-        """Derivative of the tip pose by the tendon lengths, as `from_lengths` maps them.
+        """Derivative of the tip pose by the tendon lengths through `from_lengths`.
 
         Returns
         -------
@@ -315,7 +316,7 @@ class RobotArcs:
             Rows 0 to 2: tip position, m. Rows 3 to 5: rotation vector in base axes, rad.
         """
         shape, count = self.kappa.shape, len(self.robot.tendons.segment)
-        # how the lengths left for a segment change with all lengths
+        # derivative of the tendon lengths within a segment by all tendon lengths
         rest = np.broadcast_to(np.eye(count), (*shape[:-1], count, count)).copy()
         by_length = np.zeros((*shape, 3, count))
         for segment in _segments(self.robot, self.correction):
@@ -332,23 +333,23 @@ class RobotArcs:
 
 @dataclass(frozen=True)
 class _Segment:
-    """One segment as constant curvature sees it."""
+    """One segment and its tendons."""
 
     index: int
     length: float
     bending_stiffness: float
     routing: Routing
-    """All tendons of the robot at this segment."""
+    """Routing of all tendons of the robot in this segment."""
     own: NDArray[np.intp]
-    """Tendons that end here."""
+    """Indices of the tendons anchored to its end disk."""
     further: NDArray[np.intp]
-    """Tendons that end further out."""
+    """Indices of the tendons that pass it."""
     places: Array
-    """Disks as shares of the length."""
+    """Disk positions over the length."""
 
     @contextmanager
     def named(self) -> Iterator[None]:
-        """Name the segment in errors."""
+        """Context manager that names the segment in errors."""
         try:
             yield
         except BowstringError as error:
@@ -360,7 +361,7 @@ def _segments(robot: Robot, correction: Correction | None = None) -> list[_Segme
     out, start = [], 0.0
     stations, ends = np.asarray(_check_robot(robot).disks.station_m), robot.tendons.segment
     for j, segment in enumerate(robot.segments):
-        # the stations are sums of lengths and carry their rounding
+        # The stations are sums of lengths with rounding errors.
         here = (stations[robot.disks.segment == j] - start) / segment.length
         places = np.clip(here, 0.0, 1.0)
         if correction is not None and abs(places[-1] - 1.0) > 1e-9:
@@ -385,6 +386,6 @@ def _check_robot(robot: Robot) -> Robot:
 
 
 def _stacked(arcs: list[Arc]) -> Arc:
-    """Arcs (..., S) from arcs (...) of each segment."""
+    """Stack the arcs (...) of each segment to arcs (..., S)."""
     bend = np.stack([arc.bend for arc in arcs], axis=-2)
     return Arc._of(bend, bend.shape[:-1], np.stack([arc.misfit for arc in arcs], axis=-1))

@@ -1,8 +1,8 @@
-"""Poses, and arcs in series: the one place where arcs are composed.
+"""Poses, and composition of arcs in series.
 
 An arc is a row of bend coordinates (theta cos phi, theta sin phi, length), as in
-`bowstring.constant_curvature.arc`; its values near the straight pose are those of the compiled
-core. Each arc starts where the one before it ends, in its direction.
+`bowstring.constant_curvature.arc`; the compiled core evaluates it, also near the straight pose.
+Each arc starts at the end of the one before, in its direction.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ Array = NDArray[np.float64]
 
 
 class Pose(NamedTuple):
-    """Positions and rotations, elements of SE(3); ``a @ b`` composes them."""
+    """Poses in SE(3): positions and rotations; ``a @ b`` composes them."""
 
     position: Array
     """Position (..., 3), m."""
     rotation: Array
-    """Rotation (..., 3, 3), maps body to the frame that the position is in."""
+    """Rotation (..., 3, 3), body to the frame of the position."""
 
     def __matmul__(self, other: Pose) -> Pose:
-        """The pose `other`, given in the frame of this one; leading dimensions broadcast."""
+        """Compose with `other`, which is given in this frame; leading dimensions broadcast."""
         moved = (self.rotation @ other.position[..., None])[..., 0]
         return Pose(self.position + moved, self.rotation @ other.rotation)
 
@@ -41,12 +41,12 @@ def series_pose(arcs: Array, share: Array) -> Pose:
     arcs : ndarray (..., S, 3)
         Bend coordinates, rad and m.
     share : ndarray (..., S)
-        Share of each arc that counts, from 0 to 1. Leading dimensions broadcast.
+        Used part of each arc, from 0 to 1. Leading dimensions broadcast.
 
     Returns
     -------
     Pose
-        In the frame of the start.
+        Pose in the frame of the start.
     """
     steps = _steps(share[..., None] * arcs)
     pose = steps[0]
@@ -58,8 +58,8 @@ def series_pose(arcs: Array, share: Array) -> Pose:
 def series_jacobian(arcs: Array, share: Array) -> tuple[Pose, Array]:
     """Pose at the end of S arcs in series, and its derivative by their bend coordinates.
 
-    The parameters are those of `series_pose`. The derivative (..., 6, 3 S), at fixed shares, has
-    rows 0 to 2 for the position and 3 to 5 for the rotation vector w in the axes of the start, with
+    The parameters are those of `series_pose`. The derivative (..., 6, 3 S) at fixed shares has the
+    position in rows 0 to 2, and in rows 3 to 5 the rotation vector w in the axes of the start, with
     dR = [w] R.
     """
     parts = share[..., None] * arcs
@@ -73,7 +73,7 @@ def series_jacobian(arcs: Array, share: Array) -> tuple[Pose, Array]:
         columns.append(np.concatenate([pose.rotation @ half for half in halves], axis=-2))
         pose = pose @ step
         ends.append(pose.position)
-    # the arcs beyond are carried along
+    # a change of an arc moves all arcs beyond it rigidly
     for column, end in zip(columns[:-1], ends[:-1], strict=True):
         lever = (pose.position - end)[..., None]
         column[..., :3, :] += np.cross(column[..., 3:, :], lever, axis=-2)

@@ -1,16 +1,15 @@
-"""Is a measured backbone an arc? The best arcs through whole shapes, and where they fail.
+"""Least-squares fit of circular arcs to measured backbone shapes.
 
 A shape is a row of points along the backbone, from base to tip, in a plane or in space and in any
-unit. It is divided by its own length, so that every length here is a share of the backbone's: an
-error of 0.01 is 1 % of length, a curvature is times length, in rad. The best arc starts at the
-first point and has length 1; its start direction and its curvature are free, and it is nearest to
-the points in the least-squares sense, each point matched with the place on the arc at its share of
-the length. In `pieces` arcs that go on in each other's direction, all equally long, each has a
-curvature of its own; in space each also bends in a plane of its own.
+unit. Lengths are divided by the length of the shape: an error of 0.01 is 1 % of length, and a
+curvature times length is in rad. The fitted arc starts at the first point and has length 1; its
+start direction and curvature are free. Each point is compared with the point of the arc at the same
+share of the length. With `pieces`, tangent-continuous arcs of equal length each have their own
+curvature, and in space their own plane of bending.
 
-RMS is over the points of a shape, never over coordinates, the first point included, which has no
-error by definition; figures of many shapes are means over shapes. "Row" in a message counts shapes
-from 1.
+RMS is over the points of a shape, not over coordinates, and includes the first point, whose error
+is zero by definition; statistics of several shapes are means over shapes. "Row" in a message counts
+shapes from 1.
 """
 
 from __future__ import annotations
@@ -31,72 +30,71 @@ __all__ = ["ArcFit", "Profile", "fit_arcs"]
 
 Array = NDArray[np.float64]
 
-_STARTS: Final = np.linspace(-4.0 * np.pi, 4.0 * np.pi, 51)  # bends tried at first, rad
+_STARTS: Final = np.linspace(-4.0 * np.pi, 4.0 * np.pi, 51)  # initial bends, rad
 _EVALUATIONS: Final = 5000
-_TOLERANCE: Final = 1e-12  # of least squares: relative, on cost, step and gradient
-_STRAIGHT: Final = 1e-12  # rad; no direction of bending below
+_TOLERANCE: Final = 1e-12  # relative tolerance of cost, step and gradient
+_STRAIGHT: Final = 1e-12  # rad; smaller bends have no direction
 _Y: Final = np.array([0.0, 1.0, 0.0])
 _CROSS: Final = np.cross(np.eye(3)[:, None], np.eye(3)).reshape(3, 9)  # a x b = b (a _CROSS)
 
 
 class Profile(NamedTuple):
-    """Where along the robot the arcs fail, over many shapes."""
+    """Error of the arcs along the robot, over many shapes."""
 
     fraction: Array
     """Shares of the length (n,), from 0 to 1."""
     mean: Array
-    """Mean distance from shape to arc there (n,), over length."""
+    """Mean distance from shape to arc (n,), over length."""
     maximum: Array
-    """Largest distance there (n,), over length."""
+    """Largest distance from shape to arc (n,), over length."""
     bent_more: Array
-    """Mean of how much more the shapes bend there than their arcs (n,), times length, rad.
-
-    Level beyond the first and the last vertex."""
+    """Mean curvature of the shapes minus that of their arcs (n,), times length, rad; constant
+    beyond the first and the last vertex."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArcFit:
-    """The best arcs of K shapes of P points in D dimensions; made by `fit_arcs`.
+    """Arcs fitted to K shapes of P points in D dimensions by `fit_arcs`.
 
-    Positions are relative to the first point and over the length of the shape.
+    Positions are relative to the first point and divided by the length of the shape.
     """
 
     pieces: int
-    """Number m of arcs to a shape."""
+    """Number m of arcs per shape."""
     length: Array
     """Length of each shape (K,), in the unit of its points."""
     fraction: Array
     """Share of the length at each point (K, P)."""
     measured: Array
-    """The points (K, P, D)."""
+    """Measured points (K, P, D)."""
     fitted: Array
-    """The places on the arcs matched with them (K, P, D)."""
+    """Points of the arcs at the same shares of the length (K, P, D)."""
     frame: Array
-    """Start frames (K, 3, 3), z along the start of the arc, body to the axes of the points; a
-    plane's first axis is here the third, its second the first."""
+    """Start frames (K, 3, 3), z along the start of the arc, body to the axes of the points. For
+    plane shapes, the first axis of the plane is the third one here, and the second the first."""
     bend: Array
-    """Bends (K, m, 2) of the pieces, rad, each over its own length: rotation about y and about -x
-    of the frame that it starts with, as in `bowstring.constant_curvature.arc`."""
+    """Bends (K, m, 2) of the pieces over their own lengths, rad: rotations about y and about -x of
+    the start frame of each piece, as in `bowstring.constant_curvature.arc`."""
 
     def __len__(self) -> int:
         return len(self.length)
 
     @property
     def dimensions(self) -> int:
-        """2 in a plane, 3 in space."""
+        """Number of dimensions: 2 in a plane, 3 in space."""
         return int(self.measured.shape[-1])
 
     @property
     def direction(self) -> Array:
-        """Unit vectors (K, D) in which the arcs start."""
+        """Start directions of the arcs (K, D), unit vectors."""
         return _from_space(self.frame[:, :, 2], self.dimensions)
 
     @property
     def curvature(self) -> Array:
         """Curvature times length (K, m), rad.
 
-        In a plane with a sign: positive where it turns from the first axis towards the second. In
-        space never negative.
+        In a plane it is positive where the arc turns from the first axis towards the second. In
+        space it is never negative.
         """
         if self.dimensions == 2:
             return self.bend[..., 0] * self.pieces
@@ -137,9 +135,10 @@ class ArcFit:
     def residual_curvature(self) -> Array:
         """Local curvature of the shape minus that of the arc, at the inner points, times length.
 
-        Shape (K, P - 2, D - 1), rad. First along the arc's own bending, positive where the shape is
-        bent more than the arc; in space then across it. The local curvature is the turn of the
-        polyline at a point over half the length of its two sides, and so as rough as the points.
+        Shape (K, P - 2, D - 1), rad. The first component is in the plane of the arc, positive where
+        the shape is bent more than the arc; in space the second is perpendicular to it. The local
+        curvature is the angle of the polyline at a point over half the length of its two sides,
+        and as noisy as the points.
         """
         sides = np.diff(_to_space(self.measured), axis=1)
         turn = _turns(sides[:, :-1], sides[:, 1:])
@@ -148,7 +147,7 @@ class ArcFit:
         inner = self.fraction[:, 1:-1]
         frames = _along(self.frame, self.bend, inner).rotation
         body = (np.swapaxes(frames, -1, -2) @ local[..., None])[..., 0]
-        # the axis of a bend towards x is y, towards y it is -x
+        # a bend towards x is a rotation about y, one towards y a rotation about -x
         shape = np.stack([body[..., 1], -body[..., 0]], axis=-1)
         piece = np.minimum((inner * self.pieces).astype(int), self.pieces - 1)
         own = np.take_along_axis(self.bend, piece[..., None], axis=1) * self.pieces
@@ -161,24 +160,24 @@ class ArcFit:
         return np.asarray(out[..., : self.dimensions - 1])
 
     def take(self, rows: Any) -> ArcFit:
-        """The fits of some of the shapes, by index, slice or mask."""
+        """Select the fits of some shapes by index, slice or mask."""
         at = np.atleast_1d(np.arange(len(self))[rows])
         parts = (self.length, self.fraction, self.measured, self.fitted, self.frame, self.bend)
         return ArcFit(self.pieces, *(np.array(part[at]) for part in parts))
 
     def curve(self, fraction: ArrayLike) -> Array:
-        """The arcs (K, n, D) at shares (n,) of their length, over length."""
+        """Points of the arcs (K, n, D) at shares (n,) of their length, over length."""
         pose = _along(self.frame, self.bend, floats(fraction).reshape(-1))
         return _from_space(pose.position, self.dimensions)
 
     def profile(self, places: int = 21) -> Profile:
-        """Where along the robot the arcs fail.
+        """Error of the arcs along the robot.
 
         Parameters
         ----------
         places : int
-            Equally spaced shares of the length, both ends counted. Between points, distances and
-            curvatures are interpolated linearly.
+            Number of equally spaced shares of the length, both ends included. Distances and
+            curvatures are interpolated linearly between points.
 
         Returns
         -------
@@ -193,7 +192,7 @@ class ArcFit:
         return Profile(grid, distance.mean(axis=0), distance.max(axis=0), bent.mean(axis=0))
 
     def to_dict(self) -> dict[str, Any]:
-        """The figures in percent of length: of each shape's RMS and tip error over shapes."""
+        """Mean and maximum over shapes of RMS and tip error, in percent of length."""
         rms, tip = self.rms * 100.0, self.tip * 100.0
         where = self.profile()
         return {
@@ -215,18 +214,18 @@ class ArcFit:
 
 
 def fit_arcs(points: ArrayLike, pieces: int = 1, stations: ArrayLike | None = None) -> ArcFit:
-    """The best arc, or row of equal arcs, through each of many shapes.
+    """Fit an arc, or a series of arcs of equal length, to each of many shapes.
 
     Parameters
     ----------
     points : array_like (K, P, 2) or (K, P, 3), or one shape without K
-        Points along the backbone from base to tip, in any unit; three at least.
+        Points along the backbone from base to tip, in any unit; at least 3.
     pieces : int
-        Arcs of equal length to a shape, tangent-continuous; not more than P - 1.
+        Number of tangent-continuous arcs of equal length per shape, at most P - 1.
     stations : array_like (P,) or (K, P), optional
-        Arc length from the base at which the points sit on the backbone, in their unit. If not
-        given, that of the polyline through the points, which cuts the corners of a bend: with n
-        equal sides and a bending angle theta it is short by about theta^2 / (24 n^2).
+        Arc length of the points from the base, in their unit. The default is that of the polyline
+        through the points, which is too short by about theta^2 / (24 n^2) of it, with n equal sides
+        and a bending angle theta.
 
     Returns
     -------
@@ -236,17 +235,17 @@ def fit_arcs(points: ArrayLike, pieces: int = 1, stations: ArrayLike | None = No
     Raises
     ------
     InputError
-        For shapes with values that are not finite, with too few points, or with neighbours in one
-        place.
+        For shapes with values that are not finite, with too few points, or with coincident
+        neighbours.
     NoSolutionError
-        If the best arc of a shape was not found; it is named.
+        If the fit of a shape did not converge; the message names the shape.
 
     Notes
     -----
-    Levenberg-Marquardt (`scipy.optimize.least_squares`) in bend coordinates, which are smooth
-    through the straight shape. A single arc starts from the best of many bending angles up to two
-    full turns, each with its best direction in closed form; several pieces start from that arc and
-    from the turns of the polyline, and the better end is kept.
+    Levenberg-Marquardt method (`scipy.optimize.least_squares`) in bend coordinates, which are
+    regular at the straight shape. The initial guess of a single arc is the best of many bending
+    angles up to two full turns, each with its optimal direction in closed form. Several pieces
+    start from that arc and from the angles of the polyline; the better result is returned.
     """
     rows, fraction, length = _checked(points, stations)
     number = fraction.shape[1]
@@ -257,7 +256,7 @@ def fit_arcs(points: ArrayLike, pieces: int = 1, stations: ArrayLike | None = No
         raise InputError(
             f"{m} arcs cannot be told apart by {number} points: give {number - 1} pieces or fewer"
         )
-    held = np.ceil(fraction[:, 1:] * m - 1e-9).astype(int)  # the piece that each point ends in
+    held = np.ceil(fraction[:, 1:] * m - 1e-9).astype(int)  # piece of each point
     for piece in range(1, m + 1):
         empty = ~np.any(held == piece, axis=1)
         if empty.any():
@@ -283,7 +282,7 @@ def fit_arcs(points: ArrayLike, pieces: int = 1, stations: ArrayLike | None = No
 
 
 def _checked(points: ArrayLike, stations: ArrayLike | None) -> tuple[Array, Array, Array]:
-    """Points (K, P, D), their shares of the length (K, P), and the lengths (K,)."""
+    """Check the input; return points (K, P, D), shares of the length (K, P) and lengths (K,)."""
     try:
         rows = floats(points)
     except TypeError:
@@ -340,7 +339,7 @@ def _checked(points: ArrayLike, stations: ArrayLike | None) -> tuple[Array, Arra
 
 
 def _to_space(rows: Array) -> Array:
-    """Shapes in space; a plane's first axis becomes z, its second x, so that arcs start along z."""
+    """Shapes in space; the first axis of a plane becomes z and the second x."""
     if rows.shape[-1] == 3:
         return rows
     return np.stack([rows[..., 1], np.zeros(rows.shape[:-1]), rows[..., 0]], axis=-1)
@@ -354,11 +353,11 @@ def _interpolated(grid: Array, at: Array, values: Array) -> Array:
     return np.stack([np.interp(grid, x, y) for x, y in zip(at, values, strict=True)])
 
 
-# -- arcs in a row -----------------------------------------------------------------------------
+# -- arcs in series ----------------------------------------------------------------------------
 
 
 def _along(frame: Array, bend: Array, fraction: Array) -> Pose:
-    """Poses (K, P) at shares (K, P) or (P,) of the length of arcs from frames (K, 3, 3)."""
+    """Poses (K, P) at shares (K, P) or (P,) of the length of arcs with start frames (K, 3, 3)."""
     arcs = _arcs(bend)[:, None]
     return Pose(np.zeros(3), frame[:, None]) @ series_pose(arcs, _shares(fraction, bend.shape[1]))
 
@@ -370,7 +369,7 @@ def _arcs(bend: Array) -> Array:
 
 
 def _shares(fraction: Array, m: int) -> Array:
-    """Share (..., m) of each piece that lies before each point."""
+    """Part (..., m) of each piece before each point."""
     return np.clip(fraction[..., None] * m - np.arange(m), 0.0, 1.0)
 
 
@@ -385,7 +384,7 @@ class _Found(NamedTuple):
 
 
 def _fit(target: Array, fraction: Array, m: int, planar: bool) -> tuple[Array, Array]:
-    """Start frames (K, 3, 3) and bends (K, m, 2) of the best arcs."""
+    """Fit arcs; return start frames (K, 3, 3) and bends (K, m, 2)."""
     frame, bend = _best_start(target, fraction, planar)
     starts = [(frame, np.repeat(bend / m, m, axis=1))]
     if m > 1:
@@ -404,12 +403,12 @@ def _fit(target: Array, fraction: Array, m: int, planar: bool) -> tuple[Array, A
 
 
 def _least_squares(points: Array, share: Array, frame: Array, bend: Array, planar: bool) -> _Found:
-    """The arcs nearest to points (P, 3) from a start, by Levenberg-Marquardt (MINPACK).
+    """Fit arcs to points (P, 3) from an initial guess by Levenberg-Marquardt (MINPACK).
 
-    Unknowns are turns of the start frame, about its x and then its y, in a plane about y alone, and
-    changes of the bends. Residuals are in the axes of the start frame.
+    Unknowns are rotations of the start frame about its x and then its y axis (in a plane about y
+    only) and changes of the bends. Residuals are in the axes of the start frame.
     """
-    from scipy.optimize import least_squares  # 0.2 s, which an arc does not need
+    from scipy.optimize import least_squares  # takes 0.2 s, and only fits need it
 
     axes = 1 if planar else 2
 
@@ -426,7 +425,7 @@ def _least_squares(points: Array, share: Array, frame: Array, bend: Array, plana
         turn, bends = moved(np.frombuffer(key))
         pose, by = series_jacobian(_arcs(bends), share)
         seen = points @ (frame @ turn)
-        # a turn of the frame moves what is seen from it the other way
+        # a rotation of the frame rotates the coordinates of points in it by the inverse
         spins = np.array([turn[0], _Y])[-axes:]
         by_turn = seen @ (spins @ _CROSS).reshape(axes, 3, 3)
         by_bend = by.reshape(len(share), 6, -1, 3)[:, :3, :, :axes].reshape(len(share), 3, -1)
@@ -448,7 +447,7 @@ def _least_squares(points: Array, share: Array, frame: Array, bend: Array, plana
 
 
 def _best_start(target: Array, fraction: Array, planar: bool) -> tuple[Array, Array]:
-    """The best of many single arcs, each with its best direction."""
+    """Best of many single arcs, each with its optimal direction."""
     bends = _STARTS if planar else _STARTS[_STARTS >= 0.0]
     best = np.full(len(target), -np.inf)
     angle, pair = np.zeros(len(target)), np.zeros((len(target), 3, 2))
@@ -460,12 +459,12 @@ def _best_start(target: Array, fraction: Array, planar: bool) -> tuple[Array, Ar
         template = np.stack([chord * np.sin(half), chord * np.cos(half)], axis=-1)
         overlap = np.swapaxes(target, 1, 2) @ template
         if planar:
-            # with the same handedness only: a + i b of the rotation about y
+            # only proper rotations: a + i b of the rotation about y
             overlap = _rotation_part(overlap)
         gram = np.swapaxes(overlap, 1, 2) @ overlap
         trace = gram[:, 0, 0] + gram[:, 1, 1]
         area = gram[:, 0, 0] * gram[:, 1, 1] - gram[:, 0, 1] ** 2
-        # sum of the singular values: what the best direction attains
+        # the optimal direction attains the sum of the singular values
         attained = np.sqrt(np.maximum(trace + 2.0 * np.sqrt(np.maximum(area, 0.0)), 0.0))
         score = 2.0 * attained - np.sum(template**2, axis=(1, 2))
         better = score > best
@@ -475,14 +474,14 @@ def _best_start(target: Array, fraction: Array, planar: bool) -> tuple[Array, Ar
 
 
 def _with_columns(overlap: Array) -> Array:
-    """Frames (K, 3, 3) whose x and z attain most of overlaps (K, 3, 2)."""
+    """Frames (K, 3, 3) whose x and z columns have the largest inner product with (K, 3, 2)."""
     u, _, v = np.linalg.svd(overlap, full_matrices=False)
     x, z = np.moveaxis(u @ v, -1, 0)
     return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
 def _rotation_part(overlap: Array) -> Array:
-    """The part of overlaps (K, 3, 2) in the plane y = 0 that a rotation about y attains."""
+    """Part of overlaps (K, 3, 2) in the plane y = 0 that a rotation about y can attain."""
     same = 0.5 * (overlap[:, 0, 0] + overlap[:, 2, 1])
     turn = 0.5 * (overlap[:, 0, 1] - overlap[:, 2, 0])
     none = np.zeros_like(same)
@@ -490,7 +489,7 @@ def _rotation_part(overlap: Array) -> Array:
 
 
 def _turned_start(target: Array, fraction: Array, m: int, planar: bool) -> tuple[Array, Array]:
-    """Pieces that turn as the polyline does, in the best direction."""
+    """Initial pieces with the angles of the polyline, in the optimal direction."""
     from scipy.spatial.transform import Rotation
 
     sides = np.diff(target, axis=1)
@@ -515,7 +514,7 @@ def _turned_start(target: Array, fraction: Array, m: int, planar: bool) -> tuple
 
 
 def _frame_along(z: Array, planar: bool) -> Array:
-    """Frames (K, 3, 3) with z along vectors (K, 3); y is that of the plane, or any."""
+    """Frames (K, 3, 3) with z along vectors (K, 3); y is normal to the plane, or arbitrary."""
     z = z / np.linalg.norm(z, axis=-1, keepdims=True)
     if planar:
         y = np.broadcast_to(np.array([0.0, 1.0, 0.0]), z.shape)
@@ -526,7 +525,7 @@ def _frame_along(z: Array, planar: bool) -> Array:
 
 
 def _turns(before: Array, after: Array) -> Array:
-    """Rotation vectors (..., 3) that turn sides into the next; 0 where they turn right back."""
+    """Rotation vectors (..., 3) from each side to the next; 0 where they are opposite."""
     cross = np.cross(before, after)
     size = np.linalg.norm(cross, axis=-1, keepdims=True)
     angle = np.arctan2(size, np.sum(before * after, axis=-1, keepdims=True))

@@ -1,1 +1,1 @@
-"""The rod in equilibrium: actuation, solve, sweep, batch, derivatives, fields of stress."""
+"""Statics of the rod: loads, actuation, solve, sweep, batch, derivatives, stress fields."""

@@ -27,17 +27,17 @@ __all__ = [
     "Given",
     "Path",
     "compliances",
+    "displacements",
     "home_lengths",
-    "taken_in",
 ]
 
 HISTORY_SCHEMA_VERSION: Final = 1
 KINDS: Final = {"tensions": "N", "displacements": "m", "angles": "rad"}
-"""The commands of a tendon, as in a load, with their units."""
+"""Kinds of command of a tendon in a load, with their units."""
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-#: Numbers for the tendons, None or NaN where one has a command of another kind; also rows of them.
+#: One number per tendon, None or NaN for a command of another kind; or rows of them.
 Given = ArrayLike | Sequence[float | None] | Sequence[Sequence[float | None]]
 
 _GIVE: Final = (
@@ -46,7 +46,7 @@ _GIVE: Final = (
 
 
 def compliances(robot: Robot) -> Floats:
-    """How far each tendon gives way from motor to end disk for each newton, (T,) in m/N."""
+    """Compliance of each tendon from motor to end disk (T,) in m/N, Eq. 4.3 of docs/theory."""
     tendons = robot.tendons
     routed = robot.disks.station_m[tendons.end_disk]
     length = tendons.free_length_m + routed
@@ -54,9 +54,10 @@ def compliances(robot: Robot) -> Floats:
 
 
 def home_lengths(robot: Robot, model: RodModel) -> Floats | None:
-    """Length of each tendon from its base hole on, at zero displacement and no tension.
+    """Unstretched length of each tendon from its base hole at zero displacement, (T,) in m.
 
-    None if the pretension alone has no stable equilibrium, which would be the home pose.
+    This is l0 - C T0 in Eq. 4.1 of docs/theory. None if the pretension has no stable equilibrium,
+    hence no home pose.
     """
     tendons = robot.tendons
     if not tendons.pretension_N.any():
@@ -68,8 +69,13 @@ def home_lengths(robot: Robot, model: RodModel) -> Floats | None:
     return lengths
 
 
-def taken_in(robot: Robot, model: RodModel, lengths: Floats, tensions: Floats) -> Floats | None:
-    """Displacements (..., T) at lengths and tensions (..., T); None without a home pose."""
+def displacements(
+    robot: Robot, model: RodModel, lengths: Floats, tensions: Floats
+) -> Floats | None:
+    """Displacements (..., T) in m from lengths and tensions (..., T); None without a home pose.
+
+    Eq. 4.1 of docs/theory without slack.
+    """
     home = home_lengths(robot, model)
     if home is None:
         return None
@@ -78,12 +84,12 @@ def taken_in(robot: Robot, model: RodModel, lengths: Floats, tensions: Floats) -
 
 
 def slack(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:
-    """Indices of tendons that are slack, by more than rounding leaves of one without tension."""
+    """Indices of slack tendons; slack lengths within rounding errors do not count."""
     return np.flatnonzero(slack_lengths > 1e-12 * robot.length)
 
 
 def is_by_tensions(robot: Robot, load: Load, history: Mapping[str, Any] | None = None) -> bool:
-    """Whether a load has an answer of its own, by tensions alone: no path leads to it."""
+    """Whether a load has tensions only, without friction and history, so that no path matters."""
     return load.is_tension_controlled and history is None and not robot.has_friction
 
 
@@ -93,7 +99,7 @@ def is_by_tensions(robot: Robot, load: Load, history: Mapping[str, Any] | None =
 
 
 def commands(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Floats]:
-    """Which tendons have a given displacement, and displacements or tensions; (T,) or (n, T).
+    """Commands of a load: which are displacements, and their values, each (T,) or (n, T).
 
     Each tendon has exactly one of tension, displacement and angle, None or NaN in the others.
     """
@@ -142,7 +148,7 @@ def commands(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Fl
 def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Floats:
     count = robot.core.tendon_count
     if isinstance(values, np.ndarray):
-        # before it is copied
+        # checked before the table is copied
         _check_shape(name, values, count, unit, rows)
         what = f"{name} of shape {values.shape}"
         check_memory(40.0 * values.size, what, "give fewer loads at a time")
@@ -168,7 +174,7 @@ def _check_shape(name: str, table: NDArray[Any], count: int, unit: str, rows: bo
 
 
 def not_rows(name: str, shape: tuple[int, ...], count: int) -> InputError:
-    """The error for a table of another shape than one row for each load."""
+    """Error for a table that does not have one row for each load."""
     return InputError(
         f"{name} has shape {shape}, it must have one row for each load and {count} columns, one "
         "for each tendon"
@@ -194,7 +200,7 @@ def _not_one(
 
 
 class Path:
-    """A robot in the core solved step by step along a path, and what is written down of it."""
+    """Path of a robot, solved step by step by the core, with its history."""
 
     __slots__ = ("core", "model", "robot")
 
@@ -220,7 +226,7 @@ class Path:
         return {"theory": model.theory, "twist": model.twist, "elements": model.elements}
 
     def history(self) -> dict[str, Any]:
-        """What friction remembers, and where the path has come to; ready for `json.dumps`."""
+        """State of friction and position at the end of the path, ready for `json.dumps`."""
         now = self.core.history()
         orders = zip(now["by_displacement"].tolist(), now["commands"].tolist(), strict=True)
         return {
@@ -243,7 +249,7 @@ class Path:
         }
 
     def _resume(self, history: Mapping[str, Any]) -> None:
-        """Go on from a history of the same robot and settings."""
+        """Continue from a history of the same robot and settings."""
         if not isinstance(history, Mapping) or "robot_hash" not in history:
             raise InputError(
                 "this is no history: give what the method history() of a solution returned"
@@ -262,7 +268,7 @@ class Path:
             )
         for name, value in self._settings.items():
             if name == "elements" and (value is None or history.get(name, 1) is None):
-                continue  # chosen step by step
+                continue  # the number is chosen in each step
             if history.get(name) != value:
                 raise InputError(
                     f"the history was made with {name} {history.get(name)!r:.40}, it cannot be "

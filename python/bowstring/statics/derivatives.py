@@ -22,20 +22,21 @@ Floats = NDArray[np.float64]
 class Jacobians:
     """Derivatives of an equilibrium; made by `jacobians`.
 
-    Rows are what changes, columns what changes it. S is the number of segments.
+    Rows are the dependent quantities, columns the variables. S is the number of segments.
 
     Attributes
     ----------
     tip_position_by_tension, tip_rotation_by_tension, lengths_by_tension : ndarray
-        (3, T) in m/N, (3, T) in rad/N, (T, T) in m/N. A rotation is a small turn of the tip as a
-        rotation vector in the base frame: dR = [column]x R. Lengths are those of the tendons.
+        (3, T) in m/N, (3, T) in rad/N, (T, T) in m/N. Rotations of the tip are rotation vectors in
+        the base frame: dR = [column]x R. Lengths are those of the tendons.
     tip_position_by_tip_force, tip_rotation_by_tip_force, lengths_by_tip_force : ndarray
         (3, 3) in m/N, (3, 3) in rad/N, (T, 3) in m/N.
     tip_position_by_tip_moment, tip_rotation_by_tip_moment, lengths_by_tip_moment : ndarray
         (3, 3) in m/(N m), (3, 3) in rad/(N m), (T, 3) in m/(N m).
     tip_position_by_stiffness, tip_rotation_by_stiffness, lengths_by_stiffness : ndarray
-        (3, S) in m, (3, S) in rad, (T, S) in m: by the relative change of all stiffness of each
-        segment's backbone (d/d ln E). E off by 1 % moves the tip by 0.01 times the sum of columns.
+        (3, S) in m, (3, S) in rad, (T, S) in m: by the relative change of all stiffnesses of each
+        segment's backbone (d/d ln E). An error of 1 % of E moves the tip by 0.01 times the sum of
+        the columns.
     """
 
     tip_position_by_tension: Floats
@@ -57,8 +58,8 @@ class Jacobians:
 class DisplacementJacobian:
     """Derivatives of an equilibrium by displacements; made by `displacement_jacobian`.
 
-    Rows are what changes, columns the tendon whose displacement changes it. The column of a slack
-    tendon is zero, that of a tension-controlled one NaN.
+    Rows are the dependent quantities, columns the tendons whose displacement varies. The column of
+    a slack tendon is zero, that of a tension-controlled one NaN.
 
     Attributes
     ----------
@@ -77,12 +78,13 @@ class DisplacementJacobian:
 def jacobians(solution: Solution) -> Jacobians:
     """Differentiate an equilibrium by tensions, tip load and stiffness.
 
-    Exact, from the sweep of one Newton step more, at the same `elements`.
+    The derivatives are exact for the discretised robot: one more block elimination with further
+    right-hand sides (Eq. 3.4 of docs/theory), at the same `elements`.
 
     Parameters
     ----------
     solution : Solution
-        Converged, with straight tendons.
+        Converged solution with straight tendons.
 
     Returns
     -------
@@ -124,16 +126,15 @@ def jacobians(solution: Solution) -> Jacobians:
 
 
 def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
-    """Differentiate an equilibrium by displacements: what the robot does when a motor turns.
+    """Differentiate an equilibrium by tendon displacements.
 
-    From the derivatives by tensions and the stretch of the tendons.
+    Uses the derivatives by tensions and the compliance of the tendons (Eq. 4.1 of docs/theory).
 
     Parameters
     ----------
     solution : Solution
-        Converged, with straight tendons and without friction. The tendons that hold their
-        displacement are those that are displacement-controlled and taut; after a solve by tensions
-        alone, all that are taut.
+        Converged solution with straight tendons and without friction. Displacement-controlled taut
+        tendons keep their displacement; after a solve by tensions only, all taut tendons do.
 
     Returns
     -------
@@ -145,8 +146,8 @@ def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
     NoSolutionError
         If the solution did not converge.
     InputError
-        With friction, with continuous tendons, and where the taut tendons cannot be displaced one
-        by one: without extension and stretch, three of them to a segment.
+        With friction, with continuous tendons, and if taut tendons cannot be displaced one by one,
+        as for three inextensible ones in a segment of an inextensible backbone.
 
     Examples
     --------
@@ -167,7 +168,7 @@ def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
         else by_displacement
     )
     held = np.flatnonzero(actuated & (tensions > 0))
-    # displacement = home - length + compliance * tension
+    # Eq. 4.1 of docs/theory, s = 0: displacement = home length - length + compliance * tension
     answer = np.diag(actuation.compliances(solution.robot)) - by.lengths_by_tension
     block = answer[np.ix_(held, held)]
     tensions_by_displacement = np.zeros_like(answer)

@@ -1,13 +1,11 @@
-"""Fields of a run: curvature, strain, stress, tendon displacement and energy, labelled and with
-units.
+"""Fields of a run with labels and units: curvature, strain, stress, displacement and energy.
 
-`derive` turns raw output (`Frames`) into arrays, many output times at once, and knows no labels;
-`to_dataset` adds them. For a run with a file the core packs the same into bytes as it goes, in the
-order of the table `FIELDS`, which both go by.
+`derive` converts raw output (`Frames`) to arrays for many output times at once; `to_dataset` adds
+labels. For a run with a file, the core packs the same values into bytes in the order of `FIELDS`.
 
 Body axes of a section: z along the tangent, x and y along those of the base when it is straight.
-Force and moment are those that the part beyond exerts on the section, so a positive force z is
-tension. Disks, tendons, modules and segments are counted from 1 at the base.
+Force and moment are those of the distal part on the section, so a positive force z is tension.
+Disks, tendons, modules and segments are counted from 1 at the base.
 """
 
 from __future__ import annotations
@@ -52,31 +50,32 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Frames:
-    """Raw output at T times, P stations; SI, base axes unless said. n disks, m tendons.
+    """Raw output at T times and P stations for n disks and m tendons; SI, base axes by default.
 
     Attributes
     ----------
     time : ndarray (T,)
     station : ndarray (P,)
         Arc length along the straight backbone. Each module is sampled from its start to its end, so
-        stations at disks occur twice: the internal moment jumps there.
+        stations at disks occur twice, because the internal moment jumps there.
     module : ndarray of int (P,)
-        The stretch of backbone between two disks, counted from 0.
+        Module of each station, from 0.
     position, rotation : ndarray (T, P, 3), (T, P, 3, 3)
         Centreline, and section axes, body to base.
     force, moment : ndarray (T, P, 3)
-        Internal, that the part beyond exerts on the section, in body axes.
+        Internal force and moment of the distal part on the section, in body axes.
     disk_position, disk_velocity, disk_angular_velocity : ndarray (T, n, 3)
     disk_rotation : ndarray (T, n, 3, 3)
     tension, tendon_length : ndarray (T, m)
     span_length : ndarray (T, n, m)
         NaN where a tendon does not pass.
     tendon_displacement, slack : ndarray (T, m)
-        Length that each tendon is taken in by since the home pose, and length that hangs.
+        Tendon displacement since the home pose, and slack length.
     span_tension : ndarray (T, n, m)
-        In motion that where forces balanced in the last step. NaN where a tendon does not pass.
+        Tension of each span, in motion at the instant of the last step where forces balance. NaN
+        where a tendon does not pass.
     kinetic_energy, elastic_energy, gravity_energy, work, dissipated_energy : ndarray (T,)
-        Work is that of tendons and tip load since the start.
+        Energies; work is that of tendons and tip load since the start.
     """
 
     time: Floats
@@ -104,7 +103,7 @@ class Frames:
 
 
 class Field(NamedTuple):
-    """A variable over time: its further dimensions, unit, axes ("" if it has none) and meaning."""
+    """Variable over time: name, further dimensions, unit, axes (or "") and meaning."""
 
     name: str
     dims: tuple[str, ...]
@@ -150,7 +149,7 @@ FIELDS: Final[tuple[Field, ...]] = (
     Field("tension", _TENDON, "N", "", "tension of the tendons before the base hole"),
     Field("tendon_length", _TENDON, "m", "", "length of the tendons, base to end disk"),
     Field("tendon_displacement", _TENDON, "m", "", "tendon displacement since the home pose"),
-    Field("slack", _TENDON, "m", "", "length of the tendons that hangs"),
+    Field("slack", _TENDON, "m", "", "slack length of the tendons"),
     Field("span_length", ("disk", "tendon"), "m", "", "length of the span that ends at the disk"),
     Field("span_tension", ("disk", "tendon"), "N", "", "tension of that span"),
     Field("kinetic_energy", (), "J", "", "kinetic energy"),
@@ -162,13 +161,13 @@ FIELDS: Final[tuple[Field, ...]] = (
     ),
     Field("energy_balance", (), "J", "", "energy gained minus work plus dissipated: the error"),
 )
-"""Every variable over time, in the order of the file and of what the core packs for it."""
+"""All variables over time, in the order of the file and of the core's records."""
 
 _RAW: Final = frozenset(Frames.__dataclass_fields__)
 
 
 class Section:
-    """Backbone sections at stations (P,): what stress and strain need, SI.
+    """Properties of backbone sections at stations (P,) for stress and strain, SI.
 
     Parameters
     ----------
@@ -176,7 +175,7 @@ class Section:
     station : ndarray (P,)
         Arc lengths in m.
     module : ndarray of int (P,)
-        Counted from 0.
+        Module of each station, from 0.
     model : RodModel
         A Kirchhoff rod has no shear and no extension; one without twist does not twist.
     """
@@ -196,7 +195,7 @@ class Section:
         turn = float(model.twist) / robot.torsion_stiffness
         soft = float(model.theory != "kirchhoff")
         slide, stretch = soft / robot.shear_stiffness, soft / robot.axial_stiffness
-        # what a disk clamps is rigid; only the disks before and after a station can clamp it
+        # Clamped lengths are rigid; only the disks before and after a station can clamp it.
         d = robot.disks
         after = np.searchsorted(d.station_m, station)
         beside = np.clip([after - 1, after], 0, len(d.station_m) - 1)
@@ -232,38 +231,38 @@ def check_frames(robot: Robot, frames: Frames) -> None:
 
 
 def surface_stress(sec: Section, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
-    """Normal and shear stress around the surface of every section.
+    """Normal and shear stress around the surface of every section, Eq. 6.1 of docs/theory.
 
     Parameters
     ----------
     sec : Section
-        Of P stations.
+        Sections at P stations.
     force, moment : ndarray (..., P, 3)
-        Internal, in body axes, in N and N m.
+        Internal force and moment in body axes, in N and N m.
 
     Returns
     -------
     sigma, tau : ndarray (3, ..., P)
         Coefficients a, b, c in Pa: at the angle psi from x towards y the stress is
-        ``a + b cos(psi) + c sin(psi)``; sigma along the tangent, positive in tension, tau on the
-        section in the direction of growing psi. Transverse shear follows the parabolic law.
+        ``a + b cos(psi) + c sin(psi)``. sigma is along the tangent, positive in tension; tau is in
+        the section, in the direction of increasing psi. Transverse shear follows the parabolic law.
     """
     found = _core.surface_stress(sec.columns, _floats(force), _floats(moment))
     return found[0], found[1]
 
 
 def von_mises(sigma: Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
-    """Maximum of sqrt(sigma^2 + 3 tau^2) around each section.
+    """Maximum of sqrt(sigma^2 + 3 tau^2) around each section, Eq. 6.2 of docs/theory.
 
     Parameters
     ----------
     sigma, tau : ndarray (3, ...)
-        As from `surface_stress`.
+        Coefficients from `surface_stress`.
 
     Returns
     -------
     value, cosine, sine : ndarray (...)
-        The maximum in Pa, exact to 1e-12 of it, and the angle at which it is.
+        Maximum in Pa, exact to 1e-12 of it, and cosine and sine of its angle.
     """
     rows = (_floats(v).reshape(3, -1) for v in (sigma, tau))
     found = _core.von_mises(*rows).reshape(sigma.shape)
@@ -271,15 +270,15 @@ def von_mises(sigma: Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def derive(robot: Robot, frames: Frames, sec: Section) -> dict[str, Floats]:
-    """All variables of `FIELDS` for the times of ``frames``.
+    """Compute all variables of `FIELDS` for the times of ``frames``.
 
     Parameters
     ----------
     robot : Robot
     frames : Frames
-        The energy balance is that since the first of them.
+        Raw output; the energy balance begins at its first time.
     sec : Section
-        Of these stations.
+        Sections at its stations.
 
     Returns
     -------
@@ -336,19 +335,19 @@ TIME: Final = {"units": "s", "long_name": "time since the start of the run"}
 
 
 def field_attributes(field: Field) -> dict[str, str]:
-    """``units, long_name`` and, where it has one, ``frame`` of a variable."""
+    """Attributes ``units``, ``long_name`` and, if it has one, ``frame`` of a variable."""
     attrs = {"units": field.units, "long_name": field.long_name}
     return attrs | {"frame": field.frame} if field.frame else attrs
 
 
 def attributes(robot: Robot, settings: Mapping[str, Any]) -> dict[str, str | int]:
-    """Provenance of a run, ready for NetCDF, which knows text and numbers only.
+    """Provenance of a run as text and numbers, which NetCDF can store.
 
     Parameters
     ----------
     robot : Robot
     settings : mapping
-        Anything that JSON can hold, None, booleans and lists included, and arrays.
+        Values that JSON can represent, and arrays.
 
     Returns
     -------
@@ -388,7 +387,7 @@ def rows_to_dataset(
     others: Mapping[str, Labelled],
     settings: Mapping[str, Any],
 ) -> xr.Dataset:
-    """Label answers row by row: of several loads, or of several modes.
+    """Label results in rows, of several loads or several modes.
 
     Parameters
     ----------
@@ -398,9 +397,9 @@ def rows_to_dataset(
     values : mapping from name to array
         Variables of `FIELDS`.
     others : mapping from name to Labelled
-        Variables that are none.
+        Further variables.
     settings : mapping
-        What was solved; an attribute, as that of a run.
+        Settings of the solve, stored as an attribute.
 
     Returns
     -------
@@ -444,16 +443,16 @@ def to_dataset(
     robot : Robot
     frames : Frames
     settings : mapping
-        Of the run; ``theory`` (``"cosserat"`` if missing) and ``twist`` (True) decide which strains
-        there are.
+        Settings of the run; ``theory`` (default ``"cosserat"``) and ``twist`` (default True)
+        determine which strains exist.
     status, reason : str
-        How the run ended.
+        Status of the run, and the reason if it stopped early.
 
     Returns
     -------
     xarray.Dataset
-        Every variable of `FIELDS`, with ``units``, ``long_name`` and ``frame``; the same as
-        `bowstring.dynamics.run_file.read_run` returns. It survives ``to_netcdf`` and back.
+        All variables of `FIELDS`, with ``units``, ``long_name`` and ``frame``, as
+        `bowstring.dynamics.run_file.read_run` returns them. ``to_netcdf`` can store it.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""What a pose meets that the mechanics do not know: the base's plane, the material's limits.
+"""Limits outside the mechanical model: the mounting plane and the strength of the material.
 
-The base frame's plane z = 0 is where the robot is mounted: a disk below it is mostly in the table.
-A robot file may say what the backbone of a segment can take, ``yield_strength`` (von Mises stress)
-and ``strain_limit`` (strain along its surface); statics stays linearly elastic beyond them.
+The robot is mounted in the plane z = 0 of the base frame; a disk below it is probably impossible.
+A robot file may give limits of a segment's backbone, ``yield_strength`` (von Mises stress) and
+``strain_limit`` (strain along its surface); statics stays linearly elastic beyond them.
 """
 
 from __future__ import annotations
@@ -31,25 +31,26 @@ Floats = NDArray[np.float64]
 
 What = Literal["strain_limit", "yield_strength"]
 
-POINTS: Final = 5  # stations of a module, as in fields
-_NOTHING: Final = 1e-6  # of the length, by which rounding may put a disk below the base
+POINTS: Final = 5  # stations per module, as in fields
+_NOTHING: Final = 1e-6  # depth below the base over length that rounding may cause
 
 
 @dataclass(frozen=True)
 class Use:
-    """How far a load uses up what the backbone of a segment can take."""
+    """Utilisation of one limit of a segment's backbone."""
 
     segment: int
-    """From 1."""
+    """Number of the segment, from 1."""
     what: What
-    """Field of the robot file."""
+    """Name of the limit: ``strain_limit`` or ``yield_strength``."""
     value: float
-    """Largest strain along the surface, or largest von Mises stress there, Pa."""
+    """Largest strain along the surface, or largest von Mises stress (Pa)."""
     limit: float
+    """Limit in the same unit."""
 
     @property
     def share(self) -> float:
-        """Of the limit."""
+        """Value over limit."""
         return self.value / self.limit
 
     def __str__(self) -> str:
@@ -61,7 +62,7 @@ class Use:
         return f"{name} {value}, {in_percent(self.share)} of {self.what} {limit}"
 
     def to_dict(self) -> schema.BackboneLimit:
-        """The use as plain values, SI."""
+        """Plain values, SI."""
         return {
             "segment": self.segment,
             "what": self.what,
@@ -72,7 +73,7 @@ class Use:
 
 
 def has_limits(robot: Robot) -> bool:
-    """Whether the robot file says what a backbone can take."""
+    """Whether the robot file gives a limit of a backbone."""
     return any(s.backbone.yield_strength or s.backbone.strain_limit for s in robot.segments)
 
 
@@ -81,7 +82,7 @@ def by_segment(
 ) -> tuple[Floats, Floats]:
     """Largest von Mises stress (T, S) in Pa and strain along the surface (T, S) of each segment.
 
-    Of what `bowstring.statics.fields.derive` found of the frames.
+    `found` is the result of `bowstring.statics.fields.derive`.
     """
     bend = np.hypot(found["curvature"][..., 0], found["curvature"][..., 1])
     strain = bend * section.radius + np.abs(found["strain"][..., 2])
@@ -94,7 +95,7 @@ def by_segment(
 
 
 def used(robot: Robot, von_mises: Floats, strain: Floats) -> list[Use]:
-    """How far largest stress and strain (S,) use up the limits of the segments that have some."""
+    """Utilisation of the segments' limits by the largest stress and strain (S,)."""
     out = []
     for k, segment in enumerate(robot.segments):
         rod = segment.backbone
@@ -111,23 +112,23 @@ def used(robot: Robot, von_mises: Floats, strain: Floats) -> list[Use]:
 def of_pose(
     robot: Robot, disk_positions: Floats, frames_of: Callable[[], Frames], model: RodModel
 ) -> tuple[tuple[str, ...], tuple[Use, ...]]:
-    """Warnings of an equilibrium, and how far it uses up the limits of the robot file.
+    """Warnings of an equilibrium, and utilisation of the limits of the robot file.
 
     Parameters
     ----------
     robot : Robot
     disk_positions : ndarray (N, 3)
-        In m.
+        Positions of the disks in m.
     frames_of : callable
-        Makes the fields along the backbone, at `POINTS` a module; called where there are limits.
+        Returns raw output with `POINTS` stations per module; called only if there are limits.
     model : RodModel
-        Of the equilibrium.
+        Model of the equilibrium.
 
     Returns
     -------
     warnings : tuple of str
     uses : tuple of Use
-        None where the robot file has no limits.
+        Utilisation of each limit; empty if the robot file has none.
     """
     out = [f"{what}." for what in below_base(robot, disk_positions)]
     if not has_limits(robot):
@@ -150,7 +151,7 @@ def of_pose(
 
 
 def below_base(robot: Robot, disk_positions: Floats) -> list[str]:
-    """A sentence without a full stop where a disk (N, 3) is below the base; else none."""
+    """Sentence without a full stop if a disk (N, 3) is below the base, else an empty list."""
     z = disk_positions[:, 2]
     if not (z < -_NOTHING * robot.length).any():
         return []
@@ -160,17 +161,17 @@ def below_base(robot: Robot, disk_positions: Floats) -> list[str]:
 def of_sweep(
     robot: Robot, tension: Floats, disk_positions: Floats, surface: Floats
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Warnings of a sweep, and how far it uses up the limits of the robot file.
+    """Warnings of a sweep, and utilisation of the limits of the robot file.
 
     Parameters
     ----------
     robot : Robot
     tension : ndarray (n,)
-        Rising, N.
+        Increasing tensions in N.
     disk_positions : ndarray (n, N, 3)
-        In m; NaN where a load has no equilibrium.
+        Positions of the disks in m; NaN where a load has no equilibrium.
     surface : ndarray (2, n, S)
-        Von Mises stress in Pa and strain; NaN where they are not known.
+        Largest von Mises stress in Pa and strain; NaN where unknown.
 
     Returns
     -------
@@ -212,7 +213,7 @@ def of_sweep(
 
 
 def _lowest(z: Floats) -> str:
-    """The lowest disk and where it is."""
+    """Name and position of the lowest disk."""
     i, last = int(np.argmin(z)), len(z) - 1
     name = "the tip" if i == last else f"disk {i + 1}"
     return (

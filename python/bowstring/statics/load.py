@@ -1,4 +1,4 @@
-"""What acts on a robot."""
+"""Loads on a robot: actuation, gravity, tip force and tip moment."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class Load:
     tensions : array_like (T,), optional
         Tension of each tendon before its base hole in N, none negative.
     displacements : array_like (T,), optional
-        Length that each actuator has taken in since the home pose in m; negative if paid out.
+        Tendon displacement since the home pose in m, positive where the tendon is shortened.
     angles : array_like (T,), optional
         Motor angles in rad, of tendons with a ``spool_radius``: the displacement is the radius
         times the angle.
     gravity : array_like (3,), optional
-        In m/s^2; the robot's own if left out.
+        Gravity in base axes in m/s^2; that of the robot if left out.
     tip_force, tip_moment : array_like (3,), optional
         Dead loads at the tip in base axes, N and N m: they keep their direction. None if left out.
 
@@ -67,7 +67,7 @@ class Load:
         return self.displacements is None and self.angles is None
 
     def replace(self, **changes: Any) -> Load:
-        """The same with other values."""
+        """Return a copy with other values."""
         unknown = sorted(set(changes) - {field.name for field in fields(self)})
         if unknown:
             raise InputError(f"a load has no {unknown[0]}")
@@ -78,7 +78,7 @@ _NO_LOAD = Load()
 
 
 def as_load(tensions: object, load: Load | None) -> Load:
-    """One load from the two arguments that say it: tensions alone, and a load."""
+    """Merge the arguments `tensions` and `load` of a solve into one load."""
     if load is None:
         return _NO_LOAD if tensions is None else Load(tensions)
     if not isinstance(load, Load):
@@ -91,14 +91,14 @@ def as_load(tensions: object, load: Load | None) -> Load:
 
 
 class InstantLoad(NamedTuple):
-    """Loads at one time, checked: actuation of each tendon, force and moment at the tip."""
+    """Checked loads at one time: actuation of each tendon, force and moment at the tip."""
 
     actuation: Floats
-    """(T,): tension in N or, where the displacement of a tendon is given, that in m."""
+    """Tension in N or displacement in m of each tendon (T,)."""
     tip_force: Floats
     tip_moment: Floats
 
     @property
     def at_tip(self) -> Load:
-        """Force and moment at the tip, under the robot's gravity."""
+        """Force and moment at the tip as a load with the robot's gravity."""
         return Load(tip_force=self.tip_force, tip_moment=self.tip_moment)

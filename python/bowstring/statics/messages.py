@@ -1,4 +1,4 @@
-"""Sentences on how a solve ended and what to try."""
+"""Messages on the result of a solve, with advice if it failed."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from numpy.typing import NDArray
 
 from bowstring.formatting import listed
 
-__all__ = ["TOLD", "discretisation", "of_actuation", "of_tensions"]
+__all__ = ["NEEDED", "discretisation", "of_actuation", "of_tensions"]
 
 Floats = NDArray[np.float64]
 
-TOLD: Final = (
+NEEDED: Final = (
     *("status", "stable", "residual", "iterations"),
     *("left_unstable", "fraction", "collision"),
 )
-"""What an answer by tensions tells."""
-_MUCH_FRICTION: Final = 1.0  # coefficients beyond this are doubted where there is no answer
+"""Attributes of a solution that a message needs."""
+_MUCH_FRICTION: Final = 1.0  # a failed solve with a larger coefficient gets a hint
 
 
 def _tendons(indices: Sequence[int] | NDArray[np.int64]) -> str:
-    """The names of tendons, as "tendon 2" or "tendons 1, 2 and 4"."""
+    """Names of tendons, such as "tendon 2" or "tendons 1, 2 and 4"."""
     return f"tendon{'s' * (len(indices) > 1)} {listed([str(int(i) + 1) for i in indices])}"
 
 
 def discretisation(
     error: tuple[float, float], tensions: Floats, length: float, elements: int | None
 ) -> str:
-    """A sentence if an answer is less exact than elements are chosen for, else nothing.
+    """Warn if the discretisation error is above the tolerance of adaptive elements, else "".
 
     ``error`` is that of the tip in m and of tensions in N.
     """
@@ -47,9 +47,9 @@ def discretisation(
 
 
 def of_tensions(found: Any, advice: str = "") -> str:
-    """How a solve by tensions ended and, if it failed, what to try.
+    """Message on a solve by tensions, with advice if it failed.
 
-    `found` is a solution of the core, or has the names of `TOLD`; ``advice`` is that of
+    `found` is a solution of the core, or has the attributes `NEEDED`; ``advice`` is that of
     `bowstring.robot.plausibility.load_advice`.
     """
     stable = found.stable
@@ -99,10 +99,10 @@ def of_tensions(found: Any, advice: str = "") -> str:
 def of_actuation(
     found: Any, slack: Sequence[int] | NDArray[np.int64], friction: float, advice: str = ""
 ) -> str:
-    """How a step ended and, if it failed, what to try.
+    """Message on a step of a path, with advice if it failed.
 
-    ``slack`` counts from 0; ``friction`` is the largest coefficient; the others are as of
-    `of_tensions`, and `found` has ``undetermined`` and ``conflict`` too.
+    ``slack`` are indices from 0; ``friction`` is the largest coefficient. The others are as in
+    `of_tensions`; `found` also has ``undetermined`` and ``conflict``.
     """
     fighting, nearest = found.conflict
     match found.status:

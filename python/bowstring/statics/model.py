@@ -1,4 +1,4 @@
-"""The model of the rod that an argument gives."""
+"""Model of the rod from an argument."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _DEFAULT = RodModel()
 
 
 def as_model(model: RodModel | None) -> RodModel:
-    """The model given, or the default one."""
+    """Return the given model, or the default one for None."""
     if model is None:
         return _DEFAULT
     if not isinstance(model, RodModel):

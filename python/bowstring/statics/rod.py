@@ -1,7 +1,7 @@
-"""Statics of a robot: backbone as an elastic rod, rigid disks, tendons straight between them.
+"""Statics of a robot: elastic rod as backbone, rigid disks, tendons straight between them.
 
-Everything is SI, in the base frame (z along the straight backbone) unless said otherwise.
-N is the number of disks, T the number of tendons.
+All values are in SI and in the base frame (z along the straight backbone) by default.
+N is the number of disks, T the number of tendons. docs/theory/statics.md has the equations.
 """
 
 from __future__ import annotations
@@ -44,19 +44,20 @@ def solve(
     robot : Robot
         The robot.
     tensions : array_like (T,), optional
-        Tension of each tendon in N: short for ``load=Load(tensions)``.
+        Tension of each tendon in N, short for ``load=Load(tensions)``.
     load : Load, optional
-        All that acts on the robot; `tensions` may be given beside it.
+        All loads; `tensions` may be given beside it.
     model : RodModel, optional
-        ``RodModel()`` if left out: a Cosserat rod, straight tendons, elements chosen.
+        Model of the rod. The default ``RodModel()`` is a Cosserat rod with straight tendons and
+        adaptive elements.
     history : dict, optional
-        `Solution.history()` of the step before: its path is continued, which matters with friction.
-        Without it the path begins in the home pose.
+        `Solution.history()` of the previous step, whose path is continued; matters with friction.
+        By default the path begins in the home pose.
 
     Returns
     -------
     Solution
-        Look at its `converged`, or call its `raise_for_status`.
+        Check `converged`, or call `raise_for_status`.
 
     Raises
     ------
@@ -70,7 +71,7 @@ def solve(
     >>> bs.solve(robot, [80, 0, 0]).raise_for_status().tip.position.round(4)
     array([0.3846, 0.    , 0.4448])
 
-    Tendon 1 is shortened by 20 mm, the others are paid out and hang:
+    Shorten tendon 1 by 20 mm and lengthen the others, which become slack:
 
     >>> bent = bs.solve(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03]))
     >>> bent.tensions.round(2), bent.slack
@@ -92,25 +93,26 @@ def sweep(
 ) -> Sweep:
     """Solve many loads in order in one call.
 
-    With displacements, angles, a history or friction the rows are a path, each a step from the one
-    before (from the last that converged).
+    With displacements, angles, a history or friction the rows form a path: each one is a step from
+    the last row that converged.
 
     Parameters
     ----------
     robot : Robot
         The robot.
     tensions : array_like (n, T), optional
-        In N: short for ``load=Load(tensions)``.
+        Tensions in N, short for ``load=Load(tensions)``.
     load : Load, optional
-        Actuation (n, T), NaN where a tendon has another; gravity and tip loads (3,) or (n, 3).
+        Actuation (n, T), NaN where a tendon has a command of another kind; gravity and tip loads
+        (3,) or (n, 3).
     model : RodModel, optional
         As for `solve`.
     history : dict, optional
-        As for `solve`: where the first row starts from.
+        As for `solve`; the first row continues it.
     warm : bool
-        Start each load from the solution before it: faster where loads follow each other closely,
-        and it stays on the branch of solutions. Otherwise each starts from straight, or from home
-        (or from the history) where the rows would be a path.
+        Start each load from the previous solution, which is faster for small increments and stays
+        on one branch of solutions. Otherwise each starts from the straight robot, or, where the
+        rows would form a path, from the home pose or the history.
     disks : bool
         Whether to return the poses of all disks.
 
@@ -200,7 +202,7 @@ def _follow(
     *,
     threads: int | None,
 ) -> Sweep:
-    """Rows as a path or, with a number of threads, each from where it starts."""
+    """Solve rows as a path or, with a number of threads, each from the start."""
     given, commands = actuation.commands(robot, load, rows=True)
     path = actuation.Path(robot, model, before)
     found = path.core.follow(given, commands, load, disks, threads)
@@ -212,7 +214,7 @@ def _follow(
 
 def _tensions(robot: Robot, load: Load) -> Floats:
     if load.tensions is None:
-        actuation.commands(robot, load)  # which says what is missing
+        actuation.commands(robot, load)  # raises an error that names what is missing
     count = robot.core.tendon_count
     rows = _array(load.tensions, "tensions", f"(n, {count})")
     if rows.ndim != 2:
@@ -221,11 +223,11 @@ def _tensions(robot: Robot, load: Load) -> Floats:
 
 
 def _rows(load: Load) -> Load:
-    """The load with gravity, tip force and tip moment as arrays, of all rows or row by row."""
+    """Return the load with gravity, tip force and tip moment as arrays (3,) or (n, 3)."""
     names = ("gravity", "tip_force", "tip_moment")
     given = {name: getattr(load, name) for name in names}
     if all(value is None or _is_plain_vector(value) for value in given.values()):
-        return load  # the core reads these quicker than we do
+        return load  # the core converts these faster
     arrays = {
         name: None if value is None else _array(value, name, "(3,) or (n, 3)")
         for name, value in given.items()

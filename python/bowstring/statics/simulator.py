@@ -1,4 +1,4 @@
-"""Simulators of the core: made for a robot, and the raw fields that they leave; fields at rest."""
+"""Simulators of the core: construction, raw fields of a run, and fields at rest."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ Ints = NDArray[np.int64]
 
 
 class Scheme(NamedTuple):
-    """Time integration and damping in numbers, SI."""
+    """Parameters of time integration and damping, SI."""
 
     step: float | None = 1.0
-    """Fixed step; None adapts it."""
+    """Fixed time step, s; None for an adaptive one."""
     tolerance: float = 1.0
-    """Error of a disk's position in an adapted step to aim for."""
+    """Error tolerance of a disk's position in an adaptive step, m."""
     longest_step: float = 1.0
     spectral_radius: float = 1.0
     mass_damping: float = 0.0
@@ -43,7 +43,7 @@ def make(
     points: int,
     scheme: Scheme = Scheme(),  # noqa: B008
 ) -> Simulator:
-    """A robot that can move; arguments as of `bowstring.simulate`, checked."""
+    """Make the simulator of a robot; checked arguments of `bowstring.simulate`."""
     home = actuation.home_lengths(robot, model)
     if home is None:
         home = np.full(len(robot.tendons.end_disk), np.nan)
@@ -52,7 +52,7 @@ def make(
 
 
 def stations(robot: Robot, points: int) -> tuple[Floats, Ints]:
-    """Arc length and module of every point, both ends of each flexible part among them."""
+    """Arc length and module of all stations, including both ends of each flexible part."""
     disks = robot.disks
     held = disks.clamped_length_m / 2.0
     end = disks.station_m - held
@@ -63,22 +63,22 @@ def stations(robot: Robot, points: int) -> tuple[Floats, Ints]:
 
 
 def keep_start(simulator: Simulator, load: InstantLoad) -> None:
-    """Keep the fields of a robot that rests under a load, as of time 0."""
+    """Record the fields of the equilibrium of a load as time 0."""
     row = (load.actuation[None], load.tip_force[None], load.tip_moment[None])
     simulator.run(np.zeros(1), *row, np.array([True]))
 
 
 def frames(simulator: Simulator, where: tuple[Floats, Ints]) -> Frames:
-    """All that was kept, at these `stations`; the simulator gives it away."""
+    """Take all records from the simulator, at these `stations`."""
     return Frames(station=where[0], module=where[1], **simulator.fields())
 
 
 def at_rest(
     robot: Robot, load: Load, model: RodModel, path: actuation.Path | None = None, *, points: int
 ) -> Frames:
-    """Raw fields of an equilibrium, as of a run that has not begun; see `Solution.to_dataset`.
+    """Raw fields of an equilibrium in the form of a run; see `Solution.to_dataset`.
 
-    Of the tensions or, if it is given, that a path has come to.
+    The equilibrium is that of the tensions or, if given, the end of a path.
     """
     simulator = make(robot, model, load.gravity, points)
     tip = [np.zeros(3) if v is None else v for v in (load.tip_force, load.tip_moment)]

@@ -1,6 +1,6 @@
-"""Answers of statics: `Solution` to one load, `Sweep` to many.
+"""Results of statics: `Solution` for one load, `Sweep` for many.
 
-Everything is SI, in the base frame (z along the straight backbone) unless said otherwise.
+All values are in SI and in the base frame (z along the straight backbone) by default.
 A rotation maps body to base. N is the number of disks, T the number of tendons.
 """
 
@@ -50,75 +50,75 @@ class Pose(NamedTuple):
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Estimated discretisation error of an answer.
+    """Estimated discretisation error of a solution.
 
-    Each element is integrated under the wrench that acts on it, by a method of its own; what it
-    misses goes through the last Newton step (defect correction). Stated is three times the motion
-    of the modules' ends that takes it away, summed; it covered the error of 2 000 random robots,
-    and was at most 30 times it in 99 % (docs/verification/accuracy.md).
+    Defect correction: each element is integrated by a sixth-order Runge-Kutta method (Eq. 3.5 of
+    docs/theory), and its defect is substituted through the last elimination. The estimate is three
+    times the sum of the resulting motions of the modules' ends. It was above the error of 2 000
+    random robots, and at most 30 times the error in 99 % of them (docs/verification/accuracy.md).
 
     Attributes
     ----------
     tip : float
-        Of the tip's position, in m; no disk is further off.
+        Error of the position of the tip, in m; it covers all disks.
     tension : float
-        Of the tension of a tendon that is displacement-controlled, in N.
+        Error of the tension of a displacement-controlled tendon, in N.
     """
 
     tip: float
     tension: float
 
     def to_dict(self) -> schema.ErrorEstimate:
-        """Return it with units in the names, ready for `json.dumps`."""
+        """Return plain values with units in the names, ready for `json.dumps`."""
         tip, tension = plain([self.tip, self.tension])
         return {"tip_m": tip, "tension_N": tension}
 
 
 def _of_core(name: str, doc: str | None = None) -> Any:
-    """A property of a solution that the core has."""
+    """Property that reads an attribute of the core's solution."""
     return property(attrgetter(f"core.{name}"), doc=doc)
 
 
 class Solution:
-    """The answer to one load; made by `solve`.
+    """Equilibrium of one load; made by `solve`.
 
-    Numbers of the pose are None unless `converged`. Every access returns a fresh array.
+    Values of the pose are None unless `converged`. Every access returns a new array.
 
     Attributes
     ----------
     robot : Robot
     status : str
-        ``"converged"``, or why not: ``"max_iterations"``, ``"unstable"`` (an equilibrium was
-        found, but no stable one), ``"no_equilibrium"`` (disks collide, or displacement-controlled
-        tendons fight each other).
+        ``"converged"``, or the reason of failure: ``"max_iterations"``, ``"unstable"`` (only an
+        unstable equilibrium was found), ``"no_equilibrium"`` (disks collide, or the displacements
+        conflict).
     converged : bool
     stable : bool or None
-        Whether the energy has a minimum here, under these commands of the tendons. Under a tip
-        moment, which has no potential: whether small motions die out at a damping ratio of 1 %.
-        False with the status ``"converged"`` where it is the moment that leads from a stable
-        equilibrium to one where they do not, as a moment does that rolls a rod up.
-        None where that takes more damping, where a tip moment acts on displacement-controlled
-        tendons or on a robot without mass, with friction, and where the elements are too few to
-        tell.
+        Whether the potential energy has a minimum, given the commands of the tendons. Under a tip
+        moment, which has no potential: whether small oscillations decay at a damping ratio of 1 %.
+        False with the status ``"converged"`` where increasing the moment leads from a stable
+        equilibrium to one with growing oscillations, such as a moment that rolls up a rod.
+        None where the decay needs more damping, where a tip moment acts on displacement-controlled
+        tendons or on a robot without mass, with friction, and where there are too few elements to
+        decide.
     iterations : int
-        Newton steps, those of continuation included.
+        Newton iterations, including those of load stepping.
     residual : float
         Largest moment imbalance over (bending stiffness / length).
     model : RodModel
-        As given to `solve`, with the number of elements that the answer was found with.
+        Model given to `solve`, with the number of elements of the solution.
     load : Load
-        As given to `solve`: of each tendon the tension or the displacement.
+        Load given to `solve`, with the tension or the displacement of each tendon.
     error_estimate : ErrorEstimate or None
         Estimated discretisation error; None if the solve failed.
     tensions : ndarray (T,)
-        In N, before the base hole. Where a displacement is given they are found, and NaN if the
+        Tensions before the base hole in N; computed where a displacement is given, and NaN if the
         solve failed.
     undetermined : bool
-        Whether the displacements allow many tensions in the same pose; these are the smallest.
+        Whether several sets of tensions have the same pose; `tensions` are the smallest.
     length_residual : float
-        Largest length by which a tendon misses its displacement, in m.
+        Largest error of a given displacement, in m.
 
-    A solution is pickled and copied as its load, and solved anew, which gives the same numbers.
+    Pickles and copies contain the load, which is solved again and gives the same numbers.
     """
 
     __slots__ = ("_before", "_path", "core", "robot")
@@ -157,7 +157,7 @@ class Solution:
     def __reduce__(self) -> tuple[Any, ...]:
         model = self.model
         if self._path is not None and self.core.on_path:
-            # elements as they were asked for: a path that chooses them meets the same ones again
+            # elements as given: a path with adaptive elements chooses the same ones again
             model = self._path.model
         return solution, (self.robot, self.load, model, self._before)
 
@@ -199,7 +199,7 @@ class Solution:
 
     @property
     def message(self) -> str:
-        """How the solve ended and, if it failed or may be coarse, what to try."""
+        """Message on the solve, with advice if it failed or its discretisation is coarse."""
         core, robot = self.core, self.robot
         advice = "" if self.converged else load_advice(robot, self.tensions, core.tip_force)
         if core.conflict is None:
@@ -221,18 +221,18 @@ class Solution:
         return None if position is None or rotation is None else Pose(position, rotation)
 
     def displacements(self) -> Floats | None:
-        """Lengths (T,) that the actuators have taken in since the home pose, in m.
+        """Tendon displacements (T,) since the home pose in m, positive where shortened.
 
         None if the solve failed, or if the robot's pretension has no home pose.
         """
         core = self.core
         if core.on_path or core.tendon_lengths is None:
             return core.displacements
-        return actuation.taken_in(self.robot, self.model, core.tendon_lengths, core.tensions)
+        return actuation.displacements(self.robot, self.model, core.tendon_lengths, core.tensions)
 
     @property
     def slack(self) -> tuple[int, ...] | None:
-        """Numbers, from 1, of the tendons with a given displacement that are slack."""
+        """Numbers, from 1, of displacement-controlled tendons that are slack."""
         lengths = self.slack_lengths
         if lengths is None:
             return None
@@ -240,7 +240,7 @@ class Solution:
 
     @property
     def slack_lengths(self) -> Floats | None:
-        """Slack length (T,) of tendons with a given displacement, in m; exactly 0 where taut."""
+        """Slack length (T,) of displacement-controlled tendons in m; exactly 0 where taut."""
         core = self.core
         if core.on_path:
             return core.slack_lengths
@@ -265,12 +265,12 @@ class Solution:
         return self.core.length_residual or 0.0
 
     def history(self) -> dict[str, Any] | None:
-        """Where the path has come to, for ``history`` of the next solve.
+        """State of the path, for ``history`` of the next solve.
 
         None if the solve failed, or if the tendons are continuous.
 
-        A dict that `json.dumps` takes: ``schema_version``, ``robot``, ``robot_hash``, the settings
-        and all that friction remembers. After a solve by tensions it steps the path once.
+        A dict for `json.dumps`: ``schema_version``, ``robot``, ``robot_hash``, the settings and the
+        state of friction. After a solve by tensions it solves one step of the path.
         """
         core = self.core
         if not core.converged or self.model.tendon_path == "continuous":
@@ -298,12 +298,12 @@ class Solution:
         Parameters
         ----------
         points_per_module : int
-            Points after each disk (or the base) up to the next one, which is the last of them.
+            Number of points between a disk (or the base) and the next disk, which is the last one.
 
         Returns
         -------
         ndarray (N * points_per_module + 1, 3) or None
-            In m; None if the solve failed.
+            Positions in m; None if the solve failed.
         """
         try:
             return self.core.centerline(points_per_module)
@@ -318,12 +318,12 @@ class Solution:
         Parameters
         ----------
         points : int
-            Stations along the flexible part of each module, both ends among them.
+            Stations along the flexible part of each module, both ends included.
 
         Returns
         -------
         xarray.Dataset
-            As of a run (`bowstring.statics.fields`), with one time.
+            Variables of a run (`bowstring.statics.fields`) at one time.
 
         Raises
         ------
@@ -349,7 +349,7 @@ class Solution:
         return to_dataset(self.robot, frames, settings, status=self.status)
 
     def _frames(self, points: int) -> Frames:
-        """The raw fields of a converged solution."""
+        """Raw fields of a converged solution."""
         from bowstring.statics import simulator
 
         path = self._path if self.core.on_path else None
@@ -357,14 +357,14 @@ class Solution:
         return simulator.at_rest(self.robot, load, self.model, path, points=points)
 
     def limits(self) -> tuple[tuple[str, ...], tuple[Use, ...]]:
-        """Warnings of the pose, and how far it uses up the limits of the robot file.
+        """Warnings of the pose, and utilisation of the limits of the robot file.
 
         Returns
         -------
         warnings : tuple of str
             Disks below the base, and segments beyond ``yield_strength`` or ``strain_limit``.
         uses : tuple of `bowstring.statics.limits.Use`
-            None where the robot file has no limits, or the solve failed.
+            Utilisation of each limit; empty if the robot file has none or the solve failed.
         """
         from bowstring.statics import limits
 
@@ -374,12 +374,12 @@ class Solution:
         return limits.of_pose(self.robot, self.disk_positions, frames, self.model)
 
     def warnings(self) -> tuple[str, ...]:
-        """What this pose meets: disks below the base, and limits of the backbone's material.
+        """Warnings: disks below the base, and limits of the backbone that are exceeded.
 
         Returns
         -------
         tuple of str
-            Sentences; none where the robot stays above its base and, where its file says so,
+            Sentences; empty if the robot stays above its base and, where its file gives them,
             within ``yield_strength`` and ``strain_limit``.
         """
         return self.limits()[0]
@@ -390,12 +390,13 @@ class Solution:
         Raises
         ------
         NoSolutionError
-            The text says what was reached and what to try.
+            The message has the reached state and advice.
 
         Warns
         -----
         StabilityWarning
-            If the equilibrium is not stable or, for another reason than friction, not known to be.
+            If the equilibrium is unstable, or its stability is unknown for a reason other than
+            friction.
         """
         if not self.converged:
             raise NoSolutionError(f"{self.robot.name}: {self.message}", status=self.status)
@@ -411,8 +412,8 @@ class Solution:
         dict
             ``status, stable, iterations, residual, error_estimate, elements, theory, tip, disks,
             tendon_lengths_m, tensions_N, displacements_m, slack, slack_m, span_tensions_N,
-            undetermined, length_residual_m``; the pose's entries are None if the solve failed, as
-            is a number that is not finite.
+            undetermined, length_residual_m``; entries of the pose are None if the solve failed, and
+            so are numbers that are not finite.
         """
         core = self.core
         error = self.error_estimate
@@ -454,7 +455,7 @@ def _passes(robot: Robot) -> NDArray[np.bool_]:
 
 @dataclass(repr=False, eq=False)  # not frozen: that would cost 4 us a sweep
 class Sweep:
-    """The answers to n loads; made by `sweep` and `solve_batch`.
+    """Equilibria of n loads; made by `sweep` and `solve_batch`.
 
     Rows that did not converge hold NaN.
 
@@ -462,7 +463,7 @@ class Sweep:
     ----------
     robot : Robot
     tensions : ndarray (n, T)
-        In N, before the base holes; found where a displacement is given.
+        Tensions before the base holes in N; computed where a displacement is given.
     model : RodModel
     status : list of str (n,)
         As `Solution.status`.
@@ -476,15 +477,16 @@ class Sweep:
     disk_positions, disk_rotations : ndarray (n, N, 3) in m, (n, N, 3, 3); or None
         None if called with ``disks=False``.
     left_unstable : ndarray of bool (n,)
-        The way from straight led to an unstable equilibrium, which was left for a stable one.
+        Whether the path from the straight robot led to an unstable equilibrium, from which the
+        solver went on to a stable one.
     fraction : ndarray (n,)
-        Largest fraction of the load that did converge.
+        Largest fraction of the load that converged.
     collision : ndarray of int (n,)
         Module (from 0) in which two disks collide; -1 if none.
     tip_error, tension_error : ndarray (n,)
         Estimated discretisation error, in m and N, as `ErrorEstimate`.
     path : dict or None
-        What a path adds; its numbers are the properties and methods below.
+        Further results of a path, which the methods below return.
     """
 
     robot: Robot
@@ -511,15 +513,15 @@ class Sweep:
         return len(self.status)
 
     def displacements(self) -> Floats:
-        """Lengths (n, T) that the actuators have taken in since the home pose, in m."""
+        """Tendon displacements (n, T) since the home pose in m, positive where shortened."""
         if self.path is not None:
             return np.array(self.path["displacements"])
-        found = actuation.taken_in(self.robot, self.model, self.tendon_lengths, self.tensions)
+        found = actuation.displacements(self.robot, self.model, self.tendon_lengths, self.tensions)
         return np.full_like(self.tensions, np.nan) if found is None else found
 
     @property
     def slack_lengths(self) -> Floats:
-        """Slack length (n, T) of tendons with a given displacement, in m; 0 where taut."""
+        """Slack length (n, T) of displacement-controlled tendons in m; 0 where taut."""
         if self.path is not None:
             return np.array(self.path["slack_lengths"])
         return np.where(self.converged[:, None], np.zeros_like(self.tensions), np.nan)
@@ -535,15 +537,15 @@ class Sweep:
 
     @property
     def undetermined(self) -> NDArray[np.bool_]:
-        """Rows (n,) whose displacements allow many tensions in the same pose; the smallest."""
+        """Rows (n,) in which several sets of tensions have the same pose; the smallest is given."""
         if self.path is not None:
             return np.array(self.path["undetermined"])
         return np.zeros(len(self), bool)
 
     def history(self) -> dict[str, Any] | None:
-        """Where the path has come to after the last row, as `Solution.history()`.
+        """State of the path after the last row, as `Solution.history()`.
 
-        None if the rows were no path: by tensions without friction, or each from home.
+        None if the rows form no path: tensions without friction, or independent loads.
         """
         return None if self.path is None else self.path["history"]
 
@@ -567,7 +569,7 @@ class Sweep:
         -------
         xarray.Dataset
             ``tip_position``, ``tension``, ``tendon_length``, ``slack``, ``span_tension``, of disks
-            ``disk_position`` and ``disk_rotation`` if they were asked for; how each row ended in
+            ``disk_position`` and ``disk_rotation`` if they were computed, and of each row
             ``status``, ``converged``, ``residual``, ``tip_error`` and ``tension_error``.
         """
         from bowstring.statics.fields import rows_to_dataset
@@ -592,9 +594,9 @@ class Sweep:
         return rows_to_dataset(self.robot, "load", values, others, self.model.to_dict())
 
     def message(self, row: int) -> str:
-        """One sentence on how a row ended, as `Solution.message`."""
+        """Message on a row, as `Solution.message`."""
         advice = "" if self.converged[row] else load_advice(self.robot, self.tensions[row])
-        found = SimpleNamespace(**{name: getattr(self, name)[row] for name in messages.TOLD})
+        found = SimpleNamespace(**{name: getattr(self, name)[row] for name in messages.NEEDED})
         if self.path is None:
             return messages.of_tensions(found, advice)
         found.undetermined = self.path["undetermined"][row]
@@ -610,12 +612,12 @@ class Sweep:
         Raises
         ------
         NoSolutionError
-            Names the first row that failed, and how many did.
+            The message has the first row that failed and their number.
 
         Warns
         -----
         StabilityWarning
-            As that of a solution, for the first row of those.
+            As for a solution; the message has the first such row.
         """
         failed = np.flatnonzero(~self.converged)
         if failed.size:
@@ -637,9 +639,9 @@ def solution(
     """Solve one load; `bowstring.solve` without its checks and defaults."""
     if actuation.is_by_tensions(robot, load, before):
         if load.tensions is None:
-            actuation.commands(robot, load)  # which says what is missing
+            actuation.commands(robot, load)  # raises an error that names what is missing
         if isinstance(load.tensions, np.ndarray) and load.tensions.dtype.kind == "c":
-            # imaginary parts would be dropped, of which NumPy only warns
+            # NumPy would drop imaginary parts with a mere warning
             count = robot.core.tendon_count
             raise InputError(f"tensions is {load.tensions!r:.80}, it must be {count} numbers, in N")
         return Solution(robot, robot.core.solve(load.tensions, load, model))
@@ -649,7 +651,7 @@ def solution(
 
 
 def joined(parts: Sequence[tuple[NDArray[np.int64], Sweep]]) -> Sweep:
-    """Sweeps of parts of the rows as one; it has no history, for it is no single path.
+    """Join sweeps of parts of the rows; the result is no single path and has no history.
 
     Parameters
     ----------
