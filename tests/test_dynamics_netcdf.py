@@ -134,11 +134,11 @@ def test_a_slow_hdf5_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     with pytest.raises(InputError, match="it is damaged"):
         read_run(tmp_path / "run.nc")
     monkeypatch.setattr(netcdf, "_SECONDS", 0.02)
-    monkeypatch.setattr(netcdf, "_ASIDE", "while True: pass")
+    monkeypatch.setattr(netcdf, "_SCRIPT", "while True: pass")
     with pytest.raises(InputError, match="it is damaged: reading it does not end"):
         read_run(tmp_path / "run.nc")
     monkeypatch.setattr(netcdf, "_SECONDS", 10.0)
-    monkeypatch.setattr(netcdf, "_ASIDE", "import os; os.abort()")
+    monkeypatch.setattr(netcdf, "_SCRIPT", "import os; os.abort()")
     with pytest.raises(InputError, match="it is damaged: it cannot be read"):
         read_run(tmp_path / "run.nc")
 

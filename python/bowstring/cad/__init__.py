@@ -1,1 +1,1 @@
-"""The robot as a solid: CAD files, a rendered picture, drawings of its disks."""
+"""Solid of a robot: CAD files, a rendered picture, drawings of its disks."""

@@ -1,4 +1,4 @@
-"""A drawing of the spacer disks with their holes and dimensions."""
+"""Drawing of the spacer disks with holes and dimensions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 _SUFFIXES: Final = (".svg", ".pdf", ".png")
 _DPI: Final = 200
 _MOST: Final = 12  # kinds of disks in one drawing
-_MOST_PLACES: Final = 14  # of holes in a list
+_MOST_PLACES: Final = 14  # holes in a list
 _MM: Final = 1e3
 _INK, _MUTED, _PLATE, _PAPER = (LIGHT[name] for name in ("ink", "muted", "grid", "paper"))
 _THIN: Final = {"color": _MUTED, "linewidth": 0.6}
@@ -41,7 +41,7 @@ _ARROW: Final = {
 
 
 class _Kind(NamedTuple):
-    """Disks that are alike; mm."""
+    """Equal disks; mm."""
 
     disks: tuple[int, ...]  # numbers, from 1
     radius: float
@@ -53,7 +53,7 @@ class _Kind(NamedTuple):
 
 
 def check_drawing_file(path: str | Path) -> Path:
-    """Say before any work whether a drawing may be written (`atomic_io.check_file`)."""
+    """Check before any work that a drawing may be written (`atomic_io.check_file`)."""
     return check_figure_file(path, "drawing", _SUFFIXES)
 
 
@@ -68,12 +68,12 @@ def write_drawing(robot: Robot, path: str | Path) -> Path:
     Returns
     -------
     Path
-        The file, absolute. Disks that are alike are drawn once.
+        Absolute path of the file. Equal disks are drawn once.
 
     Raises
     ------
     InputError
-        If the suffix is another one, the file cannot be written, a size makes no disk (`sizes_of`)
+        If the suffix is another one, the file cannot be written, a size is impossible (`sizes_of`)
         or the robot has more than 12 kinds of disks.
     """
     return write_figure(lambda: draw_disks(robot), path, "drawing", _DPI, check_drawing_file)
@@ -85,7 +85,7 @@ def check_drawing(robot: Robot) -> None:
 
 
 def draw_disks(robot: Robot) -> Figure:
-    """The drawing as a matplotlib figure; see `write_drawing`."""
+    """Draw the disks as a matplotlib figure; see `write_drawing`."""
     from matplotlib.figure import Figure
 
     kinds = _drawn_kinds(robot)
@@ -147,7 +147,7 @@ def _same(a: Floats, b: Floats) -> bool:
 
 
 def _numbers(disks: tuple[int, ...]) -> str:
-    """`disk 3`, `disks 1 to 9`, `disks 1, 2 and 5`."""
+    """Names such as `disk 3`, `disks 1 to 9`, `disks 1, 2 and 5`."""
     if len(disks) == 1:
         return f"disk {disks[0]}"
     if disks == tuple(range(disks[0], disks[-1] + 1)):
@@ -156,7 +156,7 @@ def _numbers(disks: tuple[int, ...]) -> str:
 
 
 def _size(value: float) -> str:
-    return rounded(value, 6)  # as exact as a robot file
+    return rounded(value, 6)  # the precision of a robot file
 
 
 def _degrees(value: float) -> str:
@@ -164,7 +164,7 @@ def _degrees(value: float) -> str:
 
 
 def _draw(axes: Any, kind: _Kind) -> None:
-    """Front view, and beside it a section through the axis and the first hole."""
+    """Draw a front view, and beside it a section through the axis and the first hole."""
     from matplotlib.patches import Circle, Rectangle
 
     r = kind.radius
@@ -202,12 +202,12 @@ def _draw(axes: Any, kind: _Kind) -> None:
     axes.annotate("y", (0, 1.12 * r), xytext=(0, 1), ha="center", **beside)
     axes.text(-1.7 * r, 1.28 * r, _numbers(kind.disks), va="top", fontsize=9, color=_INK)
 
-    # sizes of the front view at lines from its lower left and upper right
+    # dimensions of the front view on leaders from its lower left and upper right
     rim = (-r * math.cos(0.6), r * math.sin(0.6))
     _leader(axes, rim, (-1.2 * r, 1.02 * r), f"Ø{_size(2 * r)}")
     bore = kind.bore / 2
     _leader(axes, (-bore * 0.7, -bore * 0.7), (-1.2 * r, -0.75 * r), f"Ø{_size(kind.bore)}")
-    x, y = kind.places[kind.places.sum(axis=1).argmax()]  # the one nearest its text
+    x, y = kind.places[kind.places.sum(axis=1).argmax()]  # the hole nearest its text
     count = f"{len(kind.places)} x " if len(kind.places) > 1 else ""
     on = " / ".join(f"Ø{_size(2 * pitch)}" for pitch in pitches[:3]) + (
         " ..." if pitches[3:] else ""
@@ -246,27 +246,27 @@ def _leader(axes: Any, tip: tuple[float, float], text_at: tuple[float, float], t
 
 
 def _angles_of(places: Floats) -> Floats:
-    """Of holes (H, 2) from x, from 0 to below 360 degrees."""
+    """Angles of holes (H, 2) from x, 0 to below 360 degrees."""
     angles = np.degrees(np.arctan2(places[:, 1], places[:, 0])) % 360.0
     angles[np.isclose(angles, 360.0, atol=1e-6)] = 0.0
     return angles
 
 
 def _evenly_spaced(places: Floats) -> bool:
-    """Whether one angle and one circle say where all holes are."""
+    """Whether all holes are evenly spaced on one circle."""
     pitch, angles = np.hypot(*places.T), np.sort(_angles_of(places))
     steps = np.diff([*angles, angles[0] + 360.0])
     return bool(np.ptp(pitch) < 1e-6 * pitch.max() and np.ptp(steps) < 1e-4)
 
 
 def _places(axes: Any, kind: _Kind) -> None:
-    """Numbers at the holes, counter-clockwise from x, and a list of where each one is."""
+    """Number the holes counter-clockwise from x, and list their positions."""
     angles, pitch = _angles_of(kind.places), np.hypot(*kind.places.T)
     order = np.lexsort((pitch, angles)).tolist()
     r, same = kind.radius, np.ptp(pitch) < 1e-6 * pitch.max()
     rows = []
     for number, i in enumerate(order[:_MOST_PLACES], 1):
-        inner = 1.0 - (kind.hole / 2 + 0.085 * r) / pitch[i]  # share of the way to the hole
+        inner = 1.0 - (kind.hole / 2 + 0.085 * r) / pitch[i]  # share of the distance to the hole
         axes.text(
             *(inner * kind.places[i]),
             str(number),
@@ -285,7 +285,7 @@ def _places(axes: Any, kind: _Kind) -> None:
 
 
 def _angles(axes: Any, kind: _Kind) -> None:
-    """The angle of the first hole from x, and to the next one."""
+    """Dimension the angle of the first hole from x, and that to the next one."""
     angles = np.sort(_angles_of(kind.places))
     r = kind.radius
     marks = [(0.0, float(angles[0]), 0.34)] if angles[0] > 1e-6 else []
@@ -311,7 +311,7 @@ def _angles(axes: Any, kind: _Kind) -> None:
 
 
 def _span(axes: Any, ends: tuple[float, float], y: float, text: str, r: float) -> None:
-    """A dimension between two edges, its arrows outside, as the plate is thin."""
+    """Dimension between two edges, with outside arrows because the plate is thin."""
     for x, way in ((ends[0], -1), (ends[1], 1)):
         axes.plot([x, x], [-1.02 * r, y - 0.05 * r], **_THIN)
         axes.annotate(

@@ -1,7 +1,7 @@
-"""A robot's solid as a file: STEP, STL or glTF, by the suffix of its name.
+"""Write a robot's solid as STEP, STL or glTF, by the suffix of the file.
 
-STEP and STL are in mm, as CAD programs and printers expect; glTF is in m with y up, as its standard
-says, so that the robot's z axis points up in a viewer.
+STEP and STL are in mm, as CAD programs and printers expect; glTF is in m with y up by its standard,
+so that the robot's z axis points up in a viewer.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["SUFFIXES", "check_solid_file", "write_solid"]
 
 SUFFIXES: Final = (".step", ".stp", ".stl", ".glb", ".gltf")
 
-# What tells our files from those of others.
+# Bytes that identify files written by Bowstring.
 _STL_HEADER: Final = b"Bowstring, binary STL in mm"
 _MARKS: Final = {
     ".step": b"bowstring_version: ",
@@ -30,33 +30,32 @@ _MARKS: Final = {
     ".gltf": b'"bowstring_version": ',
 }
 
-# Of a mesh: how far it leaves the surface, as a share of the robot's length, and the angle
-# between two of its facets.
+# Distance of a mesh from the surface over the robot's length, and angle between two facets.
 _DEFLECTION: Final = 1e-4
 _ANGLE: Final = 0.2  # rad
 
 
 def check_solid_file(path: str | Path) -> Path:
-    """Say before any work whether a solid may be written to a file; see `atomic_io.check_file`."""
+    """Check before any work that a solid may be written (`atomic_io.check_file`)."""
     file = Path(path)
     return check_file(file, "solid", SUFFIXES, _MARKS.get(file.suffix.lower(), b""))
 
 
 def write_solid(solid: Solid, path: str | Path) -> Path:
-    """Write a robot's solid, all of it or nothing.
+    """Write a robot's solid to a file, whole or not at all.
 
     Parameters
     ----------
     solid : Solid
-        From `make_solid`.
+        Solid from `make_solid`.
     path : str or Path
-        ``.step`` or ``.stp``: an assembly of named and coloured parts. ``.stl``: one mesh, binary.
-        ``.glb`` or ``.gltf``: meshes with names and colours; ``.gltf`` holds its data too.
+        ``.step`` or ``.stp``: an assembly of named and coloured parts. ``.stl``: one binary mesh.
+        ``.glb`` or ``.gltf``: meshes with names and colours; ``.gltf`` embeds its data.
 
     Returns
     -------
     Path
-        The file, absolute.
+        Absolute path of the file.
 
     Raises
     ------
@@ -75,7 +74,7 @@ def write_solid(solid: Solid, path: str | Path) -> Path:
 
 
 def _about(solid: Solid) -> dict[str, Any]:
-    """Where the file comes from."""
+    """Provenance of the file."""
     return {
         "robot": solid.robot.name,
         "robot_hash": solid.robot.hash,
@@ -128,10 +127,10 @@ def _gltf(solid: Solid, file: Path) -> bool:
     if not made:
         return False
     content, data = _read_glb(file.read_bytes())
-    # first, so that it stands near the begin of the file
+    # first, so that it is near the beginning of the file
     asset = {**content.pop("asset"), "extras": _about(solid)}
     content = {"asset": asset, **content}
-    for material in content["materials"]:  # left out, it would be bare metal, black in most viewers
+    for material in content["materials"]:  # the default is metal, black in most viewers
         material["pbrMetallicRoughness"].update(metallicFactor=0.1, roughnessFactor=0.6)
     if file.suffix.lower() == ".gltf":
         uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode("ascii")

@@ -1,4 +1,4 @@
-"""A rendered picture of a robot's solid, in perspective, with its parts named."""
+"""Rendered picture of a robot's solid, in perspective, with labelled parts."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ Ints = NDArray[np.int64]
 
 _SUFFIXES: Final = (".png", ".pdf", ".svg")
 _DPI: Final = 220
-_PIXELS: Final = 1300  # of the longer side
-_LETTERS: Final = 11.5  # of the title, in an inch
+_PIXELS: Final = 1300  # pixels of the longer side
+_LETTERS: Final = 11.5  # characters of the title per inch
 _ELEVATION: Final = math.radians(17.0)
-_ASIDE: Final = math.radians(-48.0)  # of the eye, from the plane in which the robot bends
-_DEFLECTION: Final = 2e-4  # of the mesh, as a share of the robot's length
+_ASIDE: Final = math.radians(-48.0)  # angle of the eye from the plane of bending
+_DEFLECTION: Final = 2e-4  # distance of the mesh from the surface over the robot's length
 _ANGLE: Final = 0.3  # rad
 _MOST_NAMED: Final = 6  # tendons
-_SMOOTH: Final = 0.8  # cosine between normals that are one surface
+_SMOOTH: Final = 0.8  # least cosine between normals of one smooth surface
 
 
 def check_picture_file(path: str | Path) -> Path:
-    """Say before any work whether a picture may be written (`atomic_io.check_file`)."""
+    """Check before any work that a picture may be written (`atomic_io.check_file`)."""
     return check_figure_file(path, "picture", _SUFFIXES)
 
 
@@ -45,14 +45,14 @@ def write_picture(solid: Solid, path: str | Path) -> Path:
     Parameters
     ----------
     solid : Solid
-        From `make_solid`.
+        Solid from `make_solid`.
     path : str or Path
-        Of the picture; a file there is replaced.
+        Path of the picture; an existing picture is replaced.
 
     Returns
     -------
     Path
-        The file, absolute.
+        Absolute path of the file.
 
     Raises
     ------
@@ -63,13 +63,13 @@ def write_picture(solid: Solid, path: str | Path) -> Path:
 
 
 def draw_solid(solid: Solid, pixels: int = _PIXELS) -> Figure:
-    """The picture as a matplotlib figure.
+    """Draw the picture as a matplotlib figure.
 
     Parameters
     ----------
     solid : Solid
     pixels : int
-        Of the longer side of the rendered image.
+        Pixels of the longer side of the rendered image.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def _azimuth(solid: Solid) -> float:
 
 
 def _name_parts(axes: Any, solid: Solid, camera: Camera, part_seen: Ints) -> None:
-    """Names at the right, in the order of their places, each with a line to what is seen of it."""
+    """Label parts at the right in vertical order, each with a line to its visible pixels."""
     from matplotlib.patheffects import withStroke
 
     ink, muted = LIGHT["ink"], LIGHT["muted"]
@@ -140,7 +140,7 @@ def _name_parts(axes: Any, solid: Solid, camera: Camera, part_seen: Ints) -> Non
         if len(rows):
             x, y, _ = camera.see(1e3 * place[None])[0]
             nearest = int(np.hypot(columns - x, rows - y).argmin())
-            if len(parts) > 1:  # that of the one in front
+            if len(parts) > 1:  # the colour of the part in front
                 colour = solid.parts[part_seen[rows[nearest], columns[nearest]]].colour
             named.append((text, float(columns[nearest]), float(rows[nearest]), colour))
     named.sort(key=lambda name: name[2])
@@ -165,12 +165,12 @@ def _name_parts(axes: Any, solid: Solid, camera: Camera, part_seen: Ints) -> Non
                 "path_effects": [withStroke(linewidth=1.8, foreground="white")],
             },
         )
-        # where it ends, on parts as dark or grey as the line itself
+        # a dot at the end of the line, visible on dark and grey parts
         axes.plot(x, y, "o", ms=2.6, color=ink, mec="white", mew=0.5, clip_on=False, zorder=5)
 
 
 def _sharing(solid: Solid) -> list[list[int]]:
-    """Tendons (from 0) by their hole; those that share one hide each other."""
+    """Group tendons (from 0) by hole; those that share one hide each other."""
     groups: list[list[int]] = []
     start = np.array([path[0] for path in solid.tendon_paths])
     for i, place in enumerate(start):
@@ -185,15 +185,15 @@ def _sharing(solid: Solid) -> list[list[int]]:
 
 
 def _spread(wanted: Floats, gap: float, height: float) -> Floats:
-    """Rows near those that are wanted (in order), at least a gap apart."""
+    """Rows closest to the sorted target rows, at least a gap apart."""
     steps = gap * np.arange(len(wanted))
-    rows: Floats = np.maximum.accumulate(wanted - steps)  # over the rows as near as may be
+    rows: Floats = np.maximum.accumulate(wanted - steps)  # smallest sufficient shift
     rows[-1] = min(rows[-1], height - steps[-1])
     return np.asarray(np.minimum.accumulate(rows[::-1])[::-1] + steps)
 
 
 def _between(disks: list[Part], d: int) -> Floats:
-    """The middle of the backbone before a disk."""
+    """Centre of the backbone before a disk."""
     before = disks[d - 1].centre_m if d else np.zeros(3)
     found: Floats = 0.5 * (before + disks[d].centre_m)
     return found

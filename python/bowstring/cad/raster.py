@@ -1,4 +1,4 @@
-"""A small renderer: triangles in perspective with hidden surfaces removed, light and shadow."""
+"""Renderer of triangles in perspective, with hidden surfaces removed, light and shadow."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ __all__ = ["Camera", "Mesh", "render"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_BLOCK: Final = 1_000_000  # pixels looked at in one go
+_BLOCK: Final = 1_000_000  # pixels processed at once
 _CREASE: Final = 0.7  # cosine between the normals of two sides of a visible edge
-_EDGE: Final = 0.35  # light that an edge keeps
+_EDGE: Final = 0.35  # brightness factor of an edge
 _AMBIENT, _KEY, _FILL, _SHINE = 0.46, 0.62, 0.16, 0.22
-_SHADOW: Final = 0.45  # of the key light that is lost in shadow
-_FINER: Final = 2  # pixels across one pixel of the picture
+_SHADOW: Final = 0.45  # share of the key light that shadow removes
+_FINER: Final = 2  # subpixels across one pixel (antialiasing)
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Mesh:
     points, normals : ndarray (V, 3)
     triangles : ndarray of int (F, 3)
     part : ndarray of int (F,)
-        Which body a triangle belongs to.
+        Index of the body of each triangle.
     """
 
     points: Floats
@@ -42,14 +42,14 @@ class Mesh:
 
 
 class Camera:
-    """Looks from a direction at the middle of points, so that they fill the picture.
+    """Perspective camera that looks at the centre of points and fits them into the picture.
 
     Parameters
     ----------
     points : ndarray (V, 3)
-        All must be seen.
+        Points that must be visible.
     azimuth, elevation : float
-        Where the eye is, in rad; z is up.
+        Direction of the eye in rad; z is up.
     longest : int
         Pixels of the longer side.
     """
@@ -80,7 +80,7 @@ class Camera:
         return np.stack([-seen[:, 0] / seen[:, 2], -seen[:, 1] / seen[:, 2], -seen[:, 2]], axis=1)
 
     def see(self, points: Floats) -> Floats:
-        """Points (V, 3) on the picture: pixels from the left, from the top, and distance."""
+        """Project points (V, 3): pixels from the left, from the top, and distance."""
         flat = self._flat(points)
         x = (flat[:, 0] - self._low[0]) * self._scale
         y = (self._high[1] - flat[:, 1]) * self._scale
@@ -90,27 +90,27 @@ class Camera:
 def render(
     mesh: Mesh, camera: Camera, colours: Floats, outlined: NDArray[np.bool_]
 ) -> tuple[Floats, Ints]:
-    """Draw a mesh.
+    """Render a mesh.
 
     Parameters
     ----------
     mesh : Mesh
     camera : Camera
     colours : ndarray (parts, 3)
-        Of each part, 0 to 1.
+        Colour of each part, 0 to 1.
     outlined : ndarray of bool (parts,)
-        Whether its edges are drawn on it; thin parts would be nothing but edge.
+        Whether the edges of each part are drawn; thin parts would be all edge.
 
     Returns
     -------
     ndarray (height, width, 4)
-        Red, green, blue and cover, 0 to 1.
+        Red, green, blue and coverage, 0 to 1.
     ndarray of int (height, width)
-        The part that is seen at each pixel, -1 where there is none.
+        Visible part at each pixel, -1 for none.
     """
     height, width = _FINER * camera.height, _FINER * camera.width
     screen = camera.see(mesh.points) * [_FINER, _FINER, 1.0]
-    screen[:, 2] = 1.0 / screen[:, 2]  # is linear on the picture, and larger nearer
+    screen[:, 2] = 1.0 / screen[:, 2]  # linear over the picture, larger for nearer points
     _, who, share = _nearest(screen, mesh.triangles, width, height)
     seen = np.flatnonzero(who.ravel() >= 0)
     triangle = who.ravel()[seen]
@@ -148,7 +148,7 @@ def render(
 
 
 def _smaller(image: NDArray[np.float32]) -> Floats:
-    """Each block of pixels as one, colours weighed by their cover."""
+    """Average blocks of subpixels, with colours weighted by coverage."""
     rows, columns = image.shape[0] // _FINER, image.shape[1] // _FINER
     blocks = image.reshape(rows, _FINER, columns, _FINER, 4).astype(float)
     cover = blocks[..., 3].mean(axis=(1, 3))
@@ -158,7 +158,7 @@ def _smaller(image: NDArray[np.float32]) -> Floats:
 
 
 def _edges(part: Ints, normal: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Pixels where a body ends, or where its surface has a crease."""
+    """Pixels at the outline of a body or at a crease of its surface."""
     edge = np.zeros(part.shape, dtype=bool)
     for here, there in (
         ((slice(None, -1), slice(None)), (slice(1, None), slice(None))),
@@ -173,7 +173,7 @@ def _edges(part: Ints, normal: NDArray[np.float32]) -> NDArray[np.bool_]:
 
 
 def _shadow(mesh: Mesh, place: Floats, normal: Floats, light: Floats) -> Floats:
-    """How much of the light each place (P, 3) loses to other bodies, 0 to 1."""
+    """Share of the light, 0 to 1, that other bodies block at each point (P, 3)."""
     side = np.cross(light, [0.0, 0.0, 1.0])
     side /= np.linalg.norm(side)
     axes = np.stack([side, np.cross(light, side), light])
@@ -202,17 +202,17 @@ def _shadow(mesh: Mesh, place: Floats, normal: Floats, light: Floats) -> Floats:
 def _nearest(
     corners: Floats, triangles: Ints, width: int, height: int
 ) -> tuple[NDArray[np.float32], Ints, NDArray[np.float32]]:
-    """What is seen at each pixel: nearness, triangle (-1: none), and its corners' shares.
+    """Z-buffer: inverse depth, visible triangle (-1: none) and barycentric coordinates per pixel.
 
-    `corners` (V, 3) are x, y and a nearness that is linear over the picture. Row by row: each
-    triangle is cut by the middles of the rows, each cut by the middles of the columns.
+    `corners` (V, 3) are x, y and inverse depth, which is linear over the picture. Each triangle is
+    intersected with the centre lines of rows, and each intersection with those of columns.
     """
     near = np.full(height * width, -np.inf, dtype=np.float32)
     who = np.full(height * width, -1, dtype=np.int64)
     share = np.zeros((height * width, 3), dtype=np.float32)
     a, b, c = (corners[triangles[:, k]] for k in range(3))
     area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    front = np.flatnonzero(area < 0)  # rows count downwards; the back of a closed body is hidden
+    front = np.flatnonzero(area < 0)  # rows count downwards; back faces of a closed body are hidden
     a, b, c, area = a[front], b[front], c[front], area[front]
     low = np.minimum(np.minimum(a[:, 1], b[:, 1]), c[:, 1])
     high = np.maximum(np.maximum(a[:, 1], b[:, 1]), c[:, 1])
@@ -243,7 +243,7 @@ def _nearest(
 
 
 def _middles(low: Floats, high: Floats, most: int) -> tuple[Ints, Ints]:
-    """The first pixel whose middle lies between, and how many do; `most` pixels there are."""
+    """First pixel of `most` whose centre lies between two bounds, and number of such pixels."""
     nothing = ~(high >= low)
     first = np.clip(np.ceil(np.where(nothing, 0.0, low) - 0.5), 0, most).astype(np.int64)
     after = np.clip(np.floor(np.where(nothing, -1.0, high) - 0.5) + 1, 0, most).astype(np.int64)
@@ -251,7 +251,7 @@ def _middles(low: Floats, high: Floats, most: int) -> tuple[Ints, Ints]:
 
 
 def _blocks(count: Ints, most: int) -> Iterator[slice]:
-    """Slices of rows whose counts add up to about `most`."""
+    """Yield slices of rows whose counts add up to about `most`."""
     total = np.cumsum(count)
     cuts = np.searchsorted(total, np.arange(most, total[-1] if len(total) else 0, most)) + 1
     edges = np.unique([0, *cuts.tolist(), len(count)])
@@ -260,7 +260,7 @@ def _blocks(count: Ints, most: int) -> Iterator[slice]:
 
 
 def _counted(first: Ints, count: Ints, block: slice) -> tuple[Ints, Ints]:
-    """For rows of a block: the row of each item, and the item, counted on from its first."""
+    """Expand the rows of a block: row of each item, and index of the item from `first` on."""
     many = count[block]
     row = np.repeat(np.arange(len(count))[block], many)
     before = np.cumsum(many) - many
@@ -268,6 +268,6 @@ def _counted(first: Ints, count: Ints, block: slice) -> tuple[Ints, Ints]:
 
 
 def _twice_area(a: Floats, b: Floats, x: Any, y: Any) -> Floats:
-    """Of the triangles of a, b and x, y."""
+    """Twice the signed area of the triangles a, b, (x, y)."""
     found: Floats = (b[:, 0] - a[:, 0]) * (y - a[:, 1]) - (b[:, 1] - a[:, 1]) * (x - a[:, 0])
     return found

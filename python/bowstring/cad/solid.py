@@ -1,7 +1,7 @@
-"""The robot as a solid: backbone, disks with their holes, base and tendons, straight or bent.
+"""Solid of a robot: backbone, disks with holes, base and tendons, straight or bent.
 
-Needs the extra ``cad`` (build123d, which has the OpenCASCADE kernel). Shapes are in mm, as CAD
-programs expect; everything else is SI, in the base frame.
+Needs the extra ``cad`` (build123d, which contains the OpenCASCADE kernel). Shapes are in mm, as CAD
+programs expect; all other values are in SI and in the base frame.
 
 A bent backbone is bounded by rational Bezier patches, four around and one for each flexible part
 of a module: their ends and eight further sections are circles exactly at the solver's frames. A
@@ -42,10 +42,10 @@ __all__ = ["MESHED", "Part", "Solid", "check_cad", "make_solid", "plain_name", "
 Floats = NDArray[np.float64]
 
 _MM: Final = 1e3
-_SECTIONS: Final = 8  # intervals of one patch; its degree
+_SECTIONS: Final = 8  # intervals of one patch, equal to its degree
 _STRAIGHT: Final = 1e-7  # rad; spans that differ by less are one cylinder
 
-# Screen colours (sRGB). A tendon's is that of its number.
+# Screen colours (sRGB). The colour of a tendon depends on its number.
 _BASE, _BACKBONE, _DISK = "#5d6673", "#3c4a5c", "#b9c6d3"
 _TENDONS: Final = ("#c94f00", "#0072b2", "#007a5a", "#9c4c83", "#9a6a00", "#1b1f24")
 
@@ -64,9 +64,9 @@ class Part:
     colour : str
         ``#rrggbb``.
     shape : build123d.Solid
-        In mm, where it belongs.
+        Shape in mm at its position in the robot.
     mass_kg : float or None
-        None where the robot file has no mass.
+        Mass in kg; None where the robot file has none.
     """
 
     name: str
@@ -87,9 +87,9 @@ class Part:
 
     @property
     def inertia_m5(self) -> Floats:
-        """Moments of the volume (3, 3) about its centre, base axes, in m^5.
+        """Inertia tensor of the volume (3, 3) about its centre, base axes, in m^5.
 
-        Times a density they are the matrix of inertia.
+        Its product with a density is the inertia tensor of the mass.
         """
         return self._properties()[1]
 
@@ -108,21 +108,21 @@ class Part:
 
 @dataclass(frozen=True)
 class Solid:
-    """A robot's solid; made by `make_solid`.
+    """Solid of a robot; made by `make_solid`.
 
     Attributes
     ----------
     robot : Robot
     sizes : Sizes
-        With those that were assumed.
+        Sizes, given or assumed.
     parts : tuple of Part
         Base, backbones, disks, tendons, each from base to tip.
     tendon_paths : tuple of ndarray (k + 1, 3)
-        The holes that each tendon passes, from the base to its end disk k, in m.
+        Holes of each tendon from the base to its end disk k, in m.
     posed : bool
-        False if straight, as it was built.
+        Whether the robot has a pose; False for the straight robot.
     load : str
-        What holds the pose, in words; empty if it is straight.
+        Load of the pose in words; empty for the straight robot.
     """
 
     robot: Robot
@@ -139,17 +139,17 @@ class Solid:
         raise KeyError(name)
 
     def assembly(self) -> Any:
-        """The parts as one build123d ``Compound`` with names and colours, in mm, to go on with."""
+        """Parts as one build123d ``Compound`` with names and colours, in mm."""
         bd, children = check_cad(), []
         for part in self.parts:
-            shape = copy.copy(part.shape)  # a shape is a child of one compound alone
+            shape = copy.copy(part.shape)  # a shape can have one parent only
             shape.label, shape.color = part.name, bd.Color(part.colour)
             children.append(shape)
         return bd.Compound(label=plain_name(self.robot.name), children=children)
 
 
 def check_cad() -> Any:
-    """The module build123d.
+    """Import build123d.
 
     Raises
     ------
@@ -159,20 +159,20 @@ def check_cad() -> Any:
     return load_extra("cad")
 
 
-MESHED: Final = 1e9  # mm; what build123d is told to reach where `triangulate` has been before
+MESHED: Final = 1e9  # mm; tolerance for build123d that keeps the mesh of `triangulate`
 
 
 def triangulate(shape: Any, deflection: float, angle: float) -> None:
-    """Mesh a build123d shape; what build123d does itself is as far off as its edges are long.
+    """Mesh a build123d shape; build123d's own tolerance is relative to the length of edges.
 
     Parameters
     ----------
     shape : build123d.Shape
-        Keeps its mesh.
+        Shape that stores the mesh.
     deflection : float
         Largest distance from the surface, in mm.
     angle : float
-        Between neighbouring facets, in rad.
+        Angle between neighbouring facets, in rad.
     """
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
@@ -180,7 +180,7 @@ def triangulate(shape: Any, deflection: float, angle: float) -> None:
 
 
 def plain_name(name: str) -> str:
-    """A name in the letters that every CAD program reads."""
+    """Reduce a name to characters that every CAD program reads."""
     letters = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode("ascii")
     return re.sub(r"[^A-Za-z0-9.+-]+", "_", letters).strip("_") or "robot"
 
@@ -193,8 +193,8 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
     robot : Robot
         The robot.
     pose : Solution or xarray.Dataset, optional
-        An equilibrium, or one output time of a run (``run.to_dataset().isel(time=[k])``);
-        straight and unloaded if not given.
+        Equilibrium, or one output time of a run (``run.to_dataset().isel(time=[k])``); the
+        default is the straight robot.
 
     Returns
     -------
@@ -204,8 +204,8 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
     Raises
     ------
     InputError
-        If build123d is not installed, a size makes no solid (`sizes_of`), the pose is of another
-        robot, or a bent backbone makes no sound solid.
+        If build123d is not installed, a size is impossible (`sizes_of`), the pose is of another
+        robot, or a bent backbone makes no valid solid.
     NoSolutionError
         If the solution did not converge.
     """
@@ -240,11 +240,11 @@ def _one_time(robot: Robot, pose: Any) -> xr.Dataset:
     return data
 
 
-_MOST_TENSIONS: Final = 3  # different ones in words
+_MOST_TENSIONS: Final = 3  # different tensions that are listed
 
 
 def _load(data: xr.Dataset) -> str:
-    """`tendon 1 at 60 N, tendons 2 and 3 at 5 N, with gravity`."""
+    """Describe a load: `tendon 1 at 60 N, tendons 2 and 3 at 5 N, with gravity`."""
     tensions = data["tension"].to_numpy()[0].tolist()
     most = max(tensions)
     groups: dict[str, list[str]] = {}
@@ -277,7 +277,7 @@ def _load(data: xr.Dataset) -> str:
 
 
 def _acts(load: Any) -> bool:
-    """Whether a load of the settings, constant or a table over time, is not all zero."""
+    """Whether a load of the settings, constant or a table over time, is not zero."""
     return bool(np.any(load.get("values", True) if isinstance(load, dict) else load))
 
 
@@ -285,7 +285,7 @@ def _acts(load: Any) -> bool:
 
 
 def _plate(radius: float, thickness: float, bore: float, places: Floats, hole: float) -> Any:
-    """A round plate about z, in the middle of its thickness; m in, mm out."""
+    """Round plate with axis z and centre at the origin; arguments in m, shape in mm."""
     bd = check_cad()
     low = -0.5 * _MM * thickness
 
@@ -316,7 +316,7 @@ def _disks(robot: Robot, sizes: Sizes, data: xr.Dataset | None) -> Iterator[Part
         rotation = data["disk_rotation"].to_numpy()[0]
     for d in range(count):
         k = int(disks.segment[d])
-        # a shape of its own: disks that share one lose their names in some CAD programs
+        # separate shapes: disks that share one lose their names in some CAD programs
         plate = _plate(
             float(disks.radius_m[d]),
             float(disks.thickness_m[d]),
@@ -339,8 +339,9 @@ _HALF: Final = math.sqrt(0.5)
 
 
 def _circle(radius: float) -> Floats:
-    """A circle about z as four rational quadratic arcs: control points (4, 3, 3) of weights
-    1, sqrt(1/2), 1.
+    """Circle about z as four rational quadratic arcs.
+
+    Control points (4, 3, 3) have the weights 1, sqrt(1/2), 1.
     """
     x = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [1, 0, 0]], dtype=float)
     return radius * np.stack([x[:-1], x[:-1] + x[1:], x[1:]], axis=1)
@@ -352,15 +353,15 @@ def _control(points: Floats) -> Floats:
     t = np.linspace(0.0, 1.0, n)
     basis = np.array([math.comb(n - 1, j) * t**j * (1 - t) ** (n - 1 - j) for j in range(n)]).T
     made: Floats = np.linalg.solve(basis, points.reshape(n, -1)).reshape(points.shape)
-    made[0], made[-1] = points[0], points[-1]  # so that neighbours meet to the last digit
+    made[0], made[-1] = points[0], points[-1]  # so that neighbours meet exactly
     return made
 
 
 def _tube(walls: list[list[Floats]]) -> Any:
-    """The solid between two ends, within the first wall and without the second, if there is one.
+    """Solid between two ends, inside the first wall and outside the second, if there is one.
 
-    Each wall is a list of pieces, each of rings (n, 4, 3, 3), m: circles along it, whose points
-    run through Bezier curves; a piece begins with the last ring of the one before.
+    Each wall is a list of pieces of rings (n, 4, 3, 3) in m: circles along the wall, whose points
+    are interpolated by Bezier curves. A piece begins with the last ring of the previous one.
     """
     bd = check_cad()
     faces = []
@@ -423,7 +424,7 @@ def _rings(piece: tuple[Floats, Floats], circle: Floats) -> Floats:
 
 
 def _pieces(robot: Robot, data: xr.Dataset, segment: int) -> Iterator[tuple[Floats, Floats]]:
-    """Frames of a segment's backbone, piece by piece: flexible ones, and what the disks clamp."""
+    """Yield frames of a segment's backbone piece by piece, flexible and clamped ones."""
     module = data["module"].to_numpy() - 1
     position, rotation = data["position"].to_numpy()[0], data["rotation"].to_numpy()[0]
     disk_position = data["disk_position"].to_numpy()[0]
@@ -474,7 +475,7 @@ def _tendons(sizes: Sizes, paths: tuple[Floats, ...], posed: bool) -> Iterator[P
 
 
 def _mitred(path: Floats, radius: float) -> list[Floats]:
-    """Rings of cylinders along a path (n, 3), cut where they meet by the plane of symmetry."""
+    """Rings of cylinders along a path (n, 3), mitred in the planes of symmetry."""
     along = np.diff(path, axis=0)
     along /= np.linalg.norm(along, axis=1)[:, None]
     bends = np.linalg.norm(np.cross(along[:-1], along[1:]), axis=1) > _STRAIGHT
@@ -487,7 +488,7 @@ def _mitred(path: Floats, radius: float) -> list[Floats]:
     for i, (before, after) in enumerate(pairwise(along), 1):
         normal = before + after
         rings.append(points[i] + circle - (circle @ normal)[..., None] / (before @ normal) * before)
-        # the smallest turn from one direction to the next (Rodrigues)
+        # the smallest rotation from one direction to the next (Rodrigues)
         axis, cosine = np.cross(before, after), before @ after
         circle = (
             cosine * circle
@@ -499,7 +500,7 @@ def _mitred(path: Floats, radius: float) -> list[Floats]:
 
 
 def _upright(direction: Floats) -> Floats:
-    """A rotation (3, 3) whose third axis is a direction."""
+    """Rotation (3, 3) whose third axis is a given direction."""
     other = np.eye(3)[np.abs(direction).argmin()]
     x = np.cross(other, direction)
     x /= np.linalg.norm(x)

@@ -1,4 +1,4 @@
-"""The rod in motion: simulation, load histories, natural modes, the file of a run."""
+"""Dynamics of the rod: simulation, load histories, modal analysis, run files."""
 
 from bowstring.dynamics.load_history import Table, ramp, step
 from bowstring.dynamics.modal import Modes, modes

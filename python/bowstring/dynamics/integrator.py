@@ -13,32 +13,35 @@ __all__ = ["DEFAULT_INTERVAL", "DEFAULT_SPECTRAL_RADIUS", "Integrator"]
 
 DEFAULT_INTERVAL: Final = 0.01  # s
 DEFAULT_SPECTRAL_RADIUS: Final = 0.8
-_TOLERANCE_SHARE: Final = 2e-6  # of the length, in each step
+_TOLERANCE_SHARE: Final = 2e-6  # default tolerance over length, per step
 
 
 @dataclass(frozen=True)
 class Integrator:
-    """Implicit time integration of second order: steps, numerical and physical damping.
+    """Settings of the time integration: steps, numerical and physical damping.
+
+    The scheme is the generalised-alpha method, Eq. 5.1 and 5.2 of docs/theory: implicit and of
+    second order.
 
     Parameters
     ----------
     dt : float, optional
-        Longest step in s. If not given, steps adapt to `tolerance`.
+        Longest step in s. By default steps adapt to `tolerance`.
     tolerance : float, optional
-        Error of a disk's position in one step to aim for, m; 2e-6 of the length if not given. Steps
-        are 10 ms at most.
+        Error tolerance of a disk's position per step in m, by default 2e-6 of the length. Steps are
+        10 ms at most.
     spectral_radius : float
-        Numerical damping: the spectral radius at infinity, 0 to 1. At 1 there is none, and each
-        step keeps energy to 1e-5 of its largest value.
+        Spectral radius at infinity, 0 to 1, which sets the numerical damping. At 1 there is none,
+        and each step conserves energy to 1e-5 of its largest value.
     mass_damping : float
         Mass-proportional (Rayleigh) damping: force per mass and velocity, in 1/s.
     material_damping : float
-        Kelvin-Voigt damping: the stress of the strain's rate over that of the strain, in s.
+        Kelvin-Voigt damping: stress per strain rate over stress per strain, in s.
     modal_damping : float, optional
-        Instead of these two: a ratio of critical damping (0.01 is 1 %) that the slowest mode has,
-        and the first that is at least twice as fast, about the equilibrium at the start (forces on
-        disks and friction left out). There a tendon whose displacement is given keeps its length if
-        it is taut.
+        Modal damping ratio (0.01 is 1 % of critical), instead of these two: that of the slowest
+        mode and of the first one at least twice as fast, about the initial equilibrium without
+        forces on disks and friction. Taut displacement-controlled tendons keep their length in
+        these modes.
 
     Raises
     ------
@@ -72,7 +75,7 @@ class Integrator:
             raise InputError("give modal_damping, or mass and material damping, not both")
 
     def scheme(self, length: float, longest_step: float) -> Scheme:
-        """In numbers, for a robot of a length in m; `longest_step` in s."""
+        """Parameters for a robot of a given length in m; `longest_step` in s."""
         tolerance = _TOLERANCE_SHARE * length if self.tolerance is None else self.tolerance
         return Scheme(
             self.dt,

@@ -1,6 +1,6 @@
-"""Loads over time: tables, ramps and functions, and the stretches of time between their corners.
+"""Load histories: tables, ramps and functions of time, and the intervals between their knots.
 
-Everything is SI. T is the number of tendons.
+All values are in SI. T is the number of tendons.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ __all__ = ["CLOSEST", "Actuation", "Loads", "OverTime", "Table", "over_time", "r
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-_LOOK: Final = 0.1  # seconds between two looks at the keyboard
-_WORK: Final = 3e-6  # seconds of a step and module, as guessed for the first stretch
-_MOST_AT_FIRST: Final = 250  # times in the first stretch, should the guess be bad
-_LONGEST_WHY: Final = 300  # letters of an error of a user's function
-CLOSEST: Final = 1e-11  # s, between two times: a step of 1e-13 is below numerical resolution
+_LOOK: Final = 0.1  # s of work between two checks for interrupts
+_WORK: Final = 3e-6  # s of work per step and module, estimated for the first chunk
+_MOST_AT_FIRST: Final = 250  # output times in the first chunk, in case the estimate is wrong
+_LONGEST_WHY: Final = 300  # characters of the error of a user's function
+CLOSEST: Final = 1e-11  # s between two times; a step of 1e-13 is below numerical resolution
 
 
 class Table:
-    """Values over time, straight between the times given, constant before and after them.
+    """Values over time: linear between the given times, constant before and after them.
 
     Parameters
     ----------
     times : array_like (K,)
-        In s, never decreasing; the same time twice is a jump.
+        Times in s, not decreasing; the same time twice is a jump.
     values : array_like (K, C)
-        One row a time: a tension for each tendon in N, a displacement in m, or a vector. A column
-        of NaN is a tendon with a command of another kind.
+        One row per time: the tension of each tendon in N, its displacement in m, or a vector. A
+        column of NaN is a tendon with a command of another kind.
 
     Raises
     ------
     InputError
-        If times decrease, three are the same, two are the same but for rounding, or numbers are
-        not finite.
+        If times decrease, three are equal, two differ by rounding errors only, or numbers are not
+        finite.
     """
 
     def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
@@ -93,11 +93,11 @@ class Table:
             )
 
     def at(self, time: float, *, before: bool = False) -> Floats:
-        """The row at a time, after a jump there, or before it."""
+        """Values at a time; at a jump, those after it or, with `before`, those before it."""
         return np.asarray(self.rows(np.array([time]), before=before)[0])
 
     def rows(self, times: Floats, *, before: bool = False) -> Floats:
-        """The rows (K, C) at several times (K,)."""
+        """Values (K, C) at several times (K,)."""
         side: Literal["left", "right"] = "left" if before else "right"
         i = np.searchsorted(self.times, times, side=side)
         a, b = np.clip(i - 1, 0, None), np.clip(i, None, len(self.times) - 1)
@@ -105,14 +105,14 @@ class Table:
         share = np.where(gap > 0, (times - self.times[a]) / np.where(gap > 0, gap, 1.0), 0.0)
         low, high = self.values[a], self.values[b]
         between = low + share[:, None] * (high - low)
-        return np.asarray(np.where(share[:, None] >= 1.0, high, between))  # the end is met exactly
+        return np.asarray(np.where(share[:, None] >= 1.0, high, between))  # exact at the end
 
     def knots(self) -> set[float]:
-        """The times of its corners and jumps."""
+        """Times of its knots, including jumps."""
         return set(self.times.tolist())
 
     def jumps(self) -> set[float]:
-        """The times of its jumps."""
+        """Times of its jumps."""
         return set(self.times[1:][np.diff(self.times) == 0].tolist())
 
     @property
@@ -121,7 +121,7 @@ class Table:
         return False
 
     def to_dict(self) -> Any:
-        """Times and values, for a file; None where a tendon has a command of another kind."""
+        """Times and values for a file; None where a tendon has a command of another kind."""
         return {"times_s": self.times.tolist(), "values": plain(self.values)}
 
 
@@ -131,7 +131,7 @@ def ramp(values: ArrayLike, rise: float, start: float = 0.0) -> Table:
     Parameters
     ----------
     values : array_like (T,)
-        After the rise, for example tensions in N.
+        Values after the rise, for example tensions in N.
     rise : float
         Duration of the rise, s; 0 is a jump.
     start : float
@@ -159,7 +159,7 @@ def step(values: ArrayLike, start: float = 0.0) -> Table:
     Parameters
     ----------
     values : array_like (T,)
-        After the jump, for example tensions in N.
+        Values after the jump, for example tensions in N.
     start : float
         Time of the jump, s.
 
@@ -175,7 +175,7 @@ OverTime = Table | Callable[[float], ArrayLike] | ArrayLike
 
 
 class _Function:
-    """A user's function of time, whose values are checked."""
+    """User's function of time with checked values."""
 
     is_sampled = True
 
@@ -222,19 +222,19 @@ class _Function:
 
 
 class Actuation:
-    """Actuation of the tendons over time: each by a tension, a displacement or a motor angle.
+    """Actuation of the tendons over time, by tension, displacement or motor angle.
 
     Attributes
     ----------
     by_displacement : ndarray of bool (T,)
-        Whether the displacement of each is given, which stays so.
+        Whether a tendon is displacement-controlled, which does not change.
 
     Parameters
     ----------
     load : Load
-        Its tensions, displacements and angles, each a table, a function or constant.
+        Load with tensions, displacements and angles, each a table, a function or constant.
     until : float
-        Where the run ends, s: what is asked for after that is not looked at.
+        End of the run, s; later values are not checked.
     """
 
     def __init__(self, robot: Robot, load: Load, until: float) -> None:
@@ -251,7 +251,7 @@ class Actuation:
         self.by_displacement: Bools = np.zeros(count, bool)
         if not alone:
             self.by_displacement, _ = self._commands(0.0, before=True)
-            if not self.is_sampled:  # what is wrong later on is wrong before the work
+            if not self.is_sampled:  # find errors at later times before the work begins
                 inside = sorted({0.0, *(t for t in self.knots() if t < until)})
                 self.rows(np.array([*inside, until]), before=True)
                 self.rows(np.array(inside))
@@ -291,7 +291,7 @@ class Actuation:
         return values
 
     def rows(self, times: Floats, *, before: bool = False) -> Floats:
-        """The same at several times (K,): (K, T)."""
+        """Actuation (K, T) at several times (K,)."""
         if self._alone is not None:
             return self._alone.rows(times, before=before)
         if self.is_sampled:
@@ -302,7 +302,7 @@ class Actuation:
         return values
 
     def knots(self) -> set[float]:
-        """The times of corners and jumps."""
+        """Times of knots, including jumps."""
         return set().union(*(c.knots() for c in self._histories.values()))
 
     def jumps(self) -> set[float]:
@@ -315,7 +315,7 @@ class Actuation:
         return any(c.is_sampled for c in self._histories.values())
 
     def to_dict(self) -> dict[str, Any]:
-        """For a file, by ``tensions_N``, ``displacements_m`` and ``angles_rad``."""
+        """Plain values for a file: ``tensions_N``, ``displacements_m`` and ``angles_rad``."""
         keys = {
             "tensions": "tensions_N",
             "displacements": "displacements_m",
@@ -335,7 +335,7 @@ class Loads(NamedTuple):
     tip_moment: _History
 
     def at(self, time: float, *, before: bool = False) -> InstantLoad:
-        """The loads at a time, after a jump there, or before it."""
+        """Loads at a time; at a jump, those after it or, with `before`, those before it."""
         return InstantLoad(*(c.at(time, before=before) for c in self))
 
     def jumps(self) -> set[float]:
@@ -343,7 +343,7 @@ class Loads(NamedTuple):
         return set().union(*(c.jumps() for c in self))
 
     def to_dict(self) -> dict[str, Any]:
-        """For a file."""
+        """Plain values for a file."""
         return {
             **self.actuation.to_dict(),
             "tip_force_N": self.tip_force.to_dict(),
@@ -353,23 +353,23 @@ class Loads(NamedTuple):
     def chunks(
         self, simulator: Any, times: Floats, longest: float, modules: int
     ) -> Iterator[Stretches]:
-        """Stretches of time to run through at once, some `_LOOK` seconds of work each.
+        """Yield chunks of time intervals, of about `_LOOK` seconds of work each.
 
-        `modules` are those of the robot, each counted as often as it has elements.
+        `modules` is the number of modules of the robot times elements per module.
         """
-        # a knot that an output time misses by next to nothing is that time
+        # a knot that differs from an output time by rounding is that time
         near = max(1e-6 * longest, CLOSEST)
         inside: list[float] = []
         for knot in sorted(set().union(*(c.knots() for c in self))):
             i = int(np.abs(times - knot).argmin())
             if inside and knot - inside[-1] < CLOSEST:
-                continue  # of another table: 0.1 + 0.2 s is 0.3 s
+                continue  # the same knot of another table: 0.1 + 0.2 s is 0.3 s
             if near < knot < times[-1] - near:
                 inside.append(knot)
                 if abs(times[i] - knot) <= near:
                     times[i] = knot
         outputs = set(times[1:].tolist())
-        # numpy's own sets would import a fifth of numpy first
+        # np.unique would import a fifth of NumPy first
         ends = np.array(sorted(outputs | set(inside)))
         record = np.array([end in outputs for end in ends.tolist()], dtype=bool)
         if any(c.is_sampled for c in self):
@@ -395,7 +395,7 @@ class Loads(NamedTuple):
     def _sampled(
         self, simulator: Any, ends: Floats, record: NDArray[np.bool_], longest: float
     ) -> Iterator[Stretches]:
-        # a step at a time, for the function is asked before each
+        # one step at a time, because the function is called before each
         now = 0.0
         for end, wanted in zip(ends.tolist(), record.tolist(), strict=True):
             while now < end:
@@ -409,11 +409,11 @@ class Loads(NamedTuple):
 
 
 Stretches = tuple[Floats, Floats, Floats, Floats, NDArray[np.bool_]]
-"""Durations, loads at their ends (three arrays of rows), and where to record."""
+"""Durations, loads at their ends (three arrays of rows), and whether each end is recorded."""
 
 
 def over_time(name: str, value: Any, count: int, unit: str, *, loose: bool = False) -> _History:
-    """A course from what a user gave; ``loose``: with NaN or None where another one tells."""
+    """Convert a user's value to a load history; ``loose`` allows NaN and None."""
     if isinstance(value, Table):
         if value.values.shape[1] != count:
             raise InputError(

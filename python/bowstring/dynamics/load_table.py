@@ -1,4 +1,4 @@
-"""Actuation of the tendons over time, from a CSV file."""
+"""Read the actuation of the tendons over time from a CSV file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from bowstring.units import quote, read_number
 __all__ = ["read_actuation"]
 
 _LARGEST: Final = 100_000_000  # bytes
-_LONG: Final = 100  # letters of the name of a column
+_LONG: Final = 100  # characters of the name of a column
 _KINDS: Final = {
     "tension": ("tensions", "N"),
     "displacement": ("displacements", "m"),
@@ -34,22 +34,22 @@ def read_actuation(path: str | Path, robot: Robot) -> dict[str, Table]:
     Parameters
     ----------
     path : str or Path
-        CSV: a header, ``t_s`` and for each tendon, in any order, one of ``tension_1_N``,
+        CSV file with a header: ``t_s`` and for each tendon, in any order, one of ``tension_1_N``,
         ``displacement_1_mm`` and ``angle_1_deg``, each with its unit at the end (``t_ms``,
-        ``tension_2_mN``); then a row a time. Times do not decrease; the
-        same time twice is a jump. Empty lines and lines that begin with # are skipped.
+        ``tension_2_mN``). One row per time follows; times do not decrease, and the same time twice
+        is a jump. Empty lines and lines that begin with # are skipped.
     robot : Robot
 
     Returns
     -------
     dict from name to Table
-        ``tensions``, ``displacements`` and ``angles`` as far as there are any, as
-        `bowstring.Load` takes them.
+        ``tensions``, ``displacements`` and ``angles`` for `bowstring.Load`; absent kinds are left
+        out.
 
     Raises
     ------
     InputError
-        If it cannot be read, or is wrong; the text names file and line.
+        If the file cannot be read or a value is wrong; the message names file and line.
     """
     count = len(robot.tendons.end_disk)
     rows = _rows(Path(path))
@@ -102,9 +102,9 @@ def read_actuation(path: str | Path, robot: Robot) -> dict[str, Table]:
 
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Number of the line, from 1, and cells."""
+    """Yield the number of each line, from 1, and its cells."""
     try:
-        # a pipe is read as well; a device such as /dev/zero has no end
+        # pipes are read too; a device such as /dev/zero has no end
         with readable(path) as file:
             data = file.read(_LARGEST + 1)
         if len(data) > _LARGEST:
@@ -126,7 +126,7 @@ def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def _columns(here: str, header: list[str], count: int) -> tuple[list[tuple[int, float]], list[str]]:
-    """Place and factor to SI of time and each tendon's column, in the robot's order; its kinds."""
+    """Index and factor to SI of the columns of time and each tendon, and kinds of command."""
     if any(";" in name for name in header):
         raise InputError(f"{here}: columns are separated by commas, numbers have a point")
     found: dict[int, tuple[int, float]] = {}  # 0 is time

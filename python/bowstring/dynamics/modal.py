@@ -1,6 +1,6 @@
 """Natural frequencies and mode shapes of small oscillations about an equilibrium.
 
-Everything is SI, in the base frame (z along the straight backbone) unless said otherwise.
+All values are in SI and in the base frame (z along the straight backbone) by default.
 N is the number of disks, T the number of tendons.
 """
 
@@ -35,33 +35,33 @@ __all__ = ["Modes", "modes"]
 
 Floats = NDArray[np.float64]
 
-_NEUTRAL: Final = 1e8  # by which bending is quicker than what is called neutral, squared
+_NEUTRAL: Final = 1e8  # squared frequency ratio of bending to a mode that counts as neutral
 _ROUNDING: Final = 1e-12
-_DENSE: Final = 450  # freedoms up to which all modes are found at once
-_SHARE: Final = 0.2  # of all modes from which that takes less time as well
+_DENSE: Final = 450  # degrees of freedom up to which all modes are computed at once
+_SHARE: Final = 0.2  # share of all modes above which that is faster as well
 _DEFLATIONS: Final = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Small oscillations about an equilibrium, slowest first; made by `modes`.
+    """Natural modes of small oscillations about an equilibrium, slowest first; made by `modes`.
 
     Attributes
     ----------
     robot : Robot
     frequency_hz : ndarray (K,)
     kind : list of str (K,)
-        ``"bending"``, ``"torsion"`` or ``"axial"``: where most of the kinetic energy is, along
-        the axes of the disks.
+        ``"bending"``, ``"torsion"`` or ``"axial"``, by the largest part of the kinetic energy
+        in the axes of the disks.
     displacement : ndarray (K, N, 3)
-        Of the disks, base axes; scaled so that the largest is 1.
+        Displacements of the disks in base axes, scaled to a largest value of 1.
     rotation : ndarray (K, N, 3)
-        Of the disks as small rotation vectors in their own axes, rad by the displacement's m.
-        Where nothing but rotation moves, the largest rotation is 1.
+        Small rotation vectors of the disks in their own axes, in rad per m of displacement. In a
+        mode without displacement the largest rotation is 1.
     position, orientation : ndarray (N, 3) in m, (N, 3, 3)
-        Of the disks in the equilibrium.
+        Positions and rotations of the disks in the equilibrium.
     tensions : ndarray (T,)
-        In N.
+        Tensions in the equilibrium in N.
     """
 
     robot: Robot
@@ -89,7 +89,7 @@ class Modes:
         return html_table(f"Modes of {self.robot.name}", sampled_rows(len(self), row), header)
 
     def to_dataset(self) -> xr.Dataset:
-        """All modes with labels and units, along the dimension ``mode``."""
+        """Return all modes with labels and units, along the dimension ``mode``."""
         from bowstring.statics.fields import rows_to_dataset
 
         vectors = ("disk", "axis")
@@ -133,30 +133,30 @@ def modes(
     history: Mapping[str, Any] | None = None,
     count: int = 6,
 ) -> Modes:
-    """Natural frequencies and mode shapes about the equilibrium of a load.
+    """Compute natural frequencies and mode shapes about the equilibrium of a load.
 
     Parameters
     ----------
     robot : Robot
         The robot.
     tensions : array_like (T,), optional
-        In N: short for ``load=Load(tensions)``; none if nothing is given. They stay as they are
-        while the robot oscillates.
+        Tensions in N, short for ``load=Load(tensions)``; zero by default. They stay constant in the
+        oscillation.
     load : Load, optional
-        As in `bowstring.solve`, without a tip moment. A tendon whose displacement is given keeps
-        its length while the robot oscillates, but for its own stretch; a slack one does nothing.
+        As in `bowstring.solve`, without a tip moment. A displacement-controlled tendon keeps its
+        length in the oscillation except for its own elasticity; a slack one has no effect.
     model : RodModel, optional
         As in `bowstring.solve`.
     history : mapping, optional
-        As in `bowstring.solve`. Where a tendon with friction bends at a hole it does not slip in
-        a small oscillation: each stretch between two such holes keeps its length.
+        As in `bowstring.solve`. A tendon with friction sticks at each hole where it bends: its
+        length between two such holes stays constant in a small oscillation.
     count : int
-        How many modes, the slowest.
+        Number of modes.
 
     Returns
     -------
     Modes
-        The slowest first.
+        Modes, the slowest first.
 
     Raises
     ------
@@ -197,9 +197,10 @@ def about(
     *,
     count: int,
 ) -> Modes:
-    """Modes about the next step of a path or, if there is none, about tensions.
+    """Compute modes about the next step of a path or, without a path, about tensions.
 
-    ``commands`` are those of `bowstring.statics.actuation.commands`, ``load`` what acts beside.
+    ``commands`` are those of `bowstring.statics.actuation.commands`, ``load`` has gravity and tip
+    loads.
     """
     if path is not None:
         solution = path.core.step(*commands, load)
@@ -217,7 +218,7 @@ def about(
     masses, points = answer.masses, answer.points
     if not (masses > 0).any():
         raise InputError(f"{robot.name} has no mass: it has no natural frequencies")
-    # sqrt(M) F sqrt(M) z = z / omega^2
+    # sqrt(M) F sqrt(M) z = z / omega^2, F the flexibility (docs/theory/dynamics.md, modal analysis)
     root = np.sqrt(masses)
     values, shapes = _slowest(robot, answer, root, count)
     stiffness = float(robot.bending_stiffness.min()) / robot.length**3
@@ -227,7 +228,7 @@ def about(
             "rounding; change the load a little",
             status="no_equilibrium",
         )
-    # what rounding leaves of massless freedoms is no mode
+    # massless degrees of freedom have eigenvalues of rounding size, which are no modes
     moving = values > _ROUNDING * values[0]
     values, shapes = values[moving], shapes[moving]
     positions, frames = solution.disk_positions, solution.disk_rotations
@@ -251,7 +252,7 @@ def about(
     size = np.linalg.norm(moved, axis=2).max(axis=1)
     spin = np.linalg.norm(turned, axis=2).max(axis=1)
     scale = np.where(size > 1e-9 * spin, size, spin)
-    # the sign that moves the tip forward along its largest axis
+    # choose the sign so that the largest component of the tip's displacement is positive
     tip = np.where((size > 1e-9 * spin)[:, None], moved[:, -1], turned[:, -1])
     sign = np.sign(tip[np.arange(len(values)), np.abs(tip).argmax(axis=1)])
     scale = (scale * np.where(sign == 0, 1.0, sign))[:, None, None]
@@ -268,9 +269,9 @@ def about(
 
 
 def _slowest(robot: Robot, answer: Flexibility, root: Floats, count: int) -> tuple[Floats, Floats]:
-    """Largest eigenvalues of the flexibility between masses, and displacements by their modes.
+    """Largest eigenvalues of the mass-weighted flexibility, and their mode shapes.
 
-    The eigenvalues are 1 / omega^2, (K,); displacements of all freedoms (K, F).
+    The eigenvalues are 1 / omega^2, (K,); the shapes of all degrees of freedom (K, F).
     """
     size = len(root)
     count = min(count, size)
@@ -294,7 +295,8 @@ def _iterated(answer: Flexibility, root: Floats, count: int) -> tuple[Floats, Fl
     """Largest eigenvalues (K,) and eigenvectors (F, K) by implicitly restarted Lanczos iteration.
 
     Lanczos iteration from one start may miss one of two equal eigenvalues, such as those of
-    bending in two planes: the rest of the operator is searched as well, until what it has is less.
+    bending in two planes. The deflated operator is therefore searched as well, until its largest
+    eigenvalue is smaller.
     """
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 

@@ -1,10 +1,9 @@
-"""What a NetCDF file says of itself, checked before it is loaded.
+"""Checks of a NetCDF file before it is loaded.
 
-The libraries that read NetCDF trust a header: one damaged byte in it has them allocate gigabytes,
-read zeros where the file has ended, or never come back. A classic file is small enough to check
-here: its header is read entry by entry, never further than the file is long, and every variable
-must lie within the file, apart from the others. The format of HDF5 is too large for that: a process
-of its own, with limits on its memory and its time, reads the file first.
+The NetCDF libraries trust a header: one damaged byte can make them allocate gigabytes, read zeros
+beyond the end of the file, or hang. A classic file is checked here: its header is read within the
+bounds of the file, and all variables must lie within the file without overlap. HDF5 is too complex
+for that: a separate process with limits on memory and time reads the file first.
 """
 
 from __future__ import annotations
@@ -27,24 +26,24 @@ HDF5: Final = b"\x89HDF\r\n\x1a\n"
 
 _DIMENSION, _VARIABLE, _ATTRIBUTE = 10, 11, 12
 _BYTES: Final = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8, 7: 1, 8: 2, 9: 4, 10: 8, 11: 8}
-"""Bytes of a number by its type; beyond 6 in CDF-5 alone."""
+"""Bytes of a number by its type; types above 6 exist in CDF-5 only."""
 _CLASSIC_TYPES: Final = 6
-_MOST_ENTRIES: Final = 10_000  # of a list in a header
-_MOST_DIMENSIONS: Final = 32  # of a variable
+_MOST_ENTRIES: Final = 10_000  # entries of a list in a header
+_MOST_DIMENSIONS: Final = 32  # dimensions of a variable
 _LONGEST_NAME: Final = 1024  # bytes
 _CUT: Final = "the file is cut off, as by a copy that did not end"
 
-_RATIO: Final = 1100  # deflate makes a byte of at most so many
+_RATIO: Final = 1100  # largest compression ratio of deflate
 _ROOM: Final = 512 << 20  # bytes that a reader needs beside the data
-_SECONDS: Final = 5.0  # of computing to read a small file
-_RATE: Final = 2e7  # bytes/s, of a larger one
+_SECONDS: Final = 5.0  # s of processor time for a small file
+_RATE: Final = 2e7  # bytes/s of a larger one
 
 
 _Entry = TypeVar("_Entry", bound=tuple[Any, ...])  # begins with its name
 
 
 class _Damaged(Exception):
-    """What is wrong with a file, as the end of a sentence."""
+    """Fault of a file, as the end of a message."""
 
 
 def check(path: str | Path, file: BinaryIO) -> None:
@@ -53,9 +52,9 @@ def check(path: str | Path, file: BinaryIO) -> None:
     Parameters
     ----------
     path : str or Path
-        Stands in the error.
+        Name in the error.
     file : file
-        Open for reading; begins as NetCDF does.
+        File open for reading that begins with a NetCDF magic number.
 
     Raises
     ------
@@ -68,7 +67,7 @@ def check(path: str | Path, file: BinaryIO) -> None:
             file.seek(0)
             _Header(file, size).check()
         else:
-            _read_aside(Path(path), size)
+            _read_in_process(Path(path), size)
     except _Damaged as why:
         raise InputError(f"cannot read the run {path}: {why}") from None
 
@@ -106,7 +105,7 @@ class _Header:
         self.end = size - self._left
 
     def check(self) -> None:
-        """Every variable must lie behind the header and in the file, apart from the others."""
+        """Check that all variables lie after the header, within the file and without overlap."""
         grown = [v for v in self.variables if v.grows]
         record = sum(v.bytes for v in grown)
         if len(grown) > 1:
@@ -154,7 +153,7 @@ class _Header:
         if not 0 < count <= _LONGEST_NAME:
             raise _Damaged(f"its header is damaged: a name of {count} letters")
         raw = self._take(_padded(count))[:count]
-        name = raw.decode("utf-8", "surrogateescape")  # what is not UTF-8 is not printable
+        name = raw.decode("utf-8", "surrogateescape")  # invalid UTF-8 is not printable
         if not name.isprintable() or not name or "/" in name:
             raise _Damaged(f"its header is damaged: {raw[:40]!r} is not a name")
         return name
@@ -199,7 +198,7 @@ def _padded(count: int) -> int:
 
 
 def _check_apart(places: list[tuple[int, int, str]], begin: int, end: int) -> None:
-    """Refuse parts (begin, bytes, name), in order, that overlap or leave their bounds."""
+    """Refuse sorted parts (begin, bytes, name) that overlap or exceed their bounds."""
     for place, count, name in places:
         if place < begin:
             raise _Damaged(f"its header is damaged: {name} lies where something else does")
@@ -210,21 +209,21 @@ def _check_apart(places: list[tuple[int, int, str]], begin: int, end: int) -> No
 
 # -- HDF5 --------------------------------------------------------------------------------------
 
-_ASIDE: Final = """import sys
+_SCRIPT: Final = """import sys
 sys.path[:] = sys.argv[3:]
 from bowstring.dynamics import netcdf
 netcdf._read()
 """
 
 
-def _read_aside(path: Path, size: int) -> None:
-    """Let a process of its own read the whole file within limits of memory and time."""
-    if not sys.executable:  # Python within another program: there is no process to be had
+def _read_in_process(path: Path, size: int) -> None:
+    """Read the whole file in a separate process with limits of memory and time."""
+    if not sys.executable:  # embedded Python: no process can be started
         return
     seconds = _SECONDS + size / _RATE
     try:
         done = subprocess.run(
-            [sys.executable, "-c", _ASIDE, os.path.abspath(path), str(seconds), *sys.path],
+            [sys.executable, "-c", _SCRIPT, os.path.abspath(path), str(seconds), *sys.path],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -242,7 +241,7 @@ def _read_aside(path: Path, size: int) -> None:
 
 
 def _read() -> None:
-    """What the process of its own does; it says "whole" or what is wrong."""
+    """Read the file in the separate process, which prints "whole" or the fault."""
     path, seconds = sys.argv[1], float(sys.argv[2])
     import netCDF4
 
@@ -276,7 +275,7 @@ def _read() -> None:
 
 
 class _Limits:
-    """Limits of this process where the system has them."""
+    """Limits of this process, on systems that support them."""
 
     def __init__(self, seconds: float) -> None:
         self._base = 0
@@ -296,7 +295,7 @@ class _Limits:
         self.allow(0)
 
     def allow(self, more: int) -> None:
-        """Memory beside what a reader needs, in bytes."""
+        """Allow this many bytes of memory beside what a reader needs."""
         if not self._base:
             return
         import resource
@@ -309,7 +308,7 @@ class _Limits:
 
 
 def _free() -> float:
-    """Bytes of free memory, as far as the system tells."""
+    """Bytes of free memory; infinite if the system does not report it."""
     try:
         return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     except (AttributeError, OSError, ValueError):

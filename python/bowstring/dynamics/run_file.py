@@ -1,15 +1,14 @@
-"""The file of a run: NetCDF, written in chunks, whole at every moment.
+"""File of a run: NetCDF, written in chunks and valid at every moment.
 
-A run's file comes to its final place with the first output times and grows there. It says
-``status = "running"`` and ``complete_to_s`` until `RunFile.finish`; a process that is killed leaves
-a file that opens with any NetCDF reader and holds the run up to that time.
+The file appears at its path with the first output times and grows. It has ``status = "running"``
+and ``complete_to_s`` until `RunFile.finish`; a killed process leaves a file that any NetCDF reader
+can open, with the run up to that time.
 
-The format is classic NetCDF with 64-bit offsets, written here byte by byte. All variables of one
-output time lie side by side: a record, as the core packs it. So a chunk is one write at the end of
-the file; then one write in the first page of the file says how many times there are, up to when,
-and the status. That order is what makes the file whole at every moment, and it is several times
-quicker than the NetCDF library, which writes variable by variable. A HDF5 file that is killed in a
-write may be lost.
+The format is classic NetCDF with 64-bit offsets, written here directly. All variables of one output
+time form a record, packed by the core. A chunk is therefore one write at the end of the file; a
+second write to its first page updates the number of times, the time reached and the status. This
+order keeps the file valid at every moment, and it is several times faster than the NetCDF library,
+which writes variable by variable. An HDF5 file can be lost if the process is killed during a write.
 """
 
 from __future__ import annotations
@@ -54,23 +53,23 @@ _MAGIC: Final = b"CDF\x02"
 _CHAR, _INT, _DOUBLE = 2, 4, 6
 _DIMENSIONS, _VARIABLES, _ATTRIBUTES = 10, 11, 12
 _DIMENSION_ORDER: Final = ("time", "letter", "axis", "row", "column", "disk", "tendon", "station")
-_PLACE: Final = struct.Struct(">iq")  # a variable's bytes, and where they begin
-_TIME: Final = struct.Struct(">d")  # a record begins with it
+_PLACE: Final = struct.Struct(">iq")  # bytes of a variable, and their offset
+_TIME: Final = struct.Struct(">d")  # first value of a record
 _STATUS_BYTES: Final = 32
 _REASON_BYTES: Final = 1024
 _PAGE: Final = 4096
-_ROOM: Final = 250_000  # bytes written at once: few calls, and still in the cache
+_ROOM: Final = 250_000  # bytes per write: few calls, and small enough for the cache
 _LARGEST: Final = 2**31 - 4
 _OURS: Final = b"bowstring_version"
 
 
 def check_file(path: str | Path) -> Path:
-    """Say before any work whether a run may be written to a file.
+    """Check before any work that a run may be written to a file.
 
     Parameters
     ----------
     path : str or Path
-        Ends in ``.nc``; its folder must exist. A former run in its place will be replaced.
+        Path with the suffix ``.nc`` in an existing folder; a former run there will be replaced.
 
     Returns
     -------
@@ -80,8 +79,8 @@ def check_file(path: str | Path) -> Path:
     Raises
     ------
     InputError
-        If its ending is another, its folder does not exist, or something that is not a run is in
-        its place.
+        If the suffix is another one, the folder does not exist, or the path exists and is not a
+        run.
     """
     file = resolved(path, f"cannot write the run to {path}")
     why = f"cannot write the run to {file}"
@@ -112,18 +111,18 @@ def check_file(path: str | Path) -> Path:
 
 
 class RunFile:
-    """A run's file while it is being written; made by `RunFile.open`.
+    """File of a run while it is written; made by `RunFile.open`.
 
-    As a context manager it finishes the file: ``"converged"``, ``"interrupted"`` after Ctrl-C, or
-    ``"failed"`` with the error's text.
+    As a context manager it finishes the file with the status ``"converged"``, ``"interrupted"``
+    after Ctrl-C, or ``"failed"`` with the text of the error.
 
     Attributes
     ----------
     path : Path
     complete_to : float
-        Time in s up to which the file holds the run; NaN before the first output time.
+        Time in s up to which the file contains the run; NaN before the first output time.
     room : ndarray of uint8
-        Where whole records may be packed before they are appended.
+        Buffer for whole records before they are appended.
     """
 
     def __init__(
@@ -157,15 +156,15 @@ class RunFile:
         Parameters
         ----------
         path : str or Path
-            A former run there is replaced by the first output times, or at the end.
+            Path of the file; a former run is replaced with the first output times, or at the end.
         robot : Robot
         settings : mapping
-            As for `bowstring.statics.fields.to_dataset`; kept in the file.
+            Settings of the run, stored in the file; see `bowstring.statics.fields.to_dataset`.
         station : ndarray (P,)
         module : ndarray of int (P,)
-            As those of `bowstring.statics.fields.Frames`.
+            Stations as in `bowstring.statics.fields.Frames`.
         times : int
-            Expected number of output times; the drive must have room for them.
+            Expected number of output times, for the check of free space.
 
         Returns
         -------
@@ -190,20 +189,20 @@ class RunFile:
         return run
 
     def append(self, records: NDArray[np.uint8]) -> None:
-        """Add output times and make them part of the file.
+        """Append output times to the file.
 
         Parameters
         ----------
         records : ndarray of uint8
-            Whole records, later than all before: time and all of `bowstring.statics.fields.FIELDS`
-            in their order, most significant byte first.
+            Whole records with increasing times: time and all of `bowstring.statics.fields.FIELDS`
+            in their order, big-endian.
 
         Raises
         ------
         InputError
-            If these are no records, or the drive takes no more: then the file says
-            ``status = "failed"`` and holds the run up to the last whole chunk. If the file was
-            removed, or another has taken its place.
+            If the bytes are no whole records, the file was removed or replaced, or the drive is
+            full; in the last case the file gets ``status = "failed"`` and contains the run up to
+            the last whole chunk.
         """
         if self._closed:
             raise InputError(f"the run in {self.path} is finished; nothing can be added")
@@ -233,14 +232,14 @@ class RunFile:
         self._records, self.complete_to = head
 
     def finish(self, status: str = "converged", reason: str = "") -> None:
-        """Say how the run ended and close the file; a second call does nothing.
+        """Write the final status and close the file; a second call does nothing.
 
         Parameters
         ----------
         status : str
-            One word, as ``"converged"`` or ``"interrupted"``.
+            Status such as ``"converged"`` or ``"interrupted"``.
         reason : str
-            A sentence for a run that did not reach its end.
+            Reason, for a run that stopped early.
         """
         if self._closed:
             return
@@ -271,7 +270,7 @@ class RunFile:
     # -- inside --------------------------------------------------------------------------------
 
     def _replace(self, *parts: bytes | memoryview) -> None:
-        """Put a new file in place, whole, and go on in it."""
+        """Replace the file as a whole by a new one, and continue in it."""
         with folder_beside(self.path) as work:
             name = work / "new.nc"
             with name.open("wb", buffering=0) as new:
@@ -280,15 +279,17 @@ class RunFile:
             check_file(self.path)
             os.replace(name, self.path)
             self._placed = True
-            self._open()  # at once: later another run may have this name
+            self._open()  # at once, before another run replaces it
 
     @property
     def _size(self) -> int:
         return self._header.size + self._records * self._header.record
 
     def _check_place(self, whole: bool = False) -> None:
-        """Refuse to go on where the file no longer has its name, for nobody would find the run, or
-        others wrote to it; ``whole`` unless an interrupt may have left more than is counted."""
+        """Raise if the file was removed, replaced or changed by another program.
+
+        ``whole`` also checks its size, which an interrupt may have left too large.
+        """
         try:
             ours = os.fstat(self._open().fileno())
             if not os.path.samestat(os.stat(self.path), ours):
@@ -315,7 +316,7 @@ class RunFile:
         _write(file, content)
 
     def _end(self, status: str, reason: str) -> None:
-        """Write the status where the file has it, whatever an interrupt left undone, and close."""
+        """Write the status to the file, also after an interrupted write, and close it."""
         if not self._placed:
             self._replace(_Header(self._attributes, {}, ()).bytes(status, reason))
             self._open().close()
@@ -329,7 +330,7 @@ class RunFile:
             (self.complete_to,) = struct.unpack_from(">d", page, place)
 
     def _give_up(self, error: OSError) -> None:
-        """The drive takes no more: cut off what is not whole, and say so in the file too."""
+        """Handle a full drive: truncate to whole records, write the status, and raise."""
         self._closed = True
         go_on = "go on writing" if self._records else "write"
         why = f"cannot {go_on} the run to {self.path}: {_why(error)}"
@@ -348,7 +349,7 @@ class RunFile:
 
 
 def _write(file: BinaryIO | io.FileIO, content: bytes | memoryview) -> None:
-    """All of it: an unbuffered file may take a part at a time."""
+    """Write all bytes; an unbuffered file may accept only a part at a time."""
     rest = memoryview(content)
     while rest:
         rest = rest[file.write(rest) :]
@@ -363,24 +364,24 @@ def _why(error: OSError) -> str:
 
 
 def read_run(path: str | Path) -> xr.Dataset:
-    """Read the file of a run, also of one that was killed or still runs.
+    """Read the file of a run, also of one that was killed or is still running.
 
     Parameters
     ----------
     path : str or Path
-        Of the file that `bowstring.simulate` wrote.
+        File written by `bowstring.simulate`.
 
     Returns
     -------
     xarray.Dataset
-        As from `bowstring.statics.fields.to_dataset`, in memory. ``attrs["status"]`` says how the
-        run ended (``"running"`` if it was killed or goes on), ``attrs["complete_to_s"]`` up to when
-        it is there.
+        Variables of `bowstring.statics.fields.to_dataset`, in memory. ``attrs["status"]`` is the
+        status of the run (``"running"`` if it was killed or is running), ``attrs["complete_to_s"]``
+        the time up to which the file contains it.
 
     Raises
     ------
     InputError
-        If there is no such file, it is not a run, or it is cut off.
+        If the file does not exist, is not a run, or is truncated.
     """
     import xarray as xr
 
@@ -397,7 +398,7 @@ def read_run(path: str | Path) -> xr.Dataset:
         raise InputError(f"cannot read the run {path}: {reason}") from None
     try:
         data = xr.load_dataset(path, engine="netcdf4")
-    except Exception as error:  # what is damaged raises errors of all kinds, also a KeyError
+    except Exception as error:  # damaged files raise errors of all kinds, even KeyError
         why = " ".join(str(error).split())[:200] or type(error).__name__
         raise InputError(f"cannot read the run {path}: it is damaged: {why}") from None
     _check_content(path, data)
@@ -405,7 +406,7 @@ def read_run(path: str | Path) -> xr.Dataset:
 
 
 def _open_regular(path: str | Path) -> BinaryIO:
-    """A file, open; an `OSError` for a pipe or device, which cannot be read twice."""
+    """Open a regular file; raise `OSError` for a pipe or device, which cannot be read twice."""
     file = readable(path)
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         file.close()
@@ -414,7 +415,7 @@ def _open_regular(path: str | Path) -> BinaryIO:
 
 
 def _check_content(path: str | Path, data: xr.Dataset) -> None:
-    """Refuse what is no run, of a newer version, or does not have the form of a run."""
+    """Refuse a dataset that is no run, has a newer version, or lacks variables of a run."""
     about = data.attrs
     if _OURS.decode() not in about:
         raise InputError(f"{path} is a NetCDF file, but not a run of Bowstring")
@@ -452,7 +453,7 @@ def _check_content(path: str | Path, data: xr.Dataset) -> None:
 class _Header:
     """Header and fixed variables of a file.
 
-    ``size`` is where the records begin, ``record`` the bytes of one, both 0 if there are none.
+    ``size`` is the offset of the records, ``record`` the bytes of one; both are 0 without records.
     """
 
     def __init__(
@@ -461,7 +462,7 @@ class _Header:
         coordinates: Mapping[str, tuple[str, Any, Mapping[str, str]]],
         variables: Iterable[Field],
     ) -> None:
-        sizes = {"time": 0, "letter": 1} if coordinates else {}  # 0: the one that grows
+        sizes = {"time": 0, "letter": 1} if coordinates else {}  # 0: unlimited
         for dim, values, _ in coordinates.values():
             sizes[dim] = len(values)
         fixed, rows = [], []
@@ -509,7 +510,7 @@ class _Header:
     def head(
         self, status: str, reason: str, records: int = 0, complete_to: float = math.nan
     ) -> bytes:
-        """What changes during a run: bytes from 4 on, of fixed length, within the first page."""
+        """Changing part of the header: from byte 4, of fixed length, within the first page."""
         return (
             struct.pack(">i", records)
             + self._dimensions
@@ -520,12 +521,12 @@ class _Header:
         )
 
     def bytes(self, *head: Any) -> bytes:
-        """The file up to its records; arguments are those of `head`."""
+        """All bytes before the records; arguments as for `head`."""
         return _MAGIC + self.head(*head) + self._tail
 
 
 def _ending(status: str, reason: str) -> bytes:
-    """Of fixed length."""
+    """Attributes of the status, of fixed length."""
     return _text("status", status, _STATUS_BYTES) + _text("reason", reason, _REASON_BYTES)
 
 
@@ -533,7 +534,7 @@ def _ending(status: str, reason: str) -> bytes:
 def _row(
     name: str, dims: tuple[str, ...], kind: int, attributes: tuple[tuple[str, str], ...]
 ) -> bytes:
-    """A variable in the header, up to its length and place: the same in every file."""
+    """Entry of a variable in the header, before its size and offset; equal in all files."""
     places = [_int(_DIMENSION_ORDER.index(dim)) for dim in dims]
     listed = [_int(_ATTRIBUTES), _int(len(attributes)), *(_text(*each) for each in attributes)]
     return b"".join([_name(name), _int(len(dims)), *places, *listed, _int(kind)])
@@ -541,7 +542,7 @@ def _row(
 
 @functools.cache
 def _field_row(field: Field) -> bytes:
-    # CF: coordinates that are not dimensions
+    # CF conventions: auxiliary coordinates
     aside = {"station": "arc_length module segment", "disk": "disk_arc_length"}
     beside = " ".join(aside[dim] for dim in field.dims if dim in aside)
     attributes = fields.field_attributes(field)
@@ -565,7 +566,7 @@ def _name(name: str) -> bytes:
 
 
 def _text(name: str, value: str, room: int = 0) -> bytes:
-    """A text attribute; with ``room`` it has that length, filled with NUL, which readers drop."""
+    """Text attribute; with ``room`` it is padded to that length by NUL, which readers drop."""
     raw = value.encode()
     if room:
         raw = raw[:room].decode(errors="ignore").encode().ljust(room, b"\0")

@@ -1,7 +1,7 @@
-"""Dynamics of a robot: tensions and loads over time to motion, fields and energies.
+"""Dynamics of a robot: motion, fields and energies under loads over time.
 
-Everything is SI, in the base frame (z along the straight backbone) unless said otherwise.
-N is the number of disks, T the number of tendons.
+All values are in SI and in the base frame (z along the straight backbone) by default.
+N is the number of disks, T the number of tendons. docs/theory/dynamics.md has the equations.
 """
 
 from __future__ import annotations
@@ -44,67 +44,66 @@ Floats = NDArray[np.float64]
 Status = Literal["converged", "step_failed", "collision", "interrupted", "failed"]
 
 DEFAULT_POINTS: Final = 5
-_SHORTEST: Final = 1e-6  # s, between two outputs
-_LOOK: Final = 0.1  # seconds between two looks at the keyboard
+_SHORTEST: Final = 1e-6  # s between two outputs
+_LOOK: Final = 0.1  # s of work between two checks for interrupts
 _MOST_OUTPUTS: Final = 1_000_000
-_LONGEST_WHY: Final = 300  # letters of an error of a user's function
-_STILL: Final = 1e-11  # of the length: a displacement that does not jump
-_INCREMENTS: Final = 20  # in which forces on disks are put on
-_COARSE: Final = 0.01  # of the length: an error of the steps worth a word
+_LONGEST_WHY: Final = 300  # characters of the error of a user's function
+_STILL: Final = 1e-11  # change of a displacement over length that is no jump
+_INCREMENTS: Final = 20  # load increments of the forces on disks
+_COARSE: Final = 0.01  # error of the time steps over length that gets advice
 
 
 class RunInterrupted(KeyboardInterrupt):
-    """Ctrl-C during `simulate`; `run` holds everything up to there."""
+    """Ctrl-C during `simulate`; `run` contains the motion up to there."""
 
     def __init__(self, run: Run) -> None:
         super().__init__(run.message)
         self.run = run
 
     def __reduce__(self) -> tuple[type[RunInterrupted], tuple[Run]]:
-        return RunInterrupted, (self.run,)  # out of a pool of processes
+        return RunInterrupted, (self.run,)  # pickled in a pool of processes
 
 
 class NoStart(NoSolutionError):
-    """No equilibrium to start `simulate` from; `run` has no times, but what was asked for."""
+    """No initial equilibrium for `simulate`; `run` has no times, but the settings."""
 
     def __init__(self, message: str, run: Run) -> None:
         super().__init__(message, status="no_equilibrium")
         self.run = run
 
     def __reduce__(self) -> tuple[type[NoStart], tuple[str, Run]]:
-        return NoStart, (str(self), self.run)  # out of a pool of processes
+        return NoStart, (str(self), self.run)  # pickled in a pool of processes
 
 
 @dataclass(eq=False)
 class Run:
-    """A simulated motion; made by `simulate`.
+    """Simulated motion; made by `simulate`.
 
     Attributes
     ----------
     robot : Robot
     status : str
-        ``"converged"``: every step did, to the end. Else the run holds what came before:
+        ``"converged"`` if every step converged. Otherwise the run ends early:
         ``"step_failed"`` (the shortest step did not converge), ``"collision"`` (two disks met),
         ``"interrupted"`` (Ctrl-C), ``"failed"`` (a function of time gave no number).
     reason : str
-        A sentence where it did not reach its end.
+        Reason if the run ended early, a sentence.
     settings : dict
-        What was simulated, as kept in the file.
+        Settings of the simulation, as stored in the file.
     time : ndarray (K,)
         Output times in s, from 0.
     tip_position, tip_velocity : ndarray (K, 3)
-        In m and m/s.
+        Position of the tip in m and its velocity in m/s.
     steps, iterations, repeated : int
-        Accepted steps, Newton iterations, and steps done again shorter or without numerical
+        Accepted steps, Newton iterations, and steps repeated shorter or without numerical
         damping.
     error_estimate : float or None
-        How far the steps in time put the tip off at most, by their own estimate, m: the sum of
-        what all steps add, with a margin of 3, but no more than the tip moved. Errors that damping
-        has taken away since are counted, so it is large where fast oscillations die out. What the
-        elements in space are worth is not in it. None if nothing is known of it (a run of one or
-        two steps).
+        Estimated bound of the tip's error by time integration, m: three times the sum of the errors
+        of all steps, at most the distance that the tip moved. Errors that damping has removed since
+        are included, so the bound is large where fast oscillations decay. Errors of the elements
+        are not included. None if unknown (a run of one or two steps).
     wall_s : float
-        Seconds that the motion took to compute, output to files left out.
+        Computing time in s without output to files.
     path : Path or None
         File of the run.
     """
@@ -136,7 +135,7 @@ class Run:
 
     @property
     def converged(self) -> bool:
-        """Whether every step converged, to the end."""
+        """Whether every step converged."""
         return self.status == "converged"
 
     @property
@@ -146,12 +145,12 @@ class Run:
 
     @property
     def real_time_factor(self) -> float:
-        """Seconds of motion for one second of computing."""
+        """Seconds of motion per second of computing."""
         return self.end / self.wall_s if self.wall_s > 0 else float("inf")
 
     @property
     def message(self) -> str:
-        """One sentence on how the run ended."""
+        """Message on the end of the run, one sentence."""
         if self.converged:
             worth = f"; {self.worth}" if self.worth else ""
             return f"{self.end:g} s in {self.steps} steps{worth}"
@@ -159,7 +158,7 @@ class Run:
 
     @property
     def worth(self) -> str:
-        """What the steps in time are worth, and where they are coarse what to do; no full stop."""
+        """Estimated error of the time steps, with advice if large; without a full stop."""
         error = self.error_estimate
         if error is None:
             return "so few steps tell nothing of their error" if self.steps else ""
@@ -171,12 +170,12 @@ class Run:
         return said
 
     def to_dataset(self) -> xr.Dataset:
-        """All fields with units and frames (`bowstring.statics.fields`), from its file if any.
+        """Return all fields with units and frames (`bowstring.statics.fields`).
 
         Raises
         ------
         InputError
-            If the run kept no fields, or its file is gone or holds another run by now.
+            If the run recorded no fields, or its file was removed or replaced.
         """
         from bowstring.dynamics.run_file import read_run
 
@@ -197,7 +196,7 @@ class Run:
         )
 
     def tip_at(self, times: ArrayLike) -> Floats:
-        """Tip position (K, 3) at any times (K,) of the run, from positions and velocities.
+        """Interpolate the tip position (K, 3) at times (K,), from positions and velocities.
 
         Raises
         ------
@@ -233,7 +232,7 @@ class Run:
         Raises
         ------
         NoSolutionError
-            The text says when it stopped, and why.
+            The message has the time reached and the reason.
         """
         if not self.converged:
             raise NoSolutionError(f"{self.robot.name}: {self.message}", status=self.status)
@@ -242,19 +241,18 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where a motion starts from: rest in the equilibrium of a load.
+    """Initial state of a motion: rest in the equilibrium of a load.
 
     Parameters
     ----------
     load : Load, optional
-        What acts at the start; what it leaves out is as at time 0, before a jump there. With
-        another load at time 0 the robot is released. Gravity is that of the motion.
+        Initial load; values that it leaves out are those at time 0, before a jump there. A
+        different load at time 0 releases the robot. Gravity is that of the motion.
     disk_forces : array_like (N, 3), optional
-        Dead forces on the disks in N beside these, which hold the robot at the start and are let
-        go at time 0.
+        Further dead forces on the disks in N, which are released at time 0.
     history : mapping, optional
-        Where a path of `bowstring.solve` or `bowstring.sweep` has come to (their ``history()``):
-        friction goes on from there. If not given, from the home pose.
+        State of a path of `bowstring.solve` or `bowstring.sweep` (their ``history()``), from which
+        friction continues. By default the path begins in the home pose.
     """
 
     load: Load | None = None
@@ -264,19 +262,19 @@ class Start:
 
 @dataclass(frozen=True)
 class Output:
-    """What is kept of a motion while it is computed.
+    """Output of a simulation.
 
     Parameters
     ----------
     every : float
         Time between two outputs in s; the integrator's ``dt`` if that is longer.
     points : int
-        Stations in each module at which fields are given; 0 keeps none, only the tip's motion.
+        Stations per module at which fields are recorded; 0 records the tip's motion only.
     path : path, optional
-        Writes all fields to this NetCDF file while the run goes on; the file is whole at every
-        moment. The fields are then not kept in memory.
+        NetCDF file to which all fields are written during the run; it is valid at every moment.
+        The fields are then not kept in memory.
     progress : callable, optional
-        Called with the share that is done, from 0 to 1.
+        Progress callback, called with the finished share from 0 to 1.
 
     Raises
     ------
@@ -320,8 +318,8 @@ def simulate(
 ) -> Run:
     """Simulate the motion from rest in an equilibrium.
 
-    Implicit and of second order; ``bowstring-core/src/motion/mod.rs`` has the scheme. Each output
-    time is the end of a step.
+    The time integration is implicit and of second order (Eq. 5.1 and 5.2 of docs/theory). Each
+    output time is the end of a step.
 
     Parameters
     ----------
@@ -329,37 +327,36 @@ def simulate(
         The robot.
     tensions : Table, callable or array_like (T,)
         Tension of each tendon over time in N: a table (`ramp`, `step`, `Table`), a function of
-        time that is called once before each step, for the step's end, or constant. Short for
+        time that is called once before each step with the time of its end, or constant. Short for
         ``load=Load(tensions)``.
     duration : float
-        In s.
+        Duration of the motion in s.
     load : Load, optional
-        All that acts on the robot; each value but gravity may be a table or a function of time. A
-        tendon has the same kind of actuation throughout: in a table the others have a column of
-        NaN. A displacement jumps only where the tendon's line stretches (it has
-        ``axial_stiffness`` or ``compliance``).
+        All loads; each value except gravity may be a table or a function of time. The kind of
+        actuation of a tendon does not change; in a table of another kind it has a column of NaN.
+        A displacement may jump only if the tendon is elastic or its transmission compliant
+        (``axial_stiffness``, ``compliance``).
     start : Start, optional
-        Another load, forces on disks or a history at the start.
+        Initial load, forces on disks, or history.
     model : RodModel, optional
-        With one element if it does not say how many.
+        Model of the rod, by default with one element per module.
     integrator : Integrator, optional
         Step or tolerance, and damping.
     output : Output, optional
-        What is kept, and where.
+        Output times, stations, file and progress callback.
 
     Returns
     -------
     Run
-        A run that stops early is returned as well: look at `Run.status`, or call
-        `Run.raise_for_status`.
+        Run, also one that stopped early: check `Run.status`, or call `Run.raise_for_status`.
 
     Raises
     ------
     InputError
-        If an argument is wrong, the drive is full, or a function of time fails; what was written
+        If an argument is wrong, the drive is full, or a function of time fails; output written
         before stays.
     NoStart
-        A `NoSolutionError`: there is no equilibrium to start from.
+        If there is no initial equilibrium; a `NoSolutionError`.
     RunInterrupted
         On Ctrl-C.
 
@@ -382,7 +379,7 @@ def simulate(
     integrator = validation.instance("integrator", integrator, Integrator)
     output = validation.instance("output", output, Output)
     every = max(float(output.every), integrator.dt or 0.0)
-    points = int(output.points)  # numpy's are not for files
+    points = int(output.points)  # a NumPy integer cannot be written to the file
     given, history = validation.instance("start.load", start.load, Load), start.history
     gravity = load.gravity
     if gravity is not None:
@@ -427,7 +424,7 @@ def simulate(
         "tolerance_m": None if dt is not None else scheme.tolerance,
         "every_s": every,
         **loads.to_dict(),
-        **_told(actuated.by_displacement, initial.actuation),
+        **_by_kind(actuated.by_displacement, initial.actuation),
         "initial_tip_force_N": initial.tip_force.tolist(),
         "initial_tip_moment_Nm": initial.tip_moment.tolist(),
         "initial_disk_forces_N": None if holding is None else holding.tolist(),
@@ -461,7 +458,7 @@ def simulate(
         sections = Section(robot, *places, model)
         simulator.write_to(sections.columns, places[0], planned.room, planned.append)
     file: RunFile | None = None
-    aside = 0.0  # seconds that were not the motion's
+    aside = 0.0  # s of output to files
     begun = clock.perf_counter()
 
     @interrupts.ignored()
@@ -473,7 +470,7 @@ def simulate(
         time, position, velocity = simulator.tip()
         if file is not None:
             file.finish(status, reason)
-            written = time <= file.complete_to  # an interrupt may have kept the last from it
+            written = time <= file.complete_to  # an interrupt may have kept the last chunk from it
             time, position, velocity = time[written], position[written], velocity[written]
         elif points and len(time) and run.frames is None:
             run.frames = frames(simulator, places)
@@ -498,7 +495,7 @@ def simulate(
                 run,
             )
         after = loads.at(0.0)
-        # a former run in its place is given up only for one that has begun
+        # a former file is replaced only once the run has begun
         if planned is not None:
             file, run.path = planned, planned.path
         keep_start(simulator, initial)
@@ -536,7 +533,7 @@ def simulate(
             try:
                 finish("interrupted", "stopped by the user")
                 ended = True
-            except KeyboardInterrupt:  # one more, which waited with the first
+            except KeyboardInterrupt:  # a second one that was pending with the first
                 continue
         interrupts.acknowledge()
         raise RunInterrupted(run) from None
@@ -555,7 +552,7 @@ _CONFLICT: Final = "; bowstring.solve tells whether the displacements of that ti
 
 
 def _at_most(error: float | None, tip: Floats) -> float | None:
-    """The estimated error, which is no larger than the box that the tip moved in."""
+    """Limit the estimated error to the diagonal of the box in which the tip moved."""
     if error is None or len(tip) == 0:
         return None
     return min(error, float(np.linalg.norm(np.ptp(tip, axis=0))))
@@ -595,7 +592,7 @@ def _tip_load(name: str, given: Load | None, otherwise: Floats) -> Floats:
 
 
 def _initial(robot: Robot, actuated: Actuation, otherwise: Floats, given: Load) -> Floats:
-    """Actuation of the tendons at the start, (T,)."""
+    """Initial actuation of the tendons (T,)."""
     if given.is_tension_controlled:
         if given.tensions is None:
             return otherwise
@@ -618,8 +615,8 @@ def _initial(robot: Robot, actuated: Actuation, otherwise: Floats, given: Load) 
     return values
 
 
-def _told(by_displacement: NDArray[np.bool_], row: Floats) -> dict[str, list[float | None]]:
-    """Actuation of each tendon at the start, for a file; None where it has another."""
+def _by_kind(by_displacement: NDArray[np.bool_], row: Floats) -> dict[str, list[float | None]]:
+    """Initial actuation by kind for a file; None where a tendon has the other kind."""
     kinds = {"initial_tensions_N": ~by_displacement, "initial_displacements_m": by_displacement}
     return {
         name: [v if own else None for v, own in zip(row.tolist(), mine.tolist(), strict=True)]
@@ -629,7 +626,7 @@ def _told(by_displacement: NDArray[np.bool_], row: Floats) -> dict[str, list[flo
 
 
 def _check_jumps(robot: Robot, actuated: Actuation, initial: Floats, duration: float) -> None:
-    """Refuse a displacement that jumps where nothing gives way to it."""
+    """Refuse a jump of displacement of an inextensible tendon with a rigid transmission."""
     stiff = actuated.by_displacement & (actuation.compliances(robot) == 0)
     if not stiff.any():
         return
@@ -660,14 +657,14 @@ def _output_times(duration: float, every: float) -> Floats:
 
 
 def _check_size(robot: Robot, points: int, times: int, *, kept: bool) -> None:
-    """Refuse fields that do not fit into memory: of all times, or of one at a time."""
+    """Refuse fields that do not fit into memory: all times if `kept`, else a single one."""
     if points == 0:
         return
     disks, tendons = len(robot.disks.station_m), len(robot.tendons.end_disk)
     numbers = 34.0 * disks * points + 18.0 * disks + 2.0 * disks * tendons
     if kept:
         cure = "name a file for them (out), or give a longer every or fewer points"
-        # an array that grows takes twice its size
+        # a growing array takes twice its size
         check_memory(16.0 * times * numbers, f"fields at {times} times", cure)
     else:
         check_memory(48.0 * numbers, "fields at one time", "give fewer points")
@@ -682,10 +679,10 @@ def _with_modal_damping(
     model: RodModel,
     gravity: Sequence[float] | None,
 ) -> Scheme:
-    """The scheme with mass and material damping that give two modes a damping ratio."""
+    """Return the scheme with mass and material damping for a modal damping ratio."""
     if initial.tip_moment.any():
         raise InputError("modal_damping needs modes, and a tip moment leaves none: give the others")
-    # holes that stick would lock spans that slip as soon as the robot moves
+    # sticking holes would lock spans that slip as soon as the robot moves
     by_displacement = actuated.by_displacement
     path = actuation.Path(robot, model, friction=False) if by_displacement.any() else None
     load = initial.at_tip.replace(gravity=gravity)

@@ -1,1 +1,1 @@
-"""Figures that several parts share, their style and colours, VTK, animation."""
+"""Shared figures, their style and colours, VTK output, animation."""

@@ -1,4 +1,4 @@
-"""A run as a moving picture, GIF or MP4: backbone, disks and tendons in real time."""
+"""Animation of a run as GIF or MP4: backbone, disks and tendons in real time."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ __all__ = ["animate", "check_length", "check_picture"]
 
 Progress = Callable[[str, float], None]
 
-_FPS: Final = 25  # a GIF counts in hundredths of a second, so that this is exact
+_FPS: Final = 25  # frames per second; exact in a GIF, whose unit of time is 10 ms
 _DPI: Final = 110
 _MOST: Final = 5000
 _HUES: Final = ("red", "green", "purple", "amber")
 _MM: Final = 1e3
-_MARK: Final = b"Bowstring animation"  # in the comment of a file, tells it from those of others
+_MARK: Final = b"Bowstring animation"  # comment that identifies our files
 
 
 def check_picture(path: str | Path) -> Path:
-    """Say before any work whether a moving picture may be written to a file.
+    """Check before any work that an animation may be written to a file.
 
     Parameters
     ----------
     path : str or Path
-        Ends in ``.gif`` or ``.mp4``.
+        Path with the suffix ``.gif`` or ``.mp4``.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def check_picture(path: str | Path) -> Path:
     Raises
     ------
     InputError
-        If its ending or folder is wrong, or ffmpeg is missing that makes an MP4.
+        If the suffix or folder is wrong, or ffmpeg, needed for MP4, is missing.
     """
     file = check_file(Path(path), "animation", (".gif", ".mp4"), _MARK)
     if file.suffix.lower() == ".mp4" and shutil.which("ffmpeg") is None:
@@ -61,7 +61,7 @@ def check_picture(path: str | Path) -> Path:
 
 
 def check_length(duration: float, speed: float = 1.0) -> float:
-    """Number of pictures of so many seconds; `InputError` if they are too many."""
+    """Number of frames for a duration in s; raise `InputError` if there are too many."""
     count = duration / speed * _FPS + 1.0
     if count > _MOST:
         raise InputError(
@@ -80,30 +80,31 @@ def animate(
     speed: float = 1.0,
     progress: Progress | None = None,
 ) -> Path:
-    """Write a run as a moving picture, whole or not at all.
+    """Write an animation of a run, whole or not at all.
 
     Parameters
     ----------
     robot : Robot
-        Of the run.
+        Robot of the run.
     data : xarray.Dataset
-        From `bowstring.statics.fields.to_dataset` or `bowstring.dynamics.run_file.read_run`.
+        Run from `bowstring.statics.fields.to_dataset` or `bowstring.dynamics.run_file.read_run`.
     path : str or Path
-        Ends in ``.gif``, or ``.mp4`` which needs ffmpeg; a file there is replaced.
+        Path with the suffix ``.gif``, or ``.mp4``, which needs ffmpeg; an existing animation is
+        replaced.
     speed : float
-        1 is real time, 0.5 half as fast. Each picture shows the output time nearest to its own.
+        Speed relative to real time. Each frame shows the nearest output time.
     progress : callable, optional
-        Called with what is being done and the share that is done, from 0 to 1.
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
 
     Returns
     -------
     Path
-        The file, absolute.
+        Absolute path of the file.
 
     Raises
     ------
     InputError
-        If the file may not be written, the run holds a single time, or it would be too long.
+        If the file cannot be written, the run has a single time, or the animation is too long.
     """
     from matplotlib.animation import FFMpegWriter, PillowWriter
 
@@ -154,17 +155,17 @@ def animate(
 
 
 def _comment(gif: Path) -> None:
-    """Add the comment to a GIF, before its pictures."""
+    """Add the comment to a GIF, before its frames."""
     raw = gif.read_bytes()
     flags = raw[10]
-    table = 3 * 2 ** (flags % 8 + 1) if flags & 0x80 else 0  # bytes of the colours of all pictures
+    table = 3 * 2 ** (flags % 8 + 1) if flags & 0x80 else 0  # bytes of the global colour table
     begin = 13 + table
     comment = b"\x21\xfe" + bytes([len(_MARK)]) + _MARK + b"\0"
     gif.write_bytes(raw[:begin] + comment + raw[begin:])
 
 
 class _Scene:
-    """The figure and what moves in it, in mm."""
+    """Figure with its moving parts, in mm."""
 
     figure: Figure
 
@@ -218,14 +219,14 @@ class _Scene:
             [path.reshape(-1, 3) for path in (self._rims, self._backbone, *self._holes)]
         )
         low, high = points.min(axis=0), points.max(axis=0)
-        # a flat box would crowd the numbers on its short sides
+        # in a flat box the tick labels of short sides would overlap
         side = np.maximum(high - low, 0.4 * (high - low).max())
         side[2] = high[2] - low[2]
         middle, room = 0.5 * (low + high), 0.02 * side.max()
         return middle - 0.5 * side - room, middle + 0.5 * side + room
 
     def show(self, i: int) -> None:
-        """Move everything to output time number i."""
+        """Show output time number i."""
         self._line.set_data_3d(*self._backbone[i].T)
         self._disks.set_verts(list(self._rims[i]))
         for line, path in zip(self._tendons, self._holes, strict=True):
@@ -234,7 +235,7 @@ class _Scene:
 
 
 def _ticks(span: float, longest: float) -> Any:
-    """Few ticks on a short axis, so that their numbers do not overlap."""
+    """Fewer ticks on a short axis, so that their labels do not overlap."""
     from matplotlib.ticker import MaxNLocator
 
     return MaxNLocator(nbins=max(1, round(7.0 * span / longest)), steps=[1, 2, 5, 10])

@@ -1,4 +1,4 @@
-"""The colours of all figures."""
+"""Colours of all figures."""
 
 from __future__ import annotations
 
@@ -17,4 +17,4 @@ COLOURS: Final = {
     "purple": ("#9c4c83", "#dc94c2"),
     "amber": ("#9a6a00", "#e8b44a"),
 }
-"""Each colour on light and on dark ground."""
+"""Value of each colour on a light and on a dark background."""

@@ -1,4 +1,4 @@
-"""Mode shapes, from the side and from the front."""
+"""Figures of mode shapes, from the side and from the front."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ __all__ = ["draw_modes"]
 
 Array = NDArray[np.float64]
 
-_SWAY: Final = 0.12  # largest displacement of a mode as drawn, of the length
-_TURN: Final = {"bending": 0.6, "torsion": 1.2, "axial": 0.6}  # rad; largest rotation as drawn
+_SWAY: Final = 0.12  # largest drawn displacement over length
+_TURN: Final = {"bending": 0.6, "torsion": 1.2, "axial": 0.6}  # rad; largest drawn rotation
 
 
 def draw_modes(modes: Modes) -> Iterator[tuple[str, Figure]]:
@@ -38,9 +38,9 @@ def draw_modes(modes: Modes) -> Iterator[tuple[str, Figure]]:
     Yields
     ------
     stem : str
-        File name without ending, ``mode_01`` and so on.
+        File name without suffix, ``mode_01`` and so on.
     figure : matplotlib.figure.Figure
-        Draw and save within `figure_style`.
+        Figure, to be drawn and saved within `figure_style`.
     """
     for k in range(len(modes)):
         yield f"mode_{k + 1:0{max(2, len(str(len(modes))))}d}", _mode(modes, k)
@@ -96,10 +96,10 @@ def _mode(modes: Modes, k: int) -> Figure:
 
 
 def _shape(robot: Robot, position: Array, frames: Array) -> list[tuple[Array, float]]:
-    """Lines of a robot with their widths, m: backbone, rims of the disks, tendons."""
+    """Lines of a robot in m with their widths: backbone, rims of the disks, tendons."""
     position = np.concatenate([np.zeros((1, 3)), position])
     frames = np.concatenate([np.eye(3)[None], frames])
-    # a cubic between two disks, along their axes
+    # a cubic between two disks, tangent to their axes
     chords = np.linalg.norm(np.diff(position, axis=0), axis=1)
     ends = np.concatenate([[0.0], np.cumsum(chords)])
     places = np.linspace(ends[:-1], ends[1:], 9, axis=1).ravel()

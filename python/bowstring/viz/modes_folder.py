@@ -1,4 +1,4 @@
-"""The folder that `bowstring modes --out` writes."""
+"""Result folder of `bowstring modes --out`."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ def write_modes(
     content : dict
         Plain values for ``modes.json``, as ``bowstring modes --json`` prints.
     out : str or Path
-        Folder; former modes in it are replaced whole, after success.
+        Folder; former modes in it are replaced as a whole after success.
     progress : callable, optional
-        Is told what is being done and the share that is done, from 0 to 1.
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
 
     Returns
     -------
     Path
-        The folder, absolute: modes.json and each mode as PNG, PDF and SVG.
+        Absolute path of the folder, with modes.json and each mode as PNG, PDF and SVG.
 
     Raises
     ------
     InputError
-        If the folder may not be written (see `check_folder`).
+        If the folder cannot be written (see `check_folder`).
     """
     from bowstring.viz.modes import draw_modes
 

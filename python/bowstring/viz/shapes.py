@@ -1,4 +1,4 @@
-"""Whole backbones beside their best arcs."""
+"""Figure of backbone shapes with their fitted arcs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 def backbone_shapes(fits: Sequence[ArcFit], source: str) -> Figure:
-    """Shapes with their best arcs, and where along the robot the arcs fail.
+    """Draw shapes with their fitted arcs, and the error of the arcs along the robot.
 
     Parameters
     ----------
@@ -31,19 +31,18 @@ def backbone_shapes(fits: Sequence[ArcFit], source: str) -> Figure:
         Fits of the same shapes with different numbers of pieces; the first is drawn beside the
         shapes.
     source : str
-        What the shapes are and where they come from, such as ``"measured: NAME"`` or
-        ``"synthetic"``; stands in the figure.
+        Source of the shapes for the title, such as ``"measured: NAME"`` or ``"synthetic"``.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Draw and save within `figure_style`.
+        Figure, to be drawn and saved within `figure_style`.
     """
     if not fits or len({(len(f), f.dimensions) for f in fits}) > 1:
         raise InputError("the figure needs fits of the same shapes, with one or more pieces")
     figure, (shapes, error, bending) = subplots(3, 7.4, height_ratios=(3, 2, 2))
     first = fits[0]
-    # from the most bent one way to the most bent the other, and the one that is least an arc
+    # shapes between the extreme bends in both directions, and the one with the largest error
     order = np.argsort(first.bend[..., 0].sum(axis=1))
     picked = order[np.unique(np.linspace(0, len(order) - 1, 5).round().astype(int))]
     worst = int(np.argmax(first.rms))
@@ -52,11 +51,11 @@ def backbone_shapes(fits: Sequence[ArcFit], source: str) -> Figure:
     for k in picked:
         own = first.take(k)
         arc, points = own.curve(np.linspace(0.0, 1.0, 65))[0], own.measured[0]
-        if first.dimensions == 3:  # each in the plane of its own arc's start
+        if first.dimensions == 3:  # each in the plane of the start of its own arc
             plane = _plane(own)
             arc, points = arc @ plane, points @ plane
         drawn.append((arc, points))
-    # side by side, along the axis in which they are narrow
+    # side by side along the axis of their smaller extent
     size = np.ptp(np.concatenate([points for _, points in drawn]), axis=0)
     beside = np.zeros(2)
     beside[np.argmin(size)] = 1.0
@@ -105,7 +104,7 @@ def backbone_shapes(fits: Sequence[ArcFit], source: str) -> Figure:
 
 
 def _plane(fit: ArcFit) -> Array:
-    """Two axes (3, 2): towards the first bend of a shape's arc, and along its start."""
+    """Axes (3, 2) of a shape's plane: towards the first bend of its arc, and along its start."""
     along, bend = fit.direction[0], fit.curvature_vector[0, 0]
     towards = bend if np.linalg.norm(bend) > 1e-9 else fit.frame[0, :, 0]
     return np.stack([towards / np.linalg.norm(towards), along], axis=1)

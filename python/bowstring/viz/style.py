@@ -1,9 +1,8 @@
-"""The look of all figures, and what they share.
+"""Style and common functions of all figures.
 
-Figures are narrow, so that their text stays readable on a phone. Colours are those of Okabe and
-Ito, which colour-blind readers tell apart; markers and line styles differ too. In SVG every colour
-becomes a CSS variable, so that the page that holds the figure can follow the reader's light or
-dark theme.
+Figures are narrow, so that their text is readable on a phone. Colours are those of Okabe and Ito,
+which colour-blind readers can distinguish; markers and line styles differ too. In SVG every colour
+becomes a CSS variable, so that a page can switch between a light and a dark theme.
 """
 
 from __future__ import annotations
@@ -43,15 +42,15 @@ __all__ = [
 LIGHT: Final = {name: light for name, (light, _) in COLOURS.items()}
 """Colours of a light page by name."""
 WIDTH: Final = 4.6  # inches
-TINY: Final = 1e-6  # m; the floor of logarithmic axes
+TINY: Final = 1e-6  # m; lower end of logarithmic axes
 AXES: Final = (("x", "blue", "o"), ("y", "green", "^"), ("z", "red", "s"))
-"""Name, colour and marker of each axis."""
+"""Name, colour and marker of each coordinate."""
 MARKS: Final = {
     ".png": b"Software\0Bowstring",
     ".pdf": b"/Creator (Bowstring)",
     ".svg": b"<dc:title>Bowstring</dc:title>",
 }
-"""What `save` leaves in a file, by its suffix: it tells our files from those of others."""
+"""Bytes by suffix that `save` writes to a file, to identify our files."""
 _DPI: Final = 160
 _ABOUT: Final[dict[str, dict[str, Any]]] = {
     ".png": {"Software": "Bowstring"},
@@ -62,7 +61,7 @@ _ABOUT: Final[dict[str, dict[str, Any]]] = {
 
 @contextmanager
 def figure_style() -> Iterator[None]:
-    """The look of all figures, for the time of a ``with`` block; also while they are saved."""
+    """Context manager of the style of figures, for drawing and saving them."""
     import matplotlib as mpl
 
     ink, muted, grid = LIGHT["ink"], LIGHT["muted"], LIGHT["grid"]
@@ -94,19 +93,19 @@ def figure_style() -> Iterator[None]:
             "lines.markersize": 4.5,
             "svg.fonttype": "none",
             "svg.hashsalt": "bowstring",
-            "pdf.fonttype": 42,  # TrueType: IEEE refuses papers with fonts of Type 3
+            "pdf.fonttype": 42,  # TrueType; IEEE refuses Type 3 fonts
         }
     ):
         yield
 
 
 def save(figure: Figure, file: Path, dpi: float) -> None:
-    """Save a figure as PNG, PDF or SVG, by the suffix, without a date and with our mark."""
+    """Save a figure as PNG, PDF or SVG by the suffix, without a date and with our mark."""
     figure.savefig(file, dpi=dpi, metadata=_ABOUT[file.suffix.lower()])
 
 
 def check_figure_file(path: str | Path, content: str, suffixes: Sequence[str]) -> Path:
-    """Say before any work whether a figure may be written (`atomic_io.check_file`)."""
+    """Check before any work that a figure may be written (`atomic_io.check_file`)."""
     file = Path(path)
     return check_file(file, content, suffixes, MARKS.get(file.suffix.lower(), b""))
 
@@ -118,9 +117,9 @@ def write_figure(
     dpi: float,
     check: Callable[[str | Path], Path],
 ) -> Path:
-    """Draw a figure and write it, whole or not at all; return its file, absolute.
+    """Draw a figure and write it, whole or not at all; return the absolute path of its file.
 
-    `content` stands in errors, `check` says whether the file may be written.
+    `content` names it in errors; `check` raises if the file cannot be written.
     """
     file = check(path)
     with figure_style():
@@ -132,21 +131,21 @@ def write_figure(
 def save_figures(
     drawings: Iterable[tuple[str, Figure]], folder: Path, tell: Callable[[float], None]
 ) -> None:
-    """Each as PNG and PDF under its stem."""
+    """Save each figure as PNG and PDF under its stem."""
     for_each(list(drawings), lambda each: save_figure(each[1], folder / each[0]), tell=tell)
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """As PNG and PDF; `path` has no ending."""
+    """Save a figure as PNG and PDF; `path` has no suffix."""
     if (engine := figure.get_layout_engine()) is not None:
         engine.execute(figure)
-        figure.set_layout_engine("none")  # laid out once, not in each file format again
+        figure.set_layout_engine("none")  # one layout for all file formats
     for suffix in (".png", ".pdf"):
         save(figure, Path(f"{path}{suffix}"), _DPI)
 
 
 def svg(stem: str, figure: Figure) -> str:
-    """The figure as an SVG element for an HTML page.
+    """Convert a figure to an SVG element for an HTML page.
 
     Parameters
     ----------
@@ -175,7 +174,7 @@ def svg(stem: str, figure: Figure) -> str:
 
 
 def subplots(rows: int, height: float, **options: Any) -> tuple[Figure, list[Axes]]:
-    """Panels below each other, `height` in inches in all."""
+    """Make panels below each other with a total height in inches."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
@@ -184,7 +183,7 @@ def subplots(rows: int, height: float, **options: Any) -> tuple[Figure, list[Axe
 
 
 def legend_above(axes: Axes, columns: int) -> None:
-    """Where it covers nothing."""
+    """Place the legend above the axes, where it covers nothing."""
     axes.legend(
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),

@@ -1,8 +1,8 @@
-"""A run for ParaView and other VTK readers: a series of .vtu files and the .pvd that lists them.
+"""VTK series of a run for ParaView: .vtu files and the .pvd file that lists them.
 
-Three parts at each output time: the backbone's surface, the disks and the tendons. Numbers are
-single precision: the files are for pictures, the run's file has the numbers.
-Names of data carry their unit; vectors are in the base frame, curvature is in body axes.
+Each output time has three parts: surface of the backbone, disks and tendons. Numbers are in single
+precision, for pictures; the file of the run has double precision. Names of data contain the unit;
+vectors are in the base frame, curvature is in body axes.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ Ints = NDArray[np.int64]
 Progress = Callable[[str, float], None]
 
 _PVD: Final = "run.pvd"
-_MARK: Final = "<!-- Bowstring:"  # in the .pvd, tells it from that of another program
+_MARK: Final = "<!-- Bowstring:"  # comment in the .pvd that identifies our files
 _POLY_LINE, _POLYGON, _QUAD = 4, 7, 9
 
 
 def check_folder(out: str | Path) -> Path:
-    """Say before any work whether a series may be written to a folder.
+    """Check before any work that a series may be written to a folder.
 
     Parameters
     ----------
     out : str or Path
-        It need not exist. A former series in it will be replaced.
+        Folder, which need not exist; a former series in it will be replaced.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def check_folder(out: str | Path) -> Path:
     Raises
     ------
     InputError
-        If it holds files that are not of a former series, or cannot be written.
+        If the folder contains other files than a former series, or cannot be written.
     """
     return check_whole_folder(out, "VTK series", _check_content)
 
@@ -73,8 +73,8 @@ def _check_content(folder: Path, why: str) -> None:
     foreign = sorted(present - {_PVD, *listed})
     if foreign:
         raise InputError(
-            f"{why}: it holds {foreign[0]}, which is not of a VTK series of Bowstring, and nothing "
-            "of yours is replaced; name a new or an empty folder"
+            f"{why}: it holds {foreign[0]}, which is not of a VTK series of Bowstring, and "
+            "existing files are not overwritten; name a new or an empty folder"
         )
 
 
@@ -86,33 +86,33 @@ def write_vtk(
     angles: int = 24,
     progress: Progress | None = None,
 ) -> Path:
-    """Write a run as a VTK series, all of it or nothing.
+    """Write a run as a VTK series, whole or not at all.
 
     Parameters
     ----------
     robot : Robot
-        Of the run.
+        Robot of the run.
     data : xarray.Dataset
-        From `Run.to_dataset` or `bowstring.dynamics.run_file.read_run`; choose times by
+        Run from `Run.to_dataset` or `bowstring.dynamics.run_file.read_run`; select times by
         ``data.isel(time=slice(None, None, 10))``.
     out : str or Path
         Folder; a former series in it is replaced after success.
     angles : int
-        Points around the backbone.
+        Number of points around the backbone.
     progress : callable, optional
-        Called with what is being done and the share that is done, from 0 to 1.
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
 
     Returns
     -------
     Path
-        The .pvd file, that ParaView opens. Backbone: ``von_mises_Pa`` and ``axial_stress_Pa`` at
+        Path of the .pvd file for ParaView. Backbone: ``von_mises_Pa`` and ``axial_stress_Pa`` at
         each point of the surface, ``displacement_m`` from straight, ``curvature_per_m``. Disks:
         ``displacement_m, velocity_m_per_s``. Tendons: ``tension_N``.
 
     Raises
     ------
     InputError
-        If the folder may not be written, the drive is full or the data are not of this robot.
+        If the folder cannot be written, the drive is full or the data are of another robot.
     """
     tell = progress or (lambda what, share: None)
     if not is_whole(angles) or not 3 <= angles <= 1000:
@@ -129,11 +129,12 @@ def write_series(folder: Path, parts: Sequence[Part], data: xr.Dataset, tell: Pr
     Parameters
     ----------
     folder : Path
-        As `check_folder` returns it.
+        Folder from `check_folder`.
     parts : sequence of Part
     data : xarray.Dataset
-        Has the times, and in its attributes where it comes from.
+        Run with times and provenance attributes.
     tell : callable
+        Progress callback.
     """
     times = data["time"].to_numpy()
 
@@ -175,7 +176,7 @@ def write_series(folder: Path, parts: Sequence[Part], data: xr.Dataset, tell: Pr
 
 
 def check_data(robot: Robot, data: xr.Dataset) -> None:
-    """Raise `InputError` if ``data`` are no run, hold no output time or are of another robot."""
+    """Raise `InputError` if ``data`` are no run, have no output time or are of another robot."""
     import xarray as xr
 
     check_robot(robot)
@@ -197,7 +198,7 @@ def check_data(robot: Robot, data: xr.Dataset) -> None:
 
 
 class Part:
-    """What is the same at all times of a part: its cells, and its points when straight."""
+    """Part of the robot with its constant data: cells, and points of the straight robot."""
 
     name: str
 
@@ -217,7 +218,7 @@ class Part:
         raise NotImplementedError
 
     def piece(self, i: int) -> str:
-        """The .vtu file of output time number i."""
+        """Text of the .vtu file of output time number i."""
         points, values = self.at(i)
         data = "".join(_array(name, array.astype(np.float32)) for name, array in values.items())
         order = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
@@ -242,7 +243,7 @@ class _Backbone(Part):
         self._rotation = data["rotation"].to_numpy()
         self._curvature = data["curvature"].to_numpy()
         self._stress = surface_stress(sec, data["force"].to_numpy(), data["moment"].to_numpy())
-        # no faces between modules: there the stations coincide and the stress may jump
+        # no faces between modules, where stations coincide and the stress may jump
         quads = [
             (p * angles + j, p * angles + k, (p + 1) * angles + k, (p + 1) * angles + j)
             for p in np.flatnonzero(np.diff(module) == 0).tolist()
@@ -322,13 +323,13 @@ class Tendons(Part):
 
 
 def circle(count: int, *, closed: bool = False) -> Floats:
-    """Points (count, 3) of the circle of radius 1 about z; if closed, the last is the first."""
+    """Points (count, 3) of the unit circle about z; if closed, the last equals the first."""
     psi = np.linspace(0.0, math.tau, count, endpoint=closed)
     return np.stack([np.cos(psi), np.sin(psi), 0.0 * psi], axis=1)
 
 
 def holes(robot: Robot, data: xr.Dataset) -> list[Floats]:
-    """The holes that each tendon passes, from the base to its end disk.
+    """Holes of each tendon from the base to its end disk.
 
     Parameters
     ----------
@@ -338,7 +339,7 @@ def holes(robot: Robot, data: xr.Dataset) -> list[Floats]:
     Returns
     -------
     list of ndarray (T, k + 1, 3)
-        One for each tendon, that ends at disk k; in m, base frame.
+        Positions in m, base frame, of each tendon with end disk k.
     """
     position, rotation = data["disk_position"].to_numpy(), data["disk_rotation"].to_numpy()
     paths = []
@@ -353,7 +354,7 @@ _TYPES: Final = {"f4": "Float32", "i4": "Int32", "u1": "UInt8"}
 
 
 def _array(name: str, values: NDArray[Any]) -> str:
-    """A DataArray element; its content in base64 is the count of bytes, then the bytes."""
+    """DataArray element; its base64 content is the number of bytes, then the bytes."""
     raw = np.ascontiguousarray(values).tobytes()
     width = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
     content = base64.b64encode(struct.pack("=Q", len(raw)) + raw).decode("ascii")
