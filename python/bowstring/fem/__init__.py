@@ -1,4 +1,4 @@
-"""The robot by 3-D finite elements, solved by CalculiX, a program of its own."""
+"""3-D finite elements of a robot, solved by the separate program CalculiX."""
 
 from bowstring.fem.comparison import BesideRod, beside_rod
 from bowstring.fem.mesh import Fineness

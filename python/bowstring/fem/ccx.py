@@ -1,4 +1,4 @@
-"""CalculiX as a process of its own: found, started, watched, and what its end means."""
+"""CalculiX as a separate process: find, start and monitor it, and interpret its exit."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ __all__ = ["End", "find", "run", "version"]
 
 Status = Literal["converged", "diverged", "killed", "out_of_memory", "no_space", "failed"]
 
-_LOOK: Final = 0.1  # s, between two looks at the files
-_PATIENCE: Final = 5.0  # s that it has to end when told to
-_FULL: Final = 1 << 20  # bytes free on a drive that is full
-# reads until this process is no more, however it ended; $1 is the program, $2 a folder to remove
+_LOOK: Final = 0.1  # s between two checks of the files
+_PATIENCE: Final = 5.0  # s for it to end after a signal
+_FULL: Final = 1 << 20  # free bytes below which a drive counts as full
+# The read ends when this process ends for any reason; $1 is a folder to remove.
 _WATCH: Final = 'read -r pid; read -r line; kill -KILL "$pid"; [ -z "$1" ] || rm -rf -- "$1"'
 
 
 class End(NamedTuple):
-    """How a run ended: status, and a clause that says why."""
+    """End of a run: status and reason."""
 
     status: Status
     why: str
 
 
 def find() -> Path:
-    """The program.
+    """Find the program.
 
     Raises
     ------
     InputError
-        If it is not on the search path.
+        If ``ccx`` is not on the search path.
     """
     found = shutil.which("ccx")
     if found is None:
@@ -52,7 +52,7 @@ def find() -> Path:
 
 
 def version(program: Path) -> str:
-    """Its version, as ``"2.20"``.
+    """Return the version of the program, such as ``"2.20"``.
 
     Raises
     ------
@@ -80,21 +80,21 @@ def version(program: Path) -> str:
 def run(
     program: Path, folder: Path, job: str, look: Callable[[], None], *, fleeting: bool = False
 ) -> End:
-    """Run a deck to its end.
+    """Run an input deck.
 
     Parameters
     ----------
     program : Path
     folder : Path
-        Holds ``job.inp`` and gets all files, ``job.log`` among them.
+        Folder with ``job.inp``, for all files, including ``job.log``.
     look : callable
-        Called every moment, and once when the program has ended. What it raises, Ctrl-C too, ends
-        the program.
+        Called repeatedly, and once after the program has ended. An exception from it, also from
+        Ctrl-C, ends the program.
     fleeting : bool
-        Whether the folder may go should this process be killed.
+        Whether to remove the folder if this process is killed.
     """
     log = folder / f"{job}.log"
-    # tables are written line by line, or those of a step that is done would wait in a buffer
+    # line buffering, so that tables of a finished step are not left in a buffer
     environment = {"OMP_NUM_THREADS": "1", **os.environ, "GFORTRAN_UNBUFFERED_ALL": "y"}
     with log.open("wb") as output, _watcher(folder if fleeting else None) as watch:
         try:
@@ -124,13 +124,13 @@ def run(
 
 @contextlib.contextmanager
 def _watcher(folder: Path | None) -> Iterator[Callable[[int], None]]:
-    """A shell that ends a program, once it is told its number, if this process is killed.
+    """Start a shell that ends a program, given its process id, if this process is killed.
 
-    It is there before the program, so that none is left unwatched. Where there is no POSIX shell
-    the program then goes on to its own end.
+    It starts before the program, so that the program is always watched. Without a POSIX shell the
+    program would run to its own end.
     """
     try:
-        # a session of its own: what is sent to all processes of a terminal does not reach it
+        # a new session, so that signals to all processes of a terminal do not reach it
         watcher = subprocess.Popen(
             ["/bin/sh", "-c", _WATCH, "sh", str(folder or "")],
             stdin=subprocess.PIPE,
@@ -145,7 +145,7 @@ def _watcher(folder: Path | None) -> Iterator[Callable[[int], None]]:
     channel = watcher.stdin.fileno()
 
     def tell(process: int) -> None:
-        with contextlib.suppress(BrokenPipeError):  # somebody has ended the shell
+        with contextlib.suppress(BrokenPipeError):  # the shell was ended
             os.write(channel, f"{process}\n".encode())
 
     try:

@@ -1,4 +1,4 @@
-"""Finite elements beside the rod: tips, stress in the middle of modules, stress at disks' edges."""
+"""Comparison of finite elements with the rod: tips, and stress in modules and at disk edges."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ __all__ = ["BesideRod", "beside_rod"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_NOTHING: Final = 1e-4  # of the largest stress of a run
+_NOTHING: Final = 1e-4  # stress over the largest of a run that counts as zero
 
 
 @dataclass(frozen=True)
 class BesideRod:
-    """What finite elements and the rod say of the same; K loads or times, M modules. SI.
+    """Results of finite elements and rod at K loads or times in M modules, SI.
 
     Attributes
     ----------
     tip : ndarray (K, 3)
-        Of the rod; NaN where it has no equilibrium.
+        Tip of the rod, m; NaN where it has no equilibrium.
     difference : ndarray (K,)
-        Distance of the two tips.
+        Distance of the two tips, m.
     middle, rod_middle : ndarray (K, M)
-        Largest axial stress at the surface in the middle of each module's free backbone. That of
-        the rod is NaN in motion, whose stress is not compared.
+        Largest axial stress at the surface in the middle of each module's free backbone, Pa. That
+        of the rod is NaN in motion, where stress is not compared.
     edge : ndarray (K, M)
-        Largest at a node within a module: as a rule at a disk's edge, where a rigid clamp has no
-        finite stress. It grows with the fineness of the mesh, and is shown as a concentration.
+        Largest axial stress at a node of a module, Pa, usually at the edge of a disk. The stress at
+        a rigid clamp is singular: it grows with refinement and indicates a stress concentration.
     """
 
     tip: Floats
@@ -51,19 +51,18 @@ class BesideRod:
 
     @property
     def stress_ratio(self) -> Floats:
-        """Of the largest stress in the middle of a module, to the rod's there; (K,).
+        """Ratio (K,) of the largest stress in the middle of a module to that of the rod.
 
-        NaN where there is no load, and where the rod has none.
+        NaN without load, and where the rod has no stress.
         """
         k, at = self._most_stressed()
         return self._ratio(self.middle[k, at], self.rod_middle[k, at])
 
     @property
     def concentration(self) -> Floats:
-        """Largest stress at a node of the module whose middle is stressed most, by that; (K,).
+        """Ratio (K,) of largest nodal stress to that in the middle, in the most stressed module.
 
-        NaN where there is no load. Of other modules it would tell no concentration: there a moment
-        may pass through zero in the middle.
+        NaN without load. In other modules the moment may vanish in the middle.
         """
         k, at = self._most_stressed()
         return self._ratio(self.edge[k, at], self.middle[k, at])
@@ -73,7 +72,7 @@ class BesideRod:
         return np.arange(len(self.middle)), at
 
     def _ratio(self, stress: Floats, by: Floats) -> Floats:
-        """NaN where what is left of Newton's iteration would be compared."""
+        """Ratio of stresses; NaN where they are within the tolerance of the Newton iteration."""
         least = _NOTHING * self.middle.max(initial=0.0)
         found: Floats = np.divide(
             stress, by, out=np.full(len(stress), np.nan), where=np.isfinite(by) & (by > least)
@@ -82,17 +81,17 @@ class BesideRod:
 
 
 def beside_rod(run: BrickRun) -> BesideRod:
-    """Solve the rod for what a run by finite elements has reached.
+    """Solve the rod for the loads or times of a run by finite elements.
 
     Parameters
     ----------
     run : BrickRun
-        Of `sweep` or `ramp`.
+        Run of `sweep` or `ramp`.
 
     Returns
     -------
     BesideRod
-        Tips and stresses of both, output by output.
+        Tips and stresses of both at each output.
     """
     stress = [run.section_stress(i) for i in range(len(run.states))]
     modules = len(run.robot.disks.station_m)

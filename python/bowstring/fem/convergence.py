@@ -1,9 +1,9 @@
-"""How far finite elements are from their own limit: meshes, stiffness of disks, steps.
+"""Convergence study of the finite elements: meshes, stiffness of disks, time steps.
 
-Each of these is refined on its own, three times; Richardson's extrapolation of the three tips to no
-size and rigid disks gives what it still changes. The limit is the finest tip with all these changes
-added, and its error bar the sum of their doubts: with errors C h^p of an order that is
-seen, the part of each that is extrapolated; else the last changes as a whole.
+Each of these is varied separately in three levels. Richardson extrapolation of the three tips to
+zero size and rigid disks gives its remaining change. The limit is the finest tip plus all these
+changes, and its uncertainty the sum of theirs: the extrapolated part if the errors follow C h^p
+with an observed order p, otherwise the last change as a whole.
 """
 
 from __future__ import annotations
@@ -25,16 +25,17 @@ __all__ = ["Convergence", "Refinement", "extrapolated", "study"]
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-_STEEPEST: Final = 6.0  # order that is believed
+_STEEPEST: Final = 6.0  # largest plausible order
 _FLATTEST: Final = 0.5
-_ALONG: Final = 4  # bricks along a module while something else is refined
+_ALONG: Final = 4  # bricks along a module while something else is varied
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """One thing refined: its name, sizes (3,), tips (3, K, 3) in m, its limit and doubt (K, 3).
+    """Refinement in one size: name, sizes (3,), tips (3, K, 3), limit and uncertainty (K, 3) in m.
 
-    ``order`` is that of the last load's displacement across; NaN where the three do not show one.
+    ``order`` is the observed order of the transverse tip displacement at the last load; NaN if the
+    three values show none.
     """
 
     name: str
@@ -48,9 +49,9 @@ class Refinement:
 
 @dataclass(frozen=True)
 class Convergence:
-    """The run asked for, what refinements made of its tip, and the limit (K, 3) with its error.
+    """Requested run, its refinements, and the limit (K, 3) of the tip in m.
 
-    ``error`` (K,) is in m, of the tip's position.
+    ``error`` (K,) is the uncertainty of the limit in m.
     """
 
     run: BrickRun
@@ -60,11 +61,11 @@ class Convergence:
 
 
 def extrapolated(sizes: Sequence[float], values: Floats) -> tuple[Floats, Floats, float]:
-    """Richardson's limit of values (3, ...) at falling sizes, its doubt, and the order seen.
+    """Richardson limit of values (3, ...) at decreasing sizes, its uncertainty, and observed order.
 
-    The order is that of the component that changes most. Where the three values show none between
-    0.5 and 6, the limit is the last value and the doubt the larger of the two last changes; so it
-    is of any other component that does not settle.
+    The order is that of the component that changes most. If it is not between 0.5 and 6, the limit
+    is the last value and its uncertainty the larger of the two changes. The same holds for any
+    other component that does not converge.
     """
     a, b, c = (float(h) for h in sizes)
     first, last = values[1] - values[0], values[2] - values[1]
@@ -92,18 +93,18 @@ def study(
     motion: Motion | None = None,
     progress: Progress | None = None,
 ) -> Convergence:
-    """Run what is asked for, and finer and coarser beside it.
+    """Run the requested settings, and finer and coarser ones.
 
     Parameters
     ----------
     robot : Robot
     tensions : array_like (K, T)
-        Loads of a sweep; of a motion (T,), after the rise.
+        Tensions of a sweep in N; for a motion (T,), after the rise.
     settings : Settings, optional
-        Of the run; refined are half its bricks along a module, its number of them and twice that,
-        and so on.
+        Settings of the run; the levels are half, once and twice its bricks along a module, and
+        likewise for the other sizes.
     motion : Motion, optional
-        A ramp in place of a sweep.
+        Ramp in place of a sweep.
     progress : callable, optional
 
     Returns
@@ -113,16 +114,16 @@ def study(
     Raises
     ------
     InputError
-        If what is finer or coarser cannot be had.
+        If finer or coarser settings are not possible.
     NoSolutionError
-        If one of the runs does not reach its end; those that did are kept.
+        If one of the runs fails; finished runs are kept.
     """
     settings = settings or Settings()
     mesh = settings.fineness
-    # with fewer along, what bricks around change is lost in what bricks along miss
+    # fewer bricks along would hide the effect of bricks around
     along = min(mesh.module, max(_ALONG, mesh.module // 2))
     coarse = replace(settings, fineness=replace(mesh, module=along))
-    # of each of three: size, label, settings, step
+    # each of three levels: size, label, settings, step
     along_a_module = [
         (1.0 / n, str(n), replace(settings, fineness=replace(mesh, module=n)), 1.0)
         for n in (max(2, mesh.module // 2), mesh.module, 2 * mesh.module)
@@ -139,7 +140,7 @@ def study(
     plans = [
         ("bricks along a module", 1, along_a_module),
         ("bricks around", 0, around),
-        ("stiffness of disks", 2, stiffness),  # stiffer ones cost digits
+        ("stiffness of disks", 2, stiffness),  # stiffer ones lose digits
     ]
     if motion is not None:
         steps = [(s, f"{1e3 * s * motion.dt:g} ms", coarse, s) for s in (2.0, 1.0, 0.5)]

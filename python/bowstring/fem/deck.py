@@ -1,14 +1,14 @@
-"""The input of CalculiX for a mesh of bricks: model, steps, and how to go on after a stop.
+"""CalculiX input deck for a mesh of bricks: model, steps, and restart.
 
-Lengths are in mm, forces in N, stresses in MPa, masses in t and times in s, as CalculiX has no
-units and these keep its numbers near 1.
+Lengths are in mm, forces in N, stresses in MPa, masses in t and times in s: CalculiX has no units,
+and these keep its numbers near 1.
 
-A span of tendon is a nonlinear spring whose force is flat in its elongation and proportional to the
-temperature of its two ends: so the tension is a load that follows the holes, and CalculiX knows its
-tangent. Each span begins at a node of its own that is tied to the hole, because the force at that
-node is then the span's, and is printed. A disk is a stiff layer of backbone with stiff arms; stiff
-is finite, a factor on Young's modulus. Its mass and inertia are those of 12 point masses at the
-ends of four more arms.
+A span of a tendon is a nonlinear spring whose force is independent of its elongation and
+proportional to the temperature of its ends. The tension is thus a follower load between holes with
+an exact tangent in CalculiX. Each span begins at a separate node tied to the hole, so that the
+printed force at that node is that of the span. A disk is a stiff layer of backbone with stiff arms;
+the stiffness is a finite factor on Young's modulus. Its mass and inertia are those of 12 point
+masses at the ends of four further arms.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ MM: Final = 1e3
 _MPA: Final = 1e-6
 _T: Final = 1e-3
 _T_PER_MM3: Final = 1e-12
-_LIGHT: Final = 1e-6  # density of arms, by that of the backbone
-_ACROSS: Final = 0.01  # of the backbone: what a disk that is not bonded has across
+_LIGHT: Final = 1e-6  # density of arms over that of the backbone
+_ACROSS: Final = 0.01  # transverse stiffness of a sliding disk over that of the backbone
 _FAR: Final = 1e6  # mm, beyond any elongation
-_LEAST: Final = 1e-4  # of a step: the shortest increment that is tried
+_LEAST: Final = 1e-4  # shortest increment over step
 
 
 class Step(NamedTuple):
-    """A step of the calculation, after which its state is printed.
+    """Step of the calculation, at the end of which its state is printed.
 
     Attributes
     ----------
     tensions : tuple of float (T,)
-        At its end, in N.
+        Tensions at its end, in N.
     duration : float
-        In s; 0 for a static step, which takes 1 of CalculiX's time.
+        Duration in s; 0 for a static step, which takes a unit of CalculiX's time.
     first, longest : float
-        First and longest increment, as a share of the step.
+        First and longest increment over the step.
     """
 
     tensions: tuple[float, ...]
@@ -65,15 +65,15 @@ class Step(NamedTuple):
 
     @property
     def span(self) -> float:
-        """Of CalculiX's time."""
+        """Duration in CalculiX's time."""
         return self.duration or 1.0
 
 
 @dataclass(frozen=True)
 class Loading:
-    """What is the same in all steps: dead loads (3,), how disks hold, criterion of Newton.
+    """Constants of all steps: dead loads (3,), grip of the disks, Newton criterion.
 
-    ``damping`` in 1/s is against the velocity of all mass.
+    ``damping`` is mass-proportional, in 1/s.
     """
 
     gravity: tuple[float, ...]
@@ -85,9 +85,9 @@ class Loading:
 
 
 class Spans(NamedTuple):
-    """Springs: nodes ``first``, at which a span's force is read, and ``last``; disk, tendon (P,).
+    """Springs of P spans: nodes ``first``, where the force is printed, and ``last``; disk, tendon.
 
-    ``tied`` (P,) are the nodes of the holes that the first nodes follow, -1 at the base.
+    ``tied`` (P,) are the nodes of the holes to which the first nodes are tied, -1 at the base.
     """
 
     first: Ints
@@ -98,7 +98,7 @@ class Spans(NamedTuple):
 
 
 def spans(mesh: BrickMesh) -> Spans:
-    """The spans of a mesh, tendon by tendon; tied nodes follow those of the mesh."""
+    """Spans of a mesh by tendon; tied nodes are numbered after those of the mesh."""
     rows = []
     new = len(mesh.nodes)
     for t in range(mesh.hole.shape[1]):
@@ -115,7 +115,7 @@ def spans(mesh: BrickMesh) -> Spans:
 
 
 def model(robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step]) -> str:
-    """The deck up to its steps; disks have inertia if their mesh has the arms for it.
+    """Write the deck before its steps; disks have inertia if their mesh has arms for it.
 
     Parameters
     ----------
@@ -123,11 +123,11 @@ def model(robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step])
     mesh : BrickMesh
     loading : Loading
     todo : sequence of Step
-        All of them: how the tensions of those in motion go on is a part of the model.
+        All steps: in motion the tensions over time are part of the model.
     """
     lines = [*_nodes(mesh), *_bricks(mesh), *_springs(mesh), *_masses(robot, mesh)]
     lines += _materials(robot, mesh, loading)
-    if loading.damping > 0:  # of the whole model, though CalculiX wants it after a material
+    if loading.damping > 0:  # for the whole model, although CalculiX expects it after a material
         lines += [f"*DAMPING, ALPHA={loading.damping:.10g}"]
     lines += _courses(todo)
     lines += [*_base(mesh, loading.bonded), "*BOUNDARY", "BASEHOLES,1,3"]
@@ -137,15 +137,15 @@ def model(robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step])
 
 
 def resume(done: int) -> str:
-    """In place of the model: go on after a number of steps that a former run has done."""
+    """Write the restart after `done` steps, in place of the model."""
     return f"*RESTART, READ, STEP={done}\n*RESTART, WRITE, FREQUENCY=1\n"
 
 
 def steps(robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step]) -> str:
-    """The steps, each of which changes the tensions straight from those of the one before.
+    """Write the steps, each with tensions linear in time from those of the previous one.
 
-    Those in motion are one of CalculiX's, printed on the way: it finds the accelerations at the
-    start of each step anew, which jolts a motion, and one with disks that slide beyond use.
+    Steps in motion become a single one of CalculiX with several outputs, because it computes
+    accelerations anew at the start of each step, which disturbs the motion.
     """
     lines: list[str] = []
     rest = list(todo)
@@ -182,7 +182,7 @@ def _set(name: str, nodes: Ints) -> Iterator[str]:
 
 
 def _parts(mesh: BrickMesh) -> Iterator[tuple[str, int, Ints]]:
-    """Sets of bricks: name, segment, which."""
+    """Yield sets of bricks: name, segment, indices."""
     for k in range(int(mesh.part.max()) + 1):
         here = mesh.part == k
         yield f"FREE{k + 1}", k, np.flatnonzero(here & ~mesh.stiff)
@@ -234,10 +234,10 @@ def _masses(robot: Robot, mesh: BrickMesh) -> Iterator[str]:
 
 
 def _base(mesh: BrickMesh, bonded: bool) -> Iterator[str]:
-    """How the base holds the backbone: all of it, or along it alone.
+    """Write the constraints of the base: all displacements, or only the axial ones.
 
-    Then what is left of motion is taken from the mean of its nodes: two shifts and a turn, and
-    no change of the section's shape. Single nodes that held it would give way, and turn it.
+    In the latter case the mean transverse motion of its nodes is fixed (two displacements and a
+    rotation), not the shape of the section. Fixing single nodes would deform and rotate it.
     """
     if bonded:
         yield "*BOUNDARY\nBASE,1,3"
@@ -246,7 +246,7 @@ def _base(mesh: BrickMesh, bonded: bool) -> Iterator[str]:
     x, y = mesh.nodes[mesh.base, :2].T
     one, none = np.ones_like(x), np.zeros_like(x)
     means = np.concatenate([[one, none, -y], [none, one, x]], axis=1)
-    # displacements along x of all nodes, then along y; one of each mean is what others decide
+    # displacements of all nodes along x, then along y; one in each equation depends on the others
     count = len(x)
     decided = [int(y.argmax()), count + int(x.argmax()), count + int(x.argmin())]
     for place, row in zip(decided, np.linalg.solve(means[:, decided], means), strict=True):
@@ -274,7 +274,7 @@ def _materials(robot: Robot, mesh: BrickMesh, loading: Loading) -> Iterator[str]
             continue
         yield f"*MATERIAL, NAME={name}"
         if name.startswith("HELD") and not loading.bonded:
-            # stiff along and in shear, yielding across
+            # stiff axially and in shear, soft transversely
             soft = _ACROSS * rod.E * _MPA
             along = f"{soft:.10g},{soft:.10g},{young:.10g},0.,0.,0."
             yield f"*ELASTIC, TYPE=ENGINEERING CONSTANTS\n{along},{soft / 2:.10g},{young / 2:.10g}"
@@ -286,7 +286,7 @@ def _materials(robot: Robot, mesh: BrickMesh, loading: Loading) -> Iterator[str]
 
 
 def _courses(todo: Sequence[Step]) -> Iterator[str]:
-    """Tensions over CalculiX's total time, as in motion a load would jump, not rise; outputs."""
+    """Write tensions and outputs over CalculiX's total time; loads of a motion would jump."""
     if all(step.is_static for step in todo):
         return
     ends = np.cumsum([0.0] + [step.span for step in todo])
@@ -313,7 +313,7 @@ def _step(
     then_motion: bool = False,
 ) -> Iterator[str]:
     step, period = todo[0], sum(one.span for one in todo)
-    every = "FREQUENCY=1000000"  # the last increment of a step alone
+    every = "FREQUENCY=1000000"  # only the last increment of a step
     if len(todo) > 1:
         every = "TIME POINTS=OUTPUTS"
     yield "*STEP, NLGEOM, INC=1000000"
@@ -332,7 +332,7 @@ def _step(
     yield f"*NODE PRINT, NSET=SPANS, {every}\nRF"
     for name, _, which in _parts(mesh):
         if name.startswith("FREE") and len(which):
-            # motion has energies, and a step at rest before it must have had them too
+            # energies of a motion must be requested in the static step before it too
             yield f"*EL PRINT, ELSET={name}, {every}\n" + ("S,E,ENER" if then_motion else "S,E")
     yield "*END STEP"
 

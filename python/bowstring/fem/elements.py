@@ -1,4 +1,4 @@
-"""Quadratic elements: what lies between their nodes, and where CalculiX integrates.
+"""Quadratic elements: shape functions, and integration points of CalculiX.
 
 The order of nodes is that of the mesh.
 """
@@ -17,14 +17,14 @@ __all__ = ["GAUSS", "MASS_POINTS", "MASS_WEIGHTS", "POINTS", "brick_shape", "qua
 Floats = NDArray[np.float64]
 
 GAUSS: Final = 1.0 / math.sqrt(3.0)
-"""Of the integration points of C3D20R, 2 in each direction."""
+"""Coordinate of the integration points of C3D20R, 2 in each direction."""
 POINTS: Final = GAUSS * np.array([p[::-1] for p in product((-1.0, 1.0), repeat=3)])
-"""Integration points of C3D20R (8, 3) in CalculiX's order: x runs first."""
+"""Integration points of C3D20R (8, 3) in CalculiX's order, x fastest."""
 _THREE: Final = math.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
 MASS_POINTS: Final = np.array([p[::-1] for p in product(_THREE, repeat=3)])
 """Points (27, 3) at which CalculiX integrates the mass of C3D20R."""
 MASS_WEIGHTS: Final = np.prod(list(product((5 / 9, 8 / 9, 5 / 9), repeat=3)), axis=1)
-"""Their weights (27,)."""
+"""Weights (27,) of these points."""
 # in the order of a brick's nodes
 _CORNERS: Final = np.array(
     [(x, y, z) for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))], dtype=float

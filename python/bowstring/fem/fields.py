@@ -1,8 +1,8 @@
-"""Fields of a mesh of bricks: the rod's own quantities of each section, and stress at nodes.
+"""Fields of a mesh of bricks: quantities of the rod at each section, and stress at nodes.
 
-A section is a plane of integration points; its forces are integrals of stress over it, and nothing
-of the rod's theory goes in. Positions and axes are those of the best plane through the corners of
-the bricks. Everything is SI, in the base frame unless said otherwise.
+A section is a plane of integration points; its forces are integrals of stress, independent of rod
+theory. Positions and axes are those of the best-fitting plane through the corners of the bricks.
+All values are in SI and in the base frame by default.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ Ints = NDArray[np.int64]
 
 _OVER_TIME: Final = set(Frames.__dataclass_fields__) - {"time", "station", "module"}
 VOIGT: Final = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-"""Where the components of a tensor are among xx, yy, zz, xy, xz, yz."""
-_ROW, _COLUMN = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)  # where those are in a tensor
+"""Index of each component of a tensor in xx, yy, zz, xy, xz, yz."""
+_ROW, _COLUMN = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)  # row and column of these in a tensor
 
 
 @dataclass(frozen=True)
 class State:
-    """What was computed of a step; n nodes, f free bricks in the order of the mesh, P spans.
+    """Results of a step: n nodes, f free bricks in the order of the mesh, P spans.
 
     ``displacement, velocity`` (n, 3), the latter None at rest; ``stress`` in Pa and ``strain``
     (f, 8, 6) at integration points, x first, as xx, yy, zz, xy, xz, yz; ``span_force`` (P, 3) at
-    the base side of each span. As CalculiX has them, stress is Cauchy's, in base axes, and strain
-    is Green's, whose axes are those of the straight robot: see `strain_in_base`.
+    the base side of each span. As in CalculiX, stress is Cauchy's, in base axes, and strain is
+    Green's, in the axes of the straight robot: see `strain_in_base`.
     """
 
     displacement: Floats
@@ -67,13 +67,13 @@ class SectionStress(NamedTuple):
     Attributes
     ----------
     module, arc_length : ndarray (M,)
-        Modules are counted from 0; a disk's two edges belong to two of them.
+        Module from 0 and arc length in m; the two edges of a disk belong to two modules.
     largest : ndarray (M,)
-        Largest magnitude of the plane that fits the nodes of the outline best: what bending and
-        tension make of it, as a rod would.
+        Largest magnitude of the plane fitted to the nodes of the outline, which is the part of
+        bending and tension, as in a rod.
     peak : ndarray (M,)
-        Largest magnitude at a node: at disks' edges the concentration too, which grows with the
-        fineness of the mesh as the corner of a rigid clamp has no finite stress.
+        Largest magnitude at a node, at disk edges with the stress concentration, which grows with
+        refinement because the stress at the corner of a rigid clamp is singular.
     """
 
     module: Ints
@@ -108,7 +108,7 @@ def _axes(along_x: Floats, along_y: Floats) -> Floats:
 
 
 def _at_planes(fit: Floats, free: Ints) -> Floats:
-    """Values at the rows below, in and above slices, taken to their planes of points."""
+    """Interpolate values at the rows below, in and above slices to their planes of points."""
     s = np.array([-GAUSS, GAUSS])
     weight = np.stack([0.5 * s * (s - 1.0), 1.0 - s**2, 0.5 * s * (s + 1.0)], axis=1)
     rows = 2 * free[:, None] + np.arange(3)
@@ -119,7 +119,7 @@ def _at_planes(fit: Floats, free: Ints) -> Floats:
 def _section_forces(
     mesh: BrickMesh, state: State, free: Ints, centre: Floats
 ) -> tuple[Floats, Floats]:
-    """Force and moment (2 F, 3) about the centres that the part beyond exerts on each plane."""
+    """Force and moment (2 F, 3) about the centres of the distal part on each plane."""
     bricks = mesh.bricks[mesh.slices[free]]  # (F, q, 20)
     number = np.cumsum(~mesh.stiff) - 1
     stress = state.stress[number[mesh.slices[free]]][..., VOIGT]  # (F, q, 8, 3, 3)
@@ -137,7 +137,7 @@ def _section_forces(
 
 
 def span_tension(mesh: BrickMesh, state: State) -> Floats:
-    """Tension (N, T) of spans from the forces at their ends, NaN where there is none."""
+    """Tension (N, T) of spans from the forces at their ends, NaN where there is no span."""
     found = np.full((len(mesh.hole) - 1, mesh.hole.shape[1]), np.nan)
     which = spans(mesh)
     found[which.disk, which.tendon] = np.linalg.norm(state.span_force, axis=1)
@@ -152,7 +152,7 @@ def frames(
     states: Sequence[State],
     gravity: Sequence[float],
 ) -> Frames:
-    """The rod's raw output, from bricks; NaN for what bricks do not say.
+    """Raw output of the rod's form from bricks; NaN for quantities without a counterpart.
 
     Parameters
     ----------
@@ -162,15 +162,15 @@ def frames(
     tensions : ndarray (K, T)
     states : sequence of State (K,)
     gravity : sequence of 3 floats
-        Of the run, in m/s^2.
+        Gravity of the run, in m/s^2.
     """
     free, module, station = _planes(mesh)
     rows: dict[str, list[Floats]] = {name: [] for name in _OVER_TIME}
     ends = robot.tendons.end_disk
     straight = robot.disks.station_m[ends]
-    # with pretension the home pose is another, which bricks have not computed
+    # with pretension the home pose differs, which bricks have not computed
     home = np.full(len(ends), np.nan) if robot.tendons.pretension_N.any() else straight
-    stretch = compliances(robot)  # bricks have the robot alone; the motor takes in this too
+    stretch = compliances(robot)  # displacements include it, bricks do not
     for i, state in enumerate(states):
         moved = mesh.nodes + state.displacement
         fit = _fit(mesh, moved)
@@ -185,7 +185,7 @@ def frames(
         velocity, spin = _motion(mesh, state, disk_rotation)
         rate = state.velocity
         kinetic = 0.0 if rate is None else kinetic_energy(robot, mesh, rate)
-        unknown = np.array(np.nan)  # outputs are too far apart to integrate over
+        unknown = np.array(np.nan)  # outputs are too far apart for integration
         for name, value in {
             "position": planes[:, 0],
             "rotation": rotation,
@@ -213,7 +213,7 @@ def frames(
 
 
 def none_of(found: Frames) -> Frames:
-    """Frames of no time at all, at the same stations."""
+    """Frames without any time, at the same stations."""
     values = vars(found)
     return Frames(**{n: v if n in ("station", "module") else v[:0] for n, v in values.items()})
 
@@ -240,7 +240,7 @@ def _gradient(mesh: BrickMesh, state: State) -> tuple[Floats, Floats]:
 
 
 def strain_in_base(mesh: BrickMesh, state: State) -> Floats:
-    """Green's strain (f, 8, 6) turned as the material has turned: in base axes, as stress is."""
+    """Green's strain (f, 8, 6) rotated with the material to base axes, like the stress."""
     u, _, vt = np.linalg.svd(_gradient(mesh, state)[0])
     turn = u @ vt
     strain = turn @ state.strain[..., VOIGT] @ np.swapaxes(turn, -1, -2)
@@ -249,7 +249,7 @@ def strain_in_base(mesh: BrickMesh, state: State) -> Floats:
 
 
 def _elastic_energy(mesh: BrickMesh, state: State) -> float:
-    """Of the free bricks: half of Green's strain times the stress that goes with it."""
+    """Elastic energy of the free bricks: half of Green's strain times its conjugate stress."""
     gradient, volume = _gradient(mesh, state)
     back = np.linalg.inv(gradient)
     stress = back @ state.stress[..., VOIGT] @ np.swapaxes(back, -1, -2)  # second Piola-Kirchhoff's
@@ -258,11 +258,11 @@ def _elastic_energy(mesh: BrickMesh, state: State) -> float:
 
 
 def at_nodes(mesh: BrickMesh, values: Floats) -> Floats:
-    """Values (f, 8, k) at integration points, taken to nodes (n, k) and averaged there.
+    """Extrapolate values (f, 8, k) at integration points to nodes (n, k) and average them.
 
-    In each brick by the best fit that is linear across and along the backbone: bending's own form,
-    also where bricks have round sides. Only free bricks count, so that a disk's edge shows the
-    stress of the backbone; NaN at nodes of none.
+    Each brick is fitted by functions linear across and along the backbone, which is the form of
+    bending, also for bricks with round sides. Only free bricks are used, so that a disk edge shows
+    the stress of the backbone; NaN at nodes without a free brick.
     """
     free = np.flatnonzero(~mesh.stiff)
     place = mesh.nodes[mesh.bricks[free]]  # (f, 20, 3)
@@ -294,7 +294,7 @@ def section_stress(mesh: BrickMesh, state: State) -> SectionStress:
     stress = at_nodes(mesh, state.stress)[:, VOIGT]
     fit = _fit(mesh, mesh.nodes + state.displacement)
     normal = _axes(fit[:, 1], fit[:, 2])[..., 2]
-    plane = mesh.nodes[mesh.base]  # that of each row between slices begins at its first corner
+    plane = mesh.nodes[mesh.base]  # each row between slices begins at its first corner
     reach = np.hypot(*plane.T[:2])
     outline = np.flatnonzero(reach > 0.999 * reach.max())
     angle = np.arctan2(*plane[outline, 1::-1].T)

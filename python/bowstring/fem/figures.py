@@ -1,4 +1,4 @@
-"""Pictures of finite elements beside the rod: tip and load, stress along the backbone and on it."""
+"""Figures of finite elements and rod: tip over load, stress along and on the backbone."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ __all__ = ["draw", "field", "stress_along"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# halves of a brick's upright faces: a corner below, and the middle of an edge, which is further out
-# than a straight line between the corners
+# Halves of the side faces of a brick: the middle of an edge lies outside the line between corners.
 _SIDES: Final = ((0, 8), (8, 1), (1, 9), (9, 2), (2, 10), (10, 3), (3, 11), (11, 0))
 
 
@@ -36,7 +35,7 @@ def draw(run: BrickRun, beside: BesideRod) -> Iterator[tuple[str, Figure]]:
     Parameters
     ----------
     run : BrickRun
-        With one step or more.
+        Run with at least one step.
     beside : BesideRod
 
     Yields
@@ -44,7 +43,7 @@ def draw(run: BrickRun, beside: BesideRod) -> Iterator[tuple[str, Figure]]:
     stem : str
         ``tip``, ``stress`` and ``field``.
     figure : matplotlib.figure.Figure
-        Draw and save within `bowstring.viz.style.figure_style`.
+        Figure, to be drawn and saved within `bowstring.viz.style.figure_style`.
     """
     yield "tip", _tip(run, beside)
     yield "stress", stress_along(run, beside)
@@ -82,7 +81,7 @@ def _last(run: BrickRun) -> str:
 
 
 def stress_along(run: BrickRun, beside: BesideRod) -> Figure:
-    """Largest axial stress along the backbone at the last step, bricks and rod."""
+    """Draw the largest axial stress along the backbone at the last step, bricks and rod."""
     from matplotlib.figure import Figure
 
     stress = run.section_stress(-1)
@@ -117,9 +116,9 @@ def stress_along(run: BrickRun, beside: BesideRod) -> Figure:
 
 
 def field(run: BrickRun) -> Figure:
-    """The backbone's surface from the side at the last step, coloured by axial stress.
+    """Draw the backbone's surface from the side at the last step, coloured by axial stress.
 
-    What disks clamp is left out.
+    Clamped parts are left out.
     """
     from matplotlib.figure import Figure
     from matplotlib.tri import Triangulation
@@ -130,7 +129,7 @@ def field(run: BrickRun) -> Figure:
     towards = np.array([tip[0], tip[1], 0.0]) if bent else np.array([1.0, 0.0, 0.0])
     towards /= np.linalg.norm(towards)
     up = np.array([0.0, 0.0, 1.0])
-    quads = quads[_outward(place, quads) @ np.cross(up, towards) <= 0.0]  # the viewer sees these
+    quads = quads[_outward(place, quads) @ np.cross(up, towards) <= 0.0]  # visible faces
     flat = 1e3 * np.stack([place @ towards, place @ up], axis=1)
     triangles = np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
     used, corners = np.unique(triangles, return_inverse=True)
@@ -176,7 +175,7 @@ def _outward(place: Floats, quads: Ints) -> Floats:
 
 
 def _surface(run: BrickRun) -> tuple[Floats, Floats, Ints]:
-    """Places (n, 3), axial stress (n,) and corners (q, 4) of the free backbone's outside."""
+    """Positions (n, 3), axial stress (n,) and corners (q, 4) of the free backbone's surface."""
     mesh = run.mesh
     displacement, stress, _ = run.nodal(-1)
     reach = np.hypot(mesh.nodes[:, 0], mesh.nodes[:, 1])
@@ -186,7 +185,7 @@ def _surface(run: BrickRun) -> tuple[Floats, Floats, Ints]:
     outer = np.array([0.49 * s.backbone.diameter for s in run.robot.segments])
     quads = sides[(reach[sides] > outer[part][:, None]).all(axis=1)]
     place = mesh.nodes + displacement
-    # of each face, along its own upright edges
+    # each face is split along its own upright edges
     along = np.zeros_like(place)
     for low, high in ((0, 3), (1, 2)):
         edge = place[quads[:, high]] - place[quads[:, low]]

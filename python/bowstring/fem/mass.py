@@ -1,4 +1,4 @@
-"""Mass of a mesh: points that carry the disks, bricks that are the backbone; and its energies."""
+"""Mass and energies of a mesh: point masses of the disks, bricks of the backbone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 def disk_points(robot: Robot, mesh: BrickMesh) -> Floats:
     """Mass (N, 3) in kg of each of the points ``mesh.mass_nodes`` of a disk, by height.
 
-    Those below and above the station have half of the arms' mass that stands off its plane.
+    Points below and above the station share the mass that gives the disk its thickness.
     """
     mass, (across, axial) = robot.disks.mass_kg, robot.disks.inertia_kg_m2.T
     excess = np.maximum(across - 0.5 * axial, 0.0)
@@ -29,7 +29,7 @@ def disk_points(robot: Robot, mesh: BrickMesh) -> Floats:
 
 
 def kinetic_energy(robot: Robot, mesh: BrickMesh, velocity: Floats) -> float:
-    """Of a mesh that carries disks, in J; ``velocity`` (n, 3) of its nodes in m/s."""
+    """Kinetic energy in J of a mesh with disks; ``velocity`` (n, 3) of its nodes in m/s."""
     bricks, weight = _backbone(robot, mesh)
     value, _ = brick_shape(MASS_POINTS)
     inside = np.einsum("pn,bni->bpi", value, velocity[bricks])
@@ -41,7 +41,7 @@ def kinetic_energy(robot: Robot, mesh: BrickMesh, velocity: Floats) -> float:
 def gravity_energy(
     robot: Robot, mesh: BrickMesh, place: Floats, disk: Floats, gravity: Sequence[float]
 ) -> float:
-    """Zero with all mass at the base, in J; places (n, 3) of nodes and (N, 3) of disks in m."""
+    """Gravity energy in J, zero with all mass at the base; positions of nodes and disks in m."""
     bricks, weight = _backbone(robot, mesh)
     value, _ = brick_shape(MASS_POINTS)
     inside = np.einsum("bp,pn,bni->i", weight, value, place[bricks])
@@ -49,7 +49,7 @@ def gravity_energy(
 
 
 def _backbone(robot: Robot, mesh: BrickMesh) -> tuple[NDArray[np.int64], Floats]:
-    """Nodes (b, 20) of the bricks that are backbone, and mass (b, 27) of their points in kg."""
+    """Nodes (b, 20) of the backbone's bricks, and mass (b, 27) of their points in kg."""
     here = ~mesh.arm
     _, slope = brick_shape(MASS_POINTS)
     bricks = mesh.bricks[here]

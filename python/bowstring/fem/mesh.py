@@ -1,14 +1,14 @@
-"""A robot as bricks: backbone, stiff layers where disks clamp it, stiff arms to the holes.
+"""Mesh of a robot: backbone, stiff layers where disks clamp it, stiff arms to the holes.
 
 The bricks have 20 nodes and quadratic edges. A section of a solid backbone is an O-grid, a square
-core in rings; that of a tube has the rings alone. The edges on the outline are parabolas through
-three points of a circle, which is larger than the backbone by so little (0.04 % with 8 edges) that
-the second moment of area is the right one. The arm to the hole of the first tendon stands on the
-middle of an edge: beside it, it would turn the section where a disk yields across.
+core in rings; that of a tube has rings only. The edges on the outline are parabolas through three
+points of a circle, which is slightly larger than the backbone (0.04 % with 8 edges) so that the
+second moment of area is exact. The arm to the hole of the first tendon is at the middle of an edge;
+beside it, it would rotate the section where a disk is transversely soft.
 
-Everything is SI, in the base frame, the robot straight. Nodes and bricks are counted from 0; the
-order in a brick is that of VTK (type 25) and, but for the order of writing, of CalculiX: corners
-below, corners above, edges below, edges above, upright edges.
+All values are in SI and in the base frame, with the robot straight. Nodes and bricks are counted
+from 0. The order in a brick is that of VTK (type 25) and, except for the order of writing, of
+CalculiX: corners below, corners above, edges below, edges above, upright edges.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ __all__ = ["BrickMesh", "Fineness", "brick_mesh", "check_meshable"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_CORE: Final = 0.55  # of the radius: half the diagonal of the square core, before it is rounded
-_ROUND: Final = 0.5  # how far the core is on the way from a square to a circle
-_GRADE: Final = 1.5  # power of length over diameter by which middle bricks outgrow those at disks
+_CORE: Final = 0.55  # half diagonal of the square core over radius, before rounding
+_ROUND: Final = 0.5  # shape of the core from square (0) to circle (1)
+_GRADE: Final = 1.5  # exponent of length/diameter in the ratio of middle to end bricks
 _NEAR_HALF: Final = 0.49  # Poisson's ratio above which bricks of this kind lock
 
 
 @dataclass(frozen=True)
 class Fineness:
-    """How fine a mesh is.
+    """Fineness of a mesh.
 
     Attributes
     ----------
     module : int
-        Bricks along the free backbone of each module; even, shorter towards the disks.
+        Number of bricks along the free backbone of each module; even, shorter towards the disks.
     around : int
-        Bricks around the outline; a multiple of 4.
+        Number of bricks around the outline; a multiple of 4.
     rings : int
-        Rings of bricks around the core, or through the wall of a tube.
+        Number of rings of bricks around the core, or through the wall of a tube.
     """
 
     module: int = 8
@@ -56,7 +56,7 @@ class Fineness:
     rings: int = 1
 
     def check(self) -> None:
-        """Raise `InputError` for what cannot be meshed."""
+        """Raise `InputError` if a number is out of range."""
         for name, count in vars(self).items():
             if not is_whole(count):
                 raise InputError(f"{name} is {shown(count)}, it must be a whole number")
@@ -77,16 +77,17 @@ class Fineness:
 
 @dataclass(frozen=True)
 class BrickMesh:
-    """A mesh; made by `brick_mesh`. N disks, T tendons, S slices of backbone from base to tip.
+    """Mesh of N disks, T tendons and S slices of backbone, base to tip; made by `brick_mesh`.
 
     Attributes
     ----------
     nodes : ndarray (n, 3)
     bricks : ndarray of int (m, 20)
     part : ndarray of int (m,)
-        Number of the segment whose backbone a brick is; `stiff` marks those that a disk clamps.
+        Segment of each brick's backbone, from 0; `stiff` marks bricks clamped by a disk.
     stiff, arm : ndarray of bool (m,)
-        Arms are stiff too. What stands out beyond the last disk counts as an arm: no backbone.
+        Stiff bricks, and arms, which are stiff too. Bricks beyond the last disk's station count as
+        arms, not as backbone.
     slices : ndarray of int (S, q)
         Bricks of each slice of the backbone; ``slice_z`` (S + 1,) are the arc lengths between them
         and ``slice_module`` (S,) the module of a free slice, -1 of a stiff one.
@@ -102,7 +103,7 @@ class BrickMesh:
         Ends of the arms that carry a disk's mass: at x, y, -x, -y; below, at and above the station.
         Empty (N, 0, 3) without such arms.
     mass_height : ndarray (N,)
-        Of the first of them below the station.
+        Distance of the lower of these nodes below the station, m.
     """
 
     nodes: Floats
@@ -129,7 +130,7 @@ def brick_mesh(robot: Robot, fineness: Fineness, *, mass_arms: bool = False) -> 
     robot : Robot
     fineness : Fineness
     mass_arms : bool
-        Gives each disk four more arms, whose ends can carry its mass and inertia.
+        Whether each disk has four further arms, whose ends can carry its mass and inertia.
 
     Returns
     -------
@@ -138,8 +139,8 @@ def brick_mesh(robot: Robot, fineness: Fineness, *, mass_arms: bool = False) -> 
     Raises
     ------
     InputError
-        If the robot has what bricks cannot show: disks that clamp nothing, a solid backbone beyond
-        a tube, a Poisson's ratio near 0.5, holes so near the backbone that no arm fits.
+        If bricks cannot represent the robot: disks without clamped length, a solid backbone beyond
+        a tube, a Poisson's ratio near 0.5, holes too near the backbone for an arm.
     """
     fineness.check()
     check_meshable(robot)
@@ -180,7 +181,7 @@ def check_meshable(robot: Robot) -> None:
 
 
 def _hold(robot: Robot, segment: int) -> float:
-    """Length that glued disks of a segment would clamp: their thickness, if the file gives it."""
+    """Clamped length of glued disks of a segment: their thickness, if given."""
     thickness = robot.segments[segment].disks.thickness
     return thickness or 0.6 * robot.segments[segment].backbone.diameter
 
@@ -190,7 +191,7 @@ def _hold(robot: Robot, segment: int) -> float:
 
 @dataclass(frozen=True)
 class _Section:
-    """A section of radius 1: `corners` and `edges` are in the order of the nodes of a plane.
+    """Section of radius 1: `corners` and `edges` are in the order of the nodes of a plane.
 
     ``quads`` (q, 8): corners counter-clockwise, then their edges. ``outer`` (around, 3): corner,
     corner and edge on the outline. ``second_moment`` is that of this shape, about x.
@@ -208,7 +209,7 @@ class _Section:
 
 
 def _section(fineness: Fineness, bore: float, towards: float) -> _Section:
-    """With the middle of an edge of the outline at an angle, from x towards y."""
+    """Make a section with the middle of an outline edge at an angle from x towards y."""
     around, rings = fineness.around, fineness.rings
     n = around // 4
     # upright, its core is a square between corners of the outline at 45 degrees
@@ -272,7 +273,7 @@ def _core_point(u: float, v: float) -> tuple[float, float]:
 
 
 def _second_moment(section: _Section) -> float:
-    """About x, by Gauss points that are exact for these shapes."""
+    """Second moment of area about x, by Gauss points that are exact for these shapes."""
     place, weight = np.polynomial.legendre.leggauss(5)
     xi, eta = (g.ravel() for g in np.meshgrid(place, place))
     w = np.outer(weight, weight).ravel()
@@ -295,7 +296,7 @@ class _Builder:
     nodes: list[Floats] = field(default_factory=list)
     bricks: list[list[int]] = field(default_factory=list)
     marks: list[tuple[int, bool, bool]] = field(default_factory=list)
-    """Of each brick: its segment, whether it is stiff and whether it is an arm."""
+    """Segment of each brick, whether it is stiff, and whether it is an arm."""
 
     def mesh(self) -> BrickMesh:
         robot = self.robot
@@ -320,7 +321,7 @@ class _Builder:
             points = scale[k] * (sections[k].points if i % 2 == 0 else sections[k].corners)
             start.append(len(self.nodes))
             self.nodes += [np.array([x, y, z]) for x, y in points]
-        beyond = len(levels) - 2  # the slice that stands out beyond the last station
+        beyond = len(levels) - 2  # the slice beyond the last station
         slices = []
         for j in range(len(levels) - 1):
             low, middle, high = start[2 * j], start[2 * j + 1], start[2 * j + 2]
@@ -383,7 +384,7 @@ class _Builder:
             for t in np.flatnonzero(tendons.end_disk >= i).tolist():
                 hole[i + 1, t] = arm(tendons.hole_m[t])[1]
             for a in range(masses.shape[1]):
-                # four point masses at this radius have the moments of the disk
+                # four point masses at this radius have the inertia of the disk
                 axial, mass = disks.inertia_kg_m2[i, 1], disks.mass_kg[i]
                 reach = math.sqrt(axial / mass) if mass > 0 else disks.radius_m[i]
                 end = reach * np.array([math.cos(a * math.pi / 2), math.sin(a * math.pi / 2)])
@@ -432,9 +433,9 @@ class _Builder:
 
 
 def _check_bricks(robot: Robot, mesh: BrickMesh) -> None:
-    """Raise `InputError` if an arm is inside out, as it ends in the backbone or hardly outside."""
+    """Raise `InputError` if an arm is inverted because it ends too near the backbone."""
     points = POINTS
-    if mesh.mass_nodes.size:  # those of mass lie further out
+    if mesh.mass_nodes.size:  # mass arms end further out
         points = MASS_POINTS
     _, slope = brick_shape(points)
     place = mesh.nodes[mesh.bricks]
@@ -451,7 +452,7 @@ def _check_bricks(robot: Robot, mesh: BrickMesh) -> None:
 
 
 def _graded(count: int, slenderness: float) -> Floats:
-    """Ends (count,) of `count` pieces of a length of 1, shorter towards both ends."""
+    """Ends (count,) of `count` pieces of total length 1, shorter towards both ends."""
     steep = max(_GRADE * math.log(max(slenderness, 1.0)), 1e-6)
     t = np.linspace(0.0, 1.0, count // 2 + 1)
     half = 0.5 * np.expm1(steep * t) / math.expm1(steep)

@@ -1,6 +1,6 @@
-"""What CalculiX prints: tables of a .dat file, increments of a .sta file.
+"""Output of CalculiX: tables of a .dat file, increments of a .sta file.
 
-Only what is whole is read, as the program may be at work or have been killed in a line.
+Only whole lines are read, because the program may be running or have been killed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _HEAD: Final = re.compile(rb"^ ([a-z ]+) \(.*?\) for set (\S+) and time +(\S+)\s
 
 
 class Table(NamedTuple):
-    """One table: its kind (``"displacements"``), set, time and rows.
+    """Table with kind (such as ``"displacements"``), set, time and rows.
 
     ``rows`` begin with the number of a node, or of an element and its integration point; the
     numbers of a set follow the order of the model's own file. ``end`` is the byte after it.
@@ -34,7 +34,7 @@ class Table(NamedTuple):
 
 
 class Increment(NamedTuple):
-    """A line of the .sta file: step, attempts and iterations, time in the step and of all steps."""
+    """Line of the .sta file: step, attempts and iterations, time in the step and total time."""
 
     step: int
     attempts: int
@@ -44,13 +44,13 @@ class Increment(NamedTuple):
 
 
 def read_dat(file: Path, start: int = 0) -> list[Table]:
-    """The tables of a .dat file from a byte on; the last one may lack rows.
+    """Read the tables of a .dat file from a byte on; the last one may lack rows.
 
     Parameters
     ----------
     file : Path
     start : int
-        From an earlier look at the file.
+        Offset from a previous call.
     """
     try:
         with file.open("rb") as stream:
@@ -74,13 +74,13 @@ def read_dat(file: Path, start: int = 0) -> list[Table]:
 
 
 def read_increments(file: Path) -> list[Increment]:
-    """The increments of a .sta file that have converged."""
+    """Read the converged increments of a .sta file."""
     try:
         lines = file.read_text("ascii", errors="replace").split("\n")
     except FileNotFoundError:
         return []
     found = []
-    for line in lines[:-1]:  # the last may be half written
+    for line in lines[:-1]:  # the last one may be incomplete
         words = line.split()
         # 1U in place of 1: an attempt that did not converge
         if len(words) == 7 and all(w.isdigit() for w in words[:4]):
@@ -90,7 +90,7 @@ def read_increments(file: Path) -> list[Increment]:
 
 
 def reason(output: str) -> str:
-    """The errors that CalculiX named on its standard output, in one line; empty if none."""
+    """Errors on CalculiX's standard output, in one line; empty if none."""
     lines = output.split("\n")
     found = []
     for i, line in enumerate(lines):

@@ -1,4 +1,4 @@
-"""Finite elements on disk: NetCDF, a series for ParaView, three figures, all numbers as JSON."""
+"""Write results of finite elements: NetCDF, series for ParaView, three figures, JSON."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def write(
     *,
     progress: Progress | None = None,
 ) -> Path:
-    """Write a run, all of it or nothing.
+    """Write a run, whole or not at all.
 
     Parameters
     ----------
@@ -41,14 +41,14 @@ def write(
     content : dict
         Plain values for ``fe.json``, as ``bowstring fe --json`` prints.
     out : str or Path
-        Folder; a former run in it is replaced whole, after success.
+        Folder; a former run in it is replaced as a whole after success.
     progress : callable, optional
 
     Returns
     -------
     Path
-        The folder, absolute: fe.json, fe.nc (the rod's fields, from bricks), vtk/run.pvd (all
-        bricks), tip.png, stress.png and field.png, all also as PDF.
+        Absolute path of the folder, with fe.json, fe.nc (fields of the rod's form from bricks),
+        vtk/run.pvd (all bricks), tip.png, stress.png and field.png, also as PDF.
     """
     tell = progress or (lambda what, share: None)
     folder = check_folder(out, "fe")
@@ -65,7 +65,7 @@ def write(
 
 
 def rows(run: BrickRun, beside: BesideRod) -> list[schema.FeLoad]:
-    """One entry for each load or time, for JSON; what is not known is None."""
+    """Make one entry for each load or time, for JSON; None where unknown."""
 
     def known(value: Any) -> Any:
         return value.tolist() if np.isfinite(value).all() else None

@@ -1,9 +1,8 @@
-"""A robot by 3-D finite elements: CalculiX on a mesh of bricks, an opinion apart from the rod's.
+"""Independent verification of the rod by 3-D finite elements: CalculiX on a mesh of bricks.
 
-`sweep` is statics over tensions, `ramp` is motion from rest. What a step has computed is kept in
-the user's cache folder under a hash of what CalculiX is told: the same question is answered from
-there, and one that was stopped goes on after its last step. Everything is SI, in the base
-frame.
+`sweep` solves statics over tensions, `ramp` a motion from rest. Results of steps are kept in the
+user's cache folder under a hash of CalculiX's input: a repeated call reads them, and a stopped one
+continues after its last step. All values are in SI and in the base frame.
 """
 
 from __future__ import annotations
@@ -59,35 +58,35 @@ __all__ = [
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-_FORMAT: Final = 3  # of what is kept; a change makes old results void
-_TURN: Final = 0.12  # rad that the tip may turn in an increment of statics, by the linear law
-_TIGHTEST, _LOOSEST = 1e-9, 1e-2  # criterion of Newton's iteration
-_SHORTEST: Final = 1e-6  # s; shorter motions drown in rounding
-_MOST_STEPS: Final = 100_000  # of a motion, weeks of work
+_FORMAT: Final = 3  # version of the cache; a change invalidates old results
+_TURN: Final = 0.12  # rad of tip rotation per static increment, by the linear law
+_TIGHTEST, _LOOSEST = 1e-9, 1e-2  # range of the criterion of the Newton iteration
+_SHORTEST: Final = 1e-6  # s; shorter motions are below numerical resolution
+_MOST_STEPS: Final = 100_000  # steps of a motion; weeks of work
 DEFAULT_DT: Final = 0.005  # s
 DEFAULT_EVERY: Final = 0.05  # s
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What decides how near the answer is to that of the solid.
+    """Settings that determine the accuracy.
 
     Attributes
     ----------
     fineness : Fineness
     stiffness : float
-        Young's modulus of disks by that of the backbone.
+        Young's modulus of disks over that of the backbone.
     grip : {"bonded", "sliding"}
-        Whether disks and base hold the backbone across too, as glue does, or it may widen and
-        narrow within them, as a rod takes for granted.
+        Whether disks and base also hold the backbone transversely, as glue does, or its section may
+        contract freely, as rod theory assumes.
     residual : float
-        Out of balance force over the mean force at which Newton's iteration ends.
+        Force residual over mean force at which the Newton iteration ends.
     """
 
     fineness: Fineness = field(default_factory=Fineness)
     stiffness: float = 1000.0
     grip: Literal["bonded", "sliding"] = "bonded"
-    residual: float = 5e-4  # rounding leaves 1.5e-4 where fine disks slide
+    residual: float = 5e-4  # rounding causes 1.5e-4 with fine sliding disks
 
     def check(self) -> None:
         """Raise `InputError` for a value that is wrong or below numerical resolution."""
@@ -112,7 +111,7 @@ class Settings:
 
 
 class RunInterrupted(KeyboardInterrupt):
-    """Ctrl-C; `run` holds what came before, and the same call goes on from there."""
+    """Ctrl-C; `run` contains the finished steps, and a repeated call continues after them."""
 
     def __init__(self, run: BrickRun) -> None:
         super().__init__(run.message)
@@ -121,28 +120,29 @@ class RunInterrupted(KeyboardInterrupt):
 
 @dataclass(eq=False)
 class BrickRun:
-    """What finite elements found; made by `sweep` and `ramp`.
+    """Result of finite elements; made by `sweep` and `ramp`.
 
     Attributes
     ----------
     robot : Robot
     mesh : BrickMesh
     settings : dict
-        All that was asked for.
+        All settings of the call.
     time : ndarray (K,)
-        Of a ramp, in s; of a sweep the number of the load, from 0.
+        Time of a ramp in s, or number of the load of a sweep from 0.
     tensions : ndarray (K, T)
-        Of the steps that were reached.
+        Tensions of the finished steps in N.
     states : list of State
+        Results of the finished steps.
     status : str
-        ``"converged"``, or why not all steps were: ``"diverged"``, ``"killed"``,
+        ``"converged"``, or the reason for missing steps: ``"diverged"``, ``"killed"``,
         ``"out_of_memory"``, ``"no_space"``, ``"failed"``, ``"interrupted"``.
     reason : str
-        A clause where it did not reach its end.
+        Reason if it ended early, a clause.
     load_reached : float
-        Share of the way from the last step that is held to the next at which it stopped.
+        Converged share of the first missing step.
     cached : int
-        Steps that were there before.
+        Number of steps read from the cache.
     iterations : int
         Newton iterations of this call.
     wall_s : float
@@ -175,7 +175,7 @@ class BrickRun:
 
     @property
     def load(self) -> Load:
-        """The dead load of every step."""
+        """Dead load of every step."""
         return Load(gravity=self.settings["gravity"], tip_force=self.settings["tip_force"])
 
     @property
@@ -188,12 +188,12 @@ class BrickRun:
 
     @property
     def message(self) -> str:
-        """How it ended, and how far it came."""
+        """Message on the end of the run."""
         done, all_ = len(self.states), len(self.wanted_time)
         if self.converged:
             what = ("time" if self.is_motion else "load") + ("" if done == 1 else "s")
             return f"{done} {what}, {self.iterations} iterations"
-        held = "done" if self.is_motion else "kept"  # a motion begins anew
+        held = "done" if self.is_motion else "kept"  # a stopped motion starts again
         return f"stopped at {self._reached()}: {self.reason}; {done} of {all_} are {held}"
 
     def _reached(self) -> str:
@@ -206,29 +206,29 @@ class BrickRun:
 
     @cached_property
     def frames(self) -> Frames:
-        """The rod's raw output, from bricks."""
+        """Raw output of the rod's form from bricks."""
         gravity = self.settings["gravity"]
         if self.states:
             return frames(self.robot, self.mesh, self.time, self.tensions, self.states, gravity)
-        # none of a time, in the shapes of one
+        # frames without a time have the shapes of one
         rest, time, tensions = [_straight(self.mesh)], np.zeros(1), 0.0 * self.wanted_tensions[:1]
         return none_of(frames(self.robot, self.mesh, time, tensions, rest, gravity))
 
     @property
     def tip_position(self) -> Floats:
-        """Of the last disk (K, 3), in m."""
+        """Position of the last disk (K, 3), in m."""
         return self.frames.disk_position[:, -1]
 
     @property
     def span_tensions(self) -> Floats:
-        """Tensions (K, N, T) of the spans, from the forces at their ends; NaN where none is."""
+        """Tensions (K, N, T) of the spans, from the forces at their ends; NaN without a span."""
         shape = (-1, len(self.mesh.hole) - 1, self.mesh.hole.shape[1])
         found = [span_tension(self.mesh, state) for state in self.states]
         return np.array(found).reshape(shape)
 
     @property
     def span_error(self) -> float:
-        """Largest deviation of a span's force from its tendon's tension, by that tension."""
+        """Largest relative deviation of a span's force from its tendon's tension."""
         tensions = np.broadcast_to(self.tensions[:, None, :], self.span_tensions.shape)
         here = (tensions > 0) & np.isfinite(self.span_tensions)
         return float(np.max(np.abs(self.span_tensions[here] / tensions[here] - 1.0), initial=0.0))
@@ -240,7 +240,7 @@ class BrickRun:
     def nodal(self, step: int) -> tuple[Floats, Floats, Floats]:
         """Displacement (n, 3), stress and strain (n, 6) at the nodes of the mesh at a step.
 
-        In base axes; stress is Cauchy's, strain Green's turned with the material.
+        In base axes; stress is Cauchy's, strain Green's, rotated with the material.
         """
         state = self.states[step]
         return (
@@ -250,10 +250,10 @@ class BrickRun:
         )
 
     def to_dataset(self) -> xr.Dataset:
-        """The rod's fields, from bricks, in the layout of `bowstring.statics.fields`.
+        """Return fields of the rod's form from bricks, in the layout of `bowstring.statics.fields`.
 
-        Its stations are planes of integration points. ``data_origin`` says that finite elements
-        simulated it. Of a sweep ``time`` counts the loads.
+        Stations are planes of integration points. The attribute ``data_origin`` names finite
+        elements. In a sweep ``time`` is the number of the load.
         """
         return self._dataset
 
@@ -268,23 +268,23 @@ class BrickRun:
         found.attrs["title"] = f"Finite elements (CalculiX) of {self.robot.name}"
         if not self.is_motion:
             found["time"].attrs = {"units": "1", "long_name": "number of the load, at rest"}
-            del found.attrs["complete_to_s"]  # of a time in s
+            del found.attrs["complete_to_s"]  # a sweep has no time in s
         return found
 
     def raise_for_status(self) -> Self:
-        """Return self if converged, else raise `NoSolutionError`, which tells the load reached."""
+        """Return self if converged, else raise `NoSolutionError` with the load reached."""
         if not self.converged:
             raise NoSolutionError(f"{self.robot.name}: {self.message}", status=self.status)
         return self
 
 
 def check(robot: Robot) -> None:
-    """Say before any work whether finite elements can be had for a robot.
+    """Check before any work that finite elements of a robot are possible.
 
     Raises
     ------
     InputError
-        If it cannot be meshed, or there is no CalculiX.
+        If the robot cannot be meshed, or CalculiX is not installed.
     """
     check_robot(robot)
     check_meshable(robot)
@@ -292,9 +292,9 @@ def check(robot: Robot) -> None:
 
 
 def check_keep(folder: str | Path) -> Path:
-    """The folder for the files of CalculiX, which must be new or empty.
+    """Check the folder for the files of CalculiX, which must be new or empty.
 
-    What else it holds would be read as what CalculiX printed.
+    Other files in it could be mistaken for output of CalculiX.
 
     Raises
     ------
@@ -321,29 +321,28 @@ def sweep(
     Parameters
     ----------
     robot : Robot
-        Its disks must clamp some backbone, its tendons be without friction.
+        Robot whose disks have a clamped length and whose tendons have no friction.
     tensions : array_like (K, T)
-        In N, in the order in which they are put on: short for ``load=Load(tensions)``.
+        Tensions in N in the order of loading, short for ``load=Load(tensions)``.
     load : Load, optional
         Tensions, gravity and tip force (3,); no other actuation and no tip moment.
     settings : Settings, optional
         Fineness of the mesh and solver settings.
     keep : str or Path, optional
-        Folder, new or empty, that gets the files of CalculiX; else they are removed.
+        New or empty folder for the files of CalculiX; by default they are removed.
     progress : callable, optional
-        Called with what is being done and the share that is done, from 0 to 1.
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
 
     Returns
     -------
     BrickRun
-        One that stopped early is returned as well: look at its status, or call its
-        `raise_for_status`.
+        Run, also one that stopped early: check its status, or call `raise_for_status`.
 
     Raises
     ------
     InputError
-        If an argument is wrong, the robot cannot be meshed, there is no CalculiX, or `keep` holds
-        anything.
+        If an argument is wrong, the robot cannot be meshed, CalculiX is not installed, or `keep` is
+        not empty.
     RunInterrupted
         On Ctrl-C.
     """
@@ -362,18 +361,18 @@ def sweep(
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion by finite elements: tensions rise from none, straight over time, and stay.
+    """Motion by finite elements: tensions rise linearly from zero and are then held.
 
     Parameters
     ----------
     rise, hold : float
-        In s.
+        Durations of rise and hold in s.
     dt : float
-        Longest time step, in s.
+        Longest time step in s.
     every : float
-        Longest time between two outputs, in s; rise and hold have whole numbers of them.
+        Longest time between two outputs in s; rise and hold are divided into whole numbers of it.
     mass_damping : float
-        Mass-proportional damping in 1/s, as of `bowstring.Integrator`.
+        Mass-proportional damping in 1/s, as in `bowstring.Integrator`.
 
     Raises
     ------
@@ -417,20 +416,20 @@ def ramp(
     keep: str | Path | None = None,
     progress: Progress | None = None,
 ) -> BrickRun:
-    """Motion by finite elements: tensions rise from none, straight over time, and stay.
+    """Simulate a motion by finite elements: tensions rise linearly from zero and are then held.
 
-    The time integration (HHT, alpha -0.05) damps next to nothing of its own.
+    The time integration (HHT, alpha = -0.05) has little numerical damping.
 
     Parameters
     ----------
     robot : Robot
         The robot.
     tensions : array_like (T,)
-        After the rise, in N: short for ``load=Load(tensions)``.
+        Tensions after the rise in N, short for ``load=Load(tensions)``.
     motion : Motion
         Rise, hold and output times.
     load : Load, optional
-        Tensions and gravity. Under gravity the motion starts at rest in equilibrium.
+        Tensions and gravity. With gravity the motion starts from rest in equilibrium.
     settings : Settings, optional
         As for `sweep`.
     keep : str or Path, optional
@@ -441,7 +440,7 @@ def ramp(
     Returns
     -------
     BrickRun
-        Its time begins with the first output after 0.
+        Run whose times begin with the first output after 0.
     """
     load = as_load(tensions, load)
     if not isinstance(motion, Motion):
@@ -471,7 +470,7 @@ def ramp(
 
 
 def _tension_rows(robot: Robot, tensions: ArrayLike, *, one: bool = False) -> Floats:
-    """Tensions (K, T), or the only row of them (1, T)."""
+    """Check tensions (K, T), or a single row (1, T)."""
     check_robot(robot)
     count = len(robot.tendons.end_disk)
     given = validation.read("tensions", tensions, "numbers in N")
@@ -485,7 +484,7 @@ def _tension_rows(robot: Robot, tensions: ArrayLike, *, one: bool = False) -> Fl
 
 
 def _turn(robot: Robot, change: Floats) -> Floats:
-    """Angle by which a change (K, T) of tensions turns the tip at most, by the linear law."""
+    """Bound of the tip rotation by a change (K, T) of tensions, linear law (Eq. 1.7), rad."""
     lengths = np.array([s.length for s in robot.segments]) / robot.bending_stiffness
     inner = np.cumsum(lengths)[robot.tendons.segment]
     found: Floats = np.abs(change) @ (robot.tendons.pitch_radius_m * inner)
@@ -543,13 +542,13 @@ def _run(
     }
     tensions = np.array([step.tensions for step in steps])
     found = BrickRun(robot, mesh, given, time, tensions)
-    # what needs no solver: no load bends nothing
+    # without load no solver is needed
     idle = 0
     while not dead and not motion and idle < len(steps) and not any(steps[idle].tensions):
         idle += 1
     found.states = [_straight(mesh) for _ in range(idle)]
     todo = steps[idle:]
-    if motion and dead:  # to be at rest under its weight before it moves
+    if motion and dead:  # a static step under gravity before the motion
         todo = [deck.Step((0.0,) * tensions.shape[1], first=0.1), *todo]
     lead = len(todo) + idle - len(steps)
     if not todo:
@@ -574,16 +573,16 @@ def _straight(mesh: BrickMesh) -> State:
 
 
 def cache_folder() -> Path:
-    """Find the folder of all that is kept; it may be removed at any time.
+    """Return the cache folder of the results; it may be removed at any time.
 
     Returns
     -------
     Path
-        It need not exist.
+        Path, which need not exist.
     """
     return user_cache() / "finite-elements"
 
 
 def _key(job: Job, version: str) -> str:
-    """Hash of all that decides the numbers: what CalculiX is told, and which it is."""
+    """Hash of all that determines the numbers: input and version of CalculiX."""
     return hashlib.sha256(f"{_FORMAT}\n{version}\n{job.input()}".encode()).hexdigest()[:32]

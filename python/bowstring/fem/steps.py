@@ -1,7 +1,7 @@
-"""Steps that CalculiX does, each kept as soon as it is done; a stopped run goes on after the last.
+"""Steps of CalculiX, each cached when finished; a stopped run continues after the last one.
 
-A folder of the cache holds ``step_0001.npz`` and so on, and until all are there the restart file of
-CalculiX after the last. All files of a run lie in one temporary folder, which goes when it ends.
+A folder of the cache contains ``step_0001.npz`` and so on and, until all exist, CalculiX's restart
+file after the last. All files of a run are in a temporary folder, which is removed at its end.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 _JOB: Final = "robot"
-_PA: Final = 1e6  # in a MPa
+_PA: Final = 1e6  # Pa per MPa
 
 
 class Job(NamedTuple):
-    """What is to be done."""
+    """Calculation to be done."""
 
     robot: Robot
     mesh: BrickMesh
@@ -49,7 +49,7 @@ class Job(NamedTuple):
     steps: tuple[deck.Step, ...]
 
     def input(self, done: int = 0) -> str:
-        """Of CalculiX, for all steps or those after a number that are done."""
+        """Input of CalculiX for all steps, or those after `done` finished ones."""
         todo = self.steps[done:]
         head = deck.resume(done) if done else deck.model(self.robot, self.mesh, self.loading, todo)
         return head + deck.steps(self.robot, self.mesh, self.loading, todo)
@@ -57,7 +57,7 @@ class Job(NamedTuple):
 
 @dataclass
 class Ended:
-    """How it ended; `share` is how far the first step that is missing has come."""
+    """Result of a calculation; `share` is the converged share of the first missing step."""
 
     states: list[State] = field(default_factory=list)
     cached: int = 0
@@ -69,22 +69,23 @@ class Ended:
 
 
 def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress) -> Ended:
-    """Do the steps that are not kept yet.
+    """Calculate the steps that are not cached yet.
 
     Parameters
     ----------
     job : Job
     program : Path
     kept : Path
-        Folder of the cache for this job alone.
+        Cache folder of this job.
     keep : Path, optional
-        Folder for the files of CalculiX. As they are wanted all, all steps are done then.
+        Folder for the files of CalculiX; with it all steps are calculated.
     tell : callable
+        Progress callback.
 
     Returns
     -------
     Ended
-        Its status ``"interrupted"`` after Ctrl-C.
+        Result, with status ``"interrupted"`` after Ctrl-C.
     """
     ended = Ended(states=_load(kept, job))
     if len(ended.states) < len(job.steps):
@@ -105,8 +106,8 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
             run = _Run(job, folder, kept, ended, tell)
             end = run.go(program, fleeting=keep is None)
         if ended.cached and end.status == "failed" and not ended.iterations:
-            # a restart file that is broken, as of a drive that failed, or gone, as another process
-            # needed it no more; with it each run would end so
+            # a restart file that is damaged, or was removed by another process, would make every
+            # further run fail
             _restart(kept, ended.cached).unlink(missing_ok=True)
             return work(job, program, kept, keep, tell)
         ended.status, ended.why = end
@@ -134,15 +135,15 @@ def _folder(keep: Path | None) -> contextlib.AbstractContextManager[Path]:
 
 
 class _Run:
-    """One run of CalculiX for the steps from `ended.cached` on."""
+    """Run of CalculiX for the steps after `ended.cached`."""
 
     def __init__(self, job: Job, folder: Path, kept: Path, ended: Ended, tell: Progress) -> None:
         self.job, self.folder, self.kept, self.ended, self.tell = job, folder, kept, ended, tell
         self.first = ended.cached
-        self.read = 0  # bytes of tables that are kept
-        self.begun = 0  # the step that CalculiX is in: restart files of those before are whole
+        self.read = 0  # bytes of tables that are cached
+        self.begun = 0  # present step of CalculiX; restart files of earlier ones are whole
         self.free = np.flatnonzero(~job.mesh.stiff)
-        # in CalculiX's total time
+        # total time of CalculiX
         self.ends = np.cumsum([step.span for step in job.steps]).tolist()
 
     def go(self, program: Path, *, fleeting: bool) -> ccx.End:
@@ -156,32 +157,32 @@ class _Run:
         try:
             return ccx.run(program, self.folder, _JOB, self.look, fleeting=fleeting)
         finally:
-            with contextlib.suppress(OSError):  # what ended it is the one to tell
+            with contextlib.suppress(OSError):  # report the original error
                 self.look()
                 self._take()
                 self.look()
 
     def look(self) -> None:
-        """Tell how far it is; keep what is done."""
+        """Report progress and cache finished steps."""
         done = output.read_increments(self.folder / f"{_JOB}.sta")
         self.ended.iterations = sum(i.iterations for i in done)
         step, share = self._place(done[-1].total_time) if done else (self.first, 0.0)
         self.begun = step
-        if step > len(self.ended.states):  # the tables of the one before are whole
+        if step > len(self.ended.states):  # the tables of the previous step are whole
             self._take()
         steps = self.job.steps
         self.ended.share = share if step == len(self.ended.states) else 0.0
         self.tell(_where(steps, step, share), (step + share) / len(steps))
 
     def _place(self, now: float) -> tuple[int, float]:
-        """Step that CalculiX is in at a total time, the earlier one at its end, and how far."""
+        """Step of CalculiX at a total time, the earlier one at its end, and its finished share."""
         ends = self.ends
         step = min(bisect_left(ends, now - 1e-6 * self.job.steps[-1].span), len(ends) - 1)
         span = self.job.steps[step].span
         return step, min(1.0, 1.0 - (ends[step] - now) / span)
 
     def _take(self) -> None:
-        """Keep the steps whose tables are whole."""
+        """Cache the steps whose tables are whole."""
         tables = output.read_dat(self.folder / f"{_JOB}.dat", self.read)
         groups: dict[float, list[output.Table]] = {}
         for table in tables:
@@ -194,12 +195,12 @@ class _Run:
                 return
             self.ended.states.append(state)
             self.read = group[-1].end
-            # a motion is one step of CalculiX, which goes on after whole ones alone
+            # a motion is one step of CalculiX, which can restart only after whole steps
             whole = self.job.steps[done].is_static and done < self.begun
             _save(self.kept, done + 1, state, self.folder / f"{_JOB}.rout" if whole else None)
 
     def _state(self, group: dict[tuple[str, str], Floats], step: deck.Step) -> State | None:
-        """None if a table lacks rows."""
+        """Assemble the state of a step; None if a table lacks rows."""
         mesh = self.job.mesh
         nodes, bricks = len(mesh.nodes), 8 * len(self.free)
         kinds = (("displacements", "BODY"), ("velocities", "BODY"), ("forces", "SPANS"))
@@ -228,7 +229,7 @@ class _Run:
 
 
 def _where(steps: tuple[deck.Step, ...], step: int, share: float) -> str:
-    """How far it is, for people."""
+    """Describe the progress in words."""
     now = steps[step]
     if now.is_static:
         low = max(steps[step - 1].tensions) if step else 0.0
@@ -237,7 +238,7 @@ def _where(steps: tuple[deck.Step, ...], step: int, share: float) -> str:
     return f"finite elements, {elapsed:.3g} s"
 
 
-# -- what is kept ------------------------------------------------------------------------------
+# -- cache -------------------------------------------------------------------------------------
 
 
 def _file(kept: Path, number: int) -> Path:
@@ -249,14 +250,14 @@ def _restart(kept: Path, number: int) -> Path:
 
 
 def _restart_at(kept: Path, done: int) -> int:
-    """The last step, up to a number, after which CalculiX can go on; 0 if there is none."""
+    """Last step, at most `done`, after which CalculiX can restart; 0 if there is none."""
     while done and not _restart(kept, done).exists():
         done -= 1
     return done
 
 
 def _drop_restarts(kept: Path) -> None:
-    """Once all steps are there; one that was killed before may have left some."""
+    """Remove the restart files once all steps exist, also those of killed processes."""
     for file in kept.glob("restart_*"):
         file.unlink(missing_ok=True)
 
@@ -268,14 +269,14 @@ def _load(kept: Path, job: Job) -> list[State]:
             with np.load(_file(kept, number)) as held:
                 parts = {name: held[name] for name in held.files}
         except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
-            break  # not there, or a drive that failed: it is done again
+            break  # missing or damaged: calculated again
         parts.setdefault("velocity", None)
         states.append(State(**parts))
     return states
 
 
 def _save(kept: Path, number: int, state: State, restart: Path | None) -> None:
-    """Whole or not at all, restart first; without it a run goes on from an earlier one."""
+    """Write a step whole or not at all, restart file first; runs restart from the last one."""
     what, advice = "kept results", "; make room there, or name another place by XDG_CACHE_HOME"
     arrays = {name: value for name, value in vars(state).items() if value is not None}
     try:
@@ -283,7 +284,7 @@ def _save(kept: Path, number: int, state: State, restart: Path | None) -> None:
         if restart is not None and restart.exists():
             write_whole_file(_restart(kept, number), what, partial(shutil.copyfile, restart))
         write_whole_file(_file(kept, number), what, lambda new: np.savez_compressed(new, **arrays))
-        if restart is not None:  # not before: one of them must be there
+        if restart is not None:  # not before, so that one always exists
             _restart(kept, number - 1).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(

@@ -1,6 +1,6 @@
-"""Finite elements for ParaView: the bricks with displacement, stress and strain, and the tendons.
+"""VTK series of finite elements: bricks with displacement, stress and strain, and tendons.
 
-The series is one of `bowstring.viz.vtk`, with the same names and units of data.
+The series has the form of `bowstring.viz.vtk`, with the same names and units of data.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ __all__ = ["write_vtk"]
 Floats = NDArray[np.float64]
 
 _BRICK: Final = 25  # quadratic, 20 nodes
-_ORDER: Final = (0, 1, 2, 3, 5, 4)  # of a symmetric tensor in VTK: xx, yy, zz, xy, yz, xz
+_ORDER: Final = (0, 1, 2, 3, 5, 4)  # symmetric tensor in VTK: xx, yy, zz, xy, yz, xz
 
 
 def write_vtk(
     run: BrickRun, out: str | Path, *, progress: Callable[[str, float], None] | None = None
 ) -> Path:
-    """Write all steps of a run, or nothing.
+    """Write all steps of a run, whole or not at all.
 
     Parameters
     ----------
@@ -35,19 +35,19 @@ def write_vtk(
     out : str or Path
         Folder; a former series in it is replaced after success.
     progress : callable, optional
-        Is told what is being done and the share that is done, from 0 to 1.
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
 
     Returns
     -------
     Path
-        The .pvd file. Backbone: ``displacement_m``, ``von_mises_Pa``, ``stress_Pa`` and ``strain``
-        in base axes (xx, yy, zz, xy, yz, xz, as ParaView names them), NaN in what disks clamp.
-        Disks, the stiff bricks: ``displacement_m``. Tendons: ``tension_N``.
+        Path of the .pvd file. Backbone: ``displacement_m``, ``von_mises_Pa``, ``stress_Pa`` and
+        ``strain`` in base axes (xx, yy, zz, xy, yz, xz, as in ParaView), NaN where clamped. Disks,
+        the stiff bricks: ``displacement_m``. Tendons: ``tension_N``.
 
     Raises
     ------
     InputError
-        If the folder may not be written, the drive is full, or no step was reached.
+        If the folder cannot be written, the drive is full, or no step was finished.
     """
     if not run.states:
         raise InputError("the run holds no step; there is nothing to show")
@@ -87,7 +87,7 @@ class _Backbone(_Bricks):
 
 
 def von_mises(stress: Floats) -> Floats:
-    """Von Mises stress (...,) of stresses (..., 6) as xx, yy, zz, xy, xz, yz."""
+    """Von Mises stress (...,) of stresses (..., 6) in the order xx, yy, zz, xy, xz, yz."""
     x, y, z, xy, xz, yz = np.moveaxis(stress, -1, 0)
     found: Floats = np.sqrt(
         0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2) + 3.0 * (xy**2 + xz**2 + yz**2)
