@@ -1,4 +1,4 @@
-"""Parameters of a robot from measured tips: fits, their statistics, their figures."""
+"""Calibration of a robot's parameters from measured tips: fits, statistics, figures."""
 
 from bowstring.calibration.cross_validation import CrossValidation, cross_validate, hold_out
 from bowstring.calibration.fitting import Estimate, Fit, fit

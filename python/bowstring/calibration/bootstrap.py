@@ -1,10 +1,9 @@
-"""Bootstrap intervals of tip errors: how far a mean depends on which loads were measured.
+"""Bootstrap intervals of tip errors: uncertainty of a mean from the choice of measured loads.
 
-Whole units are resampled, with all their rows: the repeats of one load are hardly independent of
-each other, and resampling single rows would make an interval too narrow. All models share the same
-resamples, so that differences between them have intervals as well. A model that was fitted to the
-same rows is refitted to each resample, near enough by its derivatives, to tell what it is worth at
-rows that it never saw.
+Whole units are resampled with all their rows, because repeats of a load are hardly independent and
+resampling of single rows would make intervals too narrow. All models share the same resamples, so
+that differences between them have intervals too. A model fitted to the same rows is refitted to
+each resample, approximately by its derivatives, to estimate its error at unseen rows.
 """
 
 from __future__ import annotations
@@ -26,10 +25,10 @@ Array = NDArray[np.float64]
 RESAMPLES: Final = 2000
 LEVEL: Final = 0.95
 _TAILS: Final = (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL)
-_SEED: Final = 2019  # the same data give the same report
-_AT_ONCE: Final = 4_000_000  # counts that are held at a time
+_SEED: Final = 2019  # equal data give an equal report
+_AT_ONCE: Final = 4_000_000  # counts in memory at a time
 _FEWEST: Final = 6  # units; resamples of fewer often do not determine a fit
-_LOST: Final = 1e-8  # of the largest eigenvalue: a direction that a resample does not identify
+_LOST: Final = 1e-8  # eigenvalue over the largest of a direction that is not identifiable
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,23 +36,23 @@ class Intervals:
     """Intervals of one set of errors, each (2,) or (3, 2): lower and upper bound."""
 
     mean: Array
-    """Of the mean Euclidean error, m."""
+    """Interval of the mean Euclidean error, m."""
     rms: Array
     mean_by_axis: Array
-    """(3, 2), of the mean absolute errors along the axes, m."""
+    """Intervals (3, 2) of the mean absolute errors along the axes, m."""
     means: Array
-    """(B,), the mean of each resample, m; for differences of models."""
+    """Mean of each resample (B,), m; for differences of models."""
 
 
 def bootstrap(
     differences: list[Array], unit: NDArray[np.int64], *, resamples: int = RESAMPLES
 ) -> list[Intervals]:
-    """Percentile intervals at 95 % of the errors of several models at the same rows.
+    """Compute 95 % percentile intervals of the errors of several models at the same rows.
 
     Parameters
     ----------
     differences : list of array (K, 3)
-        Model minus measurement, m; rows with NaN count in no mean, units of such alone nowhere.
+        Model minus measurement, m; rows with NaN are ignored, and so are units with only such rows.
     unit : array of int (K,)
         Rows with the same number are resampled together.
     resamples : int
@@ -65,7 +64,7 @@ def bootstrap(
     Notes
     -----
     Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapters 8 and 13. A resample is
-    how often it draws each unit, so that all of them are one product of matrices.
+    stored as the number of draws of each unit, so that all means are one matrix product.
     """
     known = np.any([np.isfinite(each).all(axis=1) for each in differences], axis=0)
     if known.any():
@@ -105,7 +104,7 @@ def bootstrap(
 
 
 def _draws(units: int, resamples: int, size: int) -> Iterator[tuple[slice, NDArray[np.int64]]]:
-    """How often resamples draw each unit, part by part; `size` are the numbers held for one."""
+    """Yield the number of draws of each unit in parts; `size` is the memory per resample."""
     random = np.random.default_rng(_SEED)
     step = max(1, _AT_ONCE // size)
     for i in range(0, resamples, step):
@@ -115,34 +114,34 @@ def _draws(units: int, resamples: int, size: int) -> Iterator[tuple[slice, NDArr
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """A least-squares fit near its end, of n rows and P scaled parameters."""
+    """Linearised least-squares fit at its minimum, of n rows and P scaled parameters."""
 
     by_parameter: Array
     """Derivative (n, 3, P) of the residuals, m."""
     force: Array
-    """(n, 3), derivative of half the loss by the residuals, weights of rows in it, m."""
+    """Derivative of half the loss by the residuals (n, 3), including weights of rows, m."""
     slope: Array
-    """(n, 3), its derivative."""
+    """Second derivative of half the loss by the residuals (n, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """What a fitted model is worth at rows like those that it was fitted to."""
+    """Expected error of a fitted model at unseen rows of the same kind."""
 
     mean: float
-    """Mean Euclidean error at rows that the fit has not seen, m."""
+    """Mean Euclidean error at unseen rows, m."""
     interval: Array
-    """(2,), at 95 %, m."""
+    """95 % interval (2,), m."""
 
     def to_dict(self) -> schema.ExpectedError:
-        """In mm."""
+        """Return plain values in mm."""
         return {"mean_mm": self.mean * 1e3, "interval_95_mm": (self.interval * 1e3).tolist()}
 
 
 def refitted(
     residual: Array, fit: Linear, unit: NDArray[np.int64], *, resamples: int = RESAMPLES
 ) -> Expected | None:
-    """Mean error of a fitted model at other rows, with the uncertainty of the fit in its interval.
+    """Estimate the mean error of a fitted model at unseen rows, with an interval.
 
     Parameters
     ----------
@@ -160,10 +159,10 @@ def refitted(
 
     Notes
     -----
-    A fit to each resample, by one Newton step from the fit to all. How much smaller its error is on
-    its own resample than on all rows is the optimism by which the error of the fit to all is raised
-    (Efron and Tibshirani, 1993, 17.6); the interval is that of the errors on the resamples, moved
-    to the raised one (Noma et al., Statistics in Medicine 40, 2021).
+    Each resample is fitted by one Newton step from the fit to all rows. The mean of its error on
+    all rows minus that on its own resample is the optimism, which is added to the error of the fit
+    (Efron and Tibshirani, 1993, 17.6). The interval is that of the errors on the resamples, shifted
+    to the corrected error (Noma et al., Statistics in Medicine 40, 2021).
     """
     _, place = np.unique(unit, return_inverse=True)
     units = int(place.max()) + 1

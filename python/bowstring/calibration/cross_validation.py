@@ -1,4 +1,4 @@
-"""Checks of a fit on rows that it never saw: cross-validation, and rows held out."""
+"""Validation of a fit on unseen rows: cross-validation and hold-out."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ class CrossValidation:
     Attributes
     ----------
     folds : tuple of Score
-        Each of the rows left out, by a fit to the others.
+        Score of each left-out part, by a fit to the others.
     labels : tuple of str
-        What each fold left out.
+        Left-out part of each fold in words.
     score : Score
-        Of all rows, each predicted by the fit that had not seen it.
+        Score of all rows, each predicted by the fit without it.
     residuals : ndarray (K, 3)
-        NaN where there is no measurement, or the model has no answer.
+        Predicted minus measured tip, m; NaN without a measurement or a prediction.
     unanswered : int
-        Rows left out to which the model has no answer; they are in no score.
+        Number of left-out rows without a solution of the model; no score includes them.
     converged : bool
-        Whether all fits did.
+        Whether all fits converged.
     """
 
     folds: tuple[Score, ...]
@@ -67,10 +67,10 @@ def cross_validate(
 ) -> CrossValidation:
     """Fit without a part of the rows and predict that part, for each part.
 
-    Parts are blocks of neighbouring rows that never split a group: neighbours are alike, and
-    single rows left out would be predicted by the rows beside them. Where loads come again, in
-    repeats or, without groups, on the way back, a part has neighbouring loads with all their rows:
-    else each row left out would be predicted by its twin.
+    Parts are blocks of neighbouring rows that do not split a group, because single left-out rows
+    would be predicted by their neighbours. Where loads repeat, or recur in unloading without
+    groups, a part has neighbouring loads with all their rows, because a left-out row would
+    otherwise be predicted by its repeat.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def cross_validate(
     Returns
     -------
     CrossValidation
-        Errors of the predicted rows, part by part and together.
+        Errors of the predicted rows, by part and in total.
     """
     if not is_whole(folds) or folds < 2:
         raise InputError(f"folds is {shown(folds)}, it must be a whole number from 2")
@@ -103,7 +103,7 @@ def cross_validate(
     used = observations.fitted_rows(rows, measured)
     group = observations.groups(data, len(commands))
     load = observations.loads(commands.values)
-    if observations.come_again(load[used]) and not _grouped_alone(data, group):
+    if observations.repeats_loads(load[used]) and not _grouped_alone(data, group):
         group = np.array([f"load {number}" for number in (1 + load).tolist()])
     part = _blocks(group, used, int(folds))
     predicted = np.full_like(measured, np.nan)
@@ -134,7 +134,7 @@ def cross_validate(
 
 
 def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
-    """The last rows, for a check of a fit to the others by `Fit.predict`.
+    """Select the last rows, to validate a fit to the others by `Fit.predict`.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
     data : Measurements or Data
         As for `fit`.
     share : float
-        Of the rows with a measured tip, about: a run of a group is not split.
+        Approximate share of the rows with a measured tip; a run of a group is not split.
 
     Returns
     -------
@@ -156,7 +156,7 @@ def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
     seen = np.isfinite(observations.tips(data, count)).all(axis=1)
     group = observations.groups(data, count)[seen]
     order = np.cumsum(seen)
-    # the end of a run nearest to the share, so that something is left on either side
+    # the end of a run nearest to the share, with rows left on either side
     ends = 1 + np.flatnonzero(group[1:] != group[:-1])
     if not len(ends):
         ends = np.arange(1, len(group))
@@ -168,13 +168,13 @@ def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
 
 
 def _grouped_alone(data: Measured, group: NDArray[Any]) -> bool:
-    """Whether rows are in groups, and not because they are repeated."""
+    """Whether rows are in groups for another reason than repeats."""
     repeat = getattr(data, "repeat", None)
     return len(np.unique(group)) > 1 and (repeat is None or len(np.unique(repeat)) < 2)
 
 
 def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
-    """Part (K,) of each row: neighbouring groups together, about as many rows in each part."""
+    """Part (K,) of each row: neighbouring groups, with about the same number of rows per part."""
     number = observations.numbered(group)
     groups = int(number.max()) + 1
     if groups == 1:

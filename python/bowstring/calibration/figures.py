@@ -21,7 +21,7 @@ _MANY: Final = 300  # rows
 
 
 def draw_fit(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
-    """Draw what a calibration leaves: by order of the rows and by load, and parity.
+    """Draw the residuals of a calibration by row and by load, and parity.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def draw_fit(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
     stem : str
         ``residuals`` and ``parity``.
     figure : matplotlib.figure.Figure
-        Draw and save within `figure_style`.
+        Figure, to be drawn and saved within `figure_style`.
     """
     yield "residuals", _residuals(calibration)
     yield "parity", _parity(calibration)
@@ -43,7 +43,7 @@ def _residuals(calibration: Calibration) -> Figure:
     figure, panels = subplots(2, 5.4, sharey=True)
     by_tension = not np.isnan(data.tensions).all()
     given = data.tensions if by_tension else 1e3 * data.displacements
-    # the largest command of a row; all tendons paid out is negative
+    # the largest command of a row; negative if all tendons are lengthened
     load = np.nanmax(np.where(np.isnan(given), -np.inf, given), axis=1)
     kind = (
         "largest tension of the row (N)" if by_tension else "largest displacement of the row (mm)"
@@ -65,7 +65,7 @@ def _residuals(calibration: Calibration) -> Figure:
     if out.any():
         hollow: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none"}
         panels[0].plot([], [], color=LIGHT["ink"], label="held out", **hollow)
-    panels[0].set_title(_said_of(calibration), fontsize=8.5, pad=34)
+    panels[0].set_title(_title(calibration), fontsize=8.5, pad=34)
     legend_above(panels[0], 3)
     return figure
 
@@ -76,7 +76,7 @@ def _parity(calibration: Calibration) -> Figure:
     measured = 1e3 * data.tip
     before = measured + 1e3 * found.before
     after = 1e3 * calibration.predicted
-    many = len(data) > _MANY  # then marks cover each other
+    many = len(data) > _MANY  # with many rows marks overlap
     thin: dict[str, Any] = {"markersize": 2.0, "alpha": 0.35, "markeredgewidth": 0.4}
     size: dict[str, Any] = thin if many else {"markersize": 3.5}
     grey: dict[str, Any] = {"color": LIGHT["muted"], "linestyle": "none", "marker": "."}
@@ -89,7 +89,7 @@ def _parity(calibration: Calibration) -> Figure:
     ends = [np.nanmin(measured), np.nanmax(measured)]
     axes.plot(ends, ends, color=LIGHT["ink"], linewidth=0.8)
     axes.set(xlabel="measured coordinate (mm)", ylabel="predicted coordinate (mm)")
-    axes.set_title(_said_of(calibration), fontsize=8.5, pad=20)
+    axes.set_title(_title(calibration), fontsize=8.5, pad=20)
     legend_above(axes, 4)
     legend = axes.get_legend()
     for handle in legend.legend_handles if legend and many else ():
@@ -97,7 +97,7 @@ def _parity(calibration: Calibration) -> Figure:
     return figure
 
 
-def _said_of(calibration: Calibration) -> str:
+def _title(calibration: Calibration) -> str:
     found = calibration.fit
     return (
         f"{calibration.data.source}: {calibration.data.name}; {found.robot.name}, {found.model}\n"

@@ -1,4 +1,4 @@
-"""The folder that `bowstring fit --out` writes."""
+"""Result folder of `bowstring fit --out`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def write_fit(
     *,
     progress: Progress | None = None,
 ) -> Path:
-    """Write a calibration: the robot with its calibrated numbers, all numbers, two figures.
+    """Write a calibration: calibrated robot file, all numbers, two figures.
 
     Parameters
     ----------
@@ -32,20 +32,20 @@ def write_fit(
     content : dict
         Plain values for ``fit.json``, as ``bowstring fit --json`` prints.
     out : str or Path
-        Folder; a former fit in it is replaced whole, after success.
+        Folder; a former fit in it is replaced as a whole after success.
     progress : callable, optional
-        Is told what is being done and the share that is done, from 0 to 1.
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
 
     Returns
     -------
     Path
-        The folder, absolute: robot.yaml, calibration.json with what a robot file has no place for,
-        fit.json, and residuals and parity as PNG and PDF.
+        Absolute path of the folder, with robot.yaml, calibration.json (parameters that are not part
+        of a robot file), fit.json, and residuals and parity as PNG and PDF.
 
     Raises
     ------
     InputError
-        If the folder may not be written (see `check_folder`).
+        If the folder cannot be written (see `check_folder`).
     """
     from bowstring.calibration.figures import draw_fit
 

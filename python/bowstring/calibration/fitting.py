@@ -1,7 +1,8 @@
-"""Calibration: the parameters of a robot, its actuation and its frames from measurements.
+"""Calibration of a robot, its actuation and its frames from measurements.
 
-Robust nonlinear least squares (scipy) on the measured tip, with what the data say of each
-parameter and what they do not. Inside all is SI; K is the number of rows, P that of parameters.
+Robust nonlinear least squares (SciPy) on the measured tip, with standard errors and identifiability
+of the parameters; docs/theory/calibration.md has the equations. All values are in SI; K is the
+number of rows, P that of parameters.
 """
 
 from __future__ import annotations
@@ -38,42 +39,44 @@ __all__ = ["Estimate", "Fit", "Loss", "fit"]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: Members of a direction that is not told apart are those with at least this share of it.
+#: Least share of a parameter in a direction that is not identifiable, to be a member of it.
 _MEMBER: Final = 0.1
-#: Residuals that are so many times the stated uncertainty are more than that, if not by chance.
+#: Ratio of residuals to the stated uncertainty that indicates a lack of fit, if significant.
 _EXCESS: Final = 1.5
-#: Neighbours that correlate by so much err alike, if not by chance.
+#: Autocorrelation of residuals that indicates dependent errors, if significant.
 _ALIKE: Final = 0.3
-#: Rows of statics that a fit takes; each holds its solution and derivatives, up to 0.25 MB.
+#: Largest number of rows of statics; each stores its solution and derivatives, up to 0.25 MB.
 _MOST_ROWS: Final = 10_000
-#: Rows without an equilibrium at the end, as a share, with which a fit is distrusted.
+#: Share of rows without an equilibrium at the end above which a fit has not converged.
 _MOST_LOST: Final = 0.05
-#: Variances of a residual, for each parameter, by which one more step may promise to lower the
-#: cost of a fit that has converged (Bates and Watts, Technometrics 23, 1981).
+#: Largest decrease of the cost by one more step in a converged fit, in variances of a residual per
+#: parameter (Bates and Watts, Technometrics 23, 1981).
 _OFFSET: Final = 0.5
-#: Correlation of two parameters that holds up a fit.
+#: Correlation of two parameters above which they can prevent convergence.
 _HELD_UP: Final = 0.99
-#: A friction to begin with, in natural steps, where it begins from none.
+#: Initial friction, in natural steps, in place of zero.
 _LITTLE: Final = 0.2
-#: Share of the squares that a rigid motion leaves, below which residuals are mostly one.
+#: Share of the squares left by a rigid motion below which the residuals are a rigid offset.
 _RIGID: Final = 0.25
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the data say of one parameter, in the unit that people use for it.
+    """Estimate of one parameter, in its usual unit.
 
     Attributes
     ----------
     name, unit : str
     value, standard_error, low, high : float
-        The last two bound the 95 % interval; infinite where the data cannot tell. Where tendons
-        become slack or taut inside it, it is that of the profile likelihood, and the standard error
-        a part of its width.
+        Estimate, standard error and bounds of the 95 % interval; infinite where not identifiable.
+        Where tendons become slack or taut inside the interval, it is that of the profile
+        likelihood, and the standard error is a part of its width.
     start : float
+        Initial value.
     at_limit : bool
+        Whether the estimate is at a limit of the parameter.
     cut : bool
-        Whether the interval would go beyond what the parameter may be, and ends there.
+        Whether the interval is truncated at a limit of the parameter.
     """
 
     name: str
@@ -101,40 +104,39 @@ class Fit:
     ----------
     model : {"rod", "arc"}
     robot : Robot
-        With the calibrated numbers of the robot file, and the holes as fitted.
+        Calibrated robot, with fitted holes.
     estimates : tuple of Estimate
     correlation : ndarray (P, P)
-        Of the estimates; NaN for those that the data cannot tell.
+        Correlation of the estimates; NaN where not identifiable.
     not_identifiable : tuple of tuples of str
         Groups of correlated parameters that the data cannot separate. A group of one is a parameter
         that is not identifiable: its standard error spans its whole range, or is infinite.
     residuals : ndarray (K, 3)
-        Predicted less measured, m, of all rows; NaN where there is no measurement.
+        Predicted minus measured tip of all rows, m; NaN without a measurement.
     used : ndarray of bool (K,)
-        Rows that were fitted: those asked for that have an equilibrium.
+        Fitted rows: the selected ones that have an equilibrium.
     before : ndarray (K, 3)
-        The same before the fit, where the parameters begin; a base that is fitted whole is already
-        put where it fits best.
+        Residuals at the initial parameters, m; a base of which all parameters are fitted is already
+        registered.
     score, score_before : Score
-        Of the fitted rows.
+        Scores of the fitted rows after and before the fit.
     noise : float
-        Robust standard deviation of a coordinate, m: 1.48 times the median of its error's size, so
-        that rows that err by far more than most hardly count.
+        Robust standard deviation of a coordinate, m: 1.48 times the median absolute residual, on
+        which outliers have little influence.
     excess : float
-        Residuals over what the stated uncertainties let expect, root mean square: about 1 if the
-        model lacks nothing. NaN where none are stated.
+        RMS of the residuals over the stated uncertainties: about 1 for a model without lack of fit.
+        NaN where none are stated.
     autocorrelation : float
-        Of the residuals of neighbouring rows in a group; above 0.3, and by more than chance, they
-        are not noise, and intervals and correlations allow for rows that err alike. NaN with too
-        few rows.
+        Autocorrelation of the residuals of neighbouring rows in a group. Above 0.3, if significant,
+        they are not noise, and intervals and correlations allow for it. NaN with too few rows.
     converged : bool
     message : str
     evaluations : int
         Passes over all rows.
     unsolved : int
-        Rows that should have been fitted and have no equilibrium; they are left out of `used`.
+        Number of selected rows without an equilibrium; they are left out of `used`.
     linear : Linear
-        The fit near its end, for `bowstring.calibration.bootstrap.refitted`.
+        Linearised fit at its minimum, for `bowstring.calibration.bootstrap.refitted`.
     """
 
     model: Literal["rod", "arc"]
@@ -175,22 +177,22 @@ class Fit:
 
     @property
     def values(self) -> dict[str, float]:
-        """The estimates in SI by name, as ``start`` of another fit takes them."""
+        """Return the estimates in SI by name, for ``start`` of another fit."""
         return dict(zip(self.names, self._values.tolist(), strict=True))
 
     def predict(self, data: Measured) -> Floats:
-        """The measured point (K, 3) in m by the calibrated model, without any further alignment.
+        """Predict the measured point (K, 3) in m by the calibrated model, without registration.
 
         Parameters
         ----------
         data : measurements
-            Of which the commands (and the time, for a delay) are used, and the tool, where it was
-            the fitted measurements that said it. With friction or backlash the rows are one path.
+            Measurements, of which the commands are used, the time for a delay, and the tool if the
+            fit took it from its measurements. With friction or backlash the rows form one path.
 
         Returns
         -------
         ndarray (K, 3)
-            NaN where the model has no answer.
+            Predicted points, NaN where the model has no solution.
         """
         commands = observations.commands(data, self._unknowns.robot)
         model = TipModel(self._unknowns, commands, self._rod)
@@ -200,7 +202,7 @@ class Fit:
         return replace(found, setting=replace(found.setting, tool=tool)).point
 
     def to_dict(self) -> schema.FitNumbers:
-        """All numbers of the fit, ready for `json.dumps`; None where there is no number."""
+        """Return all numbers of the fit, ready for `json.dumps`; None for NaN and infinity."""
         return {
             "model": self.model,
             "converged": self.converged,
@@ -235,36 +237,36 @@ def fit(
     Parameters
     ----------
     robot : Robot
-        Where the numbers of the robot file begin.
+        Robot with the initial values of its file's parameters.
     data : measurements
-        Rows in the order in which they were taken: with friction or backlash they are one path.
-        Where they state an uncertainty that differs from row to row, rows count by it; where they
-        say where the tool is, it is held there unless it is fitted or `start` says otherwise.
+        Rows in the order of measurement; with friction or backlash they form one path. Rows are
+        weighted by their uncertainty where it varies. A stated tool is kept unless it is fitted or
+        given in `start`.
     parameters : sequence of str
-        Numbers of the robot file by path, ``*`` for one number shared by all:
-        ``segments.0.backbone.E``, ``segments.*.tendons.compliance``. Further, for all, each
-        segment or each tendon (``gain``, ``gain.segments``, ``gain.tendons``,
-        ``gain.tendons.4``): ``gain`` of displacements or tensions; ``offset`` of displacements,
-        positive where a tendon is shorter than it should be; ``backlash``, half the dead travel of
-        a displacement; for all or each segment: ``hole_angle``, turned by, ``pitch_radius``,
-        times, ``bend_gain`` of constant curvature. ``delay`` of the tip behind the commands in s.
-        ``base``: the robot's base in the measuring frame, ``base.x`` to ``base.rz`` (a rotation
-        vector). ``tool``: the measured point in the frame of the end disk.
+        Names of parameters. Fields of the robot file by path, with ``*`` for one value shared by
+        all: ``segments.0.backbone.E``, ``segments.*.tendons.compliance``. For all, each segment or
+        each tendon (``gain``, ``gain.segments``, ``gain.tendons``, ``gain.tendons.4``): ``gain`` of
+        displacements or tensions; ``offset`` of displacements, positive where a tendon is too
+        short; ``backlash``, half the dead travel of a displacement. For all or each segment:
+        ``hole_angle``, an added angle; ``pitch_radius``, a factor; ``bend_gain`` of constant
+        curvature. ``delay`` of the tip behind the commands in s. ``base``: the robot's base in the
+        measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the measured point
+        in the frame of the end disk.
     model : RodModel or "arc", optional
-        Of the statics of `bowstring.solve`, with one element if it does not say how many; or
-        constant curvature from tendon lengths (from force where the rows have tensions), segments
-        keeping their lengths.
+        Statics of `bowstring.solve`, by default with one element; or constant curvature from tendon
+        lengths (from tensions where the rows have them), with segments of constant length.
     start : mapping from name to float, optional
-        SI; where parameters begin, and what others are held at.
+        Initial values of fitted parameters and fixed values of others, in SI.
     rows : array_like of bool (K,), optional
-        Rows to fit; the others only lead the path. All with a measured tip if left out.
+        Rows to fit; the others are only steps of the path. By default all with a measured tip.
     loss : {"linear", "soft_l1", "huber"}
-        Robust losses turn at two standard deviations, found by the data.
+        Loss function; robust ones become linear beyond two standard deviations, which are
+        estimated from the data.
 
     Returns
     -------
     Fit
-        Look at `converged`, `message` and `not_identifiable` before its numbers.
+        Result; check `converged`, `message` and `not_identifiable` first.
 
     Raises
     ------
@@ -272,18 +274,18 @@ def fit(
         If an argument is wrong, there are fewer measured points than parameters, or a parameter
         has no effect.
     NoSolutionError
-        If the model has no answer to more than half of the rows to begin with.
+        If the initial model has no solution for more than half of the rows.
 
     Notes
     -----
-    Where a tendon becomes taut or slack the error has a kink, and often a minimum on either side.
-    A fit goes on from a minimum to lower ones that a model of its surroundings promises, in which
-    each row is a linear complementarity problem (`bowstring.calibration.pieces`). Rows without
-    an equilibrium are left out and counted.
+    The cost is Eq. 7.1 of docs/theory. Where a tendon becomes taut or slack, the cost has a kink
+    and often a minimum on either side. The fit continues from a minimum to lower ones predicted by
+    a piecewise linear model, in which each row is a linear complementarity problem
+    (`bowstring.calibration.pieces`). Rows without an equilibrium are left out and counted.
 
-    Standard errors are those of M-estimation (Huber, Robust Statistics, 1981, 7.6): they take the
-    residuals for independent noise, as large in all rows (or as stated), and along each axis of the
-    measuring frame as large as it is there.
+    Standard errors are those of M-estimation, Eq. 7.2 of docs/theory (Huber, Robust Statistics,
+    1981, 7.6). They assume independent noise of the same size in all rows (or as stated), with its
+    own size along each axis of the measuring frame.
     """
     check_robot(robot)
     if isinstance(model, str) and model != "arc":
@@ -340,7 +342,7 @@ def _from_frictionless(
     start: Mapping[str, float],
     again: Callable[..., Fit],
 ) -> Floats:
-    """Scaled values to begin a fit with friction: those without it, where they are better."""
+    """Initial scaled values of a fit with friction: those without friction, if better."""
     smooth = {path: 0.0 for path in work.model.unknowns.friction_paths}
     others = [name for name in work.model.unknowns.names if not name.endswith(".friction")]
     held = {k: v for k, v in start.items() if not k.endswith(".friction")}
@@ -356,7 +358,7 @@ def _from_frictionless(
     return np.array(begins[int(np.argmin(costs))])
 
 
-# -- what a fit tells ---------------------------------------------------------------------------
+# -- results of a fit ---------------------------------------------------------------------------
 
 
 def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -> Fit:
@@ -368,32 +370,32 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
     size = np.linalg.norm(jacobian, axis=0)
     size[size == 0] = 1.0
     _, singular, direction = np.linalg.svd(jacobian / size, full_matrices=False)
-    told = singular > SAME * singular[0]
+    identified = singular > SAME * singular[0]
     not_identifiable = [
         tuple(items[i].name for i in np.flatnonzero(np.abs(row) >= _MEMBER * np.abs(row).max()))
-        for row in direction[~told]
+        for row in direction[~identified]
     ]
     errors = at.point - work.measured
     alike, chance, run = _autocorrelation(errors, work.used, group)
     is_alike = alike > _ALIKE and chance < NOISE
     lag = intervals.newey_west_lag(alike, len(run)) if is_alike else 0
     covariance, half = intervals.covariance(
-        (weighted, slope), jacobian / size, direction[told], run, lag
+        (weighted, slope), jacobian / size, direction[identified], run, lag
     )
     covariance = covariance / np.outer(size, size)
     error = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(error, error)
     ends = intervals.profile_ends(land, covariance, half, jacobian, slope)
     profiled = ends is not None
-    untold = (np.abs(direction[~told]) >= 1e-3).any(axis=0)
+    undetermined = (np.abs(direction[~identified]) >= 1e-3).any(axis=0)
     one_sided = np.zeros(len(items), dtype=bool)
     if ends is not None:
         error = (ends[1] - ends[0]) / (2.0 * half)
         one_sided = np.isinf(ends).sum(axis=0) == 1
-    # as wide as all that it may be
-    idle = ~untold & ~one_sided & (error >= work.high - work.low)
+    # not identifiable: as wide as the allowed range
+    idle = ~undetermined & ~one_sided & (error >= work.high - work.low)
     not_identifiable += [(items[i].name,) for i in np.flatnonzero(idle)]
-    none = untold | idle
+    none = undetermined | idle
     correlation[none] = correlation[:, none] = np.nan
     error[none] = np.inf
     if ends is None:
@@ -402,7 +404,7 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
     promised = 0.0 if land is not None else search.decrease(found)
     stuck = promised > _OFFSET * len(items) * work.variance(found.cost)
     scored = score(errors[work.used], np.zeros_like(errors[work.used]))
-    # a motion that is larger than the robot is not of it
+    # a motion larger than the robot is none of the robot
     astray = scored.rmse_centred > at.setting.robot.length
     before = work.before[work.used & np.isfinite(work.before).all(axis=1)]
     excess, excess_p = _excess(errors, work.used, work.sigma, len(items))
@@ -436,7 +438,7 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
         message=message + ("" if astray else _rigid_offset(work, at)),
         evaluations=work.model.solves,
         unsolved=work.unsolved,
-        # in m, with loss and weights of rows
+        # in m, including loss and weights of rows
         linear=Linear(
             by_parameter=(1e-3 * jacobian / work.weight[:, None]).reshape(-1, 3, len(items)),
             force=(1e-3 * weighted * work.weight).reshape(-1, 3),
@@ -450,7 +452,7 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
 
 
 def _estimates(work: Residuals, found: Any, error: Floats, ends: Floats) -> list[Estimate]:
-    """Estimates by scaled standard errors (P,) and ends of intervals (2, P), for people."""
+    """Make estimates in usual units from scaled standard errors (P,) and intervals (2, P)."""
     estimates = []
     for i, item in enumerate(work.items):
         value = found.x[i] * item.step
@@ -477,7 +479,7 @@ def _correlated_pair(names: Sequence[str], correlation: Floats) -> tuple[str, ..
 def _message(
     work: Residuals,
     found: Any,
-    doubts: tuple[bool, bool, bool],
+    failures: tuple[bool, bool, bool],
     estimates: Sequence[Estimate],
     not_identifiable: Sequence[Sequence[str]],
     profiled: bool,
@@ -485,13 +487,13 @@ def _message(
     excess: float | None,
     pair: tuple[str, ...],
 ) -> str:
-    """How the fit ended and what its numbers are worth.
+    """Message on the end of the fit and the reliability of its numbers.
 
-    `doubts`: whether too many rows have no equilibrium, the derivatives promise more, and the
-    points move farther than the robot is long. `alike` and `excess` are given where chance alone
-    does not make them so large. `pair`: two parameters that hold up the fit, if there are such.
+    `failures`: whether too many rows have no equilibrium, the derivatives predict a lower cost, and
+    the points move farther than the robot is long. `alike` (autocorrelation) and `excess` are given
+    if they are significant. `pair`: two correlated parameters that prevent convergence, or empty.
     """
-    lost, stuck, astray = doubts
+    lost, stuck, astray = failures
     unsolved = f"{work.unsolved} of {work.asked.sum()} rows"
     if lost:
         said = [f"Not converged: {unsolved} have no equilibrium at the end."]
@@ -547,9 +549,9 @@ def _message(
 def _autocorrelation(
     errors: Floats, used: Bools, group: NDArray[Any]
 ) -> tuple[float, float, NDArray[np.int64]]:
-    """Autocorrelation of neighbouring rows of a group, and the chance of it from noise.
+    """Autocorrelation of neighbouring rows of a group, its p-value, and runs of rows.
 
-    Also the run (n,) of each row that is used: neighbours of a group are of one run.
+    The run (n,) of each used row groups neighbours of a group.
     """
     at = np.flatnonzero(used)
     near = (np.diff(at) == 1) & (group[at[1:]] == group[at[:-1]])
@@ -562,7 +564,7 @@ def _autocorrelation(
 def _excess(
     errors: Floats, used: Bools, sigma: Floats | None, parameters: int
 ) -> tuple[float, float]:
-    """Root of the reduced chi squared, and the chance of one as large from noise."""
+    """Square root of the reduced chi-square, and its p-value."""
     free = 3 * int(used.sum()) - parameters
     if sigma is None or free < 1:
         return math.nan, math.nan
@@ -571,7 +573,7 @@ def _excess(
 
 
 def _rigid_offset(work: Residuals, at: Prediction) -> str:
-    """A sentence where a rigid motion of the base would take most of the residuals away."""
+    """Warn if a rigid motion of the base would remove most of the residuals."""
     base = {f"base.{name}" for name in ("x", "y", "z", "rx", "ry", "rz")}
     free = 3 * int(work.used.sum()) - len(work.items) - 6
     if free < 1 or base <= {item.name for item in work.items}:

@@ -1,7 +1,7 @@
-"""What the data say of fitted parameters: their covariance, and profile likelihood intervals.
+"""Uncertainty of fitted parameters: covariance and profile likelihood intervals.
 
-n is the number of rows that are used, P that of parameters; residuals in mm, parameters over their
-natural steps.
+n is the number of used rows, P that of parameters. Residuals are in mm, parameters are divided by
+their natural steps.
 """
 
 from __future__ import annotations
@@ -19,34 +19,34 @@ __all__ = ["covariance", "newey_west_lag", "profile_ends"]
 
 Floats = NDArray[np.float64]
 
-#: Increase of the cost at the edge of an interval, over that by the derivatives, that is usual.
+#: Normal ratio of the increase of the cost at the end of an interval to that by the derivatives.
 _REGULAR: Final = (0.6, 1.7)
 #: Size of a fit times parameters up to which irregular intervals are profiled.
 _LARGE: Final = 300_000
-#: Minima from which a profile begins.
+#: Number of minima from which a profile starts.
 _STARTS: Final = 4
 
 
 def covariance(
-    by: tuple[Floats, Floats], rows: Floats, told: Floats, run: NDArray[np.int64], reach: int
+    by: tuple[Floats, Floats], rows: Floats, identified: Floats, run: NDArray[np.int64], reach: int
 ) -> tuple[Floats, float]:
-    """Covariance (P, P) of the estimates, and half an interval of 95 % over the standard error.
+    """Covariance (P, P) of the estimates, and half width of a 95 % interval over standard error.
 
-    Noise may differ from axis to axis. `by` (3 n,) are the first and the second derivative of half
-    the loss by the residuals, `rows` (3 n, P) is the derivative of these, `told` (R, P) are the
-    directions that the data tell. With a `reach`, rows of one `run` (n,) less than so many apart
-    may err alike (Newey and West, Econometrica 55, 1987; the interval by Kiefer and Vogelsang,
-    Econometric Theory 21, 2005).
+    This is Eq. 7.2 of docs/theory; noise may differ between axes. `by` (3 n,) are the first and the
+    second derivative of half the loss by the residuals, `rows` (3 n, P) the Jacobian of the
+    residuals, `identified` (R, P) the identifiable directions. With a `reach`, rows of one `run`
+    (n,) closer than that may be correlated (Newey and West, Econometrica 55, 1987; interval by
+    Kiefer and Vogelsang, Econometric Theory 21, 2005).
     """
     from scipy.special import stdtrit
 
     force, slope = (each.reshape(-1, 3) for each in by)
-    of_axis = (rows @ told.T).reshape(-1, 3, len(told))
-    count, parameters = len(of_axis), len(told)
+    of_axis = (rows @ identified.T).reshape(-1, 3, len(identified))
+    count, parameters = len(of_axis), len(identified)
     square = np.einsum("kap,kaq->apq", of_axis, of_axis)
     mean = slope.mean(axis=0)
     inverse = np.linalg.inv(np.tensordot(mean, square, 1))
-    taken = mean * np.einsum("apq,qp->a", square, inverse)  # of each axis' rows, by the parameters
+    taken = mean * np.einsum("apq,qp->a", square, inverse)  # parameters determined by each axis
     free = np.maximum(count - taken, 1.0)
     spread = (force**2).sum(axis=0) / free
     correction = 1 + parameters / slope.size * float(slope.var()) / float(slope.mean()) ** 2
@@ -62,12 +62,12 @@ def covariance(
     else:
         scatter = np.tensordot(spread, square, 1)
         half = float(stdtrit(free.min(), 0.975))
-    back = told.T @ inverse
+    back = identified.T @ inverse
     return correction**2 * back @ scatter @ back.T, half
 
 
 def newey_west_lag(correlation: float, count: int) -> int:
-    """Rows over which neighbours that correlate so are summed (Andrews, Econometrica 59, 1991)."""
+    """Bandwidth in rows for a given autocorrelation (Andrews, Econometrica 59, 1991)."""
     square = min(correlation, 0.97) ** 2
     alpha = 4.0 * square / (1.0 - square) ** 2
     return min(math.ceil(1.1447 * math.pow(alpha * count, 1.0 / 3.0)), count // 2)
@@ -76,11 +76,11 @@ def newey_west_lag(correlation: float, count: int) -> int:
 def profile_ends(
     land: Landscape | None, covariance: Floats, half: float, jacobian: Floats, slope: Floats
 ) -> Floats | None:
-    """Ends (2, P) of profile likelihood intervals; None where the derivatives give intervals.
+    """Ends (2, P) of profile likelihood intervals; None where the derivatives suffice.
 
-    Where tendons become taut or slack inside an interval, or another minimum is hardly higher,
-    the derivatives at the minimum say too little. Half the decrease of the loss that bounds the
-    profile is that by which the interval of the derivatives alone would be met.
+    They do not suffice where tendons become taut or slack inside an interval, or another minimum is
+    hardly higher. The bound of the cost is the one that would reproduce the interval of the
+    derivatives for a quadratic cost.
     """
     parameters = len(covariance)
     if land is None or np.abs(land.residuals).max() < 1e3 * EXACT:

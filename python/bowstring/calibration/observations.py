@@ -1,6 +1,7 @@
-"""Measurements as a fit reads them, and how far predictions are from them.
+"""Measurements for a fit, and scores of predictions.
 
-Any object with the attributes of `Measured` will do; inside all is SI. K is the number of rows.
+Any object with the attributes of `Measured` is accepted. All values are in SI; K is the number of
+rows.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ __all__ = [
     "Data",
     "Measured",
     "Score",
-    "come_again",
     "commands",
     "fitted_rows",
     "groups",
     "loads",
     "numbered",
+    "repeats_loads",
     "score",
     "sigmas",
     "tips",
@@ -42,13 +43,13 @@ Bools = NDArray[np.bool_]
 
 
 class Measured(Protocol):
-    """What is read of measurements: K rows, in the order in which they were taken.
+    """Attributes of measurements that a fit reads: K rows, in the order of measurement.
 
-    ``tensions`` and ``displacements`` are (K, T) in N and m, NaN where a tendon has the other;
-    either may be None. ``points`` is (K, P, 3) in m, the last point the tip (or ``tip`` (K, 3)).
-    ``group`` (K,) and ``time`` (K,) in s may be None. Read where they are there, as in
-    `bowstring.Measurements`: ``sigma`` (K,) in m, ``repeat`` (K,), ``recording`` (K,),
-    ``line`` (K,) of the table for messages, ``tool`` (3,) in m.
+    ``tensions`` and ``displacements`` are (K, T) in N and m, NaN where a tendon has the other
+    command; either may be None. ``points`` is (K, P, 3) in m, the last point the tip (or ``tip``
+    (K, 3)). ``group`` (K,) and ``time`` (K,) in s may be None. Optional, as in
+    `bowstring.Measurements`: ``sigma`` (K,) in m, ``repeat`` (K,), ``recording`` (K,), ``line``
+    (K,) of the table for messages, ``tool`` (3,) in m.
     """
 
     @property
@@ -65,21 +66,21 @@ class Measured(Protocol):
 
 @dataclass(frozen=True)
 class Data:
-    """Measurements as plain arrays, in SI; any object with the same attributes will do.
+    """Measurements as plain arrays, in SI; an alternative to `bowstring.Measurements`.
 
     Attributes
     ----------
     points : array_like (K, P, 3) or (K, 3)
-        Measured, the last one the tip; NaN where it was not seen.
+        Measured points in m, the last one the tip; NaN where not measured.
     tensions, displacements : array_like (K, T) or None
-        In N and m, NaN where a tendon has the other.
+        Commands in N and m, NaN where a tendon has the other one.
     group : array_like (K,) or None
         Names of runs or patterns, for validation.
     time : array_like (K,) or None
-        In s.
+        Time in s.
     recording : array_like (K,) or None
-        Rows with the same number or name are one path, which begins at home without a history;
-        None: all rows are.
+        Rows with the same number or name form one path, which begins in the home pose without a
+        history. None: all rows form one path.
     """
 
     points: ArrayLike
@@ -98,10 +99,10 @@ class Score:
     ----------
     count : int
     rmse, mean, largest : float
-        Over points, of the Euclidean distance.
+        Statistics of the Euclidean distance over points.
     rmse_centred, mean_centred : float
-        The same after the mean error vector is taken off: not an error of the model, but what
-        others report.
+        RMS and mean after subtraction of the mean error vector. This is not an error of the model,
+        but is often reported.
     """
 
     count: int
@@ -120,7 +121,7 @@ class Score:
         )
 
     def to_dict(self) -> schema.TipErrors:
-        """In mm, without the count."""
+        """Return plain values in mm, without the count."""
         return {
             "rmse_mm": 1e3 * self.rmse,
             "mean_mm": 1e3 * self.mean,
@@ -162,7 +163,7 @@ def score(predicted: ArrayLike, measured: ArrayLike) -> Score:
 
 
 def commands(data: Measured, robot: Robot) -> Commands:
-    """Displacements and tensions of all rows, checked."""
+    """Check and return displacements and tensions of all rows."""
     check_is_read(data)
     count = robot.core.tendon_count
     given = {}
@@ -198,7 +199,7 @@ def commands(data: Measured, robot: Robot) -> Commands:
 
 
 def _column(data: Measured, name: str, count: int, unit: str = "") -> NDArray[Any] | None:
-    """A value (K,) for each row, numbers where they have a unit; None where there are none."""
+    """Values (K,) of an optional column, as numbers if it has a unit; None if missing."""
     given = getattr(data, name, None)
     if given is None:
         return None
@@ -210,7 +211,7 @@ def _column(data: Measured, name: str, count: int, unit: str = "") -> NDArray[An
 
 
 def tips(data: Measured, count: int) -> Floats:
-    """Measured tips (K, 3) in m, NaN where none was."""
+    """Measured tips (K, 3) in m, NaN where not measured."""
     points = getattr(data, "points", None)
     if points is None:
         points = getattr(data, "tip", None)
@@ -234,7 +235,7 @@ def tips(data: Measured, count: int) -> Floats:
 
 
 def fitted_rows(rows: ArrayLike | None, measured: Floats) -> Bools:
-    """Rows (K,) to fit: those asked for, or all with a measured tip."""
+    """Rows (K,) to fit: the selected ones, or all with a measured tip."""
     seen: Bools = np.array(np.isfinite(measured).all(axis=1))
     used = seen if rows is None else np.asarray(rows)
     if used.dtype != bool or used.shape != seen.shape:
@@ -248,7 +249,7 @@ def fitted_rows(rows: ArrayLike | None, measured: Floats) -> Bools:
 
 
 def groups(data: Measured, count: int) -> NDArray[Any]:
-    """The group (K,) of each row, of each repeat one; all alike where none is given."""
+    """Group (K,) of each row, a separate one for each repeat; by default a single group."""
     group = _column(data, "group", count)
     found = np.full(count, "") if group is None else group.astype(str)
     repeat = getattr(data, "repeat", None)
@@ -259,9 +260,9 @@ def groups(data: Measured, count: int) -> NDArray[Any]:
 
 
 def loads(values: Floats) -> NDArray[np.int64]:
-    """Number (K,) of the load of each row: the same for the same commands (K, T) within rounding.
+    """Number (K,) of the load of each row, equal for equal commands (K, T) within rounding.
 
-    Numbers count from 0 in the order in which loads come first.
+    Numbers count from 0 in the order of first appearance.
     """
     span = np.ptp(values, axis=0)
     scale = np.where(span > 0.0, span, np.maximum(np.abs(values).max(axis=0), 1.0))
@@ -269,13 +270,13 @@ def loads(values: Floats) -> NDArray[np.int64]:
 
 
 def numbered(labels: NDArray[Any]) -> NDArray[np.int64]:
-    """Number (K,) of the label of each row, from 0 in the order in which labels come first."""
+    """Number (K,) of the label of each row, from 0 in the order of first appearance."""
     _, first, place = np.unique(labels, axis=0, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[place.ravel()], dtype=np.int64)
 
 
-def come_again(load: NDArray[np.int64]) -> bool:
-    """Whether most rows have a load that other rows have as well."""
+def repeats_loads(load: NDArray[np.int64]) -> bool:
+    """Whether most rows share their load with other rows."""
     return bool(np.mean(np.bincount(load)[load] > 1) > 0.5)
 
 
@@ -288,6 +289,6 @@ def sigmas(data: Measured, count: int) -> Floats | None:
 
 
 def tool(data: Measured, unsaid: Floats | None = None) -> Floats:
-    """Measured point (3,) seen from the tip, as the measurements say, in m; zero if they do not."""
+    """Offset of the measured point from the tip (3,) in m, as stated; zero by default."""
     none = np.zeros(3) if unsaid is None else unsaid
     return np.asarray(getattr(data, "tool", none), dtype=float)

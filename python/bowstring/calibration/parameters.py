@@ -1,8 +1,8 @@
-"""The parameters of a fit by name: what they are, where they begin, and what they change.
+"""Parameters of a fit by name: initial values, limits, and effect.
 
-A parameter is a path of the robot file, as ``segments.0.backbone.E`` (with ``*`` for all, one
-number shared), or one of the actuation and of the frames, which no robot file has. All are SI
-inside.
+A parameter is a path of the robot file, such as ``segments.0.backbone.E`` (with ``*`` for one value
+shared by all), or one of the actuation and the frames, which no robot file has. All values are in
+SI.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["TENDON_PROPERTIES", "Setting", "Unknown", "Unknowns"]
 Floats = NDArray[np.float64]
 
 _DEG: Final = np.pi / 180.0
-#: Parameters that no robot file has: start, natural step, least value; people's unit, SI of one
+#: Parameters outside the robot file: start, natural step, least value; usual unit, its SI value
 _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
     **dict.fromkeys(("base.x", "base.y", "base.z"), (0.0, 1e-3, -np.inf, "mm", 1e-3)),
     **dict.fromkeys(("base.rx", "base.ry", "base.rz"), (0.0, 0.02, -np.inf, "deg", _DEG)),
@@ -41,12 +41,12 @@ _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
     "bend_gain": (1.0, 0.02, 0.0, "", 1.0),
 }
 _FRAMES: Final = {"base": ("x", "y", "z", "rx", "ry", "rz"), "tool": ("x", "y", "z")}
-#: Which of the others can be one for all, one for each segment, one for each tendon.
+#: Whether a parameter may be common to all, one per segment, or one per tendon.
 _EACH: Final = {
     **dict.fromkeys(("gain", "offset", "backlash"), ("", "segments", "tendons")),
     **dict.fromkeys(("hole_angle", "pitch_radius", "bend_gain"), ("", "segments")),
 }
-#: A natural step of a field that may be zero; others take a share of their value.
+#: Natural steps of fields that may be zero; the step of other fields is a share of their value.
 _STEP: Final = {
     "friction": 0.05,
     "compliance": 1e-5,
@@ -59,23 +59,23 @@ _STEP: Final = {
     "gravity": 1.0,
 }
 _SHARE: Final = 0.05
-#: What the law of the actuation alone turns into a change of displacement.
+#: Parameters that change only the effective displacement.
 TENDON_PROPERTIES: Final = frozenset({"compliance", "axial_stiffness", "free_length", "pretension"})
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number to fit.
+    """One parameter to fit.
 
     Attributes
     ----------
     name : str
     unit : str
-        For people; ``per_unit`` is SI of one of it.
+        Usual unit; ``per_unit`` is its value in SI.
     start, step, low, high : float
-        Where it begins, a natural step of it, and its limits, in SI.
+        Initial value, natural step and limits, in SI.
     paths : tuple of str
-        Paths in the robot file that it sets; none for those of the actuation and of the frames.
+        Paths in the robot file that it sets; empty for parameters of actuation and frames.
     """
 
     name: str
@@ -89,28 +89,28 @@ class Unknown:
 
     @property
     def leaf(self) -> str:
-        """The field in the robot file."""
+        """Name of the field in the robot file."""
         return self.paths[0].rsplit(".", 1)[-1] if self.paths else ""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What values of the parameters mean, in SI.
+    """Robot, actuation and frames for given values of the parameters, in SI.
 
     Attributes
     ----------
     robot : Robot
     gain, offset, backlash : ndarray (T,)
-        A displacement that counts is gain x (the displacement after delay and backlash) + offset;
-        a tension only has the gain.
+        The effective displacement is gain x (displacement after delay and backlash) + offset in m;
+        a tension has the gain only.
     delay : float
-        Time by which the tip runs behind the commands, s.
+        Delay of the tip behind the commands, s.
     position, turn : ndarray (3,)
-        The robot's base in the measuring frame; a rotation vector.
+        Position (m) and rotation vector (rad) of the robot's base in the measuring frame.
     tool : ndarray (3,)
-        The measured point in the frame of the end disk.
+        Measured point in the frame of the end disk, m.
     bend_gain : ndarray (S,)
-        Of the arcs of constant curvature.
+        Factor on the bends of constant curvature.
     """
 
     robot: Robot
@@ -125,21 +125,21 @@ class Setting:
 
 
 class Unknowns:
-    """The numbers to fit, and what is held at a value.
+    """Parameters to fit, and fixed values of others.
 
     Parameters
     ----------
     robot : Robot
-        Where paths of the robot file begin.
+        Robot with the initial values of its file's parameters.
     names : sequence of str
-        Groups such as ``"base"`` or ``"gain.tendons"`` stand for all their members.
+        Names; groups such as ``"base"`` or ``"gain.tendons"`` stand for all their members.
     start : mapping from name to float
-        SI; where fitted parameters begin, and what those of actuation and frames are held at.
+        Initial values of fitted parameters, and fixed values of actuation and frames, in SI.
 
     Raises
     ------
     InputError
-        For names that are unknown, twice there or without a number to begin with.
+        For names that are unknown, duplicate or without an initial value.
     """
 
     def __init__(
@@ -169,7 +169,7 @@ class Unknowns:
                 self._held[name] = value
         if overrides:
             self.robot = robot.with_(overrides)
-            self._leaves.update(overrides)  # one of many begins where all of them are held
+            self._leaves.update(overrides)  # a shared start value applies to each member
         self.items = [self._unknown(each, given) for each in fitted]
         self._check_overlap()
 
@@ -187,12 +187,12 @@ class Unknowns:
         return [path for path in self._leaves if path.endswith(".friction")]
 
     def setting(self, values: Floats) -> Setting:
-        """What these values (P,) in SI mean.
+        """Make the setting of parameter values (P,) in SI.
 
         Raises
         ------
         InputError
-            If no robot can have them.
+            If the robot would be invalid.
         """
         extra = dict(self._held)
         overrides: dict[str, float] = {}
@@ -233,7 +233,7 @@ class Unknowns:
         )
 
     def _made(self, overrides: Mapping[str, float], angle: Floats, radius: Floats) -> Robot:
-        """The robot of these numbers; most differences leave it as it was."""
+        """Make the robot of given overrides; cached, as most differences do not change it."""
         key = *overrides.values(), *angle.tolist(), *radius.tolist()
         if key not in self._robots:
             robot = self.robot.with_(overrides) if overrides else self.robot
@@ -247,7 +247,7 @@ class Unknowns:
     # -- names -----------------------------------------------------------------------------
 
     def _expand(self, name: str) -> list[str]:
-        """The single parameters that a name stands for."""
+        """Expand a name to single parameters."""
         head, _, rest = name.partition(".")
         if name in _FRAMES:
             return [f"{name}.{member}" for member in _FRAMES[name]]
@@ -306,7 +306,7 @@ class Unknowns:
                     )
                 seen[path] = item.name
 
-    # -- one of them -----------------------------------------------------------------------
+    # -- single parameters -----------------------------------------------------------------
 
     def _unknown(self, name: str, given: Mapping[str, float]) -> Unknown:
         if paths := self._paths(name):
@@ -336,7 +336,7 @@ def _finite(name: str, value: object) -> float:
 
 
 def _leaves(tree: Any, path: str = "") -> Iterable[tuple[str, float]]:
-    """Every number of a robot file that is no count, with its path."""
+    """Yield every number of a robot file except counts, with its path."""
     entries = tree.items() if isinstance(tree, dict) else enumerate(tree)
     for key, value in entries:
         here = f"{path}.{key}" if path else str(key)
@@ -347,7 +347,7 @@ def _leaves(tree: Any, path: str = "") -> Iterable[tuple[str, float]]:
 
 
 def _quantity(robot: Robot, leaf: str, path: str) -> Quantity | None:
-    """The mark of the field of a robot file; None where there is none."""
+    """Quantity of a field of a robot file; None if it has none."""
     part: Any = robot
     for key in path.split(".")[:-1] if leaf != "gravity" else ():
         part = part[int(key)] if isinstance(part, tuple) else getattr(part, key)
@@ -357,7 +357,7 @@ def _quantity(robot: Robot, leaf: str, path: str) -> Quantity | None:
 
 
 def _moved_holes(robot: Robot, angle: Floats, radius: Floats) -> dict[str, float]:
-    """Overrides that turn the holes of segments and scale their pitch radii."""
+    """Overrides that rotate the holes of segments and scale their pitch radii."""
     overrides: dict[str, float] = {}
     for i, segment in enumerate(robot.segments):
         where, ring = f"segments.{i}.tendons", segment.tendons

@@ -1,4 +1,4 @@
-"""The measured point near a state of the parameters: linear, except where tendons go slack.
+"""Piecewise linear model of the measured point near given parameters, with slack tendons.
 
 With T the tensions of the actuated tendons, s their slack lengths and d a change of the parameters,
 a row of measurements is
@@ -6,9 +6,9 @@ a row of measurements is
     s = s0 + G d + M (T - T0),    s >= 0,    T >= 0,    s T = 0
     point = point0 + A d + B (T - T0)
 
-a linear complementarity problem (LCP) in each row. It sees what the derivatives of one active set
-do not: where a tendon becomes taut or slack, and what the point does beyond. K is the number of
-rows, T that of tendons, P that of parameters; SI.
+a linear complementarity problem (LCP) per row (Eq. 4.1 and 4.2 of docs/theory). Unlike the
+derivatives of one active set, it contains the changes where tendons become taut or slack. K is the
+number of rows, T that of tendons, P that of parameters; all values are in SI.
 """
 
 from __future__ import annotations
@@ -26,42 +26,43 @@ __all__ = ["Landscape", "Minimum", "Pieces"]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: Rounds in which all violated complementarities of a row change sides; later one changes.
+#: Rounds of block pivoting, in which all violated complementarities change; then single pivots.
 _BLOCKS: Final = 10
 _ROUNDS: Final = 60
-#: Tensions and slack lengths, over their size, that count as zero.
+#: Relative size of tensions and slack lengths that counts as zero.
 _TINY: Final = 1e-10
-#: Steps of the parameters within which other minima are sought.
+#: Range of the search for other minima, in natural steps of the parameters.
 _FAR: Final = 30.0
-#: Starts of the search, by size of the problem: rows x tendons x parameters, all starts together.
+#: Effort of the search, rows x tendons x parameters x starts, which limits the number of starts.
 _STARTS: Final = 12
 _FEWEST_STARTS: Final = 3
 _SIZE: Final = 300_000
-#: A start behind a change of sides is so many times as far as the change.
+#: Distance of a start over that of the change of the active set behind which it lies.
 _BEYOND: Final = 1.5
 _SEED: Final = 1
-#: Steps of the search for the end of an interval, and the share of it to which it is found.
+#: Steps of the search for the end of an interval, and its relative tolerance.
 _REACHES: Final = 14
 _NEAR: Final = 0.05
-#: Share of the largest eigenvalue below which a direction of the parameters moves nothing.
+#: Eigenvalue over the largest below which a direction of the parameters has no effect.
 _LOST: Final = 1e-10
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """The piecewise linear model of the measured point.
+    """Piecewise linear model of the measured point.
 
     Attributes
     ----------
     point_by_parameter : ndarray (K, 3, P)
-        At constant tensions of actuated tendons.
+        Derivatives at constant tensions of actuated tendons.
     point_by_tension : ndarray (K, 3, T)
     slack, tensions : ndarray (K, T)
+        Slack lengths (m) and tensions (N) at no change.
     slack_by_parameter : ndarray (K, T, P)
-        At constant tensions.
+        Derivatives at constant tensions.
     slack_by_tension : ndarray (K, T, T)
     by_displacement : ndarray of bool (K, T)
-        Whether a tendon has a given displacement; only these may go slack.
+        Whether a tendon is displacement-controlled; only these may become slack.
     """
 
     point_by_parameter: Floats
@@ -73,11 +74,11 @@ class Pieces:
     by_displacement: Bools
 
     def rows(self, which: Bools) -> Pieces:
-        """The model of some rows alone."""
+        """Return the model of some rows."""
         return Pieces(**{each.name: getattr(self, each.name)[which] for each in fields(self)})
 
     def scaled(self, step: Floats) -> Pieces:
-        """The model by parameters over their steps (P,)."""
+        """Return the model in parameters scaled by their steps (P,)."""
         return replace(
             self,
             point_by_parameter=self.point_by_parameter * step,
@@ -95,7 +96,7 @@ class Pieces:
         return np.asarray(-np.linalg.solve(self._block(taut, self.slack_by_tension), held))
 
     def moved(self, change: Floats) -> tuple[Floats, Bools]:
-        """Change (K, 3) of the point by a change (P,) of the parameters, and who is taut (K, T)."""
+        """Change (K, 3) of the point for a change (P,) of parameters, and taut tendons (K, T)."""
         free = self.slack + self.slack_by_parameter @ change
         free = free - np.einsum("kij,kj->ki", self.slack_by_tension, self.tensions)
         tensions, taut = self._complementary(free)
@@ -103,7 +104,7 @@ class Pieces:
         return np.asarray(self.point_by_parameter @ change + by[:, :, 0]), taut
 
     def answers(self, parameter: int) -> bool:
-        """Whether the point moves with a parameter, if not here then behind a change of sides."""
+        """Whether the point depends on a parameter, here or with another active set."""
         change = np.zeros(self.slack_by_parameter.shape[2])
         size = np.abs(self.point_by_tension).max(initial=0.0) * np.abs(self.tensions).max(initial=0)
         for step in (_FAR, -_FAR):
@@ -113,10 +114,10 @@ class Pieces:
         return False
 
     def crossings(self) -> tuple[Floats, Floats]:
-        """Distance (K, T) along its gradient to where a tendon changes sides, and gradients.
+        """Distance (K, T) to where a tendon becomes taut or slack, and gradients.
 
-        Of a slack tendon the slack length, of a taut one the tension, over the norm of its
-        gradient (K, T, P) by the parameters; infinite for tendons that are not by_displacement.
+        It is the slack length of a slack tendon, or the tension of a taut one, over the norm of its
+        gradient (K, T, P) by the parameters; infinite for tension-controlled tendons.
         """
         taut = self.by_displacement & (self.tensions > 0.0)
         by = self._tensions_by_parameter(taut)
@@ -134,20 +135,20 @@ class Pieces:
         return float(np.abs(diagonal).max(initial=0.0)) or 1.0
 
     def _block(self, taut: Bools, matrix: Floats) -> Floats:
-        """The matrices (K, T, T) of the taut tendons, regular for the others."""
+        """Matrices (K, T, T) of the taut tendons, with unit rows for the others."""
         both = taut[:, :, None] & taut[:, None, :]
         eye = self._size * np.eye(taut.shape[1])
         return np.asarray(np.where(both, matrix, 0.0) + eye * ~taut[:, :, None])
 
     def _complementary(self, free: Floats) -> tuple[Floats, Bools]:
-        """Tensions (K, T) by block principal pivoting (Judice and Pires, 1994), and who is taut.
+        """Tensions (K, T) by block principal pivoting (Judice and Pires, 1994), and taut tendons.
 
-        `free` (K, T) is the slack at zero tension of all actuated tendons.
+        `free` (K, T) is the slack length at zero tension of all actuated tendons.
         """
         taut = self.by_displacement & (self.tensions > 0.0)
         tensions = np.where(self.by_displacement, 0.0, self.tensions)
         matrix, by_displacement = self.slack_by_tension, self.by_displacement
-        free = free + (matrix @ tensions[:, :, None])[:, :, 0]  # by tensions that are commanded
+        free = free + (matrix @ tensions[:, :, None])[:, :, 0]  # effect of commanded tensions
         size = np.abs(free).max(initial=0.0) + 1e-300
         force = size / self._size
         todo = np.arange(len(free))
@@ -182,14 +183,14 @@ class Pieces:
 
 @dataclass(frozen=True)
 class Minimum:
-    """A minimum of the cost by the piecewise linear model.
+    """Minimum of the cost by the piecewise linear model.
 
     Attributes
     ----------
     change : ndarray (P,)
-        Of the parameters, to it.
+        Change of the parameters to the minimum.
     cost : float
-        As by `scipy.optimize.least_squares`.
+        Cost as defined by `scipy.optimize.least_squares`.
     """
 
     change: Floats
@@ -198,14 +199,14 @@ class Minimum:
 
 @dataclass(frozen=True)
 class Landscape:
-    """The cost of a fit near a point, by the piecewise linear model.
+    """Cost of a fit near a point, by the piecewise linear model.
 
     Attributes
     ----------
     pieces : Pieces
-        Of all rows that count, by scaled parameters.
+        Model of all used rows, in scaled parameters.
     residuals, weight : ndarray (3 K,)
-        The residuals at no change, and residual for each metre of the point.
+        Residuals at no change, and residual per metre of the point.
     low, high : ndarray (P,)
         Bounds of the change.
     loss : mapping
@@ -221,11 +222,11 @@ class Landscape:
 
     @property
     def size(self) -> int:
-        """Numbers that one derivative of the residuals costs, about."""
+        """Approximate size of one Jacobian of the residuals."""
         return self.weight.size * len(self.low)
 
     def cost(self, change: Floats) -> float:
-        """As by `scipy.optimize.least_squares`."""
+        """Cost as defined by `scipy.optimize.least_squares`."""
         z = self._residuals(change)
         loss, turn = self.loss.get("loss", "linear"), self.loss.get("f_scale", 1.0)
         z = (z / turn) ** 2
@@ -237,10 +238,10 @@ class Landscape:
 
     @cached_property
     def minima(self) -> list[Minimum]:
-        """Minima where other tendons are taut or slack, lowest first; empty if none change sides.
+        """Minima with other tendons taut or slack, lowest first; empty if no tendon changes.
 
-        The first starts are no change, what brings the nearest tendons to the other side, and
-        random ones.
+        The starts are no change, changes that make the nearest tendons taut or slack, and random
+        ones.
         """
         distance, gradient = self.pieces.crossings()
         near = np.argwhere(distance < _FAR)
@@ -251,23 +252,23 @@ class Landscape:
         return sorted(found, key=lambda minimum: minimum.cost)
 
     def reach(self, i: int, sign: float, width: float, most: float, near: list[Minimum]) -> float:
-        """How far a parameter goes before the least cost by all others exceeds a bound.
+        """End of the profile likelihood interval of a parameter for a bound on the cost.
 
         Parameters
         ----------
         i, sign
-            Parameter, and which way: 1 or -1.
+            Index of the parameter, and direction: 1 or -1.
         width : float
-            About how far.
+            Estimate of the result.
         most : float
-            The bound on the cost.
+            Bound on the cost, minimised over all other parameters.
         near : list of Minimum
-            Where to begin; the farthest reach of them counts.
+            Minima from which to start; the farthest result counts.
 
         Returns
         -------
         float
-            Change of the parameter; its bound or infinity if the cost stays below.
+            Change of the parameter; its limit or infinity if the cost stays below the bound.
         """
         bound = float(self.high[i] if sign > 0 else self.low[i])
         farthest = -np.inf
@@ -278,7 +279,7 @@ class Landscape:
             for _ in range(_REACHES):
                 value = inside + sign * step if np.isnan(outside) else 0.5 * (inside + outside)
                 value = min(value, bound) if sign > 0 else max(value, bound)
-                # where the others would be without a change of sides, else where they were
+                # start from the profile of the present active set, else from the last point
                 ahead = self._descend(others + (value - inside) * along, held=i, value=value)
                 if ahead.cost > most:
                     ahead = self._descend(others, held=i, value=value)
@@ -298,7 +299,7 @@ class Landscape:
         return float(sign * farthest)
 
     def _profile(self, change: Floats, i: int) -> Floats:
-        """How the others (P,) follow parameter `i` at the least cost; one for itself."""
+        """Derivatives (P,) of the cost-minimising parameters by parameter `i`; 1 for itself."""
         slope = self._slope(change)
         size = np.linalg.norm(slope, axis=0)
         scaled = slope / np.where(size > 0.0, size, 1.0)
@@ -310,7 +311,7 @@ class Landscape:
 
     @cached_property
     def _moved(self) -> Callable[[bytes], tuple[Floats, Bools]]:
-        """`Pieces.moved` by the bytes of a change; the last is kept, for its derivatives."""
+        """Return `Pieces.moved` by the bytes of a change, with its last result cached."""
         return lru_cache(maxsize=1)(lambda change: self.pieces.moved(np.frombuffer(change)))
 
     def _residuals(self, change: Floats) -> Floats:

@@ -1,7 +1,7 @@
-"""Is what a calibrated model leaves noise, or is something missing in the model?
+"""Tests whether the residuals of a calibrated model are noise, or the model lacks an effect.
 
-Two questions. Size: are the residuals as large as the uncertainty that the table states, or as the
-scatter of its repeats? Order: do neighbours along the load err alike? Noise does neither.
+The size of the residuals is compared with the stated uncertainty and with the scatter of repeats
+(lack of fit). The autocorrelation of neighbours along the load is compared with zero.
 """
 
 from __future__ import annotations
@@ -24,72 +24,72 @@ __all__ = ["NoiseTest", "autocorrelation", "noise_test"]
 
 Array = NDArray[np.float64]
 
-_FEW: Final = 8  # pairs of neighbours, below which they tell nothing
+_FEW: Final = 8  # least number of pairs of neighbours for a test
 _FAR: Final = 5.0  # standard deviations of a coordinate
-_WRONG: Final = 10.0  # robust ones, beyond which repeats that are not there call a row a mistake
-_FEW_WRONG: Final = 0.05  # share of the rows
-_NOTHING: Final = 1e-8  # m: no device measures so well, what is left are rounding and tolerances
-_MOST_LINES: Final = 5  # named in a sentence
+_WRONG: Final = 10.0  # robust standard deviations of an outlier among repeats
+_FEW_WRONG: Final = 0.05  # largest share of outliers
+_NOTHING: Final = 1e-8  # m; smaller residuals are rounding errors and tolerances, not noise
+_MOST_LINES: Final = 5  # lines named in a message
 
 
 @dataclass(frozen=True)
 class NoiseTest:
-    """What tests of size and order say of residuals; NaN where a test could not be made."""
+    """Results of tests of residuals; NaN where a test was not possible."""
 
     rms: float
-    """RMS of a coordinate, degrees of freedom counted, m."""
+    """RMS of a coordinate with respect to the degrees of freedom, m."""
     dof: int
     sigma: float = math.nan
     """Stated standard deviation of a coordinate (RMS over rows), m."""
     scatter: float = math.nan
-    """Standard deviation of a coordinate by the repeats' own scatter, m."""
+    """Standard deviation of a coordinate from the scatter of repeats, m."""
     chi_square: float = math.nan
-    """Sum of squares over the stated variance."""
+    """Chi-square: sum of squares over the stated variance."""
     variance_p: float = math.nan
-    """Probability of residuals as large, if they were noise of the stated size."""
+    """P-value of the chi-square test."""
     lack_of_fit_ratio: float = math.nan
-    """F: what repeats have in common, over their own scatter."""
+    """F ratio: variance of the means of repeats over that within repeats."""
     lack_of_fit_p: float = math.nan
     autocorrelation: float = math.nan
-    """Of neighbours along the load order, of all axes together."""
+    """Autocorrelation of neighbours along the load, pooled over axes."""
     autocorrelation_p: float = math.nan
     far: int = 0
-    """Rows with a coordinate beyond five standard deviations."""
+    """Number of rows with a coordinate beyond five standard deviations."""
     far_lines: tuple[int, ...] = ()
-    """Their lines."""
+    """Lines of these rows."""
     wrong_lines: tuple[int, ...] = ()
-    """Lines of rows whose own repeats say that they are mistakes; the tests leave them out."""
+    """Lines of outliers, which differ from their repeats; the tests leave them out."""
     wrong_by: float = 0.0
-    """Largest coordinate of these, m."""
+    """Largest residual coordinate of the outliers, m."""
     other_load: bool = False
-    """Whether a constant load that the model does not have would explain clearly more."""
+    """Whether a constant load outside the model would explain clearly more."""
 
     @property
     def wrong_size(self) -> bool:
-        """Whether the residuals are larger than noise: repeats decide where there are any."""
+        """Whether the residuals are larger than noise, by repeats if there are any."""
         chance = self.lack_of_fit_p if math.isfinite(self.lack_of_fit_p) else self.variance_p
         return chance < NOISE  # False for NaN
 
     @property
     def in_order(self) -> bool:
-        """Whether neighbours err alike."""
+        """Whether the residuals are significantly autocorrelated."""
         return self.autocorrelation_p < NOISE
 
     @property
     def nothing_left(self) -> bool:
-        """Whether the data have no noise that could be told from anything, as a simulation."""
+        """Whether the residuals are of rounding size, as for simulated data without noise."""
         return self.rms < _NOTHING
 
     @property
     def tested(self) -> bool:
-        """Whether there was any test."""
+        """Whether any test was possible."""
         return not self.nothing_left and any(
             map(math.isfinite, (self.variance_p, self.lack_of_fit_p, self.autocorrelation_p))
         )
 
     @property
     def is_noise(self) -> bool | None:
-        """None where nothing could be tested."""
+        """Whether the residuals are noise; None if no test was possible."""
         if self.nothing_left:
             return None
         if self.other_load or self.wrong_size or self.in_order:
@@ -98,7 +98,7 @@ class NoiseTest:
 
     @property
     def text(self) -> str:
-        """One or two sentences."""
+        """Results in one or two sentences."""
         if self.nothing_left:
             return (
                 "Nothing is left to be tested: the calibrated model meets the data to 0.00001 mm, "
@@ -155,7 +155,7 @@ class NoiseTest:
         return out
 
     def to_dict(self) -> schema.ResidualTests:
-        """The tests for JSON."""
+        """Return plain values for JSON."""
         return {
             "noise": self.is_noise,
             "rms_of_a_coordinate_mm": self.rms * 1e3,
@@ -188,18 +188,18 @@ def _lines(lines: tuple[int, ...]) -> str:
 
 
 def _wrong(e: Array, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(K,), rows far off while another row of the same cell is not; a model cannot err so."""
+    """Outliers (K,): large residuals where another row of the same cell has a small one."""
     usual = 1.4826 * float(np.median(np.abs(e))) if len(e) else 0.0
     off = np.abs(e).max(axis=1, initial=0.0) > _WRONG * usual
     _, place = np.unique(cells, return_inverse=True)
     has_good = np.bincount(place, ~off) > 0
     wrong = off & has_good[place] & (usual > 0.0)
-    # so many are no mistakes, but repeats that are none
+    # too many for outliers: the rows are no repeats
     return np.asarray(wrong & (wrong.sum() <= max(1, _FEW_WRONG * len(e))))
 
 
 def autocorrelation(residual: Array, near: NDArray[np.bool_]) -> tuple[float, float]:
-    """How alike neighbours err, all axes together, and the probability of that from noise.
+    """Compute the autocorrelation of neighbours, pooled over axes, and its p-value.
 
     Parameters
     ----------
@@ -211,15 +211,15 @@ def autocorrelation(residual: Array, near: NDArray[np.bool_]) -> tuple[float, fl
     Returns
     -------
     correlation, chance : float
-        NaN with too few neighbours. The chance is that of a correlation so far above zero, by its
-        normal limit; a fit lowers the correlation a little, which is on the safe side.
+        NaN with too few neighbours. The p-value is one-sided, by the normal limit; a fit lowers the
+        correlation a little, which is conservative.
     """
     squares = np.sum(residual**2, axis=0)
     pairs, count = int(near.sum()), len(residual)
     if pairs < _FEW or squares.sum() == 0.0:
         return math.nan, math.nan
     products = float(np.sum(residual[1:][near] * residual[:-1][near]))
-    # independent axes, of different size
+    # independent axes with different variances
     deviation = math.sqrt(pairs * float(np.sum(squares**2))) / count
     correlation = products / pairs * count / float(squares.sum())
     return min(max(correlation, -1.0), 1.0), float(special.ndtr(-products / deviation))
@@ -240,20 +240,19 @@ def noise_test(
     Parameters
     ----------
     residual : array (K, 3)
-        Model minus measurement, m, in the order in which the rows were taken; NaN rows count
-        nowhere.
+        Model minus measurement, m, in the order of measurement; rows with NaN are ignored.
     run : array of int (K,)
-        Rows of different runs are no neighbours.
+        Number of the run; rows of different runs are no neighbours.
     cell : array of int (K,)
-        Rows with the same number are repeats, for which the model says the same.
+        Rows with the same number are repeats, with the same prediction of the model.
     parameters : int
-        Fitted ones.
+        Number of fitted parameters.
     sigma : array (K,), optional
         Stated standard deviation of a coordinate, m.
     line : array of int (K,), optional
-        What rows are called; their numbers from 1 if left out.
+        Lines of the rows in messages; by default numbers from 1.
     other_load : bool
-        Whether a calibration with one more constant load explained clearly more.
+        Whether a calibration with a further constant load explained clearly more.
 
     Returns
     -------
@@ -261,11 +260,11 @@ def noise_test(
 
     Notes
     -----
-    Size against the stated sigma: chi-square. Against repeats: the F test for lack of fit (Draper
-    and Smith, Applied Regression Analysis, 1998, 2.1). Order: the autocorrelation of neighbours,
-    all axes together, against its normal limit under independence; a fit lowers it a little, which
-    is on the safe side. One mistyped row would widen the scatter of its repeats until anything
-    passes for noise, so a row far off whose repeats are not is named and left out.
+    The size is tested against the stated sigma by chi-square, and against repeats by the F test for
+    lack of fit (Draper and Smith, Applied Regression Analysis, 1998, 2.1). The autocorrelation of
+    neighbours, pooled over axes, is tested against its normal limit under independence; a fit
+    lowers it a little, which is conservative. A mistyped row would widen the scatter of its repeats
+    and hide a lack of fit; an outlier whose repeats are none is therefore listed and left out.
     """
     good = np.isfinite(residual).all(axis=1)
     lines = np.arange(1, len(residual) + 1) if line is None else line
@@ -298,7 +297,7 @@ def noise_test(
             tests |= {"lack_of_fit_ratio": ratio, "lack_of_fit_p": p}
 
     correlation, autocorrelation_p = autocorrelation(e, runs[1:] == runs[:-1])
-    # nothing is far where no limit is known
+    # without a limit there are no outliers
     far = (np.abs(e) > _FAR * limit).any(axis=1) & (limit > 0.0)
     return NoiseTest(
         rms,

@@ -1,7 +1,7 @@
-"""The search for the parameters of a fit: residuals with their derivatives, and their minima.
+"""Minimisation of a fit's cost: residuals with derivatives, and search for minima.
 
-K is the number of rows, n that of the rows that are used, P that of parameters; scaled parameters
-are SI over their natural steps.
+K is the number of rows, n that of used rows, P that of parameters. Scaled parameters are SI values
+over their natural steps.
 """
 
 from __future__ import annotations
@@ -24,41 +24,41 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Loss = Literal["linear", "soft_l1", "huber"]
 
-#: Directions of the scaled parameters that move the tip by less than this share are not told apart.
+#: Singular value over the largest below which a direction of parameters is not identifiable.
 SAME: Final = 1e-5
-#: Residuals of data without noise, m: no device measures so well.
+#: Residuals that count as zero, m; below the precision of any device.
 EXACT: Final = 1e-8
-#: A robust loss turns from squares to absolute values at so many standard deviations.
+#: Standard deviations at which a robust loss turns from quadratic to linear.
 _TURN: Final = 2.0
 _EVALUATIONS: Final = 100
 _RESCALES: Final = 10
-#: Rows without an equilibrium at the start, as a share, with which a fit is refused.
+#: Share of rows without an equilibrium at the start above which a fit is refused.
 _MOST_LOST: Final = 0.5
-#: Compliances that a fit begins from where stiffer tendons have no equilibrium, m/N.
+#: Initial compliances where stiffer tendons have no equilibrium, m/N.
 _SOFTER: Final = (1e-5, 1e-4, 1e-3)
-#: Variances of a residual, for each parameter, by which one more step may promise to lower the
-#: cost, at which a fit with friction is not continued by new derivatives.
+#: Predicted decrease of the cost, in variances of a residual per parameter, below which a fit with
+#: friction is not continued with new derivatives.
 _SETTLED: Final = 0.01
-#: Share of a step's change of the residuals that derivatives with friction may miss and be kept.
+#: Relative error of the predicted residuals up to which derivatives with friction are kept.
 _FORETOLD: Final = 0.2
-#: Tolerance of a descent that ended although its derivatives promise more.
+#: Tolerance of a descent that ended although its derivatives predict a lower cost.
 _TIGHT: Final = 1e-9
-#: Times that a fit goes on from a minimum beyond a tendon that becomes taut or slack.
+#: Largest number of moves to a lower minimum with other tendons taut or slack.
 _PASSES: Final = 10
-#: Such minima that are tried before a fit stays where it is.
+#: Largest number of such minima that are tried.
 _TRIED: Final = 3
-#: What a lower minimum gains at least: share of the cost, and of the variance of a residual.
+#: Least gain of a lower minimum: share of the cost, and of the variance of a residual.
 _GAIN: Final = (1e-6, 5e-3)
 
 
 def spread(residuals: Floats, parameters: int) -> float:
-    """Robust standard deviation: 1.4826 times the median absolute value, for the free ones."""
+    """Robust standard deviation, 1.4826 times the median absolute value, for the free residuals."""
     share = max(len(residuals) - parameters, 1) / len(residuals)
     return float(1.4826 * np.median(np.abs(residuals)) / np.sqrt(share))
 
 
 def force(residuals: Floats, loss: Loss, turn: float) -> tuple[Floats, Floats]:
-    """Derivative of half the loss by each residual, and its own derivative."""
+    """First and second derivative of half the loss by each residual."""
     if loss == "linear":
         return residuals, np.ones_like(residuals)
     z = (residuals / turn) ** 2
@@ -70,7 +70,7 @@ def force(residuals: Floats, loss: Loss, turn: float) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class _Tangent:
-    """Residuals and their derivatives at a point."""
+    """Residuals and their Jacobian at a point."""
 
     scaled: Floats
     residuals: Floats
@@ -79,15 +79,15 @@ class _Tangent:
 
 
 class Residuals:
-    """The residuals in mm of scaled parameters, with the last answer kept for its derivatives.
+    """Residuals in mm as a function of scaled parameters, with a cache for derivatives.
 
-    Rows count by their uncertainty, the median of which counts once. Rows without an equilibrium
-    where a descent begins are left out of it (`take`); of those that lose it on the way the
-    residuals go on along their last derivatives.
+    Rows are weighted by their uncertainty, relative to its median. Rows without an equilibrium at
+    the start of a descent are left out (`take`); where rows lose it later, their residuals are
+    extrapolated by the last derivatives.
 
-    With friction a derivative costs a path over all rows for each parameter. After the first ones,
-    those that are no frame's are corrected by what each step changed (Broyden, Math. Comp. 19,
-    1965), until new ones are asked for.
+    With friction a derivative needs a path over all rows for each parameter. Later derivatives,
+    except by parameters of frames, are therefore Broyden updates (Math. Comp. 19, 1965), until they
+    are renewed.
     """
 
     def __init__(
@@ -110,21 +110,21 @@ class Residuals:
         self.high = np.array([item.high for item in self.items]) / self.step
         self._last: tuple[Floats, Prediction] | None = None
         self._tangent: _Tangent | None = None
-        #: Whether derivatives with friction are corrected, not renewed, after a step.
+        #: Whether derivatives with friction are updated, not renewed, after a step.
         self.corrects = True
 
     @property
     def weight(self) -> Floats:
-        """Of each residual (3 n,)."""
+        """Weight of each residual (3 n,)."""
         return np.repeat(self._weights[self.used], 3)
 
     @property
     def unsolved(self) -> int:
-        """Rows to fit that have no equilibrium and are left out."""
+        """Number of rows to fit that have no equilibrium and are left out."""
         return int((self.asked & ~self.used).sum())
 
     def begin(self, start: Mapping[str, float]) -> Floats:
-        """Scaled values to begin with, the base put where it fits best."""
+        """Initial scaled values, with a registered base."""
         values = self.model.unknowns.start.copy()
         at = self.model.predict(values)
         placed = values.copy()
@@ -148,9 +148,9 @@ class Residuals:
         return np.asarray(values / self.step)
 
     def _softened(self, values: Floats, at: Prediction) -> tuple[Floats, Prediction]:
-        """Compliances to begin with at which more rows have an equilibrium, where some have none.
+        """Initial compliances with which more rows have an equilibrium, if some have none.
 
-        Tendons that give way hardly fight, and the fit makes them as stiff as they are.
+        The displacements of compliant tendons hardly conflict; the fit then finds their stiffness.
         """
         soft = np.array([item.leaf == "compliance" for item in self.items])
         for least in _SOFTER if soft.any() else ():
@@ -164,7 +164,7 @@ class Residuals:
         return values, at
 
     def take(self, scaled: Floats) -> bool:
-        """Descend with the rows that have an equilibrium here; whether these are others."""
+        """Select the rows that have an equilibrium here; return whether the selection changed."""
         solved = self.prediction(scaled).solved
         used = self.asked & solved
         if 3 * used.sum() < len(self.items):
@@ -190,7 +190,7 @@ class Residuals:
         values[base] = np.concatenate((motion.translation, motion.rotation_vector))
 
     def prediction(self, scaled: Floats) -> Prediction:
-        """Of all rows, kept for its derivatives."""
+        """Predict all rows, with a cache for derivatives."""
         if self._last is None or not np.array_equal(self._last[0], scaled):
             at = self.model.predict(scaled * self.step, keep=self.model.rod is not None)
             self._last = scaled.copy(), at
@@ -199,7 +199,7 @@ class Residuals:
     def residuals(self, scaled: Floats) -> Floats:
         try:
             at = self.prediction(scaled)
-        except InputError:  # no robot has these numbers
+        except InputError:  # invalid robot
             return np.full(3 * int(self.used.sum()), 1e6)
         error = 1e3 * (at.point - self.measured)[self.used].ravel() * self.weight
         lost = np.repeat(~at.solved[self.used], 3)
@@ -212,7 +212,7 @@ class Residuals:
         return np.asarray(error)
 
     def jacobian(self, scaled: Floats, renew: bool = False) -> Floats:
-        """Derivatives (3 n, P); to `renew` is to replace those that were corrected for a step."""
+        """Jacobian (3 n, P); `renew` computes anew one that was updated after a step."""
         last = self._tangent
         here = last is not None and np.array_equal(last.scaled, scaled)
         if here and last is not None and not (renew and last.corrected):
@@ -238,7 +238,7 @@ class Residuals:
         return np.asarray(1e3 * rows * self.step * self.weight[:, None])
 
     def _corrected(self, last: _Tangent, scaled: Floats, missed: Floats, at: Prediction) -> Floats:
-        """The last derivatives, made to tell what they missed of a step (3 n,)."""
+        """Broyden update of the last derivatives by the error (3 n,) of their prediction."""
         frames = self.model.of_frames
         jacobian = np.array(last.jacobian)
         others = np.where(frames, 0.0, scaled - last.scaled)
@@ -249,11 +249,11 @@ class Residuals:
         return jacobian
 
     def clearly_below(self, cost: float) -> float:
-        """The cost of a minimum that is lower by more than does not count."""
+        """Cost below which a minimum counts as lower."""
         return cost - max(_GAIN[0] * cost, _GAIN[1] * self.variance(cost))
 
     def variance(self, cost: float) -> float:
-        """Of a residual, mm^2, not below that of data without noise."""
+        """Variance of a residual, mm^2, at least that of data without noise."""
         free = max(3 * int(self.used.sum()) - len(self.items), 1)
         return float(max(2.0 * cost / free, (1e3 * EXACT) ** 2))
 
@@ -265,7 +265,7 @@ class Residuals:
         idle = np.flatnonzero(size <= 1e-9 * np.sqrt(self.used.sum()))
         pieces = self.pieces(scaled) if idle.size else None
         for i in idle:
-            # it may have one as soon as slack tendons are taut
+            # it may have an effect once slack tendons become taut
             if pieces is None or not pieces.answers(int(i)):
                 raise InputError(
                     f"parameter {self.items[i].name} has no effect on the tip in these rows; "
@@ -273,24 +273,24 @@ class Residuals:
                 )
 
     def pieces(self, scaled: Floats) -> Pieces | None:
-        """The piecewise linear model of the rows that count, by scaled parameters."""
+        """Piecewise linear model of the used rows, in scaled parameters."""
         at = self.prediction(scaled)
         pieces = self.model.pieces(scaled * self.step, at)
         return None if pieces is None else pieces.rows(at.solved & self.used).scaled(self.step)
 
 
 class Search:
-    """The search for the lowest minimum of a fit; made once for it."""
+    """Search for the lowest minimum of a fit."""
 
     def __init__(self, work: Residuals, loss: Loss) -> None:
         self.work, self.loss = work, loss
-        #: Residual at which a robust loss turns, mm; infinite while the loss is linear.
+        #: Residual at which a robust loss turns linear, mm; infinite for the quadratic loss.
         self.turn = np.inf
         self.options: dict[str, Any] = {}
         self._land: tuple[object, Landscape | None] | None = None
 
     def run(self, first: Floats) -> Any:
-        """The result of `scipy.optimize.least_squares` at the lowest minimum."""
+        """Return the result of `scipy.optimize.least_squares` at the lowest minimum."""
         fine = {"ftol": 1e-6, "xtol": 1e-6, "max_nfev": _EVALUATIONS}
         if self.loss == "linear":
             self.options = fine
@@ -298,7 +298,7 @@ class Search:
         fine["max_nfev"] = _EVALUATIONS // 2
         self.options = {**fine, "ftol": 1e-3, "xtol": 1e-3}
         found = self._settled(self._lowest(self._descend(first)))
-        for _ in range(_RESCALES):  # outliers that drew the fit hide in a spread too wide
+        for _ in range(_RESCALES):  # outliers may widen the scale at first
             turn = _TURN * max(spread(found.fun, len(first)), 1e-9)
             if turn > 0.8 * self.turn:
                 break
@@ -308,11 +308,11 @@ class Search:
 
     @property
     def _scipy_loss(self) -> dict[str, Any]:
-        """The loss for `scipy.optimize.least_squares`."""
+        """Options of the loss for `scipy.optimize.least_squares`."""
         return {"loss": self.loss, "f_scale": self.turn} if np.isfinite(self.turn) else {}
 
     def landscape(self, scaled: Floats) -> Landscape | None:
-        """The cost near a point as far as tendons become taut or slack; None without these."""
+        """Piecewise model of the cost near a point; None if no tendon can become taut or slack."""
         work = self.work
         key = scaled.tobytes(), work.used.tobytes(), self.turn
         if self._land is None or self._land[0] != key:
@@ -331,7 +331,7 @@ class Search:
         return self._land[1]
 
     def decrease(self, found: Any) -> float:
-        """Decrease of the cost that one more step of Gauss and Newton from a minimum promises."""
+        """Decrease of the cost that one more Gauss-Newton step predicts."""
         free = np.asarray(found.active_mask) == 0
         if not free.any():
             return 0.0
@@ -348,7 +348,7 @@ class Search:
         return least_squares(
             self.work.residuals,
             np.clip(begin, np.nextafter(low, high), np.nextafter(high, low)),
-            # SciPy 1.11 writes the weights of a robust loss into the array that it gets
+            # SciPy 1.11 overwrites the given array by the weights of a robust loss
             jac=lambda scaled: self.work.jacobian(scaled).copy(),
             bounds=(low, high),
             x_scale="jac",
@@ -358,7 +358,7 @@ class Search:
         )
 
     def _lowest(self, found: Any) -> Any:
-        """Go on from a minimum to lower ones where other tendons are taut or slack."""
+        """Continue from a minimum to lower ones with other tendons taut or slack."""
         for _ in range(_PASSES):
             land, lower = self.landscape(found.x), self.work.clearly_below(found.cost)
             minima = [] if land is None else [each for each in land.minima if each.cost < lower]
@@ -370,7 +370,7 @@ class Search:
         return found
 
     def _settled(self, found: Any) -> Any:
-        """Go on while rows find or lose their equilibrium, or new derivatives lead farther."""
+        """Continue while rows gain or lose their equilibrium, or new derivatives lower the cost."""
         options = self.options
         for _ in range(_PASSES):
             if self.work.take(found.x):
@@ -387,7 +387,7 @@ class Search:
             if stuck and self.options["xtol"] > _TIGHT:
                 self.options = {**self.options, "ftol": _TIGHT, "xtol": _TIGHT}
             elif stuck and self.work.corrects:
-                self.work.corrects = False  # what steps tell is too little here
+                self.work.corrects = False  # updates are too inaccurate here
             elif stuck:
                 break
         self.work.take(found.x)

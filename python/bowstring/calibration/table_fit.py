@@ -1,6 +1,6 @@
-"""A calibration from a table of measurements: the fit, its validation, and what is to be told.
+"""Calibration from a table of measurements: fit, validation, and diagnostics.
 
-`bowstring.fit` does the work; this puts beside it where the data came from and what they are.
+`bowstring.fit` does the fit; this module adds provenance, checks of the data and validation.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ __all__ = ["BESIDE", "Calibration", "Validation", "calibrate", "read_start"]
 
 Progress = Callable[[str, float], None]
 
-#: Estimates that correlate by so much hardly know one from the other.
+#: Correlation of estimates above which they are hardly separable.
 _STRONG: Final = 0.9
-#: Standard deviations of a coordinate; noise has rows beyond in one table of a million.
+#: Standard deviations of a coordinate that noise exceeds in one table of a million.
 _FAR: Final = 8.0
-_FEW_ROWS: Final = 0.05  # share of the rows
-_NOTHING: Final = 1e-8  # m: data without noise
-#: File beside the calibrated robot file, of what a robot file has no place for.
+_FEW_ROWS: Final = 0.05  # largest share of outliers
+_NOTHING: Final = 1e-8  # m; smaller residuals mean data without noise
+#: File beside the calibrated robot file with parameters outside the robot file.
 BESIDE: Final = "calibration.json"
 #: Parameters that are in the calibrated robot file.
 _IN_FILE: Final = ("segments", "gravity", "hole_angle", "pitch_radius")
@@ -51,37 +51,34 @@ _MOST_BYTES: Final = 1_000_000
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A fit to measurements and what is to be told beside it; made by `calibrate`.
-
-    K rows.
-    """
+    """Fit to K rows of measurements, with validation and diagnostics; made by `calibrate`."""
 
     data: Measurements
     fit: Fit
     loss: Loss
     tendons: TendonCheck
-    """Do the tendons move the tip as the robot file says?"""
+    """Check of the tendon order."""
     held_out: NDArray[np.bool_]
-    """(K,), rows that were kept from the fit; none where no share was asked for."""
+    """Held-out rows (K,); all False without hold-out."""
     held_out_score: Score | None
-    """Of these rows, predicted by the fit that never saw them."""
+    """Score of the held-out rows, predicted by the fit without them."""
     folds: CrossValidation | None
-    """Of all rows, where folds were asked for."""
+    """Cross-validation, if folds were requested."""
     start: Mapping[str, float]
-    """In SI by name, what the fit began from and was held at, as it was given."""
+    """Given initial and fixed values in SI by name."""
     other: Measurements | None = None
-    """Another table, for validation alone."""
+    """Another table, for validation only."""
     other_score: Score | None = None
-    """Of its rows, predicted by the fit; nothing was aligned to them."""
+    """Score of its rows, predicted by the fit without registration to them."""
 
     @property
     def predicted(self) -> NDArray[np.float64]:
-        """(K, 3), m, measuring frame, by the calibrated model."""
+        """Predicted points (K, 3) by the calibrated model, m, measuring frame."""
         return np.asarray(self.fit.residuals + self.data.tip)
 
     @property
     def unanswered(self) -> int:
-        """Rows of the validation to which the calibrated model has no answer; in no score."""
+        """Number of validation rows without a solution of the model; no score includes them."""
         if self.folds is not None:
             return self.folds.unanswered
         if self.other is not None and self.other_score is not None:
@@ -98,9 +95,9 @@ class Calibration:
 
     @property
     def far(self) -> list[tuple[int, float]]:
-        """Line and distance, m, of fitted rows far beyond the others' scatter, farthest first.
+        """Lines and distances (m) of outliers among the fitted rows, farthest first.
 
-        None where many are: then the model is wrong and not a row.
+        Empty if there are many, which indicates an error of the model, not of rows.
         """
         distance = np.linalg.norm(self.fit.residuals, axis=1)
         rows = np.flatnonzero(self.fit.used & (distance > _FAR * self.fit.noise))
@@ -111,7 +108,7 @@ class Calibration:
 
     @property
     def broken_path(self) -> str:
-        """A sentence where rows were left out of a path that matters; else empty."""
+        """Warning if rows were left out of a path whose history matters; else empty."""
         remember = any(name.startswith("backlash") for name in self.beside)
         if not self.data.left_out or not (self.fit.robot.has_friction or remember):
             return ""
@@ -124,16 +121,16 @@ class Calibration:
 
     @property
     def elsewhere(self) -> list[str]:
-        """Estimates that have no place in a robot file, as text."""
+        """Estimates that are not part of a robot file, as text."""
         return [str(e) for e in self.fit.estimates if not _in_file(e.name)]
 
     @property
     def beside(self) -> dict[str, float]:
-        """What the calibrated model has besides the robot file, fitted or held: SI by name."""
+        """Fitted and fixed parameters outside the robot file, in SI by name."""
         return {k: v for k, v in {**self.start, **self.fit.values}.items() if not _in_file(k)}
 
     def beside_to_dict(self) -> dict[str, Any]:
-        """`beside` as `read_start` reads it, ready for `json.dumps`."""
+        """Return `beside` in the form of `read_start`, ready for `json.dumps`."""
         return {
             "robot": self.fit.robot.name,
             "robot_hash": self.fit.robot.hash,
@@ -147,7 +144,7 @@ class Calibration:
         }
 
     def to_dict(self) -> schema.TableFit:
-        """All numbers, in the units that the keys name."""
+        """Return all numbers, in the units of their keys."""
         data, found = self.data, self.fit
         validation: schema.Validation | None = None
         if self.held_out_score is not None:
@@ -210,18 +207,18 @@ def _scores(of: Score) -> schema.RowErrors:
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """How a calibration is checked on rows that its fit never saw: one of three ways.
+    """Validation of a calibration on unseen rows, by one of three methods.
 
     Parameters
     ----------
     holdout : float, optional
-        Share of the rows, the last ones, that is kept from the fit and predicted by it, as
-        `bowstring.calibration.fitting.hold_out` chooses them.
+        Share of the last rows that is held out of the fit and predicted by it, as selected by
+        `bowstring.calibration.cross_validation.hold_out`.
     folds : int, optional
-        The fit is to all rows, and this many more leave out a part of them each.
+        Number of folds of a cross-validation, in addition to the fit to all rows.
     other : Measurements, optional
-        Another table of the same bench, predicted once by the fit; nothing is aligned to it. Its
-        rows are a path of their own.
+        Another table of the same bench, predicted by the fit without registration to it. Its rows
+        form a separate path.
 
     Raises
     ------
@@ -249,7 +246,7 @@ def calibrate(
     validation: Validation | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
-    """Fit parameters to measurements, and check the fit on rows that it never saw.
+    """Fit parameters to measurements, and validate the fit on unseen rows.
 
     Parameters
     ----------
@@ -266,21 +263,21 @@ def calibrate(
     start : mapping of str to float, optional
         As for `bowstring.fit`.
     validation : Validation, optional
-        How the fit is checked; not at all if left out.
+        Method of validation; none by default.
     progress : callable, optional
-        Called with what is being done and the share that is done, from 0 to 1.
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
 
     Returns
     -------
     Calibration
-        The fit, its check on rows that it never saw, and the check of the tendons.
+        Fit, validation, and check of the tendon order.
 
     Raises
     ------
     InputError
         As for `bowstring.fit`.
     NoSolutionError
-        If the model has no answer to a row to begin with.
+        If the initial model has too few solutions.
     """
     check_is_read(data)
     check = validation or Validation()
@@ -300,11 +297,11 @@ def calibrate(
     try:
         found = fit(robot, data, parameters, model=model, loss=loss, rows=rows, start=start)
     except NoSolutionError as error:
-        if order.alarm:  # the likelier reason
+        if order.alarm:  # the more probable cause
             raise NoSolutionError(f"{str(error).rstrip('.')}. {order.sentence}") from None
         raise
     held = None
-    if holdout is not None:  # all rows are one path, so the prediction is of all
+    if holdout is not None:  # all rows form one path, so all are predicted
         held = score(data.tip[out] + found.residuals[out], data.tip[out])
     validated = None
     if folds is not None:
@@ -323,7 +320,7 @@ def calibrate(
 
 
 def _judged(found: Fit, data: Measurements) -> Score:
-    """A table that was not fitted, predicted."""
+    """Score of a table that was not fitted."""
     predicted = found.predict(data)
     if not data.seen.any():
         raise InputError(f"{data.name} has no measured tip to validate with")
@@ -333,22 +330,22 @@ def _judged(found: Fit, data: Measurements) -> Score:
 
 
 def read_start(path: str | Path) -> dict[str, float]:
-    """Read what a calibrated model has besides its robot file.
+    """Read the parameters of a calibrated model outside its robot file.
 
     Parameters
     ----------
     path : str or Path
-        ``calibration.json`` beside a calibrated robot file.
+        Path of ``calibration.json`` beside a calibrated robot file.
 
     Returns
     -------
     dict from name to float
-        In SI, ``start`` of `bowstring.fit`.
+        Values in SI for ``start`` of `bowstring.fit`.
 
     Raises
     ------
     InputError
-        If the file cannot be read or is no such file.
+        If the file cannot be read or has another content.
     """
     try:
         with readable(path) as file:

@@ -1,7 +1,7 @@
-"""The measured point by a model: from commands and parameters, with its derivatives.
+"""Models of the measured point as a function of commands and parameters, with derivatives.
 
-Two models: the rod's statics, and constant curvature with a gain on each segment's bend. Inside
-everything is SI; K is the number of rows, T that of tendons, P that of parameters.
+There are two models: statics of the rod, and constant curvature with a gain on the bend of each
+segment. All values are in SI; K is the number of rows, T that of tendons, P that of parameters.
 """
 
 from __future__ import annotations
@@ -28,28 +28,28 @@ __all__ = ["Commands", "Prediction", "TipModel", "paths_of", "rotation"]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-_NO_LOAD: Final = Load()  # beside the robot's gravity
-#: Share of a natural step of a parameter for differences; more where friction jumps.
+_NO_LOAD: Final = Load()  # only the robot's gravity
+#: Step of differences over natural step of a parameter; larger with friction, which jumps.
 _SMALL: Final = 1e-3
 _SMALL_FRICTION: Final = 0.1
-#: Rows from which a row without a solution is tried to be reached.
+#: Number of neighbours from which the solution of a failed row is continued.
 _NEIGHBOURS: Final = 2
 
 
 @dataclass(frozen=True)
 class Commands:
-    """Actuation of the robot, row by row in the order in which it was done.
+    """Commands of the robot in rows, in the order of measurement.
 
     Attributes
     ----------
     by_displacement : ndarray of bool (K, T)
         Whether a tendon has a displacement, otherwise a tension.
     values : ndarray (K, T)
-        In m and N.
+        Displacements in m and tensions in N.
     time : ndarray (K,) or None
-        In s.
+        Time in s.
     recording : ndarray of int (K,) or None
-        Rows with the same number are one path, which begins at home; None: all rows are.
+        Rows with the same number form one path, which begins in the home pose; None: all rows do.
     """
 
     by_displacement: Bools
@@ -78,11 +78,11 @@ class Commands:
 
     @property
     def paths(self) -> list[NDArray[np.int64]]:
-        """Rows of each path, in their order."""
+        """Rows of each path, in order."""
         return paths_of(self.recording, len(self))
 
     def clock(self) -> Floats:
-        """Times (K,) that a delay can be taken from."""
+        """Check and return times (K,) for a delay."""
         time = self.time
         if time is None:
             raise InputError("delay needs the time of each row, and the measurements have none")
@@ -92,20 +92,20 @@ class Commands:
 
 
 def paths_of(recording: NDArray[np.int64] | None, count: int) -> list[NDArray[np.int64]]:
-    """Rows of each recording in their order; of all rows where None is given."""
+    """Rows of each recording in order; None means a single one."""
     if recording is None:
         return [np.arange(count)]
     return [np.flatnonzero(recording == number) for number in np.unique(recording)]
 
 
 def _delayed(values: Floats, time: Floats, delay: float) -> Floats:
-    """Commands some time before (or after) each row, straight between rows."""
+    """Commands delayed by some time, linear between rows."""
     asked = time - delay
     return np.stack([np.interp(asked, time, column) for column in values.T], axis=1)
 
 
 def _play(values: Floats, width: Floats) -> Floats:
-    """What follows each column with a play of its half-width: it moves only when it is pushed."""
+    """Play (backlash) operator on each column with its half-width."""
     out = np.empty_like(values)
     state = values[0]
     for k, row in enumerate(values):
@@ -123,19 +123,19 @@ def rotation(turn: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Prediction:
-    """The end disk by a model, in the robot's base frame.
+    """Pose of the end disk by a model, in the robot's base frame.
 
     Attributes
     ----------
     position, rotation : ndarray (K, 3), (K, 3, 3)
-        NaN where the model has no answer.
+        Position (m) and rotation, NaN where the model has no solution.
     solved : ndarray of bool (K,)
     solutions : list or None
-        Of the core, where derivatives are wanted; of a row that is not solved, it has no pose.
+        Solutions of the core, kept for derivatives; without a pose where not solved.
     tensions, slack : ndarray (K, T) or None
-        Of the tendons, N and m, where a rod's statics found them.
+        Tensions (N) and slack lengths (m) by statics.
     columns : list
-        Derivatives by each parameter, once they were asked for.
+        Derivatives by each parameter, computed on demand.
     """
 
     position: Floats
@@ -149,26 +149,26 @@ class Prediction:
 
     @cached_property
     def exact(self) -> _Exact | None:
-        """Exact derivatives; None without solutions or with tensions not determined."""
+        """Exact derivatives; None without solutions or with undetermined tensions."""
         return None if self.solutions is None else _Exact.of(self.solutions, self)
 
     @property
     def point(self) -> Floats:
-        """The measured point (K, 3) in the measuring frame."""
+        """Measured point (K, 3) in the measuring frame, m."""
         local = self.position + self.rotation @ self.setting.tool
         moved: Floats = local @ rotation(self.setting.turn).T + self.setting.position
         return moved
 
 
 class TipModel:
-    """The measured point as a function of the parameters.
+    """Measured point as a function of the parameters.
 
     Parameters
     ----------
     unknowns : Unknowns
     commands : Commands
     rod : RodModel or None
-        Statics, with one element if it does not say how many; None is constant curvature.
+        Statics, by default with one element; None means constant curvature.
     """
 
     def __init__(self, unknowns: Unknowns, commands: Commands, rod: RodModel | None) -> None:
@@ -178,12 +178,12 @@ class TipModel:
         self.solves = 0
 
     def predict(self, values: Floats, *, keep: bool = False) -> Prediction:
-        """The end disk by these values (P,) of the parameters.
+        """Predict the pose of the end disk for values (P,) of the parameters.
 
         Raises
         ------
         InputError
-            If no robot can have them.
+            If the robot would be invalid.
         """
         setting = self.unknowns.setting(values)
         given = self.commands.effective(setting)
@@ -195,14 +195,14 @@ class TipModel:
     def jacobian(self, values: Floats, at: Prediction) -> Floats:
         """Derivatives (K, 3, P) of the measured point.
 
-        Exact for what acts on displacements and tensions, for E, base and tool, unless tendons
-        have friction; central differences for the rest.
+        Exact by parameters of displacements and tensions, by E, base and tool, unless tendons have
+        friction; central differences by the others.
         """
         return np.stack([column.whole for column in self._columns(values, at)], axis=-1)
 
     @property
     def of_frames(self) -> Bools:
-        """Which parameters (P,) place the base or the tool."""
+        """Parameters (P,) of the base or the tool."""
         return np.array([n.startswith(("base.", "tool.")) for n in self.unknowns.names], dtype=bool)
 
     def frame_jacobian(self, values: Floats, at: Prediction) -> Floats:
@@ -216,7 +216,7 @@ class TipModel:
         return self._difference(i, values, lambda setting: replace(at, setting=setting).point)
 
     def pieces(self, values: Floats, at: Prediction) -> Pieces | None:
-        """The measured point nearby, also where tendons become taut or slack.
+        """Piecewise linear model of the measured point, with tendons that become taut or slack.
 
         None where no tendon is displacement-controlled, where the displacements do not determine
         the tensions, with friction, and for constant curvature. Rows without a solution have NaN.
@@ -230,7 +230,7 @@ class TipModel:
         by_tension = np.stack([column.tensions for column in columns], axis=-1)
         by_point = np.stack([column.point for column in columns], axis=-1)
         return Pieces(
-            # commanded tensions follow the parameters, whoever is slack
+            # commanded tensions depend on the parameters for any active set
             point_by_parameter=by_point + exact.by_tension @ by_tension,
             point_by_tension=exact.by_tension,
             slack=at.slack,
@@ -241,7 +241,7 @@ class TipModel:
         )
 
     def _columns(self, values: Floats, at: Prediction) -> list[_Column]:
-        """Derivatives by each parameter, kept with the prediction."""
+        """Derivatives by each parameter, stored in the prediction."""
         if not at.columns:
             friction = self.rod is not None and at.setting.robot.has_friction
             known = self._along_paths(values, at) if friction else {}
@@ -270,7 +270,7 @@ class TipModel:
         return Prediction(position, turned, solved, setting, solutions, slack=slack)
 
     def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
-        """The rod row by row; with friction along each path, which begins at home."""
+        """Predict by the rod in rows, with friction along each path from the home pose."""
         friction = setting.robot.has_friction
         paths = self.commands.paths if friction else [np.arange(len(given))]
         found = []
@@ -287,7 +287,7 @@ class TipModel:
         return Prediction(position, turned, solved, setting, tensions=tensions, slack=slack)
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
-        """Constant curvature: the tendons' arcs, segment by segment, each bend times its gain."""
+        """Predict by constant curvature, with the gain on the bend of each segment."""
         robot, by_displacement = setting.robot, self.commands.by_displacement
         if not by_displacement.any():
             arc = RobotArcs.from_tensions(robot, given).arc
@@ -321,7 +321,7 @@ class TipModel:
                 return exact.column(still, -shorter, np.where(by_displacement, 0.0, commands))
             by_home = np.where(by_displacement, self._difference(i, values, self._home), 0.0)
             if item.leaf in TENDON_PROPERTIES:
-                # what yields more is shortened less, tension by tension
+                # more compliance reduces the effective displacement in proportion to the tension
                 by_compliance = self._difference(
                     i, values, lambda setting: actuation.compliances(setting.robot)
                 )
@@ -339,7 +339,7 @@ class TipModel:
         return self._by_differences(change, at)
 
     def _state(self, setting: Setting) -> Floats:
-        """Point, tensions and slack lengths (K, 3 + 2 T); of constant curvature the point alone."""
+        """Point, tensions and slack lengths (K, 3 + 2 T); for constant curvature the point only."""
         given = self.commands.effective(setting)
         if self.rod is None:
             return self._arcs(setting, given).point
@@ -351,7 +351,7 @@ class TipModel:
         return _SMALL_FRICTION if at.setting.robot.has_friction else _SMALL
 
     def _by_differences(self, change: Floats, at: Prediction) -> _Column:
-        """The derivatives that central differences of `_state` mean."""
+        """Convert central differences of `_state` to derivatives."""
         exact = at.exact
         count = self.commands.values.shape[1]
         none = np.zeros(self.commands.values.shape)
@@ -366,7 +366,7 @@ class TipModel:
         return _Column(whole, whole - by_tensions, np.where(by_displacement, slack, 0.0), forced)
 
     def _along_paths(self, values: Floats, at: Prediction) -> dict[int, _Column]:
-        """Columns of all parameters that are no frame's by differences of paths, side by side."""
+        """Derivatives by all parameters except those of frames, from differences of paths."""
         which = np.flatnonzero(~self.of_frames).tolist()
         moves = [self._sides(i, values, self._small(at)) for i in which]
         settings = [setting for sides in moves for setting, _ in sides]
@@ -395,7 +395,7 @@ class TipModel:
         return np.asarray((of(above) - of(below)) / (high - low))
 
     def _sides(self, i: int, values: Floats, small: float) -> list[tuple[Setting, float]]:
-        """Settings with more and with less of a parameter, and its values."""
+        """Settings with a larger and a smaller value of a parameter, and these values."""
         item = self.unknowns.items[i]
         sides = []
         for sign in (1.0, -1.0):
@@ -403,7 +403,7 @@ class TipModel:
             moved[i] = np.clip(values[i] + sign * small * item.step, item.low, item.high)
             try:
                 setting = self.unknowns.setting(moved)
-            except BowstringError:  # the one side has no robot
+            except BowstringError:  # the robot is invalid on one side
                 moved, setting = values, self.unknowns.setting(values)
             sides.append((setting, float(moved[i])))
         return sides
@@ -412,7 +412,7 @@ class TipModel:
 def _continue_from_neighbours(
     core: Any, by_displacement: Bools, given: Floats, solutions: list[Any], solved: Bools
 ) -> None:
-    """Solve rows that have no solution from home from the rows with the nearest commands.
+    """Solve rows that failed from the home pose by continuation from the nearest commands.
 
     Changes `solutions` and `solved` in place.
     """
@@ -431,7 +431,7 @@ def _continue_from_neighbours(
 
 
 def _table(solutions: list[Any], solved: Bools, name: str, *shape: int) -> Floats:
-    """A quantity (K, ...) of the core's solutions; NaN in rows that are not solved."""
+    """Attribute (K, ...) of the core's solutions; NaN in rows that are not solved."""
     table = np.full((len(solved), *shape), np.nan)
     for k in np.flatnonzero(solved):
         table[k] = getattr(solutions[k], name)
@@ -445,11 +445,11 @@ class _Column:
     Attributes
     ----------
     whole : ndarray (K, 3)
-        Of the measured point.
+        Derivative of the measured point.
     point, slack : ndarray (K, 3), (K, T)
-        Of the measured point and of the slack lengths, all tensions held.
+        Derivatives of the measured point and of the slack lengths at constant tensions.
     tensions : ndarray (K, T)
-        Of tensions that are commanded.
+        Derivative of commanded tensions.
     """
 
     whole: Floats
@@ -466,12 +466,12 @@ class _Exact:
     ----------
     by_tension : ndarray (K, 3, T)
     by_stiffness : ndarray (K, 3, S)
-        By the relative change of the stiffness of each segment, tensions held.
+        Derivative by the relative change of the stiffness of each segment at constant tensions.
     lengths_by_stiffness : ndarray (K, T, S)
     slack_by_tension : ndarray (K, T, T)
-        slack = home - displacement - length + compliance x tension
+        slack = home length - displacement - length + compliance x tension (Eq. 4.1 of docs/theory)
     answer : ndarray (K, T, T)
-        Tensions by slack, of the taut tendons that hold their displacement.
+        Derivative of tensions by slack, for taut displacement-controlled tendons.
     tensions : ndarray (K, T)
     """
 
@@ -484,7 +484,7 @@ class _Exact:
 
     @classmethod
     def of(cls, solutions: list[Any], at: Prediction) -> _Exact | None:
-        """None where the displacements do not determine the tensions."""
+        """Make derivatives; None where the displacements do not determine the tensions."""
         if not at.solved.any():
             return None
         each = [s.jacobians() for s, solved in zip(solutions, at.solved, strict=True) if solved]
@@ -525,7 +525,7 @@ class _Exact:
         )
 
     def column(self, point: Floats, slack: Floats, tensions: Floats) -> _Column:
-        """By changes at held tensions (K, 3), (K, T), and of commanded tensions (K, T)."""
+        """Column from changes at constant tensions (K, 3), (K, T) and commanded tensions (K, T)."""
         lacks = slack + np.einsum("kst,kt->ks", self.slack_by_tension, tensions)
         follow = tensions - np.einsum("kst,kt->ks", self.answer, lacks)
         whole = point + np.einsum("kit,kt->ki", self.by_tension, follow)

@@ -1,20 +1,19 @@
-"""The verdict on data: constant curvature and physics, each against the measured tip.
+"""Validation with data: constant curvature and rod against the measured tip.
 
 Seven models at the commands of the table: constant curvature from lengths and from force, plain and
-corrected, with a fitted gain; the rod as the robot file has it, and calibrated. Each is compared in
-three frames, because a base that stands a little askew looks like an error of the model:
+corrected, with a fitted gain; the rod of the robot file, and the calibrated rod. Each is compared
+in three frames, because a slightly tilted base looks like a model error:
 
-- ``as_measured``: the measuring frame is taken for the base frame. Not registered.
-- ``calibrated``: one base frame for all, that of the calibrated rod. Registered; this is meant
-  where nothing else is said. A calibrated model is judged as it was fitted: calibrated constant
-  curvature keeps the base frame of its own calibration here, and where nothing is registered its
-  gain is fitted in the measuring frame.
-- ``own``: each model in the base frame that suits it best, by least squares. It mends whatever a
-  rigid motion can mend of the model's own errors, so it flatters; its RMS is the least that can be
-  said against a model, its mean need not be.
+- ``as_measured``: the measuring frame is the base frame, without registration.
+- ``calibrated``: registered with one base frame for all, that of the calibrated rod; the default.
+  Calibrated constant curvature keeps the base frame of its own calibration; without registration
+  its gain is fitted in the measuring frame.
+- ``own``: each model registered with its best base frame by least squares. This also removes model
+  errors that look like a rigid motion and thus favours the model; the RMS error is the smallest
+  possible, the mean error need not be.
 
-Differences are model minus measurement at the measured point (the tip, or the tool that the table
-gives), in base axes. SI; K is the number of rows.
+Differences are model minus measurement at the measured point (the tip, or the tool stated in the
+table), in base axes. All values are in SI; K is the number of rows.
 """
 
 from __future__ import annotations
@@ -84,21 +83,21 @@ DATA_MODELS: Final = {
     "rod": "rod, as the robot file has it",
     "rod_calibrated": "rod calibrated",
 }
-"""Names of the models and what people call them; `AgainstData.labels` says whose lengths."""
+"""Names of the models and their labels; `AgainstData.labels` adds the source of lengths."""
 
 FRAMES: Final = {
     "calibrated": "registered, one frame for all",
     "as_measured": "not registered",
     "own": "registered, each its own frame",
 }
-"""The three frames and what people call them; the first is meant where nothing is said."""
+"""Names of the three frames and their labels; the first is the default."""
 
 _FEWEST_ROWS: Final = 4
 _FEWEST_LOADS: Final = 3
 _MOST_ROWS: Final = 20_000
-_LONG: Final = 100  # rows, most without repeats, that are a path
-_AS_GOOD: Final = 1.01  # times the error without calibration, which a calibrated model may have
-_SAME: Final = 1e-9  # of the largest command: the same load
+_LONG: Final = 100  # rows above which data without repeats are resampled in blocks
+_AS_GOOD: Final = 1.01  # largest error of a calibrated model over that without calibration
+_SAME: Final = 1e-9  # difference of equal loads over the largest command
 
 
 # -- what is computed --------------------------------------------------------------------------
@@ -107,22 +106,22 @@ _SAME: Final = 1e-9  # of the largest command: the same load
 @short_repr
 @dataclass(frozen=True)
 class Loads:
-    """The commands as an axis, in groups, and in the order of the bench."""
+    """Commands as abscissa of figures, as groups, and in the order of the bench."""
 
     axis: Array
-    """(K,), what stands under a figure: the command that changes most, or the row's number."""
+    """Abscissa of figures (K,): the command that changes most, or the row number."""
     label: str
-    """With its unit."""
+    """Label of the abscissa with its unit."""
     unit: Ints
-    """(K,), the same number for the same commands."""
+    """Number of the load (K,), equal for equal commands."""
     loading: Bools
-    """(K,), whether the command that changes most rises on the way to the row; else it falls."""
+    """Whether the row is loading (K,): the command that changes most increases towards it."""
     run: Ints
-    """(K,), number of the repeated run."""
+    """Number of the repeated run (K,)."""
 
     @property
     def single(self) -> bool:
-        """Whether one command alone changes; else rows are drawn in their order."""
+        """Whether a single command changes; otherwise rows are drawn in their order."""
         return self.label != "row"
 
     @property
@@ -132,12 +131,13 @@ class Loads:
 
     @property
     def resampled(self) -> tuple[Ints, str]:
-        """(K,) rows with the same number are resampled together, and what these are in words.
+        """Resampling unit (K,) of each row, and its description.
 
-        Loads; where most come once in a long path, blocks of it, because neighbours err alike.
+        Units are loads, or blocks of a long path without repeats, because the errors of neighbours
+        are correlated.
         """
         rows = len(self.unit)
-        if rows < _LONG or observations.come_again(self.unit):
+        if rows < _LONG or observations.repeats_loads(self.unit):
             return self.unit, f"load, with all its rows ({self.count} loads)"
         block = math.ceil(math.sqrt(rows))
         blocks = np.arange(rows) // block
@@ -145,14 +145,14 @@ class Loads:
 
     @property
     def cell(self) -> Ints:
-        """(K,), the same number for repeats: the same load, reached the same way."""
+        """Number (K,), equal for repeats: same load, both in loading or both in unloading."""
         return np.asarray(2 * self.unit + self.loading, dtype=np.int64)
 
 
 @short_repr
 @dataclass(frozen=True)
 class DataComparison(Comparison):
-    """A model against the measurement in one frame, with its intervals."""
+    """Comparison of a model with the measurement in one frame, with intervals."""
 
     frame: Frame = "calibrated"
     intervals: Intervals | None = field(default=None, compare=False)
@@ -163,7 +163,7 @@ class DataComparison(Comparison):
         return self.frame != "as_measured"
 
     def to_dict(self) -> schema.DataComparison:
-        """The comparison in mm and percent, with bootstrap intervals at 95 %."""
+        """Return plain values in mm and percent, with 95 % bootstrap intervals."""
         assert self.intervals is not None
         mean = self.intervals.mean * 1e3
         return {
@@ -188,20 +188,20 @@ class Effect:
     name: str
     label: str
     added: float
-    """Mean error with this effect and all before it in the list switched on, m."""
+    """Mean error with this effect and all previous ones, m."""
     explains: float
-    """By how much the step lowers the mean error, m; negative if it raises it."""
+    """Decrease of the mean error by the step, m; negative for an increase."""
     explains_interval: Array
     """(2,), m."""
     without: float
-    """Mean error of the calibrated robot with this effect alone left out, m."""
+    """Mean error of the calibrated robot without this effect, m."""
     costs: float
-    """By how much leaving it out raises the mean error, m."""
+    """Increase of the mean error without this effect, m."""
     costs_interval: Array
     """(2,), m."""
 
     def to_dict(self) -> schema.DecompositionStep:
-        """The step in mm."""
+        """Return plain values in mm."""
         return {
             "effect": self.name,
             "label": self.label,
@@ -217,53 +217,53 @@ class Effect:
 @short_repr
 @dataclass(frozen=True, eq=False)
 class AgainstData:
-    """All that a study says about measurements."""
+    """All results of a study on measurements."""
 
     data: Measurements
     loads: Loads
     frame: Rigid
-    """Measuring frame to base frame, the one for all models."""
+    """Common motion from measuring frame to base frame."""
     frame_by: str
-    """What found it: ``rod_calibrated``, or another model where there is no calibration."""
+    """Model that determined it: ``rod_calibrated``, or another one without calibration."""
     point: Array
-    """(K, 3), the measured point in that frame, m."""
+    """Measured point in that frame (K, 3), m."""
     comparisons: tuple[DataComparison, ...]
-    """By model in the order of `DATA_MODELS`, each in the frames of `FRAMES`."""
+    """Comparisons by model in the order of `DATA_MODELS`, each in the frames of `FRAMES`."""
     own_frames: dict[str, Rigid]
     """By model."""
     gains: dict[str, float]
-    """Of calibrated constant curvature, fitted together with its own base frame."""
+    """Gains of calibrated constant curvature, fitted with its own base frame."""
     lengths_of: str
-    """Whose tendon lengths constant curvature gets: measurement, rod_calibrated or rod."""
+    """Source of the tendon lengths for constant curvature: measurement, rod_calibrated or rod."""
     calibration: StudyCalibration | None
     plain: float
-    """Mean error of the baseline rod, with which the decomposition begins, m."""
+    """Mean error of the baseline rod at the start of the decomposition, m."""
     effects: tuple[Effect, ...]
     residuals: NoiseTest | None
-    """Of the calibrated rod."""
+    """Test of the residuals of the calibrated rod."""
     expected: Expected | None
-    """Of the calibrated rod at rows that it was not fitted to."""
+    """Expected error of the calibrated rod at unseen rows."""
     text: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
-        """What the data are, and their name."""
+        """Source and name of the data."""
         return f"{self.data.source}: {self.data.name}"
 
     @property
     def title(self) -> str:
-        """The label as it begins a sentence."""
+        """Label, capitalised."""
         return self.label[0].upper() + self.label[1:]
 
     @property
     def models(self) -> tuple[str, ...]:
-        """Names of the models that there are."""
+        """Names of the available models."""
         return tuple(dict.fromkeys(c.name for c in self.comparisons))
 
     @property
     def labels(self) -> dict[str, str]:
-        """What people call the models; it says so where tendon lengths are not measured ones."""
+        """Labels of the models; they state tendon lengths that were not measured."""
         whose = {
             "rod_calibrated": "CC from lengths of the calibrated rod",
             "rod": "CC from lengths of the rod",
@@ -274,15 +274,15 @@ class AgainstData:
         }
 
     def has(self, name: str, frame: Frame = "calibrated") -> bool:
-        """Whether there is that model in that frame."""
+        """Whether a model is available in a frame."""
         return any((c.name, c.frame) == (name, frame) for c in self.comparisons)
 
     def comparison(self, name: str, frame: Frame = "calibrated") -> DataComparison:
-        """The comparison of that model in that frame."""
+        """Return the comparison of a model in a frame."""
         return next(c for c in self.comparisons if (c.name, c.frame) == (name, frame))
 
     def to_dict(self) -> schema.StudyMeasurements:
-        """The block ``measurements`` of a study."""
+        """Return the block ``measurements`` of a study."""
         d, c = self.data, self.calibration
         base: dict[str, schema.BaseEstimate] | None = None
         if c is not None:
@@ -349,13 +349,13 @@ def _frame_to_dict(frame: Rigid) -> schema.TurnedFrame:
 
 
 def check_measurements(robot: Robot, data: Measurements) -> None:
-    """Say before any work whether a study can be made of these measurements.
+    """Check before any work that measurements suffice for a study.
 
     Raises
     ------
     InputError
-        For another robot's data, data without tips or without a scale, too few rows or loads, far
-        too many, and for tendons that are swapped or numbered the wrong way round.
+        For data of another robot, without tips or without a scale, too few or too many rows, too
+        few loads, and for swapped tendons or a reversed numbering.
     """
     name = data.name if data.path is None else str(data.path)
     count = len(robot.tendons.segment)
@@ -397,13 +397,13 @@ def check_measurements(robot: Robot, data: Measurements) -> None:
     if float(np.ptp(measured.tip, axis=0).max()) == 0.0:
         raise InputError(f"{name}: the tip is in the same place in all rows; it was not measured")
     order = check_tendons(robot, data)
-    # "unclear" is for the comparison to judge
+    # "unclear" is left to the comparison
     if order.found in ("swapped", "mirrored"):
         raise InputError(f"{name}: {order.sentence.rstrip('.')}; mend the table or its mapping")
 
 
 def _loads(data: Measurements) -> Loads:
-    """Actuation of the robot, row by row."""
+    """Derive loads, loading and unloading, and repeats from the commands."""
     by_displacement = ~np.isnan(data.displacements)
     commands = np.where(by_displacement, data.displacements, data.tensions)
     span = np.ptp(commands, axis=0)
@@ -428,7 +428,7 @@ def _loads(data: Measurements) -> Loads:
         step = main[k] - main[k - 1]
         small = abs(step) <= _SAME * scale[tendon]
         loading[k] = loading[k - 1] if small else step > 0.0
-    # a run that begins anew comes down in one step to where it rises from
+    # a new run begins with a single step down to its first load
     falls = np.flatnonzero(~loading[:-1] & loading[1:])
     lowest = main <= main.min() + _SAME * scale[tendon]
     for k in falls.tolist():
@@ -463,14 +463,14 @@ def judge_data(
     Parameters
     ----------
     robot : Robot
-        As the file has it; what it gets wrong is what calibration finds.
+        Robot of the file.
     data : Measurements
-        Checked by `check_measurements`.
+        Measurements that `check_measurements` accepts.
     tolerance : float
         Tolerated error, a share of the length.
     theory : {"cosserat", "kirchhoff"}
     progress : callable, optional
-        Is told the share that is done.
+        Progress callback, called with the finished share from 0 to 1.
 
     Returns
     -------
@@ -533,7 +533,7 @@ def judge_data(
             notes.append(f"Calibrated constant curvature is left out: {problem}.")
         else:
             gains, own["cc_calibrated"] = calibrated.gains, calibrated.frame
-            # written in the one base frame for all; its distance to the data stays its own
+            # given in the common base frame with an unchanged distance to the data
             points["cc_calibrated"] = frame.apply(
                 calibrated.frame.inverse().apply(calibrated.point)
             )
@@ -601,9 +601,9 @@ def judge_data(
 def _points(
     robot: Robot, data: Measurements, theory: Theory, calibration: StudyCalibration | None
 ) -> tuple[dict[str, Array], str, list[str]]:
-    """The measured point (K, 3) by each model but calibrated CC, m, base frame.
+    """Measured point (K, 3) by each model except calibrated CC, m, base frame.
 
-    Also whose tendon lengths were taken, and why what is missing is missing.
+    Also the source of the tendon lengths, and reasons for missing models.
     """
     why = []
     out: dict[str, Array] = {}
@@ -655,7 +655,7 @@ def _is_worse(
     own: dict[str, Rigid],
     data: Measurements,
 ) -> str:
-    """Why calibrated constant curvature is not shown: it must not lose to the same uncalibrated."""
+    """Reason to leave out calibrated constant curvature: not better than uncalibrated, or ""."""
     if not calibrated.converged:
         return f"its fit did not settle. {calibrated.message.rstrip('.')}"
     name = "cc_from_force" if "cc_from_force" in points else "cc_from_lengths"
@@ -677,7 +677,7 @@ def _is_worse(
 
 
 def _own_frame(data: Measurements, points: Array) -> Rigid | None:
-    """The base frame that suits a model best; None where the rows that it has do not give one."""
+    """Best base frame of a model; None if its rows do not determine one."""
     good = np.isfinite(points).all(axis=1) & data.seen
     try:
         return fit_model(data.tip[good], points[good]).frame
@@ -691,10 +691,10 @@ def _own_frame(data: Measurements, points: Array) -> Rigid | None:
 def _decomposition(
     robot: Robot, data: Measurements, theory: Theory, calibration: StudyCalibration, loads: Loads
 ) -> tuple[float, tuple[Effect, ...]]:
-    """What registration, gravity, friction, stiffness (or gain) explain of the rod's error.
+    """Decompose the rod's error into registration, gravity, friction and stiffness (or gain).
 
-    Registration comes first: beside a frame that is far off, what any other effect adds to the
-    distance depends on where that frame happens to stand.
+    Registration is the first step, because the effect of the others on the distance would depend
+    on the error of the frame.
     """
     full = calibration.robot
     stiff = [s.backbone.E for s in full.segments] != [s.backbone.E for s in robot.segments]
@@ -782,7 +782,7 @@ def _in_words(found: AgainstData, tolerance: float, order: TendonCheck) -> tuple
     ]
     out += [_sentence(found, name, tolerance) for name in _SUBJECT if name in found.models]
     out.append(_of_the_rod(found))
-    if order.found in ("turned", "unclear"):  # what a fitted base frame would take up in silence
+    if order.found in ("turned", "unclear"):  # a fitted base frame would hide this
         out.append(order.sentence)
     if found.effects:
         parts = [
@@ -816,7 +816,7 @@ def _mean(c: DataComparison) -> str:
 
 
 def _over(c: DataComparison, found: AgainstData) -> str:
-    """Said where a model has no answer to some rows, for its mean is then not of the table."""
+    """Number of rows of the mean, if the model has no solution for some rows."""
     rows = int(found.data.seen.sum())
     return f" over {c.n} of {rows} rows" if c.n < rows else ""
 
@@ -872,7 +872,7 @@ def _of_the_rod(found: AgainstData) -> str:
 
 
 def _said(estimate: Estimate) -> str:
-    """A parameter as people call it, with its standard error."""
+    """Name and value of a parameter with its standard error."""
     path, _, leaf = estimate.name.rpartition(".")
     if path == "gravity":
         name = f"gravity along {'xyz'[int(leaf)]}"
