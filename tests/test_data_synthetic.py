@@ -241,7 +241,7 @@ def test_the_actual_robot_differs(robot: bs.Robot) -> None:
     assert made.robot is robot and made.actual.hash == stiff.hash != robot.hash
     expected = bs.sweep(stiff, made.tensions).tip_position
     np.testing.assert_array_equal(made.points, expected)
-    assert made.truth["differences"] == [{"path": path, "told": 35e9, "actual": 1.05 * 35e9}]
+    assert made.truth["differences"] == [{"path": path, "nominal": 35e9, "actual": 1.05 * 35e9}]
     several = {
         "segments[0].disks.clamped_length": "3 mm",
         "segments.0.tendons.pitch_radius": "-1%",
@@ -249,7 +249,7 @@ def test_the_actual_robot_differs(robot: bs.Robot) -> None:
         "gravity": "0 0 -9.81",
     }
     made = set_up(robot, **bench(masses=MASSES, actual=several, friction=0.2, **CLEAN))
-    found = {d["path"]: (d["told"], d["actual"]) for d in made.truth["differences"]}
+    found = {d["path"]: (d["nominal"], d["actual"]) for d in made.truth["differences"]}
     assert found.pop("segments.0.tendons.pitch_radius") == (0.029, pytest.approx(0.029 * 0.99))
     assert found == {
         "gravity.2": (0.0, -9.81),
@@ -459,7 +459,7 @@ def test_the_study(robot: bs.Robot, study: Bench) -> None:
     assert truth["loads"]["masses_kg"] == [0.5 * i for i in range(17)]
     assert (len(study), truth["loads"]["repeats"], truth["noise_m"]) == (99, 3, 0.02e-3)
     (friction,) = truth["differences"]
-    assert friction == {"path": "segments.0.tendons.friction", "told": 0.0, "actual": 0.1}
+    assert friction == {"path": "segments.0.tendons.friction", "nominal": 0.0, "actual": 0.1}
     assert truth["tilt_rad"] == pytest.approx(math.radians(0.3))
     assert truth["gravity_in_base_m_per_s2"] == [0, 0, -9.81]
 

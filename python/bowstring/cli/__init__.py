@@ -1,1 +1,1 @@
-"""The command `bowstring`: one file for each group of commands."""
+"""Command `bowstring`: one file for each group of commands."""

@@ -31,8 +31,8 @@ Displacement = Annotated[
     str | None,
     option(
         "P1,P2,...",
-        "Lengths taken in since the home pose; negative is paid out. With - for a tendon in "
-        "one list, another says how it is actuated: --tension 5,-,- --displacement -,2mm,2mm.",
+        "Tendon displacements from the home pose; negative where lengthened. A - leaves a tendon "
+        "to another list: --tension 5,-,- --displacement -,2mm,2mm.",
     ),
 ]
 Angle = Annotated[str | None, option("A1,A2,...", "Motor angles, in rad or with a unit.")]
@@ -41,7 +41,7 @@ Angle = Annotated[str | None, option("A1,A2,...", "Motor angles, in rad or with 
 def actuated_by(
     robot: Robot, tension: str | None, displacement: str | None, angle: str | None
 ) -> Load:
-    """The load of tensions, displacements and angles; each tendon has one of them."""
+    """Make a load from tensions, displacements and angles; each tendon has one of them."""
     from bowstring.statics.load import Load
 
     flags = (
@@ -82,7 +82,7 @@ def _lists(
 
 
 _MOST_HISTORY: Final = 200_000_000  # bytes
-# of a file of --save-history, among others
+# Keys of a file of --save-history.
 _NAMES: Final = {"schema_version", "robot_hash", "commands", "tensions_N", "arcs_rad"}
 
 
@@ -103,7 +103,7 @@ def read_history(file: Path) -> dict[str, Any]:
 
 
 def check_history_file(file: Path) -> Path:
-    """Say before any work whether a history may be written to a file: it must be new, or one."""
+    """Check before any work that a history may be written: to a new file or a former history."""
     found = check_file(file, "history", (file.suffix.lower(),), b'{"schema_version": ')
     if found.exists() and found.stat().st_size:
         try:
@@ -116,7 +116,7 @@ def check_history_file(file: Path) -> Path:
 
 
 def write_history(file: Path, history: dict[str, Any] | None) -> None:
-    """Whole or not at all."""
+    """Write a history, whole or not at all."""
 
     def fill(new: Path) -> None:
         new.write_text(json.dumps(history, allow_nan=False) + "\n", "utf-8")
@@ -135,7 +135,7 @@ def actuated_over_time(
     before: tuple[str | None, str | None],
     table: Path | None,
 ) -> tuple[Load, Load | None, float]:
-    """What the flags of `simulate` say of the tendons: over time, at the start, the duration."""
+    """Actuation from the flags of `simulate`: over time, at the start, and duration."""
     from bowstring.dynamics.load_history import CLOSEST, Table
     from bowstring.statics.load import Load
 
@@ -201,10 +201,9 @@ def actuated_over_time(
 def _starts(
     robot: Robot, starts: Mapping[str, Commands | None], at_zero: Mapping[str, list[float]]
 ) -> dict[str, list[float]]:
-    """Tensions, displacements and angles of the start: those of --from and --from-displacement,
-    else at time 0.
+    """Initial tensions, displacements and angles: --from and --from-displacement, else at time 0.
 
-    NaN stands for a tendon with a command of another kind; nothing if nothing is asked for.
+    NaN marks a tendon with a command of another kind; empty without these flags.
     """
     found = {name: list(row) for name, row in at_zero.items()}
     asked = False
@@ -222,7 +221,7 @@ def _starts(
                 )
             asked = True
             radius = float(robot.tendons.spool_radius_m[i])
-            if mine == ["angles"] and not math.isnan(radius):  # else simulate says what is missing
+            if mine == ["angles"] and not math.isnan(radius):  # otherwise simulate raises an error
                 value /= radius
             found[mine[0]][i] = value
     return found if asked else {}

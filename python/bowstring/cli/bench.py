@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.schemas import bench as schema
 
-MOST_ISSUES: Final = 20  # that people are shown
+MOST_ISSUES: Final = 20  # issues in the printed table
 
 
 def check(
@@ -97,7 +97,7 @@ def check(
     write_tables(*_measurements_tables(found, check))
 
 
-# fields of the objects of a bench that are named otherwise in its settings, or not there
+# Fields of a bench's objects with another name in its settings, or left out there.
 _NOT_SETTINGS: Final = {"tensions", "displacements", "masses", "changes", "base"}
 
 
@@ -257,7 +257,7 @@ def simulate(
 
 
 def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> tuple[Any, Any, Any]:
-    """Tensions, displacements and masses of one tendon, as `synthetic.Loads` takes them."""
+    """Tensions, displacements and masses of one tendon for `synthetic.Loads`."""
     import numpy as np
 
     given = [(flag, text) for flag, text in texts.items() if text is not None]
@@ -344,13 +344,13 @@ def _truth_table(made: Bench) -> Table:
     truth = made.truth
     table = new_table("truth", "")
     for item in truth["differences"]:
-        said = "" if item["told"] is None else f", not {_shown(item['told'])}"
+        said = "" if item["nominal"] is None else f", not {_shown(item['nominal'])}"
         table.add_row(item["path"], f"{_shown(item['actual'])}{said}")
     axes = "base" if truth["gravity_frame"] == "base" else "measuring frame"
     weight = " ".join(f"{v:g}" for v in truth["gravity_m_per_s2"])
     table.add_row("gravity", f"{weight} m/s^2, axes of the {axes}")
     tilt, towards = (math.degrees(truth[name]) for name in ("tilt_rad", "tilt_towards_rad"))
-    table.add_row("base", f"leans by {tilt:.4g} deg towards {towards:.4g} deg")
+    table.add_row("base", f"tilted by {tilt:.4g} deg towards {towards:.4g} deg")
     for name, values, factor, unit in (
         ("base shifted", truth["base"]["translation_m"], 1e3, "mm"),
         ("measured point", truth["actual_tool_m"], 1e3, "mm from the tip, its axes"),
@@ -377,7 +377,7 @@ def _groups(found: Measurements) -> dict[str, int]:
 
 
 def _commands(found: Measurements) -> Iterator[tuple[str, str, float, float]]:
-    """Of each tendon: what it is given by, the unit, and the range."""
+    """Yield kind of command, unit and range of each tendon."""
     import numpy as np
 
     for k in range(found.tendon_count):

@@ -1,4 +1,4 @@
-"""The robot as a solid: files of CAD, a picture, a drawing."""
+"""Command of the robot's solid: CAD file, picture, drawing."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ def _part_json(part: Part) -> schema.Part:
 
 
 def _table(solid: Solid) -> Table:
-    """Kinds of parts, those of equal volume in one row."""
+    """Table of kinds of parts, with parts of equal volume in one row."""
     table = new_table("part", ">count", ">volume mm^3", ">mass g")
     groups: dict[tuple[str, str], list[Any]] = {}
     for part in solid.parts:

@@ -1,7 +1,7 @@
-"""Values that the shell offers for arguments and flags.
+"""Shell completion of arguments and flags.
 
-A press of the tab key waits for this, so nothing here imports what takes long. Of the values, typer
-shows those that begin as the text does; where there are none, the shell completes names of files.
+Completion must be fast, so this module imports nothing slow. Typer shows the values that begin with
+the typed text; without any, the shell completes file names.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 
 import typer
 
-#: Gives values; parameters as typer's `autocompletion` has them.
+#: Function that returns values, with the parameters of typer's `autocompletion`.
 Offer: TypeAlias = Callable[..., list[str]]
 _PACKAGE: Final = Path(__file__).parents[1]
 #: Parts of each public data set, as `bowstring.data.datasets` has them.
@@ -46,7 +46,7 @@ def formats(*suffixes: str) -> Offer:
 
 
 def _yaml_files(folder: str) -> Offer:
-    """Offer built-in files of a folder by name, and the YAML files where the text leads."""
+    """Offer built-in files of a folder by name, and YAML files at the typed path."""
 
     def offer(incomplete: str) -> list[str]:
         names = sorted(path.stem for path in (_PACKAGE / folder).glob("*.yaml"))
@@ -66,6 +66,6 @@ data_sets: Final = words(*DATA_SETS)
 
 
 def parts(context: typer.Context) -> list[str]:
-    """Offer the tables of the data set that --data names, or of all sets."""
+    """Offer the tables of the data set given by --data, or of all sets."""
     named = DATA_SETS.get(context.params.get("data", ""))
     return [part for each in (DATA_SETS.values() if named is None else [named]) for part in each]

@@ -1,4 +1,4 @@
-"""What is installed, what is missing, and the command that adds it."""
+"""Command doctor: installed and missing parts, with commands that install them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _ffmpeg() -> str:
     return found
 
 
-#: Optional parts: name, how its version is found (the error has the cure), what needs it, the cure.
+#: Optional parts: name, function that returns its version or raises, purpose, install command.
 _PARTS: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
     *(
         (

@@ -1,4 +1,4 @@
-"""Commands of motion: simulate, modes."""
+"""Commands of dynamics: simulate, modes."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from bowstring.dynamics.simulation import Run
     from bowstring.schemas import dynamics as schema
 
-TIP_INTERVAL: Final = 0.01  # s, of the tip in the JSON of simulate, if --every is not longer
+TIP_INTERVAL: Final = 0.01  # s between tips in the JSON of simulate, at least
 MOST_OUTPUTS: Final = 1_000_000
 
 
@@ -187,9 +187,9 @@ def simulate(
 
     integrator = Integrator(fixed, error, spectral_radius, mass, material, modal)
     points = simulation.DEFAULT_POINTS
-    if not (targets.out or vtk or animation):  # nobody looks at the backbone
+    if not (targets.out or vtk or animation):  # no output needs fields of the backbone
         points = 2 if targets.table else 0
-    share = 0.1 if vtk or animation else 1.0  # of the time
+    share = 0.1 if vtk or animation else 1.0  # of the progress
     run: Run | None = None
     files: dict[str, Path | None] | None = None
     try:
@@ -245,8 +245,8 @@ def _step(flag: str, text: str) -> float:
     value = positive(flag, text, "s")
     if value < SHORTEST_STEP:
         raise InputError(
-            f"{flag}: got {value:g} s; must be {SHORTEST_STEP:g} s or more, shorter steps drown in "
-            "rounding."
+            f"{flag}: got {value:g} s; must be {SHORTEST_STEP:g} s or more, shorter steps are "
+            "below numerical resolution."
         )
     return value
 
@@ -342,7 +342,7 @@ def modes(
 
 
 class _Targets:
-    """Files that a run is written to, each checked before the work begins."""
+    """Output files of a run, each checked before the work begins."""
 
     def __init__(
         self, out: Path | None, vtk: Path | None, animation: Path | None, duration: float
@@ -390,13 +390,13 @@ class _Targets:
     def write(
         self, run: Run, tell: Callable[[str, float], None] = lambda what, done: None
     ) -> dict[str, Path | None]:
-        """Write what is not yet, unless the user has stopped the run; say what there is."""
+        """Write the remaining files, unless the user stopped the run; return existing ones."""
         files: dict[str, Path | None] = {"run": run.path, "vtk": None, "animation": None}
         if run.status == "interrupted" or len(run.time) == 0:
             return files
         if self.vtk is None and self.animation is None and self.table is None:
             return files
-        share = 0.5 if self.vtk and self.animation else 1.0  # of the time, each
+        share = 0.5 if self.vtk and self.animation else 1.0  # of the progress, each
         data = run.to_dataset()
         if self.table is not None:
             from bowstring.dynamics.run_table import write_table

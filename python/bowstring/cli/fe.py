@@ -1,4 +1,4 @@
-"""The command of finite elements: fe."""
+"""Command of finite elements: fe."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from bowstring.fem.run import BrickRun
     from bowstring.schemas import solids as schema
 
-_STEPS = 8  # of a sweep, if none are asked for
+_STEPS = 8  # default number of loads of a sweep
 
 
 def fe(

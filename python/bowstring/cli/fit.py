@@ -1,4 +1,4 @@
-"""The command fit."""
+"""Command fit."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.schemas import fit as schema
 
-#: Times the robust scatter of a coordinate that its root mean square is, so that it is said.
+#: Ratio of RMS to robust scatter of a coordinate above which both are printed.
 _FAR_MORE: Final = 2.0
 _EXACT: Final = 1e-8  # m: data without noise
 
@@ -281,7 +281,7 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
 
 
 def _of_others(fit: Fit) -> str:
-    """What the scatter, a median, does not say where some rows err by far more than most."""
+    """Note on outliers, which the robust scatter does not show; empty without any."""
     whole = fit.score.rmse / math.sqrt(3.0)
     if whole < _FAR_MORE * fit.noise or whole < _EXACT:
         return ""
@@ -292,6 +292,6 @@ def _of_others(fit: Fit) -> str:
 
 
 def _digits(error: float, value: float) -> int:
-    """Digits after the point that an estimate is worth: two of its error."""
+    """Number of decimals of an estimate: two significant digits of its standard error."""
     size = error if math.isfinite(error) and error > 0 else abs(value) * 1e-4 or 1e-4
     return min(12, max(0, 1 - math.floor(math.log10(size))))

@@ -1,4 +1,4 @@
-"""The command line: a thin face of the Python API. Its contract is docs/reference/cli.md.
+"""Command line, a thin layer on the Python API; its contract is docs/reference/cli.md.
 
 Libraries that take long to load are imported by the command that needs them.
 """
@@ -45,7 +45,7 @@ Quiet = Annotated[
 
 
 def _with_quiet(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with the flag --quiet."""
+    """Add the flag --quiet to a command."""
 
     @wraps(command)
     def run(*, quiet: bool, **values: Any) -> None:
@@ -111,14 +111,14 @@ def _main(
         write(context.get_help() + "\n")
 
 
-# flags that give an argument of another name
+# Flags whose name differs from that of their argument.
 _FLAGS: Final = {
     "tensions": ("--tension", "--tensions"),
     "displacements": ("--displacement", "--displacements"),
     "angles": ("--angle",),
     "parameters": ("--parameter",),
 }
-# flags of which an argument is made
+# Flags from which an argument is made.
 _MADE_OF: Final = {
     "tensions": ("--from", "--masses", "--table"),
     "displacements": ("--angle", "--from-displacement", "--table"),
@@ -126,7 +126,7 @@ _MADE_OF: Final = {
 
 
 def in_flags(error: InputError, arguments: Sequence[str]) -> str:
-    """The sentence of an error, with those of the given flags that its value can come from."""
+    """Message of an error with the given flags from which its value can come."""
     if not error.argument:
         return str(error)
     before = takewhile(lambda text: text != "--", arguments)
@@ -176,17 +176,17 @@ def run(arguments: Sequence[str]) -> int:
     Parameters
     ----------
     arguments : sequence of str
-        As after ``bowstring`` in a shell.
+        Arguments as after ``bowstring`` in a shell.
 
     Returns
     -------
     int
-        Exit code: 0, 1 for no solution, 2 for bad input, 70 for a bug, 130 after Ctrl-C, 141 when
-        the reader of stdout has left.
+        Exit code: 0, 1 for no solution, 2 for bad input, 70 for a bug, 130 after Ctrl-C, 141 for a
+        broken pipe of stdout.
     """
     be_quiet(False)
     try:
-        # None: typer sees for itself whether it writes to a terminal
+        # None: typer detects a terminal itself
         style = None if coloured(sys.stdout) else False
         code = app(list(arguments), prog_name="bowstring", standalone_mode=False, color=style)
         late = interrupts.pending() and code != STOPPED
@@ -195,7 +195,7 @@ def run(arguments: Sequence[str]) -> int:
             say("Stopped", "the work was done before.")
             return STOPPED
     except (InputError, NoSolutionError) as error:
-        if interrupts.pending():  # what went wrong is the interrupt's, as an import that it broke
+        if interrupts.pending():  # the interrupt caused the error, for example in an import
             interrupts.acknowledge()
             code = STOPPED
         else:
@@ -223,7 +223,7 @@ def run(arguments: Sequence[str]) -> int:
     except KeyboardInterrupt:
         interrupts.acknowledge()
         code = STOPPED
-    except BaseException as error:  # a panic of the core is no Exception
+    except BaseException as error:  # a panic of the core is a BaseException
         if isinstance(error, SystemExit):
             raise
         if not (interrupts.is_interrupt(error) or interrupts.pending()):
@@ -245,7 +245,7 @@ def _show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """Show a warning of Python: one of ours without the line of code where it arose."""
+    """Show a warning of Python, one of Bowstring without its line of code."""
     if issubclass(category, StabilityWarning):
         say("Warning", str(message))
     else:
@@ -256,7 +256,7 @@ def main() -> None:
     """Entry point of the command ``bowstring``."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a name in Greek on an ASCII terminal
+            stream.reconfigure(errors="replace")  # non-ASCII names on an ASCII terminal
     warnings.showwarning = _show_warning
     interrupts.listen()
     try:

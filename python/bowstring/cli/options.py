@@ -1,4 +1,4 @@
-"""Flags that commands share, and how their texts become numbers; a bad one is named.
+"""Common flags of commands, and conversion of their texts to numbers; errors name the flag.
 
 The flags of the actuation are in `actuation`.
 """
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
 
-MOST_LOADS: Final = 100_000  # of a range
-_EARTH_IN_MM: Final = (9700.0, 9900.0)  # what Earth's gravity is in mm/s^2
+MOST_LOADS: Final = 100_000  # loads of a range
+_EARTH_IN_MM: Final = (9700.0, 9900.0)  # Earth's gravity in mm/s^2
 
 
 def option(
     form: str, text: str, *names: str, values: Callable[..., list[str]] | None = None
 ) -> Any:
-    """A flag by the form of its value and what it says; named as its argument if not otherwise.
+    """Make a flag from the form of its value and its help; its default name is the argument's.
 
     ``values`` are offered by completion.
     """
@@ -140,7 +140,7 @@ def load(source: str, overrides: Sequence[str] | None) -> Robot:
     except InputError as error:
         if not changes:
             raise
-        load_robot(source)  # what is wrong with the file itself is not of the flag
+        load_robot(source)  # errors of the file itself do not name the flag
         raise InputError(f"--set: {error}") from None
     for sentence in robot.warnings:
         say("Warning", sentence)
@@ -148,7 +148,7 @@ def load(source: str, overrides: Sequence[str] | None) -> Robot:
 
 
 def changes_of(flag: str, texts: Sequence[str] | None, example: str) -> dict[str, str]:
-    """PATH=VALUE, as often as given."""
+    """Parse PATH=VALUE of a repeatable flag."""
     changes = {}
     for text in texts or ():
         path, equals, value = text.partition("=")
@@ -183,7 +183,7 @@ def number_of(flag: str, text: str, si: str) -> float:
 
 
 def share_of(flag: str, text: str, rule: str, accepts: Callable[[float], bool]) -> float:
-    """A share as "0.01" or "1 %"; ``rule`` says what it is of, and its range."""
+    """Read a share such as "0.01" or "1 %"; ``rule`` has its meaning and range for the error."""
     percent = text.strip().endswith("%")
     value = math.nan
     with suppress(ValueError):
@@ -235,9 +235,9 @@ def vector(flag: str, text: str, si: str) -> list[float]:
 def check_bare(
     flag: str, text: str, si: str, robot: Robot, most: float | Sequence[float], small: str
 ) -> None:
-    """Refuse a number without a unit that is far too large, where a smaller unit makes sense of it.
+    """Refuse a number without a unit that is too large in SI but plausible in a smaller unit.
 
-    ``most`` is for each of the numbers, or one for all.
+    ``most`` is a limit for each number, or one for all.
     """
     items = [item.strip() for item in text.split(",")]
     limits = [most] * len(items) if isinstance(most, (int, float)) else most
@@ -260,10 +260,10 @@ def _without_unit(flag: str, item: str, si: str, small: str, why: str = "") -> I
 def check_bare_changes(
     flag: str, make: Callable[[dict[str, str]], Robot], changes: Mapping[str, str]
 ) -> None:
-    """Refuse a change of a robot's field to a number without a unit if one makes sense of it.
+    """Refuse a number without a unit for a robot's field if it is plausible in the usual unit.
 
-    ``make`` returns the changed robot. With the unit that is usual for the field it is valid and
-    has fewer doubtful numbers.
+    ``make`` returns the changed robot. It is plausible if the robot with the usual unit is valid
+    and has fewer warnings.
     """
     from bowstring.robot.messages import units_of_field
 
@@ -283,15 +283,15 @@ def check_bare_changes(
 
 
 def check_bare_command(flag: str, text: str, si: str, robot: Robot) -> None:
-    """Refuse displacements and angles without a unit that take in more than all of a tendon."""
+    """Refuse displacements and angles without a unit that exceed the length of a tendon."""
     import numpy as np
 
     tendons = robot.tendons
     longest = robot.disks.station_m[tendons.end_disk] + tendons.free_length_m
-    if si == "m":  # of a displacement that is but a little too long the solver has more to say
+    if si == "m":  # the solver has a better message for slightly too large displacements
         check_bare(flag, text, si, robot, (1.6 * longest).tolist(), "mm")
     if si == "rad":
-        turns = longest / tendons.spool_radius_m  # NaN without a spool, which is refused elsewhere
+        turns = longest / tendons.spool_radius_m  # NaN without a spool, refused elsewhere
         check_bare(flag, text, si, robot, np.nan_to_num(turns, nan=math.inf).tolist(), "deg")
 
 
@@ -305,7 +305,7 @@ def per_tendon(
     signed: bool = False,
     dashes: bool = False,
 ) -> list[Any]:
-    """A number for each tendon; with dashes, None where a dash or a blank stands for it."""
+    """Read a number for each tendon; with `dashes`, a dash or a blank gives None."""
     items = [item.strip() for item in text.split(",")]
     wanted = tendon_count(robot)
     first = _EXAMPLES[flag].partition(",")[0]
@@ -331,7 +331,7 @@ def per_tendon(
 
 
 def range_of(flag: str, text: str, si: str) -> list[float]:
-    """Numbers one by one, or first:step:last."""
+    """Read a list of numbers, or first:step:last."""
     parts = text.split(":")
     if len(parts) == 1:
         return numbers_of(flag, text, si)
@@ -361,17 +361,17 @@ def tendon_count(robot: Robot) -> int:
 
 
 def of_flag(flag: str, check: Callable[[Any], Any], value: Any) -> Any:
-    """The result of a check, whose errors name the flag."""
+    """Run a check, whose errors then name the flag."""
     try:
         return check(value)
     except InputError as error:
-        if error.rule:  # it has a flag of its own, which is named at the end
+        if error.rule:  # its own flag is named at the end
             raise
         raise InputError(f"{flag}: {error}") from None
 
 
 def out_folder(out: Path | None, what: str) -> Path | None:
-    """The folder of results that --out names, checked before the work."""
+    """Check the result folder of --out before the work."""
     from bowstring.result_folder import check_folder
 
     return None if out is None else of_flag("--out", lambda path: check_folder(path, what), out)
@@ -380,7 +380,7 @@ def out_folder(out: Path | None, what: str) -> Path | None:
 def measurements_of(
     flag: str, file: Any, robot: Robot, mapping: str | None, **g: float
 ) -> Measurements:
-    """The table that a flag names, read by the mapping that --mapping names."""
+    """Read the table of a flag with the mapping of --mapping."""
     from bowstring.data.measurements import Measurements, read_measurements
 
     layout = mapping_of(mapping)
@@ -390,7 +390,7 @@ def measurements_of(
 
 
 def mapping_of(source: str | None) -> Any:
-    """The mapping that --mapping names."""
+    """Load the mapping of --mapping."""
     from bowstring.data.mapping import load_mapping
 
     return None if source is None else of_flag("--mapping", load_mapping, source)

@@ -1,4 +1,4 @@
-"""What commands print: JSON or tables on stdout, warnings and progress on stderr."""
+"""Output of commands: JSON or tables on stdout, warnings and progress on stderr."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ if TYPE_CHECKING:
 OUTPUT_LOST: Final = 74  # EX_IOERR
 PIPE_CLOSED: Final = 141  # as a shell reports SIGPIPE
 JSON_SCHEMA_VERSION: Final = 1
-_BAR_AFTER: Final = 0.3  # s that work takes before its bar is seen
+_BAR_AFTER: Final = 0.3  # s of work before its bar appears
 _BAR_EVERY: Final = 0.1  # s between two drawings
 _BAR_WIDTH: Final = 24
 _quiet = False
-_bar: _Bar | None = None  # that is on the terminal
+_bar: _Bar | None = None  # the bar on the terminal
 
 
 class Stopped(Exception):
-    """Ctrl-C where something is kept; the text says what."""
+    """Ctrl-C after which some output remains; the text names it."""
 
 
 def counted(n: int, thing: str, things: str | None = None) -> str:
@@ -45,13 +45,13 @@ def counted(n: int, thing: str, things: str | None = None) -> str:
 
 
 def be_quiet(wanted: bool) -> None:
-    """Leave out progress and warnings from now on, or show them again."""
+    """Switch progress and warnings off, or on again."""
     global _quiet
     _quiet = wanted
 
 
 def say(kind: str, sentence: str) -> None:
-    """A line on stderr."""
+    """Print a line on stderr."""
     if kind == "Warning" and _quiet:
         return
     if _bar is not None:
@@ -67,12 +67,12 @@ def coloured(stream: TextIO) -> bool:
 
 
 def write(text: str) -> None:
-    """All of stdout passes here, so that a reader that leaves early is no error."""
+    """Write to stdout; a broken pipe is no error. All output to stdout passes here."""
     try:
         sys.stdout.write(text)
         sys.stdout.flush()
     except OSError as error:
-        # the interpreter flushes again when it ends
+        # the interpreter flushes again at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
             raise typer.Exit(PIPE_CLOSED) from None
@@ -101,26 +101,26 @@ def provenance_of(robot: Robot, **settings: Any) -> schema.OfRobot:
 
 
 class _Bar:
-    """A line on the terminal: what is being done, how far, for how long, and the time left.
+    """Progress line on the terminal: work, finished share, elapsed and remaining time.
 
-    A thread draws it, so that time goes on within work that reports nothing. It needs neither
+    A thread draws it, so that the time advances during work without reports. It uses neither
     colours nor other escape codes.
     """
 
     def __init__(self, what: str) -> None:
         self._began = time.monotonic()
-        self._state = (what, 0.0, 0.0)  # what is done, which share, since how many seconds
+        self._state = (what, 0.0, 0.0)  # work, finished share, and time of the report in s
         self._drawn = 0  # columns
         self._lock, self._end = threading.Lock(), threading.Event()
         self._thread = threading.Thread(target=self._draw, daemon=True)
         self._thread.start()
 
     def update(self, what: str, done: float) -> None:
-        _, before, told = self._state
-        self._state = (what, done, told if done == before else time.monotonic() - self._began)
+        _, before, reported = self._state
+        self._state = (what, done, reported if done == before else time.monotonic() - self._began)
 
     def clear(self) -> None:
-        """Take the line away, until it is drawn again."""
+        """Erase the line until it is drawn again."""
         with self._lock:
             if self._drawn:
                 self._write("")
@@ -144,16 +144,16 @@ class _Bar:
         self._drawn = len(line)
 
 
-def progress_line(what: str, done: float, told: float, now: float) -> str:
-    """A bar as one line of text.
+def progress_line(what: str, done: float, reported: float, now: float) -> str:
+    """Format a progress bar as one line of text.
 
-    Times are in seconds from the start: of the report that the share ``done`` of the work is done
-    (0 where no share is known), and of now.
+    ``done`` is the finished share, 0 if unknown. ``reported`` and ``now`` are the times of its
+    report and of now, in seconds from the start.
     """
     if done > 0.0:
         filled = round(_BAR_WIDTH * min(done, 1.0))
         bar = "#" * filled + "." * (_BAR_WIDTH - filled)
-        left = max(told / done - now, 0.0)
+        left = max(reported / done - now, 0.0)
         state = f"{100 * min(done, 1.0):3.0f} %  {_clock(now)} elapsed, {_clock(left)} left"
     else:
         place = int(now / _BAR_EVERY) % (_BAR_WIDTH - 2)
@@ -191,7 +191,7 @@ def frame(position: Any, rotation: Any) -> schema.Pose:
 
 
 def new_table(*columns: str) -> Table:
-    """A rich table; a column whose name starts with > is aligned right."""
+    """Make a rich table; a column whose name starts with > is aligned right."""
     from rich import box
     from rich.table import Table
 
@@ -227,7 +227,7 @@ def write_rich(draw: Callable[[Console], None]) -> None:
     from rich.segment import Segment
 
     class Plain(Console):
-        """Text that is shown has no control characters of its own; styles come on top of it."""
+        """Console that removes control characters from text before styles are applied."""
 
         def render(
             self, renderable: RenderableType, options: ConsoleOptions | None = None

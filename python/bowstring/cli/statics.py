@@ -1,4 +1,4 @@
-"""Commands of a robot at rest: robots, schema, fk, ik, solve."""
+"""Commands of robots and statics: robots, schema, fk, ik, solve."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from bowstring.statics.solution import Solution
 
 
-#: Lengths of a robot beyond which a bare number is hardly meant in m; a thousandth is plausible.
+#: Coordinate over the robot's length above which a number without a unit is hardly in m.
 _FAR: Final = 10.0
 
 

@@ -1,4 +1,4 @@
-"""The command study."""
+"""Command study."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def study(
         str | None,
         option(
             "N[:SHARE],...",
-            "The actuated tendon, or several: 1,4:0.5 displacements tendon 4 half as much.  "
+            "The actuated tendon, or several: 1,4:0.5 gives tendon 4 half the tension.  "
             "[default: the first of the outermost segment]",
         ),
     ] = None,
@@ -152,7 +152,7 @@ def study(
         raise Stopped(
             f"finite elements {stopped.run.message}; the same command goes on from there."
         ) from None
-    for sentence in found.warnings[len(model.warnings) :]:  # the robot's own are said already
+    for sentence in found.warnings[len(model.warnings) :]:  # those of the robot were printed before
         say("Warning", sentence)
     if as_json:
         content: schema.Study = {**found.to_dict(), "folder": str(folder)}
@@ -163,7 +163,7 @@ def study(
 
 
 def _shares(text: str, robot: Robot) -> dict[int, float]:
-    """Numbers of tendons and their shares of the sweep's tension."""
+    """Parse numbers of tendons and their shares of the sweep's tension."""
     out: dict[int, float] = {}
     count = tendon_count(robot)
     rule = "a tendon and, after a colon, its share of the sweep's tension"

@@ -1,4 +1,4 @@
-"""Measurements: readers of tables, frames, checks, public data sets, synthetic benches."""
+"""Measurements: readers of tables, registration, checks, public data sets, synthetic benches."""
 
 from importlib import import_module
 from typing import Any

@@ -1,6 +1,6 @@
-"""Which column of a table of measurements holds what: the tidy format, and what a mapping says.
+"""Columns of a table of measurements, from the tidy format or a mapping.
 
-A `Layout` is what both come to; `bowstring.data.measurements` reads rows by it.
+Both give a `Layout`, by which `bowstring.data.measurements` reads rows.
 """
 
 from __future__ import annotations
@@ -78,22 +78,22 @@ _SYNONYMS: Final = {
 
 @dataclass(frozen=True)
 class Column:
-    """A column of numbers: its place, its name, and what makes its numbers SI.
+    """Column of numbers: index, name, and conversion to SI.
 
     Attributes
     ----------
     index : int
-        From 0.
+        Index from 0.
     name : str
     factor : float
-        To SI, with its sign.
+        Factor to SI, with sign.
     part : {"all", "positive", "negative"}
-        What is taken of its numbers, after the factor; the other part is zero, and the negative
-        part is taken without its sign.
+        Part of its numbers that is used, after the factor. Other numbers become zero; the negative
+        part is used without its sign.
     constant : float or None
-        A number that stands in every row instead, before the factor; there is no column then.
+        Number for every row, before the factor, in place of a column.
     is_date : bool
-        Whether its cells are dates and times of ISO 8601 and not numbers.
+        Whether its cells are dates and times in ISO 8601.
     """
 
     index: int
@@ -106,13 +106,13 @@ class Column:
 
 @dataclass
 class Layout:
-    """Where a table has what. `tendons` are in the robot's order, the last of `points` is the tip.
+    """Columns of a table by quantity.
 
-    `shape` is a column whose cells are JSON lists of points, `rotation` turns the file's axes into
-    those of the measuring frame, `keep` is a column and what its cells must say for the row to be
-    read. `scale` is None where points are in pixels. `label` is a column that says what the data
-    are; without `own_label` it may as well speak of something else. Rows with the same text in
-    `recording` are one path.
+    `tendons` are in the robot's order; the last of `points` is the tip. `shape` is a column of JSON
+    lists of points. `rotation` maps the axes of the file to those of the measuring frame. `keep` is
+    a column and the value that a row must have to be read. `scale` is None where points are in
+    pixels. `label` is a column with the source of the data; without `own_label` it may have another
+    meaning. Rows with the same text in `recording` form one path.
     """
 
     tendons: list[tuple[Kind, Column]] = field(default_factory=list)
@@ -143,14 +143,14 @@ def factor_of(unit: str, si: str) -> float:
 
 
 def nearest(name: str, known: Sequence[str]) -> str | None:
-    """The one of the known names that a mistaken one is probably meant for."""
+    """Known name that is closest to a mistyped one."""
     lower = {item.lower(): item for item in reversed(known)}
     near = difflib.get_close_matches(name.lower(), list(lower), n=1, cutoff=0.6)
     return lower[near[0]] if near else None
 
 
 def did_you_mean(name: str, known: Sequence[str]) -> str:
-    """The question before what is known, empty where no known name is near."""
+    """Question "did you mean ...", empty if no known name is close."""
     near = nearest(name, known)
     return f"did you mean {near}? " if near else ""
 
@@ -159,18 +159,18 @@ def did_you_mean(name: str, known: Sequence[str]) -> str:
 
 
 def tidy(table: Table, g: float) -> Layout:
-    """Read the header of the documented format.
+    """Read the header of the tidy format.
 
     Parameters
     ----------
     table : Table
     g : float
-        Gravity that makes tensions of masses, m/s^2.
+        Gravitational acceleration that converts masses to tensions, m/s^2.
 
     Raises
     ------
     InputError
-        If a column is missing, there twice, or has no unit or a wrong one.
+        If a column is missing or given twice, or its unit is missing or wrong.
     """
     return _Header(table, g).layout()
 
@@ -179,7 +179,7 @@ class _Header:
     def __init__(self, table: Table, g: float) -> None:
         self.table, self.g = table, g
         self.here = f"{table.path}, line {table.line}"
-        self.units: dict[str, tuple[str, str]] = {}  # of each kind: unit, and where it stands
+        self.units: dict[str, tuple[str, str]] = {}  # unit of each kind, and its column
 
     def fail(self, sentence: str) -> InputError:
         return InputError(f"{self.here}: {sentence}")
@@ -245,7 +245,7 @@ class _Header:
         return found
 
     def recording(self, found: Layout) -> Column | None:
-        """The column that says which rows are one path: of its own, or that of a comment."""
+        """Column of the recordings: its own, or the one that a comment names."""
         text = self.table.about.get("recording")
         if text is None:
             return found.recording
@@ -286,7 +286,7 @@ class _Header:
             ) from None
 
     def guess(self, name: str) -> str | None:
-        """A column that a stranger is probably meant for, and that is not there yet."""
+        """Missing column that an unknown one is probably meant to be."""
         unit = self.units.get("point", ("mm", ""))[0]
         digits = (re.findall(r"[0-9]+", name) or ["1"])[0]
         known = [
@@ -304,7 +304,7 @@ class _Header:
         return None if near in self.table.header else near
 
     def missing(self, what: str, like: str | tuple[str, ...], whole: bool = False) -> InputError:
-        """What is missing, and what may be meant; `whole`: nothing of that kind is there."""
+        """Error for a missing column, with a hint; `whole`: there is no column of that kind."""
         hints = ((name, self.guess(name)) for name in self.strangers)
         hint = next(
             (f"; did you mean {near} by {quote(name)}?" for name, near in hints
@@ -373,7 +373,7 @@ class _Header:
 
 
 def check_stations(what: str, values: Sequence[float] | Floats, count: int) -> Floats:
-    """Shares of the length that rise from 0 or more to 1 or less, one for each point."""
+    """Check shares of the length: increasing, within 0 to 1, one for each point."""
     if len(values) != count:
         raise InputError(f"{what} has {len(values)} numbers; there are {count} points")
     array = np.array(values)

@@ -1,6 +1,6 @@
-"""Public data sets by name: fetched at a pinned commit and checked by hash, never packaged.
+"""Public data sets by name: downloaded at a pinned commit and checked by hash, not packaged.
 
-Where `BOWSTRING_DATA` names a folder, the files are taken from there and nothing is downloaded.
+If `BOWSTRING_DATA` names a folder, files are read from there and nothing is downloaded.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ VARIABLE: Final = "BOWSTRING_DATA"
 _RAW: Final = "https://raw.githubusercontent.com"
 _LICENCE: Final = "LICENSE"
 _MOST: Final = 20_000_000  # bytes of a file; the largest has 0.7 MB
-_LONGEST: Final = 120.0  # s for the download of a file, whatever the server does
-_SILENCE: Final = 30.0  # s in which the server must send something
+_LONGEST: Final = 120.0  # s for the download of a file
+_SILENCE: Final = 30.0  # s without data from the server
 _REDIRECTS: Final = 5
 
 
 @dataclass(frozen=True)
 class DataFile:
-    """A file of a data set.
+    """File of a data set.
 
     Attributes
     ----------
     name : str
-        As it is kept here.
+        Local name.
     sha256 : str
     origin : str
-        Its path in the repository.
+        Path in the repository.
     part : str or None
-        Name of the table it holds, if it holds one that `bowstring.data.measurements.load` reads.
+        Name of its table, if it is one that `bowstring.data.measurements.load` reads.
     """
 
     name: str
@@ -67,7 +67,7 @@ class DataFile:
 
 @dataclass(frozen=True)
 class DataSet:
-    """What others measured or computed, and where they published it.
+    """Published data set of measurements or computations, with its source.
 
     Attributes
     ----------
@@ -75,11 +75,11 @@ class DataSet:
     kind : str
         "measured" or "computed".
     repository, commit : str
-        On GitHub: owner/name, and the commit that the files are pinned to.
+        Repository on GitHub (owner/name), and pinned commit.
     licence : str
     files : tuple of DataFile
     transcribed : str or None
-        What the files were transcribed from, if they are not in the repository as such.
+        Source of the files if they were transcribed and are not in the repository.
     """
 
     name: str
@@ -92,7 +92,7 @@ class DataSet:
     transcribed: str | None = None
 
     def url(self, file: DataFile) -> str | None:
-        """Where a file is downloaded from; None for one that was transcribed."""
+        """URL of a file; None for a transcribed one."""
         if self.transcribed is not None and file.name != _LICENCE:
             return None
         return f"{_RAW}/{self.repository}/{self.commit}/{file.origin}"
@@ -103,8 +103,8 @@ class DataSet:
         return tuple(file.part for file in self.files if file.part is not None)
 
 
-# The hashes are those of sha256sum over copies of the files, unchanged but for their names; each
-# copy is as long, to the byte, as the file in the repository. bending.csv alone is no such copy.
+# The hashes are those of sha256sum over unchanged, renamed copies of the files, each with the same
+# number of bytes as in the repository. Only bending.csv is no copy.
 _OPENCR: Final = (
     "ContinuumRoboticsLab/opencr-mujoco",
     "17fff8b125dbb702c8688e1d8ffd723050c284c1",
@@ -211,12 +211,12 @@ _SETS: Final = {
 
 
 def available() -> list[str]:
-    """Names of the public data sets."""
+    """List the names of the public data sets."""
     return sorted(_SETS)
 
 
 def describe(name: str) -> DataSet:
-    """What a data set is and where it comes from.
+    """Return the description and source of a data set.
 
     Raises
     ------
@@ -231,7 +231,7 @@ def describe(name: str) -> DataSet:
 
 
 def path(name: str, *, progress: Progress | None = None) -> Path:
-    """The folder with all files of a data set, fetched if need be, and checked.
+    """Return the folder with all files of a data set, downloaded if needed, and checked.
 
     Parameters
     ----------
@@ -243,12 +243,12 @@ def path(name: str, *, progress: Progress | None = None) -> Path:
     Returns
     -------
     Path
-        Of the folder.
+        Path of the folder.
 
     Raises
     ------
     InputError
-        If there is no such set, or a file cannot be had or is not the pinned one.
+        If there is no such set, or a file is not available or is not the pinned one.
     """
     return _files(describe(name), progress)[0].parent
 
@@ -263,14 +263,14 @@ def _files(found: DataSet, progress: Progress | None) -> list[Path]:
 
 
 def table(name: str, part: str | None = None) -> Path:
-    """The file of one table of a data set, fetched if need be, and checked.
+    """Return the file of one table of a data set, downloaded if needed, and checked.
 
     Parameters
     ----------
     name : str
         One of `available`.
     part : str, optional
-        One of the set's `DataSet.parts`; may be left out where there is one.
+        One of `DataSet.parts`; may be left out if there is only one.
 
     Raises
     ------
@@ -301,15 +301,15 @@ def copy(name: str, folder: str | Path, *, progress: Progress | None = None) -> 
     name : str
         One of `available`.
     folder : str or Path
-        Gets a folder NAME, or has one with files of this set alone, which is replaced whole;
-        `BOWSTRING_DATA` may point to it afterwards.
+        Folder in which a folder NAME is created or, if it contains only files of this set,
+        replaced; `BOWSTRING_DATA` may point to it afterwards.
     progress : callable, optional
         Called with what is being done and the share that is done, from 0 to 1.
 
     Returns
     -------
     Path
-        Of the new folder.
+        Path of the new folder.
     """
     found = describe(name)
     target = Path(folder) / name
@@ -327,7 +327,7 @@ def copy(name: str, folder: str | Path, *, progress: Progress | None = None) -> 
 
 
 def _check_copy(found: DataSet, target: Path) -> None:
-    """Refuse a folder that holds more than files of this set, or one that was changed."""
+    """Refuse a folder that contains other files, or files that were changed."""
     known = {file.name: file.sha256 for file in found.files}
     if target.exists() and not target.is_dir():
         raise InputError(f"{target} is a file; name another folder")
@@ -351,7 +351,7 @@ def _check_copy(found: DataSet, target: Path) -> None:
 
 
 def _file(found: DataSet, file: DataFile) -> Path:
-    """A checked file: of the folder that the user has named, or downloaded."""
+    """Return a checked file from the user's folder, or downloaded."""
     home = os.environ.get(VARIABLE)
     if home:
         return _given(Path(home), found, file)
@@ -392,7 +392,7 @@ def _given(home: Path, found: DataSet, file: DataFile) -> Path:
 
 
 def _digest(file: Path) -> str:
-    """SHA-256 of a file; an `OSError` for a pipe or device, which may have no end."""
+    """SHA-256 of a file; raise `OSError` for a pipe or device, which may have no end."""
     with readable(file) as stream:
         found = os.fstat(stream.fileno())
         if not stat.S_ISREG(found.st_mode):
@@ -413,7 +413,7 @@ def _download(found: DataSet, file: DataFile, url: str) -> Path:
         if _digest(there) == file.sha256:
             return there
     except OSError:
-        pass  # not there, or to be mended
+        pass  # missing or damaged: download it
     load_extra("download")  # before work begins
     data = _fetch(found, file, url)
     if hashlib.sha256(data).hexdigest() != file.sha256:
@@ -435,13 +435,13 @@ def _download(found: DataSet, file: DataFile, url: str) -> Path:
 
 
 class _Refused(Exception):
-    """An answer that is not taken; the text says why."""
+    """Refused answer of a server; the text has the reason."""
 
 
 def _fetch(found: DataSet, file: DataFile, url: str) -> bytes:
-    """The bytes at an address, of limited size and within a limited time.
+    """Download a URL with limits of size and time.
 
-    A thread of its own reads them: a server that sends byte by byte never ends a read.
+    A separate thread reads it, because a server that sends single bytes never lets a read time out.
     """
     answers: queue.SimpleQueue[bytes | Exception] = queue.SimpleQueue()
     given_up = threading.Event()
@@ -471,7 +471,7 @@ def _body(url: str, given_up: threading.Event) -> bytes:
     import requests
 
     for _ in range(_REDIRECTS + 1):
-        # not followed by requests, which reads all that a redirect sends
+        # Redirects are followed here: requests reads their whole body.
         with requests.get(
             url,
             stream=True,
@@ -484,7 +484,7 @@ def _body(url: str, given_up: threading.Event) -> bytes:
                 continue
             answer.raise_for_status()
             coding = answer.headers.get("Content-Encoding", "identity")
-            if coding != "identity":  # a little of it may be gigabytes
+            if coding != "identity":  # compressed data may expand to gigabytes
                 raise _Refused(f"the server sends it compressed ({coding[:20]}), unasked")
             data = bytearray()
             for block in answer.raw.stream(65536, decode_content=False):

@@ -1,4 +1,4 @@
-"""Two tables of one experiment as one: columns of a log beside the rows of a table, by time."""
+"""Join two tables of one experiment by time: add columns of a log to the rows of a table."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ Floats = NDArray[np.float64]
 How = Literal["linear", "nearest", "previous"]
 
 _CHUNK: Final = 5_000  # rows
-_GAP: Final = 10.0  # median steps between samples
-_SAME: Final = 1e-6  # of a median step: the same time
+_GAP: Final = 10.0  # time between samples over median step that counts as a gap
+_SAME: Final = 1e-6  # time difference over median step that counts as zero
 
 
 def seconds_of(cell: str) -> float:
-    """Seconds since 1970 of a date and time of ISO 8601; NaN where it is none.
+    """Seconds since 1970 of a date and time in ISO 8601; NaN for other text.
 
-    Without a time zone it counts as UTC: within one table only differences matter.
+    Without a time zone it counts as UTC, because only differences within a table matter.
     """
     text = re.sub(r"[zZ]$", "+00:00", cell.strip())
     match = re.fullmatch(r"(.*:[0-9]{2})[.,]([0-9]{1,9})(.*)", text)
     share = 0.0
-    if match:  # fromisoformat of older Python takes three or six digits only
+    if match:  # older Pythons accept only three or six decimals
         text, share = match[1] + match[3], float(f"0.{match[2]}")
     try:
         found = datetime.datetime.fromisoformat(text)
@@ -47,7 +47,7 @@ def seconds_of(cell: str) -> float:
 
 
 def _time(clock: Column, cells: Sequence[str], decimal_comma: bool) -> float:
-    """Time of a row, s; NaN where its cell has none."""
+    """Time of a row in s; NaN if its cell has none."""
     cell = cells[clock.index] if clock.index < len(cells) else ""
     if clock.is_date:
         return seconds_of(cell)
@@ -63,31 +63,33 @@ def join(
     within: float | None,
     shift: float = 0.0,
 ) -> Table:
-    """Put the columns of a log beside the rows of a table, each with the log's value at its time.
+    """Add the columns of a log to the rows of a table, with the log's values at their times.
 
     Parameters
     ----------
     table, log : Table
-        The log is read as a whole.
+        Table and log; the log is read as a whole.
     clock, log_clock : Column
-        Where either has its time.
+        Their columns of time.
     how : {"linear", "nearest", "previous"}
-        Between samples: straight, the nearest one, or the last one before. Text is never between.
+        Interpolation between samples: linear, nearest sample, or previous sample. Text is not
+        interpolated.
     within : float or None
-        Farther than that from a sample, in s, a row has no value. None: anywhere between the first
-        and the last sample, and up to a median step beyond.
+        Largest distance of a row from a sample in s; farther rows get no value. None allows all
+        times from the first to the last sample, and a median step beyond.
     shift : float
-        Added to the times of the log, s.
+        Offset added to the times of the log, s.
 
     Returns
     -------
     Table
-        Cells without a value are blank. A column whose name both have is ``log.NAME``.
+        Joined table with blank cells for missing values. A column whose name exists in both becomes
+        ``log.NAME``.
 
     Raises
     ------
     InputError
-        If the log's times are none or go back, or no row lies within them.
+        If the log has no times or they decrease, or no row lies within them.
     """
     samples = _Samples(log, log_clock, shift)
     names = [name if name not in table.header else f"log.{name}" for name in log.header]
@@ -111,7 +113,7 @@ def join(
 
 
 class _Samples:
-    """A log: times that rise, and cells."""
+    """Log with increasing times, and its cells."""
 
     def __init__(self, log: Table, clock: Column, shift: float) -> None:
         self.path = log.path
@@ -148,7 +150,7 @@ class _Samples:
         self.numbers: Floats = np.array([list(map(cell_number, cells)) for cells in self.cells])
 
     def at(self, times: Floats, how: How, within: float | None) -> list[list[str] | None]:
-        """Cells at these times; None where there is no sample."""
+        """Cells at given times; None where there is no sample."""
         last = len(self.times) - 1
         known = np.nan_to_num(times, nan=self.times[0] - 1e9 * (1.0 + self.step))
         left = np.clip(np.searchsorted(self.times, known, side="right") - 1, 0, last)
@@ -166,7 +168,7 @@ class _Samples:
         chosen = left if how == "previous" else nearest
         rows = [self.cells[k] for k in chosen]
         if how == "linear":
-            # a time that rounding has moved off its sample is not between two
+            # a time that differs from a sample by rounding is that sample's
             inside = ~far & (left < right) & (np.minimum(a, b) > _SAME * self.step)
             span = np.where(inside, self.times[right] - self.times[left], 1.0)
             share = ((known - self.times[left]) / span)[:, None]
@@ -174,7 +176,7 @@ class _Samples:
             values = self.numbers[left] + share * change
             for k in np.flatnonzero(inside):
                 other = self.cells[left[k] + right[k] - chosen[k]]
-                # a number that its neighbour lacks, as an occluded marker, is not invented
+                # no interpolation beside a missing number, such as an occluded marker's
                 rows[k] = [
                     repr(float(value)) if np.isfinite(value) else _between(*cells)
                     for value, *cells in zip(values[k], rows[k], other, strict=True)
@@ -183,7 +185,7 @@ class _Samples:
 
 
 def _between(nearest: str, other: str) -> str:
-    """Text at a time between two samples: that of the nearest, unless one alone is a number."""
+    """Text between two samples: that of the nearest one, unless only one is a number."""
     is_number = [np.isfinite(cell_number(cell)) for cell in (nearest, other)]
     return "" if any(is_number) else nearest
 
@@ -212,7 +214,7 @@ def _joined(
             else:
                 found += 1
             if len(cells) < width or any(cell.strip() for cell in cells[width:]):
-                yield line, cells  # refused by its length
+                yield line, cells  # refused later by its length
             else:
                 yield line, [*cells[:width], *(blank if more is None else more)]
     begins, ends = float(samples.times[0]), float(samples.times[-1])

@@ -1,6 +1,6 @@
-"""A mapping file: what the columns of somebody else's table of measurements mean.
+"""Mapping file: meaning of the columns of a table of measurements in another format.
 
-YAML, checked as a whole: columns, units, order and sign of the tendons, axes of the frame.
+A YAML file, checked as a whole: columns, units, order and sign of the tendons, axes of the frame.
 """
 
 from __future__ import annotations
@@ -77,9 +77,9 @@ def _unit(si: str, besides: str = "") -> BeforeValidator:
     return BeforeValidator(check)
 
 
-#: What YAML writes for nothing.
+#: Spellings of an empty value in YAML.
 _NOTHING: Final = ("", "~", "null", "Null", "NULL")
-#: Unit of a time that is written as a date and a time of day.
+#: Unit of a time given as date and time of day.
 DATES: Final = "iso"
 
 
@@ -92,18 +92,18 @@ def _name_or_number(value: object) -> object:
 
 
 class Source(_Part):
-    """A column, or a number that stands in every row; written as its name alone where that is all.
+    """Column, or a constant for every row; may be written as its bare name.
 
     Attributes
     ----------
     column : str or None
-        Its name, or a number where no column has that name; None (``null``): zero.
+        Name, or a number if no column has that name; None (``null``) is zero.
     unit : str or None
-        Instead of the unit of all; such as ``0.1 mm``.
+        Own unit, such as ``0.1 mm``, in place of the common one.
     sign : {1, -1}
-        Of its numbers.
+        Sign of its numbers.
     part : {"all", "positive", "negative"}
-        What is taken of its numbers; the negative part without its sign.
+        Part of its numbers that is used; the negative part without its sign.
     """
 
     column: Annotated[str | None, BeforeValidator(_name_or_number)] = None
@@ -123,11 +123,11 @@ class Source(_Part):
 
     @property
     def is_number(self) -> bool:
-        """Whether it is a number, unless a column has that name."""
+        """Whether the name is a number; a column of that name takes precedence."""
         return self.column is None or re.fullmatch(NUMBER, self.column) is not None
 
     def factor(self, unit: str, si: str) -> float:
-        """Factor to SI with its sign, where all have this unit."""
+        """Factor to SI with sign; `unit` is the common unit."""
         scale = 1.0 if unit == PIXELS else _scale_of(self.unit or unit, si)
         return -scale if self.sign in ("-1", "-") else scale
 
@@ -137,35 +137,35 @@ LengthUnit = Annotated[str, _unit("m", PIXELS)]
 
 
 class Time(_Part):
-    """The column of the time; unit ``iso``: dates and times of ISO 8601."""
+    """Column of the time; the unit ``iso`` means dates and times in ISO 8601."""
 
     column: Name
     unit: Annotated[str, _unit("s", DATES)]
 
     def layout(self, find: _Finder, field: str = "time.column") -> Column:
-        """Where a table has it, with the factor to s."""
+        """Find the column in a table, with the factor to s."""
         dates = self.unit == DATES
         found = find.column(field, self.column, 1.0 if dates else _scale_of(self.unit, "s"))
         return replace(found, is_date=dates)
 
 
 class Join(_Part):
-    """Another table of the same experiment, put beside the rows by time.
+    """Another table of the same experiment, joined by time.
 
     Attributes
     ----------
     file : str
-        As seen from the folder of the table.
+        Path relative to the folder of the table.
     time : Time or None
-        May be left out for an export of Motive, which has its own.
+        Column of its time; optional for an export of Motive.
     shift : float
-        Added to its times, s.
+        Offset added to its times, s.
     how : {"linear", "nearest", "previous"}
-        Between its samples.
+        Interpolation between its samples.
     within : float or None
-        Farther from a sample than that, in s, a row has no value of it.
+        Largest distance of a row from a sample, s; farther rows get no value.
     table : Form or None
-        How it lies in its file.
+        Layout of its file.
     """
 
     file: Annotated[str, Text(1000, "forces.csv")]
@@ -208,7 +208,7 @@ class Tendons(_Part):
     def layout(
         self, find: _Finder, g: float
     ) -> list[tuple[Literal["tension", "displacement"], Column]]:
-        """Kind and column of each tendon, factors to SI with their signs."""
+        """Kind and column of each tendon, with signed factors to SI."""
         kind: Literal["tension", "displacement"] = (
             "displacement" if self.quantity == "displacement" else "tension"
         )
@@ -238,7 +238,7 @@ class Tip(_Part):
         return self
 
     def points(self, find: _Finder) -> Sequence[Sequence[Source]]:
-        """Columns of x, y and z of the tip alone."""
+        """Columns of x, y and z of the tip, as a single point."""
         return (self.columns or find.body("tip.name", self.name or ""),)
 
 
@@ -289,21 +289,21 @@ class Angles(_Part):
 
 
 class Sigma(_Part):
-    """The column of the standard uncertainty of a coordinate."""
+    """Column of the standard uncertainty of a coordinate."""
 
     column: Name
     unit: Annotated[str, _unit("m")]
 
 
 class Keep(_Part):
-    """A column and what it must say for a row to be read."""
+    """Column and the value that a row must have to be read."""
 
     column: Name
     value: Annotated[str, Text(200, "1")]
 
 
 class Frame(_Part):
-    """How the axes of the measuring frame lie in the file's: named, or as a rotation matrix."""
+    """Axes of the measuring frame in those of the file: named, or as a rotation matrix."""
 
     axes: tuple[str, str, str] | None = None
     rotation: tuple[tuple[float, float, float], ...] | None = None
@@ -325,7 +325,7 @@ class Frame(_Part):
 
     @property
     def matrix(self) -> Floats:
-        """(3, 3), from the file's axes to those of the measuring frame."""
+        """Matrix (3, 3) from the axes of the file to those of the measuring frame."""
         if self.axes is not None:
             matrix = np.zeros((3, 3))
             for row, text in zip(matrix, self.axes, strict=True):
@@ -359,24 +359,24 @@ def _sigma_form(value: object) -> object:
 
 
 class Mapping(_Part):
-    """What the columns of a table mean.
+    """Meaning of the columns of a table.
 
     Attributes
     ----------
     name, source, description
-        ``source`` is measured, synthetic or computed.
+        Texts; ``source`` is measured, synthetic or computed.
     table : Form or None
-        How the table lies in its file.
+        Layout of the table's file.
     join : Join or None
-        Another table, put beside it by time.
+        Another table, joined by time.
     tendons, tip, points, shape, angles, time, sigma, group, repeat, recording, keep
         Columns and their units.
     stations : tuple of float
-        Where points are, as shares of the length.
+        Arc lengths of the points as shares of the length.
     frame : Frame
         Axes of the measuring frame in the file's axes.
     tool : tuple of 3 floats
-        What was measured at the tip, seen from the tip in its axes, m.
+        Offset of the measured point from the tip, in the tip's axes, m.
     """
 
     name: Annotated[str | None, Text(100, "my bench")] = None
@@ -411,12 +411,12 @@ class Mapping(_Part):
         return self
 
     def open(self, path: str | Path) -> Table:
-        """Open a table, and put the one that is joined beside it.
+        """Open a table, and join the other one.
 
         Raises
         ------
         InputError
-            If one cannot be read, or its time is not there.
+            If a table cannot be read, or its column of time is missing.
         """
         table = open_table(path, self.table)
         if self.join is None:
@@ -441,7 +441,7 @@ class Mapping(_Part):
         Raises
         ------
         InputError
-            If one is not there.
+            If a column is missing.
         """
         finder = _Finder(table)
         find = finder.column
@@ -482,16 +482,16 @@ class Mapping(_Part):
             found.group = find("group", self.group)
         if self.repeat is not None:
             found.repeat = find("repeat", self.repeat)
-        if self.recording is not None:  # may be another one's column as well
+        if self.recording is not None:  # another field may use the same column
             found.recording = _Finder(table).column("recording", self.recording)
         if self.keep is not None:
             found.keep = (find("keep.column", self.keep.column), self.keep.value)
         if "source" in table.header and "source" not in finder.used:
-            found.label = find("source", "source")  # what data say of themselves stays
+            found.label = find("source", "source")  # the data's own label takes precedence
         return found
 
     def _points(self, find: _Finder) -> tuple[float | None, list[tuple[Column, ...]]]:
-        """Scale, and the columns of all points from base to tip."""
+        """Scale, and columns of all points from base to tip."""
         part = self.tip or self.points
         assert part is not None
         what = "points" if self.tip is None else "tip"
@@ -519,14 +519,14 @@ class Mapping(_Part):
 
 
 class _Finder:
-    """Columns of a table by name, each for one field only."""
+    """Finder of columns by name, each for one field only."""
 
     def __init__(self, table: Table) -> None:
         self.table = table
         self.used: dict[str, str] = {}
 
     def column(self, field: str, name: str, factor: float = 1.0) -> Column:
-        """A column by its name; InputError where it is not there, or used by another field."""
+        """Find a column by name; raise InputError if it is missing or used by another field."""
         header = self.table.header
         if name not in header:
             raise InputError(
@@ -535,14 +535,14 @@ class _Finder:
                 f"{_listed(header)}"
             )
         if (of := self.used.get(name)) and not (
-            of.startswith("tendons.") and field.startswith("tendons.")  # the mapping has checked it
+            of.startswith("tendons.") and field.startswith("tendons.")  # checked by the mapping
         ):
             raise InputError(f"mapping: {field}: the column {quote(name)} is used for {of} already")
         self.used[name] = field
         return Column(header.index(name), name, factor)
 
     def source(self, field: str, source: Source, unit: str, si: str, factor: float = 1.0) -> Column:
-        """A column with its unit, sign and part, or a number in its place."""
+        """Column with unit, sign and part, or a constant in its place."""
         factor *= source.factor(unit, si)
         name = source.column
         if name is None or (source.is_number and name not in self.table.header):
@@ -573,12 +573,12 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def mapping_names() -> list[str]:
-    """Names of the mappings that come with Bowstring: public data sets, see `datasets`."""
+    """List the names of the built-in mappings, one per public data set (`datasets`)."""
     return sorted(path.stem for path in _BUILT_IN.glob("*.yaml"))
 
 
 def load_mapping(source: str | Path) -> Mapping:
-    """Load a mapping file, or one that comes with Bowstring by its name.
+    """Load a mapping file, or a built-in one by its name.
 
     Parameters
     ----------
@@ -591,7 +591,7 @@ def load_mapping(source: str | Path) -> Mapping:
     Raises
     ------
     InputError
-        If there is none, or it is not valid; every problem is named by its field.
+        If it does not exist or is not valid; the message lists all problems with their fields.
     """
     names = mapping_names()
     path = _BUILT_IN / f"{source}.yaml" if str(source) in names else Path(source)
@@ -619,7 +619,7 @@ def _text(path: Path, label: str, names: Sequence[str]) -> str:
 
 
 def _model_at(names: Sequence[str]) -> type[BaseModel]:
-    """The model of a set of fields, by the names of the fields that lead to it."""
+    """Model of a set of fields, by the path of field names to it."""
     found: type[BaseModel] = Mapping
     for name in names:
         found = next(_models_in(found.model_fields[name].annotation))
@@ -634,7 +634,7 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _sentence(error: Any) -> str:
-    """One of pydantic's errors as "field: sentence"."""
+    """Convert one of pydantic's errors to "field: sentence"."""
     kind, given = error["type"], error["input"]
     loc = tuple(step for step in error["loc"] if step not in ("Sigma", "float"))
     path = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in loc).lstrip(".")

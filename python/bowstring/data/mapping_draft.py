@@ -1,6 +1,6 @@
-"""A mapping file to start from: what the columns of a foreign table probably mean.
+"""Draft of a mapping file with the probable meaning of a table's columns.
 
-What is guessed is said beside it; a user checks it. It is always a mapping that can be read.
+Comments mark guesses, which the user has to check. The draft is always a valid mapping.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ def draft(table: Table, tendons: int | None = None) -> str:
     Parameters
     ----------
     table : Table
-        Its header.
+        Table with its header.
     tendons : int, optional
-        Of the robot: columns are filled up with zeros, a tendon that nothing pulls.
+        Number of the robot's tendons; missing columns are filled with zeros (no tension).
 
     Returns
     -------
     str
-        YAML, with a comment at what is to be checked.
+        YAML with comments at lines to be checked.
     """
     columns = [name for name in table.header if name and _can_be_named(name)]
     lines = ["source: measured        # measured, synthetic or computed"]
@@ -77,7 +77,7 @@ def draft(table: Table, tendons: int | None = None) -> str:
     left = [name for name in left if name not in angles.values()]
     known = bool(tip or angles)
     quantity, found = _commands(left, known) if not table.length_unit else ("tension", [])
-    if not table.length_unit and not known:  # nothing says what is what: commands, then the tip
+    if not table.length_unit and not known:  # without hints: commands first, then the tip
         free = [name for name in left if name not in found]
         tip = tuple(free[-3:])
         left = [name for name in left if name not in tip]
@@ -111,7 +111,7 @@ def draft(table: Table, tendons: int | None = None) -> str:
 def _tendon_lines(
     quantity: str, found: list[str], left: Sequence[str], tendons: int | None, is_motive: bool
 ) -> list[str]:
-    # of a Motive export they are in the log that is joined
+    # for a Motive export they are in the joined log
     named = [f"tension_{i}" for i in range(1, 1 + (tendons or 3))] if is_motive else list(found)
     if not named and not left:
         return []
@@ -137,7 +137,7 @@ def _tip_lines(tip: Sequence[str], table: Table, left: Sequence[str]) -> list[st
             others = ", ".join(map(quote, named[:12]))
             return [f"tip: {{name: {_text(best)}}}   # of {others}"]
     unit = next((u for u in (_unit_in(name, _LENGTHS) for name in tip) if u), "mm")
-    named = list(tip or left[-1:])  # so few columns that one is all
+    named = list(tip or left[-1:])  # with few columns a single one
     cells = ", ".join([_text(name) for name in named] + ["0"] * (3 - len(named)))
     return [f"tip: {{columns: [{cells}], unit: {unit}}}   # of x, y and z"]
 
@@ -155,13 +155,13 @@ def _words(name: str) -> list[str]:
 
 
 def _unit_in(name: str, units: Sequence[str]) -> str | None:
-    """A unit in brackets or at the end of a name."""
+    """Unit in brackets or at the end of a name."""
     match = re.search(r"[\[(]\s*([A-Za-z]+)\s*[\])]", name) or re.search(r"_([A-Za-z]+)$", name)
     return match[1] if match and match[1] in units else None
 
 
 def _tip(names: Sequence[str]) -> tuple[str, ...]:
-    """Three columns that differ in an x, a y and a z alone; those that speak of a tip first."""
+    """Three columns whose names differ only in x, y and z, preferably with "tip"."""
     sets = []
     for name in names:
         for match in re.finditer(r"(?<![A-Za-z])[xX](?![A-Za-z])", name):
@@ -179,7 +179,7 @@ def _is_coordinate(name: str) -> bool:
 
 
 def _angles(names: Sequence[str]) -> dict[str, str]:
-    """Columns of the angle and the direction of bending; none without the former."""
+    """Columns of angle and direction of bending; empty without the former."""
     found = {}
     for field, words in _ANGLES.items():
         name = next((n for n in names if any(w.startswith(words) for w in _words(n))), None)
@@ -189,9 +189,9 @@ def _angles(names: Sequence[str]) -> dict[str, str]:
 
 
 def _commands(names: Sequence[str], known: bool) -> tuple[str, list[str]]:
-    """The quantity that is the tendons' command, and its columns.
+    """Quantity of the tendons' commands, and its columns.
 
-    Lengths may be displacements where it is `known` which columns are the tip.
+    Lengths may be displacements if the columns of the tip are `known`.
     """
     for kind, words in _KINDS.items():
         found = [name for name in names if any(w.startswith(words) for w in _words(name))]

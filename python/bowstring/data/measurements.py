@@ -1,7 +1,7 @@
 """Measurements of a robot: commands and measured points, read from tables, in SI.
 
-What is measured, synthetic (made by simulation) or computed by others is said by the data and goes
-with them everywhere. Points are in the measuring frame; nothing here registers it to the base.
+Data keep their source: measured, synthetic (simulated) or computed by others. Points are in the
+measuring frame; `bowstring.data.registration` maps them to the base frame.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ __all__ = [
 STANDARD_GRAVITY: Final = 9.80665  # m/s^2, by definition
 _MOST_ISSUES: Final = 1_000
 _MOST_LABELS: Final = 100
-_LARGEST: Final = 1e30  # what is larger may overflow on its way to SI
-_REACH: Final = 3.0  # lengths between a tip and the middle of all, at most 1 + root of 3
+_LARGEST: Final = 1e30  # larger numbers may overflow in the conversion to SI
+_REACH: Final = 3.0  # distance of a tip from the mean tip over length; at most 1 + sqrt(3)
 _DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?\s*")
-_WRITTEN: Final = "written by Bowstring"  # tells our tables from those of others
+_WRITTEN: Final = "written by Bowstring"  # identifies our tables
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 Floats = NDArray[np.float64]
@@ -63,55 +63,55 @@ Ints = NDArray[np.int64]
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """K rows of data of one robot with T tendons, and P measured points a row; read-only.
+    """K rows of data of a robot with T tendons, and P measured points per row; read-only.
 
-    Rows are in the order of the file, which is the robot's history where friction matters.
+    Rows are in the order of the file, which is the load history where friction matters.
     """
 
     source: Source
     """"measured", "synthetic" or "computed"."""
     name: str
     tensions: Floats
-    """(K, T), N; NaN where a tendon is not given by its tension."""
+    """Tensions (K, T), N; NaN for tendons with another command."""
     displacements: Floats
-    """(K, T), m, positive where the tendon is taken in; NaN where it is not given by its
-    displacement."""
+    """Tendon displacements (K, T), m, positive where shortened; NaN for tendons with another
+    command."""
     points: Floats
-    """(K, P, 3), m, in the measuring frame, from base to tip, the last is the tip; NaN where a
-    point was not measured: a row without a tip only leads the path. P is 0 for data with angles
-    only."""
+    """Measured points (K, P, 3), m, in the measuring frame, from base to tip; the last is the tip.
+    NaN where a point was not measured: a row without a tip is only a step of the path. P is 0 for
+    data with angles only."""
     line: Ints
-    """(K,), lines in the file, from 1."""
+    """Lines in the file (K,), from 1."""
     group: NDArray[np.str_]
-    """(K,), labels such as loading and unloading; empty where none are given."""
+    """Labels (K,) such as loading and unloading; empty text by default."""
     repeat: Ints
-    """(K,), which of repeated runs; 1 where not given."""
+    """Numbers of repeated runs (K,); 1 by default."""
     stations: Floats | None = None
-    """(P,), where the points are, as shares of the length."""
+    """Arc lengths of the points (P,), as shares of the length."""
     sigma: Floats | None = None
-    """(K,), m, standard uncertainty of a measured coordinate."""
+    """Standard uncertainty of a measured coordinate (K,), m."""
     bend: Floats | None = None
-    """(K,), rad, angle between base and tip."""
+    """Bend angle between base and tip (K,), rad."""
     direction: Floats | None = None
-    """(K,), rad, towards which it bends, from x counter-clockwise."""
+    """Direction of bending (K,), rad, from x counter-clockwise."""
     time: Floats | None = None
-    """(K,), s."""
+    """Time (K,), s."""
     recording: Ints | None = None
-    """(K,), number of the recording, from 1: each is a path of its own, which begins at home
-    without a history. None: all rows are one path."""
+    """Number of the recording (K,), from 1: each is a separate path, which begins in the home pose
+    without a history. None: all rows form one path."""
     scale: float | None = 1.0
-    """Metres of a unit of `points`: 1, or None where they are in pixels."""
+    """Unit of `points` in m: 1, or None for pixels."""
     tool: Floats = field(default_factory=lambda: np.zeros(3))
-    """(3,), m: what was measured at the tip, seen from the tip, in its axes."""
+    """Offset of the measured point from the tip (3,), in the tip's axes, m."""
     issues: tuple[tuple[int, str], ...] = ()
-    """Line and sentence of every row that was left out, and of what is odd."""
+    """Line and message of each row that was left out or is implausible."""
     left_out: int = 0
-    """How many rows of the file are not in the arrays."""
+    """Number of rows of the file that are not in the arrays."""
     path: Path | None = None
     sha256: str | None = None
-    """Of the file."""
+    """SHA-256 of the file."""
     truth: dict[str, Any] | None = None
-    """Of data that `bowstring.data.synthetic` made: with what, for all the rows as made."""
+    """True parameters of data from `bowstring.data.synthetic`, for all rows as generated."""
 
     def __post_init__(self) -> None:
         if self.source not in SOURCES:
@@ -134,19 +134,19 @@ class Measurements:
 
     @property
     def tip(self) -> Floats:
-        """(K, 3), m, the measured tip in the measuring frame."""
+        """Measured tips (K, 3), m, in the measuring frame."""
         if self.points.shape[1] == 0:
             raise InputError(f"{self.name} has angles only, there is no measured tip")
         return np.asarray(self.points[:, -1])
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """(K,), rows with a measured tip; the others only lead the path."""
+        """Whether a row has a measured tip (K,); the others are only steps of the path."""
         return np.asarray(np.isfinite(self.tip).all(axis=1))
 
     @property
     def without_tip(self) -> int:
-        """How many rows have none, of data that have tips."""
+        """Number of rows without a tip, in data that have tips."""
         return int((~self.seen).sum()) if self.points.shape[1] else 0
 
     @property
@@ -154,7 +154,7 @@ class Measurements:
         return int(self.tensions.shape[1])
 
     def select(self, rows: Any) -> Measurements:
-        """Some of the rows, in the order given; issues stay those of the whole file.
+        """Select rows, in the given order; issues stay those of the whole file.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class Measurements:
         return replace(self, **{name: array[index] for name, array in given.items()})
 
     def split(self) -> dict[str, Measurements]:
-        """The rows of each group, by its label, in the order of first appearance."""
+        """Split rows by group label, in the order of first appearance."""
         labels = dict.fromkeys(self.group.tolist())
         return {label: self.select(self.group == label) for label in labels}
 
@@ -185,14 +185,14 @@ _TYPES: Final = {"line": np.int64, "repeat": np.int64, "recording": np.int64, "g
 
 
 def load(name: str, part: str | None = None) -> Measurements:
-    """Load a public data set, by the mapping that comes with Bowstring.
+    """Load a public data set with its built-in mapping.
 
     Parameters
     ----------
     name : str
-        See `bowstring.data.datasets.available`.
+        Name from `bowstring.data.datasets.available`.
     part : str, optional
-        Which of its tables; may be left out where there is one.
+        One of its tables; may be left out if there is only one.
 
     Returns
     -------
@@ -201,7 +201,7 @@ def load(name: str, part: str | None = None) -> Measurements:
     Raises
     ------
     InputError
-        If there is no such set or part, it cannot be had, or it is no table of measurements.
+        If there is no such set or part, it is not available, or it is no table of measurements.
     """
     file = datasets.table(name, part)
     found = read_measurements(file, mapping=name)
@@ -220,25 +220,25 @@ def read_measurements(
     Parameters
     ----------
     path : str or Path
-        In the tidy format (docs/guide/measurements.md): a row for each measurement, columns
+        Table in the tidy format (docs/guide/measurements.md): a row for each measurement, columns
         with units such as ``mass_1_kg``, ``tension_1_N``, ``displacement_1_mm``, ``tip_x_mm``; or
-        any other with a mapping.
+        any other format with a mapping.
     robot : Robot, optional
-        If given, the table must have a column for each of its tendons, and tips within its reach.
+        Robot, to check the number of tendons and the reach of the tips.
     mapping : str, Path or Mapping, optional
-        A mapping file, or the name of a public data set.
+        Mapping file, or the name of a public data set.
     g : float
-        Gravity that makes tensions of masses, m/s^2.
+        Gravitational acceleration that converts masses to tensions, m/s^2.
 
     Returns
     -------
     Measurements
-        Commands and measured points in SI units, with the lines of the table that they come from.
+        Commands and measured points in SI, with their lines in the table.
 
     Raises
     ------
     InputError
-        If the table cannot be read; the text names file, line and what to do. Single bad rows are
+        If the table cannot be read; the message has file, line and advice. Single invalid rows are
         left out and listed in `Measurements.issues`; rows with a blank tip are kept and listed.
     """
     if robot is not None:
@@ -270,7 +270,7 @@ def read_measurements(
 
 
 def _within_reach(found: Measurements, robot: Robot) -> Measurements:
-    """Note tips that the robot cannot have; refuse a table where most of them are such."""
+    """List tips out of the robot's reach; refuse a table in which most of them are."""
     if found.points.shape[1] == 0 or found.scale is None:
         return found
     reach = _REACH * (robot.length + float(np.linalg.norm(found.tool)))
@@ -278,7 +278,7 @@ def _within_reach(found: Measurements, robot: Robot) -> Measurements:
     if not len(tips):
         return found
     distance = np.linalg.norm(found.tip - np.median(tips, axis=0), axis=1)
-    far = distance > reach  # not where none was measured
+    far = distance > reach  # False for rows without a tip
     if far.sum() > 0.5 * len(tips):
         raise InputError(
             f"{found.path}: the tips lie up to {in_mm(float(np.ptp(tips, axis=0).max()))} "
@@ -308,15 +308,15 @@ def _wrong_count(table: Table, robot: Robot, count: int) -> InputError:
 
 
 class _Reader:
-    """Rows of a table to arrays; what is wrong with a row keeps it out and is noted."""
+    """Reader of rows into arrays; invalid rows are left out and listed."""
 
     def __init__(self, table: Table, layout: Layout) -> None:
         self.table, self.layout = table, layout
         self.issues: list[tuple[int, str]] = []
         self.left_out = 0
-        self.unlisted = (0, 0)  # how many rows left out are not listed, and the last
+        self.unlisted = (0, 0)  # number of unlisted rows that were left out, and the last one
         self.unseen = 0  # rows without a tip, which are kept
-        self.comma: int | None = None  # first lines with a decimal comma, a decimal point
+        self.comma: int | None = None  # first line with a decimal comma, then with a point
         self.point: int | None = None
         self.comma_is_sure = table.separator == ";"  # where commas are decimal ones
         self.labels: dict[str, int] = {}
@@ -392,10 +392,10 @@ class _Reader:
             self.unlisted = (self.unlisted[0] + 1, max(self.unlisted[1], line))
 
     def source(self) -> Source:
-        """What the data are: the table's own word, before what a mapping says of it."""
+        """Source of the data, from the table or else from the mapping."""
         said = self.table.about.get("source")
         labels = dict(self.labels)
-        if not self.layout.own_label:  # in a foreign table it may mean something else
+        if not self.layout.own_label:  # a foreign table may use the word otherwise
             labels = {text: line for text, line in labels.items() if text.lower() in SOURCES}
             said = said if said is not None and said.lower() in SOURCES else None
         if len({text.lower() for text in labels}) > 1:
@@ -491,13 +491,13 @@ class _Reader:
         return {name: array[good] for name, array in out.items()}
 
     def recording(self, cell: str) -> int:
-        """Number of a recording, from 1 in the order of first appearance."""
+        """Number of a recording, from 1, in the order of first appearance."""
         return self.recordings.setdefault(cell.strip(), len(self.recordings) + 1)
 
     def without(
         self, tip: Sequence[Column], columns: Sequence[Sequence[str]], count: int
     ) -> NDArray[np.bool_]:
-        """Rows (count,) in which no coordinate of the tip was measured: blank or NaN, all three."""
+        """Rows (count,) without a measured tip: all three coordinates blank or NaN."""
         out = np.ones(count, bool)
         for column in tip:
             if count and out.any() and column.constant is None:
@@ -512,7 +512,7 @@ class _Reader:
         self.unseen += int(unseen.sum())
 
     def is_whole(self, row: Row) -> bool:
-        """Whether a row has a cell for each column, and is one to keep."""
+        """Whether a row has a cell for each column and fulfils `keep`."""
         line, cells = row
         if len(cells) < self.width or any(cell.strip() for cell in cells[self.width :]):
             text = f"it has {len(cells)} cells, the header has {self.width}"
@@ -530,10 +530,10 @@ class _Reader:
         return True
 
     def numbers(self, cells: Sequence[str], lines: list[int], column: Column) -> Floats:
-        """Numbers of a column's cells, NaN where a cell is none."""
+        """Numbers of a column's cells, NaN for other text."""
         if column.is_date:
             return np.array([seconds_of(cell) for cell in cells], dtype=float)
-        if self.table.own is not None and column.index >= self.table.own:  # written by a join
+        if self.table.own is not None and column.index >= self.table.own:  # joined column
             return np.array([cell_number(cell) for cell in cells], dtype=float)
         text = "".join(cells)
         if "." in text and self.point is None:
@@ -544,7 +544,7 @@ class _Reader:
             if not self.comma_is_sure:
                 self.comma_is_sure = any("," in c and not _THOUSANDS.fullmatch(c) for c in cells)
             cells = list(map(with_point, cells))
-        if "_" not in text and text.isascii():  # float() takes 1_000 and other scripts' digits
+        if "_" not in text and text.isascii():  # float() accepts 1_000 and digits of other scripts
             try:
                 return np.array(list(map(float, cells)), dtype=float)
             except ValueError:
@@ -552,7 +552,7 @@ class _Reader:
         return np.array([cell_number(cell) for cell in cells], dtype=float)
 
     def shapes(self, cells: Sequence[str], lines: list[int], good: NDArray[np.bool_]) -> Floats:
-        """Points (n, P, 3) from cells of JSON; the first good row says how many."""
+        """Points (n, P, 3) from cells of JSON; the first valid row determines P."""
         column = self.layout.shape
         assert column is not None
         found: list[Floats | None] = []
@@ -574,7 +574,7 @@ class _Reader:
         return column.factor * stacked.reshape(len(found), self.point_count, 3)
 
     def note_order(self, arrays: dict[str, Any]) -> None:
-        """Rows are a path: a table that was sorted afterwards is told by its repeats or times."""
+        """Warn if repeats or times show that the table was sorted, as rows form a path."""
         lines, runs = arrays["line"], arrays["repeat"]
         path = arrays.get("recording", np.ones_like(lines))
         anew = np.r_[True, path[1:] != path[:-1]]
@@ -605,13 +605,13 @@ class _Reader:
 
 
 def _come_again(labels: Ints, begins: NDArray[np.bool_]) -> Ints:
-    """Rows at which a block of rows begins whose label an earlier block has."""
+    """Rows that begin a block with the label of an earlier block."""
     rows = np.flatnonzero(begins)
     _, first = np.unique(labels[rows], return_index=True)
     return np.asarray(rows[np.setdiff1d(np.arange(len(rows)), first)])
 
 
-# what numbers of a kind must be, and the end of the sentence where one is not
+# Rule for numbers of a kind, and end of the message if broken.
 _RULES: Final[dict[str, tuple[Callable[[Floats], NDArray[np.bool_]], str]]] = {
     "tension": (lambda si: ~(si < 0), "; a tendon cannot push, give zero or more"),
     "sigma": (lambda si: si > 0, "; an uncertainty is above zero"),
@@ -629,7 +629,7 @@ def _part(values: Floats, column: Column) -> Floats:
 
 
 def _same(cell: str, wanted: str) -> bool:
-    """Whether a cell says what is wanted, as text or as a number: 1 and 1.0 are the same."""
+    """Whether a cell equals a value as text or as a number: 1 and 1.0 are equal."""
     return cell.strip() == wanted or cell_number(cell) == cell_number(wanted)
 
 
@@ -647,7 +647,7 @@ def _reason(column: Column, cell: str, value: float, kind: str) -> str:
 
 
 def _shape(cell: str) -> Floats | None:
-    """Points (n, 3) of a cell of JSON, points of two coordinates lie in z = 0."""
+    """Points (n, 3) from a cell of JSON; points with two coordinates lie in z = 0."""
     try:
         array = np.array(json.loads(cell))
     except (ValueError, RecursionError):
@@ -669,29 +669,28 @@ def write_measurements(
 ) -> Path:
     """Write measurements as CSV in the tidy format, with their source in the first line.
 
-    The source of what was not measured stands in every row as well, so that it outlives programs
-    that drop comments.
+    Unless measured, the source is also in every row, because some programs drop comments.
 
     Parameters
     ----------
     measurements : Measurements
-        What is written.
+        Measurements to write.
     path : str or Path
-        Of the file, which is written whole or not at all. A file that this function wrote is
-        replaced, no other.
+        Path of the file, which is written whole or not at all. Only a file that this function
+        wrote is replaced.
     comments : sequence of str
-        More lines above the header.
+        Further lines above the header.
 
     Returns
     -------
     Path
-        Of the file.
+        Path of the file.
 
     Raises
     ------
     InputError
-        If the data have no place in the format, something else is in the file's place, or the
-        drive refuses.
+        If the format cannot represent the data, another file exists at the path, or it cannot be
+        written.
     """
     path = Path(path)
     m = measurements
@@ -753,5 +752,5 @@ def _write_tidy(file: TextIO, m: Measurements, comments: Sequence[str]) -> None:
 
 
 def _rounded(values: Floats) -> Floats:
-    """To a billionth of a unit, so that 0.1 + 0.2 mm is written as 0.3."""
+    """Round to 1e-9, so that 0.1 + 0.2 mm is written as 0.3."""
     return np.round(values, 9)

@@ -1,7 +1,7 @@
-"""The header of a CSV export of OptiTrack's Motive: seven lines (eight with parents) to names.
+"""Header of a CSV export of OptiTrack's Motive: column names from seven or eight lines.
 
-A take has columns of rigid bodies, of the markers of rigid bodies, and of markers. The lines of
-its header say of each column: Type, Name, ID, (Parent), what it is (Rotation, Position), its axis.
+A take has columns of rigid bodies, of their markers, and of single markers. The lines of its header
+are, for each column: Type, Name, ID, (Parent), quantity (Rotation, Position), axis.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ _LABELS: Final = ("Type", "Name", "ID", "Parent")
 
 @dataclass(frozen=True)
 class Export:
-    """What the header says.
+    """Content of the header.
 
     Attributes
     ----------
     columns : list of str
-        ``Frame``, ``Time (Seconds)``, then such as ``tip Position X``.
+        Names: ``Frame``, ``Time (Seconds)``, then for example ``tip Position X``.
     line : int
-        Of the last line of the header, from 1.
+        Number of the last line of the header, from 1.
     unit : str
-        Of all positions: m, cm or mm.
+        Unit of all positions: m, cm or mm.
     take : str
         Name of the recording.
     """
@@ -48,19 +48,19 @@ class Export:
 
 
 def is_export(line: str) -> bool:
-    """Whether a file that begins with this line is such an export."""
+    """Whether a file with this first line is a Motive export."""
     return line.lstrip('"').startswith(_FIRST)
 
 
 def read_header(path: Path, rows: Iterator[tuple[int, list[str]]]) -> Export:
-    """Read the header, and leave the rows at the first of numbers.
+    """Read the header, and advance the rows to the first one with numbers.
 
     Parameters
     ----------
     path : Path
-        For messages.
+        Path in messages.
     rows : iterator of (int, list of str)
-        Lines and cells from the first line of the file; blank lines are left out.
+        Line numbers and cells from the first line of the file, without blank lines.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def read_header(path: Path, rows: Iterator[tuple[int, list[str]]]) -> Export:
     Raises
     ------
     InputError
-        If the header has no column names, no positions, or a unit that is not known.
+        If the header has no column names, no positions, or an unknown unit.
     """
     _, cells = next(rows)
     about = dict(zip(cells[::2], cells[1::2], strict=False))
@@ -99,7 +99,7 @@ def read_header(path: Path, rows: Iterator[tuple[int, list[str]]]) -> Export:
 
 
 def _columns(axes: list[str], lines: list[list[str]]) -> list[str]:
-    """Names of the columns, each once: name, quantity and axis; the type where two are alike."""
+    """Unique column names: name, quantity and axis; with the type if they are not unique."""
     width = len(axes)
     labelled = {}
     what = [""] * width

@@ -1,18 +1,18 @@
-"""Registration: where the frame of a measuring device stands in the robot's base frame.
+"""Rigid registration of the frame of a measuring device to the robot's base frame.
 
 A rigid motion maps measured points to the base frame::
 
     base = rotation @ measured + translation
 
-It is known, fitted to fiducials (points known in both frames), or fitted with a model (to the tips
-that it predicts), then together with the offset of the tool or the marker from the tip if asked. A
-fit says how well it is known. Its errors are a small rotation about a *pivot*, the centroid of the
-fitted points, and a shift of that point, both in base axes, and the offset in the axes of the tip::
+It is known, fitted to fiducials (points known in both frames), or fitted to the tips that a model
+predicts, on request with the offset of the tool or marker from the tip. A fit has a covariance. Its
+errors are a small rotation about a *pivot*, the centroid of the fitted points, a shift of that
+point, both in base axes, and the error of the offset in the axes of the tip::
 
     true point = pivot + exp(rotation error) (registered point - pivot) + shift
 
-At the pivot of a fit to fiducials of equal noise, rotation and shift are uncorrelated. SI and
-radians. Noise is equal along all axes; RMS is over points, never over coordinates.
+At the pivot of a fit to fiducials of equal noise, rotation and shift are uncorrelated. All values
+are in SI and radians. Noise is isotropic; RMS is over points, not over coordinates.
 """
 
 from __future__ import annotations
@@ -59,17 +59,17 @@ PARAMETERS: Final = (
     "offset_y_m",
     "offset_z_m",
 )
-"""What a fit finds, in the order of its covariance; the first six without an offset."""
+"""Parameters of a fit in the order of its covariance; the first six without an offset."""
 
-_OTHER_UNIT: Final = 5.0  # times the size: the span of points turns by root of 3 at most
-_FLAT: Final = 1e-4  # of the size of the fiducials: thinner than that is a line
-_LOST: Final = 1e-7  # of the largest singular value: no movement at all
-_WEAK: Final = 0.02  # of the largest: fifty times less well known
-_HUBER: Final = 2.5  # standard deviations; 90 % of distances in space are nearer
-_FEW: Final = 10  # points: with fewer, fits with an offset have many minima
-_MEDIAN: Final = 1.5382  # median distance in space, over the standard deviation along an axis
+_OTHER_UNIT: Final = 5.0  # ratio of spans that means another unit; rotations change them by sqrt(3)
+_FLAT: Final = 1e-4  # width over size of fiducials that counts as a line
+_LOST: Final = 1e-7  # singular value over the largest that counts as zero
+_WEAK: Final = 0.02  # singular value over the largest that counts as weak
+_HUBER: Final = 2.5  # standard deviations; 90 % of distances in space are smaller
+_FEW: Final = 10  # points below which fits with an offset have many minima
+_MEDIAN: Final = 1.5382  # median distance in space over standard deviation along an axis
 _AXES: Final = ((0, "x"), (1, "y"), (2, "z"))
-_CLEARLY: Final = 3.0  # times the sum of squares: what a model does wrong is no noise
+_CLEARLY: Final = 3.0  # ratio of sums of squares above which model errors do not explain it
 
 
 # -- a registration ----------------------------------------------------------------------------
@@ -78,34 +78,34 @@ _CLEARLY: Final = 3.0  # times the sum of squares: what a model does wrong is no
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """Measuring frame to base frame, and how well it is known.
+    """Rigid motion from measuring frame to base frame, with its uncertainty.
 
     Made by `known`, `fit_fiducials` or `fit_model`.
     """
 
     kind: Kind
     frame: Rigid
-    """Measuring frame to base frame."""
+    """Motion from measuring frame to base frame."""
     pivot: Array
-    """Point (3,) that rotation and shift refer to, m, base frame."""
+    """Point (3,) to which rotation and shift refer, m, base frame."""
     covariance: Array
-    """Of `parameters` (p, p), rad and m; infinite on the diagonal, and NaN beside it, where the
-    data determine nothing. Zero if the frame is known."""
+    """Covariance of `parameters` (p, p), rad and m. Where a parameter is not identifiable, the
+    diagonal is infinite and the rest NaN. Zero if the frame is known."""
     residual: Array
-    """Registered minus given points (n, 3), m, base axes; the offset taken into account."""
+    """Registered minus given points (n, 3), m, base axes, with the offset."""
     weight: Array
-    """Weights (n,) that a robust fit ended with, from 0 to 1; 1 in others."""
+    """Final weights (n,) of a robust fit, from 0 to 1; 1 in other fits."""
     sigma: Array
-    """Standard deviation of a measured coordinate (n,), m: given, or as the residuals have it."""
+    """Standard deviation of a measured coordinate (n,), m: given, or from the residuals."""
     sigma_given: bool
     robust: bool = False
     offset: Array | None = None
-    """Of the measured point from the tip (3,), m, in the tip's axes; None if not fitted."""
+    """Offset of the measured point from the tip (3,), m, in the tip's axes; None if not fitted."""
     undetermined: tuple[str, ...] = ()
-    """Directions that are not identifiable, in words; their values are as near as can be to the
-    start of the fit."""
+    """Directions that are not identifiable, in words; their values stay closest to the start of
+    the fit."""
     weak: tuple[str, ...] = ()
-    """Directions that the data hardly tell apart, in words, with their standard deviation."""
+    """Weakly identifiable directions, in words, with their standard deviations."""
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -114,7 +114,7 @@ class Registration:
 
     @property
     def dof(self) -> int:
-        """Degrees of freedom: coordinates less parameters."""
+        """Degrees of freedom: number of coordinates minus parameters."""
         return self.residual.size - len(self.covariance) if self.kind != "known" else 0
 
     @property
@@ -128,7 +128,7 @@ class Registration:
     def misfit(self) -> float:
         """Weighted sum of squares over degrees of freedom.
 
-        About 1 if the residuals are noise of the size given; NaN if none was given.
+        About 1 if the residuals are noise of the given sigma; NaN if none was given.
         """
         if not self.sigma_given or self.dof <= 0:
             return math.nan
@@ -137,19 +137,19 @@ class Registration:
 
     @property
     def chance(self) -> float:
-        """Probability of such a `misfit` from noise alone; NaN if no sigma was given."""
+        """P-value of `misfit` under noise alone; NaN if no sigma was given."""
         return chi_square_p(self.misfit * self.dof, self.dof)
 
     @property
     def standard_error(self) -> Array:
-        """Standard errors of `parameters` (p,), rad and m; infinite if undetermined."""
+        """Standard errors of `parameters` (p,), rad and m; infinite if not identifiable."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def interval(self, level: float = 0.95) -> Array:
         """Half widths (p,) of the confidence intervals of `parameters`, rad and m.
 
-        Normal where sigma was given; Student's t where it comes from the residuals, and for a
-        robust fit, which takes the size of its errors from them.
+        From the normal distribution if sigma was given, from Student's t if it is estimated from
+        the residuals, as always in a robust fit.
         """
         if not 0.0 < number("level", level) < 1.0:
             raise InputError(f"level is {level:g}, it must lie between 0 and 1")
@@ -159,38 +159,38 @@ class Registration:
         return np.asarray(width * self.standard_error)
 
     def point_covariance(self, point: ArrayLike) -> Array:
-        """Covariance (3, 3) of where a point (3,) of the base frame is registered, m^2.
+        """Covariance (3, 3) of the registered position of a point (3,) of the base frame, m^2.
 
-        From the frame alone; the noise of measuring that point comes on top.
+        It has the error of the frame only, without the noise of measuring that point.
         """
         if any(not math.isfinite(x) for x in self.covariance.ravel()):
             return np.full((3, 3), math.inf)
         return self.covariance_about(point)[3:, 3:]
 
     def target_error(self, point: ArrayLike) -> float:
-        """RMS error with which a point (3,) of the base frame is registered, m."""
+        """RMS error of the registered position of a point (3,) of the base frame, m."""
         return float(np.sqrt(np.trace(self.point_covariance(point))))
 
     def covariance_about(self, point: ArrayLike) -> Array:
-        """Covariance (6, 6) of rotation and shift of another point (3,), m, such as the origin."""
+        """Covariance (6, 6) of the rotation and the shift of another point (3,), m."""
         arm = numbers("point", point, (3,), "m") - self.pivot
         by = np.eye(6)
         by[3:, :3] = -_cross(arm)
         return np.asarray(by @ self.covariance[:6, :6] @ by.T)
 
     def apply(self, points: ArrayLike) -> Array:
-        """Measured points (..., 3) in the base frame, m."""
+        """Map measured points (..., 3) to the base frame, m."""
         return self.frame.apply(points)
 
     def tips(self, points: ArrayLike, rotations: ArrayLike | None) -> Array:
-        """Tips (..., 3) that belong to measured points, m, base frame: the offset taken off.
+        """Map measured points to tips (..., 3), m, base frame, by subtracting the offset.
 
         Parameters
         ----------
         points : array_like (..., 3)
-            Measured, m.
+            Measured points, m.
         rotations : array_like (..., 3, 3)
-            Rotations of the tip, body to base, as the model has them; not read without an offset.
+            Rotations of the tip by the model, body to base; unused without an offset.
         """
         if self.offset is None:
             return self.apply(points)
@@ -200,7 +200,7 @@ class Registration:
         return np.asarray(moved - turns @ self.offset)
 
     def to_dict(self) -> dict[str, Any]:
-        """The registration for JSON; what is not determined or not known is None."""
+        """Return plain values for JSON; None where not identifiable or not known."""
         errors, width = self.standard_error, self.interval()
         return {
             "kind": self.kind,
@@ -219,14 +219,14 @@ class Registration:
 
 
 def known(frame: Rigid, covariance: ArrayLike | None = None) -> Registration:
-    """A registration that is given.
+    """Make a known registration.
 
     Parameters
     ----------
     frame : Rigid
         Measuring frame to base frame.
     covariance : array_like (6, 6), optional
-        Of rotation (rad) and shift (m) about the base's origin; zero if not given.
+        Covariance of rotation (rad) and shift (m) about the base's origin; zero by default.
     """
     if not isinstance(frame, Rigid):
         raise InputError(f"frame is {shown(frame)}, it must be a Rigid")
@@ -253,10 +253,10 @@ def fit_fiducials(
     measured : array_like (n, 3)
         Fiducials in the measuring frame, m.
     base : array_like (n, 3)
-        The same in the base frame, m, taken for exact.
+        The same fiducials in the base frame, m, assumed exact.
     sigma : float or array_like (n,), optional
-        Standard deviation of each measured coordinate, m; weights are its inverse squares. If not
-        given, all are equal, as large as the residuals have them.
+        Standard deviation of each measured coordinate, m; weights are its inverse squares. By
+        default all are equal and estimated from the residuals.
 
     Returns
     -------
@@ -266,14 +266,14 @@ def fit_fiducials(
     Raises
     ------
     InputError
-        For fewer than three fiducials, for fiducials on one line or in one place, for two lists in
-        different units, and for a left-handed measuring frame.
+        For fewer than three fiducials, for collinear or coincident ones, for two lists in different
+        units, and for a left-handed measuring frame.
 
     Notes
     -----
-    The least-squares rotation in closed form (Kabsch 1976, Umeyama 1991), without scale. Three
+    Least-squares rotation in closed form (Kabsch 1976, Umeyama 1991), without scale. Three
     fiducials, or any in one plane, fit a left-handed frame as well as a right-handed one, so a
-    mistake there goes unseen.
+    left-handed frame is then not detected.
     """
     ours, theirs = _finite_points("measured", measured), _finite_points("base", base)
     if len(ours) != len(theirs):
@@ -315,7 +315,7 @@ def _check_fiducials(name: str, points: Array) -> None:
 
 
 def _check_handed(pairs: _Pairs, left: float, mirror_left: float) -> None:
-    """Refuse a frame that a mirror fits better than chance lets it."""
+    """Refuse a frame whose mirror image fits significantly better."""
     if pairs.dof <= 0 or left <= _doubtful(pairs.dof) * mirror_left:
         return
     weight, base = pairs.weight, pairs.base
@@ -331,12 +331,12 @@ def _check_handed(pairs: _Pairs, left: float, mirror_left: float) -> None:
 
 
 def _doubtful(dof: int) -> float:
-    """How many times the sum of squares of a mirror does not yet make it the better fit."""
+    """Ratio of sums of squares up to which a mirror image is not significantly better."""
     return max(_CLEARLY, variance_ratio_limit(MIRROR, dof, dof))
 
 
 def _handed_cause(pairs: _Pairs) -> str:
-    """What would mend it, in words: the change that leaves the frames turned least."""
+    """Correction in words: the change after which the frames differ by the smallest rotation."""
     same = np.eye(3)
     changes = {f"change the sign of its {a}": same - 2.0 * np.diag(same[i]) for i, a in _AXES}
     for (i, a), (j, b) in combinations(_AXES, 2):
@@ -366,26 +366,27 @@ def fit_model(
 ) -> Registration:
     """Register by the tips that a model predicts.
 
-    What the model does wrong and a rigid motion can mend is mended too, so a comparison after it
-    flatters the model: always show it beside the one without.
+    The fit also removes model errors that look like a rigid motion, so that a comparison after it
+    favours the model. Always show it beside the comparison without registration.
 
     Parameters
     ----------
     measured : array_like (K, 3)
         Measured points, m, in the measuring frame.
     predicted : array_like (K, 3)
-        Tips that the model predicts, m, base frame.
+        Tips predicted by the model, m, base frame.
     rotations : array_like (K, 3, 3), optional
         Rotations of the tips, body to base. If given, the offset of the measured point from the
         tip, in the tip's axes, is fitted too.
     sigma : float or array_like (K,), optional
-        Standard deviation of each measured coordinate, m. If not given, all are equal, as large as
-        the residuals have them.
+        Standard deviation of each measured coordinate, m. By default all are equal and estimated
+        from the residuals.
     robust : bool
-        Huber's loss of the distance of each point, quadratic up to 2.5 standard deviations.
+        Whether to use Huber's loss of the distance of each point, quadratic up to 2.5 standard
+        deviations.
     start : Rigid, optional
-        Where to start, and where to stay in directions that are not identifiable; the best
-        motion without an offset if not given.
+        Initial motion, which is kept in directions that are not identifiable; by default the best
+        motion without an offset.
 
     Returns
     -------
@@ -395,16 +396,16 @@ def fit_model(
     Raises
     ------
     InputError
-        For fewer points than parameters need, and for a left-handed measuring frame.
+        For too few points, and for a left-handed measuring frame.
     NoSolutionError
         If the fit does not converge.
 
     Notes
     -----
-    Trust-region least squares (scipy) with exact derivatives, reweighted until weights and scale
-    stay where the loss is Huber's. Covariances are those of normal noise, in a robust fit Huber's
-    asymptotic ones. What cannot be told apart follows from the singular values of the derivative,
-    rotations scaled by the RMS distance of the points from their centroid.
+    Trust-region least squares (SciPy) with exact derivatives; with Huber's loss iteratively
+    reweighted until weights and scale converge. Covariances assume normal noise; those of a robust
+    fit are Huber's asymptotic ones. Identifiability follows from the singular values of the
+    Jacobian, with rotations scaled by the RMS distance of the points from their centroid.
     """
     ours, theirs = _finite_points("measured", measured), _finite_points("predicted", predicted)
     if len(ours) != len(theirs):
@@ -440,10 +441,10 @@ def fit_model(
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Measured points (n, 3), where they are in the base frame, and weights (n,).
+    """Measured points (n, 3), their counterparts in the base frame, and weights (n,).
 
-    With `turns` (n, 3, 3), the rotations of the tips, the points of the base frame are the tips,
-    and the offset of the measured points from these is unknown too.
+    With `turns` (n, 3, 3), the rotations of the tips, the points in the base frame are the tips,
+    and the offset of the measured points from them is unknown too.
     """
 
     measured: Array
@@ -465,12 +466,12 @@ class _Pairs:
 
     @cached_property
     def middle(self) -> Array:
-        """The weighted centroid (3,) of the measured points."""
+        """Weighted centroid (3,) of the measured points."""
         return np.asarray(self.weight @ self.measured / self.weight.sum())
 
     @property
     def size(self) -> float:
-        """RMS distance of the measured points from their middle, m."""
+        """RMS distance of the measured points from their centroid, m."""
         square = np.sum((self.measured - self.middle) ** 2, axis=1)
         return math.sqrt(float(self.weight @ square / self.weight.sum()))
 
@@ -481,7 +482,7 @@ class _Pairs:
         return shift if self.turns is None else np.concatenate([shift, -self.turns], axis=2)
 
     def arms(self, frame: Rigid) -> Array:
-        """From the middle to the points (n, 3), in the axes of the base."""
+        """Vectors from the centroid to the points (n, 3), in base axes."""
         return np.asarray((self.measured - self.middle) @ frame.rotation.T)
 
     def residual(self, frame: Rigid, offset: Array) -> Array:
@@ -496,17 +497,17 @@ class _Best(NamedTuple):
     left: float
     """Weighted sum of squares."""
     bound: float = 0.0
-    """What no frame goes below, left-handed or not: the same for the best affine map."""
+    """Lower bound for any frame, left-handed or not: that of the best affine map."""
 
 
 def _search(pairs: _Pairs, start: Rigid | None = None) -> _Best:
-    """The best frame and offset for these weights."""
+    """Best frame and offset for given weights."""
     if start is not None:
         return _refined(pairs, start)
     base, weight = pairs.base, pairs.weight
     start = align(pairs.measured, base, weight)
     values = np.linalg.svd(base - base.mean(axis=0), compute_uv=False)
-    if values[1] <= _LOST * values[0]:  # on a line: nothing says how to turn about it
+    if values[1] <= _LOST * values[0]:  # collinear: the rotation about the line is not identifiable
         return _refined(pairs, Rigid(np.eye(3), weight @ base / weight.sum() - pairs.middle))
     if pairs.turns is None:
         none = np.zeros(3)
@@ -518,14 +519,14 @@ def _search(pairs: _Pairs, start: Rigid | None = None) -> _Best:
     if few > 0:
         limit = variance_ratio_limit(MIRROR, few + 6, few) * (few + 6) / few
     for way in starts[1:]:
-        if best.left <= limit * bound:  # as good as noise lets it be
+        if best.left <= limit * bound:  # within noise of the lower bound
             break
         best = min(best, _refined(pairs, way), key=lambda end: end.left)
     return best._replace(bound=bound)
 
 
 def _refined(pairs: _Pairs, start: Rigid) -> _Best:
-    """Least squares from a start; in m, rotations times the size of the points."""
+    """Least squares from an initial frame; rotations are scaled to m by the size of the points."""
     root = np.sqrt(pairs.weight)[:, None]
     arms, size, fixed = pairs.arms(start), pairs.size, pairs.linear
 
@@ -541,10 +542,10 @@ def _refined(pairs: _Pairs, start: Rigid) -> _Best:
 
     x = np.zeros(3 + fixed.shape[2])
     x[3:6] = start.apply(pairs.middle)
-    # shift and offset follow from the rotation by linear least squares, as near to none as can be
+    # shift and offset follow from the rotation by linear least squares of minimum norm
     x[3:] += np.linalg.lstsq(jacobian(x)[:, 3:], -residual(x), rcond=_LOST)[0]
     full = False
-    for _ in range(3):  # where the data leave a direction open, the fit does not go along it
+    for _ in range(3):  # no step along directions that are not identifiable
         values, directions = _directions(jacobian(x))
         ways = directions[values > _LOST * values[0]]
         full = len(ways) == len(x)
@@ -558,7 +559,7 @@ def _refined(pairs: _Pairs, start: Rigid) -> _Best:
 def _least_squares(
     residual: Callable[[Array], Array], jacobian: Callable[[Array], Array], x: Array, ways: Array
 ) -> tuple[Array, float]:
-    """Where the sum of squares is least, along these directions (d, p) from x, and the sum."""
+    """Minimise the sum of squares along directions (d, p) from x; return minimiser and sum."""
     found = optimize.least_squares(
         lambda z: residual(x + z @ ways),
         np.zeros(len(ways)),
@@ -578,14 +579,14 @@ def _least_squares(
 
 
 def _starts(pairs: _Pairs, first: Rigid) -> tuple[list[Rigid], float]:
-    """The best of many rotations, for a fit with an offset, and what no map goes below.
+    """Best of many initial rotations for a fit with an offset, and lower bound of the sum.
 
-    A motion without an offset, 59 turns from it spread evenly, and the rotation nearest to the best
-    affine map beside an offset, each judged with its best shift and offset.
+    Candidates are a motion without an offset, 59 evenly spread rotations of it, and the rotation
+    nearest to the best affine map with an offset, each with its best shift and offset.
     """
     root = np.sqrt(pairs.weight)[:, None, None]
     arms, size, fixed = pairs.arms(first), pairs.size, pairs.linear
-    # a change of the map, as near to none as the points leave it open
+    # change of the map, of minimum norm
     change = np.einsum("ij,kl->kijl", np.eye(3), arms / size).reshape(len(arms), 3, 9)
     rows = (root * np.concatenate([change, fixed], axis=2)).reshape(-1, 15)
     wanted = (root[..., 0] * (pairs.base - arms)).ravel()
@@ -609,7 +610,7 @@ def _starts(pairs: _Pairs, first: Rigid) -> tuple[list[Rigid], float]:
 
 
 def _reweighted(pairs: _Pairs, spread: Array | None, best: _Best) -> tuple[_Best, Array, Array]:
-    """Huber's fit: the best, its weights (K,), and the standard deviations (K,)."""
+    """Robust fit with Huber's loss: result, weights (K,), and standard deviations (K,)."""
     down = np.ones(len(pairs.base))
     for _ in range(200):
         distance = np.linalg.norm(pairs.residual(best.frame, best.offset), axis=1)
@@ -632,7 +633,7 @@ def _reweighted(pairs: _Pairs, spread: Array | None, best: _Best) -> tuple[_Best
     )
 
 
-# -- what the data say -------------------------------------------------------------------------
+# -- uncertainty -------------------------------------------------------------------------------
 
 
 def _registration(
@@ -643,9 +644,9 @@ def _registration(
     down: Array | None = None,
     scale: Array | None = None,
 ) -> Registration:
-    """Covariance and what cannot be told apart, from the derivative of the residuals.
+    """Covariance and identifiability, from the Jacobian of the residuals.
 
-    `spread` are the given standard deviations (n,), None where the residuals are to tell them;
+    `spread` are the given standard deviations (n,), None to estimate them from the residuals;
     `down` and `scale` are the weights and the standard deviations (n,) of a robust fit.
     """
     robust, given = down is not None, spread is not None
@@ -662,7 +663,7 @@ def _registration(
         spread = np.full(count, math.sqrt(square.sum() / dof))
     factor = 1.0
     if robust:
-        # asymptotic variance of a fit with Huber's loss, its noise equal along all axes
+        # asymptotic variance of a fit with Huber's loss and isotropic noise
         slope = float(np.mean(np.where(down < 1.0, 2.0 * down / 3.0, 1.0)))
         factor = float(np.sum(down**2 * square / spread**2)) / dof / slope**2
     # relative weights keep exact fits finite
@@ -707,7 +708,7 @@ def _directions(rows: Array) -> tuple[Array, Array]:
 
 
 def _simple(space: Array) -> Array:
-    """Directions (d, p) that span the same, along single parameters as far as can be."""
+    """Directions (d, p) with the same span, along single parameters as far as possible."""
     if len(space) < 2:
         return space
     _, _, order = linalg.qr(space, pivoting=True)
@@ -723,7 +724,7 @@ _PARTS: Final = (
 
 
 def _words(direction: Array) -> str:
-    """A direction in scaled parameters (p,), in words."""
+    """Describe a direction in scaled parameters (p,) in words."""
     parts = []
     for i, (words, axes) in enumerate(_PARTS[: len(direction) // 3]):
         share = direction[3 * i : 3 * i + 3]
@@ -756,23 +757,22 @@ def with_and_without(
     nominal: Rigid | None = None,
     name: str = "rod",
 ) -> dict[str, Comparison]:
-    """The model against the measurement, with and without the registration.
+    """Compare model and measurement with and without the registration.
 
     Parameters
     ----------
     registration : Registration
-        From `fit_model` or `fit_fiducials`.
+        Registration from `fit_model` or `fit_fiducials`.
     measured : array_like (K, 3)
         Measured points, m, measuring frame.
     predicted : array_like (K, 3)
-        Tips that the model predicts, m, base frame; NaN where there are none.
+        Tips predicted by the model, m, base frame; NaN where there are none.
     length : float
         Length of the robot, m.
     rotations : array_like (K, 3, 3), optional
-        Rotations of the tips, body to base; needed where the registration has an offset.
+        Rotations of the tips, body to base; needed if the registration has an offset.
     nominal : Rigid, optional
-        Where the measuring frame is believed to stand without the registration; in the base frame
-        if not given.
+        Nominal measuring frame without the registration; the base frame by default.
     name : str
         Name of both comparisons.
 
@@ -809,7 +809,7 @@ def _cross(vectors: Array) -> Array:
 
 
 def _left_jacobian(vector: Array) -> Array:
-    """Derivative (3, 3) of a rotation, as a small rotation after it, by its vector."""
+    """Left Jacobian (3, 3) of SO(3): derivative of a rotation by its rotation vector."""
     angle = float(np.linalg.norm(vector))
     cross = _cross(vector)
     once = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
@@ -844,7 +844,7 @@ def _rotations(value: ArrayLike, count: int) -> Array:
 
 
 def _sigma(value: ArrayLike | None, count: int) -> tuple[Array | None, Array]:
-    """Standard deviations (n,), None where none are given, and the weights (n,) that they mean."""
+    """Standard deviations (n,), or None if not given, and their weights (n,)."""
     if value is None:
         return None, np.ones(count)
     try:

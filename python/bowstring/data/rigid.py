@@ -19,24 +19,24 @@ __all__ = ["SKEW", "Rigid", "align"]
 Array = NDArray[np.float64]
 
 SKEW: Final = 1e-3
-"""How far a rotation that was written with few digits may be from one."""
+"""Largest deviation of a rounded matrix from a rotation."""
 
 
 class Rigid:
-    """A rigid motion: `rotation` (3, 3), then `translation` (3,) in m. Immutable.
+    """Rigid motion: `rotation` (3, 3), then `translation` (3,) in m. Immutable.
 
     Parameters
     ----------
     rotation : array_like (3, 3)
-        Maps from the axes of the frame it starts from to those of the frame it ends in. Rounded
-        ones are accepted to 0.001 and made exact.
+        Rotation from the axes of the first frame to those of the second. Matrices rounded to 0.001
+        are accepted and orthogonalised.
     translation : array_like (3,), optional
-        Origin of the first frame in the second, m; zero if not given.
+        Origin of the first frame in the second, m; zero by default.
 
     Raises
     ------
     InputError
-        If the rotation is none; a mirror image is a left-handed frame.
+        If the matrix is no rotation; a mirror image is a left-handed frame.
     """
 
     __slots__ = ("_rotation", "_translation")
@@ -60,22 +60,22 @@ class Rigid:
 
     @classmethod
     def identity(cls) -> Rigid:
-        """No motion."""
+        """Make the identity."""
         return cls(np.eye(3))
 
     @classmethod
     def from_rotation_vector(
         cls, vector: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)
     ) -> Rigid:
-        """Of a rotation vector (3,), axis times angle in rad."""
+        """Make a motion from a rotation vector (3,), axis times angle in rad."""
         turn = numbers("rotation vector", vector, (3,), "rad")
-        from scipy.spatial.transform import Rotation  # 0.2 s, which a table does not need
+        from scipy.spatial.transform import Rotation  # takes 0.2 s, and tables do not need it
 
         return cls(Rotation.from_rotvec(turn).as_matrix(), translation)
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike) -> Rigid:
-        """Of a homogeneous matrix (4, 4), its last row 0, 0, 0, 1."""
+        """Make a motion from a homogeneous matrix (4, 4) with last row 0, 0, 0, 1."""
         whole = numbers("matrix", matrix, (4, 4))
         if not np.array_equal(whole[3], [0.0, 0.0, 0.0, 1.0]):
             raise InputError(
@@ -95,23 +95,23 @@ class Rigid:
 
     @property
     def rotation_vector(self) -> Array:
-        """Axis times angle (3,), rad, the angle at most pi."""
-        # a copy, because SciPy before 1.15.2 takes no read-only array
+        """Rotation vector (3,), axis times angle in rad, the angle at most pi."""
+        # a copy, because SciPy before 1.15.2 refuses read-only arrays
         from scipy.spatial.transform import Rotation
 
         return np.asarray(Rotation.from_matrix(self._rotation.copy()).as_rotvec())
 
     def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3), m, moved; NaN stay."""
+        """Move points (..., 3), m; NaN stays NaN."""
         rows = vectors("points", points)
         return np.asarray(rows @ self._rotation.T + self._translation)
 
     def inverse(self) -> Rigid:
-        """The motion back."""
+        """Return the inverse motion."""
         return Rigid(self._rotation.T, -self._rotation.T @ self._translation)
 
     def compose(self, first: Rigid) -> Rigid:
-        """This motion after another; also ``second @ first``."""
+        """Return this motion after another one; the same as ``second @ first``."""
         return Rigid(
             self._rotation @ first._rotation,
             self._rotation @ first._translation + self._translation,
@@ -138,7 +138,7 @@ class Rigid:
         return f"<Rigid: turned by ({turn}) deg, moved by ({shift}) mm>"
 
     def to_dict(self) -> schema.RigidMotion:
-        """Rotation and translation for JSON."""
+        """Return rotation and translation for JSON."""
         return {
             "rotation": self._rotation.tolist(),
             "rotation_vector_rad": self.rotation_vector.tolist(),
@@ -147,10 +147,10 @@ class Rigid:
 
 
 def align(points: Array, targets: Array, weight: Array | None = None) -> Rigid:
-    """The motion that takes points (K, 3) nearest to targets (K, 3): rigid registration.
+    """Fit the rigid motion of points (K, 3) to targets (K, 3).
 
-    Weighted least squares without a mirror (Kabsch, Acta Cryst. A32, 1976; Umeyama 1991). Where the
-    points leave a turn open, as on a line, it is one of those that fit.
+    Weighted least squares without reflection (Kabsch, Acta Cryst. A32, 1976; Umeyama 1991). For
+    collinear points the rotation is not unique, and one solution is returned.
     """
     from scipy.spatial.transform import Rotation
 
@@ -165,7 +165,7 @@ def align(points: Array, targets: Array, weight: Array | None = None) -> Rigid:
 
 
 def _restored(rotation: Array, translation: Array) -> Rigid:
-    """The same motion to the last bit."""
+    """Restore a pickled motion exactly."""
     out = Rigid(rotation, translation)
     out._rotation = rotation.copy()
     out._rotation.flags.writeable = False

@@ -1,9 +1,9 @@
-"""The virtual bench: synthetic measurements of any robot, with known truth.
+"""Virtual bench: synthetic measurements of any robot, with known true parameters.
 
-The *actual* robot, which differs from the one that the user knows (friction, stiffness), is
-actuated along a path of loads by `bowstring.sweep`; its tips are seen from a misplaced measuring
-frame, with noise. The path is solved once, after which noise is drawn as often as wanted. What
-comes out is synthetic, and says so. SI and radians.
+The *actual* robot, which differs from the nominal one (friction, stiffness), is actuated along a
+path of loads by `bowstring.sweep`. Its tips are given in a misplaced measuring frame, with noise.
+The path is solved once; noise can be drawn repeatedly. All results are labelled synthetic. All
+values are in SI and radians.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ Seed = int | np.random.Generator | None
 
 TRUTH_SCHEMA_VERSION: Final = 1
 NOISE: Final = 0.02e-3
-"""m, of each coordinate: the study's arm is accurate to 0.020 mm; it does not say whether this is
-one standard deviation, which is how it is taken here."""
+"""Standard deviation of each coordinate, m. The study gives an accuracy of 0.020 mm for its arm,
+without saying whether this is one standard deviation, which is assumed here."""
 NOISE_IS: Final = "standard deviation of each coordinate; normal, independent"
 _MOST_ROWS: Final = 1_000_000
 _AT_ONCE: Final = 100  # rows between two reports of progress
@@ -67,7 +67,7 @@ _FAR: Final = 1e6  # m
 _HEAVY: Final = 1e9  # kg
 _SHARE: Final = re.compile(rf"({NUMBER})\s*%")
 _MOST_TRUTH: Final = 500_000_000  # bytes
-_HEAD: Final = 2000  # bytes in which a file of ours is known
+_HEAD: Final = 2000  # bytes at the beginning of a file that are searched for our mark
 _MADE: Final = "Made by the virtual bench of Bowstring"
 
 
@@ -76,37 +76,37 @@ _MADE: Final = "Made by the virtual bench of Bowstring"
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """A path of loads that is solved, ready to be measured; made by `set_up`.
+    """Solved path of loads, ready to be measured; made by `set_up`.
 
-    n rows in the order of the path, T tendons.
+    It has n rows in the order of the path and T tendons.
     """
 
     robot: Robot
-    """As its user knows it."""
+    """Nominal robot, as the user knows it."""
     actual: Robot
-    """As it is."""
+    """Actual robot."""
     tensions: Floats
-    """(n, T), N; NaN where a tendon is displacement-controlled."""
+    """Tensions (n, T), N; NaN where a tendon is displacement-controlled."""
     displacements: Floats
-    """(n, T), m; NaN where a tendon is tension-controlled."""
+    """Tendon displacements (n, T), m; NaN where a tendon is tension-controlled."""
     group: NDArray[np.str_]
-    """(n,), loading and unloading; empty if nothing is unloaded."""
+    """Labels (n,), loading or unloading; empty without unloading."""
     repeat: Ints
-    """(n,), from 1."""
+    """Numbers of the repeats (n,), from 1."""
     tip_position: Floats
-    """(n, 3), m, of the actual robot, base frame."""
+    """Tips of the actual robot (n, 3), m, base frame."""
     tip_rotation: Floats
-    """(n, 3, 3), body to base."""
+    """Rotations of the tips (n, 3, 3), body to base."""
     points: Floats
-    """(n, 3), m, what would be measured without noise, measuring frame."""
+    """Measured points without noise (n, 3), m, measuring frame."""
     frame: Rigid
-    """Measuring frame to base frame, as `bowstring.data.registration` finds it."""
+    """Motion from measuring frame to base frame, as `bowstring.data.registration` fits it."""
     tool: Floats
-    """(3,), m, where the measured point is said to be, seen from the tip, in its axes."""
+    """Stated offset of the measured point from the tip (3,), in the tip's axes, m."""
     noise: float
-    """m, standard deviation of each coordinate."""
+    """Standard deviation of each coordinate, m."""
     truth: dict[str, Any]
-    """All of it for JSON, but the seed; see `write`."""
+    """All parameters for JSON except the seed; see `write`."""
 
     def __len__(self) -> int:
         return len(self.points)
@@ -118,7 +118,7 @@ class Bench:
     def hysteresis(self) -> float | None:
         """Largest distance of the tip between loading and unloading under one load, m.
 
-        None if nothing is unloaded.
+        None without unloading.
         """
         if not (self.group == "unloading").any():
             return None
@@ -127,27 +127,27 @@ class Bench:
         return float(np.linalg.norm(first[:count] - first[: -count - 1 : -1], axis=1).max())
 
     def measure(self, seed: Seed = 0) -> Measurements:
-        """Measure all rows once, with noise of its own.
+        """Measure all rows once, with new noise.
 
         Parameters
         ----------
         seed : int, Generator or None
-            A number gives the same noise every time, None another one each time.
+            A number gives reproducible noise, None different noise each time.
 
         Returns
         -------
         Measurements
-            Synthetic, with `truth`.
+            Synthetic measurements with `truth`.
 
         Raises
         ------
         InputError
-            If the seed is none.
+            If the seed is invalid.
         """
         if isinstance(seed, np.random.Generator):
-            rng, told = seed, None
+            rng, recorded = seed, None
         elif seed is None or (is_whole(seed) and seed >= 0):
-            rng, told = np.random.default_rng(seed), None if seed is None else int(seed)
+            rng, recorded = np.random.default_rng(seed), None if seed is None else int(seed)
         else:
             raise InputError(f"seed is {shown(seed)}, it must be a whole number from 0, or None")
         points, n = self.points, len(self)
@@ -164,28 +164,28 @@ class Bench:
             repeat=self.repeat,
             sigma=np.full(n, self.noise) if self.noise else None,
             tool=self.tool,
-            truth={**self.truth, "seed": told},
+            truth={**self.truth, "seed": recorded},
         )
 
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """The loads of a bench in order, and how often they are run through.
+    """Loads of a bench in order, and number of repeats.
 
     Parameters
     ----------
     tensions, displacements : array_like (K, T), optional
-        In N or m, as of `bowstring.Load`; NaN where a tendon has the other.
+        Commands in N or m, as in `bowstring.Load`; NaN where a tendon has the other one.
     masses : array_like (K,), optional
-        Instead of these: kg hung on one tendon, nothing on the others.
+        Instead of these: masses in kg hung on one tendon, none on the others.
     tendon : int
-        On which, from 1.
+        Number of that tendon, from 1.
     g : float
-        Gravity that makes tensions of masses, m/s^2.
+        Gravitational acceleration that converts masses to tensions, m/s^2.
     repeats : int
-        How often the loads are run through; the path goes on, and so does the history of friction.
+        Number of passes through the loads; the path, and with it the state of friction, continues.
     unload : bool
-        Each time also back to the first load; the last one is measured once.
+        Whether each pass returns to the first load; the largest load is measured once.
     """
 
     tensions: actuation.Given | None = None
@@ -204,24 +204,24 @@ class Loads:
 
 @dataclass(frozen=True, eq=False)
 class Actual:
-    """In what the actual robot and its surroundings differ from what the user knows.
+    """Differences of the actual robot and its surroundings from the nominal ones.
 
     Parameters
     ----------
     friction : float, optional
-        Of all tendons of the actual robot, in place of the robot's own.
+        Friction coefficient of all tendons of the actual robot.
     changes : mapping from path to value, optional
-        In what else the actual robot differs, as for `Robot.with_`; a text such as ``"+5 %"`` is a
-        share of the robot's own number: ``{"segments.0.backbone.E": "+5 %"}``.
+        Further differences, as for `Robot.with_`; text such as ``"+5 %"`` is relative to the
+        nominal value: ``{"segments.0.backbone.E": "+5 %"}``.
     gravity : array_like (3,), optional
-        m/s^2; the robot's own if left out.
+        Gravity in m/s^2; that of the robot if left out.
     gravity_frame : {"base", "measuring"}
-        In whose axes gravity is given: turns with the robot when the base is tilted, or stays plumb
-        on a levelled measuring device, so that a tilted robot feels it aslant.
+        Axes in which gravity is given. In base axes it tilts with the base; in measuring axes,
+        those of a levelled device, it acts obliquely on a tilted robot.
     tip_force : array_like (3,)
-        A disturbance that no model has: a dead force at the tip, base axes, N.
+        Disturbance that no model contains: dead force at the tip, base axes, N.
     theory : {"cosserat", "kirchhoff"}
-        Of the rod that is solved.
+        Rod theory of the actual robot.
     """
 
     friction: float | None = None
@@ -234,19 +234,19 @@ class Actual:
 
 @dataclass(frozen=True, eq=False)
 class Mounting:
-    """Where the base is in the measuring frame.
+    """Pose of the base in the measuring frame.
 
     Parameters
     ----------
     base : Rigid, optional
-        The robot's base in the measuring frame (base to measuring); instead of the next three.
+        Pose of the base in the measuring frame (base to measuring), instead of the next three.
     tilt, tilt_towards : float
-        Angle by which the base leans, and where to, from x counter-clockwise, rad.
+        Tilt angle of the base, and its direction from x counter-clockwise, rad.
     shift : array_like (3,)
-        Of the base in the measuring frame, m.
+        Position of the base in the measuring frame, m.
     drift : array_like (3,)
-        A disturbance that no model has: how far the base has moved at the last row, evenly over
-        the rows, measuring frame, m.
+        Disturbance that no model contains: displacement of the base at the last row, growing
+        evenly over the rows, measuring frame, m.
     """
 
     base: Rigid | None = None
@@ -258,16 +258,16 @@ class Mounting:
 
 @dataclass(frozen=True, eq=False)
 class Instrument:
-    """What measures the tip.
+    """Instrument that measures the tip.
 
     Parameters
     ----------
     noise : float
-        Standard deviation of each measured coordinate, m; normal, the same to all sides.
+        Standard deviation of each measured coordinate, m; normal and isotropic.
     tool : array_like (3,)
-        Measured point seen from the tip, in its axes, m; the data say so.
+        Offset of the measured point from the tip, in the tip's axes, m; stated in the data.
     tool_error : array_like (3,)
-        By how much it is elsewhere, which the data do not say, m.
+        Error of that offset, which is not stated in the data, m.
     """
 
     noise: float = NOISE
@@ -281,8 +281,8 @@ STUDY: Final[dict[str, Any]] = {
     "mounting": Mounting(tilt=math.radians(0.3)),
     "instrument": Instrument(),
 }
-"""The loads of the study, 0:0.5:8 kg on cable 1, as a bench with all that disturbs one:
-``simulate(robot, **STUDY)``. Friction, gravity and tilt are assumed, the study gives none."""
+"""Bench with the loads of the study, 0:0.5:8 kg on cable 1, and usual disturbances:
+``simulate(robot, **STUDY)``. Friction, gravity and tilt are assumed; the study gives none."""
 
 
 def set_up(
@@ -294,19 +294,18 @@ def set_up(
     instrument: Instrument | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Bench:
-    """Solve the actual robot along the loads, and see it from the measuring frame.
+    """Solve the actual robot along the loads, and map its tips to the measuring frame.
 
     Parameters
     ----------
     robot : Robot
-        As its user knows it.
+        Nominal robot.
     loads : Loads
     actual : Actual, optional
     mounting : Mounting, optional
     instrument : Instrument, optional
     progress : callable, optional
-        Called with the share of the loads that is solved, where each load is a step from the one
-        before; else nobody knows it.
+        Progress callback, called with the solved share of a path; not called for independent loads.
 
     Returns
     -------
@@ -323,7 +322,7 @@ def set_up(
     actual, mounting = instance("actual", actual, Actual), instance("mounting", mounting, Mounting)
     instrument = instance("instrument", instrument, Instrument)
     theory, gravity_frame = actual.theory, actual.gravity_frame
-    by_tension, by_displacement, told = _loads(robot, loads)
+    by_tension, by_displacement, record = _loads(robot, loads)
     rows, group, repeat = _path(len(by_tension), int(loads.repeats), loads.unload)
     sigma = number("noise", instrument.noise, "m", zero=True)
     _lengths("noise", (sigma, 0.0, 0.0))
@@ -356,7 +355,7 @@ def set_up(
         "differences": list(_differences(_tree(robot), _tree(other))),
         "actual_robot": _tree(other),
         "theory": theory,
-        "loads": {**told, "repeats": int(loads.repeats), "unload": loads.unload},
+        "loads": {**record, "repeats": int(loads.repeats), "unload": loads.unload},
         "gravity_m_per_s2": given.tolist(),
         "gravity_frame": gravity_frame,
         "gravity_in_base_m_per_s2": felt.tolist(),
@@ -397,7 +396,7 @@ def _tips(
 ) -> tuple[Floats, Floats]:
     """Positions and rotations of the tip along the loads.
 
-    With progress a path is solved in pieces, which changes no number.
+    With progress a path is solved in pieces, with identical results.
     """
     found: list[Sweep] = []
     if progress is not None and not actuation.is_by_tensions(robot, load):
@@ -411,7 +410,7 @@ def _tips(
             before = found[-1].history() if found else None
             found.append(rod.sweep(robot, load=piece, model=model, history=before, disks=False))
             stable = robot.has_friction or all(found[-1].stable)
-            if not (found[-1].converged.all() and stable):  # which is said of the whole
+            if not (found[-1].converged.all() and stable):  # the warning is for the whole path
                 found.clear()
                 break
     if not found:
@@ -451,8 +450,8 @@ def simulate(
     Returns
     -------
     Measurements
-        Source "synthetic", points in the measuring frame; `Measurements.truth` says with what they
-        were made.
+        Measurements with the source "synthetic" and points in the measuring frame;
+        `Measurements.truth` has the true parameters.
 
     Raises
     ------
@@ -463,7 +462,7 @@ def simulate(
 
     Examples
     --------
-    The study's bench, but with all that disturbs one:
+    The study's bench with usual disturbances:
 
     >>> import bowstring as bs
     >>> from bowstring.data import synthetic
@@ -475,11 +474,11 @@ def simulate(
     return made.measure(seed)
 
 
-# -- what is actuated, and from where it is seen ---------------------------------------------------
+# -- actuation and measuring frame -----------------------------------------------------------------
 
 
 def _loads(robot: Robot, given: Loads) -> tuple[Floats, Floats, dict[str, Any]]:
-    """Tensions and displacements (K, T), NaN where there is none, and what the truth says of it."""
+    """Tensions and displacements (K, T), NaN where there is none, and their record for `truth`."""
     if not isinstance(given, Loads):
         raise InputError.of("loads", shown(given), "a Loads")
     tensions, displacements, masses = given.tensions, given.displacements, given.masses
@@ -531,7 +530,7 @@ def _loads(robot: Robot, given: Loads) -> tuple[Floats, Floats, dict[str, Any]]:
 
 
 def _path(count: int, repeats: int, unload: bool) -> tuple[Ints, NDArray[np.str_], Ints]:
-    """Which load each row has, its group, and its repeat."""
+    """Load index, group and repeat of each row."""
     way = np.arange(count)
     label = np.full(count, "loading" if unload else "")
     if unload:
@@ -547,7 +546,7 @@ def _path(count: int, repeats: int, unload: bool) -> tuple[Ints, NDArray[np.str_
 
 
 def _pose(mounting: Mounting) -> Rigid:
-    """The base in the measuring frame."""
+    """Pose of the base in the measuring frame."""
     base, towards = mounting.base, mounting.tilt_towards
     moved = _lengths("shift", mounting.shift)
     angle = number("tilt", mounting.tilt, "rad", zero=True)
@@ -566,7 +565,7 @@ def _pose(mounting: Mounting) -> Rigid:
 
 
 def _lengths(name: str, value: ArrayLike) -> Floats:
-    """A vector in m, near enough for all that is made of it to be finite."""
+    """Check a vector in m, small enough for all results to be finite."""
     found = numbers(name, value, (3,), "m")
     if np.abs(found).max() > _FAR:
         raise InputError.of(name, f"{np.abs(found).max():g} m", f"up to {_FAR:g} m")
@@ -577,7 +576,7 @@ def _lengths(name: str, value: ArrayLike) -> Floats:
 
 
 def _actual(robot: Robot, friction: float | None, changes: Mapping[str, Any] | None) -> Robot:
-    """The robot with what it differs in."""
+    """Make the actual robot."""
     found = robot
     if friction is not None:
         found = with_tendons(robot, {"friction": number("friction", friction, zero=True)})
@@ -601,7 +600,7 @@ def _actual(robot: Robot, friction: float | None, changes: Mapping[str, Any] | N
 
 
 def _share_of(tree: Any, path: Any, value: Any, robot: Robot) -> Any:
-    """A value as `Robot.with_` takes it; "+5 %" is a share of the robot's own."""
+    """Convert a value for `Robot.with_`; "+5 %" is relative to the nominal value."""
     match = _SHARE.fullmatch(value.strip()) if isinstance(value, str) else None
     if match is None:
         return value
@@ -625,20 +624,20 @@ def _share_of(tree: Any, path: Any, value: Any, robot: Robot) -> Any:
 
 
 def _tree(robot: Robot) -> dict[str, Any]:
-    """The robot as `Robot.with_` changes it, in SI."""
+    """Tree of a robot's fields for `Robot.with_`, in SI."""
     return robot.model_dump(mode="json", exclude_none=True)
 
 
-def _differences(told: Any, actual: Any, path: str = "") -> Iterator[dict[str, Any]]:
-    """Every field in which two robots differ."""
-    if isinstance(told, dict) and isinstance(actual, dict):
-        keys: Sequence[Any] = sorted({*told, *actual})
-        pairs = [(key, told.get(key), actual.get(key)) for key in keys]
-    elif isinstance(told, list) and isinstance(actual, list) and len(told) == len(actual):
-        pairs = list(zip(range(len(told)), told, actual, strict=True))
+def _differences(nominal: Any, actual: Any, path: str = "") -> Iterator[dict[str, Any]]:
+    """Yield every field in which two robots differ."""
+    if isinstance(nominal, dict) and isinstance(actual, dict):
+        keys: Sequence[Any] = sorted({*nominal, *actual})
+        pairs = [(key, nominal.get(key), actual.get(key)) for key in keys]
+    elif isinstance(nominal, list) and isinstance(actual, list) and len(nominal) == len(actual):
+        pairs = list(zip(range(len(nominal)), nominal, actual, strict=True))
     else:
-        if told != actual:
-            yield {"path": path, "told": told, "actual": actual}
+        if nominal != actual:
+            yield {"path": path, "nominal": nominal, "actual": actual}
         return
     for key, mine, its in pairs:
         yield from _differences(mine, its, f"{path}.{key}" if path else str(key))
@@ -648,17 +647,17 @@ def _differences(told: Any, actual: Any, path: str = "") -> Iterator[dict[str, A
 
 
 def truth_file(path: str | Path) -> Path:
-    """The file of the truth that stands beside a table: bench.truth.json beside bench.csv."""
+    """Path of the true parameters of a table: bench.truth.json beside bench.csv."""
     return Path(path).with_suffix(".truth.json")
 
 
 def check_table(path: str | Path) -> Path:
-    """Say before any work whether a bench may be written to a table.
+    """Check before any work that a bench may be written to a table.
 
     Parameters
     ----------
     path : str or Path
-        A .csv in a folder that exists. A former synthetic table in its place will be replaced.
+        A .csv file in an existing folder; a former synthetic table there will be replaced.
 
     Returns
     -------
@@ -668,7 +667,7 @@ def check_table(path: str | Path) -> Path:
     Raises
     ------
     InputError
-        If something else is in its place, or in that of the truth, such as measured data.
+        If another file, such as measured data, exists at its path or that of the truth.
     """
     try:
         file = resolved(path, f"cannot write the bench to {quote(str(path))}")
@@ -697,27 +696,27 @@ def check_table(path: str | Path) -> Path:
 
 
 def write(measurements: Measurements, path: str | Path) -> tuple[Path, Path]:
-    """Write a bench as a table in the tidy format, and its truth as JSON beside it.
+    """Write a bench as a table in the tidy format, and its true parameters as JSON beside it.
 
-    The label *synthetic* stands in the table's first line and in every row; a comment holds the
-    truth as well, so that it stays with the data.
+    The label *synthetic* is in the first line of the table and in every row; a comment contains the
+    true parameters as well, so that they stay with the data.
 
     Parameters
     ----------
     measurements : Measurements
-        As `simulate` or `Bench.measure` made them.
+        Measurements from `simulate` or `Bench.measure`.
     path : str or Path
-        Of the table, .csv. Table and truth are written whole or not at all.
+        Path of the table, .csv. Table and truth are written whole or not at all.
 
     Returns
     -------
     tuple of Path
-        Table and truth.
+        Paths of table and truth.
 
     Raises
     ------
     InputError
-        If the measurements are not those of a virtual bench, or as `check_table`.
+        If the measurements are not from a virtual bench, or as in `check_table`.
     """
     truth = measurements.truth
     if measurements.source != "synthetic" or truth is None:
@@ -739,12 +738,12 @@ def write(measurements: Measurements, path: str | Path) -> tuple[Path, Path]:
             check_table(file)
             former, had = work / "old" / beside.name, beside.exists()
             try:
-                if had:  # where `folder_beside` gives it back if the process is killed
+                if had:  # restored by `remove_leftovers` if the process is killed
                     former.parent.mkdir()
                     os.replace(beside, former)
                 os.replace(work / beside.name, beside)
                 os.replace(new, file)
-            except BaseException:  # without its table no truth is left there either
+            except BaseException:  # leave no truth without its table
                 if former.exists():
                     os.replace(former, beside)
                 elif not had:
@@ -756,12 +755,12 @@ def write(measurements: Measurements, path: str | Path) -> tuple[Path, Path]:
 
 
 def read_truth(path: str | Path) -> dict[str, Any]:
-    """Read the truth that stands beside the table of a virtual bench.
+    """Read the true parameters beside the table of a virtual bench.
 
     Parameters
     ----------
     path : str or Path
-        Of the table.
+        Path of the table.
 
     Returns
     -------
@@ -770,7 +769,7 @@ def read_truth(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If there is none, or it is that of another table.
+        If the file is missing, or belongs to another table.
     """
     table, file = Path(path), truth_file(path)
     try:

@@ -1,6 +1,6 @@
-"""Tables of cells with line numbers, from CSV, TSV and Excel: encodings, separators and traps.
+"""Read tables of cells with line numbers from CSV, TSV and Excel.
 
-What a file is shows in its content, not in its name.
+The format is detected from the content, not from the name.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ __all__ = [
 ]
 
 MOST_ROWS: Final = 2_000_000
-MOST_SHEET_ROWS: Final = 200_000  # a spreadsheet is read at a tenth of the speed of text
+MOST_SHEET_ROWS: Final = 200_000  # reading a spreadsheet takes ten times as long as text
 _MOST_COLUMNS: Final = 2_000
 _MOST_BYTES: Final = 500_000_000
 _MOST_SHEET_BYTES: Final = 100_000_000
 _MOST_UNPACKED: Final = 200_000_000
-_MOST_UNPACKED_PART: Final = 50_000_000  # of one that is no sheet, such as that of all texts
+_MOST_UNPACKED_PART: Final = 50_000_000  # bytes of a part other than a sheet
 _MOST_RATIO: Final = 100  # packed XML of numbers has 5 to 30
 _MOST_PARTS: Final = 5_000
-_LAST_SHEET_ROW: Final = 1_048_576  # of Excel
-_LONGEST_SHEET_ROW: Final = 5_000_000  # bytes of XML: a row is held as a whole
+_LAST_SHEET_ROW: Final = 1_048_576  # last row of a sheet in Excel
+_LONGEST_SHEET_ROW: Final = 5_000_000  # bytes of XML; a row is kept in memory as a whole
 _CHUNK: Final = 200_000  # cells
 
 _MARKS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": " "}
@@ -59,20 +59,19 @@ Name = Annotated[str, COLUMN]
 
 
 class Form(BaseModel):
-    """How a table lies in its file, where that is not a header and rows below it.
+    """Layout of a table in its file, if it is not simply a header with rows below.
 
     Attributes
     ----------
     skip : int
         Lines (rows of a sheet) above the header, or above the numbers where there is no header.
     skip_below : int
-        Rows between the header and the numbers, such as one of units.
+        Rows between the header and the numbers, such as a row of units.
     header : {"first", "none"}
     names : tuple of str
-        Of the columns, instead of those of the header; without both they are ``column_1`` and so
-        on.
+        Names of the columns, instead of the header; without both they are ``column_1`` and so on.
     separator : str or None
-        Between cells, in words; None to find it.
+        Name of the separator of cells; None to detect it.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -85,7 +84,7 @@ class Form(BaseModel):
 
 
 def cell_number(cell: str) -> float:
-    """The number of a cell; NaN where it has none, also for digits that are not ASCII."""
+    """Number of a cell; NaN for other text, also for digits that are not ASCII."""
     cell = cell.strip()
     try:
         return float(cell) if cell.isascii() and "_" not in cell else math.nan
@@ -94,17 +93,17 @@ def cell_number(cell: str) -> float:
 
 
 def with_point(cell: str) -> str:
-    """A cell with a decimal point, where it may have a decimal comma."""
+    """Replace a decimal comma of a cell by a point."""
     return cell.replace(",", ".") if cell.count(",") == 1 else cell
 
 
 class UnknownColumnsError(InputError):
-    """The columns of a table do not say what they are.
+    """Error for a table whose columns are not recognised.
 
     Attributes
     ----------
     table : Table
-        As far as it was read.
+        Table, as far as it was read.
     """
 
     def __init__(self, message: str, table: Table) -> None:
@@ -114,29 +113,28 @@ class UnknownColumnsError(InputError):
 
 @dataclass
 class Table:
-    """A header and the rows below it.
+    """Table with a header and rows.
 
     Attributes
     ----------
     path : Path
     sha256 : str
-        Of the whole file.
+        Hash of the whole file.
     header : list of str
-        Names of the columns, without blanks around them.
+        Names of the columns, stripped.
     line : int
         Line of the header in the file, from 1; in a spreadsheet the row of its sheet.
     about : dict
-        From comments ``# key: value`` above the header, keys in lower case.
+        Comments ``# key: value`` above the header, keys in lower case.
     separator : str
-        Between cells; empty in a spreadsheet.
+        Separator of cells; empty for a spreadsheet.
     notes : list of (int, str)
-        What a reader should know of the file, with a line; rows may add to them while they are
-        read.
+        Lines and notes for the user; reading rows may add further ones.
     form : Form
     length_unit : str or None
-        Of all coordinates, where the file says it.
+        Unit of all coordinates, if the file states it.
     own : int or None
-        How many of the columns are the file's own; the others were joined. None: all.
+        Number of columns of the file itself; the others were joined. None: all.
     """
 
     path: Path
@@ -152,7 +150,7 @@ class Table:
     own: int | None = None
 
     def chunks(self) -> Iterator[list[Row]]:
-        """The rows once, many at a time: line and cells; blank lines and comments are left out."""
+        """Yield chunks of rows, once: line and cells, without blank lines and comments."""
         count, most = 0, MOST_ROWS if self.separator else MOST_SHEET_ROWS
         size = max(_CHUNK // max(len(self.header), 10), 1)
         while chunk := list(islice(self.rows, size)):
@@ -172,11 +170,12 @@ def open_table(path: str | Path, form: Form | None = None) -> Table:
     Parameters
     ----------
     path : str or Path
-        Text in UTF-8 (or UTF-16 with its mark) with commas, semicolons or tabs between cells, or an
-        Excel workbook (.xlsx), of which the first sheet is read. Blank lines and lines that begin
-        with # are skipped. A CSV export of OptiTrack's Motive is known by its first line.
+        Text in UTF-8 (or UTF-16 with a byte order mark) with commas, semicolons or tabs between
+        cells, or an Excel workbook (.xlsx), of which the first sheet is read. Blank lines and lines
+        that begin with # are skipped. A CSV export of OptiTrack's Motive is recognised by its first
+        line.
     form : Form, optional
-        How the table lies in the file.
+        Layout of the table in the file.
 
     Returns
     -------
@@ -185,8 +184,8 @@ def open_table(path: str | Path, form: Form | None = None) -> Table:
     Raises
     ------
     InputError
-        If it cannot be read; the text says what to do. `UnknownColumnsError` if there are numbers
-        in place of a header, or blanks between its names.
+        If the table cannot be read; the message has advice. `UnknownColumnsError` if there are
+        numbers in place of a header, or blanks between its names.
     """
     path, form = Path(path), form or Form()
     data = _bytes(path)
@@ -207,7 +206,7 @@ def _bytes(path: Path) -> bytes:
     try:
         if path.is_dir():
             raise InputError(f"{path}: this is a folder; name the file of the table")
-        # a pipe is read as well; a device such as /dev/zero has no end
+        # pipes are read too; a device such as /dev/zero has no end
         with readable(path) as file:
             data = file.read(_MOST_BYTES + 1)
     except OSError as error:
@@ -225,7 +224,7 @@ def _bytes(path: Path) -> bytes:
 
 
 def _short(error: Exception) -> str:
-    """What a library says, on one line and short: it may quote a whole cell."""
+    """Shorten the message of a library to one line; it may quote a whole cell."""
     return " ".join(str(error).split())[:200]
 
 
@@ -268,22 +267,22 @@ def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
 
 
 def _separator(line: str) -> str:
-    """What stands between the cells of a line: the most frequent, in numbers the strongest."""
+    """Detect the separator of a line: the most frequent mark, in numbers the strongest one."""
     marks = "\t;,"
-    found = max(marks, key=lambda mark: line.count(mark))  # the first of equals
+    found = max(marks, key=lambda mark: line.count(mark))  # the first one of equal counts
     if any(re.fullmatch(r"\s*" + NUMBER + r"\s*", cell) for cell in re.split(r"[\t;,]", line)):
         return next((mark for mark in marks if mark in line), found)  # commas may be decimal ones
     return found
 
 
 def _split(lines: Iterable[str], separator: str) -> Iterator[Row]:
-    """Number of the line at which a row ends, and cells."""
+    """Yield the line number at the end of each row, and its cells."""
     reader = csv.reader(lines, delimiter=separator, strict=True)
     return ((reader.line_num, cells) for cells in reader)
 
 
 def _named(table: Table) -> Table:
-    """Read the names of the columns, and skip what lies between them and the numbers."""
+    """Read the names of the columns, and skip lines between them and the numbers."""
     form = table.form
     try:
         table.line, first = next(table.rows)
@@ -341,7 +340,7 @@ def _is_comment(line: str) -> bool:
 
 
 def _remember(line: str, about: dict[str, str]) -> None:
-    """Keep ``# key: value``, from a line or, with a spreadsheet's separators at its end, a cell."""
+    """Store ``# key: value`` from a line, also with a spreadsheet's separators at its end."""
     text = line.strip().strip('"').lstrip("# \t").rstrip(",;\t ").strip('"')
     key, colon, value = text.partition(":")
     if colon and re.fullmatch(r"[A-Za-z_]{1,40}", key.strip()):
@@ -349,7 +348,7 @@ def _remember(line: str, about: dict[str, str]) -> None:
 
 
 def _text_rows(path: Path, rows: Iterable[Row], skipped: int) -> Iterator[Row]:
-    """Number of the line at which a row begins, and cells; `skipped` lines came before."""
+    """Yield the line number at the beginning of each row, after `skipped` lines, and its cells."""
     line = 0
     try:
         for end, cells in rows:
@@ -395,10 +394,10 @@ def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of styles and the like
+            warnings.simplefilter("ignore")  # about styles and the like
             book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
         sheets = [sheet for sheet in book.worksheets if sheet.title.lower() != "source"]
-    except Exception as error:  # openpyxl raises many kinds on what is no workbook
+    except Exception as error:  # openpyxl raises many kinds of exception on other files
         raise InputError(
             f"{path}: this is no Excel workbook that can be read: {_short(error)}"
         ) from None
@@ -411,7 +410,7 @@ def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
             other.reset_dimensions()
             cell = next(iter(other.iter_rows(max_row=1, max_col=1, values_only=True)), (None,))
             about["source"] = _cell(cell[0] if cell else None).strip()
-    sheet.reset_dimensions()  # a file can claim any
+    sheet.reset_dimensions()  # a file may state wrong ones
     line, first = _sheet_header(path, sheet, about, form.skip)
     rows = chain([(line, first)], _sheet_rows(path, sheet, line, len(first)))
     table = _named(Table(path, sha256, [], line, about, "", [], rows, form))
@@ -423,9 +422,9 @@ def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
 
 
 def _check_parts(path: Path, data: bytes) -> None:
-    """Refuse an archive that unpacks to far more than it is, before a workbook is made of it.
+    """Refuse an archive that expands far beyond its size, before it is opened as a workbook.
 
-    The sizes it states bind: reading stops at them.
+    The stated sizes are binding, because reading stops at them.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -450,7 +449,7 @@ def _check_parts(path: Path, data: bytes) -> None:
                         _check_xml(path, file)
     except InputError:
         raise
-    except Exception as error:  # zipfile raises many kinds, as for a password
+    except Exception as error:  # zipfile raises many kinds of exception, for example for a password
         raise InputError(f"{path}: the workbook cannot be unpacked: {_short(error)}") from None
 
 
@@ -463,7 +462,7 @@ def _is_bloated(part: zipfile.ZipInfo) -> bool:
 
 
 def _check_xml(path: Path, file: IO[bytes]) -> None:
-    """Refuse XML that defines what it is made of, and rows without end."""
+    """Refuse XML with a document type definition or with excessive rows."""
     row = re.compile(rb"<(?:[A-Za-z0-9]+:)?(?:row|si)[ >/]")
     since, tail = 0, b""
     first = True
@@ -501,7 +500,7 @@ def _sheet_header(
 
 
 def _sheet_rows(path: Path, sheet: object, header: int, width: int) -> Iterator[Row]:
-    # one column more, so that a row that is too long shows
+    # one more column, to detect rows that are too long
     for line, cells in _values(path, sheet, header + 1, width + 1):
         if any(cells) and not cells[0].startswith("#"):
             yield line, cells if cells[width] else cells[:width]

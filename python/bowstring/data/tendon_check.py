@@ -1,9 +1,10 @@
-"""Do the tendons of a table act as those of the robot? Swapped tendons, mirrored numbering.
+"""Check of the tendon order in measurements: swapped tendons, mirrored numbering.
 
-Each candidate for what may have gone wrong (two tendons swapped, numbered the other way round)
-predicts by constant curvature where the tip goes. A rigid motion and a gain are fitted, for the
-measuring frame need not be the base frame and the robot is not quite an arc; a mirrored order shows
-as a motion that would have to mirror. What cannot be told apart is not told.
+Each candidate error (two tendons swapped, reversed sense of numbering) predicts the tips by
+constant curvature. A rigid motion and a gain are fitted, because the measuring frame may differ
+from the base frame and the robot is not exactly an arc. A mirrored order shows as a fitted motion
+that would have to contain a reflection. Candidates that explain the data equally well are not
+distinguished.
 """
 
 from __future__ import annotations
@@ -32,44 +33,45 @@ __all__ = ["TendonCheck", "check_tendons"]
 Floats = NDArray[np.float64]
 Found = Literal["as_said", "turned", "swapped", "mirrored", "unclear", "unchecked"]
 
-_MOST_ROWS: Final = 400  # enough for a direction, and quick
+_MOST_ROWS: Final = 400  # enough for a direction, and fast
 _FEWEST_ROWS: Final = 4
 _MOST_PAIRS: Final = 200
 _GAINS: Final = (0.35, 0.5, 0.7, 0.85, 1.0, 1.2)
-_NEAR: Final = (0.6, 0.8, 1.0, 1.2, 1.5)  # gains beside the best one of the order as said
-_CLEARLY: Final = 0.7  # what is left by the better candidate, of what is left as said
-_GOOD: Final = 0.4  # what may be left of the motion by a candidate that is believed
-_POOR: Final = 0.65  # left as said: an order that explains so little is doubted
+_NEAR: Final = (0.6, 0.8, 1.0, 1.2, 1.5)  # gains relative to the best one of the stated order
+_CLEARLY: Final = 0.7  # residual of a better candidate over that of the stated order
+_GOOD: Final = 0.4  # residual over motion up to which a candidate is accepted
+_POOR: Final = 0.65  # residual over motion above which the stated order is doubtful
 _TIE: Final = 1.15
-_STILL: Final = 0.005  # of the length: less motion says nothing
+_STILL: Final = 0.005  # motion over length that is too small for the check
 _TURNED: Final = np.radians(20)
-_WOUND: Final = 4 * 2 * np.pi  # rad by the linear law: no robot is bent so far by its tendons
+_WOUND: Final = 4 * 2 * np.pi  # rad by the linear law; more than tendons can bend a robot
 _TURN: Final = 2 * np.pi
 _MOST_BENT: Final = 4.0  # rad
 _MOST_SOLVED: Final = 60  # rows
-_FACTOR: Final = 6.0  # more than a stiffness to be calibrated is off by, less than a wrong unit
+_FACTOR: Final = 6.0  # between errors of an uncalibrated stiffness and those of a wrong unit
 _LESS_BY_FAR: Final = 50.0
-_UNMOVED: Final = 20.0  # times less bend than motion, which no weight or load makes up for
+_UNMOVED: Final = 20.0  # ratio of motion to bend that no weight or load explains
 
 
 @dataclass(frozen=True)
 class TendonCheck:
-    """What the motion of the tip says of the order of the tendons.
+    """Result of the check of the tendon order against the motion of the tip.
 
     Attributes
     ----------
     found : str
-        "as_said"; "turned": as said if the measuring frame is turned about z; "swapped";
-        "mirrored"; "unclear": none of these fits, or the commands are far too large or too small
-        for the motion, as in another unit; "unchecked": the data cannot tell.
+        "as_said": the stated order; "turned": the stated order with a measuring frame rotated about
+        z; "swapped"; "mirrored"; "unclear": none of these fits, or the commands do not match the
+        size of the motion, as in a wrong unit; "unchecked": the data do not allow the check.
     sentence : str
     tendons : tuple of int
-        The two that look swapped, from 1; empty if none do.
+        Numbers of the two tendons that look swapped, from 1; empty if none do.
     unexplained : float
-        Share of the tip's motion (RMS) that constant curvature leaves with the order as said; NaN
-        if unchecked.
+        Share of the tip's motion (RMS) that constant curvature does not explain in the stated
+        order; NaN if unchecked.
     turn : float
-        About z, from the base frame to the measuring frame, rad, as said; NaN if unchecked.
+        Rotation about z from the base frame to the measuring frame in the stated order, rad; NaN if
+        unchecked.
     """
 
     found: Found
@@ -80,7 +82,7 @@ class TendonCheck:
 
     @property
     def alarm(self) -> bool:
-        """Whether something is probably wrong."""
+        """Whether an error is probable."""
         return self.found in ("swapped", "mirrored", "unclear")
 
     def __str__(self) -> str:
@@ -89,33 +91,33 @@ class TendonCheck:
 
 @dataclass(frozen=True)
 class _Fit:
-    """How well a candidate explains the motion: share left over, and the turn that it takes."""
+    """Fit of a candidate to the motion: unexplained share, and rotation of the frame."""
 
     left: float
     rotation: Floats
 
     @property
     def angle(self) -> float:
-        """Of the whole rotation, without a mirror, rad."""
+        """Angle of the rotation without reflection, rad."""
         turn = self.rotation
         return float(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
 
 
 def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
-    """Compare the motion of the tip with that which each tendon should give it.
+    """Check the order of the tendons against the measured motion of the tip.
 
     Parameters
     ----------
     robot : Robot
         The robot that was measured.
     measurements : Measurements
-        With as many tendons as the robot.
+        Measurements with as many tendons as the robot.
 
     Returns
     -------
     TendonCheck
-        Two tendons or the sense of numbering are named only where they explain the motion clearly
-        better than the order as given.
+        Result; it names two tendons or the sense of numbering only if they explain the motion
+        clearly better than the stated order.
     """
     check_robot(robot)
     check_is_read(measurements)
@@ -133,7 +135,7 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
     doubt = _doubted_commands(motion) or _doubted_size(motion)
     if not doubt or found.found in ("swapped", "mirrored"):
         return found
-    # what an order that is unclear would say is no news then
+    # an unclear order adds nothing to the doubt
     sentence = doubt if found.found == "unclear" else f"{doubt} {found.sentence}"
     return replace(found, found="unclear", sentence=sentence)
 
@@ -141,7 +143,7 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
 def _order(motion: _Motion) -> TendonCheck:
     count = motion.m.tendon_count
     same = np.arange(count)
-    # gravity or a wrong unit may hold the robot far straighter than tendons alone would
+    # gravity or a wrong unit may bend the robot far less than the tendons alone
     gain, _ = _best_gain(motion, motion.bends(same), motion.measured)
     within = _capped(motion.bends(same))
     usual = within * min(_GAINS) <= gain <= within * max(_GAINS)
@@ -171,7 +173,7 @@ def _order(motion: _Motion) -> TendonCheck:
             )
         return check(*_agreed(said, swaps, mirrored, turn))
     ties = {pair: f for pair, f in swaps.items() if f.left <= _TIE * best.left}
-    # the frame that needs least turning is the likelier, as most are roughly registered
+    # the smallest rotation of the frame is the most probable: most are roughly aligned
     order = sorted(ties, key=lambda pair: ties[pair].angle)
     named = order[:1]
     if len(order) > 1 and not (
@@ -196,7 +198,7 @@ def _order(motion: _Motion) -> TendonCheck:
 def _agreed(
     said: _Fit, swaps: dict[tuple[int, int], _Fit], mirrored: _Fit, turn: float
 ) -> tuple[Found, str, list[tuple[int, int]]]:
-    """What is found of an order that explains the motion, in words, and pairs that are doubted."""
+    """Result for a stated order that explains the motion: kind, message, and possible swaps."""
     how = "moves" if said.left < _GOOD else "roughly moves"
     text = (
         f"The tip {how} as the tendons say in this order: constant curvature leaves "
@@ -218,7 +220,7 @@ def _agreed(
 
 
 def _doubted_commands(motion: _Motion) -> str:
-    """A sentence where tensions or displacements are wrong by a factor, as from a wrong unit."""
+    """Warn if tensions or displacements are wrong by a factor, as from a wrong unit."""
     robot, m = motion.robot, motion.m
     bends = np.linalg.norm(motion.bends(), axis=2)
     if motion.by_displacement:
@@ -239,7 +241,7 @@ def _doubted_commands(motion: _Motion) -> str:
 
 
 def _doubted_displacements(robot: Robot, m: Measurements) -> str:
-    """The same of displacements alone, each by itself, where other tendons are given by tension."""
+    """Warn likewise of displacements one by one, where other tendons have tensions."""
     if m.tendon_count != len(robot.tendons.angle_rad) or np.isnan(m.displacements).all():
         return ""
     return _wound(robot, m, np.abs(m.displacements) / robot.tendons.pitch_radius_m)
@@ -247,7 +249,7 @@ def _doubted_displacements(robot: Robot, m: Measurements) -> str:
 
 def _wound(robot: Robot, m: Measurements, bends: Floats) -> str:
     bend = float(np.nanmax(bends))
-    if bend <= _TURN or _stretches(robot):
+    if bend <= _TURN or _is_elastic(robot):
         return ""
     return (
         f"{in_mm(float(np.nanmax(np.abs(m.displacements))))}, the largest displacement, would wind "
@@ -257,10 +259,10 @@ def _wound(robot: Robot, m: Measurements, bends: Floats) -> str:
 
 
 def _doubted_size(motion: _Motion) -> str:
-    """A sentence where the motion is several times larger or smaller than that of the robot file.
+    """Warn if the motion is several times larger or smaller than that of the robot file.
 
-    The same arcs are fitted to the measured motion and to that which the commands should make, by
-    geometry from displacements and by statics from tensions; their gains are compared.
+    The same arcs are fitted to the measured motion and to the expected one, by geometry from
+    displacements and by statics from tensions; their gains are compared.
     """
     robot, m, measured = motion.robot, motion.m, motion.measured
     reach = robot.length + float(np.linalg.norm(motion.tool))
@@ -278,7 +280,7 @@ def _doubted_size(motion: _Motion) -> str:
     if not bent.any() or max(_spread(measured), _spread(expected)) < still:
         return ""
     moved = _spread(measured) / max(_spread(expected), 1e-12 * still)
-    if moved > 1 / _LESS_BY_FAR:  # else too little moves to fit an arc to it
+    if moved > 1 / _LESS_BY_FAR:  # otherwise the motion is too small to fit an arc
         gains = [_best_gain(motion, bent, points) for points in (measured, expected)]
         if max(left for _, left in gains) > _POOR:
             return ""
@@ -303,17 +305,17 @@ def _doubted_size(motion: _Motion) -> str:
 
 
 def _expected(motion: _Motion) -> tuple[Floats, NDArray[np.int64]]:
-    """Where the tip should be, and of which rows that is known."""
+    """Expected tips, and the rows for which they are known."""
     from bowstring.statics import rod
     from bowstring.statics.load import Load
 
     arcs = motion.bends()
     rows = np.flatnonzero(np.linalg.norm(arcs, axis=2).max(axis=1) <= _TURN / 2)
-    if len(rows) < _FEWEST_ROWS or not arcs[rows].any():  # a wound robot tells less
+    if len(rows) < _FEWEST_ROWS or not arcs[rows].any():  # strong bends inform less
         rows = np.arange(len(arcs))
     some = np.linspace(0, len(rows) - 1, min(len(rows), _MOST_SOLVED)).round().astype(int)
     rows = rows[np.unique(some)]
-    if motion.by_displacement and not _stretches(motion.robot):
+    if motion.by_displacement and not _is_elastic(motion.robot):
         return motion.tips(arcs[rows]), rows
     load = Load(
         **{"displacements" if motion.by_displacement else "tensions": motion.commands[rows]}
@@ -326,15 +328,15 @@ def _expected(motion: _Motion) -> tuple[Floats, NDArray[np.int64]]:
     return motion.seen(found.tip_position[good], found.tip_rotation[good]), rows[good]
 
 
-def _stretches(robot: Robot) -> bool:
-    """Whether a displacement may go into the tendon or its transmission instead of into a bend."""
+def _is_elastic(robot: Robot) -> bool:
+    """Whether a tendon or its transmission is elastic and takes up a part of a displacement."""
     tendons = robot.tendons
     elastic = np.isfinite(tendons.axial_stiffness_N).any()
     return bool(elastic or tendons.compliance_m_per_N.any())
 
 
 def _best_gain(motion: _Motion, bends: Floats, measured: Floats) -> tuple[float, float]:
-    """Factor on all bends with which arcs explain the motion best, and the share left over."""
+    """Factor on all bends with the best fit of arcs to the motion, and the unexplained share."""
     largest = float(np.linalg.norm(bends, axis=2).max())
     if largest == 0 or _spread(measured) == 0:
         return 1.0, 1.0
@@ -365,16 +367,16 @@ def _swapped(count: int, pair: tuple[int, int]) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class _Motion:
-    """Actuation of a robot, and where the tip was (n, 3), in some of the rows."""
+    """Actuation of a robot and measured tips (n, 3), in some of the rows."""
 
     robot: Robot
     m: Measurements
     commands: Floats
-    """(n, T), displacements or tensions."""
+    """Displacements or tensions (n, T)."""
     by_tendon: Floats
-    """(2 S, T), bends of the segments by these, rad."""
+    """Derivatives (2 S, T) of the segments' bends by these, rad per m or N."""
     measured: Floats
-    """Tips; where no point is measured, directions of the tip."""
+    """Tips or, if no point is measured, directions of the tip."""
 
     @property
     def by_displacement(self) -> bool:
@@ -390,23 +392,23 @@ class _Motion:
 
     @property
     def size(self) -> float:
-        """What a motion is large or small beside."""
+        """Reference size of a motion."""
         return self.robot.length if self.with_tip else 1.0
 
     def bends(self, order: NDArray[np.int64] | None = None) -> Floats:
-        """Bend vectors of all segments (n, S, 2), rad, the tendons in some order.
+        """Bend vectors of all segments (n, S, 2), rad, for an order of the tendons.
 
-        By tension they are relative, the largest is a quarter turn.
+        Those by tension are relative; the largest is a quarter turn.
         """
         commands = self.commands if order is None else self.commands[:, order]
         return np.asarray((commands @ self.by_tendon.T).reshape(len(commands), -1, 2))
 
     def seen(self, position: Floats, rotation: Floats) -> Floats:
-        """What is measured (n, 3) of tips: the tool or the direction."""
+        """Measured quantity (n, 3) of tips: the tool's position or the direction."""
         return position + rotation @ self.tool if self.with_tip else rotation[..., 2]
 
     def tips(self, bends: Floats) -> Floats:
-        """What would be measured (n, 3) of segments in series that bend so."""
+        """Measured quantity (n, 3) of segments in series with given bends."""
         length = [segment.length for segment in self.robot.segments]
         x, y = np.moveaxis(bends, -1, 0)
         arcs = RobotArcs(self.robot, Arc(np.hypot(x, y) / length, np.arctan2(y, x), length))
@@ -414,7 +416,7 @@ class _Motion:
 
 
 def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
-    """Why it cannot be checked, and what moves how, as far as that is known."""
+    """Reason against a check, or "", and the motion as far as it is known."""
     if m.tendon_count == 0:
         return "the data have no command of any tendon", None
     if m.tendon_count != len(robot.tendons.angle_rad):
@@ -449,9 +451,9 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
 
 
 def _by_displacement(robot: Robot) -> Floats:
-    """(2 S, T): bends of the segments by displacements, least squares; tendons run parallel.
+    """Bends of the segments by displacements (2 S, T), least squares of Eq. 1.3 of docs/theory.
 
-    What lengthens or shortens a segment's tendons alike does not bend it.
+    A displacement that is common to all tendons of a segment does not bend it.
     """
     tendons, count = robot.tendons, len(robot.segments)
     rows = np.zeros((len(tendons.angle_rad), 3 * count))
@@ -462,7 +464,7 @@ def _by_displacement(robot: Robot) -> Floats:
 
 
 def _by_tension(robot: Robot) -> Floats:
-    """(2 S, T): bends of the segments by tensions, the linear law."""
+    """Bends of the segments by tensions (2 S, T), linear law (Eq. 1.7 of docs/theory)."""
     tendons = robot.tendons
     out = np.zeros((2 * len(robot.segments), len(tendons.angle_rad)))
     for j, segment in enumerate(robot.segments):
@@ -473,7 +475,7 @@ def _by_tension(robot: Robot) -> Floats:
 
 
 def _fit(motion: _Motion, bends: Floats, mirror: bool, gains: Sequence[float]) -> _Fit:
-    """The best of the gains, each with the rigid motion that fits it best."""
+    """Best of the gains, each with its best rigid motion."""
     largest = float(np.linalg.norm(bends, axis=2).max())
     if largest == 0:
         return _Fit(1.0, np.eye(3))
@@ -486,7 +488,7 @@ def _fit(motion: _Motion, bends: Floats, mirror: bool, gains: Sequence[float]) -
 
 
 def _capped(bends: Floats) -> float:
-    """Factor that leaves a bend at most: stiffness may be far from that of the file."""
+    """Factor that limits the largest bend, as the stiffness may differ much from the file's."""
     return min(1.0, 2.5 / max(float(np.linalg.norm(bends, axis=2).max()), 1e-300))
 
 
@@ -496,7 +498,7 @@ def _spread(points: Floats) -> float:
 
 
 def _rigid(predicted: Floats, measured: Floats) -> _Fit:
-    """The fit of the best rigid motion."""
+    """Fit the best rigid motion."""
     frame = align(predicted, measured)
     left = np.sqrt(((frame.apply(predicted) - measured) ** 2).sum(axis=1).mean())
     return _Fit(min(float(left) / _spread(measured), 1.0), frame.rotation)

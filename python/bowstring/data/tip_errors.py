@@ -1,4 +1,4 @@
-"""Errors of predicted tips against others: statistics over points, by axis, over the length."""
+"""Tip errors between two models: statistics over points and by axis."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ Array = NDArray[np.float64]
 @short_repr
 @dataclass(frozen=True)
 class Comparison:
-    """Tips of constant curvature against tips of physics."""
+    """Tips by constant curvature compared with those of the rod or a measurement."""
 
     name: str
     against: str
     length: float
     tip_position: Array
-    """(n, 3) by constant curvature, m; NaN where there is none."""
+    """Tips by constant curvature (n, 3), m; NaN where there is none."""
     difference: Array
-    """(n, 3) constant curvature minus physics, m."""
+    """Tip by constant curvature minus reference tip (n, 3), m."""
 
     @cached_property
     def error(self) -> Array:
@@ -40,7 +40,7 @@ class Comparison:
 
     @property
     def n(self) -> int:
-        """Number of points that both sides have."""
+        """Number of points with both tips."""
         return int(np.isfinite(self.error).sum())
 
     @property
@@ -55,7 +55,7 @@ class Comparison:
 
     @property
     def rms(self) -> float:
-        """Root mean square over points (never over coordinates), m."""
+        """Root mean square over points (not over coordinates), m."""
         return math.sqrt(known_mean(self.error**2))
 
     @property
@@ -70,11 +70,11 @@ class Comparison:
 
     @property
     def _by_axis(self) -> Array:
-        """Absolute errors (3, n) of points that both sides have."""
+        """Absolute errors (3, n) of points with both tips."""
         return np.asarray(np.abs(self.difference[np.isfinite(self.error)]).T)
 
     def to_dict(self) -> schema.Comparison:
-        """The comparison in mm and percent."""
+        """Return the statistics in mm and percent."""
         return {
             "name": self.name,
             "against": self.against,
@@ -88,12 +88,12 @@ class Comparison:
 
 
 def known_mean(values: Array) -> float:
-    """Mean of the values that are finite; NaN if none is."""
+    """Mean of the finite values; NaN without any."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if known.size else math.nan
 
 
 def known_max(values: Array) -> float:
-    """Largest of the values that are finite; NaN if none is."""
+    """Largest of the finite values; NaN without any."""
     known = values[np.isfinite(values)]
     return float(known.max()) if known.size else math.nan

@@ -1,7 +1,6 @@
-"""Actuation: tensions, tendon displacements and motor angles; where a path has come to.
+"""Actuation: tensions, tendon displacements and motor angles; path and history.
 
-A displacement is the length that an actuator has taken in since the home pose, in m; negative if it
-is paid out.
+A tendon displacement is counted from the home pose, in m, positive where the tendon is shortened.
 """
 
 from __future__ import annotations

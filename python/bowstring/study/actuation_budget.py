@@ -1,4 +1,4 @@
-"""The error budget of actuation: friction at the holes, elastic tendons, displacement control.
+"""Error budget of actuation: friction at the holes, elastic tendons, displacement control.
 
 Two kinds of control of the actuated tendon, each compared with itself without the effects:
 
@@ -7,11 +7,11 @@ Two kinds of control of the actuated tendon, each compared with itself without t
   inextensible tendons, with elastic ones, and with elastic ones and friction, loading and
   unloading.
 
-With friction the pose depends on the path, so both are followed step by step. Friction that
-was calibrated to measurements is taken before that of the robot file. A file that gives no friction
-or no elasticity is studied with a stated assumption, to show what it would be worth; it is marked
-as assumed wherever it shows. The assumed elasticity follows from the diameter and the material of
-the tendon, or from the robot's size; where that makes no tendon, its row is left out.
+With friction the pose depends on the path, so both are solved step by step. Calibrated friction
+takes precedence over that of the robot file. If the file gives no friction or no elasticity, a
+stated value is assumed to show its effect; it is marked as assumed in all output. The assumed
+elasticity follows from the diameter and the material of the tendon, or from the size of the robot;
+if that gives no realistic tendon, the row is left out.
 """
 
 from __future__ import annotations
@@ -53,16 +53,16 @@ Control = Literal["tension", "displacement"]
 Source = Literal["file", "calibrated", "assumed", "left_out"]
 
 ASSUMED_FRICTION: Final = 0.1
-"""Of tendons for which the file gives none: the order of a steel cable in a smooth or greased hole
-(dry steel on plastic or steel is above it, a PTFE liner below)."""
-_SLENDER: Final = 48.0  # pitch radii to a tendon's diameter: 0.6 mm for the study's robot
-_THINNEST, _THICKEST = 2e-5, 5e-3  # m: tendons that are made; beyond them the size tells none
-_MATERIAL: Final = "steel"  # where the file says none
-_SURPLUS: Final = 0.01  # of the length: by how much more than needed the other tendons are paid out
-_STEPS: Final = 40  # at least so many, up and again down
+"""Assumed friction coefficient: typical of a steel cable in a smooth or greased hole (dry steel on
+plastic or steel is above it, a PTFE liner below)."""
+_SLENDER: Final = 48.0  # pitch radius over assumed tendon diameter: 0.6 mm for the study's robot
+_THINNEST, _THICKEST = 2e-5, 5e-3  # m; range of realistic tendon diameters
+_MATERIAL: Final = "steel"  # default of the robot file
+_SURPLUS: Final = 0.01  # slack of the other tendons over length
+_STEPS: Final = 40  # least number of steps for loading, and for unloading
 
 COMMANDED: Final = "cc_from_commanded_lengths"
-"""Constant curvature from the lengths that the spools command, l0 - displacement."""
+"""Comparison: constant curvature from the commanded lengths, l0 - displacement."""
 
 
 # -- what is computed --------------------------------------------------------------------------
@@ -71,26 +71,26 @@ COMMANDED: Final = "cc_from_commanded_lengths"
 @short_repr
 @dataclass(frozen=True)
 class ActuationRow:
-    """One effect of actuation, beside the same commands without it."""
+    """One effect of actuation, compared with the same commands without it."""
 
     effect: str
     label: str
     control: Control
     assumed: tuple[str, ...]
-    """What of it the robot file does not give: ``"friction"``, ``"elasticity"``."""
+    """Assumed properties: ``"friction"``, ``"elasticity"``."""
     case: Case
     base: Case
-    """The same commands on inextensible tendons without friction."""
+    """Case with the same commands on inextensible tendons without friction."""
 
     @property
     def short_label(self) -> str:
-        """For narrow tables: without the control and what is in brackets."""
+        """Label for narrow tables, without the control and text in brackets."""
         label = re.sub(r" \([^)]*\)", "", self.label).removeprefix("displacement control, ")
         return label.replace("elastic tendons,", "elastic,")
 
     @property
     def moved(self) -> float:
-        """How far the effect moves the robot's own tip, mean, m."""
+        """Mean displacement of the robot's tip by the effect, m."""
         return known_mean(np.linalg.norm(self.case.tip_position - self.base.tip_position, axis=-1))
 
     @property
@@ -100,16 +100,16 @@ class ActuationRow:
         return int(both.all(axis=-1).sum())
 
     def mean_error(self, case: Case) -> float:
-        """Of constant curvature from force, or for displacements from the commanded lengths, m."""
+        """Mean error of constant curvature, from force or from the commanded lengths, m."""
         return case.comparisons["cc_from_force" if self.control == "tension" else COMMANDED].mean
 
     @property
     def exceeds(self) -> bool:
-        """Whether it moves the tip by more than constant curvature's own error, of the means."""
+        """Whether the mean displacement exceeds the mean error of constant curvature."""
         return self.moved > self.mean_error(self.base)
 
     def to_dict(self) -> schema.TensionEffect | schema.DisplacementEffect:
-        """The row in mm and percent."""
+        """Return plain values in mm and percent."""
         found = {
             "effect": self.effect,
             "label": self.label,
@@ -124,18 +124,18 @@ class ActuationRow:
 @short_repr
 @dataclass(frozen=True)
 class Loop:
-    """Up to the largest command and down again: the hysteresis of the tip."""
+    """Loading to the largest command and unloading: the hysteresis of the tip."""
 
     control: Control
     command: Array
-    """(n,) tension in N or displacement in m of the actuated tendon."""
+    """Tension (N) or displacement (m) of the actuated tendon (n,)."""
     free: Array
-    """(n, 3) tip without friction and stretch, m."""
+    """Tip without friction and tendon elasticity (n, 3), m."""
     loading: Array
     unloading: Array
-    """(n, 3), m, both in the order of `command`."""
+    """Tips in unloading (n, 3), m; as in loading, in the order of `command`."""
     constant_curvature: Array
-    """(n, 3), m, from the force or from the commanded lengths."""
+    """Tip by constant curvature from force or from the commanded lengths (n, 3), m."""
     length: float
 
     @property
@@ -145,17 +145,17 @@ class Loop:
 
     @property
     def width(self) -> float:
-        """The largest of them, m."""
+        """Largest of these distances, m."""
         return known_max(self.apart)
 
     @property
     def widest_at(self) -> float:
-        """The command there, N or m."""
+        """Command of the largest distance, N or m."""
         known = np.isfinite(self.apart)
         return float(self.command[np.nanargmax(self.apart)]) if known.any() else math.nan
 
     def to_dict(self) -> schema.TensionHysteresis | schema.DisplacementHysteresis:
-        """The loop in N or mm, mm and percent."""
+        """Return plain values in N or mm, mm and percent."""
         loop: schema.Hysteresis = {
             "width_mm": self.width * 1e3,
             "width_percent": self.width / self.length * 100.0,
@@ -182,53 +182,53 @@ class Loop:
 @short_repr
 @dataclass(frozen=True)
 class ActuationBudget:
-    """What friction, elastic tendons and displacement control do to constant curvature's error."""
+    """Effects of friction, elastic tendons and displacement control on constant curvature."""
 
     friction: float
-    """Of the actuated tendon."""
+    """Friction coefficient of the actuated tendon."""
     friction_is: Source
-    """Where it comes from: the robot file, the calibration to measurements, or an assumption."""
+    """Source of the friction: robot file, calibration, or assumption."""
     axial_stiffness: float
-    """E A of the actuated tendon, N; infinite if only its transmission gives branch."""
+    """E A of the actuated tendon, N; infinite if only its transmission is compliant."""
     compliance: float
-    """Of its transmission, m/N."""
+    """Compliance of its transmission, m/N."""
     free_length: float
     elasticity_is: Source
-    """``"left_out"`` where nothing tells an E A."""
+    """Source of the elasticity; ``"left_out"`` without any value of E A."""
     elasticity_by: str
-    """What an assumed E A follows from, or why there is none."""
+    """Basis of an assumed E A, or reason why there is none."""
     displacement: Array
-    """(n,) commanded displacement of the actuated tendon at the loads of the sweep, m."""
+    """Commanded displacement of the actuated tendon at the loads of the sweep (n,), m."""
     tension_controlled: Case
-    """Tensions without friction: the main sweep."""
+    """Case of tension control without friction: the main sweep."""
     displacement_controlled: Case
-    """Displacements of inextensible tendons without friction."""
+    """Case of displacement control with inextensible tendons without friction."""
     rows: tuple[ActuationRow, ...]
     loops: tuple[Loop, Loop]
-    """Tension control, displacement control."""
+    """Loops of tension control and displacement control."""
     notes: tuple[str, ...]
     text: tuple[str, ...]
 
     @property
     def assumptions(self) -> tuple[str, ...]:
-        """What the file does not give and is assumed here."""
+        """Assumed properties in words."""
         out = [f"friction {self.friction:g}"] * self.friction_assumed
         stretch = f"{_elasticity(self.axial_stiffness, 0.0)} ({self.elasticity_by})"
         return (*out, *[stretch] * self.elasticity_assumed)
 
     @property
     def friction_assumed(self) -> bool:
-        """Whether the file gives no friction, and no measurements did."""
+        """Whether friction is assumed, given neither by the file nor by measurements."""
         return self.friction_is == "assumed"
 
     @property
     def elasticity_assumed(self) -> bool:
-        """Whether the file gives no elasticity, and one is assumed."""
+        """Whether elasticity is assumed because the file gives none."""
         return self.elasticity_is == "assumed"
 
     @property
     def origins(self) -> tuple[str, ...]:
-        """Where what the robot file does not say comes from, in sentences without a full stop."""
+        """Sources of values outside the robot file, in sentences without a full stop."""
         out = []
         if self.friction_is == "calibrated":
             out.append(f"calibrated to the data: friction {self.friction:.4g}")
@@ -239,11 +239,11 @@ class ActuationBudget:
         return tuple(out)
 
     def row(self, effect: str) -> ActuationRow:
-        """The row of that effect."""
+        """Return the row of an effect."""
         return next(row for row in self.rows if row.effect == effect)
 
     def to_dict(self) -> schema.ActuationBudget:
-        """The budget of actuation in mm and percent."""
+        """Return plain values in mm and percent."""
         return {
             "friction": self.friction,
             "friction_is": self.friction_is,
@@ -272,17 +272,17 @@ class ActuationBudget:
 def actuation_budget(
     model: Model, tension: Array, sweep: Case, calibrated: Robot | None = None
 ) -> ActuationBudget:
-    """What actuation does to the error of constant curvature.
+    """Compute the error budget of actuation.
 
     Parameters
     ----------
     model : Model
     tension : array (n,)
-        Loads of the actuated tendon, rising in even steps, N.
+        Loads of the actuated tendon, increasing in equal steps, N.
     sweep : Case
-        The main sweep at these loads.
+        Main sweep at these loads.
     calibrated : Robot, optional
-        The same robot with the friction that measurements gave it.
+        Robot with calibrated friction.
 
     Returns
     -------
@@ -310,7 +310,7 @@ def actuation_budget(
     displacements = np.concatenate((commanded.displacements, commanded.displacements[-2::-1]))
 
     def solved(robot: Robot, load: Load) -> tuple[_Branch, _Branch]:
-        """Loading and unloading, both in the order of rising commands."""
+        """Solve loading and unloading, both in the order of increasing commands."""
         load = load.replace(gravity=model.main.gravity)
         path = rod.sweep(robot, load=load, model=model.main.model, disks=False)
         up = np.arange(len(there))
@@ -335,7 +335,7 @@ def actuation_budget(
     stretched, _ = by_displacement(elastic)
     loaded, released = by_displacement(both)
     base = case(stiff, "displacement")
-    taut = any(commanded.fights(branch) for branch in (stiff, stretched, loaded, released))
+    taut = any(commanded.conflicts(branch) for branch in (stiff, stretched, loaded, released))
 
     mu = both.tendons.friction[t]
     stiffness = float(both.tendons.axial_stiffness_N[t])
@@ -398,7 +398,7 @@ def actuation_budget(
 
 
 def _with_friction(model: Model, calibrated: Robot | None) -> tuple[Robot, Source]:
-    """The robot with the friction that is shown, and the source of the friction."""
+    """Robot with friction for the budget, and the source of the friction."""
     robot = model.given_robot
     if calibrated is not None:
         changes = {}
@@ -414,21 +414,21 @@ def _with_friction(model: Model, calibrated: Robot | None) -> tuple[Robot, Sourc
 
 
 def assumed_stiffness(robot: Robot, tendon: int) -> tuple[float | None, str]:
-    """The E A of a tendon whose file gives none, and what it follows from.
+    """Assumed axial stiffness of a tendon, and its source.
 
     Parameters
     ----------
     robot : Robot
     tendon : int
-        From 0.
+        Index from 0.
 
     Returns
     -------
     stiffness : float or None
-        In N, to two digits: of a tendon of its diameter and material, else of a steel tendon as
-        thick as the robot's size lets expect. None where no such tendon is made.
+        E A in N, to two digits: from diameter and material of the tendon, else of a steel tendon
+        with a diameter derived from the robot's size. None if that diameter is not realistic.
     by : str
-        What it follows from, or why there is none.
+        Source of the value, or reason why there is none.
     """
     material = [t for s in robot.segments for t in s.tendon_list][tendon].material
     diameter = float(robot.tendons.diameter_m[tendon])
@@ -446,33 +446,34 @@ def assumed_stiffness(robot: Robot, tendon: int) -> tuple[float | None, str]:
 
 
 class _Commanded:
-    """What the spools command: the lengths of the arcs that the linear law gives at these loads.
+    """Commanded tendon lengths: those of the arcs of the linear law at the loads of the sweep.
 
-    In gravity, where it bends far more than the robot does, up to about the robot's own bend.
+    In gravity, where the linear law bends far more than the robot, they end at about the robot's
+    own bend.
     """
 
     def __init__(self, model: Model, tension: Array) -> None:
         robot = model.robot
         arcs = RobotArcs.from_tensions(robot, model.tensions(model.arc_scale * tension))
         self.tip = arcs.tip.position
-        """(n, 3) that constant curvature means by these lengths, m."""
+        """Tip by constant curvature from these lengths (n, 3), m."""
         self.lengths = arcs.lengths()
         straight = robot.disks.station_m[robot.tendons.end_disk]
-        # A tendon with pretension is meant to stay taut; one without is given room, so that it
-        # stays slack and does not act against the actuated one where the arc is wrong.
+        # A tendon with pretension should stay taut. One without gets a surplus length, so that it
+        # stays slack and does not act against the actuated one where the arc is inaccurate.
         slack = robot.tendons.pretension_N == 0.0
         slack[model.shares > 0.0] = False
         self._others = np.flatnonzero(slack)
         self._nothing = 1e-12 * robot.length
         self.displacements = straight - self.lengths - _SURPLUS * robot.length * slack
 
-    def fights(self, branch: _Branch) -> bool:
-        """Whether a tendon that should be slack is taut somewhere."""
+    def conflicts(self, branch: _Branch) -> bool:
+        """Whether a tendon that should be slack is taut at some command."""
         return bool(np.any(branch.slack[:, self._others] <= self._nothing))
 
 
 class _Branch:
-    """Loading or unloading of a path, in the order of rising commands, thinned by a step."""
+    """Loading or unloading of a path, in the order of increasing commands, every k-th step."""
 
     def __init__(self, path: Sweep, order: NDArray[np.int64], every: int) -> None:
         self.path_tip = path.tip_position[order]
@@ -585,7 +586,7 @@ def _in_words(
 def _notes(
     model: Model, friction: Source, elasticity: Source, by: str, stiffness: float
 ) -> tuple[str, ...]:
-    """What is not of the robot file, and where it comes from."""
+    """Notes on values outside the robot file and their sources."""
     out = []
     if friction == "assumed":
         out.append(
@@ -618,11 +619,11 @@ def _notes(
 
 
 def _path_notes(model: Model, steps: int, taut: bool) -> tuple[str, ...]:
-    """How the paths are made, and how to read them."""
+    """Notes on the paths and their interpretation."""
     actuated = np.flatnonzero(model.shares) + 1
-    wound = f"Tendon {actuated[0]} is wound up to its length"
+    wound = f"Tendon {actuated[0]} is shortened to its length"
     if len(actuated) > 1:
-        wound = f"Tendons {listed([str(t) for t in actuated])} are wound up to their lengths"
+        wound = f"Tendons {listed([str(t) for t in actuated])} are shortened to their lengths"
     out = [
         "Actuation: the physics is that of the main sweep. 'Change' and 'tip moves' "
         "compare with the same commands on inextensible tendons without friction.",
@@ -631,8 +632,8 @@ def _path_notes(model: Model, steps: int, taut: bool) -> tuple[str, ...]:
         "Friction can also lower constant curvature's error: during loading it reduces the bend, "
         "and a law that bends the robot too little then has a smaller error.",
         "Displacements: the linear law makes an arc of each tension of the sweep, and the inverse "
-        f"of Eq. 5 makes tendon lengths of the arc. {wound}, the others are paid out to theirs and "
-        f"{_SURPLUS * 100:g} % of the robot's length more, so that they stay slack; a "
+        f"of Eq. 5 makes tendon lengths of the arc. {wound}, the others are lengthened to theirs "
+        f"and {_SURPLUS * 100:g} % of the robot's length more, so that they stay slack; a "
         "tendon with a pretension in the file gets no surplus. Constant curvature's tip is that of "
         "the lengths without the surplus.",
     ]

@@ -1,10 +1,9 @@
-"""The robot and its base frame as the measurements have them: the calibration that a study makes.
+"""Calibration of the robot and its base frame in a study.
 
-A study calibrates few things, the same for every robot: stiffness (or the gain of the
-displacements), friction and the base frame. `bowstring.fit`, which does it, can do more. A robot
-whose file has no gravity was still measured on Earth, and one whose base stands askew feels
-gravity askew: gravity is tried as well, and taken over only if it explains clearly more and can be
-gravity.
+A study calibrates few parameters, the same for every robot: stiffness (or the gain of the
+displacements), friction and the base frame, by `bowstring.fit`. A robot whose file has no gravity
+was still measured on Earth, and a tilted base changes the direction of gravity. Gravity is
+therefore fitted as well, and accepted only if it explains clearly more and is plausible.
 """
 
 from __future__ import annotations
@@ -39,35 +38,35 @@ __all__ = ["ArcCalibration", "StudyCalibration", "calibrate", "calibrate_arc", "
 Array = NDArray[np.float64]
 GravityFrom = Literal["file", "assumed", "calibrated"]
 
-_EARTHLY: Final = 0.03  # of standard gravity, beside four standard errors
-_MOST_SLOW: Final = 1200  # rows times tendons on which friction and gravity are fitted, in seconds
-_ASKEW: Final = 2.0  # deg, by which a base may stand beside what its file says
+_EARTHLY: Final = 0.03  # deviation over standard gravity, in addition to four standard errors
+_MOST_SLOW: Final = 1200  # rows times tendons up to which friction and gravity are fitted
+_ASKEW: Final = 2.0  # deg; plausible tilt of a base
 _BASE: Final = ("x", "y", "z", "rx", "ry", "rz")
-_GAINS: Final = (1.0, 0.3, 0.1)  # of constant curvature, from which its fit is started
+_GAINS: Final = (1.0, 0.3, 0.1)  # initial gains of the fit of constant curvature
 
 
 @short_repr
 @dataclass(frozen=True, eq=False)
 class StudyCalibration:
-    """A robot, its actuation and its base frame by measurements."""
+    """Calibrated robot, actuation and base frame."""
 
     robot: Robot
-    """With the calibrated numbers of the robot file."""
+    """Calibrated robot."""
     gain: float
-    """Of the commands, where it was calibrated; else 1."""
+    """Gain of the commands; 1 if not calibrated."""
     frame: Rigid
     """Measuring frame to base frame."""
     point: Array
-    """(K, 3), the measured point by the calibrated robot, m, base frame."""
+    """Measured point by the calibrated robot (K, 3), m, base frame."""
     fit: Fit
     gravity: GravityFrom = "file"
-    """Where the gravity of `robot` comes from."""
+    """Source of the gravity of `robot`."""
     other_load: bool = False
-    """Whether a constant load that is not gravity would explain the data clearly better."""
+    """Whether a constant load other than gravity would explain the data clearly better."""
     notes: tuple[str, ...] = field(default=())
 
     def to_dict(self) -> schema.StudyCalibrationNumbers:
-        """Parameters with standard errors, and how the fit ended."""
+        """Return parameters with standard errors, and the message of the fit."""
         found = self.fit.to_dict()
         return {
             "converged": found["converged"],
@@ -84,7 +83,7 @@ class StudyCalibration:
 
 
 def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.0) -> Sweep:
-    """The robot's answer to the commands of all rows; each recording is a path with friction.
+    """Solve the commands of all rows; with friction each recording is a path.
 
     Parameters
     ----------
@@ -92,7 +91,7 @@ def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.
     data : Measurements
     theory : {"cosserat", "kirchhoff"}
     gain : float
-        Of the commands.
+        Gain of the commands.
     """
     tables = (data.tensions, data.displacements)
     given = [None if np.isnan(values).all() else gain * values for values in tables]
@@ -117,7 +116,7 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibrat
     ----------
     robot : Robot
     data : Measurements
-        With tips; rows in the order in which they were taken.
+        Measurements with tips; rows in the order of measurement.
     theory : {"cosserat", "kirchhoff"}
 
     Returns
@@ -133,7 +132,7 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibrat
     names = ["gain"] if by_displacement else _stiffness(robot)
     few = len(data) * data.tendon_count <= _MOST_SLOW
     friction = _friction(robot) if few else []
-    found, notes = _without_the_untold(robot, data, [*names, *friction, "base"], theory, friction)
+    found, notes = _identifiable(robot, data, [*names, *friction, "base"], theory, friction)
     if not few:
         notes.append(
             f"With more than {_MOST_SLOW} commands (rows times tendons) a study holds friction and "
@@ -160,14 +159,14 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibrat
 
 @dataclass(frozen=True, eq=False)
 class ArcCalibration:
-    """Constant curvature by measurements: gains on the bend, and the base frame they go with."""
+    """Calibrated constant curvature: gains on the bend, with their base frame."""
 
     gains: dict[str, float]
-    """On the bend of the robot or of each segment, by name."""
+    """Gains on the bend of the robot or of each segment, by name."""
     frame: Rigid
     """Measuring frame to base frame."""
     point: Array
-    """(K, 3), the measured point, m, base frame."""
+    """Measured point by the model (K, 3), m, base frame."""
     converged: bool
     message: str
 
@@ -176,16 +175,16 @@ def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) 
     """Calibrate constant curvature: a gain on the bend of each segment.
 
     From force where tendons are tension-controlled, from lengths where they are
-    displacement-controlled. In gravity
-    the linear law can bend the robot ten times too much, and the least squares have local minima:
-    the fit is started from several gains, and the one with the least error is taken.
+    displacement-controlled. In gravity the linear law can bend the robot ten times too much, and
+    the least-squares problem has local minima: the fit starts from several gains and returns the
+    best.
 
     Parameters
     ----------
     robot : Robot
     data : Measurements
     frame : Rigid, optional
-        Measuring frame to base frame, held; if not given, it is fitted together with the gains.
+        Fixed motion from measuring frame to base frame; by default it is fitted with the gains.
 
     Returns
     -------
@@ -194,7 +193,7 @@ def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) 
     Raises
     ------
     InputError, NoSolutionError
-        If the data do not suffice, or constant curvature has no answer to them.
+        If the data do not suffice, or constant curvature has no arcs for them.
     """
     names = ["bend_gain.segments" if len(robot.segments) > 1 else "bend_gain"]
     held: dict[str, float] = {}
@@ -227,7 +226,7 @@ def _frame(found: Fit) -> Rigid:
 
 
 def _stiffness(robot: Robot) -> list[str]:
-    """One number where all segments have the same."""
+    """Names of the stiffness parameters: one if all segments have the same value."""
     values = {segment.backbone.E for segment in robot.segments}
     if len(values) == 1:
         return ["segments.*.backbone.E"]
@@ -244,10 +243,10 @@ def _fit(robot: Robot, data: Measurements, names: list[str], theory: Theory) -> 
     return fit(robot, data, names, model=RodModel(theory))
 
 
-def _without_the_untold(
+def _identifiable(
     robot: Robot, data: Measurements, names: list[str], theory: Theory, optional: list[str]
 ) -> tuple[Fit, list[str]]:
-    """The fit, without friction where the data cannot tell it from other parameters."""
+    """Fit, without friction if it is correlated with other parameters."""
     found = _fit(robot, data, names, theory)
     not_identifiable = {name for group in found.not_identifiable for name in group}
     drop = [name for name in optional if name in not_identifiable]
@@ -262,7 +261,7 @@ def _without_the_untold(
 
 
 def _with_gravity(robot: Robot, data: Measurements, plain: Fit, theory: Theory) -> Fit | None:
-    """The fit with gravity, if that explains clearly more."""
+    """Fit with gravity, if that explains clearly more."""
     names = [*plain.names, *(f"gravity.{i}" for i in range(3))]
     try:
         richer = _fit(robot, data, names, theory)
@@ -274,7 +273,7 @@ def _with_gravity(robot: Robot, data: Measurements, plain: Fit, theory: Theory) 
 def _weighed(
     robot: Robot, data: Measurements, plain: Fit, richer: Fit, theory: Theory
 ) -> tuple[Fit, GravityFrom, bool, list[str]]:
-    """Which fit to take where gravity explains more; whether another load acts; and why."""
+    """Select a fit where gravity explains more; also whether another load acts, and notes."""
     real, like = _is_gravity(robot, richer)
     if any(robot.gravity):
         if real:
@@ -317,7 +316,7 @@ def _weighed(
 
 
 def _is_gravity(robot: Robot, richer: Fit) -> tuple[bool, str]:
-    """Whether the gravity that was fitted can be gravity, and what it is like."""
+    """Whether the fitted gravity is plausible, and its description."""
     vector, covariance = _gravity(richer)
     size = max(float(np.linalg.norm(vector)), 1e-9)
     error = _spread(covariance, vector)
@@ -345,7 +344,7 @@ def _is_gravity(robot: Robot, richer: Fit) -> tuple[bool, str]:
 def _standing(
     robot: Robot, data: Measurements, plain: Fit, like: Array, theory: Theory
 ) -> Fit | None:
-    """The fit in Earth's gravity, standing, hanging or lying; None if squares do not halve."""
+    """Fit in Earth's gravity, upright, hanging or horizontal; None if squares do not halve."""
     axis = np.array([0.0, 0.0, 1.0])
     upright = abs(like[2]) > math.sqrt(0.5) * float(np.linalg.norm(like))
     way = like * (axis if upright else 1.0 - axis)
@@ -358,7 +357,7 @@ def _standing(
 
 
 def _clearly_better(plain: Fit, richer: Fit) -> bool:
-    """Whether more parameters explain more than chance would, by the F test."""
+    """Whether more parameters explain significantly more, by the F test."""
     if not richer.converged or richer.not_identifiable:
         return False
     before, after = _squares(plain), _squares(richer)
@@ -374,14 +373,16 @@ def _squares(found: Fit) -> float:
 
 
 def _gravity(found: Fit) -> tuple[Array, Array]:
-    """The fitted gravity (3,), m/s^2, and its covariance (3, 3)."""
+    """Fitted gravity (3,), m/s^2, and its covariance (3, 3)."""
     place = [found.names.index(f"gravity.{i}") for i in range(3)]
     vector = np.array([found.estimates[i].value for i in place])
     errors = np.array([found.estimates[i].standard_error for i in place])
     return vector, found.correlation[np.ix_(place, place)] * np.outer(errors, errors)
 
 
-def _spread(covariance: Array, way: Array) -> float:
-    """Standard error along a way."""
-    size = float(np.linalg.norm(way))
-    return math.sqrt(max(float(way @ covariance @ way), 0.0)) / size if size > 0.0 else 0.0
+def _spread(covariance: Array, direction: Array) -> float:
+    """Standard error along a direction."""
+    size = float(np.linalg.norm(direction))
+    return (
+        math.sqrt(max(float(direction @ covariance @ direction), 0.0)) / size if size > 0.0 else 0.0
+    )

@@ -1,8 +1,8 @@
-"""Constant curvature beside physics: one set of physical assumptions, and the tip error in it.
+"""Comparison of constant curvature with the rod under one set of physical assumptions.
 
-Constant curvature always belongs to the nominal robot of the file and is fed as its name says, with
-the lengths that this physics gives or with the force; the physics may differ from the nominal robot
-in what `Physics` lists.
+Constant curvature always uses the nominal robot of the file. Its input is, by the name of the
+comparison, the tendon lengths of the rod or the force. The rod may differ from the nominal robot in
+the fields of `Physics`.
 """
 
 from __future__ import annotations
@@ -52,20 +52,20 @@ COMPARISONS: Final = {
     "cc_from_lengths_chord": "from lengths, chords",
     "cc_from_force_arm": "from force, mean arm",
 }
-"""Names of the comparisons and what people call them."""
+"""Names of the comparisons and their labels."""
 
 
 def short(label: str) -> str:
-    """A label for narrow tables and figures."""
+    """Shorten a label for narrow tables and figures."""
     label = re.sub(r" \(.*\)|, not a continuous tendon", "", label)
     return label.replace(", as the robot file has it", " as in the file")
 
 
 FROM_FORCE: Final = ("cc_from_force", "cc_from_force_arm")
-"""Those that are fed with tensions; the others are fed with tendon lengths."""
+"""Comparisons from tensions; the others are from tendon lengths."""
 
 MEANINGS: Final = ("cc_from_lengths", "cc_from_force")
-"""Those that budget and verdict are about: constant curvature uncorrected."""
+"""Comparisons of budget and verdict: constant curvature without correction."""
 
 
 # -- what is computed --------------------------------------------------------------------------
@@ -74,13 +74,13 @@ MEANINGS: Final = ("cc_from_lengths", "cc_from_force")
 @short_repr
 @dataclass(frozen=True)
 class Physics:
-    """One set of physical assumptions; the defaults are the baseline."""
+    """Set of physical assumptions; the defaults are the baseline."""
 
     tendon: Literal["straight", "continuous"] = "continuous"
     theory: Theory = "kirchhoff"
     twist: bool = False
     clamped: Literal["none", "file", "budget"] = "none"
-    """Backbone held by the disks: none, as the file says, or as the budget assumes."""
+    """Clamped length: none, that of the file, or the assumption of the budget."""
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     tip_force: tuple[float, float, float] = (0.0, 0.0, 0.0)
     stiffness: float = 1.0
@@ -88,23 +88,23 @@ class Physics:
 
     @property
     def model(self) -> RodModel:
-        """Its rod."""
+        """Model of the rod."""
         return RodModel(self.theory, self.tendon, self.twist)
 
     @property
     def load(self) -> Load:
-        """Its gravity and tip force."""
+        """Gravity and tip force."""
         return Load(gravity=self.gravity, tip_force=self.tip_force)
 
 
 @short_repr
 @dataclass(frozen=True)
 class Case:
-    """One set of physics, and what it makes of constant curvature's error."""
+    """Rod under one set of assumptions, and the errors of constant curvature against it."""
 
     physics: Physics
     problem: str | None
-    """Why it has no numbers, or not at all loads."""
+    """Reason if numbers are missing at some or all loads."""
     tip_position: Array
     """(n, 3), m."""
     comparisons: dict[str, Comparison]
@@ -114,7 +114,7 @@ class Case:
         return self.comparisons[meaning].error
 
     def to_dict(self, base: Case | None = None) -> Any:  # its keys depend on the comparisons
-        """The case in mm and percent; with `base`, also the change from it at common points."""
+        """Return plain values in mm and percent; with `base`, also the change at common points."""
         out: dict[str, Any] = {"problem": self.problem}
         for name, comparison in self.comparisons.items():
             entry = comparison.to_dict()
@@ -143,7 +143,7 @@ class Case:
 
 
 def arcs_of(robot: Robot, name: str, commands: Array) -> RobotArcs:
-    """Constant curvature as a comparison has it, of tensions (..., T) or of tendon lengths."""
+    """Arcs of a comparison from tensions or tendon lengths (..., T)."""
     if name in FROM_FORCE:
         law: Literal["linear", "arm"] = "linear" if name == "cc_from_force" else "arm"
         return RobotArcs.from_tensions(robot, commands, law)
@@ -153,10 +153,9 @@ def arcs_of(robot: Robot, name: str, commands: Array) -> RobotArcs:
 def points_by_arcs(
     robot: Robot, name: str, commands: Array, tool: Array | None = None
 ) -> tuple[Array, str]:
-    """Points (n, 3) by constant curvature, m: the tip, or what `tool` says in the tip's axes.
+    """Points (n, 3) by constant curvature, m: the tip, or `tool` in the tip's axes.
 
-    All rows at once, or one by one where some have no arc; these are NaN. Also why the last of
-    them has none.
+    Rows without an arc are NaN; also returned is the reason of the last of them.
     """
     out, reason = np.full((len(commands), 3), math.nan), ""
 
@@ -177,26 +176,25 @@ def points_by_arcs(
 
 
 class Model:
-    """Robot, actuated tendons and theory, and what all parts of the study ask of them.
+    """Robot, actuated tendons and theory, with common computations of a study.
 
     Parameters
     ----------
     robot : Robot
     tendon : int
-        Index of the tendon that has the whole tension of the sweep, from 0.
+        Index, from 0, of the tendon that has the whole tension of the sweep.
     theory : {"cosserat", "kirchhoff"}
     shares : sequence of float, optional
-        Share (T,) of the sweep's tension that each tendon has, from 0 to 1; that tendon alone if
-        not given.
+        Share (T,) of the sweep's tension in each tendon, from 0 to 1; by default `tendon` alone.
     """
 
     def __init__(
         self, robot: Robot, tendon: int, theory: Theory, shares: Sequence[float] | None = None
     ) -> None:
         self.given_robot = robot
-        """As the file has it, with the friction of its tendons."""
+        """Robot of the file, with friction."""
         self.robot = with_tendons(robot, {"friction": 0.0})
-        """Without friction, which the main sweep, its dynamics and the verdict leave out."""
+        """Robot without friction, for main sweep, dynamics and verdict."""
         self.tendon = tendon
         """Index of the actuated tendon, from 0; of several, the one with the whole tension."""
         self.shares = np.zeros(len(robot.tendons.segment))
@@ -205,11 +203,11 @@ class Model:
         if shares is not None:
             self.shares[:] = shares
         self.arc_scale = 1.0
-        """Share of the linear law's bend to which geometric sweep and commanded lengths go."""
+        """Share of the linear law's bend at the end of geometric sweep and commanded lengths."""
         self.length = robot.length
         angle = self._angle()
         self.towards = (math.cos(angle), math.sin(angle), 0.0)
-        """The way the actuated tendon bends the robot."""
+        """Direction in which the actuated tendons bend the robot."""
         self.across = (-math.sin(angle), math.cos(angle), 0.0)
         self.main = Physics(
             tendon="straight",
@@ -218,7 +216,7 @@ class Model:
             clamped="file",
             gravity=robot.gravity,
         )
-        """The physics of the main sweep."""
+        """Assumptions of the main sweep."""
         self._variants: dict[tuple[str, float], Robot] = {}
 
     def tensions(self, tension: Array) -> Array:
@@ -227,30 +225,30 @@ class Model:
 
     @cached_property
     def linear_bend(self) -> Array:
-        """Bend (S, 2) of each segment by 1 N of the sweep, linear law, towards x and y, rad/N."""
+        """Bend (S, 2) of each segment per N of the sweep by Eq. 1.7 of docs/theory, rad/N."""
         robot = self.robot
         out = np.zeros((len(robot.segments), 2))
         for k, segment in enumerate(robot.segments):
             passing = robot.tendons.segment >= k
             moment = self.shares[passing] @ robot.tendons.hole_m[passing]
             size = float(np.abs(self.shares[passing]) @ robot.tendons.pitch_radius_m[passing])
-            if np.linalg.norm(moment) > 1e-9 * size:  # else the tendons balance each other
+            if np.linalg.norm(moment) > 1e-9 * size:  # otherwise the tendons balance each other
                 out[k] = moment * segment.length / float(robot.bending_stiffness[k])
         return out
 
     @property
     def linear_bend_of_all(self) -> float:
-        """Sum of the bends of the segments by 1 N of the sweep, linear law, rad/N."""
+        """Sum of the segments' bends per N of the sweep by the linear law, rad/N."""
         return float(np.linalg.norm(self.linear_bend, axis=1).sum())
 
     def linear_displacement(self, tension: Array) -> Array:
-        """By how much the linear law shortens the actuated tendon (n,), m."""
+        """Displacement of the actuated tendon by the linear law (n,), m."""
         last = int(self.robot.tendons.segment[self.tendon])
         hole = self.robot.tendons.hole_m[self.tendon]
         return np.asarray(tension * float((self.linear_bend[: last + 1] @ hole).sum()))
 
     def _angle(self) -> float:
-        """Towards which angle from x the tendons bend the robot, rad."""
+        """Direction of bending by the tendons, angle from x, rad."""
         alone = np.count_nonzero(self.shares) == 1
         whole = self.linear_bend.sum(axis=0)
         if alone or not whole.any():
@@ -263,7 +261,7 @@ class Model:
         return [s.disks.clamped_length or s.disks.thickness or 3e-3 for s in self.robot.segments]
 
     def variant(self, physics: Physics) -> Robot:
-        """The robot with the clamps and the stiffness of this physics."""
+        """Robot with the clamped length and the stiffness of given assumptions."""
         key = (physics.clamped, physics.stiffness)
         if key not in self._variants:
             changes: dict[str, float] = {}
@@ -281,7 +279,7 @@ class Model:
         return self._variants[key]
 
     def solve(self, physics: Physics, tension: Array, disks: bool = False) -> Sweep:
-        """Equilibria of this physics along the sweep."""
+        """Solve the equilibria along the sweep under given assumptions."""
         return rod.sweep(
             self.variant(physics),
             self.tensions(tension),
@@ -303,7 +301,7 @@ class Model:
         names: Iterable[str] = COMPARISONS,
         against: str = "statics",
     ) -> dict[str, Comparison]:
-        """Constant curvature against the tips and tendon lengths of some physics."""
+        """Compare constant curvature with tips, given the tendon lengths."""
         out = {}
         for name in names:
             ours = self.constant_curvature(name, tension, lengths)
@@ -311,7 +309,7 @@ class Model:
         return out
 
     def case(self, physics: Physics, tension: Array) -> Case:
-        """One set of physics beside constant curvature in its two meanings."""
+        """Compare constant curvature, from lengths and from force, under given assumptions."""
         try:
             sweep = self.solve(physics, tension)
         except BowstringError as error:

@@ -1,4 +1,4 @@
-"""The study's figures of measurements: every model beside them."""
+"""Figures of a study with measurements and all models."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _MODEL_LOOKS: Final = {
 
 
 def measured_tip(study: Study) -> Figure:
-    """The tip by load, each axis for itself: data, and models in their frame."""
+    """Draw the tip over load by axis: data, and models in their frame."""
     found = _data_of(study)
     loads = found.loads
     figure, panels = subplots(3, 7.4, sharex=True)
@@ -65,7 +65,7 @@ def measured_tip(study: Study) -> Figure:
 
 
 def measured_errors(study: Study) -> Figure:
-    """Models minus data by load."""
+    """Draw models minus data over load."""
     found = _data_of(study)
     figure, panels = subplots(3, 7.0, sharex=True)
     for k, axes in enumerate(panels):
@@ -79,7 +79,7 @@ def measured_errors(study: Study) -> Figure:
 
 
 def measured_comparison(study: Study) -> Figure:
-    """Mean error of every model with its interval, with and without registration."""
+    """Draw the mean error of every model with its interval, with and without registration."""
     found = _data_of(study)
     figure, (axes,) = subplots(1, 5.4)
     names = list(found.models)
@@ -132,7 +132,7 @@ def measured_comparison(study: Study) -> Figure:
 
 
 def measured_residuals(study: Study) -> Figure:
-    """What the calibrated rod leaves, row by row: noise or not."""
+    """Draw the residuals of the calibrated rod by row."""
     found = _data_of(study)
     figure, panels = subplots(3, 5.6, sharex=True)
     test = found.residuals
@@ -165,7 +165,7 @@ def _data_of(study: Study) -> AgainstData:
 
 
 def _draw_models(axes: Axes, found: AgainstData, of: str, k: int, *, marked: bool = False) -> None:
-    """Lines of all models by load: a coordinate of their tips or of the differences."""
+    """Draw a coordinate of all models' tips or differences over load."""
     for name, (label, colour, marker) in _MODEL_LOOKS.items():
         if name not in found.models:
             continue
@@ -186,9 +186,9 @@ def _draw_models(axes: Axes, found: AgainstData, of: str, k: int, *, marked: boo
 
 
 def _by_load(found: AgainstData, values: Array, up: bool) -> tuple[Array, Array]:
-    """Means of repeats against the axis: (n,) and (n, 3), one way, in the order of the axis."""
+    """Means of repeats (n, 3) of loading or unloading over the abscissa (n,), in its order."""
     loads = found.loads
-    if not loads.single:  # all as they stand, once
+    if not loads.single:  # no means: all rows in their order
         return (loads.axis, values) if up else (np.zeros(0), np.zeros((0, 3)))
     rows = np.flatnonzero((loads.loading == up) & np.isfinite(values).all(axis=1))
     unit, first, place = np.unique(loads.unit[rows], return_index=True, return_inverse=True)
@@ -200,7 +200,7 @@ def _by_load(found: AgainstData, values: Array, up: bool) -> tuple[Array, Array]
 
 
 def _room(axes: Axes, values: Array) -> None:
-    """At least 1 mm, so that noise across the bending plane is not blown up to a course."""
+    """Set a range of at least 1 mm, so that noise out of the bending plane is not magnified."""
     low, high = axes.get_ylim()
     if high - low < 1.0:
         middle = float(np.nanmean(values))

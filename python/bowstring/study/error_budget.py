@@ -1,11 +1,10 @@
-"""The error budget: what each physical effect does to constant curvature's error.
+"""Error budget: contribution of each physical effect to the error of constant curvature.
 
-Each effect is added alone to the baseline (the baseline), removed alone from the full model
-(the full model), and changed alone in the physics of the main sweep. Its contribution is always the
-mean error with it less the mean error without it.
+One factor at a time, each effect is added to the baseline, removed from the full model, and changed
+in the main sweep. Its contribution is the mean error with the effect minus that without it.
 
-Actuation (friction, elastic tendons, displacement control) has a table of its own,
-`bowstring.study.actuation_budget`, since it depends on the path.
+Actuation (friction, elastic tendons, displacement control) has its own table
+(`bowstring.study.actuation_budget`), because it depends on the path.
 """
 
 from __future__ import annotations
@@ -36,12 +35,10 @@ SIDES: Final[dict[Side, str]] = {
     "in_sweep": "Each effect alone in this sweep",
     "removed": "Each effect alone in the full model",
 }
-"""What report and figures show of the budget, with its titles."""
+"""Parts of the budget in report and figures, with their titles."""
 GRAVITY: Final = 9.81
-"""m/s^2, in every gravity case of the budget."""
-_MAX_SIDEWAYS: Final = (
-    0.13  # of the length: what 1 N transverse at the tip of the study's robot does
-)
+"""Gravity in all gravity cases of the budget, m/s^2."""
+_MAX_SIDEWAYS: Final = 0.13  # tip displacement over length by 1 N transverse to the study's robot
 
 
 # -- what is computed --------------------------------------------------------------------------
@@ -50,12 +47,12 @@ _MAX_SIDEWAYS: Final = (
 @short_repr
 @dataclass(frozen=True)
 class Contribution:
-    """What one effect adds to the mean error of constant curvature, nothing else changed."""
+    """Contribution of one effect to the mean error of constant curvature."""
 
     n: int
-    """Loads that have numbers both with and without the effect; the means are over these."""
+    """Number of loads with results both with and without the effect, over which means are taken."""
     of: int
-    """Loads of the sweep."""
+    """Number of loads of the sweep."""
     with_effect: float
     """Mean error with the effect, m; NaN without such loads."""
     without_effect: float
@@ -63,55 +60,52 @@ class Contribution:
 
     @property
     def mean(self) -> float:
-        """With less without, m: positive if the effect makes the mean error larger."""
+        """Mean error with minus without the effect, m; positive if the effect increases it."""
         return self.with_effect - self.without_effect
 
     @property
     def partial(self) -> bool:
-        """Whether some loads are missing, so that it does not compare with other contributions."""
+        """Whether loads are missing, so that it is not comparable with other contributions."""
         return 0 < self.n < self.of
 
 
 @short_repr
 @dataclass(frozen=True)
 class BudgetRow:
-    """One effect: added alone to the baseline, removed alone from the full model.
-
-    And, since both are far from the sweep that the verdict is about, changed alone in that sweep.
-    """
+    """One effect: added to the baseline, removed from the full model, changed in the main sweep."""
 
     effect: str
     label: str
     added: Case
     full: Case
-    """The full_model physics in which the effect acts (of alternatives, with this one)."""
+    """Full model with the effect (of alternatives, with this one)."""
     removed: Case
     in_sweep: Case
-    """The main sweep with only this effect changed: removed if it acts there, else added."""
+    """Main sweep with this effect removed if it acts there, otherwise added."""
     beside: Case
-    """What `in_sweep` differs from in this effect alone: the main sweep; if that has gravity of
-    another kind, for which this one stands in, the main sweep without gravity."""
+    """Reference of `in_sweep`, which differs in this effect only: the main sweep, or, for another
+    kind of gravity, the main sweep without gravity."""
     acts_in_sweep: bool
 
 
 @short_repr
 @dataclass(frozen=True)
 class Budget:
-    """The error budget."""
+    """Error budget."""
 
     baseline: Case
     full_model: Case
     sweep: Case
-    """The physics of the main sweep."""
+    """Case of the main sweep."""
     rows: tuple[BudgetRow, ...]
     baseline_is: str
     full_model_is: str
     notes: tuple[str, ...]
     actuation: ActuationBudget
-    """Friction, elastic tendons and displacement control."""
+    """Budget of friction, elastic tendons and displacement control."""
 
     def cases(self, row: BudgetRow, side: Side) -> tuple[Case, Case]:
-        """The two cases that differ in one effect alone: with it, and without it."""
+        """Return the two cases with and without an effect."""
         if side == "added":
             return row.added, self.baseline
         if side == "removed":
@@ -120,14 +114,14 @@ class Budget:
         return pair if row.acts_in_sweep else pair[::-1]
 
     def contribution(self, row: BudgetRow, side: Side, meaning: str) -> Contribution:
-        """What an effect adds to the mean error.
+        """Compute the contribution of an effect to the mean error.
 
         Parameters
         ----------
         row : BudgetRow
         side : {"added", "removed", "in_sweep"}
-            Beside which physics: added to the baseline, removed from the full model, or changed in
-            the main sweep.
+            Reference: added to the baseline, removed from the full model, or changed in the main
+            sweep.
         meaning : str
             Name of the comparison, one of `bowstring.study.comparison.MEANINGS`.
 
@@ -141,20 +135,20 @@ class Budget:
         return Contribution(int(common.sum()), len(common), *means)
 
     def left_out(self, meaning: str) -> tuple[list[tuple[float, float, str]], list[str]]:
-        """The effects that the main sweep lacks, compared at all of its loads, and the others.
+        """Effects that the main sweep lacks, with contributions at all of its loads.
 
         Returns
         -------
         rows : list of (float, float, str)
-            What the effect adds to the mean error, the mean error with it (m), its label.
+            Contribution to the mean error (m), mean error with the effect (m), and label.
         missing : list of str
-            Labels of effects with numbers at some of the loads only, or at none.
+            Labels of effects without numbers at some or all loads.
         """
         needed = int(np.isfinite(self.sweep.error(meaning)).sum())
         gravity = any(self.sweep.physics.gravity)
         rows, missing = [], []
         for row in self.rows:
-            # of a robot that hangs or stands, gravity in other orientations is not left out
+            # gravity in other orientations is not left out if the sweep has gravity
             if row.acts_in_sweep or (gravity and row.effect.startswith("gravity")):
                 continue
             contribution = self.contribution(row, "in_sweep", meaning)
@@ -165,13 +159,13 @@ class Budget:
         return rows, missing
 
     def problems(self, row: BudgetRow, side: Side) -> tuple[str, ...]:
-        """Why a contribution lacks loads, each reason once."""
+        """Reasons for missing loads of a contribution, without duplicates."""
         present, absent = self.cases(row, side)
         named = (("with it", present.problem), ("without it", absent.problem))
         return tuple(f"{which}: {problem}" for which, problem in named if problem)
 
     def to_dict(self) -> schema.Budget:
-        """The budget in mm and percent."""
+        """Return plain values in mm and percent."""
         return {
             "baseline": self.baseline.described(self.baseline_is),
             "full_model": self.full_model.described(self.full_model_is),
@@ -213,7 +207,7 @@ def error_budget(
     tell: Callable[[float], None] = lambda share: None,
     calibrated: Robot | None = None,
 ) -> Budget:
-    """What each physical effect does to the error of constant curvature.
+    """Compute the error budget of constant curvature.
 
     Parameters
     ----------
@@ -221,9 +215,9 @@ def error_budget(
     tension : array (n,)
         Loads of the actuated tendon, N.
     tell : callable, optional
-        Is told the share that is done, up to 1.
+        Progress callback, called with the finished share up to 1.
     calibrated : Robot, optional
-        The same robot with the friction that measurements gave it.
+        Robot with calibrated friction.
 
     Returns
     -------
@@ -244,7 +238,7 @@ def error_budget(
             full = replace(full, **effect.on)
     posture = "upright"
     if case(full).problem:
-        # A backbone that cannot stand under its own weight can still hang.
+        # A backbone that buckles upright under its own weight can still hang.
         hanging = replace(full, gravity=(0.0, 0.0, GRAVITY))
         if not case(hanging).problem:
             full, posture = hanging, "hanging"
@@ -262,7 +256,7 @@ def error_budget(
                 full=case(whole),
                 removed=case(_without(whole, effect)),
                 in_sweep=case(without if acts else replace(model.main, **effect.on)),
-                # gravity takes the place of that of the sweep
+                # gravity replaces that of the sweep
                 beside=case(without if in_place else model.main),
                 acts_in_sweep=acts,
             )
@@ -320,9 +314,9 @@ class _Effect:
     key: str
     label: str
     on: dict[str, Any]
-    """Fields of `Physics` that make the effect act."""
+    """Fields of `Physics` that switch the effect on."""
     alternative: bool = False
-    """Another value of a field that the full model sets otherwise."""
+    """Whether it is an alternative value of a field of the full model."""
 
 
 def _effects(model: Model) -> list[_Effect]:
@@ -345,7 +339,7 @@ def _effects(model: Model) -> list[_Effect]:
 
 
 def _tip_force(robot: Robot) -> float:
-    """1 N for the study's robot; for another the round force that moves its tip as much, N."""
+    """Tip force of the budget, N: 1 N for the study's robot, else one with a similar effect."""
     compliance, beyond = 0.0, robot.length
     for segment, stiffness in zip(robot.segments, robot.bending_stiffness, strict=True):
         inner = beyond - segment.length
@@ -360,7 +354,7 @@ def _without(physics: Physics, effect: _Effect) -> Physics:
 
 
 def _acts(model: Model, effect: _Effect) -> bool:
-    """Whether the main sweep has the effect (of gravity: exactly this one)."""
+    """Whether the main sweep contains the effect (gravity: in this direction)."""
     if effect.key == "clamps":
         return any(s.disks.clamped_length for s in model.robot.segments)
     return all(getattr(model.main, name) == value for name, value in effect.on.items())

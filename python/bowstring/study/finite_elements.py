@@ -23,7 +23,7 @@ __all__ = ["FiniteElements", "at_data", "solve"]
 
 Array = NDArray[np.float64]
 
-_SAME: Final = 1e-9  # of a tension: the sweep's own
+_SAME: Final = 1e-9  # relative difference of equal tensions
 _HOLDS: Final = {
     "bonded": "to which it is bonded",
     "sliding": "in which it may widen and narrow",
@@ -32,25 +32,25 @@ _HOLDS: Final = {
 
 @dataclass(frozen=True)
 class FiniteElements:
-    """A sweep of one tendon by finite elements, at the n loads of statics.
+    """Sweep of one tendon by finite elements, at the n loads of statics.
 
     Attributes
     ----------
     run : BrickRun
     beside : BesideRod
     tip_position : ndarray (n, 3)
-        In m; NaN at loads that were not reached.
+        Position of the tip in m; NaN at loads that were not reached.
     tendon_lengths : ndarray (n, T)
-        In m.
+        Tendon lengths in m.
     apart : ndarray (n,)
         Distance of the tip from that of statics, in m.
     measured_point : ndarray (K, 3), optional
-        The measured point at the rows of a table, in m, base frame; NaN at rows that are not of
-        the swept tendon alone or lie beyond the loads that were reached.
+        Measured point at the rows of a table by finite elements, in m, base frame; NaN at rows
+        with other actuated tendons or beyond the loads that were reached.
     measured_source : str
-        What the table is: ``"measured"``, ``"synthetic"`` or ``"computed"``.
+        Source of the table: ``"measured"``, ``"synthetic"`` or ``"computed"``.
     measured_errors : dict
-        Mean distance from the table's point over these rows, in m, by model.
+        Mean distance from the measured point over these rows by model, in m.
     """
 
     run: BrickRun
@@ -64,7 +64,7 @@ class FiniteElements:
 
     @property
     def text(self) -> tuple[str, ...]:
-        """What finite elements did and found."""
+        """Settings and results of the finite elements in sentences."""
         run, beside = self.run, self.beside
         asked = run.settings
         how = (
@@ -116,7 +116,7 @@ class FiniteElements:
         )
 
     def to_dict(self) -> schema.StudyFiniteElements:
-        """In mm, for JSON."""
+        """Return plain values in mm for JSON."""
         run, point = self.run, self.measured_point
         return {
             "status": run.status,
@@ -149,16 +149,16 @@ def solve(
     ----------
     robot : Robot
     tensions : ndarray (n, T)
-        In N.
+        Tensions in N.
     statics_tip : ndarray (n, 3)
-        Of the rod, in m.
+        Tip of the rod in m.
     settings : Settings
     progress : callable, optional
 
     Returns
     -------
     FiniteElements
-        With what was reached, where CalculiX stopped early.
+        Result, also if CalculiX stopped early.
     """
     tell = progress or (lambda share: None)
     run = sweep(robot, tensions, settings=settings, progress=lambda _, share: tell(share))
@@ -174,21 +174,21 @@ def solve(
 def at_data(
     found: FiniteElements, tension: Array, shares: Array, data: AgainstData
 ) -> FiniteElements:
-    """Set a sweep beside measurements, at the rows that actuate its tendons alone, in its shares.
+    """Compare a sweep with measurements, at rows with only its tendons actuated in its shares.
 
     Parameters
     ----------
     found : FiniteElements
     tension : ndarray (n,)
-        Of the sweep, rising, in N.
+        Tensions of the sweep, increasing, in N.
     shares : ndarray (T,)
-        Of that tension in each tendon; one at least is 1.
+        Share of that tension in each tendon; the largest is 1.
     data : AgainstData
 
     Returns
     -------
     FiniteElements
-        With the measured point by finite elements, interpolated between loads by cubic splines.
+        Result with the measured point, interpolated between loads by cubic splines.
     """
     from scipy.interpolate import make_interp_spline
 

@@ -1,4 +1,4 @@
-"""The dynamic ramp of the study: one tendon tensioned over time, as for Fig. 5, beside its statics.
+"""Ramp response of a study: dynamics under a rising tension, as for Fig. 5, compared with statics.
 
 The tension rises in a straight line from zero, the robot at rest, and is then held. By default the
 rise takes 20 periods of the slowest mode at 5 % of critical damping. That is slow enough for a tip
@@ -46,15 +46,15 @@ __all__ = [
 Array = NDArray[np.float64]
 
 MODAL_DAMPING: Final = 0.05
-"""Of critical damping."""
+"""Default modal damping ratio."""
 _RISE: Final = 20.0  # periods of the slowest mode
-_SHORTEST_RISE: Final = 0.25  # of them
-_LONGEST_RISE: Final = 200.0  # of them
-_HOLD: Final = 5.0  # of them
-_OUTPUTS: Final = 24  # a period
-_TOLERANCE: Final = 1e-7  # of the length in each step: three digits of every figure hold
-_ELEMENTS: Final = (1, 2, 4, 8)  # of a module, for stress and strain at rest
-_SAME: Final = 1e-4  # of the length: dynamics lumps the backbone's weight, which moves 1e-6
+_SHORTEST_RISE: Final = 0.25  # periods
+_LONGEST_RISE: Final = 200.0  # periods
+_HOLD: Final = 5.0  # periods
+_OUTPUTS: Final = 24  # outputs per period
+_TOLERANCE: Final = 1e-7  # tolerance of a step over length, for three correct digits
+_ELEMENTS: Final = (1, 2, 4, 8)  # elements per module, for stress and strain at rest
+_SAME: Final = 1e-4  # difference of equal tips over length; lumped masses cause 1e-6
 
 
 # -- what is computed --------------------------------------------------------------------------
@@ -63,19 +63,19 @@ _SAME: Final = 1e-4  # of the length: dynamics lumps the backbone's weight, whic
 @short_repr
 @dataclass(frozen=True)
 class Surface:
-    """Largest values on the whole backbone's surface (K,)."""
+    """Largest values on the surface of the whole backbone (K,)."""
 
     von_mises: Array
-    """Pa."""
+    """Von Mises stress, Pa."""
     normal_stress: Array
-    """Largest magnitude, Pa."""
+    """Magnitude of normal stress, Pa."""
     strain: Array
-    """Largest magnitude of strain along the backbone: bending and extension."""
+    """Magnitude of axial strain by bending and extension."""
     by_segment: Array
-    """(2, K, S), largest von Mises stress in Pa and strain of each segment."""
+    """Largest von Mises stress (Pa) and strain of each segment (2, K, S)."""
 
     def to_dict(self) -> schema.Surface:
-        """In MPa and percent."""
+        """Return plain values in MPa and percent."""
         return {
             "von_mises_max_MPa": (self.von_mises / 1e6).tolist(),
             "normal_stress_max_MPa": (self.normal_stress / 1e6).tolist(),
@@ -86,48 +86,49 @@ class Surface:
 @short_repr
 @dataclass(frozen=True)
 class Transient:
-    """The motion, and statics at the same tensions."""
+    """Motion, and statics at the same tensions."""
 
     length: float
     frequency: float
-    """Of the slowest mode without tension, Hz."""
+    """Frequency of the slowest mode without tension, Hz."""
     rise: float
-    """s."""
+    """Rise time, s."""
     hold: float
-    """s."""
+    """Hold time, s."""
     rise_chosen: bool
     modal_damping: float
     mass_damping: float
-    """1/s, and below in s: what makes the modal damping."""
+    """Mass-proportional damping, 1/s."""
     material_damping: float
+    """Kelvin-Voigt damping, s."""
     status: str
     reason: str
-    """Why it stopped before its end."""
+    """Reason if it stopped early."""
     time: Array
-    """(K,) s."""
+    """Time (K,), s."""
     tension: Array
-    """(K,) of the actuated tendon, N."""
+    """Tension of the actuated tendon (K,), N."""
     tip_position: Array
-    """(K, 3), m."""
+    """Tip (K, 3), m."""
     surface: Surface
     static_tip: Array
-    """(K, 3) by statics at the same tension, m; NaN where it has none."""
+    """Tip by statics at the same tension (K, 3), m; NaN without equilibrium."""
     load_tip: Array
-    """(n, 3) at the loads of the study, m; NaN where the motion did not come to."""
+    """Tip at the loads of the study (n, 3), m; NaN where not reached."""
     load_lengths: Array
-    """(n, T) tendon lengths there, m."""
+    """Tendon lengths at the loads of the study (n, T), m."""
     peak: tuple[float, float] | None
-    """Time in s and size in m of the overshoot: how far the tip goes, during the hold, beyond the
-    static tip, along the static path."""
+    """Time (s) and size (m) of the overshoot: largest distance of the tip beyond the static tip
+    along the static path during the hold."""
 
     @property
     def converged(self) -> bool:
-        """Whether the motion came to its end."""
+        """Whether the motion converged to its end."""
         return self.status == "converged"
 
     @property
     def displacement(self) -> Array:
-        """Of the tip since the start (K,), m."""
+        """Displacement of the tip since the start (K,), m."""
         return np.asarray(np.linalg.norm(self.tip_position - self.tip_position[0], axis=-1))
 
     @cached_property
@@ -142,12 +143,12 @@ class Transient:
 
     @property
     def mean_difference(self) -> float:
-        """Over the rise, m."""
+        """Mean difference over the rise, m."""
         return known_mean(self.difference[self.rising])
 
     @property
     def max_difference(self) -> tuple[float, float]:
-        """Over the rise, m, and the tension there, N."""
+        """Largest difference over the rise, m, and its tension, N."""
         rising = np.where(self.rising, self.difference, math.nan)
         if not np.isfinite(rising).any():
             return math.nan, math.nan
@@ -155,10 +156,10 @@ class Transient:
 
     @property
     def lag(self) -> float:
-        """How long the motion runs behind statics, on average over the rise, s.
+        """Mean lag of the motion behind statics over the rise, s.
 
-        Measured along the line from the tip's first to its last static place in the rise, by the
-        area between the two curves, so that oscillation cancels.
+        Along the line from the first to the last static tip of the rise, by the area between the
+        two curves, so that oscillations cancel.
         """
         still, moving = self.static_tip[self.rising], self.tip_position[self.rising]
         way = still[-1] - still[0]
@@ -178,7 +179,7 @@ class Transient:
 
     @property
     def text(self) -> tuple[str, ...]:
-        """What was done and found, in sentences."""
+        """Settings and results in sentences."""
         periods = self.rise * self.frequency
         chosen = " (chosen by the program)" if self.rise_chosen else ""
         out = [
@@ -216,7 +217,7 @@ class Transient:
         return tuple(out)
 
     def to_dict(self) -> schema.MotionNumbers:
-        """The motion in s, N, mm, MPa and percent."""
+        """Return plain values in s, N, mm, MPa and percent."""
         largest, where = self.max_difference
         when, size = self.peak or (math.nan, math.nan)
         return {
@@ -249,7 +250,7 @@ class Transient:
 
 
 def slowest_frequency(model: Model) -> float:
-    """Of the robot without tension, Hz.
+    """Compute the lowest natural frequency of the robot without tension, Hz.
 
     Raises
     ------
@@ -266,7 +267,7 @@ def slowest_frequency(model: Model) -> float:
 
 
 def check_rise(robot: Robot, rise: float, frequency: float) -> None:
-    """Raise `InputError` if a rise is too short to tell anything, or too long to compute."""
+    """Raise `InputError` if a rise is too short to be meaningful, or too long to compute."""
     shortest, longest = _SHORTEST_RISE / frequency, _LONGEST_RISE / frequency
     if not shortest <= rise <= longest:
         rule = (
@@ -285,27 +286,27 @@ def transient(
     modal_damping: float = MODAL_DAMPING,
     progress: Callable[[float], None] | None = None,
 ) -> Transient:
-    """Raise the tension over time up to the last of these tensions, and hold.
+    """Simulate a linear rise to the last of these tensions, and a hold.
 
     Parameters
     ----------
     model : Model
-        In its main physics.
+        Model with the assumptions of the main sweep.
     tension : ndarray (n,)
-        The study's loads in equal steps from zero, N; each is the end of a time step.
+        Loads of the study in equal steps from zero, N; each is reached at the end of a time step.
     frequency : float
-        As from `slowest_frequency`.
+        Frequency from `slowest_frequency`, Hz.
     rise : float, optional
-        In s; 20 periods of the slowest mode without tension if not given.
+        Rise time in s; by default 20 periods of the slowest mode without tension.
     modal_damping : float
-        Share of critical damping that the slowest modes have.
+        Damping ratio of the slowest modes.
     progress : callable, optional
-        Called with the share that is done.
+        Progress callback, called with the finished share.
 
     Returns
     -------
     Transient
-        A motion that stops early is returned as well, up to there.
+        Motion, also one that stopped early.
 
     Raises
     ------
@@ -365,7 +366,7 @@ def transient(
 
 
 def _peak(run: simulation.Run, still: Array, rise: float) -> tuple[float, float] | None:
-    """The largest way beyond the last static tip, along the static path there."""
+    """Time and size of the largest distance beyond the last static tip along the static path."""
     if run.end <= rise or len(still) < 2 or not np.isfinite(still[-2:]).all():
         return None
     ahead = still[-1] - still[-2]
@@ -384,12 +385,12 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
     Parameters
     ----------
     model : Model
-        In its main physics.
+        Model with the assumptions of the main sweep.
     tension : ndarray (n,)
         Loads, N.
     tip : ndarray (n, 3)
-        Of the equilibria, m. Where the solver, from straight, finds none or another one, there is
-        no stress: it is NaN.
+        Tips of the equilibria, m. Stress is NaN where the solver, from the straight robot, finds no
+        or another equilibrium.
 
     Returns
     -------
@@ -408,7 +409,7 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
 
 
 def _frames_at_rest(model: Model, tensions: Array, tip: Array) -> fields.Frames | None:
-    """Fields of the equilibrium with that tip, in the fewest elements that have it."""
+    """Fields of the equilibrium with a given tip, with the fewest elements that reproduce it."""
     main = model.main
     for elements in _ELEMENTS:
         try:

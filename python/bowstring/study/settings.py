@@ -1,4 +1,4 @@
-"""What is asked of a study: which tendons are tensioned and how far, and the motion."""
+"""Settings of a study: actuated tendons, range of tension, and motion."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ __all__ = ["Extras", "Loading", "Ramp", "Settings"]
 
 @dataclass(frozen=True)
 class Loading:
-    """The sweep of a study: one tendon, or several at fixed shares of one tension, from zero.
+    """Sweep of a study from zero: one tendon, or several at fixed shares of one tension.
 
     Parameters
     ----------
     max_tension : float, optional
-        End of the sweep, N. If not given, the largest round load (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6
+        End of the sweep, N. The default is the largest round load (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6
         or 8 times a power of ten) that bends the whole robot by at most 80 degrees by the linear
-        law: 80 N for the study's robot, as in the study. In gravity: that turns it by at most 80
-        degrees from its pose without tension, by statics.
+        law: 80 N for the study's robot, as in the study. In gravity, the bend is counted from the
+        pose without tension, by statics.
     points : int
-        Number of loads in equal steps, zero included.
+        Number of loads in equal steps, including zero.
     tendon : int or mapping from int to float, optional
-        Which tendon is tensioned, counted from 1; or which ones, each with its share of the sweep's
-        tension, of which the largest must be 1: ``{1: 1.0, 4: 0.5}``. The first tendon of the
-        outermost segment if not given. All others are slack.
+        Number of the actuated tendon, from 1; or a mapping from numbers to shares of the sweep's
+        tension, the largest of which must be 1: ``{1: 1.0, 4: 0.5}``. The default is the first
+        tendon of the outermost segment. All others are slack.
 
     Raises
     ------
@@ -88,14 +88,15 @@ class Loading:
 
 @dataclass(frozen=True)
 class Ramp:
-    """The motion of a study: the tension rises from zero to the end of the sweep, and is held.
+    """Motion of a study: the tension rises from zero to the end of the sweep, and is held.
 
     Parameters
     ----------
     rise : float, optional
-        In s, a quarter to 200 periods of the slowest mode. If not given, 20 of them: near statics.
+        Rise time in s, a quarter to 200 periods of the slowest mode; 20 periods by default, which
+        is close to statics.
     modal_damping : float
-        Of the slowest modes; a ratio of critical damping.
+        Damping ratio of the slowest modes.
 
     Raises
     ------
@@ -116,14 +117,14 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Extras:
-    """What a study has besides on request.
+    """Optional parts of a study.
 
     Parameters
     ----------
     solid : bool
-        The robot as a solid in the report (`bowstring.cad.solid`), which takes seconds more.
+        Whether the report shows the robot as a solid (`bowstring.cad.solid`); takes some seconds.
     fe : bowstring.fem.Settings, optional
-        If given, the sweep is solved by such 3-D finite elements as well, a matter of minutes.
+        Settings of 3-D finite elements that also solve the sweep; takes minutes.
     """
 
     solid: bool = False
@@ -133,7 +134,7 @@ class Extras:
 @short_repr
 @dataclass(frozen=True)
 class Settings:
-    """What was asked of the study."""
+    """Resolved settings of a study."""
 
     tolerance: float
     """Tolerated tip error as a share of the length."""
@@ -142,7 +143,7 @@ class Settings:
     points: int
     theory: Theory
     tendon: int
-    """Index of the actuated tendon, from 0; of several, of the first that has the whole tension."""
+    """Index of the actuated tendon, from 0; of several, the first with the whole tension."""
     shares: tuple[float, ...]
     """Share of the sweep's tension in each tendon, from 0 to 1."""
     range_chosen: bool
@@ -150,11 +151,11 @@ class Settings:
     rise: float | None
     """Rise of the tension in dynamics, s; None if the program chose it."""
     modal_damping: float
-    """Of the slowest modes in dynamics, as a share of critical."""
+    """Damping ratio of the slowest modes in dynamics."""
 
     @property
     def actuated(self) -> str:
-        """The actuated tendons in words: ``tendon 1``, ``tendons 1 and 4 (at 0.5 of it)``."""
+        """Actuated tendons in words: ``tendon 1``, ``tendons 1 and 4 (at 0.5 of it)``."""
         parts = [
             f"{i}" if share == 1.0 else f"{i} (at {significant(share)} of it)"
             for i, share in enumerate(self.shares, 1)

@@ -1,7 +1,4 @@
-"""Shapes of the backbone at the largest load of a study: the rod beside constant curvature.
-
-The study compares tips; here are the whole shapes, and how far they part from disk to disk.
-"""
+"""Shapes of the backbone at the largest load of a study, by the rod and by constant curvature."""
 
 from __future__ import annotations
 
@@ -23,16 +20,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Shape:
-    """One backbone in the base frame."""
+    """Shape of one backbone in the base frame."""
 
     name: str
-    """``"statics"``, or the name of a comparison."""
+    """Name: ``"statics"``, or that of a comparison."""
     backbone: Array
-    """(p, 3) points from base to tip, m."""
+    """Points from base to tip (p, 3), m."""
     disks: Array
-    """(N, 3) centres of the disks, m."""
+    """Centres of the disks (N, 3), m."""
     from_statics: Array
-    """(N,) distance of each disk from the same disk by statics, m."""
+    """Distance of each disk from the same disk by statics (N,), m."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +37,13 @@ class Backbones:
     """All backbones at one load."""
 
     tension: float
-    """Of the actuated tendon, N: the largest load of the sweep that has an equilibrium."""
+    """Tension of the actuated tendon, N: the largest load of the sweep with an equilibrium."""
     shapes: tuple[Shape, ...]
-    """Statics first; constant curvature where it has an arc."""
+    """Shapes, statics first; constant curvature where it has an arc."""
 
 
 def backbones(study: Study) -> Backbones:
-    """Find the shapes of rod and constant curvature at the largest load of a study.
+    """Compute the shapes of rod and constant curvature at the largest load of a study.
 
     Parameters
     ----------
@@ -66,7 +63,7 @@ def backbones(study: Study) -> Backbones:
     solution = rod.solve(model.robot, tensions, model=RodModel(study.settings.theory))
     curve = solution.centerline() if solution.converged else None
     if curve is None or np.linalg.norm(curve[-1] - disks[-1]) > 1e-4 * study.length:
-        # a cold start may end on another branch than the sweep, whose disks are known
+        # a cold start may end on another branch than the sweep; compare with its disks
         curve = np.concatenate([np.zeros((1, 3)), disks])
     shapes = [Shape("statics", curve, disks, np.zeros(len(disks)))]
 

@@ -1,27 +1,26 @@
-"""The study: how good is constant curvature for a robot, and where does it stop being so?
+"""Study of a robot: error and validity limit of constant curvature.
 
-`run` repeats what Amouri 2019 did with one cable, for any robot and tendon, or several tendons:
+`run_study` repeats the study of Amouri 2019 for any robot and tendon, or several tendons:
 
 1. its geometric sweep, constant curvature alone (Eq. 5, Fig. 6 and 7);
 2. a sweep of the tension from zero, solved by straight-span statics;
 3. the same tension over time, solved by dynamics, with stress and strain as in Fig. 5
    (`bowstring.study.ramp_response`);
-4. constant curvature beside both in its two meanings: fed with the *lengths* that physics gives
-   (Eq. 2-5), and fed with the *force* through the linear law; each plain and corrected
+4. constant curvature compared with both, from the tendon *lengths* of the rod (Eq. 2-5 of the
+   study) and from the *force* by the linear law, each plain and corrected
    (`bowstring.study.comparison`);
-5. an error budget: physical effects one by one, in this sweep, added to a baseline and removed from
-   a full model (`bowstring.study.error_budget`); friction, elastic tendons and displacement
+5. an error budget: physical effects one at a time, in this sweep, added to a baseline and removed
+   from a full model (`bowstring.study.error_budget`); friction, elastic tendons and displacement
    control along a path of loading and unloading (`bowstring.study.actuation_budget`);
 6. a verdict at a stated tolerance (`bowstring.study.verdict`);
-7. with measurements, every model against them, registered and not, what explains the error, and
-   whether what is left is noise (`bowstring.study.data_validation`).
+7. with measurements, all models against them, with and without registration, a decomposition of
+   the error, and tests of the residuals (`bowstring.study.data_validation`).
 
-Budget and verdict are about statics, which needs no rise time and no damping to be chosen. Friction
-at the holes is in the actuation part of the budget only.
+Budget and verdict use statics, which needs no choice of rise time and damping. Friction at the
+holes is in the actuation part of the budget only.
 
-There are only numbers here: `bowstring.study.report` writes them, `bowstring.study.figures` draws
-them. Inside all is SI and radians; `Study.to_dict` is for people and files, in mm, degrees and
-percent.
+This module has numbers only: `bowstring.study.report` writes them, `bowstring.study.figures` draws
+them. Values are in SI and radians; `Study.to_dict` converts them to mm, degrees and percent.
 """
 
 from __future__ import annotations
@@ -84,14 +83,14 @@ Progress = Callable[[str, float], None]
 
 SCHEMA_VERSION: Final = 1
 _MAX_BEND: Final = math.radians(80.0)
-_FARTHEST: Final = 16.0  # times the load that the linear law bends so far: no range in gravity ends
-_TRIED: Final = 33  # loads, of which the range in gravity is found
-_BACKBONE_POINTS: Final = 25  # of each segment
+_FARTHEST: Final = 16.0  # largest range in gravity over that of the linear law
+_TRIED: Final = 33  # loads of the search for the range in gravity
+_BACKBONE_POINTS: Final = 25  # points per segment
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the report: its file name without ending, its title, and what it shows."""
+    """Figure of the report: file name without suffix, title, and caption."""
 
     stem: str
     title: str
@@ -106,7 +105,7 @@ SOLID_FIGURES: Final = (
         "load of the sweep; simulated, statics.",
     ),
 )
-"""That of a study with the solid, which needs the extra ``cad``."""
+"""Further figure of a study with the solid, which needs the extra ``cad``."""
 
 FIGURES: Final = (
     Figure(
@@ -215,7 +214,7 @@ FE_FIGURES: Final = (
         "what the disks clamp is left out.",
     ),
 )
-"""Those that a study has besides when finite elements have solved its sweep."""
+"""Further figures of a study with finite elements."""
 
 _BRICKS_IN: Final = {
     "fig05_tip_against_force": " Plus signs: 3-D finite elements, at rest; their stress is the "
@@ -254,7 +253,7 @@ DATA_FIGURES: Final = (
         "Residuals that are noise show no course.",
     ),
 )
-"""Those that a study has besides when it has measurements."""
+"""Further figures of a study with measurements."""
 
 
 # -- what is computed --------------------------------------------------------------------------
@@ -263,63 +262,64 @@ DATA_FIGURES: Final = (
 @short_repr
 @dataclass(frozen=True)
 class GeometricSweep:
-    """The study's own sweep: constant curvature alone, no physics."""
+    """Geometric sweep of the source study: constant curvature without mechanics."""
 
     displacement: Array
-    """(n,) shortening of the actuated tendon, m."""
+    """Displacement of the actuated tendon (n,), m."""
     tendon_lengths: Array
     """(n, T), m."""
     theta: Array
-    """(n, S), rad."""
+    """Bend angles (n, S), rad."""
     tip_position: Array
     """(n, 3), m."""
     disk_positions: Array
     """(n, N, 3), m."""
     disk_rotations: Array
-    """(n, N, 3, 3)."""
+    """Rotations of the disks (n, N, 3, 3)."""
     backbone: Array
-    """(n, P, 3), points along the backbone from the base, m."""
+    """Points along the backbone from the base (n, P, 3), m."""
     scale: float = 1.0
-    """Share of the sweep's tensions that the linear law makes these arcs of; 1 without gravity."""
+    """Share of the sweep's tensions from which the linear law gives these arcs; 1 without
+    gravity."""
 
 
 @short_repr
 @dataclass(frozen=True)
 class Statics:
-    """The sweep by straight-span statics."""
+    """Sweep by straight-span statics."""
 
     tension: Array
-    """(n,) of the actuated tendon, N; the others have their shares of it."""
+    """Tension of the actuated tendon (n,), N; the others have their shares of it."""
     status: tuple[str, ...]
     converged: NDArray[np.bool_]
     tip_position: Array
-    """(n, 3), m; NaN where not converged."""
+    """Tip (n, 3), m; NaN where not converged."""
     disk_positions: Array
     """(n, N, 3), m."""
     tendon_lengths: Array
     """(n, T), m."""
     displacement: Array
-    """(n,) l0 - l of the actuated tendon, l0 with the backbone straight, m."""
+    """Displacement l0 - l of the actuated tendon (n,), l0 with the straight backbone, m."""
     linear_displacement: Array
-    """(n,) what the linear law says it is, m."""
+    """Displacement by the linear law (n,), m."""
     surface: Surface
     """Largest stress and strain (n,)."""
 
 
 @dataclass(frozen=True)
 class PublishedClaim:
-    """What the source study printed, set beside our number; no measurement of it is available."""
+    """Published result of the source study beside ours; none of its measurements is available."""
 
     mean_mm: float
     mean_percent: float
     ours: str
-    """Name of our comparison that stands beside it."""
+    """Name of the corresponding comparison."""
     text: str
 
 
 @dataclass(frozen=True)
 class Study:
-    """All numbers of a study."""
+    """Results of a study."""
 
     robot: Robot
     settings: Settings
@@ -327,19 +327,19 @@ class Study:
     statics: Statics
     dynamics: Transient | None
     without_dynamics: str
-    """Why there is no dynamics, where there is none."""
+    """Reason if dynamics is left out."""
     comparisons: tuple[Comparison, ...]
-    """Against statics, dynamics, finite elements, and the measurement."""
+    """Comparisons with statics, dynamics, finite elements, and the measurement."""
     budget: Budget
     verdict: Verdict
     claim: PublishedClaim | None
     notes: tuple[str, ...] = field(default=())
     data: AgainstData | None = None
-    """All models against measurements, where there are any."""
+    """All models against measurements, if there are any."""
     solid: bool = False
     """Whether the report shows the robot as a solid."""
     bricks: FiniteElements | None = None
-    """The sweep by finite elements, where they were asked for."""
+    """Sweep by finite elements, if requested."""
 
     def __repr__(self) -> str:
         force, count = f"{self.settings.max_tension:.6g} N", len(self.comparisons)
@@ -360,26 +360,26 @@ class Study:
 
     @cached_property
     def model(self) -> Model:
-        """Robot and actuated tendons as the parts of the study have them."""
+        """Model of robot and actuated tendons."""
         chosen = self.settings
         return Model(self.robot, chosen.tendon, chosen.theory, chosen.shares)
 
     @property
     def towards(self) -> tuple[float, float, float]:
-        """Towards which side the actuated tendons bend the robot, a unit vector."""
+        """Direction in which the actuated tendons bend the robot, a unit vector."""
         return self.model.towards
 
     def comparison(self, name: str, against: str = "statics") -> Comparison:
-        """The comparison of that name against that physics; registered against a measurement."""
+        """Return a comparison by name and reference; with a measurement the registered one."""
         return next(c for c in self.comparisons if (c.name, c.against) == (name, against))
 
     def against(self, physics: str) -> tuple[Comparison, ...]:
-        """All comparisons against ``"statics"``, ``"dynamics"``, ``"fe"`` or ``"measurement"``."""
+        """Return comparisons with ``"statics"``, ``"dynamics"``, ``"fe"`` or ``"measurement"``."""
         return tuple(c for c in self.comparisons if c.against == physics)
 
     @property
     def figures(self) -> tuple[Figure, ...]:
-        """Those of `SOLID_FIGURES`, `FIGURES`, `FE_FIGURES` and `DATA_FIGURES` that it has."""
+        """Figures of the study: `SOLID_FIGURES`, `FIGURES`, `FE_FIGURES`, `DATA_FIGURES`."""
         missing = ["fig05_over_time"] * (self.dynamics is None)
         missing += ["fig02_disk"] * bool(self.without_disks)
         found = [f for f in FIGURES if f.stem not in missing]
@@ -415,13 +415,13 @@ class Study:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Of the robot file, and of the sweep: no equilibrium, disks below the base, limits."""
+        """Warnings of robot file and sweep: missing equilibria, disks below the base, limits."""
         missing = self.without_equilibrium
         return (*self.robot.warnings, *([missing] if missing else []), *self._limits[0])
 
     @property
     def without_equilibrium(self) -> str:
-        """Which loads of the sweep have none, and what to do; empty if each has one."""
+        """Message on loads without an equilibrium, with advice; empty if there are none."""
         failed = np.flatnonzero(~self.statics.converged)
         if not failed.size:
             return ""
@@ -439,16 +439,16 @@ class Study:
 
     @property
     def limits_text(self) -> tuple[str, ...]:
-        """How far the sweep uses up the limits of the robot file, where it gives some."""
+        """Utilisation of the limits of the robot file in the sweep."""
         return self._limits[1]
 
     @property
     def dynamics_text(self) -> tuple[str, ...]:
-        """What dynamics did and found, or why it is left out."""
+        """Results of dynamics in sentences, or reason why it is left out."""
         return self.dynamics.text if self.dynamics else (self.without_dynamics,)
 
     def to_dict(self) -> schema.StudyResults:
-        """The study as JSON values only; what is not a number is None."""
+        """Return the study as JSON values; None for NaN and infinity."""
         s, g, d = self.statics, self.geometry, self.data
         out: schema.StudyResults = {
             "robot": self.robot.name,
@@ -521,7 +521,7 @@ class Study:
         return found
 
     def _errors_mm(self, against: str) -> dict[str, list[float | None]]:
-        """By name, at the loads of the sweep."""
+        """Errors by name at the loads of the sweep, mm."""
         return {c.name: (c.error * 1e3).tolist() for c in self.against(against)}
 
 
@@ -539,7 +539,7 @@ def run_study(
     extras: Extras | None = None,
     progress: Progress | None = None,
 ) -> Study:
-    """Study how good constant curvature is for a robot.
+    """Study the error of constant curvature for a robot.
 
     Parameters
     ----------
@@ -548,19 +548,19 @@ def run_study(
     tolerance : float
         Tolerated tip error as a share of the robot's length.
     theory : {"cosserat", "kirchhoff"}
-        Of the main sweep and of dynamics. The budget uses both.
+        Rod theory of the main sweep and of dynamics. The budget uses both.
     loading : Loading, optional
-        Which tendons are tensioned, how far, and in how many steps.
+        Actuated tendons, range of tension, and number of loads.
     ramp : Ramp, optional
         Rise of the tension and damping in dynamics.
     measurements : Measurements, str or Path, optional
-        Of this robot, or the table of them; all models are compared with them as well
-        (`bowstring.study.data_validation`). A table that is not in the tidy format is read by
+        Measurements of this robot, or their table, with which all models are compared too
+        (`bowstring.study.data_validation`). Read a table in another format by
         `bowstring.read_measurements` with a mapping.
     extras : Extras, optional
-        A solid in the report, finite elements.
+        Solid in the report, finite elements.
     progress : callable, optional
-        Called with what is being done and the share that is done, from 0 to 1.
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
 
     Returns
     -------
@@ -570,8 +570,8 @@ def run_study(
     Raises
     ------
     InputError
-        If a setting is out of its range, the measurements cannot be read or judged, or there can
-        be no solid or no finite elements.
+        If a setting is out of range, the measurements cannot be read or used, or a solid or finite
+        elements are not possible.
     NoSolutionError
         If no load of the sweep has an equilibrium.
     """
@@ -677,7 +677,7 @@ def run_study(
 
 
 def _between(tell: Progress, start: float, end: float) -> Progress:
-    """Progress of what comes between two shares of the work."""
+    """Progress callback for a part of the work between two shares."""
     return lambda what, done: tell(what, start + (end - start) * done)
 
 
@@ -719,7 +719,7 @@ def _settings(
 
 
 def _largest_load(model: Model) -> float:
-    """The round load that ends the sweep, where none is asked for, N."""
+    """Default end of the sweep: a round load, N."""
     by_newton = model.linear_bend_of_all
     if not by_newton > 0.0:
         raise InputError(
@@ -741,7 +741,7 @@ def _largest_load(model: Model) -> float:
     else:
         return round_down(0.5 * top)
     i = int(beyond[0])
-    if i == 0:  # no pose without tension to turn from
+    if i == 0:  # no reference pose without tension
         return round_down(linear)
     low, high = tension[i - 1], tension[i]
     load = float(low)
@@ -751,7 +751,7 @@ def _largest_load(model: Model) -> float:
 
 
 def _turned(model: Model, tension: Array) -> Array:
-    """How far each load turns the segments from their pose without tension (n,), summed, rad."""
+    """Sum of the segments' rotations from the pose without tension at each load (n,), rad."""
     try:
         sweep = model.solve(model.main, tension, disks=True)
     except BowstringError:
@@ -771,10 +771,10 @@ def _turned(model: Model, tension: Array) -> Array:
 
 
 def _arc_scale(model: Model, settings: Settings) -> float:
-    """Share of the tensions at which the linear law's arcs end at the robot's own bend.
+    """Share of the tensions at which the arcs of the linear law end at the robot's own bend.
 
-    Without gravity 1. In gravity the linear law may bend a robot ten times as far as it goes, and
-    its arcs, as geometry or as commanded lengths, would wind it up.
+    It is 1 without gravity. In gravity the linear law may bend a robot ten times too far, so that
+    its arcs would be unusable as geometry or as commanded lengths.
     """
     linear = settings.max_tension * model.linear_bend_of_all
     if not any(model.robot.gravity) or linear <= _MAX_BEND:
@@ -785,7 +785,7 @@ def _arc_scale(model: Model, settings: Settings) -> float:
 
 
 def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
-    """Shorten the actuated tendon as the linear law would, the others follow at constant length."""
+    """Shorten the actuated tendon by the linear law; the others follow at constant arc length."""
     robot = model.robot
     tension = np.linspace(0.0, settings.max_tension, settings.points)
     arcs = RobotArcs.from_tensions(robot, model.tensions(model.arc_scale * tension))
@@ -799,8 +799,8 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
             "lets them; check its stiffness or give a smaller largest tension",
             argument="max_tension",
         ) from None
-    # Eq. 5 proper: from the lengths. It needs three tendons a segment and lengths that some arc
-    # has; a robot without them keeps the arcs the lengths came from, which are the same ones.
+    # Eq. 5 of the study, from lengths (Eq. 1.1 and 1.4 of docs/theory), needs three tendons per
+    # segment and lengths of an arc; otherwise the original arcs are kept, which are the same.
     with suppress(InputError):
         arcs = RobotArcs.from_lengths(robot, lengths)
     return GeometricSweep(
@@ -816,7 +816,7 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
 
 
 def _displacement(model: Model, lengths: Array) -> Array:
-    """By how much the actuated tendon is shorter than with the backbone straight (n,), m."""
+    """Displacement of the actuated tendon from the straight backbone (n,), m."""
     end = model.robot.tendons.end_disk[model.tendon]
     return np.asarray(model.robot.disks.station_m[end] - lengths[:, model.tendon])
 
@@ -846,7 +846,7 @@ def _statics(model: Model, settings: Settings) -> Statics:
 def _dynamics(
     model: Model, settings: Settings, statics: Statics, progress: Callable[[float], None]
 ) -> tuple[Transient | None, str]:
-    """The motion, or why there is none: a robot that cannot be simulated still has its statics."""
+    """Motion, or reason why there is none; statics does not depend on it."""
     try:
         frequency = slowest_frequency(model)
     except BowstringError as error:
@@ -868,7 +868,7 @@ def _dynamics(
 
 
 def _calibrated_friction(data: AgainstData | None) -> Robot | None:
-    """The calibrated robot, where the data told its friction."""
+    """Calibrated robot, if its friction was identifiable."""
     if data is None or data.calibration is None or not data.calibration.fit.converged:
         return None
     names = data.calibration.fit.names
@@ -882,7 +882,7 @@ def _claim(
     in_time: dict[str, Comparison],
     by_bricks: dict[str, Comparison],
 ) -> PublishedClaim | None:
-    """The study's printed mean, for its own robot and load range only."""
+    """Published mean of the source study, for its own robot and load range only."""
     if robot.name != "amouri2019" or settings.max_tension != 80.0:
         return None
     if settings.tendon != 0 or not settings.actuated_alone:

@@ -18,7 +18,7 @@ from bowstring.study.verdict import Meaning, corrections
 __all__ = ["COLUMNS", "Summary", "summarise"]
 
 COLUMNS: Final = ("CC from", "valid to", "mean error", "mean, corrected", "largest error", "at")
-"""Of the table; the corrected mean is with the correction in closed form."""
+"""Columns of the table; the corrected error is the mean with the correction in closed form."""
 
 _FEWEST: Final = 3  # loads of a mean, one of which is mostly that without tension
 _INPUTS: Final = {
@@ -30,19 +30,19 @@ _INPUTS: Final = {
 @short_repr
 @dataclass(frozen=True)
 class Summary:
-    """What a reader needs first; all of it stands in the report with its derivation."""
+    """Main results; the report has their derivation."""
 
     title: str
     reference: str
     """What the errors are distances to, for the title of the table."""
     rows: tuple[tuple[str, ...], ...]
-    """By `COLUMNS`, one for each meaning of constant curvature."""
+    """Rows in the order of `COLUMNS`, one from lengths and one from force."""
     findings: tuple[tuple[str, str], ...]
-    """A heading and a sentence each."""
+    """Headings and sentences."""
 
 
 def summarise(study: Study) -> Summary:
-    """Take the verdict's main numbers from a study."""
+    """Extract the main results from a study."""
     verdict, robot = study.verdict, study.robot
     tolerance = f"{in_mm(verdict.tolerance_length)} ({in_percent(verdict.tolerance, 3)} of length)"
     return Summary(
@@ -128,7 +128,7 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
 
 
 def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:
-    """Of the effects that the sweep leaves out, the one that adds the largest mean error."""
+    """Effect outside the sweep with the largest contribution to the mean error."""
     parts: dict[str, list[str]] = {}
     for name, words in zip(MEANINGS, ("from lengths", "from force"), strict=True):
         found, _ = study.budget.left_out(name)

@@ -1,4 +1,4 @@
-"""The tables of a study: names, columns with their units, rows; and how they go to CSV."""
+"""Tables of a study as CSV: names, columns with units, rows."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Cell]])
 
 
 def _csv_cell(cell: Cell) -> str:
-    """Numbers to nine significant digits; a missing one is an empty field."""
+    """Format a number with nine significant digits; a missing one is an empty field."""
     if cell is None:
         return ""
     if isinstance(cell, float):
@@ -45,7 +45,7 @@ def _csv_cell(cell: Cell) -> str:
 
 
 def study_tables(study: Study) -> Iterable[Table]:
-    """Name, header with units, and rows of every table."""
+    """Yield name, header with units, and rows of every table."""
     tendons = [f"tendon_{t + 1}_length_mm" for t in range(len(study.robot.tendons.segment))]
     bends = [f"segment_{k + 1}_theta_deg" for k in range(len(study.robot.segments))]
 
@@ -142,7 +142,7 @@ def study_tables(study: Study) -> Iterable[Table]:
 
 
 def _named(of: str, between: str = "_") -> list[str]:
-    """Columns of the coordinates of something, in mm."""
+    """Names of columns of coordinates in mm."""
     return [f"{of}{between}{axis}_mm" for axis in "xyz"]
 
 
@@ -151,7 +151,7 @@ _TIP: Final = _named("tip")
 
 
 def _table(name: str, *columns: tuple[str | Sequence[str], Any]) -> Table:
-    """A table of columns (n,) with their names, and blocks of columns (n, k) with k names."""
+    """Make a table of columns (n,) with names, and blocks of columns (n, k) with k names."""
     header: list[str] = []
     cells: list[list[Cell]] = []
     for names, values in columns:
@@ -162,7 +162,7 @@ def _table(name: str, *columns: tuple[str | Sequence[str], Any]) -> Table:
 
 
 def _by_disk(name: str, load: str, loads: Array, disks: Array) -> Table:
-    """Places of the disks (n, N, 3), a row for each disk at each load."""
+    """Make a table of disk positions (n, N, 3), a row for each disk at each load."""
     count = disks.shape[1]
     return _table(
         name,
@@ -173,12 +173,12 @@ def _by_disk(name: str, load: str, loads: Array, disks: Array) -> Table:
 
 
 def simulated(study: Study) -> list[Comparison]:
-    """Comparisons with simulations, which have the loads of the sweep."""
+    """Comparisons with simulations at the loads of the sweep."""
     return [c for c in study.comparisons if c.against != "measurement"]
 
 
 def _data_tables(found: AgainstData) -> Iterable[Table]:
-    """Tables of the verdict on data; each row says what the data are."""
+    """Yield tables of the comparison with data; each row has the source of the data."""
     data, loads = found.data, found.loads
     source = [data.source]
     ways = np.where(loads.loading, "loading", "unloading") if loads.single else None
@@ -188,7 +188,7 @@ def _data_tables(found: AgainstData) -> Iterable[Table]:
         ("source", source * len(data)),
         ("line", data.line),
         ("run", loads.run + 1),
-        ("way", [None] * len(data) if ways is None else ways),
+        ("branch", [None] * len(data) if ways is None else ways),
         ([f"tension_{t + 1}_N" for t in by_tension], data.tensions[:, by_tension]),
         (
             [f"displacement_{t + 1}_mm" for t in by_displacement],

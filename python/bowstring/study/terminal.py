@@ -1,4 +1,4 @@
-"""The study in the terminal."""
+"""Output of a study in the terminal."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["print_study"]
 
 _SIDES: Final[dict[Side, str]] = {"in_sweep": "this sweep", "removed": "full model"}
-"""The physics beside which the terminal shows contributions."""
+"""References of the contributions in the terminal."""
 
 
 def print_study(
@@ -39,7 +39,7 @@ def print_study(
     study : Study
     console : rich.console.Console
     folder : Path, optional
-        Where the report lies; its path is printed last.
+        Folder of the report; its path is printed last.
     verbose : bool
         Print all tables and the whole verdict as well.
     """
@@ -58,12 +58,12 @@ def print_study(
         if not verbose:
             console.print(Text("All tables: in the report, or here with --verbose", style="dim"))
         console.print(Text("Report: ", style="bold"), end="")
-        # a path must stay one line, to be clicked or copied
+        # no line break in a path, so that it can be clicked or copied
         console.print(Text(str(folder / "report.html")), soft_wrap=True)
 
 
 def _print_details(study: Study, console: Console) -> None:
-    """All tables, and the verdict in full."""
+    """Print all tables, and the whole verdict."""
     loads = len(study.statics.tension)
     errors = _table(
         "Tip error of constant curvature (CC); all simulated",
@@ -160,7 +160,7 @@ def _print_details(study: Study, console: Console) -> None:
 
 
 def _print_data(found: AgainstData, console: Console) -> None:
-    """The verdict on data: errors by model, and its sentences."""
+    """Print errors against data by model, and the text."""
     from bowstring.study.data_validation import FRAMES
 
     errors = _table(

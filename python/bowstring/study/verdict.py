@@ -1,7 +1,7 @@
-"""The verdict: where constant curvature stops holding at a stated tolerance, and why, in words.
+"""Verdict: validity limit of constant curvature at a tolerance, and its dominant cause.
 
-Crossings of the tolerance are searched on a fine sweep and bisected. What is to blame is asked of
-the physics: each effect that acts in the main sweep is taken out alone at the load in question.
+Crossings of the tolerance are searched on a fine sweep and bisected. The cause is found by removing
+each effect of the main sweep, one at a time, at the load in question.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ __all__ = ["Correction", "Meaning", "Share", "Verdict", "corrections", "judge"]
 
 Array = NDArray[np.float64]
 
-_FINE_POINTS: Final = 401  # of the sweep that the verdict searches; crossings are bisected
+_FINE_POINTS: Final = 401  # loads of the fine sweep
 _BISECTIONS: Final = 40
-_WORTH_NAMING: Final = 0.1  # share of the error below which no effect is called its cause
+_WORTH_NAMING: Final = 0.1  # least share of the error of an effect that is named as its cause
 
 
 # -- what is computed --------------------------------------------------------------------------
@@ -38,35 +38,36 @@ _WORTH_NAMING: Final = 0.1  # share of the error below which no effect is called
 @short_repr
 @dataclass(frozen=True)
 class Share:
-    """What one effect has in constant curvature's error at one load of the main sweep."""
+    """Share of one effect in the error of constant curvature at one load of the main sweep."""
 
     effect: str
     label: str
     error_without: float
-    """Error with this effect removed and nothing else changed, m."""
+    """Error with this effect removed, m."""
     share: float
-    """(error - error_without) / error; shares interact and need not add up to one."""
+    """(error - error_without) / error; effects interact, so shares need not add up to one."""
 
 
 @short_repr
 @dataclass(frozen=True)
 class Meaning:
-    """The verdict on one meaning of constant curvature."""
+    """Verdict on constant curvature from lengths or from force."""
 
     name: str
     holds_throughout: bool
     holds_to: float | None
-    """First crossing of the tolerance, or the last load solved, N; None if it never holds."""
+    """Validity limit, N: first crossing of the tolerance, or the last load solved; None if it
+    never holds."""
     fails: tuple[tuple[float, float], ...]
-    """Every range of tension in which the error is above the tolerance, N."""
+    """Ranges of tension in which the error is above the tolerance, N."""
     undecided: tuple[tuple[float, float], ...]
-    """Ranges of tension without physics or without an arc, N."""
+    """Ranges of tension without equilibrium or without an arc, N."""
     max_error: float
     max_at: float
     blamed_at: float
-    """Tension at which the shares are taken: the first crossing, else that of the largest error."""
+    """Tension of the shares, N: the first crossing, else that of the largest error."""
     shares: tuple[Share, ...]
-    """Largest first; empty if physics and constant curvature agree there."""
+    """Shares, largest first; empty if rod and constant curvature agree there."""
     text: str
 
     @property
@@ -77,7 +78,7 @@ class Meaning:
 
     @property
     def ended_by(self) -> Share | None:
-        """The effect with the largest share, if that is large enough to be called the cause."""
+        """Dominant cause: the effect with the largest share, if that is large enough."""
         largest = self.shares[:1]
         return largest[0] if largest and largest[0].share >= _WORTH_NAMING else None
 
@@ -85,18 +86,18 @@ class Meaning:
 @short_repr
 @dataclass(frozen=True)
 class Verdict:
-    """The answer in plain words, and the numbers it is made of."""
+    """Verdict in plain words, with its numbers."""
 
     tolerance: float
     tolerance_length: float
     meanings: tuple[Meaning, ...]
     fine_tension: Array
     fine_error: dict[str, Array]
-    """Errors on the fine sweep that was searched, m."""
+    """Errors on the fine sweep, m."""
     text: tuple[str, ...]
 
     def to_dict(self) -> schema.Verdict:
-        """The verdict in mm, N and percent."""
+        """Return plain values in mm, N and percent."""
         return {
             "tolerance_percent": self.tolerance * 100.0,
             "tolerance_mm": self.tolerance_length * 1e3,
@@ -138,7 +139,7 @@ def judge(
     comparisons: dict[str, Comparison],
     budget: Budget,
 ) -> Verdict:
-    """Where constant curvature holds at a tolerance, what ends it, and what else would.
+    """Find the validity limit of constant curvature, its cause, and effects outside the sweep.
 
     Parameters
     ----------
@@ -146,11 +147,11 @@ def judge(
     tolerance : float
         Tolerated tip error as a share of the robot's length.
     max_tension : float
-        End of the sweep, N. It is searched more finely than the study's own sweep.
+        End of the sweep, N; the search uses a finer sweep than the study.
     comparisons : dict
-        Of the study, by name; the sentence on the corrections speaks of their means.
+        Comparisons of the study by name, for the sentence on corrections.
     budget : Budget
-        The sentence on what the sweep leaves out speaks of its rows.
+        Error budget, for the sentence on effects outside the sweep.
 
     Returns
     -------
@@ -186,7 +187,7 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
         return float(model.case(physics, np.array([value])).error(name)[0])
 
     def crossing(i: int, j: int) -> float:
-        """Between the loads i (not above) and j (above), which are neighbours."""
+        """Bisect the crossing between the neighbouring loads i (not above) and j (above)."""
         low, high = float(tension[i]), float(tension[j])
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
@@ -388,7 +389,7 @@ def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
 
 
 def _on_friction(budget: Budget, tension: Array, tolerance: float, length: float) -> list[str]:
-    """Where the file's own friction, which the main sweep leaves out, breaks the tolerance."""
+    """Loads at which the file's own friction, outside the main sweep, violates the tolerance."""
     if budget.actuation.friction_assumed:
         return []
     parts = []
@@ -414,7 +415,7 @@ def _on_friction(budget: Budget, tension: Array, tolerance: float, length: float
 
 
 def _on_left_out(budget: Budget) -> list[str]:
-    """Which effect that the main sweep lacks would cost most, as the error budget has it."""
+    """Effect outside the main sweep with the largest contribution in the error budget."""
     found: dict[str, list[str]] = {}
     partly = []
     for meaning, words in zip(MEANINGS, ("from lengths", "from force"), strict=True):
