@@ -205,7 +205,7 @@ def test_messages_of_the_troubleshooting_page_are_those_of_the_program() -> None
             assert words in text, f"no message of the program contains {words!r}"
 
 
-def test_equations_cited_in_the_core_exist() -> None:
+def test_equations_cited_in_the_code_exist() -> None:
     theory = DOCS / "theory"
     pages = re.search(
         r"```\{toctree\}(.*?)```", (theory / "index.md").read_text("utf-8"), re.DOTALL
@@ -216,8 +216,12 @@ def test_equations_cited_in_the_core_exist() -> None:
         for number, page in enumerate(re.findall(r"^[\w-]+$", pages[1], re.MULTILINE), start=1)
         for equation in range(1, 1 + (theory / f"{page}.md").read_text("utf-8").count("\n:label:"))
     }
+    sources = [
+        *(ROOT / "crates" / "bowstring-core" / "src").rglob("*.rs"),
+        *(ROOT / "python" / "bowstring").rglob("*.py"),
+    ]
     cited = set()
-    for source in (ROOT / "crates" / "bowstring-core" / "src").rglob("*.rs"):
+    for source in sources:
         text = source.read_text("utf-8")
         cited.update(*re.findall(r"Eq\. (\d\.\d+)(?: and (\d\.\d+))?", text))
         for page in re.findall(r"docs/theory/([\w-]+)\.md", text):

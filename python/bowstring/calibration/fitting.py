@@ -278,12 +278,12 @@ def fit(
 
     Notes
     -----
-    The cost is Eq. 7.1 of docs/theory. Where a tendon becomes taut or slack, the cost has a kink
+    The cost is theory Eq. 7.1. Where a tendon becomes taut or slack, the cost has a kink
     and often a minimum on either side. The fit continues from a minimum to lower ones predicted by
     a piecewise linear model, in which each row is a linear complementarity problem
     (`bowstring.calibration.pieces`). Rows without an equilibrium are left out and counted.
 
-    Standard errors are those of M-estimation, Eq. 7.2 of docs/theory (Huber, Robust Statistics,
+    Standard errors are those of M-estimation, theory Eq. 7.2 (Huber, Robust Statistics,
     1981, 7.6). They assume independent noise of the same size in all rows (or as stated), with its
     own size along each axis of the measuring frame.
     """

@@ -32,7 +32,7 @@ def covariance(
 ) -> tuple[Floats, float]:
     """Covariance (P, P) of the estimates, and half width of a 95 % interval over standard error.
 
-    This is Eq. 7.2 of docs/theory; noise may differ between axes. `by` (3 n,) are the first and the
+    This is theory Eq. 7.2; noise may differ between axes. `by` (3 n,) are the first and the
     second derivative of half the loss by the residuals, `rows` (3 n, P) the Jacobian of the
     residuals, `identified` (R, P) the identifiable directions. With a `reach`, rows of one `run`
     (n,) closer than that may be correlated (Newey and West, Econometrica 55, 1987; interval by

@@ -6,7 +6,7 @@ a row of measurements is
     s = s0 + G d + M (T - T0),    s >= 0,    T >= 0,    s T = 0
     point = point0 + A d + B (T - T0)
 
-a linear complementarity problem (LCP) per row (Eq. 4.1 and 4.2 of docs/theory). Unlike the
+a linear complementarity problem (LCP) per row (theory Eq. 4.1 and 4.2). Unlike the
 derivatives of one active set, it contains the changes where tendons become taut or slack. K is the
 number of rows, T that of tendons, P that of parameters; all values are in SI.
 """

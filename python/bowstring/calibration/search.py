@@ -58,7 +58,7 @@ def spread(residuals: Floats, parameters: int) -> float:
 
 
 def force(residuals: Floats, loss: Loss, turn: float) -> tuple[Floats, Floats]:
-    """First and second derivative of half the loss by each residual."""
+    """First and second derivative of half the loss (theory Eq. 7.1) by each residual."""
     if loss == "linear":
         return residuals, np.ones_like(residuals)
     z = (residuals / turn) ** 2

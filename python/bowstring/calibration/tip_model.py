@@ -469,7 +469,7 @@ class _Exact:
         Derivative by the relative change of the stiffness of each segment at constant tensions.
     lengths_by_stiffness : ndarray (K, T, S)
     slack_by_tension : ndarray (K, T, T)
-        slack = home length - displacement - length + compliance x tension (Eq. 4.1 of docs/theory)
+        slack = home length - displacement - length + compliance x tension (theory Eq. 4.1)
     answer : ndarray (K, T, T)
         Derivative of tensions by slack, for taut displacement-controlled tendons.
     tensions : ndarray (K, T)

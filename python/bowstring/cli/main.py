@@ -144,10 +144,10 @@ def in_flags(error: InputError, arguments: Sequence[str]) -> str:
 
 def _mended(sentence: str, context: Any, arguments: Sequence[str]) -> str:
     """What typer says of the arguments, with what to write instead where it is known."""
-    from bowstring.units import is_bare
+    from bowstring.units import has_no_unit
 
     extra = re.fullmatch(r"Got unexpected extra argument\S* \((.*)\)", sentence)
-    if extra and all(is_bare(word) for word in extra[1].split()):
+    if extra and all(has_no_unit(word) for word in extra[1].split()):
         return f"unexpected {extra[1]}: separate numbers by commas, without blanks"
     unknown = re.match(r"No such option: (-[-\w]+)", sentence)
     if unknown and re.match(r"-\.?\d", unknown[1]):

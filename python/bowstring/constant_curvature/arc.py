@@ -15,7 +15,7 @@ that frame and contains no twist: Rz(phi) Ry(theta) Rz(-phi).
 
 Curvature and direction are singular where the arc is straight. Computations therefore use the
 *bend coordinates* (theta cos(phi), theta sin(phi), length), in which the straight pose is regular
-(Eq. 1.2 of docs/theory). Jacobians refer to them by default.
+(theory Eq. 1.2). Jacobians refer to them by default.
 
 The tip follows the study's Eq. 1, z = sin(theta)/kappa, also from tendon lengths. The study's
 Eq. 5, which is its Eq. 1 in terms of lengths, is printed with twice this z: the straight robot's
@@ -198,12 +198,11 @@ class Arc:
         Returns
         -------
         Arc
-            Least-squares fit of l_i = length - theta r_i cos(phi - alpha_i), Eq. 1.3 of
-            docs/theory. For three tendons at 0, 120 and 240 degrees it is Eq. 1.4 of docs/theory
-            (Amouri 2019, Eq. 2-4, with phi in all four quadrants), without misfit. On straight
-            spans with n equal modules and the radicand q of Eq. 1.4, the bend of a module is
-            a = 2 asin(sqrt(q)/(3 r n)) and the length (mean tendon length) (a/2)/sin(a/2),
-            Eq. 1.6 of docs/theory.
+            Least-squares fit of l_i = length - theta r_i cos(phi - alpha_i), theory Eq. 1.3. For
+            three tendons at 0, 120 and 240 degrees it is theory Eq. 1.4 (Amouri 2019, Eq. 2-4, with
+            phi in all four quadrants), without misfit. On straight spans with n equal modules and
+            the radicand q of theory Eq. 1.4, the bend of a module is a = 2 asin(sqrt(q)/(3 r n))
+            and the length (mean tendon length) (a/2)/sin(a/2), theory Eq. 1.6.
 
         Raises
         ------
@@ -242,9 +241,9 @@ class Arc:
         -------
         Arc
             Arcs that bend along the moment m = sum of T_i r_i (cos alpha_i, sin alpha_i). Linear
-            law: theta is ``|m| l/(E I)``, for one tendon ``F r l/(E I)`` (Eq. 1.7 of docs/theory),
+            law: theta is ``|m| l/(E I)``, for one tendon ``F r l/(E I)`` (theory Eq. 1.7),
             without an upper limit. With n modules, a = theta/n and F = sum of T_i:
-            ``theta = (l/EI) (|m| + F (l/n) a/12 - |m| a^2/8)`` (Eq. 1.9 of docs/theory).
+            ``theta = (l/EI) (|m| + F (l/n) a/12 - |m| a^2/8)`` (theory Eq. 1.9).
 
         Raises
         ------
@@ -256,7 +255,7 @@ class Arc:
         -----
         The law with the mean lever arm makes the energy of a module stationary, to second order in
         a: E I a^2/(2 h) plus tensions times the straight spans 2 sin(a/2) (h/a - r cos(phi -
-        alpha)), h = l/n (Eq. 1.8 of docs/theory). The quadratic equation is solved exactly.
+        alpha)), h = l/n (theory Eq. 1.8). The quadratic equation is solved exactly.
         """
         given = to_array("tensions", tensions, len(routing))
         scalars = {"length": length, "bending_stiffness": bending_stiffness}
@@ -333,7 +332,7 @@ class Arc:
 
         Notes
         -----
-        Eq. 1.1 of docs/theory (Amouri 2019, Eq. 1):
+        theory Eq. 1.1 (Amouri 2019, Eq. 1):
         tip = (1 - cos theta)/kappa (cos phi, sin phi), sin theta/kappa.
         """
         shape, rows = self.kappa.shape, self.bend.reshape(-1, 3)
@@ -346,9 +345,9 @@ class Arc:
     def lengths(self, routing: Routing) -> Array:
         """Tendon lengths (..., T), m.
 
-        Parallel to the backbone: length - theta r cos(phi - alpha), Eq. 1.3 of docs/theory. On
+        Parallel to the backbone: length - theta r cos(phi - alpha), theory Eq. 1.3. On
         straight spans: the sum of 2 sin(a/2) (h/a - r cos(phi - alpha)) with bend a and length h
-        of each module, Eq. 1.5 of docs/theory (Amouri 2019, Fig. 4).
+        of each module, theory Eq. 1.5 (Amouri 2019, Fig. 4).
         """
         out = _core.arc_lengths(self.bend.reshape(-1, 3), routing.holes, routing.shares)
         return out.reshape(*self.kappa.shape, len(routing))

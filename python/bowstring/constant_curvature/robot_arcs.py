@@ -44,8 +44,8 @@ class RobotArcs:
     arc: Arc
     """Arcs (..., S), each in the frame of its segment's start."""
     correction: Correction | None = None
-    """Tendon path. None: parallel to the backbone, Eq. 1.3 of docs/theory (Amouri 2019, Eq. 2-5).
-    "chord": straight between disks at the robot's disk positions, Eq. 1.5 of docs/theory."""
+    """Tendon path. None: parallel to the backbone, theory Eq. 1.3 (Amouri 2019, Eq. 2-5).
+    "chord": straight between disks at the robot's disk positions, theory Eq. 1.5."""
     hold_length: bool = False
     """Whether segments keep their lengths where arcs are fitted to tendon lengths."""
 

@@ -451,7 +451,7 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
 
 
 def _by_displacement(robot: Robot) -> Floats:
-    """Bends of the segments by displacements (2 S, T), least squares of Eq. 1.3 of docs/theory.
+    """Bends of the segments by displacements (2 S, T), least squares of theory Eq. 1.3.
 
     A displacement that is common to all tendons of a segment does not bend it.
     """
@@ -464,7 +464,7 @@ def _by_displacement(robot: Robot) -> Floats:
 
 
 def _by_tension(robot: Robot) -> Floats:
-    """Bends of the segments by tensions (2 S, T), linear law (Eq. 1.7 of docs/theory)."""
+    """Bends of the segments by tensions (2 S, T), linear law (theory Eq. 1.7)."""
     tendons = robot.tendons
     out = np.zeros((2 * len(robot.segments), len(tendons.angle_rad)))
     for j, segment in enumerate(robot.segments):

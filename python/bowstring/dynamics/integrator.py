@@ -20,7 +20,7 @@ _TOLERANCE_SHARE: Final = 2e-6  # default tolerance over length, per step
 class Integrator:
     """Settings of the time integration: steps, numerical and physical damping.
 
-    The scheme is the generalised-alpha method, Eq. 5.1 and 5.2 of docs/theory: implicit and of
+    The scheme is the generalised-alpha method, theory Eq. 5.1 and 5.2: implicit and of
     second order.
 
     Parameters

@@ -318,7 +318,7 @@ def simulate(
 ) -> Run:
     """Simulate the motion from rest in an equilibrium.
 
-    The time integration is implicit and of second order (Eq. 5.1 and 5.2 of docs/theory). Each
+    The time integration is implicit and of second order (theory Eq. 5.1 and 5.2). Each
     output time is the end of a step.
 
     Parameters

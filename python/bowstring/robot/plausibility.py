@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 # know of and is much narrower than 1000.
 #
 # Stiffness: a tension of the robot's own weight W on one tendon bends a segment by
-# theta = W r L / (E I) (Eq. 1.7 of docs/theory). W scales with the robot, so one limit serves a
+# theta = W r L / (E I) (theory Eq. 1.7). W scales with the robot, so one limit serves a
 # catheter and an elephant trunk: 2 degrees for the study's robot, 5 for rao2021, 0.4 rad for a
 # Nitinol catheter (0.4 mm by 1 m), 1.7 rad for 1 mm Nitinol under ten disks of 10 g at r = 10 mm,
 # 2.4 rad for silicone of 0.1 MPa. Beyond one turn the robot cannot hold its own weight in any
@@ -124,7 +124,7 @@ def _turns(robot: RobotArrays, k: int, weight: float) -> float:
 
 
 def _bend_by_newton(robot: RobotArrays, k: int) -> float:
-    """Bend angle of a segment per newton of tension in rad/N, Eq. 1.7 of docs/theory."""
+    """Bend angle of a segment per newton of tension in rad/N, theory Eq. 1.7."""
     passing = robot.tendons.segment >= k
     arm = float(robot.tendons.pitch_radius_m[passing].max())
     return arm * robot.segments[k].length / float(robot.bending_stiffness[k])

@@ -45,7 +45,7 @@ _GIVE: Final = (
 
 
 def compliances(robot: Robot) -> Floats:
-    """Compliance of each tendon from motor to end disk (T,) in m/N, Eq. 4.3 of docs/theory."""
+    """Compliance of each tendon from motor to end disk (T,) in m/N, theory Eq. 4.3."""
     tendons = robot.tendons
     routed = robot.disks.station_m[tendons.end_disk]
     length = tendons.free_length_m + routed
@@ -55,7 +55,7 @@ def compliances(robot: Robot) -> Floats:
 def home_lengths(robot: Robot, model: RodModel) -> Floats | None:
     """Unstretched length of each tendon from its base hole at zero displacement, (T,) in m.
 
-    This is l0 - C T0 in Eq. 4.1 of docs/theory. None if the pretension has no stable equilibrium,
+    This is l0 - C T0 in theory Eq. 4.1. None if the pretension has no stable equilibrium,
     hence no home pose.
     """
     tendons = robot.tendons
@@ -73,7 +73,7 @@ def displacements(
 ) -> Floats | None:
     """Displacements (..., T) in m from lengths and tensions (..., T); None without a home pose.
 
-    Eq. 4.1 of docs/theory without slack.
+    theory Eq. 4.1 without slack.
     """
     home = home_lengths(robot, model)
     if home is None:

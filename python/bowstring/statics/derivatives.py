@@ -79,7 +79,7 @@ def jacobians(solution: Solution) -> Jacobians:
     """Differentiate an equilibrium by tensions, tip load and stiffness.
 
     The derivatives are exact for the discretised robot: one more block elimination with further
-    right-hand sides (Eq. 3.4 of docs/theory), at the same `elements`.
+    right-hand sides (theory Eq. 3.4), at the same `elements`.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def jacobians(solution: Solution) -> Jacobians:
 def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
     """Differentiate an equilibrium by tendon displacements.
 
-    Uses the derivatives by tensions and the compliance of the tendons (Eq. 4.1 of docs/theory).
+    Uses the derivatives by tensions and the compliance of the tendons (theory Eq. 4.1).
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
         else by_displacement
     )
     held = np.flatnonzero(actuated & (tensions > 0))
-    # Eq. 4.1 of docs/theory, s = 0: displacement = home length - length + compliance * tension
+    # theory Eq. 4.1, s = 0: displacement = home length - length + compliance * tension
     answer = np.diag(actuation.compliances(solution.robot)) - by.lengths_by_tension
     block = answer[np.ix_(held, held)]
     tensions_by_displacement = np.zeros_like(answer)

@@ -231,7 +231,7 @@ def check_frames(robot: Robot, frames: Frames) -> None:
 
 
 def surface_stress(sec: Section, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
-    """Normal and shear stress around the surface of every section, Eq. 6.1 of docs/theory.
+    """Normal and shear stress around the surface of every section, theory Eq. 6.1.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def surface_stress(sec: Section, force: Floats, moment: Floats) -> tuple[Floats,
 
 
 def von_mises(sigma: Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
-    """Maximum of sqrt(sigma^2 + 3 tau^2) around each section, Eq. 6.2 of docs/theory.
+    """Maximum of sqrt(sigma^2 + 3 tau^2) around each section, theory Eq. 6.2.
 
     Parameters
     ----------
@@ -293,7 +293,7 @@ def derive(robot: Robot, frames: Frames, sec: Section) -> dict[str, Floats]:
     out["von_mises_max_place"] = place[times, top]
     out["tip_displacement"] = frames.disk_position[:, -1] - (0.0, 0.0, robot.length)
     energy = frames.kinetic_energy + frames.elastic_energy + frames.gravity_energy
-    balance = energy - frames.work + frames.dissipated_energy
+    balance = energy - frames.work + frames.dissipated_energy  # theory Eq. 5.3
     out["energy_balance"] = balance - (balance[0] if len(balance) else 0.0)
     return {f.name: getattr(frames, f.name) if f.name in _RAW else out[f.name] for f in FIELDS}
 

@@ -57,7 +57,7 @@ def of_tensions(found: Any, advice: str = "") -> str:
         case "converged":
             if found.left_unstable and stable:
                 return (
-                    "The robot buckled: the way from straight led to an unstable equilibrium; "
+                    "The robot buckled: the path from straight led to an unstable equilibrium; "
                     "one of several stable branches is returned. A small load to one side chooses "
                     "the branch."
                 )

@@ -52,8 +52,8 @@ class Pose(NamedTuple):
 class ErrorEstimate:
     """Estimated discretisation error of a solution.
 
-    Defect correction: each element is integrated by a sixth-order Runge-Kutta method (Eq. 3.5 of
-    docs/theory), and its defect is substituted through the last elimination. The estimate is three
+    Defect correction: each element is integrated by a sixth-order Runge-Kutta method (theory
+    Eq. 3.5), and its defect is substituted through the last elimination. The estimate is three
     times the sum of the resulting motions of the modules' ends. It was above the error of 2 000
     random robots, and at most 30 times the error in 99 % of them (docs/verification/accuracy.md).
 

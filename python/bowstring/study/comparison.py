@@ -225,7 +225,7 @@ class Model:
 
     @cached_property
     def linear_bend(self) -> Array:
-        """Bend (S, 2) of each segment per N of the sweep by Eq. 1.7 of docs/theory, rad/N."""
+        """Bend (S, 2) of each segment per N of the sweep by theory Eq. 1.7, rad/N."""
         robot = self.robot
         out = np.zeros((len(robot.segments), 2))
         for k, segment in enumerate(robot.segments):
@@ -242,7 +242,7 @@ class Model:
         return float(np.linalg.norm(self.linear_bend, axis=1).sum())
 
     def linear_displacement(self, tension: Array) -> Array:
-        """Displacement of the actuated tendon by the linear law (n,), m."""
+        """Displacement of the actuated tendon (n,), m: theory Eq. 1.3 with the linear bend."""
         last = int(self.robot.tendons.segment[self.tendon])
         hole = self.robot.tendons.hole_m[self.tendon]
         return np.asarray(tension * float((self.linear_bend[: last + 1] @ hole).sum()))
