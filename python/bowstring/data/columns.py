@@ -34,7 +34,7 @@ __all__ = [
     "tidy",
 ]
 
-#: What data can be, by where they come from.
+#: Allowed sources of data.
 Source = Literal["measured", "synthetic", "computed"]
 SOURCES: Final = get_args(Source)
 PIXELS: Final = "px"

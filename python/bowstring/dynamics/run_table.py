@@ -1,4 +1,4 @@
-"""The table of a run: CSV, a row for each output time."""
+"""Table of a run as CSV, with a row for each output time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MARK: Final = b"# simulated by Bowstring"
 
 
 def check_table(path: str | Path) -> Path:
-    """Say before any work whether a table may be written (`atomic_io.check_file`)."""
+    """Check before any work that a table may be written (`atomic_io.check_file`)."""
     return check_file(Path(path), "table of the run", (".csv",), _MARK)
 
 

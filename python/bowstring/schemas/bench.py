@@ -118,7 +118,7 @@ class Difference(Object):
     """A field in which the actual robot differs."""
 
     path: Annotated[str, about("Path of the field.")]
-    told: Annotated[Any, about("Value of ROBOT; `null` if it has none.")]
+    nominal: Annotated[Any, about("Value of ROBOT; `null` if it has none.")]
     actual: Annotated[Any, about("Value of the actual robot; `null` if it has none.")]
 
 

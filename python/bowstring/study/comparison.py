@@ -127,11 +127,11 @@ class Case:
         return out if base is None else out | self.moved_from(base)
 
     def described(self, assumptions: str) -> Any:
-        """The case in mm and percent, after its assumptions in words."""
+        """Return plain values in mm and percent, after the assumptions in words."""
         return {"is": assumptions, **self.to_dict()}
 
     def moved_from(self, base: Case) -> schema.TipMoved:
-        """How far the tip is from that of another case, in mm, at the loads that both have."""
+        """Distance of the tip from that of another case, in mm, at common loads."""
         moved = np.linalg.norm(self.tip_position - base.tip_position, axis=-1)
         return {
             "tip_moved_mean_mm": known_mean(moved) * 1e3,

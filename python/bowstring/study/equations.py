@@ -27,26 +27,26 @@ __all__ = ["Equation", "SegmentArc", "StudyEquations", "study_equations"]
 Array = NDArray[np.float64]
 
 _ELL, _ALPHA = "\N{SCRIPT SMALL L}", "\N{GREEK SMALL LETTER ALPHA}"
-_MOST_TENDONS: Final = 6  # whose lengths are written out, where no closed form holds
+_MOST_TENDONS: Final = 6  # lengths that are written out without a closed form
 
 
 @dataclass(frozen=True)
 class Equation:
-    """One numbered equation of the source study, or a correction of it."""
+    """Numbered equation of the source study, or a correction of it."""
 
     name: str
-    """As ``"Eq. 1"``."""
+    """Number, such as ``"Eq. 1"``."""
     what: str
-    """What it gives, in words."""
+    """Result in words."""
     lines: tuple[str, ...]
     """MathML of each line, with symbols and then with numbers."""
     note: str = ""
-    """What a reader should know of it, in sentences."""
+    """Notes in sentences."""
 
 
 @dataclass(frozen=True)
 class SegmentArc:
-    """The arc of one segment, as people read it."""
+    """Arc of one segment in usual units."""
 
     phi_deg: float
     theta_deg: float
@@ -56,17 +56,17 @@ class SegmentArc:
 
 @dataclass(frozen=True)
 class StudyEquations:
-    """The equations at one load."""
+    """Equations at one load."""
 
     intro: tuple[str, ...]
-    """Sentences: at which load, from which lengths."""
+    """Load and source of the lengths, in sentences."""
     equations: tuple[Equation, ...]
     arcs: tuple[SegmentArc, ...]
-    """Of all segments."""
+    """Arcs of all segments."""
 
 
 def study_equations(study: Study) -> StudyEquations:
-    """Put the numbers of a study's largest load into the equations of the source study.
+    """Evaluate the equations of the source study at the largest load of a study.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def _end(study: Study) -> str:
 
 
 def _beside(study: Study, segment: FirstSegment, arcs: RobotArcs) -> str:
-    """Where an arc ends, and how far that is from the end of the robot."""
+    """End of the arc, and its distance from the end of the robot."""
     end = arcs.disk_positions[len(segment.stations) - 1]
     away = float(np.linalg.norm(end - segment.tip))
     place = ", ".join(_fixed(v * 1e3, 3) for v in end)
@@ -190,7 +190,7 @@ def _direction(study: Study, segment: FirstSegment, ring: NDArray[np.intp]) -> E
         note += f" The angle is counted from x; tendon {ring[0] + 1} is not at 0 degrees."
     whole = first + math.remainder(segment.phi - first, math.tau)  # as the two terms add up
     phi = [_n(_degrees(whole))]
-    if _degrees(whole) != _degrees(segment.phi):  # the same direction, a turn less
+    if _degrees(whole) != _degrees(segment.phi):  # the same direction, less a full turn
         phi.append(_n(_degrees(segment.phi)))
     symbols = _math(_i("φ"), _eq(), lead, terms(*(_sub("l", t + 1) for t in ring)))
     numbers = _math(_i("φ"), _eq(), lead_number, terms(*map(_n, lengths)), _eq(), _eq().join(phi))
@@ -236,7 +236,7 @@ def _arc(study: Study, segment: FirstSegment, ring: NDArray[np.intp]) -> Equatio
 
 
 def _least_squares(study: Study, segment: FirstSegment) -> Equation:
-    """For tendons without the closed form: the equation that their lengths solve."""
+    """Equation of the lengths for tendons without a closed form."""
     tendons = study.robot.tendons
     symbols = _math(
         *(_sub("l", "i"), _eq(), _i(_ELL), _minus(), _i("θ"), _sub("r", "i")),
@@ -369,7 +369,7 @@ def _chords(study: Study, segment: FirstSegment, ring: NDArray[np.intp]) -> list
 
 
 def _forces(study: Study, segment: FirstSegment) -> list[Equation]:
-    """The linear law and its correction."""
+    """Linear law and its correction (theory Eq. 1.7 and 1.9)."""
     model, n = study.model, len(segment.stations)
     robot = model.robot
     tensions = model.tensions(np.array([segment.tension]))[0]
@@ -443,7 +443,7 @@ def _fixed(value: float, digits: int) -> str:
 
 
 def _mm(metres: float) -> str:
-    """To a micrometre, without zeros at the end."""
+    """Write a length to a micrometre, without trailing zeros."""
     return _fixed(metres * 1e3, 3).rstrip("0").rstrip(".")
 
 
@@ -456,7 +456,7 @@ def _degrees(angle: float) -> str:
 
 
 def _lengths(study: Study, segment: FirstSegment, ring: NDArray[np.intp]) -> list[str]:
-    """In mm, to a micrometre, or as exact as their differences in Eq. 4 need."""
+    """Write lengths in mm to a micrometre, or as precisely as their differences in Eq. 4 need."""
     differences = 1.5e3 * float(study.robot.tendons.pitch_radius_m[ring[0]]) * segment.theta
     digits = min(9, max(3, math.ceil(-math.log10(5e-5 * differences))))
     lengths = study.statics.tendon_lengths[segment.load, ring] * 1e3
@@ -475,7 +475,7 @@ def _i(name: str) -> str:
 
 
 def _n(text: str) -> str:
-    """A number; a negative one has a minus sign."""
+    """MathML of a number, with a proper minus sign."""
     return f"<mn>{text.replace('-', '&#x2212;')}</mn>"
 
 
@@ -484,7 +484,7 @@ def _op(text: str) -> str:
 
 
 def _function(name: str, of: str) -> str:
-    """A number stands in parentheses."""
+    """MathML of a function; a number gets parentheses."""
     inner = _group(of) if of.startswith("<mn>") else of
     thin = '<mspace width="0.15em"></mspace>'
     return f"<mrow>{thin}<mi>{name}</mi><mo>&#x2061;</mo>{thin}{inner}</mrow>"

@@ -1,4 +1,4 @@
-"""The arcs of a robot at one load of a study, which its equations and drawings show."""
+"""Arcs of a robot at one load of a study, for its equations and drawings."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ class FirstSegment:
     load: int
     """Index of the load in the sweep."""
     tension: float
-    """Of the sweep, N."""
+    """Tension of the sweep, N."""
     arcs: RobotArcs
-    """Of all segments."""
+    """Arcs of all segments."""
     without_lengths: str
-    """Why the arcs are those of the linear law; empty where they are those of the lengths."""
+    """Reason for arcs by the linear law; empty for arcs from the lengths."""
     tendons: NDArray[np.intp]
-    """Indices of the tendons that end at its end disk."""
+    """Indices of the tendons anchored to its end disk."""
     stations: Array
-    """Of its disks from the base (n,), m."""
+    """Arc lengths of its disks from the base (n,), m."""
     tip: Array
     """Centre of its end disk by statics (3,), m."""
 
     @property
     def from_lengths(self) -> bool:
-        """Whether the arcs are those of the tendon lengths."""
+        """Whether the arcs follow from the tendon lengths."""
         return not self.without_lengths
 
     @property
@@ -65,7 +65,7 @@ class FirstSegment:
 
     @property
     def straight(self) -> bool:
-        """Whether the arc has no bend worth an equation."""
+        """Whether the arc is practically straight."""
         return self.theta < 1e-6
 
     @property
@@ -76,7 +76,7 @@ class FirstSegment:
 
 
 def first_segment(study: Study) -> FirstSegment:
-    """The segment at the base at the largest load of the sweep that has an equilibrium.
+    """Find the first segment at the largest load of the sweep with an equilibrium.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def first_segment(study: Study) -> FirstSegment:
     tension = float(statics.tension[load])
     try:
         arcs, reason = RobotArcs.from_lengths(robot, statics.tendon_lengths[load]), ""
-    except BowstringError as error:  # too few tendons, or lengths that no arc has
+    except BowstringError as error:  # too few tendons, or lengths without an arc
         reason = str(error).rstrip(".")
         tensions = study.model.tensions(study.model.arc_scale * np.array([tension]))[0]
         arcs = RobotArcs.from_tensions(robot, tensions)

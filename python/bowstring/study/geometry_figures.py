@@ -24,11 +24,11 @@ Array = NDArray[np.float64]
 
 _ELL, _RHO = "\N{SCRIPT SMALL L}", "\N{GREEK SMALL LETTER RHO}"
 _MM: Final = 1e3
-_FAR: Final = 1.6  # times the arc length: a centre farther away is not drawn
+_FAR: Final = 1.6  # distance over arc length beyond which a centre is not drawn
 _LINES: Final = ("-", "--", ":", "-.")
 _COLOURS: Final = ("red", "blue", "amber", "purple", "green")
-_LINE: Final = 0.155  # of the key, in inches
-_MOST: Final = 8  # tendons with a line of their own in the key
+_LINE: Final = 0.155  # height of a line of the key, inches
+_MOST: Final = 8  # tendons with their own line in the key
 
 
 def draw_arc(study: Study) -> Figure:
@@ -83,7 +83,7 @@ def _arc_from_the_side(axes: Axes, segment: FirstSegment) -> None:
     axes.plot(*arc, color=LIGHT["ink"], linewidth=2.2)
     _write(axes, arc[:, 50], _ELL, (-9 * math.cos(theta / 2), 9 * math.sin(theta / 2)))
 
-    # the radii, whole or cut off on their way to a centre that is far away
+    # the radii, cut off if the centre is far away
     reach = radius if radius <= _FAR * length else 0.4 * length
     dashes: dict[str, Any] = {"color": LIGHT["blue"], "linewidth": 1.0, "linestyle": "--"}
     if not segment.straight:
@@ -184,14 +184,14 @@ def draw_module(study: Study) -> Figure:
     bend = np.array([math.cos(segment.phi), math.sin(segment.phi)])
 
     def at(s: float) -> tuple[Array, Array, Array]:
-        """Place, across and onward at a share of the module."""
+        """Position, normal and tangent at a share of the module."""
         angle = turn * s
         f = size * s * float(np.sinc(angle / (2 * math.pi)))  # chord
         place = f * np.array([math.sin(angle / 2), math.cos(angle / 2)])
         across = np.array([math.cos(angle), -math.sin(angle)])
         return place, across, np.array([math.sin(angle), math.cos(angle)])
 
-    # tendons at one distance from the backbone, in the direction of the bend, lie on each other
+    # tendons with equal distances from the backbone in the bending plane coincide
     by_distance: dict[float, list[int]] = {}
     for names, hole in _holes(study):
         by_distance.setdefault(round(float(hole @ bend) * _MM, 6), []).extend(names)

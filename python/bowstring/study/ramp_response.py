@@ -1,10 +1,9 @@
 """Ramp response of a study: dynamics under a rising tension, as for Fig. 5, compared with statics.
 
-The tension rises in a straight line from zero, the robot at rest, and is then held. By default the
-rise takes 20 periods of the slowest mode at 5 % of critical damping. That is slow enough for a tip
-within 0.1 % of length of statics on average (on the built-in robots; 5 % also comes nearest, with
-less the robot rings longer, with more it lags), and still fast enough to show what statics cannot:
-lag, overshoot, oscillation. They are measured here.
+The tension rises linearly from zero, with the robot at rest, and is then held. By default the rise
+takes 20 periods of the slowest mode with a damping ratio of 5 %. The tip is then within 0.1 % of
+length of statics on average (on the built-in robots; a smaller ratio prolongs oscillation, a
+larger one increases the lag), and lag, overshoot and oscillation are still visible.
 """
 
 from __future__ import annotations
