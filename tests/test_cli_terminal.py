@@ -28,6 +28,7 @@ pty = pytest.importorskip("pty", reason="POSIX terminals")
 SOLVE = ("solve", "amouri2019", "--tension", "1,0,0")
 DOUBTFUL = (*SOLVE, "--set", "segments.0.disks.thickness=100 mm")
 BENCH = ("bench", "simulate", "amouri2019", "--masses", "0:1:3", "--out", "bench.csv")
+TABLE = Path(__file__).parents[1] / "examples" / "bench.csv"
 ESCAPE = "\x1b"
 
 
@@ -190,6 +191,14 @@ def test_quiet_keeps_results_and_errors(shell: Shell, flag: str) -> None:
     assert shell.json(*DOUBTFUL, flag)["warnings"]
     assert shell(*DOUBTFUL)[2] == err  # nothing else is written
     assert "--tension: got" in shell.error("solve", "amouri2019", "--tension", "1,0", flag)
+
+
+@pytest.mark.parametrize("place", range(4))
+def test_a_command_of_a_group_is_quiet_wherever_the_flag_stands(shell: Shell, place: int) -> None:
+    check = ["bench", "check", str(TABLE), "--robot", "amouri2019", *DOUBTFUL[-2:]]
+    assert shell(*check)[2].startswith("Warning: ")
+    code, _, err = shell(*check[:place], "-q", *check[place:])
+    assert (code, err) == (0, "")
 
 
 def test_an_unstable_equilibrium_is_a_warning_in_one_line() -> None:

@@ -82,6 +82,13 @@ data_app.command("list")(_with_quiet(data.list_sets))
 data_app.command("get")(_with_quiet(data.get))
 
 
+@bench_app.callback()
+@data_app.callback()
+def _group(quiet: Quiet = False) -> None:
+    if quiet:
+        be_quiet(True)
+
+
 def _show_version(wanted: bool) -> None:
     if wanted:
         here = doctor.facts()
