@@ -509,13 +509,17 @@ def test_loads_without_equilibrium_are_said_first() -> None:
     text, (heading, sentence) = summarise(found), summarise(found).findings[0]
     assert [row[2] for row in text.rows] == [
         "\N{EN DASH}",
-        f"{in_mm(found.comparison('cc_from_force').mean)} (3 of 5 loads)",
+        in_mm(found.comparison("cc_from_force").mean),
     ]
     assert heading == "Left out" and sentence.startswith("2 of 5 loads have no stable equilibrium")
     assert "first at 37.5 N" in sentence and "smaller largest tension (--max-tension)" in sentence
     assert sentence + "." in found.to_dict()["warnings"]
     rest = dict(text.findings)
-    assert [row[3] for row in text.rows] == ["\N{EN DASH}"] * 2
+    assert rest["Mean errors"] == "from force (linear law) over 3 of 5 loads"
+    assert [row[3] for row in text.rows] == ["\N{EN DASH}"] * 2  # over other loads
+    out = io.StringIO()
+    print_study(found, Console(file=out, width=80))
+    assert "\N{HORIZONTAL ELLIPSIS}" not in out.getvalue()  # no cell is cut
     friction = next(sentence for heading, sentence in rest.items() if "Friction" in heading)
     assert "mm (loading, 3 of 5 loads)" in friction
     assert found.verdict.text[-1].startswith("Some commands have no equilibrium")

@@ -70,15 +70,12 @@ def _row(study: Study, meaning: Meaning) -> tuple[str, ...]:
         holds = f"{significant(meaning.holds_to)} N"
     error = f"{in_mm(meaning.max_error)} ({in_percent(meaning.max_error / study.length)})"
     known = study.comparison(meaning.name, "statics")
-    mean = in_mm(known.mean) if _enough(study, known.n) else number(None)
-    if _enough(study, known.n) and (over := _over(study, known.n)):
-        mean += f" ({over})"
-    found = corrections({c.name: c for c in study.against("statics")})
-    correction = next((c for c in found if c.name == meaning.name), None)
-    corrected = number(None)
-    if correction is not None and _enough(study, correction.n):
-        lower = correction.after < correction.before
-        corrected = in_mm(correction.after) if lower else "not lower"
+    mean = corrected = number(None)
+    if _enough(study, known.n):
+        mean = in_mm(known.mean)
+        for c in corrections({c.name: c for c in study.against("statics")}):
+            if (c.name, c.n) == (meaning.name, known.n):  # else the means are over other loads
+                corrected = in_mm(c.after) if c.after < c.before else "not lower"
     at = f"{significant(meaning.max_at)} N"
     return _INPUTS[meaning.name], holds, mean, corrected, error, at
 
@@ -97,6 +94,13 @@ def _over(study: Study, n: int, before: str = "") -> str:
 def _findings(study: Study) -> Iterator[tuple[str, str]]:
     if study.without_equilibrium:
         yield "Left out", study.without_equilibrium.rstrip(".")
+    over = [
+        f"from {_INPUTS[name]} over {part}"
+        for name in MEANINGS
+        if _enough(study, n := study.comparison(name).n) and (part := _over(study, n))
+    ]
+    if over:
+        yield "Mean errors", "; ".join(over)
     causes: dict[tuple[str, str], list[str]] = {}
     for m in study.verdict.meanings:
         if m.shares:
