@@ -64,7 +64,7 @@ def test_coarse_steps_are_reported(shell: Shell) -> None:
     assert "give a smaller dt" in coarse["message"]
     assert "smaller" not in fine["message"]
     _, shown, _ = shell(*arguments, "--dt", "50 ms")
-    assert "The steps put the tip off by" in shown and "give a smaller dt" in " ".join(
+    assert "The time steps cause a tip error of" in shown and "give a smaller dt" in " ".join(
         shown.split()
     )
 

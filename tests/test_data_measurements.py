@@ -824,7 +824,7 @@ def test_check_summarises_a_table(shell: Shell, monkeypatch: pytest.MonkeyPatch)
     assert found["source"] == "synthetic" and found["rows"] == 33 and found["rows_left_out"] == 0
     assert found["robot"] == "amouri2019" and found["groups"] == {"loading": 17, "unloading": 16}
     assert found["tendons"][0]["largest_N"] == pytest.approx(8 * STANDARD_GRAVITY)
-    assert found["tendon_check"]["found"] == "as_said" and found["issues"] == []
+    assert found["tendon_check"]["found"] == "as_stated" and found["issues"] == []
     assert found["provenance"]["settings"]["g_m_per_s2"] == STANDARD_GRAVITY
     moon = shell.json("bench", "check", "examples/bench.csv", "--g", "162 cm/s^2")
     assert moon["tendons"][0]["largest_N"] == pytest.approx(8 * 1.62)

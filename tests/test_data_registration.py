@@ -149,8 +149,8 @@ def test_target_error_matches_fitzpatricks_formula() -> None:
 def test_noise_larger_than_stated() -> None:
     rng = np.random.default_rng(3)
     measured = CORNERS + 1e-3 * rng.normal(size=(4, 3))
-    assert fit_fiducials(measured, CORNERS, 1e-4).chance < 1e-6
-    assert fit_fiducials(measured, CORNERS, 1e-3).chance > 1e-3
+    assert fit_fiducials(measured, CORNERS, 1e-4).variance_p < 1e-6
+    assert fit_fiducials(measured, CORNERS, 1e-3).variance_p > 1e-3
 
 
 @pytest.mark.parametrize(
@@ -251,9 +251,9 @@ def test_residuals_of_a_good_model_are_noise(tips: tuple[Array, Array]) -> None:
     rng = np.random.default_rng(4)
     noise = 2e-5 * rng.normal(size=predicted.shape)
     good = fit_model(predicted + noise, predicted, rotations, sigma=2e-5)
-    assert 0.01 < good.chance < 0.99
+    assert 0.01 < good.variance_p < 0.99
     bent = fit_model(predicted * [1.01, 1.0, 1.0] + noise, predicted, rotations, sigma=2e-5)
-    assert bent.chance < 1e-9
+    assert bent.variance_p < 1e-9
 
 
 def test_gross_errors_are_found(tips: tuple[Array, Array]) -> None:

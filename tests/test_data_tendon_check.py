@@ -58,7 +58,7 @@ GRAVITIES = [(0, 0, 0), (0, 0, -9.81), (9.81, 0, 0)]
 def test_one_segment(tensions: Floats, gravity: tuple[float, float, float]) -> None:
     data = made(STUDY, tensions, gravity=gravity)
     right = check_tendons(STUDY, data)
-    assert right.found == "as_said" and not right.alarm and right.unexplained < 0.1
+    assert right.found == "as_stated" and not right.alarm and right.unexplained < 0.1
     assert "other sense" not in right.sentence
     for pair in combinations((1, 2, 3), 2):
         found = check_tendons(STUDY, reordered(data, *pair))
@@ -74,7 +74,7 @@ def test_the_measuring_frame_may_lie_anywhere(turn: int) -> None:
     rotation = Rotation.random(random_state=turn).as_matrix()
     moved = replace(data, points=data.points @ rotation.T + [1.0, -2.0, 0.3])
     found = check_tendons(STUDY, moved)
-    assert found.found in ("as_said", "turned") and not found.alarm
+    assert found.found in ("as_stated", "turned") and not found.alarm
     mirrored = check_tendons(STUDY, replace(moved, points=moved.points * [1, 1, -1]))
     assert mirrored.found == "mirrored" and mirrored.alarm
 
@@ -85,7 +85,8 @@ def test_planar_motion_gives_no_warning(gravity: tuple[float, float, float]) -> 
     for same in (data, reordered(data, 2, 3), replace(data, points=data.points * [1, -1, 1])):
         found = check_tendons(STUDY, same)
         assert (
-            found.found == "as_said" and "numbered in the other sense they would" in found.sentence
+            found.found == "as_stated"
+            and "numbered in the other sense they would" in found.sentence
         )
     # where the frame is registered, the direction identifies the tendon
     wrong = check_tendons(STUDY, reordered(data, 1, 2))
@@ -98,7 +99,7 @@ def test_the_sign_of_displacements() -> None:
     displacements = bs.solve_batch(STUDY, ANY).tendon_lengths
     displacements = STUDY.length - displacements
     data = replace(data, tensions=np.full_like(displacements, np.nan), displacements=displacements)
-    assert check_tendons(STUDY, data).found == "as_said"
+    assert check_tendons(STUDY, data).found == "as_stated"
     found = check_tendons(STUDY, replace(data, displacements=-displacements))
     assert found.found == "turned" and abs(found.turn) == pytest.approx(np.pi, abs=0.05)
     assert "the sign of the displacements is wrong" in found.sentence
@@ -110,7 +111,7 @@ def test_two_segments() -> None:
     robot = bs.load_robot("rao2021")
     tensions = RNG.uniform(0, 1.5, (60, 6)) * (RNG.random((60, 6)) < 0.5)
     data = made(robot, tensions)
-    assert check_tendons(robot, data).found == "as_said"
+    assert check_tendons(robot, data).found == "as_stated"
     for pair in [(1, 2), (1, 3), (2, 3), (4, 5), (4, 6), (5, 6)]:
         found = check_tendons(robot, reordered(data, *pair))
         assert (found.found, found.tendons) == ("swapped", pair), found.sentence
@@ -143,7 +144,7 @@ def test_a_measured_robot_of_three_segments(part: str, public_data: Callable[[st
     public_data("crl-ftdcr-mocap")
     robot, data = bs.load_robot("crl-ftdcr-v4"), load("crl-ftdcr-mocap", part)
     right = check_tendons(robot, data)
-    assert right.found == "as_said", right.sentence
+    assert right.found == "as_stated", right.sentence
     if part == "tendon_pull":
         return  # most tendons are slack: too little variance is explained to identify any
     for pair in [(1, 2), (2, 3), (4, 5), (5, 6), (7, 8), (7, 9)]:
@@ -171,7 +172,7 @@ def test_measured_angles(public_data: Callable[[str], Path]) -> None:
             "segments.0.tendons": tendons,
         }
     )
-    assert check_tendons(robot, data).found == "as_said"
+    assert check_tendons(robot, data).found == "as_stated"
     for pair in combinations((1, 2, 3), 2):
         found = check_tendons(robot, reordered(data, *pair))
         assert found.found == "mirrored" and found.tendons == pair
@@ -248,7 +249,7 @@ BENCHES = {
 def test_a_correct_table_gives_no_warning(name: str) -> None:
     robot, data = BENCHES[name]
     found = check_tendons(robot, data)
-    assert found.found == "as_said" and found.unexplained < 0.2, found.sentence
+    assert found.found == "as_stated" and found.unexplained < 0.2, found.sentence
 
 
 @pytest.mark.parametrize("name", BENCHES)

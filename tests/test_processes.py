@@ -28,7 +28,7 @@ def cores(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> in
 def test_each_item_is_done(cores: int, count: int, tmp_path: Path) -> None:
     reported: list[float] = []
     processes.for_each(
-        range(count), lambda i: (tmp_path / str(i)).touch(exist_ok=False), tell=reported.append
+        range(count), lambda i: (tmp_path / str(i)).touch(exist_ok=False), notify=reported.append
     )
     assert sorted(int(p.name) for p in tmp_path.iterdir()) == list(range(count))
     assert reported == sorted(reported) and all(0.0 <= share < 1.0 for share in reported)
@@ -78,7 +78,7 @@ def test_a_stop_ends_the_other_processes(monkeypatch: pytest.MonkeyPatch) -> Non
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        processes.for_each(range(2), lambda i: time.sleep(600.0), tell=stop)
+        processes.for_each(range(2), lambda i: time.sleep(600.0), notify=stop)
     assert not multiprocessing.active_children()
 
 

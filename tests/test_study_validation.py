@@ -117,7 +117,7 @@ def test_residuals_of_the_calibrated_rod_are_noise(
     assert best.maximum < 5.0 * NOISE
     assert verdict.residuals is not None and verdict.residuals.is_noise is True
     assert verdict.text[-1] == verdict.residuals.text
-    assert "The residuals are noise" in verdict.residuals.text
+    assert "no departure of the residuals from noise" in verdict.residuals.text
 
 
 def test_expected_error_of_the_calibrated_rod_is_its_error_at_a_new_bench(
@@ -670,7 +670,7 @@ def test_the_command(
     assert code == 0
     assert "Measurements: Synthetic data, a made bench" in " ".join(out.split())
     assert "Tip error against the data; synthetic: a made bench" in out
-    assert "The residuals are noise" in " ".join(out.split())
+    assert "no departure of the residuals from noise" in " ".join(out.split())
     assert (tmp_path / "out" / "report.html").is_file()
 
 

@@ -25,7 +25,7 @@ _do: Callable[[int], None]  # work of a forked process on the item of an index
 
 
 def for_each(
-    items: Sequence[T], do: Callable[[T], None], *, tell: Callable[[float], None] | None = None
+    items: Sequence[T], do: Callable[[T], None], *, notify: Callable[[float], None] | None = None
 ) -> None:
     """Call a function on each item, in one process per core, at most four.
 
@@ -39,17 +39,17 @@ def for_each(
     do : callable
         Called with one item; must be idempotent. It must not use the compiled core, whose threads
         do not exist in a forked process.
-    tell : callable, optional
+    notify : callable, optional
         Progress callback, called with the finished share from 0 to 1.
     """
-    tell = tell or (lambda share: None)
+    notify = notify or (lambda share: None)
     # a daemonic process may not have children
     may_fork = sys.platform == "linux" and not multiprocessing.current_process().daemon
     count = min(_cores(), _MOST, len(items)) if may_fork else 1
-    done = _in_processes(items, do, count, tell) if count > 1 else set()
+    done = _in_processes(items, do, count, notify) if count > 1 else set()
     left = [i for i in range(len(items)) if i not in done]
     for before, i in enumerate(left, len(done)):
-        tell(before / len(items))
+        notify(before / len(items))
         do(items[i])
 
 
@@ -59,7 +59,7 @@ def _cores() -> int:
 
 
 def _in_processes(
-    items: Sequence[T], do: Callable[[T], None], count: int, tell: Callable[[float], None]
+    items: Sequence[T], do: Callable[[T], None], count: int, notify: Callable[[float], None]
 ) -> set[int]:
     """Process items in forked processes; return the indices of the finished ones."""
     former = multiprocessing.active_children()
@@ -76,7 +76,7 @@ def _in_processes(
             futures.update((pool.submit(_work, i), i) for i in range(len(items)))
         pending = set(futures)
         while pending:
-            tell(1.0 - len(pending) / len(items))
+            notify(1.0 - len(pending) / len(items))
             finished, pending = wait(pending, _PATIENCE, FIRST_COMPLETED)
             if not finished:
                 break

@@ -49,7 +49,7 @@ def write_fit(
     """
     from bowstring.calibration.figures import draw_fit
 
-    tell = progress or (lambda what, share: None)
+    notify = progress or (lambda what, share: None)
     folder = check_folder(out, "fit")
     found, data = calibration.fit, calibration.data
     hashed = "" if data.sha256 is None else f", SHA-256 {data.sha256}"
@@ -65,9 +65,9 @@ def write_fit(
         (new / "robot.yaml").write_text(robot, encoding="utf-8")
         write_json(new / BESIDE, calibration.beside_to_dict())
         with figure_style():
-            save_figures(draw_fit(calibration), new, lambda share: tell("figures", share))
+            save_figures(draw_fit(calibration), new, lambda share: notify("figures", share))
         write_listing(new / "fit.json", content)
 
     write_whole(folder, "fit", fill, lambda: check_folder(folder, "fit"))
-    tell("done", 1.0)
+    notify("done", 1.0)
     return folder

@@ -376,8 +376,8 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
         for row in direction[~identified]
     ]
     errors = at.point - work.measured
-    alike, chance, run = _autocorrelation(errors, work.used, group)
-    is_alike = alike > _ALIKE and chance < NOISE
+    alike, p_value, run = _autocorrelation(errors, work.used, group)
+    is_alike = alike > _ALIKE and p_value < NOISE
     lag = intervals.newey_west_lag(alike, len(run)) if is_alike else 0
     covariance, half = intervals.covariance(
         (weighted, slope), jacobian / size, direction[identified], run, lag

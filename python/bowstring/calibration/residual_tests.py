@@ -67,8 +67,8 @@ class NoiseTest:
     @property
     def wrong_size(self) -> bool:
         """Whether the residuals are larger than noise, by repeats if there are any."""
-        chance = self.lack_of_fit_p if math.isfinite(self.lack_of_fit_p) else self.variance_p
-        return chance < NOISE  # False for NaN
+        p_value = self.lack_of_fit_p if math.isfinite(self.lack_of_fit_p) else self.variance_p
+        return p_value < NOISE  # False for NaN
 
     @property
     def in_order(self) -> bool:
@@ -132,7 +132,7 @@ class NoiseTest:
             parts.append("a constant load that the model does not have would explain them in part")
         said = "; ".join(parts)
         if self.is_noise:
-            out = f"The residuals are noise, as far as these data can tell: {said}."
+            out = f"These data show no departure of the residuals from noise: {said}."
             if self.variance_p < NOISE:
                 out += " The stated uncertainty is too small: the repeats scatter by more."
         else:
@@ -210,7 +210,7 @@ def autocorrelation(residual: Array, near: NDArray[np.bool_]) -> tuple[float, fl
 
     Returns
     -------
-    correlation, chance : float
+    correlation, p_value : float
         NaN with too few neighbours. The p-value is one-sided, by the normal limit; a fit lowers the
         correlation a little, which is conservative.
     """

@@ -286,13 +286,13 @@ def calibrate(
         raise InputError(
             f"{validate.name} is the table that is fitted, and validates nothing; name another"
         )
-    tell = progress or (lambda what, share: None)
+    notify = progress or (lambda what, share: None)
     out = np.zeros(len(data), dtype=bool)
     rows = None
     if holdout is not None:
         out = hold_out(robot, data, holdout)
         rows = ~out & data.seen
-    tell("fit", 0.0)
+    notify("fit", 0.0)
     order = check_tendons(robot, data)
     try:
         found = fit(robot, data, parameters, model=model, loss=loss, rows=rows, start=start)
@@ -305,15 +305,15 @@ def calibrate(
         held = score(data.tip[out] + found.residuals[out], data.tip[out])
     validated = None
     if folds is not None:
-        tell("validation", 1 / (1 + folds))
+        notify("validation", 1 / (1 + folds))
         validated = cross_validate(
             robot, data, parameters, folds=folds, model=model, loss=loss, start=start
         )
     other = None
     if validate is not None:
-        tell("validation", 0.9)
+        notify("validation", 0.9)
         other = _judged(found, validate)
-    tell("done", 1.0)
+    notify("done", 1.0)
     return Calibration(
         data, found, loss, order, out, held, validated, dict(start or {}), validate, other
     )

@@ -82,9 +82,9 @@ def check(
     model = None if robot is None else load(robot, overrides)
     if model is None and overrides:
         raise InputError("--set changes a robot; name it by --robot.")
-    with progress_bar("table") as tell:
+    with progress_bar("table") as notify:
         found = read_measurements(file, model, mapping_of(mapping), g=gravity)
-        tell("tendons", 0.0)
+        notify("tendons", 0.0)
         check = None if model is None else check_tendons(model, found)
     if as_json:
         settings = {"file": file, "mapping": mapping, "g_m_per_s2": gravity}
@@ -222,17 +222,17 @@ def simulate(
         vector("--tool-error", tool_error, "m"),
     )
     of_flag("--out", synthetic.check_table, out)
-    with progress_bar("equilibria") as tell:
+    with progress_bar("equilibria") as notify:
         made = synthetic.set_up(
             model,
             loads,
             actual=really,
             mounting=mounting,
             instrument=instrument,
-            progress=lambda share: tell("equilibria", 0.95 * share),
+            progress=lambda share: notify("equilibria", 0.95 * share),
         )
         found = made.measure(seed)
-        tell("table", 0.95)
+        notify("table", 0.95)
         table, truth = synthetic.write(found, out)
     if as_json:
         names = ("tensions", "displacements", "masses")

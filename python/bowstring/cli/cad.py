@@ -91,22 +91,22 @@ def cad(
     pose, solid = None, None
     files: schema.SolidFiles = {}
     try:
-        with progress_bar("CAD kernel" if out or picture else "drawing") as tell:
+        with progress_bar("CAD kernel" if out or picture else "drawing") as notify:
             if out is not None or picture is not None:
                 check_cad()
             if acting is not None:
                 pose = rod.solve(model, load=acting).raise_for_status()
             if out is not None or picture is not None:
-                tell("solid", 0.6)
+                notify("solid", 0.6)
                 solid = make_solid(model, pose)
                 if out is not None:
-                    tell("file", 0.7)
+                    notify("file", 0.7)
                     files["solid"] = str(export.write_solid(solid, out))
                 if picture is not None:
-                    tell("picture", 0.75)
+                    notify("picture", 0.75)
                     files["picture"] = str(write_picture(solid, picture))
             if drawing is not None:
-                tell("drawing", 0.95 if out or picture else 0.0)
+                notify("drawing", 0.95 if out or picture else 0.0)
                 files["drawing"] = str(write_drawing(model, drawing))
     except KeyboardInterrupt:
         if not files:

@@ -59,11 +59,13 @@ def get(
     from bowstring.data import datasets
 
     item = datasets.describe(name)
-    with progress_bar(name) as tell:
+    with progress_bar(name) as notify:
         if out is None:
-            folder = datasets.path(name, progress=tell)
+            folder = datasets.path(name, progress=notify)
         else:
-            folder = of_flag("--out", lambda place: datasets.copy(name, place, progress=tell), out)
+            folder = of_flag(
+                "--out", lambda place: datasets.copy(name, place, progress=notify), out
+            )
     if as_json:
         content: schema.DataFolder = {
             **_origin(item),

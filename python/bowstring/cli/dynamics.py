@@ -193,7 +193,7 @@ def simulate(
     run: Run | None = None
     files: dict[str, Path | None] | None = None
     try:
-        with progress_bar("motion") as tell:
+        with progress_bar("motion") as notify:
             try:
                 run = simulation.simulate(
                     model,
@@ -203,7 +203,7 @@ def simulate(
                     model=RodModel(theory, elements=elements),
                     integrator=integrator,
                     output=simulation.Output(
-                        interval, points, targets.out, lambda done: tell("motion", share * done)
+                        interval, points, targets.out, lambda done: notify("motion", share * done)
                     ),
                 )
             except simulation.RunInterrupted as stopped:
@@ -216,7 +216,7 @@ def simulate(
                 raise
             try:
                 files = targets.write(
-                    run, lambda what, done: tell(what, share + (1 - share) * done)
+                    run, lambda what, done: notify(what, share + (1 - share) * done)
                 )
             except ImportError as error:
                 if not is_interrupt(error):
@@ -324,11 +324,11 @@ def modes(
         raise
     content: schema.Modes = {**found.to_dict(), **provenance, "folder": None}
     if out is not None:
-        with progress_bar("pictures") as tell:
+        with progress_bar("pictures") as notify:
             from bowstring.viz.modes_folder import write_modes
 
             written = {key: value for key, value in content.items() if key != "folder"}
-            content["folder"] = str(write_modes(found, plain(written), out, progress=tell))
+            content["folder"] = str(write_modes(found, plain(written), out, progress=notify))
     if as_json:
         return write_json(content)
     listed = new_table(">mode", ">frequency Hz", "kind")
@@ -388,7 +388,7 @@ class _Targets:
                 )
 
     def write(
-        self, run: Run, tell: Callable[[str, float], None] = lambda what, done: None
+        self, run: Run, notify: Callable[[str, float], None] = lambda what, done: None
     ) -> dict[str, Path | None]:
         """Write the remaining files, unless the user stopped the run; return existing ones."""
         files: dict[str, Path | None] = {"run": run.path, "vtk": None, "animation": None}
@@ -406,7 +406,7 @@ class _Targets:
             from bowstring.viz.vtk import write_vtk
 
             files["vtk"] = write_vtk(
-                run.robot, data, self.vtk, progress=lambda what, done: tell(what, share * done)
+                run.robot, data, self.vtk, progress=lambda what, done: notify(what, share * done)
             )
         if self.animation is not None and len(run.time) > 1:
             from bowstring.viz.animation import animate
@@ -415,7 +415,7 @@ class _Targets:
                 run.robot,
                 data,
                 self.animation,
-                progress=lambda what, done: tell(what, 1 - share + share * done),
+                progress=lambda what, done: notify(what, 1 - share + share * done),
             )
         return files
 

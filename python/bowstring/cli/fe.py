@@ -139,8 +139,8 @@ def fe(
     )
     limit: Convergence | None = None
     try:
-        with progress_bar("mesh") as tell:
-            common: dict[str, Any] = {"settings": settings, "progress": tell}
+        with progress_bar("mesh") as notify:
+            common: dict[str, Any] = {"settings": settings, "progress": notify}
             if study:
                 from bowstring.fem import convergence
 
@@ -164,9 +164,9 @@ def fe(
         "folder": None,
     }
     if out is not None and run.states:
-        with progress_bar("figures") as tell:
+        with progress_bar("figures") as notify:
             written = {key: value for key, value in content.items() if key != "folder"}
-            folder = report.write(run, beside, plain(written), out, progress=tell)
+            folder = report.write(run, beside, plain(written), out, progress=notify)
         content["folder"] = str(folder)
     if as_json:
         write_json(content)

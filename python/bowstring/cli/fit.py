@@ -155,7 +155,7 @@ def fit(
         return replace(found, name=data if part is None else f"{data}, {part}")
 
     flag = "--measurements" if data is None else "--data" if part is None else "--part"
-    with progress_bar("measurements") as tell:
+    with progress_bar("measurements") as notify:
         table = read(flag, measurements, part)
         other = None if validate is None else read("--validate", validate, validate)
         found = table_fit.calibrate(
@@ -166,7 +166,7 @@ def fit(
             loss=loss,
             start=begin,
             validation=table_fit.Validation(share, folds, other),
-            progress=tell,
+            progress=notify,
         )
     if found.tendons.alarm:
         say("Warning", found.tendons.sentence)
@@ -192,11 +192,11 @@ def fit(
         "folder": None,
     }
     if out is not None and found.fit.converged:
-        with progress_bar("figures") as tell:
+        with progress_bar("figures") as notify:
             from bowstring.calibration.fit_folder import write_fit
 
             written = {key: value for key, value in content.items() if key != "folder"}
-            content["folder"] = str(write_fit(found, plain(written), out, progress=tell))
+            content["folder"] = str(write_fit(found, plain(written), out, progress=notify))
     if as_json:
         write_json(content)
     else:

@@ -126,10 +126,10 @@ def study(
     extras = Extras(solid, Settings(grip=grip or Settings.grip) if fe else None)
     folder = of_flag("--out", check_folder, report.default_folder(model) if out is None else out)
     try:
-        with progress_bar("CAD kernel" if solid else "geometric sweep") as tell:
+        with progress_bar("CAD kernel" if solid else "geometric sweep") as notify:
             data = None
             if measurements is not None:
-                tell("measurements", 0.0)
+                notify("measurements", 0.0)
                 data = measurements_of("--measurements", measurements, model, mapping)
             solving = 0.9 if fe else 0.2  # share of the time; the report takes the rest
             found = run_study(
@@ -140,13 +140,13 @@ def study(
                 ramp=ramp,
                 measurements=data,
                 extras=extras,
-                progress=lambda what, done: tell(what, solving * done),
+                progress=lambda what, done: notify(what, solving * done),
             )
-            tell("figures", solving)
+            notify("figures", solving)
             folder = report.write(
                 found,
                 folder,
-                progress=lambda what, done: tell(what, solving + (1 - solving) * done),
+                progress=lambda what, done: notify(what, solving + (1 - solving) * done),
             )
     except RunInterrupted as stopped:
         raise Stopped(

@@ -136,7 +136,7 @@ class Registration:
         return float(np.sum(self.weight * square) / self.dof)
 
     @property
-    def chance(self) -> float:
+    def variance_p(self) -> float:
         """P-value of `misfit` under noise alone; NaN if no sigma was given."""
         return chi_square_p(self.misfit * self.dof, self.dof)
 

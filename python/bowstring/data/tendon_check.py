@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["TendonCheck", "check_tendons"]
 
 Floats = NDArray[np.float64]
-Found = Literal["as_said", "turned", "swapped", "mirrored", "unclear", "unchecked"]
+Found = Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"]
 
 _MOST_ROWS: Final = 400  # enough for a direction, and fast
 _FEWEST_ROWS: Final = 4
@@ -60,9 +60,9 @@ class TendonCheck:
     Attributes
     ----------
     found : str
-        "as_said": the stated order; "turned": the stated order with a measuring frame rotated about
-        z; "swapped"; "mirrored"; "unclear": none of these fits, or the commands do not match the
-        size of the motion, as in a wrong unit; "unchecked": the data do not allow the check.
+        "as_stated": the stated order; "turned": the stated order with a measuring frame rotated
+        about z; "swapped"; "mirrored"; "unclear": none of these fits, or the commands do not match
+        the size of the motion, as in a wrong unit; "unchecked": the data do not allow the check.
     sentence : str
     tendons : tuple of int
         Numbers of the two tendons that look swapped, from 1; empty if none do.
@@ -208,7 +208,7 @@ def _agreed(
     if mirrored.left <= _TIE * said.left:
         text += "; numbered in the other sense they would explain it as well, as in any plane"
     if abs(turn) < _TURNED or said.rotation[2, 2] < np.cos(2 * _TURNED):
-        return "as_said", f"{text}.", []
+        return "as_stated", f"{text}.", []
     named = [pair for pair in alike if swaps[pair].angle < _TURNED]
     swap = f"tendons {_or(named)} are swapped, " if named else ""
     text += (

@@ -161,8 +161,8 @@ class Run:
         """Estimated error of the time steps, with advice if large; without a full stop."""
         error = self.error_estimate
         if error is None:
-            return "so few steps tell nothing of their error" if self.steps else ""
-        said = f"the steps put the tip off by {in_mm(error)} at most"
+            return "too few steps to estimate their error" if self.steps else ""
+        said = f"the time steps cause a tip error of {in_mm(error)} at most"
         if error > _COARSE * self.robot.length:
             share = in_percent(error / self.robot.length)
             smaller = "dt" if self.settings.get("dt_s") is not None else "tolerance"

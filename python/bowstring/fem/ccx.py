@@ -144,12 +144,12 @@ def _watcher(folder: Path | None) -> Iterator[Callable[[int], None]]:
     assert watcher.stdin is not None
     channel = watcher.stdin.fileno()
 
-    def tell(process: int) -> None:
+    def notify(process: int) -> None:
         with contextlib.suppress(BrokenPipeError):  # the shell was ended
             os.write(channel, f"{process}\n".encode())
 
     try:
-        yield tell
+        yield notify
     finally:
         watcher.kill()  # before its input ends
         with watcher:

@@ -151,13 +151,13 @@ def study(
                 chosen.check()
             except InputError as wrong:
                 raise InputError(f"the study also takes {label} as {name}: {wrong}") from None
-    tell = progress or (lambda what, share: None)
+    notify = progress or (lambda what, share: None)
     count = 1 + sum(len(plan) for *_, plan in plans)
     done = 0
 
     def one(what: str, chosen: Settings, step: float) -> BrickRun:
         def part(text: str, share: float) -> None:
-            tell(f"{what}: {text.removeprefix('finite elements, ')}", (done + share) / count)
+            notify(f"{what}: {text.removeprefix('finite elements, ')}", (done + share) / count)
 
         if motion is None:
             found = sweep(robot, tensions, settings=chosen, progress=part)

@@ -50,14 +50,14 @@ def write(
         Absolute path of the folder, with fe.json, fe.nc (fields of the rod's form from bricks),
         vtk/run.pvd (all bricks), tip.png, stress.png and field.png, also as PDF.
     """
-    tell = progress or (lambda what, share: None)
+    notify = progress or (lambda what, share: None)
     folder = check_folder(out, "fe")
 
     def fill(new: Path) -> None:
         run.to_dataset().to_netcdf(new / "fe.nc")
-        write_vtk(run, new / "vtk", progress=tell)
+        write_vtk(run, new / "vtk", progress=notify)
         with figure_style():
-            save_figures(draw(run, beside), new, lambda share: tell("figures", share))
+            save_figures(draw(run, beside), new, lambda share: notify("figures", share))
         write_listing(new / "fe.json", content)
 
     write_whole(folder, "finite elements", fill, lambda: check_folder(folder, "fe"))

@@ -511,7 +511,7 @@ def _run(
     if not load.is_tension_controlled or load.tip_moment is not None:
         raise InputError("finite elements take tensions, gravity and a tip force only")
     keep = None if keep is None else check_keep(keep)
-    tell = progress or (lambda what, share: None)
+    notify = progress or (lambda what, share: None)
     gravity = robot.gravity if load.gravity is None else load.gravity
     weight = validation.row("gravity", gravity, 3, "m/s^2")
     tip_force = np.zeros(3) if load.tip_force is None else load.tip_force
@@ -554,7 +554,7 @@ def _run(
     if not todo:
         return found
     job = Job(robot, mesh, loading, tuple(todo))
-    ended = work(job, program, cache_folder() / _key(job, version), keep, tell)
+    ended = work(job, program, cache_folder() / _key(job, version), keep, notify)
     found.states += ended.states[lead:]
     found.cached = max(0, ended.cached - lead)
     found.status, found.reason = ended.status, ended.why

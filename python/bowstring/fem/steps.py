@@ -68,7 +68,7 @@ class Ended:
     wall_s: float = 0.0
 
 
-def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress) -> Ended:
+def work(job: Job, program: Path, kept: Path, keep: Path | None, notify: Progress) -> Ended:
     """Calculate the steps that are not cached yet.
 
     Parameters
@@ -79,7 +79,7 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
         Cache folder of this job.
     keep : Path, optional
         Folder for the files of CalculiX; with it all steps are calculated.
-    tell : callable
+    notify : callable
         Progress callback.
 
     Returns
@@ -103,13 +103,13 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
     started = time.perf_counter()
     try:
         with _folder(keep) as folder:
-            run = _Run(job, folder, kept, ended, tell)
+            run = _Run(job, folder, kept, ended, notify)
             end = run.go(program, fleeting=keep is None)
         if ended.cached and end.status == "failed" and not ended.iterations:
             # a restart file that is damaged, or was removed by another process, would make every
             # further run fail
             _restart(kept, ended.cached).unlink(missing_ok=True)
-            return work(job, program, kept, keep, tell)
+            return work(job, program, kept, keep, notify)
         ended.status, ended.why = end
     except KeyboardInterrupt:
         interrupts.acknowledge()
@@ -137,8 +137,8 @@ def _folder(keep: Path | None) -> contextlib.AbstractContextManager[Path]:
 class _Run:
     """Run of CalculiX for the steps after `ended.cached`."""
 
-    def __init__(self, job: Job, folder: Path, kept: Path, ended: Ended, tell: Progress) -> None:
-        self.job, self.folder, self.kept, self.ended, self.tell = job, folder, kept, ended, tell
+    def __init__(self, job: Job, folder: Path, kept: Path, ended: Ended, notify: Progress) -> None:
+        self.job, self.folder, self.kept, self.ended, self.notify = job, folder, kept, ended, notify
         self.first = ended.cached
         self.read = 0  # bytes of tables that are cached
         self.begun = 0  # present step of CalculiX; restart files of earlier ones are whole
@@ -172,7 +172,7 @@ class _Run:
             self._take()
         steps = self.job.steps
         self.ended.share = share if step == len(self.ended.states) else 0.0
-        self.tell(_where(steps, step, share), (step + share) / len(steps))
+        self.notify(_where(steps, step, share), (step + share) / len(steps))
 
     def _place(self, now: float) -> tuple[int, float]:
         """Step of CalculiX at a total time, the earlier one at its end, and its finished share."""

@@ -48,9 +48,9 @@ class TendonCheck(Object):
     """Comparison of the order of the tendons with the motion of the tip."""
 
     found: Annotated[
-        Literal["as_said", "turned", "swapped", "mirrored", "unclear", "unchecked"],
+        Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"],
         about(
-            "`as_said`: the tendons are those of the robot. `turned`: they are, if the measuring "
+            "`as_stated`: the tendons are those of the robot. `turned`: they are, if the measuring "
             "frame is turned about z. `swapped`: two tendons are interchanged. `mirrored`: the "
             "tendons are numbered in the opposite direction. `unclear`: none of these; or tips, "
             "tensions or displacements are several times too large or small, as in another unit. "

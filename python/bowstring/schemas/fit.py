@@ -107,7 +107,7 @@ class FitTendonCheck(Object):
     """Comparison of the order of the tendons with the motion of the tip."""
 
     found: Annotated[
-        Literal["as_said", "turned", "swapped", "mirrored", "unclear", "unchecked"],
+        Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"],
         about("As in `bench check`."),
     ]
     alarm: Annotated[bool, about("Whether something is probably wrong.")]

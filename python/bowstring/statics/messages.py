@@ -70,7 +70,7 @@ def of_tensions(found: Any, advice: str = "") -> str:
                 return (
                     "An equilibrium; whether it is stable is not known: a tip moment has no "
                     "potential and lets small oscillations grow unless they are damped by more "
-                    "than 1 %, or so few elements do not tell."
+                    "than 1 %, or there are too few elements to decide."
                 )
             return "A stable equilibrium."
         case "no_equilibrium":

@@ -254,8 +254,8 @@ def _identifiable(
         return found, []
     kept = [name for name in names if name not in drop]
     note = (
-        "The data cannot tell friction from other parameters; it is held at what the robot file "
-        "has. Loading and unloading would tell it."
+        "Friction is not identifiable from these data: it is correlated with other parameters and "
+        "is held at the value of the robot file. Data of loading and unloading would identify it."
     )
     return _fit(robot, data, kept, theory), [note]
 

@@ -481,7 +481,7 @@ def judge_data(
     InputError
         If the data cannot be judged.
     """
-    tell = progress or (lambda share: None)
+    notify = progress or (lambda share: None)
     check_measurements(robot, data)
     loads = _loads(data)
     notes: list[str] = []
@@ -499,7 +499,7 @@ def judge_data(
             notes.append(f"The calibration did not settle. {calibration.fit.message}")
     except BowstringError as error:
         notes.append(f"The rod is not calibrated: {str(error).rstrip('.')}.")
-    tell(0.5)
+    notify(0.5)
 
     points, lengths_of, why = _points(robot, data, theory, calibration)
     notes += why
@@ -518,7 +518,7 @@ def judge_data(
             if frame_by
             else "No model gives a base frame: nothing is registered."
         )
-    tell(0.6)
+    notify(0.6)
 
     without = [DATA_MODELS[name] for name in points if name not in own]
     if without:
@@ -541,7 +541,7 @@ def judge_data(
     except BowstringError as error:
         of = " that is not registered" if "cc_calibrated" in points else ""
         notes.append(f"Calibrated constant curvature{of} is left out: {str(error).rstrip('.')}.")
-    tell(0.7)
+    notify(0.7)
 
     measured = data.tip
     made: list[DataComparison] = []
@@ -559,7 +559,7 @@ def judge_data(
                 made.append(DataComparison(name, "measurement", robot.length, point, off, kind))
     intervals = bootstrap([c.difference for c in made], loads.resampled[0])
     comparisons = tuple(replace(c, intervals=i) for c, i in zip(made, intervals, strict=True))
-    tell(0.8)
+    notify(0.8)
 
     plain, effects = math.nan, tuple[Effect, ...]()
     residuals = expected = None
@@ -577,7 +577,7 @@ def judge_data(
         used, unit = calibration.fit.used, loads.resampled[0]
         if np.isfinite(calibration.fit.residuals[used]).all():
             expected = refitted(calibration.fit.residuals[used], calibration.fit.linear, unit[used])
-    tell(1.0)
+    notify(1.0)
     out = AgainstData(
         data=data,
         loads=loads,

@@ -204,7 +204,7 @@ class Budget:
 def error_budget(
     model: Model,
     tension: Array,
-    tell: Callable[[float], None] = lambda share: None,
+    notify: Callable[[float], None] = lambda share: None,
     calibrated: Robot | None = None,
 ) -> Budget:
     """Compute the error budget of constant curvature.
@@ -214,7 +214,7 @@ def error_budget(
     model : Model
     tension : array (n,)
         Loads of the actuated tendon, N.
-    tell : callable, optional
+    notify : callable, optional
         Progress callback, called with the finished share up to 1.
     calibrated : Robot, optional
         Robot with calibrated friction.
@@ -261,9 +261,9 @@ def error_budget(
                 acts_in_sweep=acts,
             )
         )
-        tell((i + 1) / (len(effects) + 1))
+        notify((i + 1) / (len(effects) + 1))
     actuation = actuation_budget(model, tension, case(model.main), calibrated)
-    tell(1.0)
+    notify(1.0)
 
     clamps = (
         "the file's clamps"

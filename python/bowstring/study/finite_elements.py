@@ -160,8 +160,8 @@ def solve(
     FiniteElements
         Result, also if CalculiX stopped early.
     """
-    tell = progress or (lambda share: None)
-    run = sweep(robot, tensions, settings=settings, progress=lambda _, share: tell(share))
+    notify = progress or (lambda share: None)
+    run = sweep(robot, tensions, settings=settings, progress=lambda _, share: notify(share))
     tip = np.full((len(tensions), 3), math.nan)
     lengths = np.full(tensions.shape, math.nan)
     if run.states:

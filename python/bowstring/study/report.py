@@ -77,14 +77,16 @@ def write(study: Study, out: str | Path | None = None, *, progress: Progress | N
     InputError
         If the folder may not be written (see `check_folder`).
     """
-    tell = progress or (lambda what, share: None)
+    notify = progress or (lambda what, share: None)
     folder = check_folder(default_folder(study.robot) if out is None else out)
-    write_whole(folder, "study", lambda new: _fill(study, new, tell), lambda: check_folder(folder))
-    tell("done", 1.0)
+    write_whole(
+        folder, "study", lambda new: _fill(study, new, notify), lambda: check_folder(folder)
+    )
+    notify("done", 1.0)
     return folder
 
 
-def _fill(study: Study, folder: Path, tell: Progress) -> None:
+def _fill(study: Study, folder: Path, notify: Progress) -> None:
     from bowstring.study.figures import draw
 
     tables = folder / "tables"
@@ -104,10 +106,10 @@ def _fill(study: Study, folder: Path, tell: Progress) -> None:
             Path(passed_on, stem).write_text(svg(stem, figure), encoding="utf-8")
 
         made = list(draw(study))
-        for_each(made, save, tell=lambda share: tell("figures", share))
+        for_each(made, save, notify=lambda share: notify("figures", share))
         drawn = {stem: Path(passed_on, stem).read_text(encoding="utf-8") for stem, _ in made}
 
-    tell("report", 0.95)
+    notify("report", 0.95)
     content = study.to_dict()
     (folder / "report.html").write_text(_html(study, content, drawn), encoding="utf-8")
     write_listing(folder / "study.json", content)

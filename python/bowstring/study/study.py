@@ -576,7 +576,7 @@ def run_study(
         If no load of the sweep has an equilibrium.
     """
     check_robot(robot)
-    tell = progress or (lambda what, share: None)
+    notify = progress or (lambda what, share: None)
     loading, extras = instance("loading", loading, Loading), instance("extras", extras, Extras)
     settings = _settings(robot, tolerance, theory, loading, instance("ramp", ramp, Ramp))
     solid, fe = extras.solid, extras.fe
@@ -595,29 +595,31 @@ def run_study(
     if measurements is not None:
         from bowstring.study.data_validation import judge_data
 
-        tell("measurements", 0.0)
+        notify("measurements", 0.0)
         data = judge_data(
             robot,
             _read(robot, measurements),
             settings.tolerance,
             settings.theory,
-            lambda share: tell("measurements", 0.2 * share),
+            lambda share: notify("measurements", 0.2 * share),
         )
-    whole = _between(tell, 0.2 if data is not None else 0.0, 1.0)
-    tell = _between(whole, 0.0, 1.0 if fe is None else 0.2)  # finite elements take most of the time
+    whole = _between(notify, 0.2 if data is not None else 0.0, 1.0)
+    notify = _between(
+        whole, 0.0, 1.0 if fe is None else 0.2
+    )  # finite elements take most of the time
     model = Model(robot, settings.tendon, settings.theory, settings.shares)
     model.arc_scale = _arc_scale(model, settings)
 
-    tell("geometric sweep", 0.0)
+    notify("geometric sweep", 0.0)
     geometry = _geometric_sweep(model, settings)
 
-    tell("statics", 0.05)
+    notify("statics", 0.05)
     statics = _statics(model, settings)
     comparisons = model.compare(statics.tension, statics.tip_position, statics.tendon_lengths)
 
-    tell("dynamics", 0.1)
+    notify("dynamics", 0.1)
     motion, without = _dynamics(
-        model, settings, statics, lambda share: tell("dynamics", 0.1 + 0.1 * share)
+        model, settings, statics, lambda share: notify("dynamics", 0.1 + 0.1 * share)
     )
     in_time = {}
     if motion is not None:
@@ -625,15 +627,15 @@ def run_study(
             statics.tension, motion.load_tip, motion.load_lengths, against="dynamics"
         )
 
-    tell("error budget", 0.2)
+    notify("error budget", 0.2)
     budget = error_budget(
         model,
         statics.tension,
-        lambda share: tell("error budget", 0.2 + 0.6 * share),
+        lambda share: notify("error budget", 0.2 + 0.6 * share),
         _calibrated_friction(data),
     )
 
-    tell("verdict", 0.8)
+    notify("verdict", 0.8)
     verdict = judge(model, settings.tolerance, settings.max_tension, comparisons, budget)
 
     bricks, by_bricks = None, {}
@@ -676,9 +678,9 @@ def run_study(
     )
 
 
-def _between(tell: Progress, start: float, end: float) -> Progress:
+def _between(notify: Progress, start: float, end: float) -> Progress:
     """Progress callback for a part of the work between two shares."""
-    return lambda what, done: tell(what, start + (end - start) * done)
+    return lambda what, done: notify(what, start + (end - start) * done)
 
 
 def _read(robot: Robot, measurements: Measurements | str | Path) -> Measurements:

@@ -110,7 +110,7 @@ def animate(
 
     from bowstring.viz.style import figure_style
 
-    tell = progress or (lambda what, share: None)
+    notify = progress or (lambda what, share: None)
     file = check_picture(path)
     check_data(robot, data)
     speed = number("speed", speed)
@@ -137,7 +137,7 @@ def animate(
                 scene = _Scene(robot, data, speed)
                 with writer.saving(scene.figure, str(new), dpi=_DPI):
                     for k, i in enumerate(nearest.tolist()):
-                        tell("animation", k / len(nearest))
+                        notify("animation", k / len(nearest))
                         scene.show(i)
                         writer.grab_frame()
         except subprocess.CalledProcessError as error:
@@ -150,7 +150,7 @@ def animate(
             _comment(new)
 
     write_whole_file(file, "animation", fill, lambda: check_picture(file))
-    tell("animation", 1.0)
+    notify("animation", 1.0)
     return file
 
 

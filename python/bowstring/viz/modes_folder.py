@@ -47,7 +47,7 @@ def write_modes(
     """
     from bowstring.viz.modes import draw_modes
 
-    tell = progress or (lambda what, share: None)
+    notify = progress or (lambda what, share: None)
     folder = check_folder(out, "modes")
 
     def fill(new: Path) -> None:
@@ -58,9 +58,9 @@ def write_modes(
 
         with figure_style():
             made = list(draw_modes(modes))
-            for_each(made, save, tell=lambda share: tell("pictures", share))
+            for_each(made, save, notify=lambda share: notify("pictures", share))
         write_listing(new / "modes.json", content)
 
     write_whole(folder, "modes", fill, lambda: check_folder(folder, "modes"))
-    tell("done", 1.0)
+    notify("done", 1.0)
     return folder

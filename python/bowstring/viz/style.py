@@ -129,10 +129,10 @@ def write_figure(
 
 
 def save_figures(
-    drawings: Iterable[tuple[str, Figure]], folder: Path, tell: Callable[[float], None]
+    drawings: Iterable[tuple[str, Figure]], folder: Path, notify: Callable[[float], None]
 ) -> None:
     """Save each figure as PNG and PDF under its stem."""
-    for_each(list(drawings), lambda each: save_figure(each[1], folder / each[0]), tell=tell)
+    for_each(list(drawings), lambda each: save_figure(each[1], folder / each[0]), notify=notify)
 
 
 def save_figure(figure: Figure, path: Path) -> None:

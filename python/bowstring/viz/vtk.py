@@ -114,16 +114,16 @@ def write_vtk(
     InputError
         If the folder cannot be written, the drive is full or the data are of another robot.
     """
-    tell = progress or (lambda what, share: None)
+    notify = progress or (lambda what, share: None)
     if not is_whole(angles) or not 3 <= angles <= 1000:
         raise InputError(f"angles is {shown(angles)}, it must be a whole number from 3 to 1000")
     check_data(robot, data)
     folder = check_folder(out)
     parts = [_Backbone(robot, data, angles), _Disks(robot, data), Tendons(robot, data)]
-    return write_series(folder, parts, data, tell)
+    return write_series(folder, parts, data, notify)
 
 
-def write_series(folder: Path, parts: Sequence[Part], data: xr.Dataset, tell: Progress) -> Path:
+def write_series(folder: Path, parts: Sequence[Part], data: xr.Dataset, notify: Progress) -> Path:
     """Write parts at the times of ``data``; see `write_vtk`.
 
     Parameters
@@ -133,7 +133,7 @@ def write_series(folder: Path, parts: Sequence[Part], data: xr.Dataset, tell: Pr
     parts : sequence of Part
     data : xarray.Dataset
         Run with times and provenance attributes.
-    tell : callable
+    notify : callable
         Progress callback.
     """
     times = data["time"].to_numpy()
@@ -148,7 +148,7 @@ def write_series(folder: Path, parts: Sequence[Part], data: xr.Dataset, tell: Pr
             )
         rows = []
         for i, time in enumerate(times):
-            tell("VTK series", i / len(times))
+            notify("VTK series", i / len(times))
             for k, part in enumerate(parts):
                 name = f"{part.name}_{i:05d}.vtu"
                 (new / name).write_text(part.piece(i), encoding="utf-8")
@@ -171,7 +171,7 @@ def write_series(folder: Path, parts: Sequence[Part], data: xr.Dataset, tell: Pr
         )
 
     write_whole(folder, "VTK series", fill, lambda: check_folder(folder))
-    tell("VTK series", 1.0)
+    notify("VTK series", 1.0)
     return folder / _PVD
 
 
