@@ -70,7 +70,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
     from bowstring.dynamics.load_table import read_actuation
     from bowstring.dynamics.run_file import read_run
     from bowstring.robot.writer import to_yaml
-    from bowstring.statics.actuation import Path as DrivePath
+    from bowstring.statics.actuation import Path as LoadPath
 
     package = ROOT / "python" / "bowstring"
     robot = bs.load_robot("amouri2019")
@@ -88,7 +88,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
             raise AssertionError("the robot is another one when it is written and read again")
 
     def read_path(file: Path) -> None:
-        DrivePath(rough, bs.RodModel(elements=1), read_history(file))
+        LoadPath(rough, bs.RodModel(elements=1), read_history(file))
 
     def table(file: Path) -> None:
         bs.read_measurements(file, robot)

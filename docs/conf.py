@@ -61,6 +61,8 @@ math_eqref_format = "Eq. {number}"
 numfig = True
 numfig_secnum_depth = 1  # equations and figures of a theory page are 2.1, 2.2, ...
 
+smartquotes = False  # examples are copied
+
 html_theme = "pydata_sphinx_theme"
 html_title = "Bowstring"
 html_theme_options = {

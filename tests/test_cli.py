@@ -415,8 +415,14 @@ SOLVE = ("solve", "amouri2019", "--tension", "1,2,3")
         # usage
         (["fly"], "No such command 'fly'"),
         (["stdy"], "Did you mean 'study'? See bowstring --help."),
-        ([*SOLVE, "0", "0"], "unexpected 0 0: separate numbers by commas, without blanks"),
-        ([*SOLVE, "-1", "0"], "unexpected -1: separate numbers by commas, without blanks"),
+        ([*SOLVE, "0", "0"], "unexpected 0 0: separate numbers by commas without blanks"),
+        ([*SOLVE, "0,", "0"], "unexpected 0, 0: separate numbers by commas without blanks"),
+        (
+            [*SOLVE, "N,0,0"],
+            "unexpected N,0,0: separate numbers by commas without blanks, or quote",
+        ),
+        ([*SOLVE, "-1", "0"], "unexpected -1: separate numbers by commas without blanks"),
+        ([*SOLVE, "--diameter", "--json"], "write --set segments.0.backbone.diameter=VALUE"),
         ([*SOLVE, "--friction", "0.2"], "write --set segments.0.tendons.friction=0.2;"),
         ([*SOLVE, "--E=60 GPa"], 'write --set segments.0.backbone.E="60 GPa";'),
         ([*SOLVE, "--clamped-length"], "write --set segments.0.disks.clamped_length=VALUE;"),

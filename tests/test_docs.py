@@ -65,7 +65,7 @@ def blocks(language: str) -> list[object]:
 def beginner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An empty folder with the robot files that the README and the start pages say to copy."""
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    for name in ("my_robot.yaml", "small.yaml"):
+    for name in ("my_robot.yaml", "small.yaml", "bench.csv", "foreign.csv", "foreign.yaml"):
         shutil.copy(ROOT / "examples" / name, tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")

@@ -179,6 +179,15 @@ def unit_of_size(value: float, si: str, usual: str) -> str:
     return next((u for u in smaller if abs(value) >= _UNITS[si][u]), smaller[-1])
 
 
+def is_numbers(text: str) -> bool:
+    """Whether a text is nothing but numbers and units, as parts of a list torn apart by blanks."""
+    words = re.findall(r"[^\s,]+", text)
+    units = {unit for usual in _UNITS.values() for unit in usual}
+    number = re.compile(f"{NUMBER}(.*)", re.ASCII)
+    rest = [match[1] if (match := number.fullmatch(word)) else word for word in words]
+    return bool(words) and all(unit == "" or unit in units for unit in rest)
+
+
 def has_no_unit(text: str) -> bool:
     """Whether a number of the command line has no unit and is thus SI."""
     return re.fullmatch(NUMBER, text.strip(), re.ASCII) is not None

@@ -2,7 +2,7 @@
 //!
 //! Theory: docs/theory/constant-curvature.md.
 //!
-//! Two maps in both directions, with their derivatives: joint space (tendon lengths or tensions) to
+//! Two maps in both directions, with their derivatives: actuation space (tendon lengths or tensions) to
 //! configuration space (the arc), and configuration space to task space (the tip's pose).
 //!
 //! Frames and signs: the base frame has z along the straight backbone; a tendon's *hole* has the

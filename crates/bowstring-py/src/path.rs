@@ -251,8 +251,8 @@ fn arrays<'py>(
     }
     let undetermined = column(py, &found.details, |row| row.undetermined);
     out.set_item("undetermined", undetermined)?;
-    let lacks = column(py, &found.details, |row| row.length_residual);
-    out.set_item("length_residual", lacks)?;
+    let residuals = column(py, &found.details, |row| row.length_residual);
+    out.set_item("length_residual", residuals)?;
     // of the rows that have one
     let conflicts = PyDict::new(py);
     for (i, row) in found.details.into_iter().enumerate() {

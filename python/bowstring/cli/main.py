@@ -149,16 +149,19 @@ def in_flags(error: InputError, arguments: Sequence[str]) -> str:
     return f"{flags[0]}: got {error.value}{where}; must be {error.rule}."
 
 
+_LISTS: Final = 'separate numbers by commas without blanks, or quote the list: "5 N,0,0"'
+
+
 def _mended(sentence: str, context: Any, arguments: Sequence[str]) -> str:
     """What typer says of the arguments, with what to write instead where it is known."""
-    from bowstring.units import has_no_unit
+    from bowstring.units import is_numbers
 
     extra = re.fullmatch(r"Got unexpected extra argument\S* \((.*)\)", sentence)
-    if extra and all(has_no_unit(word) for word in extra[1].split()):
-        return f"unexpected {extra[1]}: separate numbers by commas, without blanks"
+    if extra and is_numbers(extra[1]):
+        return f"unexpected {extra[1]}: {_LISTS}"
     unknown = re.match(r"No such option: (-[-\w]+)", sentence)
     if unknown and re.match(r"-\.?\d", unknown[1]):
-        return f"unexpected {unknown[1]}: separate numbers by commas, without blanks"
+        return f"unexpected {unknown[1]}: {_LISTS}"
     takes = {flag for each in context.command.params for flag in each.opts} if context else set()
     if unknown and "--set" in takes:
         from bowstring.robot.messages import paths_of_field
@@ -167,7 +170,7 @@ def _mended(sentence: str, context: Any, arguments: Sequence[str]) -> str:
         places = [i for i, (flag, _, _) in enumerate(given) if flag == unknown[1]]
         value = "VALUE"
         if places:
-            following = arguments[places[0] + 1 : places[0] + 2]
+            following = [a for a in arguments[places[0] + 1 : places[0] + 2] if a[:1] != "-"]
             value = given[places[0]][2] or (following[0] if following else value)
         paths = paths_of_field(unknown[1].lstrip("-").replace("-", "_"))
         if paths:

@@ -204,21 +204,21 @@ def draw_module(study: Study) -> Figure:
     number = ", segment 1" if len(robot.segments) > 1 else ""
     rows = [
         ("", f"module {k + 1} of {len(segment.stations)}{number}", "ink"),
-        ("h", f"arc length of the\nmodule {significant(size, 4)} mm", "ink"),
+        ("s", f"arc length of the\nmodule {significant(size, 4)} mm", "ink"),
         ("a", f"bend angle of the module\n{significant(math.degrees(turn))}°", "red"),
         ("R", f"disk radius\n{in_mm(radius / _MM)}", "muted"),
         ("t", f"disk thickness\n{in_mm(high / _MM)}", "muted"),
-        ("D", f"backbone, diameter\n{in_mm(part.backbone.diameter)}", "ink"),
+        ("ø", f"backbone, diameter\n{in_mm(part.backbone.diameter)}", "ink"),
     ]
     if part.disks.hole_diameter is not None:
         rows.append(("", f"holes, diameter\n{in_mm(part.disks.hole_diameter)}", "muted"))
     if clamp:
         rows.append(("c", f"clamped by each disk\n{in_mm(clamp)}", "purple"))
-    rows.append(("d", "offset of a tendon from\nthe axis; s: its span", "ink"))
+    rows.append(("d", "offset of a tendon from\nthe axis", "ink"))
     for distance, names, (low, top), colour in spans[:_MOST]:
         which = f"tendon{'s' * (len(names) > 1)} {_numbers(names)}"
         span = float(np.linalg.norm(top - low))
-        rows.append(("", f"{which}:\nd = {distance:.4g}, s = {span:.4g} mm", colour))
+        rows.append(("", f"{which}:\nd {distance:.4g}, span {span:.4g} mm", colour))
     if spans[_MOST:]:
         rows.append(("", "and further tendons", "ink"))
 
@@ -265,12 +265,12 @@ def _module_sizes(axes: Axes, at: Any, radius: float, high: float) -> None:
     """Letters at the sizes of the key."""
     (start, across, _), (end, turned, onward) = at(0.0), at(1.0)
     middle, normal, _ = at(0.5)
-    _write(axes, middle, "h", tuple(7 * normal))
+    _write(axes, middle, "s", tuple(7 * normal))
     low = start - radius * across
     top = end - radius * turned
     _write(axes, low, "t", (-8, 0), "muted")
     _write(axes, 0.5 * (top + end) + 0.5 * high * onward, "R", tuple(8 * onward), "muted")
-    _write(axes, end + 0.5 * high * onward, "D", tuple(8 * onward), "ink")
+    _write(axes, end + 0.5 * high * onward, "ø", tuple(8 * onward), "ink")
     # the planes of the two disks meet at the angle a: shown at the end, against the start's
     reach = 1.12 * radius
     axes.plot(

@@ -105,10 +105,13 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
     for m in study.verdict.meanings:
         if m.shares:
             effect = m.ended_by
-            found = (m.cause_is, effect.label) if effect else ("Dominant cause", "no single effect")
+            found = (m.cause_is, effect.label) if effect else ("", "")
             where = f"from {_INPUTS[m.name].split(' (')[0]}, at {significant(m.blamed_at)} N"
             causes.setdefault(found, []).append(where)
     for (title, label), loads in causes.items():
+        if not title:
+            yield "No single effect dominates the error", "; ".join(loads)
+            continue
         link = "of" if title == "Dominant cause" else "to"
         yield f"{title} {link} the error", f"{label} ({'; '.join(loads)})"
     yield from _largest_effect(study)
@@ -141,13 +144,8 @@ def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:
             _, mean, label = max(found)
             over = _over(study, n, " over ")
             parts.setdefault(label, []).append(f"{in_mm(mean)} {words}{over}")
-    if parts:
-        yield (
-            "Largest effect left out",
-            "; ".join(
-                f"{label}; with it the mean error is {listed(v)}" for label, v in parts.items()
-            ),
-        )
+    for label, means in parts.items():
+        yield "Largest effect left out", f"{label}; with it the mean error is {listed(means)}"
 
 
 def _actuation(study: Study) -> Iterator[tuple[str, str]]:
