@@ -437,9 +437,17 @@ def test_stopped_while_pictures_are_drawn(
     out = tmp_path / "run.nc"
     code, text, err = shell(*SHORT, "--out", str(out), "--animation", str(tmp_path / "run.gif"))
     assert (code, text) == (130, "")
-    assert err == f"Stopped: the motion was done and the run is in {out}; pictures are not.\n"
+    says = "Stopped: the motion was complete; "
+    assert err == f"{says}{out} is written, the animation is not.\n"
     assert read_run(out).attrs["status"] == "converged"
     assert list(tmp_path.iterdir()) == [out]
+    out.unlink()
+    flags = ["--animation", str(tmp_path / "run.gif")]
+    assert shell(*SHORT, *flags) == (130, "", f"{says}the animation is not written.\n")
+    table = tmp_path / "run.csv"
+    written = f"{says}{table} is written, the animation is not.\n"
+    assert shell(*SHORT, "--out", str(table), *flags) == (130, "", written)
+    assert list(tmp_path.iterdir()) == [table] and table.stat().st_size > 1000
 
 
 def test_stopped_in_the_middle_of_an_import(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -467,9 +475,10 @@ def test_stopped_while_the_result_is_printed(
 
     monkeypatch.setattr("bowstring.cli.output.write", stopped)
     out = tmp_path / "run.nc"
-    says = f"the result is not printed whole; the run is in {out}.\n"
-    for flags in ([], ["--json"]):
-        assert shell(*SHORT, "--out", str(out), *flags) == (130, "", f"Stopped: {says}")
+    for file in (out, tmp_path / "run.csv"):
+        says = f"the result is not printed whole; {file} is written.\n"
+        for flags in ([], ["--json"]):
+            assert shell(*SHORT, "--out", str(file), *flags) == (130, "", f"Stopped: {says}")
     says = "the result is not printed whole; nothing is kept.\n"
     assert shell(*SHORT) == (130, "", f"Stopped: {says}")
 

@@ -48,7 +48,7 @@ from bowstring.cli.output import (
     write_tables,
 )
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.formatting import plain
+from bowstring.formatting import listed, plain
 from bowstring.interrupts import is_interrupt
 from bowstring.units import rounded
 
@@ -229,12 +229,14 @@ def simulate(
     except KeyboardInterrupt:
         if run is None:
             raise
-        kept = f"the run is in {run.path}" if run.path else "nothing is kept"
         if files is not None:
-            raise Stopped(f"the result is not printed whole; {kept}.") from None
-        done = "was stopped" if run.status == "interrupted" else "was done"
-        pictures = "; pictures are not" if vtk or animation else ""
-        raise Stopped(f"the motion {done} and {kept}{pictures}.") from None
+            kept, _ = targets.state(run)
+            raise Stopped(
+                f"the result is not printed whole; {kept or 'nothing is kept'}."
+            ) from None
+        done = "was stopped" if run.status == "interrupted" else "was complete"
+        state = ", ".join(filter(None, targets.state(run))) or "nothing is kept"
+        raise Stopped(f"the motion {done}; {state}.") from None
     if run.status == "interrupted":
         kept = f"; {files['run']} holds the run up to there" if files["run"] else ""
         raise Stopped(f"at {run.end:.6g} s of {duration:g} s{kept}.")
@@ -331,12 +333,12 @@ def modes(
             content["folder"] = str(write_modes(found, plain(written), out, progress=notify))
     if as_json:
         return write_json(content)
-    listed = new_table(">mode", ">frequency Hz", "kind")
+    found_modes = new_table(">mode", ">frequency Hz", "kind")
     for i, (frequency, kind) in enumerate(zip(found.frequency_hz, found.kind, strict=True), 1):
-        listed.add_row(str(i), f"{frequency:.5g}", kind)
+        found_modes.add_row(str(i), f"{frequency:.5g}", kind)
     write_tables(
         f"{model.name}, {theory}: {counted(len(found), 'mode')} about the equilibrium",
-        listed,
+        found_modes,
         *([f"Pictures: {content['folder']}"] if content["folder"] else []),
     )
 
@@ -351,6 +353,8 @@ class _Targets:
         #: Of --out: the run as it goes on, or its table, which is written at its end.
         self.out: Path | None = None
         self.table: Path | None = None
+        #: Files that exist so far.
+        self.files: dict[str, Path | None] = {"run": None, "vtk": None, "animation": None}
         if out is not None and out.suffix.lower() == ".csv":
             from bowstring.dynamics.run_table import check_table
 
@@ -391,7 +395,8 @@ class _Targets:
         self, run: Run, notify: Callable[[str, float], None] = lambda what, done: None
     ) -> dict[str, Path | None]:
         """Write the remaining files, unless the user stopped the run; return existing ones."""
-        files: dict[str, Path | None] = {"run": run.path, "vtk": None, "animation": None}
+        files = self.files
+        files["run"] = run.path
         if run.status == "interrupted" or len(run.time) == 0:
             return files
         if self.vtk is None and self.animation is None and self.table is None:
@@ -418,6 +423,19 @@ class _Targets:
                 progress=lambda what, done: notify(what, 1 - share + share * done),
             )
         return files
+
+    def state(self, run: Run) -> tuple[str, str]:
+        """Say which of the wanted files are written and which are not, each "" if none is."""
+        wanted = [
+            (str(self.out or self.table), self.out or self.table, run.path or self.files["run"]),
+            ("the VTK series", self.vtk, self.files["vtk"]),
+            ("the animation", self.animation, self.files["animation"]),
+        ]
+        kept = [name for name, flag, file in wanted if flag and file]
+        missing = [name for name, flag, file in wanted if flag and not file]
+        written = f"{listed(kept)} {'is' if len(kept) == 1 else 'are'} written" if kept else ""
+        left = f"{listed(missing)} {'is' if len(missing) == 1 else 'are'} not" if missing else ""
+        return written, f"{left}{'' if kept else ' written'}" if left else ""
 
 
 def _run_json(run: Run, every: float, files: Mapping[str, Path | None]) -> schema.Simulate:
