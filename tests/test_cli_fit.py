@@ -394,6 +394,13 @@ def test_swapped_tendons_are_named(shell: Shell, tmp_path: Path) -> None:
     code, out, err = shell(*of("--measurements", str(file), "--parameter", E))
     assert code == 0 and err.startswith("Warning: ") and err.count("\n") == 1
     assert "tendons 2 and 3" in err and "not noise" in out
+    warning = err.removeprefix("Warning: ").strip()
+    for command in (
+        of("--measurements", str(file), "--parameter", E),
+        ("bench", "check", str(file), "--robot", "amouri2019"),
+    ):
+        _, out, _ = shell(*command, "--json")
+        assert json.loads(out)["warnings"] == [*robot.warnings, warning]
 
 
 def test_a_mistyped_row_is_named_and_hardly_counts(shell: Shell, tmp_path: Path) -> None:

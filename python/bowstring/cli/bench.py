@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
@@ -88,11 +88,10 @@ def check(
         check = None if model is None else check_tendons(model, found)
     if as_json:
         settings = {"file": file, "mapping": mapping, "g_m_per_s2": gravity}
-        made: Mapping[str, object] = (
-            {"provenance": made_by(**settings)}
-            if model is None
-            else provenance_of(model, **settings)
-        )
+        made: dict[str, object] = {"provenance": made_by(**settings)}
+        if model is not None:
+            doubts = [check.sentence] if check is not None and check.alarm else []
+            made = {**provenance_of(model, **settings), "warnings": [*model.warnings, *doubts]}
         return write_json({**_measurements_json(found, check), **made})
     write_tables(*_measurements_tables(found, check))
 

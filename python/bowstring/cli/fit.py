@@ -168,10 +168,10 @@ def fit(
             validation=table_fit.Validation(share, folds, other),
             progress=notify,
         )
-    if found.tendons.alarm:
-        say("Warning", found.tendons.sentence)
-    if found.broken_path:
-        say("Warning", found.broken_path)
+    doubts = [found.tendons.sentence] if found.tendons.alarm else []
+    doubts += [found.broken_path] if found.broken_path else []
+    for sentence in doubts:
+        say("Warning", sentence)
     content: schema.Fit = {
         **found.to_dict(),
         **provenance_of(
@@ -189,6 +189,7 @@ def fit(
             validate=validate,
             start=begin,
         ),
+        "warnings": [*known.warnings, *doubts],
         "folder": None,
     }
     if out is not None and found.fit.converged:
