@@ -766,6 +766,11 @@ def test_sigterm_is_handled_like_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None
             "3 mm",
         ),
         (
+            "solve amouri2019 --tension 1,0,0 --set segments.*.length=641",
+            "--set segments.*.length: got 641 ",
+            "641 mm",
+        ),
+        (
             "study --set segments.0.length=0.7 --set segments.0.backbone.E=35",
             "--set segments.0.backbone.E: got 35 ",
             "35 GPa",

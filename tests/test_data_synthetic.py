@@ -244,7 +244,7 @@ def test_the_actual_robot_differs(robot: bs.Robot) -> None:
     assert made.truth["differences"] == [{"path": path, "nominal": 35e9, "actual": 1.05 * 35e9}]
     several = {
         "segments[0].disks.clamped_length": "3 mm",
-        "segments.0.tendons.pitch_radius": "-1%",
+        "segments.*.tendons.pitch_radius": "-1%",
         "segments.0.backbone.G": "13 GPa",
         "gravity": "0 0 -9.81",
     }

@@ -877,6 +877,22 @@ def test_override_of_fields_absent_in_the_file(load):
     assert (robot.name, robot.description, robot.gravity) == ("7", "added", (0, 0, 9.81))
 
 
+@pytest.mark.parametrize("star", ["segments.*", "segments[*]"])
+def test_an_asterisk_stands_for_every_index(star):
+    robot = load_robot("crl-ftdcr-v4")
+    count = len(robot.segments)
+    assert count > 1
+    changes = {f"{star}.backbone.G": "20 GPa", f"{star}.length": 0.1, "segments.1.length": "0.2 m"}
+    each = {f"segments.{i}.{name}": 0.1 for i in range(count) for name in ["length"]}
+    each |= {f"segments.{i}.backbone.G": 20e9 for i in range(count)} | {"segments.1.length": 0.2}
+    assert robot.with_(changes) == robot.with_(each) == load_robot("crl-ftdcr-v4", changes)
+    for make in (robot.with_, lambda changes: load_robot("crl-ftdcr-v4", changes)):
+        with pytest.raises(InputError, match=r'Override "?segments.0.\*.E"?: nothing matches; '):
+            make({"segments.0.*.E": 1e9})
+        with pytest.raises(InputError, match=r"segments\[0\].backbon: unknown field; did you mean"):
+            make({f"{star}.backbon.E": 1e9})
+
+
 def test_override_of_one_of_a_pair_removes_the_other():
     robot = load_robot("amouri2019")
     by_g = robot.with_({"segments.0.backbone.G": "13 GPa"})

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
+from bowstring.robot.overrides import expand
 from bowstring.robot.parts import TendonRing
 from bowstring.units import Quantity, read_number, unit_of_size
 from bowstring.validation import shown
@@ -150,7 +151,8 @@ class Unknowns:
             raise InputError(
                 f"parameters is {shown(names)}, it must be a list of names of parameters"
             )
-        self._leaves = dict(_leaves(robot.model_dump(mode="json", exclude_none=True)))
+        self._tree = robot.model_dump(mode="json", exclude_none=True)
+        self._leaves = dict(_leaves(self._tree))
         self._count = {"segments": len(robot.segments), "tendons": len(robot.tendons.segment)}
         self._held: dict[str, float] = {}
         self._robots: dict[object, Robot] = {}
@@ -270,13 +272,7 @@ class Unknowns:
         """Paths in the robot file."""
         if name.partition(".")[0] not in ("segments", "gravity"):
             return ()
-        wanted = name.split(".")
-        return tuple(
-            path
-            for path in self._leaves
-            if len(keys := path.split(".")) == len(wanted)
-            and all(w in ("*", key) for w, key in zip(wanted, keys, strict=True))
-        )
+        return tuple(path for path in expand(self._tree, name) if path in self._leaves)
 
     def _no_such(self, name: str) -> InputError:
         if re.fullmatch(r"segments\b.*\.tendons\b.*\.axial_stiffness", name):

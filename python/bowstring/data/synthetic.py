@@ -27,6 +27,7 @@ from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, write_me
 from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot, check_robot, with_tendons
+from bowstring.robot.overrides import expand_all
 from bowstring.statics import actuation, rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
@@ -586,7 +587,8 @@ def _actual(robot: Robot, friction: float | None, changes: Mapping[str, Any] | N
         raise InputError(f"actual is {shown(changes)}, it must be a mapping from path to value")
     tree = _tree(found)
     try:
-        values = {path: _share_of(tree, path, value, robot) for path, value in changes.items()}
+        each = expand_all(tree, changes)
+        values = {path: _share_of(tree, path, value, robot) for path, value in each.items()}
         found = found.with_(values)
     except InputError as error:
         raise InputError(str(error), argument="actual") from None

@@ -117,7 +117,8 @@ def _advice(names: tuple[str, ...], model: type[BaseModel]) -> str:
 
 def units_of_field(path: str) -> tuple[str, str] | None:
     """SI unit and usual unit of the field at a path; None if it has no unit."""
-    names = tuple(name for name in re.split(r"[.\[\]]+", path) if name and not name.isdecimal())
+    steps = re.split(r"[.\[\]]+", path)
+    names = tuple(name for name in steps if name and name != "*" and not name.isdecimal())
     parts = [_PARTS.get((*names[:-1], *kind)) for kind in ((), ("ring",), ("list",))]
     for part in parts:
         field = part.model_fields.get(names[-1]) if part is not None else None

@@ -15,7 +15,7 @@ from bowstring.display import html_table
 from bowstring.errors import InputError
 from bowstring.robot.arrays import RobotArrays
 from bowstring.robot.messages import build
-from bowstring.robot.overrides import check_mapping, fill, override
+from bowstring.robot.overrides import check_mapping, expand_all, fill, override
 from bowstring.robot.parts import Disks, Tendon, TendonProperties, TendonRing
 from bowstring.robot.plausibility import implausible
 from bowstring.units import number_with_unit
@@ -88,7 +88,8 @@ class Robot(RobotArrays):
         ----------
         overrides : mapping from path to value
             New values, such as ``{"segments.0.disks.clamped_length": "3 mm"}``. A string may have
-            a unit; numbers without one are SI. None removes a field. Setting one of ``G`` and
+            a unit; numbers without one are SI. In a path ``*`` stands for every index of a list,
+            as in ``segments.*.backbone.E``. None removes a field. Setting one of ``G`` and
             ``nu``, or of ``count`` and ``positions``, removes the other.
 
         Returns
@@ -105,6 +106,7 @@ class Robot(RobotArrays):
         # Fields that the file leaves out stay left out, unless a part of them is set.
         tree = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
         whole = self.model_dump(mode="json", exclude_none=True)
+        overrides = expand_all(whole, overrides)
         for path in overrides:
             fill(tree, whole, str(path).split("."))
         return build(Robot, override(tree, overrides), self.name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -13,7 +13,7 @@ from bowstring.robot.safe_yaml import read_yaml
 from bowstring.units import NUMBER, quote
 from bowstring.validation import shown
 
-__all__ = ["check_mapping", "fill", "override"]
+__all__ = ["check_mapping", "expand", "expand_all", "fill", "override"]
 
 # Setting one of a pair removes the other, so that an override works for either form of the file.
 _EITHER: Final = {
@@ -30,6 +30,44 @@ def check_mapping(overrides: object) -> None:
         )
 
 
+def expand(tree: Any, path: str) -> list[str]:
+    """Paths of a path in which ``*`` stands for every index of a list; none if none matches."""
+
+    def walk(here: Any, keys: Sequence[str]) -> Iterator[list[str]]:
+        if not keys:
+            yield []
+            return
+        key, *rest = keys
+        if isinstance(here, list):
+            items = [(str(i), item) for i, item in enumerate(here) if key in ("*", str(i))]
+        else:
+            below = here.get(key) if isinstance(here, dict) else None
+            items = [] if key == "*" else [(key, below)]
+        for name, item in items:
+            yield from ([name, *end] for end in walk(item, rest))
+
+    return [".".join(keys) for keys in walk(tree, _keys(path))]
+
+
+def expand_all(tree: Any, overrides: Mapping[Any, Any]) -> dict[Any, Any]:
+    """Expand every path with ``*``; of two values for a path the later holds."""
+    found: dict[Any, Any] = {}
+    for path, value in overrides.items():
+        many = isinstance(path, str) and "*" in _keys(path)
+        paths = expand(tree, path) if many else [path]
+        if not paths:
+            raise InputError(
+                f"Override {quote(path)}: nothing matches; * stands for every index of a list, as "
+                "in segments.*.length."
+            )
+        found.update(dict.fromkeys(paths, value))
+    return found
+
+
+def _keys(path: str) -> list[str]:
+    return re.sub(r"\[([0-9]+|\*)\]", r".\1", path).split(".")
+
+
 def fill(tree: Any, whole: Any, keys: Sequence[str]) -> None:
     """Copy the parts along a path that `tree` lacks from `whole`."""
     if len(keys) < 2:
@@ -42,16 +80,17 @@ def fill(tree: Any, whole: Any, keys: Sequence[str]) -> None:
             fill(tree[key], whole.get(key), rest)
     elif isinstance(tree, list) and isinstance(whole, list):
         for i, (item, known) in enumerate(zip(tree, whole, strict=False)):
-            if key in ("*", str(i)):
+            if key == str(i):
                 fill(item, known, rest)
 
 
 def override(tree: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Set the fields of ``overrides`` in ``tree`` (which changes) and return it."""
+    overrides = expand_all(tree, overrides)
     for path, value in overrides.items():
         if not (isinstance(path, str) and path.isprintable() and len(path) <= 100):
             raise InputError(f'Override {quote(path)}: write it as "segments.0.length".')
-        *parents, last = keys = re.sub(r"\[([0-9]+)\]", r".\1", path).split(".")
+        *parents, last = keys = _keys(path)
         if not all(keys):
             raise InputError(f'Override {quote(path)}: write it as "segments.0.length".')
         here: Any = tree
