@@ -557,6 +557,15 @@ def test_bad_histories(robot, change, says):
     assert says in text and "\n" not in text and len(text) < 250
 
 
+def test_an_unstable_solve_with_held_tendons_names_them():
+    robot = bs.load_robot("examples/small.yaml")
+    found = bs.solve(robot, load=bs.Load(displacements=[0.05, 0, 0]))
+    assert found.status == "unstable"
+    assert found.message.endswith("give slack tendons a negative displacement or tension 0.")
+    released = bs.solve(robot, load=bs.Load(displacements=[0.05, -0.05, -0.05]))
+    assert released.converged
+
+
 def test_large_friction_gives_a_warning_without_a_solution():
     def said(friction):
         found = SimpleNamespace(

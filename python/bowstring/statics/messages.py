@@ -97,11 +97,16 @@ def of_tensions(found: Any, advice: str = "") -> str:
 
 
 def of_actuation(
-    found: Any, slack: Sequence[int] | NDArray[np.int64], friction: float, advice: str = ""
+    found: Any,
+    slack: Sequence[int] | NDArray[np.int64],
+    friction: float,
+    advice: str = "",
+    held: bool = False,
 ) -> str:
     """Message on a step of a path, with advice if it failed.
 
-    ``slack`` are indices from 0; ``friction`` is the largest coefficient. The others are as in
+    ``slack`` are indices from 0; ``friction`` is the largest coefficient; ``held`` says whether
+    tendons are held at their home length while others are shortened. The others are as in
     `of_tensions`; `found` also has ``undetermined`` and ``conflict``.
     """
     fighting, nearest = found.conflict
@@ -136,6 +141,11 @@ def of_actuation(
             return (
                 f"No equilibrium: two neighbouring disks collide. {advice}Lower displacements, "
                 "tensions and loads."
+            )
+        case "unstable" if held:
+            return (
+                "Only an unstable equilibrium was found. 0 holds a tendon at its home length; give "
+                "slack tendons a negative displacement or tension 0."
             )
         case "unstable":
             return (

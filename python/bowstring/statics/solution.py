@@ -206,7 +206,10 @@ class Solution:
             said = messages.of_tensions(core, advice)
         else:
             slack = [i - 1 for i in self.slack or ()]
-            said = messages.of_actuation(core, slack, float(robot.tendons.friction.max()), advice)
+            friction = float(robot.tendons.friction.max())
+            given = np.asarray(core.commands)[np.asarray(core.by_displacement)]
+            held = bool((given == 0).any() and (given > 0).any())
+            said = messages.of_actuation(core, slack, friction, advice, held)
         if core.error_estimate is None:
             return said
         elements = self.model.elements
