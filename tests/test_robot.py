@@ -952,6 +952,7 @@ def test_overrides_of_whole_parts():
         ("segments..length", 1, 'Override "segments..length": write it as "segments.0.length".'),
         ("a\nb", 1, 'Override "a\\nb": write it as "segments.0.length".'),
         ("", 1, 'Override nothing: write it as "segments.0.length".'),
+        (7, 1, 'Override 7: write it as "segments.0.length".'),
         (
             "segments.0.length",
             "5 kg",
@@ -1005,6 +1006,24 @@ def test_wrong_overrides(path, value, message):
             make()
         lines = str(caught.value).splitlines()
         assert re.sub(r" \(and \d more\)", "", lines[0]) == message
+
+
+@pytest.mark.parametrize("value", [1.6, "1.6", np.float64(1.6)])
+def test_a_number_that_is_valid_in_its_usual_unit_only_is_named(value):
+    path = "segments.*.backbone.diameter"
+    for make in (
+        lambda changes: load_robot("amouri2019", changes),
+        lambda changes: load_robot("amouri2019").with_(changes),
+    ):
+        with pytest.raises(InputError) as caught:
+            make({"segments.0.length": 0.6, path: value})
+        assert str(caught.value).splitlines()[-1] == (
+            f'  {path}: got 1.6 without a unit, which is 1.6 m; write "1.6 mm" if that is meant.'
+        )
+        make({path: "1.6 mm"})
+        with pytest.raises(InputError) as caught:
+            make({path: "1.6 m"})
+        assert "without a unit" not in str(caught.value)
 
 
 def test_limits_apply_over_all_segments():

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from bowstring.errors import InputError
 from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Disks, Segment, Tendon, TendonRing
-from bowstring.units import Quantity, quote
+from bowstring.units import Quantity, has_no_unit, quote
 
-__all__ = ["build", "paths_of_field", "units_of_field"]
+__all__ = ["build", "build_changed", "paths_of_field", "units_of_field"]
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -62,6 +63,36 @@ def build(model: type[Model], tree: dict[str, Any], label: str) -> Model:
     if len(others) > _MAX_LISTED:
         lines.append(f"  ... and {len(others) - _MAX_LISTED} more.")
     raise InputError("\n".join(lines))
+
+
+def build_changed(
+    make: Callable[[Mapping[str, Any]], Model], overrides: Mapping[str, Any]
+) -> Model:
+    """Build a robot with overrides; the error names a number that is valid in its usual unit only.
+
+    ``make`` builds it with given overrides.
+    """
+
+    def valid(path: str, value: Any) -> bool:
+        try:
+            make({path: value})
+        except InputError:
+            return False
+        return True
+
+    try:
+        return make(overrides)
+    except InputError as error:
+        for path, value in overrides.items():
+            plain = isinstance(path, str) and isinstance(value, (str, float, int))
+            units = units_of_field(path) if plain and has_no_unit(str(value)) else None
+            if units is None or valid(path, value) or not valid(path, f"{value} {units[1]}"):
+                continue
+            raise InputError(
+                f"{error}\n  {path}: got {value} without a unit, which is {value} {units[0]}; "
+                f'write "{value} {units[1]}" if that is meant.'
+            ) from None
+        raise
 
 
 def _path(loc: tuple[int | str, ...]) -> str:

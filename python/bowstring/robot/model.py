@@ -14,7 +14,7 @@ from typing import Any
 from bowstring.display import html_table
 from bowstring.errors import InputError
 from bowstring.robot.arrays import RobotArrays
-from bowstring.robot.messages import build
+from bowstring.robot.messages import build, build_changed
 from bowstring.robot.overrides import check_mapping, expand_all, fill, override
 from bowstring.robot.parts import Disks, Tendon, TendonProperties, TendonRing
 from bowstring.robot.plausibility import implausible
@@ -103,13 +103,17 @@ class Robot(RobotArrays):
             If a path does not exist or the changed robot is not valid.
         """
         check_mapping(overrides)
-        # Fields that the file leaves out stay left out, unless a part of them is set.
-        tree = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
-        whole = self.model_dump(mode="json", exclude_none=True)
-        overrides = expand_all(whole, overrides)
-        for path in overrides:
-            fill(tree, whole, str(path).split("."))
-        return build(Robot, override(tree, overrides), self.name)
+
+        def make(changes: Mapping[str, Any]) -> Robot:
+            # Fields that the file leaves out stay left out, unless a part of them is set.
+            tree = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
+            whole = self.model_dump(mode="json", exclude_none=True)
+            changes = expand_all(whole, changes)
+            for path in changes:
+                fill(tree, whole, str(path).split("."))
+            return build(Robot, override(tree, changes), self.name)
+
+        return build_changed(make, overrides)
 
     @cached_property
     def definition(self) -> str:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import Any, Final
 
 from bowstring.errors import InputError
-from bowstring.robot.messages import build
+from bowstring.robot.messages import build, build_changed
 from bowstring.robot.model import Robot
 from bowstring.robot.overrides import check_mapping, override
 from bowstring.robot.safe_yaml import read_yaml, reading, text_of
@@ -87,7 +88,11 @@ def load_robot(source: str | Path, overrides: Mapping[str, Any] | None = None) -
         label = f"Robot file {quote(label)}"
     tree = read_yaml(_read_text(path, label, names), label)
     tree.setdefault("name", printable(path.stem)[:100].strip() or "robot")
-    return build(Robot, override(tree, overrides or {}), label)
+
+    def make(changes: Mapping[str, Any]) -> Robot:
+        return build(Robot, override(deepcopy(tree), changes), label)
+
+    return build_changed(make, overrides or {})
 
 
 def _near_files(path: Path) -> list[str]:
