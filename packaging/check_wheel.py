@@ -92,7 +92,7 @@ def main() -> None:
         verdict = json.loads(run(study, env=env, cwd=folder))["verdict"]
         print(f"verdict of the study after {time.perf_counter() - began:.1f} s")
         force = next(m for m in verdict["meanings"] if m["name"] == "cc_from_force")
-        holds = force["holds_to_N"]
+        holds = force["valid_to_N"]
         if holds is None or not 55.0 < holds < 57.0:
             sys.exit(f"from force, constant curvature holds to {holds} N instead of 56 N")
         times = [float(run([python, "-c", IMPORT], env=env, cwd=folder)) for _ in range(3)]

@@ -128,7 +128,7 @@ def numbers(study: Study, measured: list[tuple[str, np.ndarray, np.ndarray]]) ->
     for name in (*MEANINGS, "cc_from_force_arm"):
         mean = 1e3 * study.comparison(name).mean
         yield f"{name}: {mean:.3g} mm on average, {100 * 1e-3 * mean / study.length:.2g} %"
-    holds = next(m for m in study.verdict.meanings if m.name == "cc_from_force").holds_to
+    holds = next(m for m in study.verdict.meanings if m.name == "cc_from_force").valid_to
     yield f"cc_from_force holds to {holds:.1f} N"
     for row in study.budget.rows:
         changes = [1e3 * study.budget.contribution(row, "in_sweep", n).mean for n in MEANINGS]

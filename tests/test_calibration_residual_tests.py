@@ -76,8 +76,9 @@ def test_residual_sizes_match_the_data() -> None:
     far = residual.copy()
     far[7, 2] = 20 * SIGMA
     found = noise_test(far, run, np.arange(ROWS), 8, np.full(ROWS, SIGMA))
-    assert found.far == 1 and "One row is more than five standard deviations away (line 8)." in (
-        found.text
+    assert (
+        found.outliers == 1
+        and "One row is more than five standard deviations away (line 8)." in (found.text)
     )
 
 

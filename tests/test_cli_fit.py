@@ -143,9 +143,9 @@ def test_rows_without_a_solution_are_reported_and_not_scored() -> None:
         repeat=np.ones(20, int),
     )
     found = calibrate(robot, data, ["gain", "base"], validation=Validation(holdout=0.25))
-    assert found.held_out.sum() == 5 and found.unanswered == 3
+    assert found.held_out.sum() == 5 and found.without_solution == 3
     assert found.held_out_score is not None and found.held_out_score.count == 2
-    assert found.to_dict()["validation"]["rows_unanswered"] == 3
+    assert found.to_dict()["validation"]["rows_without_solution"] == 3
     said = " ".join(str(part) for part in _fit_tables(found, None))
     assert "To 3 rows of the validation the calibrated model has no answer" in said
 
@@ -172,7 +172,9 @@ def test_another_table_is_predicted_once(shell: Shell, robot: Robot, tmp_path: P
     plain = shell.json(*FIT, *NAMES)
     assert [p["value"] for p in got["parameters"]] == [p["value"] for p in plain["parameters"]]
     said = got["validation"]
-    assert said["kind"] == "file" and said["rows"] == len(made) and said["rows_unanswered"] == 0
+    assert (
+        said["kind"] == "file" and said["rows"] == len(made) and said["rows_without_solution"] == 0
+    )
     assert said["name"] == made.name
     assert said["source"] == "synthetic" and said["sha256"] != got["data"]["sha256"]
     assert said["rmse_mm"] == pytest.approx(5.0, abs=0.05)
@@ -411,7 +413,7 @@ def test_a_mistyped_row_is_named_and_hardly_counts(shell: Shell, tmp_path: Path)
 
     args = ("fit", "amouri2019", "--measurements", table(tmp_path, mistyped), *UPRIGHT)
     got = shell.json(*args, "--parameter", E, "--parameter", MU)
-    [far] = got["far"]
+    [far] = got["outliers"]
     assert far["line"] == 14 and far["distance_mm"] == pytest.approx(50.0, abs=0.5)
     assert got["parameters"][0]["value"] == pytest.approx(35.0, abs=0.01)
     _, out, _ = shell(*args, "--parameter", E, "--parameter", MU)

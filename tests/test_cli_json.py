@@ -17,6 +17,8 @@ from bowstring.schemas import COMMANDS, study
 from bowstring.study.study import Study
 from shell import Shell, adapter
 
+UNITS = {"", "1 or Pa", "rad/m of displacement"}  # that the end of a key does not name
+ENDS = {"m", "mm", "rad", "deg", "N", "Pa", "MPa", "kg", "s", "m3", "Nm", "hz", "percent"}
 BENCH = str(Path(__file__).parents[1] / "examples" / "bench.csv")
 
 
@@ -38,19 +40,34 @@ def test_every_key_is_described(command: str) -> None:
     for part in (schema, *schema.get("$defs", {}).values()):
         assert part["description"] and part["additionalProperties"] is False
         for key, about in part["properties"].items():
-            # pydantic leaves out what the object behind the key says as well
-            assert "$ref" in about or about["description"].endswith("."), (part["title"], key)
+            # pydantic leaves out a description that equals that of the object behind the key
+            behind = schema["$defs"][about["$ref"].rpartition("/")[2]] if "$ref" in about else {}
+            text = about.get("description", behind.get("description", ""))
+            assert text.endswith("."), (part["title"], key)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_numbers_have_known_units_and_texts_have_none(command: str) -> None:
+    schema = adapter(command).json_schema()
+    parts = (schema, *schema.get("$defs", {}).values())
+    keys = {f"`{key}`" for part in parts for key in part["properties"]}
+    for part in parts:
+        for key, about in part["properties"].items():
+            unit = about.get("unit", "")
+            assert unit in UNITS | keys, (part["title"], key)  # or the key that has the unit
+            if about.get("type") in ("string", "boolean"):
+                assert not unit and key.rpartition("_")[2] not in ENDS, (part["title"], key)
 
 
 def test_schemas_are_strict(shell: Shell) -> None:
     found = shell.json("ik", "amouri2019", "--tip", "0.3,0,0.5")
     content = json.dumps(found)
     for wrong in (
-        content.replace('"miss_m"', '"miss_mm"'),  # an unknown key, and one that is missing
+        content.replace('"distance_m"', '"miss_mm"'),  # an unknown key, and one that is missing
         json.dumps({**found, "more": 1}),
-        json.dumps({**found, "miss_m": None}),
-        json.dumps({**found, "miss_m": True}),
-        json.dumps({**found, "miss_m": float("nan")}),
+        json.dumps({**found, "distance_m": None}),
+        json.dumps({**found, "distance_m": True}),
+        json.dumps({**found, "distance_m": float("nan")}),
         json.dumps({**found, "tip": {**found["tip"], "position_m": [0.0, 1.0]}}),
     ):
         with pytest.raises(ValidationError):

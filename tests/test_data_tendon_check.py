@@ -79,6 +79,14 @@ def test_the_measuring_frame_may_lie_anywhere(turn: int) -> None:
     assert mirrored.found == "mirrored" and mirrored.alarm
 
 
+def test_the_angle_is_that_of_the_base_in_the_measuring_frame() -> None:
+    data = made(STUDY, ANY)
+    base = Rotation.from_euler("z", 30, degrees=True).as_matrix()
+    found = check_tendons(STUDY, replace(data, points=data.points @ base.T))
+    assert found.found == "turned" and "a base turned by 30 degrees" in found.sentence
+    assert np.degrees(found.turn) == pytest.approx(30, abs=1)
+
+
 @pytest.mark.parametrize("gravity", GRAVITIES)
 def test_planar_motion_gives_no_warning(gravity: tuple[float, float, float]) -> None:
     data = made(STUDY, PLANE, gravity=gravity)

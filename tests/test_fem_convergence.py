@@ -19,27 +19,27 @@ from fem_robots import COARSE, needs_ccx, small_robot
 def test_errors_of_one_order_are_removed(order: float, sizes: tuple[float, ...]) -> None:
     slope = np.array([[1.0, -2.0, 0.0]])
     values = np.array([np.array([[5.0, 6.0, 7.0]]) + slope * h**order for h in sizes])
-    limit, doubt, seen = extrapolated(sizes, values)
+    limit, uncertainty, seen = extrapolated(sizes, values)
     np.testing.assert_allclose(limit, [[5.0, 6.0, 7.0]], rtol=1e-9)
-    np.testing.assert_allclose(doubt, np.abs(limit - values[2]), atol=1e-12)
+    np.testing.assert_allclose(uncertainty, np.abs(limit - values[2]), atol=1e-12)
     assert seen == pytest.approx(order, rel=1e-6)
 
 
 @pytest.mark.parametrize("values", [(1.0, 2.0, 1.9), (1.0, 1.1, 1.3), (1.0, 1.0, 1.0)])
 def test_without_an_order_changes_are_the_uncertainty(values: tuple[float, ...]) -> None:
-    limit, doubt, seen = extrapolated((1.0, 0.5, 0.25), np.array(values)[:, None])
+    limit, uncertainty, seen = extrapolated((1.0, 0.5, 0.25), np.array(values)[:, None])
     assert limit == values[2]
-    assert doubt == max(abs(values[1] - values[0]), abs(values[2] - values[1]))
+    assert uncertainty == max(abs(values[1] - values[0]), abs(values[2] - values[1]))
     assert np.isnan(seen)
 
 
 def test_a_component_without_convergence_is_not_extrapolated() -> None:
     sizes = np.array([1.0, 0.5, 0.25])
     settling, restless, slow = 1.0 + sizes**2, [1.0, 1.02, 1.01], [1.0, 1.001, 1.003]
-    limit, doubt, seen = extrapolated(sizes, np.array([settling, restless, slow]).T)
+    limit, uncertainty, seen = extrapolated(sizes, np.array([settling, restless, slow]).T)
     assert seen == pytest.approx(2.0)
     np.testing.assert_allclose(limit, [1.0, 1.01, 1.003], rtol=1e-12)
-    np.testing.assert_allclose(doubt, [0.0625, 0.02, 0.002], rtol=1e-9)
+    np.testing.assert_allclose(uncertainty, [0.0625, 0.02, 0.002], rtol=1e-9)
 
 
 @needs_ccx

@@ -57,7 +57,7 @@ def test_its_numbers_match_the_program(paper: Study, figures: ModuleType) -> Non
     assert f"off by {means['cc_from_force']} mm ({percent} of length) on average" in FLAT
     corrected = said["cc_from_force_arm"].split(" mm")[0]
     assert f"leaves {corrected} mm" in FLAT
-    holds = next(m for m in paper.verdict.meanings if m.name == "cc_from_force").holds_to
+    holds = next(m for m in paper.verdict.meanings if m.name == "cc_from_force").valid_to
     assert f"1 % of length at {holds:.1f} N" in FLAT
     assert f"from force by {said['transverse tip force 1 N'].split(', ')[1]}" in FLAT
     assert f"upright robot by {said['gravity, upright'].split(', ')[1]}" in FLAT

@@ -218,7 +218,7 @@ def test_loads_beyond_any_arc_are_in_no_mean(paper: Study) -> None:
     from_lengths = got.judged(paper.budget).meanings[0]
     (gap,) = from_lengths.undecided
     assert 300.0 < gap[0] < 400.0 and gap[1] == 900.0
-    assert not from_lengths.holds_throughout
+    assert not from_lengths.valid_throughout
 
 
 def test_no_equilibrium_at_all_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:

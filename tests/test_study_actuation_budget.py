@@ -187,8 +187,8 @@ def test_figures_of_the_papers_robot(paper: Study) -> None:
 
 def test_json(paper: Study) -> None:
     d = json.loads(json.dumps(paper.to_dict(), allow_nan=False))["budget"]["actuation"]
-    assert (d["friction"], d["friction_is"]) == (0.1, "assumed")
-    assert (d["axial_stiffness_N"], d["elasticity_is"]) == (30e3, "assumed")
+    assert (d["friction"], d["friction_origin"]) == (0.1, "assumed")
+    assert (d["axial_stiffness_N"], d["elasticity_origin"]) == (30e3, "assumed")
     assert [row["effect"] for row in d["rows"]] == ROWS
     for row in d["rows"]:
         names = {"tension": ("cc_from_lengths", "cc_from_force"), "displacement": (COMMANDED,)}
@@ -240,7 +240,7 @@ def test_assumed_stiffness_follows_from_the_tendon(amouri: Robot) -> None:
     with pytest.raises(InputError, match='got "wood"; must be one of steel'):
         thin.with_({TENDONS + "material": "wood"})
     d = budget(thin, points=3)
-    assert d.axial_stiffness == 1.9e3 and d.elasticity_is == "assumed"
+    assert d.axial_stiffness == 1.9e3 and d.elasticity_origin == "assumed"
     assert d.assumptions[1] == "E A 1.9 kN (steel, 0.15 mm, diameter as in the file)"
     assert any("diameter as in the file" in note for note in d.notes)
 
@@ -257,7 +257,7 @@ def test_elasticity_is_omitted_where_no_stiffness_can_be_assumed() -> None:
         }
     )
     d = budget(small, 0.5, points=5)
-    assert d.elasticity_is == "left_out" and np.isinf(d.axial_stiffness)
+    assert d.elasticity_origin == "left_out" and np.isinf(d.axial_stiffness)
     assert [row.effect for row in d.rows] == [name for name in ROWS if "elasticity" not in name]
     assert all("elastic" not in row.label for row in d.rows)
     assert all(np.isfinite(row.moved) for row in d.rows)
@@ -275,7 +275,7 @@ def test_calibrated_friction_is_used_in_the_budget(amouri: Robot) -> None:
     sweep = model.case(model.main, tension)
     calibrated = amouri.with_({TENDONS + "friction": 0.2007})
     d = actuation_budget(model, tension, sweep, calibrated)
-    assert (d.friction, d.friction_is) == (0.2007, "calibrated")
+    assert (d.friction, d.friction_origin) == (0.2007, "calibrated")
     assert "friction" not in " ".join(d.assumptions)
     assert d.row("friction_loading").label == "friction 0.2007 (calibrated), loading"
     assert d.row("friction_loading").assumed == ()

@@ -102,7 +102,7 @@ def test_clamps_in_the_main_sweep(paper: Study) -> None:
 def test_a_buckling_robot_is_reported_and_the_study_continues() -> None:
     heavy = {f"segments.{k}.disks.mass": "50 g" for k in (0, 1)}
     got = Stages(load_robot("rao2021").with_(heavy))
-    assert "tip" in got.budget.full_model_is
+    assert "tip" in got.budget.full_model_description
     for r in got.budget.rows:
         for case in (r.added, r.full, r.removed):
             known = np.isfinite(case.tip_position).all(axis=1)
@@ -121,7 +121,7 @@ def test_a_robot_that_cannot_stand_is_suspended_in_the_full_model(
 
     monkeypatch.setattr(Model, "case", case)
     budget = Stages(load_robot("rao2021"), points=2).budget
-    assert "gravity (hanging)" in budget.full_model_is
+    assert "gravity (hanging)" in budget.full_model_description
     assert budget.full_model.problem is None and budget.full_model.physics.gravity[2] > 0.0
 
 

@@ -483,7 +483,7 @@ def test_the_terminal_begins_with_the_verdict_in_25_lines(paper: Study, width: i
     lines = out.getvalue().splitlines()
     assert len(lines) <= 25 and all(len(line) <= width for line in lines)
     text = " ".join(out.getvalue().split())
-    limit = next(m.holds_to for m in paper.verdict.meanings if m.name == "cc_from_force")
+    limit = next(m.valid_to for m in paper.verdict.meanings if m.name == "cc_from_force")
     assert limit is not None and f"{limit:.3g} N" in text
     assert "Dominant cause of the error: tendons straight between the disks (" in text
     assert "Friction 0.1 (assumed)" in text and "--verbose" in text

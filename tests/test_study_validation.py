@@ -254,13 +254,17 @@ def test_unconverged_constant_curvature_is_not_shown(
 def test_effects_one_after_another_end_at_the_calibrated_rod(verdict: AgainstData) -> None:
     assert [e.name for e in verdict.effects] == ["registration", "gravity", "friction", "stiffness"]
     best = verdict.comparison("rod_calibrated").mean
-    assert verdict.effects[-1].added == pytest.approx(best, rel=1e-6)
+    assert verdict.effects[-1].cumulative_mean == pytest.approx(best, rel=1e-6)
     explained = sum(e.explains for e in verdict.effects)
-    assert verdict.plain - explained == pytest.approx(best, rel=1e-6)
+    assert verdict.baseline_mean - explained == pytest.approx(best, rel=1e-6)
     for effect in verdict.effects:
-        assert effect.costs == pytest.approx(effect.without - best, abs=1e-12)
-        assert effect.costs_interval[0] <= effect.costs <= effect.costs_interval[1]
-        assert effect.costs > 1e-3  # each of them matters on this bench
+        assert effect.increase_without == pytest.approx(effect.without - best, abs=1e-12)
+        assert (
+            effect.increase_without_interval[0]
+            <= effect.increase_without
+            <= effect.increase_without_interval[1]
+        )
+        assert effect.increase_without > 1e-3  # each of them matters on this bench
     # registration alone: the effect of the displaced base on a perfect model
     moved = np.linalg.norm(verdict.point - verdict.data.tip, axis=1).mean()
     assert verdict.effects[0].without == pytest.approx(moved, rel=0.01)
@@ -274,7 +278,7 @@ def test_the_measuring_frame_affects_registration_only(
     assert [e.name for e in found] == [e.name for e in verdict.effects]
     for there, here in zip(found[1:], verdict.effects[1:], strict=True):
         assert there.explains == pytest.approx(here.explains, abs=1e-6)
-        assert there.costs == pytest.approx(here.costs, abs=1e-6)
+        assert there.increase_without == pytest.approx(here.increase_without, abs=1e-6)
     assert found[0].explains > 0.9 * math.hypot(0.5, 1.0)
 
 
@@ -533,7 +537,10 @@ def test_calibrated_friction_enters_the_budget(
 ) -> None:
     budget = whole.budget.actuation
     assert verdict.calibration is not None
-    assert budget.friction_is == "calibrated" and budget.to_dict()["friction_is"] == "calibrated"
+    assert (
+        budget.friction_origin == "calibrated"
+        and budget.to_dict()["friction_origin"] == "calibrated"
+    )
     assert budget.friction == verdict.calibration.robot.tendons.friction[0]
     assert "(calibrated)" in budget.row("friction_loading").label
     assert "With the calibrated one, 0.1" in whole.verdict.text[-1]

@@ -30,11 +30,11 @@ def test_first_crossing_against_an_independent_sweep(paper: Study) -> None:
     crossing = float(tension[np.argmax(error > 0.01 * robot.length)])
 
     lengths, force = paper.verdict.meanings
-    assert lengths.holds_throughout and lengths.fails == ()
-    assert force.holds_to == pytest.approx(crossing, abs=0.011)
-    assert force.fails == ((force.holds_to, 80.0),)
-    assert force.ended_by is not None and force.ended_by.effect == "straight_spans"
-    assert f"up to {force.holds_to:.3g} N" in force.text
+    assert lengths.valid_throughout and lengths.exceeded == ()
+    assert force.valid_to == pytest.approx(crossing, abs=0.011)
+    assert force.exceeded == ((force.valid_to, 80.0),)
+    assert force.dominant_cause is not None and force.dominant_cause.effect == "straight_spans"
+    assert f"up to {force.valid_to:.3g} N" in force.text
 
 
 def test_clamps_in_the_main_sweep_rise_and_fall(paper: Study) -> None:
@@ -44,23 +44,23 @@ def test_clamps_in_the_main_sweep_rise_and_fall(paper: Study) -> None:
     assert force.mean / MM == pytest.approx(3.67, abs=5e-3)
     at = dict(zip(got.statics.tension.round(), force.error / MM, strict=True))
     assert [at[40.0], at[50.0], at[60.0], at[80.0]] == pytest.approx([4.9, 5.0, 4.8, 3.4], abs=0.05)
-    assert got.judged(paper.budget).meanings[1].holds_throughout
+    assert got.judged(paper.budget).meanings[1].valid_throughout
 
     # a tolerance that is crossed upwards and again downwards
     tight = Stages(robot, tolerance=4.6 * MM / robot.length).judged(paper.budget).meanings[1]
-    ((start, end),) = tight.fails
+    ((start, end),) = tight.exceeded
     assert 30.0 < start < 40.0 and 60.0 < end < 80.0
-    assert tight.holds_to == start
+    assert tight.valid_to == start
 
 
 def test_horizontal_gravity_exceeds_the_tolerance_at_the_first_load(paper: Study) -> None:
     got = Stages(load_robot("amouri2019").with_({"gravity": "-9.81 0 0 m/s^2"}))
     meanings = got.judged(paper.budget).meanings
     for m in meanings:
-        assert m.holds_to is None
-        assert m.fails[0][0] == 0.0
+        assert m.valid_to is None
+        assert m.exceeded[0][0] == 0.0
     force = meanings[1]
-    assert force.ended_by is not None and force.ended_by.effect == "gravity"
+    assert force.dominant_cause is not None and force.dominant_cause.effect == "gravity"
     assert any("gravity (-9.81, 0, 0)" in note for note in got.notes())
 
 
@@ -68,9 +68,18 @@ def test_a_dominant_cause_needs_a_smaller_error_without_it(paper: Study) -> None
     """In the example's own sweep, clamps and gravity partly cancel: none is a dominant cause."""
     got = Stages(load_robot(Path(__file__).parents[1] / "examples" / "my_robot.yaml"))
     lengths, force = got.judged(paper.budget).meanings
-    assert abs(lengths.shares[0].share) < 0.1 and lengths.ended_by is None
+    assert abs(lengths.shares[0].share) < 0.1 and lengths.dominant_cause is None
     assert "No single effect" in lengths.text and "cause" not in lengths.text
-    assert force.ended_by is not None and "Dominant cause" in force.text
+    assert force.dominant_cause is not None and "Dominant cause" in force.text
+
+
+def test_the_json_has_the_cause_that_the_text_calls_dominant(paper: Study) -> None:
+    lengths, force = paper.verdict.to_dict()["meanings"]
+    for m in (lengths, force):
+        dominant = "Dominant cause" in m["text"]
+        assert (m["dominant_cause"] is not None) == dominant
+        assert not dominant or m["shares"][0]["share_percent"] > 50
+    assert lengths["exceeded_N"] == [] and lengths["dominant_cause"] == "straight_spans"
 
 
 def test_a_harmful_correction_is_not_recommended(paper: Study) -> None:

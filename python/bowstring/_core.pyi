@@ -170,7 +170,9 @@ def derive(
 @final
 class Solution:
     @property
-    def status(self) -> str: ...
+    def status(
+        self,
+    ) -> Literal["converged", "max_iterations", "unstable", "no_equilibrium"]: ...
     @property
     def converged(self) -> bool: ...
     @property

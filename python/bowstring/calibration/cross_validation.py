@@ -40,7 +40,7 @@ class CrossValidation:
         Score of all rows, each predicted by the fit without it.
     residuals : ndarray (K, 3)
         Predicted minus measured tip, m; NaN without a measurement or a prediction.
-    unanswered : int
+    without_solution : int
         Number of left-out rows without a solution of the model; no score includes them.
     converged : bool
         Whether all fits converged.
@@ -50,7 +50,7 @@ class CrossValidation:
     labels: tuple[str, ...]
     score: Score
     residuals: Floats
-    unanswered: int
+    without_solution: int
     converged: bool
 
 
@@ -128,7 +128,7 @@ def cross_validate(
         labels=tuple(labels),
         score=score(predicted[used], measured[used]),
         residuals=predicted - measured,
-        unanswered=int(np.isnan(predicted[used]).any(axis=1).sum()),
+        without_solution=int(np.isnan(predicted[used]).any(axis=1).sum()),
         converged=converged,
     )
 

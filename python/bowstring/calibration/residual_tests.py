@@ -53,14 +53,14 @@ class NoiseTest:
     autocorrelation: float = math.nan
     """Autocorrelation of neighbours along the load, pooled over axes."""
     autocorrelation_p: float = math.nan
-    far: int = 0
+    outliers: int = 0
     """Number of rows with a coordinate beyond five standard deviations."""
-    far_lines: tuple[int, ...] = ()
+    outlier_lines: tuple[int, ...] = ()
     """Lines of these rows."""
     wrong_lines: tuple[int, ...] = ()
-    """Lines of outliers, which differ from their repeats; the tests leave them out."""
+    """Lines that contradict repeats of their load; the tests leave them out."""
     wrong_by: float = 0.0
-    """Largest residual coordinate of the outliers, m."""
+    """Largest residual coordinate in these lines, m."""
     other_load: bool = False
     """Whether a constant load outside the model would explain clearly more."""
 
@@ -141,9 +141,11 @@ class NoiseTest:
                 "measurement that the calibrated model does not have, and the intervals of its "
                 "parameters do not know how far that moves them."
             )
-        if self.far:
-            rows = "One row is" if self.far == 1 else f"{self.far} rows are"
-            out += f" {rows} more than five standard deviations away ({_lines(self.far_lines)})."
+        if self.outliers:
+            rows = "One row is" if self.outliers == 1 else f"{self.outliers} rows are"
+            out += (
+                f" {rows} more than five standard deviations away ({_lines(self.outlier_lines)})."
+            )
         if self.wrong_lines:
             one = len(self.wrong_lines) == 1
             errs, them = ("errs by", "it") if one else ("err by up to", "them")
@@ -169,7 +171,7 @@ class NoiseTest:
             "autocorrelation": self.autocorrelation,
             "autocorrelation_p": self.autocorrelation_p,
             "significance_level": NOISE,
-            "far_rows": self.far,
+            "outlier_rows": self.outliers,
             "lines_against_their_repeats": list(self.wrong_lines),
             "other_load": self.other_load,
             "text": self.text,
@@ -305,8 +307,8 @@ def noise_test(
         **tests,
         autocorrelation=correlation,
         autocorrelation_p=autocorrelation_p,
-        far=int(far.sum()),
-        far_lines=tuple(lines[good][far].tolist()),
+        outliers=int(far.sum()),
+        outlier_lines=tuple(lines[good][far].tolist()),
         wrong_lines=tuple(lines[wrong].tolist()),
         wrong_by=float(np.abs(residual[wrong]).max(initial=0.0)),
         other_load=other_load,

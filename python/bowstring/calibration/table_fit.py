@@ -77,10 +77,10 @@ class Calibration:
         return np.asarray(self.fit.residuals + self.data.tip)
 
     @property
-    def unanswered(self) -> int:
+    def without_solution(self) -> int:
         """Number of validation rows without a solution of the model; no score includes them."""
         if self.folds is not None:
-            return self.folds.unanswered
+            return self.folds.without_solution
         if self.other is not None and self.other_score is not None:
             return int(self.other.seen.sum()) - self.other_score.count
         return int(np.isnan(self.fit.residuals[self.held_out]).any(axis=1).sum())
@@ -94,7 +94,7 @@ class Calibration:
         return sorted(strong, key=lambda pair: -abs(pair[2]))
 
     @property
-    def far(self) -> list[tuple[int, float]]:
+    def outliers(self) -> list[tuple[int, float]]:
         """Lines and distances (m) of outliers among the fitted rows, farthest first.
 
         Empty if there are many, which indicates an error of the model, not of rows.
@@ -151,14 +151,14 @@ class Calibration:
             validation = {
                 "kind": "holdout",
                 **_scores(self.held_out_score),
-                "rows_unanswered": self.unanswered,
+                "rows_without_solution": self.without_solution,
             }
         elif self.folds is not None:
             folds = zip(self.folds.labels, self.folds.folds, strict=True)
             validation = {
                 "kind": "folds",
                 **_scores(self.folds.score),
-                "rows_unanswered": self.unanswered,
+                "rows_without_solution": self.without_solution,
                 "converged": self.folds.converged,
                 "folds": [{"left_out": label, **_scores(each)} for label, each in folds],
             }
@@ -166,7 +166,7 @@ class Calibration:
             validation = {
                 "kind": "file",
                 **_scores(self.other_score),
-                "rows_unanswered": self.unanswered,
+                "rows_without_solution": self.without_solution,
                 "name": self.other.name,
                 "source": self.other.source,
                 "rows_left_out": self.other.left_out,
@@ -191,7 +191,7 @@ class Calibration:
                 "sigma_mm": None if data.sigma is None else 1e3 * float(np.median(data.sigma)),
                 "sha256": data.sha256,
             },
-            "far": [{"line": line, "distance_mm": 1e3 * away} for line, away in self.far],
+            "outliers": [{"line": line, "distance_mm": 1e3 * away} for line, away in self.outliers],
             "lines": data.line.tolist(),
             "residuals_mm": (1e3 * found.residuals).tolist(),
         }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, cast
 
 from bowstring.cli import completion
 from bowstring.cli.actuation import (
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
 
     from bowstring.dynamics.simulation import Run
     from bowstring.schemas import dynamics as schema
+    from bowstring.schemas.basic import StaticsStatus
 
 TIP_INTERVAL: Final = 0.01  # s between tips in the JSON of simulate, at least
 MOST_OUTPUTS: Final = 1_000_000
@@ -211,7 +212,7 @@ def simulate(
             except simulation.NoStart as error:
                 if as_json:
                     content = _run_json(error.run, interval, targets.write(error.run))
-                    content["status"], content["message"] = error.status, str(error)
+                    content["status"], content["message"] = "no_equilibrium", str(error)
                     write_json(content)
                 raise
             try:
@@ -315,7 +316,7 @@ def modes(
     except NoSolutionError as error:
         if as_json:
             nothing: schema.Modes = {
-                "status": error.status,
+                "status": cast("StaticsStatus", error.status),
                 "tensions_N": plain(acting.tensions),
                 "modes": [],
                 "disks": [],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import typer
 
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from bowstring.fem.mesh import Fineness
     from bowstring.fem.run import BrickRun
     from bowstring.schemas import solids as schema
+    from bowstring.schemas.basic import FeStatus
 
 _STEPS = 8  # default number of loads of a sweep
 
@@ -209,7 +210,7 @@ def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> sch
     from bowstring.fem.report import rows
 
     content: schema.FeRun = {
-        "status": run.status,
+        "status": cast("FeStatus", run.status),
         "message": run.message,
         "loads": rows(run, beside),
         "span_error": run.span_error if run.states else None,
@@ -234,7 +235,7 @@ def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> sch
                     "tip_position_m": r.tips.tolist(),
                     "order": r.order,
                     "limit_m": r.limit.tolist(),
-                    "doubt_m": r.doubt.tolist(),
+                    "uncertainty_m": r.uncertainty.tolist(),
                 }
                 for r in limit.refinements
             ],

@@ -262,18 +262,18 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
             f"offset its RMSE is {fixed(1e3 * own.rmse_centred, 3)} mm, its mean "
             f"{fixed(1e3 * own.mean_centred, 3)} mm."
         )
-    if found.unanswered:
+    if found.without_solution:
         yield (
-            f"To {counted(found.unanswered, 'row')} of the validation the calibrated model has no "
-            "answer; these are in none of its numbers."
+            f"To {counted(found.without_solution, 'row')} of the validation the calibrated model "
+            "has no answer; these are in none of its numbers."
         )
     said = ""
     if data.sigma is not None:
         said = f"; the table says {rounded(1e3 * float(np.median(data.sigma)), 3)} mm"
     yield f"Scatter of a coordinate: {fixed(1e3 * fit.noise, 4)} mm{said}.{_of_others(fit)}"
-    if found.far:
-        named = [f"line {line} ({in_mm(away)})" for line, away in found.far[:5]]
-        more = f" and {len(found.far) - 5} more" if len(found.far) > 5 else ""
+    if found.outliers:
+        named = [f"line {line} ({in_mm(away)})" for line, away in found.outliers[:5]]
+        more = f" and {len(found.outliers) - 5} more" if len(found.outliers) > 5 else ""
         yield f"Far off, look at: {', '.join(named)}{more}."
     if folder is not None:
         yield f"Calibrated robot: {folder / 'robot.yaml'}"

@@ -175,7 +175,7 @@ def ik(
     result: Ik = {
         "segments": segments,
         "tendon_lengths_m": tendons.tolist(),
-        "miss_m": miss,
+        "distance_m": miss,
         "tip": frame(arcs.tip.position, arcs.tip.rotation),
         **provenance_of(model, tip_m=point, free_length=free_length, chord=chord),
     }

@@ -61,7 +61,7 @@ TRUTH_SCHEMA_VERSION: Final = 1
 NOISE: Final = 0.02e-3
 """Standard deviation of each coordinate, m. The study gives an accuracy of 0.020 mm for its arm,
 without saying whether this is one standard deviation, which is assumed here."""
-NOISE_IS: Final = "standard deviation of each coordinate; normal, independent"
+NOISE_DESCRIPTION: Final = "standard deviation of each coordinate; normal, independent"
 _MOST_ROWS: Final = 1_000_000
 _AT_ONCE: Final = 100  # rows between two reports of progress
 _FAR: Final = 1e6  # m
@@ -367,7 +367,7 @@ def set_up(
         "tool_m": said.tolist(),
         "actual_tool_m": there.tolist(),
         "noise_m": sigma,
-        "noise_is": NOISE_IS,
+        "noise_description": NOISE_DESCRIPTION,
         "disturbances": {"tip_force_N": force.tolist(), "drift_m": moves.tolist()},
         "rows": {"tip_position_m": tip_position.tolist(), "point_m": points.tolist()},
     }
@@ -728,7 +728,9 @@ def write(measurements: Measurements, path: str | Path) -> tuple[Path, Path]:
     short = {k: v for k, v in truth.items() if k not in ("rows", "actual_robot")}
     comments = [
         f"{_MADE} {truth['bowstring_version']}; nothing here was measured.",
-        f"sigma_mm is one {NOISE_IS}." if measurements.sigma is not None else "There is no noise.",
+        f"sigma_mm is one {NOISE_DESCRIPTION}."
+        if measurements.sigma is not None
+        else "There is no noise.",
         f"truth: {json.dumps(short, allow_nan=False)}",
     ]
     try:

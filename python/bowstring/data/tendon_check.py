@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, islice
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,11 @@ from bowstring.validation import check_is_read
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
+    from bowstring.schemas.basic import Found
 
 __all__ = ["TendonCheck", "check_tendons"]
 
 Floats = NDArray[np.float64]
-Found = Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"]
 
 _MOST_ROWS: Final = 400  # enough for a direction, and fast
 _FEWEST_ROWS: Final = 4
@@ -70,7 +70,7 @@ class TendonCheck:
         Share of the tip's motion (RMS) that constant curvature does not explain in the stated
         order; NaN if unchecked.
     turn : float
-        Rotation about z from the base frame to the measuring frame in the stated order, rad; NaN if
+        Angle about z of the base frame in the measuring frame in the stated order, rad; NaN if
         unchecked.
     """
 
@@ -212,8 +212,8 @@ def _agreed(
     named = [pair for pair in alike if swaps[pair].angle < _TURNED]
     swap = f"tendons {_or(named)} are swapped, " if named else ""
     text += (
-        f". That takes a measuring frame turned by {np.degrees(turn):.0f} degrees about z; if it "
-        f"is not, {swap}the tendons are numbered from another one, or the sign of the "
+        f". That takes a base turned by {np.degrees(turn):.0f} degrees about z in the measuring "
+        f"frame; if it is not, {swap}the tendons are numbered from another one, or the sign of the "
         "displacements is wrong"
     )
     return "turned", f"{text}.", named

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,8 +76,8 @@ class Comparison:
     def to_dict(self) -> schema.Comparison:
         """Return the statistics in mm and percent."""
         return {
-            "name": self.name,
-            "against": self.against,
+            "name": cast("schema.ModelName", self.name),
+            "against": cast("schema.Reference", self.against),
             "n": self.n,
             "mean_mm": self.mean * 1e3,
             "max_mm": self.maximum * 1e3,

@@ -202,6 +202,7 @@ def about(
     ``commands`` are those of `bowstring.statics.actuation.commands`, ``load`` has gravity and tip
     loads.
     """
+    status: str
     if path is not None:
         solution = path.core.step(*commands, load)
         status = solution.status

@@ -43,7 +43,7 @@ class Refinement:
     labels: tuple[str, ...]
     tips: Floats
     limit: Floats
-    doubt: Floats
+    uncertainty: Floats
     order: float
 
 
@@ -69,7 +69,7 @@ def extrapolated(sizes: Sequence[float], values: Floats) -> tuple[Floats, Floats
     """
     a, b, c = (float(h) for h in sizes)
     first, last = values[1] - values[0], values[2] - values[1]
-    doubt: Floats = np.maximum(np.abs(first), np.abs(last))
+    uncertainty: Floats = np.maximum(np.abs(first), np.abs(last))
     place = np.unravel_index(np.abs(last).argmax(), last.shape)
     ratio = float(first[place] / last[place]) if last[place] != 0 else np.nan
 
@@ -78,11 +78,15 @@ def extrapolated(sizes: Sequence[float], values: Floats) -> tuple[Floats, Floats
 
     slow = of_order(_FLATTEST)
     if not slow < ratio < of_order(_STEEPEST):
-        return values[2], doubt, float("nan")
+        return values[2], uncertainty, float("nan")
     order = float(brentq(lambda p: of_order(p) - ratio, _FLATTEST, _STEEPEST))
     rest = last * c**order / (b**order - c**order)
     settles = (first * last >= 0) & (np.abs(first) >= slow * np.abs(last))
-    return values[2] + np.where(settles, rest, 0.0), np.where(settles, np.abs(rest), doubt), order
+    return (
+        values[2] + np.where(settles, rest, 0.0),
+        np.where(settles, np.abs(rest), uncertainty),
+        order,
+    )
 
 
 def study(
@@ -176,8 +180,8 @@ def study(
             rows.append(one(f"{name} {label}", chosen, step).tip_position)
             done += 1
         tips, (sizes, labels, *_) = np.array(rows), zip(*plan, strict=True)
-        end, doubt, order = extrapolated(sizes, tips)
-        refinements.append(Refinement(name, sizes, labels, tips, end, doubt, order))
+        end, uncertainty, order = extrapolated(sizes, tips)
+        refinements.append(Refinement(name, sizes, labels, tips, end, uncertainty, order))
         limit = limit + (end - tips[at])
-        error = error + np.linalg.norm(doubt, axis=1)
+        error = error + np.linalg.norm(uncertainty, axis=1)
     return Convergence(run, tuple(refinements), limit, error)

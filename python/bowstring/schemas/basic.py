@@ -8,11 +8,14 @@ from pydantic import ConfigDict, Field, with_config
 from typing_extensions import TypedDict
 
 __all__ = [
+    "FeStatus",
+    "Found",
     "InFolder",
     "Interval",
     "MadeBy",
     "MadeByRobot",
     "MeasurementIssue",
+    "MotionStatus",
     "Object",
     "OfRobot",
     "OrNull",
@@ -21,6 +24,7 @@ __all__ = [
     "RigidMotion",
     "Rotation",
     "Source",
+    "StaticsStatus",
     "Vector",
     "VectorOrNull",
     "about",
@@ -44,6 +48,14 @@ Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 VectorOrNull = Annotated[list[OrNull], Field(min_length=3, max_length=3)]
 Rotation = Annotated[list[Vector], Field(min_length=3, max_length=3)]
 Source = Literal["measured", "synthetic", "computed"]
+#: Result of the check of the order of the tendons.
+Found = Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"]
+#: Status of an equilibrium.
+StaticsStatus = Literal["converged", "max_iterations", "unstable", "no_equilibrium"]
+#: Status of a simulation.
+MotionStatus = Literal["converged", "step_failed", "collision", "interrupted", "failed"]
+#: Status of finite elements.
+FeStatus = Literal["converged", "diverged", "killed", "out_of_memory", "no_space", "failed"]
 
 
 class Pose(Object):

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from typing_extensions import NotRequired
 
 from bowstring.schemas.basic import (
+    Found,
     MadeBy,
     MadeByRobot,
     MeasurementIssue,
@@ -48,7 +49,7 @@ class TendonCheck(Object):
     """Comparison of the order of the tendons with the motion of the tip."""
 
     found: Annotated[
-        Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"],
+        Found,
         about(
             "`as_stated`: the tendons are those of the robot. `turned`: they are, if the measuring "
             "frame is turned about z. `swapped`: two tendons are interchanged. `mirrored`: the "
@@ -66,7 +67,13 @@ class TendonCheck(Object):
             "the tendons in the order of the table."
         ),
     ]
-    turn_rad: Annotated[OrNull, about("Angle about z from the base frame to the measuring frame.")]
+    turn_rad: Annotated[
+        OrNull,
+        about(
+            "Angle about z of the base frame in the measuring frame, with the tendons in the order "
+            "of the table; `null` if unchecked."
+        ),
+    ]
 
 
 class TableOfMeasurements(Object):
@@ -75,23 +82,23 @@ class TableOfMeasurements(Object):
     name: Annotated[str, about("Name of the table.")]
     source: Annotated[Source, about("Origin of the numbers.")]
     rows: Annotated[int, about("Number of rows, without those left out.")]
-    rows_left_out: Annotated[int, about("Rows that could not be read.")]
+    rows_left_out: Annotated[int, about("Rows left out; `issues` has the reasons.")]
     rows_without_tip: Annotated[int, about("Rows without a measured tip.")]
     tendons: Annotated[list[TensionRange | DisplacementRange], about("Actuation of each tendon.")]
     points: Annotated[int, about("Measured points in a row.")]
     points_unit: Annotated[Literal["m", "px"], about("Unit of the points.")]
     tip: Annotated[TipRange | None, about("Range of the last point.")]
     tool_m: Annotated[
-        Vector | None,
-        about(
-            "Measured point in the frame of the end disk; `null` if the table does not state it."
-        ),
+        Vector, about("Measured point in the frame of the end disk; zero if not stated.")
     ]
     stations: Annotated[
         list[float] | None,
-        about("Places of the points along the backbone; `null` if the table does not state them."),
+        about(
+            "Arc lengths of the points over the length of the backbone, from 0 at the base to 1 at "
+            "the tip; `null` if the table does not state them."
+        ),
     ]
-    angles: Annotated[bool, about("Whether the table has bending angles.")]
+    angles: Annotated[bool, about("Whether the table has bend angles.")]
     sigma_m: Annotated[
         OrNull, about("Median stated standard uncertainty of a coordinate; `null` if not stated.")
     ]
@@ -176,7 +183,7 @@ class Truth(Object):
     tool_m: Annotated[Vector, about("Measured point in the frame of the end disk, as stated.")]
     actual_tool_m: Annotated[Vector, about("The same, as it is.")]
     noise_m: Annotated[float, about("Standard deviation of the noise of a coordinate.")]
-    noise_is: Annotated[str, about("Meaning of `noise_m`.")]
+    noise_description: Annotated[str, about("Meaning of `noise_m`.")]
     seed: Annotated[int, about("Seed of the noise.")]
     disturbances: Annotated[Disturbances, about("Disturbances.")]
     rows: Annotated[TruthRows, about("True values by row.")]

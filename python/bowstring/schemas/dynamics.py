@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
-from bowstring.schemas.basic import InFolder, Object, OfRobot, OrNull, Pose, Vector, about
+from bowstring.schemas.basic import (
+    InFolder,
+    MotionStatus,
+    Object,
+    OfRobot,
+    OrNull,
+    Pose,
+    StaticsStatus,
+    Vector,
+    about,
+)
 
 
 class TimeStepError(Object):
@@ -16,21 +26,39 @@ class TimeStepError(Object):
 class RunFiles(Object):
     """Files of a simulation."""
 
-    run: Annotated[str | None, about("NetCDF file; `null` without `--out`.")]
-    vtk: Annotated[str | None, about("Folder of the VTK series; `null` without `--vtk`.")]
-    animation: Annotated[str | None, about("Animation; `null` without `--animation`.")]
+    run: Annotated[
+        str | None,
+        about(
+            "NetCDF or CSV file of `--out`; `null` without `--out`, without an initial "
+            "equilibrium, and, for CSV, after an interrupt."
+        ),
+    ]
+    vtk: Annotated[
+        str | None,
+        about(
+            "Folder of the VTK series; `null` without `--vtk`, without an initial equilibrium and "
+            "after an interrupt."
+        ),
+    ]
+    animation: Annotated[
+        str | None,
+        about(
+            "Animation; `null` without `--animation`, without an initial equilibrium, after an "
+            "interrupt, and for a run without a time step."
+        ),
+    ]
 
 
 class Simulate(OfRobot):
     """Output of `bowstring simulate`."""
 
     status: Annotated[
-        str,
+        MotionStatus | Literal["no_equilibrium"],
         about(
             "`converged`: every step converged, up to the end. `step_failed`, `collision`: the run "
-            "stopped early, in a collision because two disks met. `no_equilibrium` or another "
-            "status of `solve`: there is no equilibrium to start from. `interrupted`: by Ctrl-C or "
-            "SIGTERM."
+            "stopped early, in a collision because two disks met. `no_equilibrium`: "
+            "there is no stable equilibrium to start from. `interrupted`: by Ctrl-C or SIGTERM. "
+            "`failed`: from Python only, a function of time gave no number."
         ),
     ]
     message: Annotated[str, about("Status as a sentence.")]
@@ -71,11 +99,8 @@ class EquilibriumModes(Object):
     """Result of `Modes.to_dict`."""
 
     status: Annotated[
-        str,
-        about(
-            "`converged`; without a stable equilibrium `no_equilibrium` or another status of "
-            "`solve`, and there are no modes."
-        ),
+        StaticsStatus,
+        about("As of `solve`; there are no modes unless it is `converged`."),
     ]
     tensions_N: Annotated[
         list[OrNull] | None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from bowstring.schemas.basic import (
+    Found,
     InFolder,
     Object,
     OfRobot,
@@ -65,7 +66,7 @@ class HoldoutValidation(RowErrors):
     """Validation with rows that were kept from the fit."""
 
     kind: Annotated[Literal["holdout"], about("Kind of validation.")]
-    rows_unanswered: Annotated[
+    rows_without_solution: Annotated[
         int, about("Rows without a solution of the calibrated model; they count in no number.")
     ]
 
@@ -80,7 +81,7 @@ class FoldsValidation(RowErrors):
     """Cross-validation: errors over all parts."""
 
     kind: Annotated[Literal["folds"], about("Kind of validation.")]
-    rows_unanswered: Annotated[
+    rows_without_solution: Annotated[
         int, about("Rows without a solution of the calibrated model; they count in no number.")
     ]
     converged: Annotated[bool, about("Whether all fits converged.")]
@@ -91,12 +92,12 @@ class FileValidation(RowErrors):
     """Validation with another table."""
 
     kind: Annotated[Literal["file"], about("Kind of validation.")]
-    rows_unanswered: Annotated[
+    rows_without_solution: Annotated[
         int, about("Rows without a solution of the calibrated model; they count in no number.")
     ]
     name: Annotated[str, about("Name of the table.")]
     source: Annotated[Source, about("Origin of its numbers.")]
-    rows_left_out: Annotated[int, about("Rows that could not be read.")]
+    rows_left_out: Annotated[int, about("Rows left out; warnings have the reasons.")]
     sha256: Annotated[str | None, about("SHA-256 of the table.")]
 
 
@@ -107,7 +108,7 @@ class FitTendonCheck(Object):
     """Comparison of the order of the tendons with the motion of the tip."""
 
     found: Annotated[
-        Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"],
+        Found,
         about("As in `bench check`."),
     ]
     alarm: Annotated[bool, about("Whether something is probably wrong.")]
@@ -120,7 +121,7 @@ class FitData(Object):
     name: Annotated[str, about("Name of the table.")]
     source: Annotated[Source, about("Origin of its numbers.")]
     rows: Annotated[int, about("Number of rows, without those left out.")]
-    rows_left_out: Annotated[int, about("Rows that could not be read.")]
+    rows_left_out: Annotated[int, about("Rows left out; warnings have the reasons.")]
     rows_without_tip: Annotated[int, about("Rows without a measured tip.")]
     sigma_mm: Annotated[
         OrNull, about("Median stated standard uncertainty of a coordinate; `null` if not stated.")
@@ -128,7 +129,7 @@ class FitData(Object):
     sha256: Annotated[str | None, about("SHA-256 of the table.")]
 
 
-class FarRow(Object):
+class OutlierRow(Object):
     """A row far beyond the scatter of the others."""
 
     line: Annotated[int, about("Line of the table, from 1.")]
@@ -192,8 +193,9 @@ class TableFit(FitNumbers):
     validation: Annotated[Validation | None, about("Validation; `null` without any.")]
     tendon_check: Annotated[FitTendonCheck, about("Check of the order of the tendons.")]
     data: Annotated[FitData, about("The fitted table.")]
-    far: Annotated[
-        list[FarRow], about("Few rows far beyond the scatter of the others, such as mistyped ones.")
+    outliers: Annotated[
+        list[OutlierRow],
+        about("Few rows far beyond the scatter of the others, such as mistyped ones."),
     ]
     lines: Annotated[list[int], about("Line of each row in the table.")]
     residuals_mm: Annotated[

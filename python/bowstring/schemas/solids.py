@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from typing_extensions import NotRequired
 
-from bowstring.schemas.basic import InFolder, Object, OfRobot, OrNull, Pose, Vector, about
+from bowstring.schemas.basic import FeStatus, InFolder, Object, OfRobot, OrNull, Pose, Vector, about
 
 
 class Part(Object):
@@ -92,7 +92,7 @@ class FeRefinement(Object):
     tip_position_m: Annotated[list[list[Vector]], about("Position of the tip by mesh and load.")]
     order: Annotated[OrNull, about("Observed order of convergence; `null` if there is none.")]
     limit_m: Annotated[list[Vector], about("Extrapolated position of the tip at each load.")]
-    doubt_m: Annotated[list[Vector], about("Uncertainty of the extrapolation at each load.")]
+    uncertainty_m: Annotated[list[Vector], about("Uncertainty of the extrapolation at each load.")]
 
 
 class FeLimit(Object):
@@ -108,7 +108,7 @@ class FeRun(Object):
     """Results of `bowstring fe`."""
 
     status: Annotated[
-        str,
+        FeStatus,
         about(
             "`converged`; else `diverged`, `killed`, `out_of_memory`, `no_space` or `failed`, with "
             "the loads before."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, about
+from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, StaticsStatus, about
 
 __all__ = ["Arc", "BackboneLimit", "Equilibrium", "ErrorEstimate", "Fk", "Ik", "Pose", "Solve"]
 
@@ -14,7 +14,7 @@ class Arc(Object):
 
     kappa_per_m: Annotated[float, about("Curvature.")]
     phi_rad: Annotated[float, about("Angle of the bending plane from x, counter-clockwise.")]
-    theta_rad: Annotated[float, about("Bending angle.")]
+    theta_rad: Annotated[float, about("Bend angle.")]
     length_m: Annotated[float, about("Arc length.")]
 
 
@@ -38,7 +38,7 @@ class Ik(OfRobot):
 
     segments: Annotated[list[Arc], about("The arc.")]
     tendon_lengths_m: Annotated[list[float], about("Length of each tendon.")]
-    miss_m: Annotated[float, about("Distance between the tip and the point.")]
+    distance_m: Annotated[float, about("Distance between the tip and the point.")]
     tip: Annotated[Pose, about("Tip.")]
 
 
@@ -66,7 +66,7 @@ class Equilibrium(Object):
     """Result of `Solution.to_dict`."""
 
     status: Annotated[
-        str,
+        StaticsStatus,
         about(
             "`converged`, or the reason for no solution: `max_iterations`; `unstable`, only "
             "unstable equilibria were found; `no_equilibrium`."

@@ -1,18 +1,23 @@
-"""JSON of the command study, and of ``study.json`` in its folder."""
+"""JSON of the command study.
+
+``study.json`` in its folder holds `StudyResults`, which has no ``folder``, and two keys more:
+``files``, the names of the files in the folder, and ``sha256``, their hashes by name.
+"""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from typing_extensions import TypedDict
-
 from bowstring.schemas.basic import (
+    FeStatus,
     Interval,
     MeasurementIssue,
+    MotionStatus,
     Object,
     OrNull,
     RigidMotion,
     Source,
+    StaticsStatus,
     Vector,
     VectorOrNull,
     about,
@@ -22,11 +27,23 @@ from bowstring.schemas.fit import EndOfFit
 # -- comparisons -----------------------------------------------------------------------------------
 
 
+ModelName = Literal[
+    "cc_from_lengths",
+    "cc_from_force",
+    "cc_from_lengths_chord",
+    "cc_from_force_arm",
+    "cc_calibrated",
+    "rod",
+    "rod_calibrated",
+]
+Reference = Literal["statics", "dynamics", "fe", "measurement"]
+
+
 class Comparison(Object):
     """Tip error of a model against a reference: Euclidean distances, over points."""
 
     name: Annotated[
-        str,
+        ModelName,
         about(
             "Model: `cc_from_lengths`, `cc_from_force`, and corrected `cc_from_lengths_chord`, "
             "`cc_from_force_arm`; against measurements also `cc_calibrated`, `rod`, "
@@ -34,7 +51,7 @@ class Comparison(Object):
         ),
     ]
     against: Annotated[
-        str,
+        Reference,
         about(
             "Reference: `statics`; `dynamics`, at the times at which the rising tension passes the "
             "loads of the sweep; `fe`, finite elements; `measurement`. They come in this order."
@@ -91,12 +108,12 @@ class ValidityLimit(Object):
     """Verdict on constant curvature from lengths, or from force."""
 
     name: Annotated[str, about("`cc_from_lengths` or `cc_from_force`.")]
-    holds_throughout: Annotated[bool, about("Whether the error never exceeds the tolerance.")]
-    holds_to_N: Annotated[
+    valid_throughout: Annotated[bool, about("Whether the error never exceeds the tolerance.")]
+    valid_to_N: Annotated[
         OrNull,
         about("Tension at the first crossing, or the last one solved; `null` if it never holds."),
     ]
-    fails_N: Annotated[
+    exceeded_N: Annotated[
         list[Interval], about("Ranges of tension in which the error exceeds the tolerance.")
     ]
     undecided_N: Annotated[
@@ -104,7 +121,13 @@ class ValidityLimit(Object):
     ]
     max_error_mm: Annotated[OrNull, about("Largest error.")]
     max_error_at_N: Annotated[OrNull, about("Tension of the largest error.")]
-    ended_by: Annotated[str | None, about("Dominant cause; `null` without one.")]
+    dominant_cause: Annotated[
+        str | None,
+        about(
+            "Effect with more than half of the error at `shares_at_N`, also if the tolerance is "
+            "never exceeded; `null` without such an effect."
+        ),
+    ]
     shares_at_N: Annotated[
         OrNull,
         about("Tension of the shares: the first crossing, or that of the largest error."),
@@ -151,8 +174,10 @@ class Case(Problem):
     cc_from_force: Annotated[CaseError, about("From force.")]
 
 
-# "is" is a keyword of Python, which no class body can declare
-Description = TypedDict("Description", {"is": Annotated[str, about("The assumptions in words.")]})
+class Description(Object):
+    """Physical assumptions."""
+
+    description: Annotated[str, about("The assumptions in words.")]
 
 
 class DescribedCase(Case, Description):
@@ -298,7 +323,7 @@ class ActuationBudget(Object):
     """Friction, elastic tendons, displacement control, loading and unloading."""
 
     friction: Annotated[float, about("Friction coefficient of the actuated tendon.")]
-    friction_is: Annotated[
+    friction_origin: Annotated[
         Origin, about("Origin of the friction: robot file, calibration or assumption.")
     ]
     axial_stiffness_N: Annotated[
@@ -306,7 +331,7 @@ class ActuationBudget(Object):
     ]
     compliance_m_per_N: Annotated[float, about("Compliance of its transmission.")]
     free_length_m: Annotated[float, about("Length of tendon before the base.")]
-    elasticity_is: Annotated[
+    elasticity_origin: Annotated[
         Origin, about("Origin of the elasticity; `left_out` if there is nothing to assume EA from.")
     ]
     elasticity_by: Annotated[str, about("How an assumed EA was found, or why there is none.")]
@@ -374,7 +399,9 @@ class Registration(TurnedFrame):
 class StudyCalibrationNumbers(EndOfFit):
     """Result of `StudyCalibration.to_dict`."""
 
-    gravity_is: Annotated[Literal["file", "assumed", "calibrated"], about("Origin of the gravity.")]
+    gravity_origin: Annotated[
+        Literal["file", "assumed", "calibrated"], about("Origin of the gravity.")
+    ]
     gravity_m_per_s2: Annotated[Vector, about("Gravity in base axes.")]
     other_load: Annotated[
         bool,
@@ -412,7 +439,7 @@ class ResidualTests(Object):
     autocorrelation: Annotated[OrNull, about("Autocorrelation along the load.")]
     autocorrelation_p: Annotated[OrNull, about("p-value of no autocorrelation.")]
     significance_level: Annotated[float, about("p-value below which a test rejects noise.")]
-    far_rows: Annotated[int, about("Rows more than five standard deviations away.")]
+    outlier_rows: Annotated[int, about("Rows more than five standard deviations away.")]
     lines_against_their_repeats: Annotated[
         list[int], about("Lines that contradict repeats of their load; these tests omit them.")
     ]
@@ -427,9 +454,7 @@ class DecompositionStep(Object):
 
     effect: Annotated[str, about("Name of the effect.")]
     label: Annotated[str, about("The effect in words.")]
-    mean_with_it_and_those_before_mm: Annotated[
-        OrNull, about("Mean error with this effect and all before it.")
-    ]
+    cumulative_mean_mm: Annotated[OrNull, about("Mean error with this effect and all before it.")]
     explains_mm: Annotated[
         OrNull, about("Decrease of the mean error by this step; negative if it increases.")
     ]
@@ -437,14 +462,16 @@ class DecompositionStep(Object):
     mean_without_it_alone_mm: Annotated[
         OrNull, about("Mean error of the calibrated robot without this effect alone.")
     ]
-    costs_mm: Annotated[OrNull, about("Increase of the mean error without this effect alone.")]
-    costs_interval_95_mm: Annotated[Interval, about("Its 95 % interval.")]
+    increase_without_mm: Annotated[
+        OrNull, about("Increase of the mean error without this effect alone.")
+    ]
+    increase_without_interval_95_mm: Annotated[Interval, about("Its 95 % interval.")]
 
 
 class Decomposition(Object):
     """Decomposition of the error of the rod."""
 
-    begins_mm: Annotated[OrNull, about("Mean error of the baseline rod.")]
+    baseline_mm: Annotated[OrNull, about("Mean error of the baseline rod.")]
     effects: Annotated[list[DecompositionStep], about("Steps.")]
 
 
@@ -475,7 +502,7 @@ class StudyMeasurements(Object):
     file: Annotated[str | None, about("Path of the table.")]
     sha256: Annotated[str | None, about("SHA-256 of the table.")]
     rows: Annotated[int, about("Number of rows, without those left out.")]
-    left_out: Annotated[int, about("Rows that could not be read.")]
+    left_out: Annotated[int, about("Rows left out; `issues` has the reasons.")]
     without_tip: Annotated[int, about("Rows without a measured tip.")]
     issues: Annotated[list[MeasurementIssue], about("What is wrong with the table.")]
     loads: Annotated[int, about("Number of different loads.")]
@@ -522,7 +549,7 @@ class StudySweep(Surface, ErrorsByModel):
     actuated_tendon: Annotated[int, about("First actuated tendon, from 1.")]
     shares: Annotated[list[float], about("Share of the tension by tendon.")]
     tension_N: Annotated[list[float], about("Tensions of the actuated tendon.")]
-    status: Annotated[list[str], about("Status by load, as of `solve`.")]
+    status: Annotated[list[StaticsStatus], about("Status by load, as of `solve`.")]
     tip_position_mm: Annotated[list[VectorOrNull], about("Tip.")]
     tendon_lengths_mm: Annotated[list[list[OrNull]], about("Tendon lengths.")]
     displacement_mm: Annotated[list[OrNull], about("Displacement of the actuated tendon.")]
@@ -532,7 +559,9 @@ class StudySweep(Surface, ErrorsByModel):
 class MotionNumbers(Surface):
     """Result of `Transient.to_dict`."""
 
-    status: Annotated[str, about("As of `simulate`; `converged` if the motion came to its end.")]
+    status: Annotated[
+        MotionStatus, about("As of `simulate`; `converged` if the motion came to its end.")
+    ]
     reason: Annotated[str, about("Why it stopped early; else empty.")]
     text: Annotated[list[str], about("Results in sentences.")]
     slowest_frequency_hz: Annotated[float, about("Natural frequency of the slowest mode.")]
@@ -573,7 +602,7 @@ class NoMotion(Object):
 class StudyFiniteElements(Object):
     """Sweep by finite elements."""
 
-    status: Annotated[str, about("As of `fe`.")]
+    status: Annotated[FeStatus, about("As of `fe`.")]
     text: Annotated[list[str], about("Results in sentences.")]
     tip_position_mm: Annotated[list[VectorOrNull], about("Tip.")]
     tendon_lengths_mm: Annotated[list[list[OrNull]], about("Tendon lengths.")]
@@ -603,7 +632,7 @@ class GeometricSweep(Object):
 
     displacement_mm: Annotated[list[float], about("Displacements.")]
     tip_position_mm: Annotated[list[Vector], about("Tip.")]
-    theta_deg: Annotated[list[list[float]], about("Bending angles, by displacement and segment.")]
+    theta_deg: Annotated[list[list[float]], about("Bend angles, by displacement and segment.")]
 
 
 # -- all -------------------------------------------------------------------------------------------
@@ -625,7 +654,7 @@ class PublishedClaim(Object):
     what: Annotated[str, about("What is compared.")]
     smaller_than_mm: Annotated[float, about("Published bound of the mean error.")]
     smaller_than_percent: Annotated[float, about("The same in percent of the length.")]
-    beside: Annotated[str, about("The comparison with it in words.")]
+    compared_with: Annotated[str, about("The comparison with it in words.")]
 
 
 class StudyProvenance(Object):

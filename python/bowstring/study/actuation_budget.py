@@ -186,14 +186,14 @@ class ActuationBudget:
 
     friction: float
     """Friction coefficient of the actuated tendon."""
-    friction_is: Source
+    friction_origin: Source
     """Source of the friction: robot file, calibration, or assumption."""
     axial_stiffness: float
     """E A of the actuated tendon, N; infinite if only its transmission is compliant."""
     compliance: float
     """Compliance of its transmission, m/N."""
     free_length: float
-    elasticity_is: Source
+    elasticity_origin: Source
     """Source of the elasticity; ``"left_out"`` without any value of E A."""
     elasticity_by: str
     """Basis of an assumed E A, or reason why there is none."""
@@ -219,22 +219,22 @@ class ActuationBudget:
     @property
     def friction_assumed(self) -> bool:
         """Whether friction is assumed, given neither by the file nor by measurements."""
-        return self.friction_is == "assumed"
+        return self.friction_origin == "assumed"
 
     @property
     def elasticity_assumed(self) -> bool:
         """Whether elasticity is assumed because the file gives none."""
-        return self.elasticity_is == "assumed"
+        return self.elasticity_origin == "assumed"
 
     @property
     def origins(self) -> tuple[str, ...]:
         """Sources of values outside the robot file, in sentences without a full stop."""
         out = []
-        if self.friction_is == "calibrated":
+        if self.friction_origin == "calibrated":
             out.append(f"calibrated to the data: friction {self.friction:.4g}")
         if self.assumptions:
             out.append(f"assumed, the robot file gives none: {'; '.join(self.assumptions)}")
-        if self.elasticity_is == "left_out":
+        if self.elasticity_origin == "left_out":
             out.append(f"left out: stretch of the tendons, {self.elasticity_by}")
         return tuple(out)
 
@@ -246,11 +246,11 @@ class ActuationBudget:
         """Return plain values in mm and percent."""
         return {
             "friction": self.friction,
-            "friction_is": self.friction_is,
+            "friction_origin": self.friction_origin,
             "axial_stiffness_N": self.axial_stiffness,
             "compliance_m_per_N": self.compliance,
             "free_length_m": self.free_length,
-            "elasticity_is": self.elasticity_is,
+            "elasticity_origin": self.elasticity_origin,
             "elasticity_by": self.elasticity_by,
             "commanded_displacement_mm": (self.displacement * 1e3).tolist(),
             "tension": self.tension_controlled.described(
@@ -290,14 +290,14 @@ def actuation_budget(
     """
     t = model.tendon
     given = model.given_robot.tendons
-    with_friction, friction_is = _with_friction(model, calibrated)
+    with_friction, friction_origin = _with_friction(model, calibrated)
     stiff_of: float | None = None
-    elasticity_is: Source = "file"
+    elasticity_origin: Source = "file"
     elasticity_by = "as in the file"
     if math.isinf(given.axial_stiffness_N[t]) and not given.compliance_m_per_N[t]:
         stiff_of, elasticity_by = assumed_stiffness(model.given_robot, t)
-        elasticity_is = "left_out" if stiff_of is None else "assumed"
-    elastic_too = elasticity_is != "left_out"
+        elasticity_origin = "left_out" if stiff_of is None else "assumed"
+    elastic_too = elasticity_origin != "left_out"
     gives = {} if stiff_of is None else {"axial_stiffness": stiff_of}
     both = with_tendons(with_friction, gives, missing=True)
     elastic = with_tendons(both, {"friction": 0.0})
@@ -340,15 +340,15 @@ def actuation_budget(
     mu = both.tendons.friction[t]
     stiffness = float(both.tendons.axial_stiffness_N[t])
     compliance = float(both.tendons.compliance_m_per_N[t])
-    friction = f"friction {mu:.4g}" + ("" if friction_is == "file" else f" ({friction_is})")
-    elasticity = _elasticity(stiffness, compliance) + ", assumed" * (elasticity_is == "assumed")
+    friction = f"friction {mu:.4g}" + ("" if friction_origin == "file" else f" ({friction_origin})")
+    elasticity = _elasticity(stiffness, compliance) + ", assumed" * (elasticity_origin == "assumed")
     give = (
         f"displacement control, elastic tendons ({elasticity})"
         if elastic_too
         else "displacement control"
     )
-    friction_assumed = ("friction",) * (friction_is == "assumed")
-    elasticity_assumed = ("elasticity",) * (elasticity_is == "assumed")
+    friction_assumed = ("friction",) * (friction_origin == "assumed")
+    elasticity_assumed = ("elasticity",) * (elasticity_origin == "assumed")
 
     def row(effect: str, label: str, assumed: tuple[str, ...], branch: _Branch) -> ActuationRow:
         by: Control = "tension" if effect.startswith("friction") else "displacement"
@@ -380,20 +380,20 @@ def actuation_budget(
     )
     return ActuationBudget(
         friction=float(mu),
-        friction_is=friction_is,
+        friction_origin=friction_origin,
         axial_stiffness=stiffness,
         compliance=compliance,
         free_length=float(both.tendons.free_length_m[t]),
-        elasticity_is=elasticity_is,
+        elasticity_origin=elasticity_origin,
         elasticity_by=elasticity_by,
         displacement=commanded.displacements[::every, t],
         tension_controlled=sweep,
         displacement_controlled=base,
         rows=rows,
         loops=loops,
-        notes=_notes(model, friction_is, elasticity_is, elasticity_by, stiffness)
+        notes=_notes(model, friction_origin, elasticity_origin, elasticity_by, stiffness)
         + _path_notes(model, len(there) - 1, taut),
-        text=_in_words(rows, loops, friction_is, elasticity_is),
+        text=_in_words(rows, loops, friction_origin, elasticity_origin),
     )
 
 

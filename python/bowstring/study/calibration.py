@@ -75,7 +75,7 @@ class StudyCalibration:
             "correlation": found["correlation"],
             "not_identifiable": found["not_identifiable"],
             "rows": found["rows"],
-            "gravity_is": self.gravity,
+            "gravity_origin": self.gravity,
             "gravity_m_per_s2": list(self.robot.gravity),
             "other_load": self.other_load,
             "notes": list(self.notes),

@@ -128,7 +128,7 @@ class Case:
 
     def described(self, assumptions: str) -> Any:
         """Return plain values in mm and percent, after the assumptions in words."""
-        return {"is": assumptions, **self.to_dict()}
+        return {"description": assumptions, **self.to_dict()}
 
     def moved_from(self, base: Case) -> schema.TipMoved:
         """Distance of the tip from that of another case, in mm, at common loads."""

@@ -187,7 +187,7 @@ class Effect:
 
     name: str
     label: str
-    added: float
+    cumulative_mean: float
     """Mean error with this effect and all previous ones, m."""
     explains: float
     """Decrease of the mean error by the step, m; negative for an increase."""
@@ -195,9 +195,9 @@ class Effect:
     """(2,), m."""
     without: float
     """Mean error of the calibrated robot without this effect, m."""
-    costs: float
+    increase_without: float
     """Increase of the mean error without this effect, m."""
-    costs_interval: Array
+    increase_without_interval: Array
     """(2,), m."""
 
     def to_dict(self) -> schema.DecompositionStep:
@@ -205,12 +205,12 @@ class Effect:
         return {
             "effect": self.name,
             "label": self.label,
-            "mean_with_it_and_those_before_mm": self.added * 1e3,
+            "cumulative_mean_mm": self.cumulative_mean * 1e3,
             "explains_mm": self.explains * 1e3,
             "explains_interval_95_mm": (self.explains_interval * 1e3).tolist(),
             "mean_without_it_alone_mm": self.without * 1e3,
-            "costs_mm": self.costs * 1e3,
-            "costs_interval_95_mm": (self.costs_interval * 1e3).tolist(),
+            "increase_without_mm": self.increase_without * 1e3,
+            "increase_without_interval_95_mm": (self.increase_without_interval * 1e3).tolist(),
         }
 
 
@@ -236,7 +236,7 @@ class AgainstData:
     lengths_of: str
     """Source of the tendon lengths for constant curvature: measurement, rod_calibrated or rod."""
     calibration: StudyCalibration | None
-    plain: float
+    baseline_mean: float
     """Mean error of the baseline rod at the start of the decomposition, m."""
     effects: tuple[Effect, ...]
     residuals: NoiseTest | None
@@ -320,7 +320,7 @@ class AgainstData:
             else {**c.to_dict(), "constant_curvature_gains": self.gains},
             "residuals": None if self.residuals is None else self.residuals.to_dict(),
             "decomposition": {
-                "begins_mm": self.plain * 1e3,
+                "baseline_mm": self.baseline_mean * 1e3,
                 "effects": [effect.to_dict() for effect in self.effects],
             },
             "bootstrap": {
@@ -589,7 +589,7 @@ def judge_data(
         gains=gains,
         lengths_of=lengths_of,
         calibration=calibration,
-        plain=plain,
+        baseline_mean=plain,
         effects=effects,
         residuals=residuals,
         expected=expected,
@@ -749,12 +749,12 @@ def _decomposition(
         Effect(
             name=name,
             label=effects[name][0],
-            added=means[steps[i + 1]],
+            cumulative_mean=means[steps[i + 1]],
             explains=means[steps[i]] - means[steps[i + 1]],
             explains_interval=interval(steps[i + 1], steps[i]),
             without=means[without[i]],
-            costs=means[without[i]] - means[everything],
-            costs_interval=interval(everything, without[i]),
+            increase_without=means[without[i]] - means[everything],
+            increase_without_interval=interval(everything, without[i]),
         )
         for i, name in enumerate(names)
     )
@@ -789,12 +789,12 @@ def _in_words(found: AgainstData, tolerance: float, order: TendonCheck) -> tuple
             f"{e.name} {'lowers' if e.explains >= 0 else 'raises'} it by {in_mm(abs(e.explains))}"
             for e in found.effects
         ]
-        worth = max(found.effects, key=lambda e: e.costs)
+        worth = max(found.effects, key=lambda e: e.increase_without)
         out.append(
             "What explains the rod's error, switched on one after another: without any of them it "
-            f"is {in_mm(found.plain)} on average; {listed(parts)}; "
-            f"{in_mm(found.effects[-1].added)} is left. Of what is left out alone of the "
-            f"calibrated rod, {worth.name} costs most, {in_mm(worth.costs)}."
+            f"is {in_mm(found.baseline_mean)} on average; {listed(parts)}; "
+            f"{in_mm(found.effects[-1].cumulative_mean)} is left. Of what is left out alone of the "
+            f"calibrated rod, {worth.name} costs most, {in_mm(worth.increase_without)}."
         )
     if found.residuals is not None:
         out.append(found.residuals.text)

@@ -98,8 +98,8 @@ class Budget:
     sweep: Case
     """Case of the main sweep."""
     rows: tuple[BudgetRow, ...]
-    baseline_is: str
-    full_model_is: str
+    baseline_description: str
+    full_model_description: str
     notes: tuple[str, ...]
     actuation: ActuationBudget
     """Budget of friction, elastic tendons and displacement control."""
@@ -167,8 +167,8 @@ class Budget:
     def to_dict(self) -> schema.Budget:
         """Return plain values in mm and percent."""
         return {
-            "baseline": self.baseline.described(self.baseline_is),
-            "full_model": self.full_model.described(self.full_model_is),
+            "baseline": self.baseline.described(self.baseline_description),
+            "full_model": self.full_model.described(self.full_model_description),
             "sweep": self.sweep.to_dict(),
             "rows": [self._row_to_dict(row) for row in self.rows],
             "notes": list(self.notes),
@@ -276,10 +276,10 @@ def error_budget(
         full_model=case(full),
         sweep=case(model.main),
         rows=tuple(rows),
-        baseline_is="continuous tendon, no clamps, no shear or extension, no twist, no gravity, no "
-        "tip force, E as in the file",
-        full_model_is=f"straight spans, clamps, shear and extension, twist, gravity ({posture}), "
-        "tip force, E 10 % lower",
+        baseline_description="continuous tendon, no clamps, no shear or extension, no twist, no "
+        "gravity, no tip force, E as in the file",
+        full_model_description="straight spans, clamps, shear and extension, twist, gravity "
+        f"({posture}), tip force, E 10 % lower",
         notes=(
             "A contribution is the mean error with the effect less the mean error without it, all "
             "else the same: positive if the effect makes the error larger.",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from bowstring.robot.model import Robot
 
 if TYPE_CHECKING:
     from bowstring.schemas import study as schema
+    from bowstring.schemas.basic import FeStatus
     from bowstring.study.data_validation import AgainstData
 
 __all__ = ["FiniteElements", "at_data", "solve"]
@@ -119,7 +120,7 @@ class FiniteElements:
         """Return plain values in mm for JSON."""
         run, point = self.run, self.measured_point
         return {
-            "status": run.status,
+            "status": cast("FeStatus", run.status),
             "text": list(self.text),
             "tip_position_mm": (1e3 * self.tip_position).tolist(),
             "tendon_lengths_mm": (1e3 * self.tendon_lengths).tolist(),

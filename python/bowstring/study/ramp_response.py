@@ -31,6 +31,7 @@ from bowstring.study.comparison import Model
 
 if TYPE_CHECKING:
     from bowstring.schemas import study as schema
+    from bowstring.schemas.basic import MotionStatus
 
 __all__ = [
     "MODAL_DAMPING",
@@ -100,7 +101,7 @@ class Transient:
     """Mass-proportional damping, 1/s."""
     material_damping: float
     """Kelvin-Voigt damping, s."""
-    status: str
+    status: MotionStatus
     reason: str
     """Reason if it stopped early."""
     time: Array

@@ -31,7 +31,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,7 @@ from bowstring.validation import choice, instance, number, shown
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.schemas import study as schema
+    from bowstring.schemas.basic import StaticsStatus
     from bowstring.study.data_validation import AgainstData
     from bowstring.study.finite_elements import FiniteElements
 
@@ -290,7 +291,7 @@ class Statics:
 
     tension: Array
     """Tension of the actuated tendon (n,), N; the others have their shares of it."""
-    status: tuple[str, ...]
+    status: tuple[StaticsStatus, ...]
     converged: NDArray[np.bool_]
     tip_position: Array
     """Tip (n, 3), m; NaN where not converged."""
@@ -472,7 +473,7 @@ class Study:
                 "what": "mean of constant curvature against finite elements",
                 "smaller_than_mm": self.claim.mean_mm,
                 "smaller_than_percent": self.claim.mean_percent,
-                "beside": self.claim.ours,
+                "compared_with": self.claim.ours,
             },
             "data": "simulated" if d is None else f"simulated; {d.label}",
             "registered": d is not None,
@@ -834,7 +835,7 @@ def _statics(model: Model, settings: Settings) -> Statics:
     assert sweep.disk_positions is not None
     return Statics(
         tension=tension,
-        status=tuple(sweep.status),
+        status=cast("tuple[StaticsStatus, ...]", tuple(sweep.status)),
         converged=np.asarray(sweep.converged, dtype=bool),
         tip_position=sweep.tip_position,
         disk_positions=sweep.disk_positions,

@@ -60,14 +60,14 @@ def _row(study: Study, meaning: Meaning) -> tuple[str, ...]:
     if not math.isfinite(meaning.max_error):
         return _INPUTS[meaning.name], "no arc", "", "", "", ""
     top = study.settings.max_tension
-    if meaning.holds_throughout:
+    if meaning.valid_throughout:
         holds = f"{top:g} N (all)"
-    elif not meaning.holds_to:
+    elif not meaning.valid_to:
         holds = "no load"
-    elif not meaning.fails:
-        holds = f"{significant(meaning.holds_to)} N, no comparison beyond"
+    elif not meaning.exceeded:
+        holds = f"{significant(meaning.valid_to)} N, no comparison beyond"
     else:
-        holds = f"{significant(meaning.holds_to)} N"
+        holds = f"{significant(meaning.valid_to)} N"
     error = f"{in_mm(meaning.max_error)} ({in_percent(meaning.max_error / study.length)})"
     known = study.comparison(meaning.name, "statics")
     mean = corrected = number(None)
@@ -104,8 +104,8 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
     causes: dict[tuple[str, str], list[str]] = {}
     for m in study.verdict.meanings:
         if m.shares:
-            effect = m.ended_by
-            found = (m.cause_is, effect.label) if effect else ("", "")
+            effect = m.largest_contribution
+            found = (m.cause_label, effect.label) if effect else ("", "")
             where = f"from {_INPUTS[m.name].split(' (')[0]}, at {significant(m.blamed_at)} N"
             causes.setdefault(found, []).append(where)
     for (title, label), loads in causes.items():

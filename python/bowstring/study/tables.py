@@ -212,7 +212,7 @@ def _data_tables(found: AgainstData) -> Iterable[Table]:
     if found.effects:
         steps: list[Mapping[str, Any]] = [effect.to_dict() for effect in found.effects]
         keys = [key for key in steps[0] if "interval" not in key]
-        none: list[Cell] = [data.source, "none", "none of the below", found.plain * 1e3]
+        none: list[Cell] = [data.source, "none", "none of the below", found.baseline_mean * 1e3]
         yield (
             "measured_decomposition",
             ["source", *keys],

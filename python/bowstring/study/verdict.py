@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 _FINE_POINTS: Final = 401  # loads of the fine sweep
 _BISECTIONS: Final = 40
 _WORTH_NAMING: Final = 0.1  # least share of the error of an effect that is named as its cause
+_DOMINANT: Final = 0.5  # share of the error above which an effect is its dominant cause
 
 
 # -- what is computed --------------------------------------------------------------------------
@@ -54,11 +55,11 @@ class Meaning:
     """Verdict on constant curvature from lengths or from force."""
 
     name: str
-    holds_throughout: bool
-    holds_to: float | None
+    valid_throughout: bool
+    valid_to: float | None
     """Validity limit, N: first crossing of the tolerance, or the last load solved; None if it
     never holds."""
-    fails: tuple[tuple[float, float], ...]
+    exceeded: tuple[tuple[float, float], ...]
     """Ranges of tension in which the error is above the tolerance, N."""
     undecided: tuple[tuple[float, float], ...]
     """Ranges of tension without equilibrium or without an arc, N."""
@@ -71,16 +72,21 @@ class Meaning:
     text: str
 
     @property
-    def cause_is(self) -> str:
+    def cause_label(self) -> str:
         """What the effect with the largest share is called: dominant with more than half of it."""
-        dominant = bool(self.shares) and self.shares[0].share > 0.5
-        return "Dominant cause" if dominant else "Largest contribution"
+        return "Dominant cause" if self.dominant_cause else "Largest contribution"
 
     @property
-    def ended_by(self) -> Share | None:
-        """Dominant cause: the effect with the largest share, if that is large enough."""
+    def largest_contribution(self) -> Share | None:
+        """Effect with the largest share of the error, if that is at least 10 %."""
         largest = self.shares[:1]
         return largest[0] if largest and largest[0].share >= _WORTH_NAMING else None
+
+    @property
+    def dominant_cause(self) -> Share | None:
+        """Effect with more than half of the error, at the load `blamed_at`."""
+        largest = self.largest_contribution
+        return largest if largest and largest.share > _DOMINANT else None
 
 
 @short_repr
@@ -105,13 +111,13 @@ class Verdict:
             "meanings": [
                 {
                     "name": m.name,
-                    "holds_throughout": m.holds_throughout,
-                    "holds_to_N": m.holds_to,
-                    "fails_N": [list(r) for r in m.fails],
+                    "valid_throughout": m.valid_throughout,
+                    "valid_to_N": m.valid_to,
+                    "exceeded_N": [list(r) for r in m.exceeded],
                     "undecided_N": [list(r) for r in m.undecided],
                     "max_error_mm": m.max_error * 1e3,
                     "max_error_at_N": m.max_at,
-                    "ended_by": m.ended_by.effect if m.ended_by and m.fails else None,
+                    "dominant_cause": m.dominant_cause.effect if m.dominant_cause else None,
                     "shares_at_N": m.blamed_at,
                     "shares": [
                         {
@@ -197,27 +203,27 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
             low, high = (low, middle) if value > limit else (middle, high)
         return high
 
-    fails = []
+    exceeded = []
     for i, j in _runs(above):
         start = crossing(i - 1, i) if i > 0 and known[i - 1] else float(tension[i])
         more = j + 1 < len(tension) and known[j + 1]
-        fails.append((start, crossing(j + 1, j) if more else float(tension[j])))
+        exceeded.append((start, crossing(j + 1, j) if more else float(tension[j])))
     undecided = tuple((float(tension[i]), float(tension[j])) for i, j in _runs(~known))
 
-    holds_to: float | None = None
+    valid_to: float | None = None
     if known[0] and not above[0]:
-        gaps = [a for a, _ in fails] + [float(tension[i - 1]) for i, _ in _runs(~known) if i]
-        holds_to = min([*gaps, float(tension[-1])])
+        gaps = [a for a, _ in exceeded] + [float(tension[i - 1]) for i, _ in _runs(~known) if i]
+        valid_to = min([*gaps, float(tension[-1])])
     peak = int(np.argmax(np.where(known, error, -1.0)))
-    blamed_at = fails[0][0] if fails else float(tension[peak])
+    blamed_at = exceeded[0][0] if exceeded else float(tension[peak])
     shares: tuple[Share, ...] = ()
     if np.any(known):
         shares = _shares(model, error_at, blamed_at, 1e-9 * model.length)
     meaning = Meaning(
         name=name,
-        holds_throughout=not fails and not undecided,
-        holds_to=holds_to,
-        fails=tuple(fails),
+        valid_throughout=not exceeded and not undecided,
+        valid_to=valid_to,
+        exceeded=tuple(exceeded),
         undecided=undecided,
         max_error=known_max(error),
         max_at=float(tension[peak]),
@@ -289,17 +295,17 @@ def _in_words(
         f"{in_mm(m.max_error)} ({in_percent(m.max_error / length)} of length) "
         f"at {significant(m.max_at)} N"
     )
-    if m.holds_throughout:
+    if m.valid_throughout:
         range_of = f"stays below {percent} over the sweep to {top}"
-    elif not m.fails:
+    elif not m.exceeded:
         range_of = f"stays below {percent} wherever it is compared"
-    elif m.holds_to is None or m.holds_to == 0.0:
+    elif m.valid_to is None or m.valid_to == 0.0:
         range_of = f"is above {percent} from the first load"
     else:
-        range_of = f"stays below {percent} up to {significant(m.holds_to)} N"
+        range_of = f"stays below {percent} up to {significant(m.valid_to)} N"
     words = f"{source}, the error of constant curvature {range_of}; the largest is {largest}."
-    if m.fails:
-        ranges = listed([f"{significant(a)} to {significant(b)} N" for a, b in m.fails])
+    if m.exceeded:
+        ranges = listed([f"{significant(a)} to {significant(b)} N" for a, b in m.exceeded])
         words += f" It is above from {ranges}."
     if m.undecided:
         words += f" No comparison is possible at {listed(without)}."
@@ -323,7 +329,7 @@ def _blame(m: Meaning) -> str:
             f"has the largest share, the error would still be {in_mm(worst.error_without)}."
         )
     rest = f"without this effect the error {where} would be {in_mm(worst.error_without)}"
-    words = f" {m.cause_is}: {worst.label}; {rest}."
+    words = f" {m.cause_label}: {worst.label}; {rest}."
     rivals = [s.label for s in m.shares[1:] if s.share > 0.5 * worst.share]
     if rivals:
         words += f" Nearly as much: {listed(rivals)} (effects interact, shares need not add up)."
@@ -405,7 +411,7 @@ def _on_friction(budget: Budget, tension: Array, tolerance: float, length: float
             parts.append(f"{words}, {way}: {where}")
     if not parts:
         return []
-    calibrated = budget.actuation.friction_is == "calibrated"
+    calibrated = budget.actuation.friction_origin == "calibrated"
     whose = "the calibrated one" if calibrated else "that of the file"
     return [
         f"The ranges above are without friction. With {whose}, {budget.actuation.friction:.4g}, "
