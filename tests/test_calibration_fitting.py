@@ -246,7 +246,7 @@ def test_intervals_cover_the_truth_with_autocorrelated_noise_synthetic(loss):
             error[k] = 0.8 * error[k - 1] + 0.6 * error[k]
         data = Data(points=exact.points + error, tensions=exact.tensions)
         found = fit(robot, data, names, loss=loss)
-        assert "allow for neighbours that err alike" in found.message
+        assert "allow for autocorrelated residuals" in found.message
         real = [34.0, 0, 0, 0, 0, 0, 0]
         held += [e.low <= r <= e.high for e, r in zip(found.estimates, real, strict=True)]
     # 280 intervals, dependent within a bench; in a thousand linear fits the coverage is 0.89

@@ -147,7 +147,7 @@ def test_rows_without_a_solution_are_reported_and_not_scored() -> None:
     assert found.held_out_score is not None and found.held_out_score.count == 2
     assert found.to_dict()["validation"]["rows_without_solution"] == 3
     said = " ".join(str(part) for part in _fit_tables(found, None))
-    assert "To 3 rows of the validation the calibrated model has no answer" in said
+    assert "3 validation rows have no solution and are left out of the scores." in said
 
 
 def test_validation_in_json(shell: Shell) -> None:

@@ -94,7 +94,7 @@ def test_planar_motion_gives_no_warning(gravity: tuple[float, float, float]) -> 
         found = check_tendons(STUDY, same)
         assert (
             found.found == "as_stated"
-            and "numbered in the other sense they would" in found.sentence
+            and "cannot distinguish the reversed numbering" in found.sentence
         )
     # where the frame is registered, the direction identifies the tendon
     wrong = check_tendons(STUDY, reordered(data, 1, 2))

@@ -46,7 +46,8 @@ def test_strain_matches_the_bend(limited: Robot) -> None:
 def test_a_backbone_beyond_its_limit_is_named(limited: Robot) -> None:
     bent = bs.solve(limited, [80.0, 0.0, 0.0])
     assert bent.warnings() == (
-        "the backbone is beyond what it can take: strain 0.58 %, 115 % of strain_limit 0.5 %.",
+        "the backbone exceeds its limit: strain 0.58 %, 115 % of strain_limit 0.5 %; "
+        "lower the load.",
     )
     weak = limited.with_({ROD + "yield_strength": "100 MPa", ROD + "strain_limit": None})
     (warning,) = bs.solve(weak, [80.0, 0.0, 0.0]).warnings()
@@ -61,7 +62,7 @@ def test_a_backbone_beyond_its_limit_is_named(limited: Robot) -> None:
 def test_each_segment_has_its_own_limits() -> None:
     robot = load_robot("rao2021").with_({"segments.1.backbone.strain_limit": 0.001})
     (warning,) = bs.solve(robot, [0.0, 0.0, 0.0, 3.0, 0.0, 0.0]).warnings()
-    assert warning.startswith("the backbone of segment 2 is beyond")
+    assert warning.startswith("the backbone of segment 2 exceeds")
     assert bs.solve(robot, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0]).warnings() == ()
 
 
@@ -84,7 +85,7 @@ def test_the_study_warns_about_its_sweep(limited: Robot, paper: Study) -> None:
         "From 200 N on the robot reaches behind the plane of the base: at 200 N"
     )
     assert "at 200 N the tip is 89.7 mm below the base" in below
-    assert strain.startswith("From 100 N on the backbone is beyond what it can take: strain 1.5 %")
+    assert strain.startswith("From 100 N on the backbone exceeds its limit: strain 1.5 %")
     assert "at 200 N" in strain
     assert len(found.limits_text) == 2 and "yield_strength 1 GPa" in found.limits_text[1]
     content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
@@ -119,7 +120,7 @@ def test_stress_is_available_where_a_sweep_uses_more_elements(limited: Robot, pa
     found = Stages(few, max_tension=80.0, points=3).over(paper)
     assert found.statics.converged.all()
     assert np.isfinite(found.statics.surface.strain).all()
-    assert found.warnings[-1].startswith("From 80 N on the backbone is beyond what it can take")
+    assert found.warnings[-1].startswith("From 80 N on the backbone exceeds its limit")
 
 
 def test_limits_do_not_change_the_physics(limited: Robot) -> None:

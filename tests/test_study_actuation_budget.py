@@ -262,8 +262,8 @@ def test_elasticity_is_omitted_where_no_stiffness_can_be_assumed() -> None:
     assert all("elastic" not in row.label for row in d.rows)
     assert all(np.isfinite(row.moved) for row in d.rows)
     assert any("left out" in origin and "0.017 mm" in origin for origin in d.origins)
-    assert any("stretch of the tendons is left out" in note for note in d.notes)
-    assert not any("stretch of the tendons, " in sentence for sentence in d.text)
+    assert any("Tendon elasticity is left out" in note for note in d.notes)
+    assert not any("tendon elasticity, " in sentence for sentence in d.text)
     # with a diameter there is one
     d = budget(small.with_({TENDONS + "diameter": "0.05 mm"}), 0.5, points=5)
     assert d.row("tendon_elasticity").moved > 0.0

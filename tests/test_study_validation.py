@@ -433,7 +433,7 @@ def test_rows_without_a_tip_lead_the_path(robot: bs.Robot) -> None:
     assert found.residuals is not None and found.residuals.is_noise is True
     assert "7 of the rows have no measured tip" in found.text[0]
     assert all(c.n == 26 and c.intervals is not None for c in found.comparisons)
-    assert not any("has no answer" in note for note in found.notes)
+    assert not any("has no solution" in note for note in found.notes)
     said = found.to_dict()
     assert said["rows"] == 33 and said["without_tip"] == 7
     # as many resampled loads as were measured: intervals are those of these rows only

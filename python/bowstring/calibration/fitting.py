@@ -530,7 +530,7 @@ def _message(
             "profile likelihood, not symmetric."
         )
     if edge := [estimate.name for estimate in estimates if estimate.at_limit]:
-        said.append(f"At the limit of what it may be: {listed(edge)}.")
+        said.append(f"At the end of the allowed range: {listed(edge)}.")
     if cut := [estimate.name for estimate in estimates if estimate.cut]:
         which = "interval of {} is" if len(cut) == 1 else "intervals of {} are"
         said.append(f"The {which.format(listed(cut))} limited by the allowed range.")
@@ -538,10 +538,12 @@ def _message(
     if excess is not None:
         signs.append(f"they are {significant(excess, 2)} times the stated uncertainty")
     if signs:
-        allowed = "allow for neighbours that err alike, but " if alike is not None else ""
+        allowed = "do not allow"
+        if alike is not None:
+            allowed = "allow for autocorrelated residuals, but not"
         said.append(
             f"The residuals are not noise ({listed(signs)}): something is missing in the model. "
-            f"The intervals {allowed}do not know how far that moves the parameters."
+            f"The intervals {allowed} for the resulting bias."
         )
     return " ".join(said)
 

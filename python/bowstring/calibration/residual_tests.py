@@ -111,9 +111,9 @@ class NoiseTest:
             )
         parts = []
         if math.isfinite(self.variance_p):
-            times = significant(math.sqrt(self.chi_square / self.dof), 2)
+            ratio = math.sqrt(self.chi_square / self.dof)
             parts.append(
-                f"they are {times} times as large as the stated {in_mm(self.sigma)} "
+                f"their RMS over the stated uncertainty of {in_mm(self.sigma)} is {ratio:.2f} "
                 f"(chi-square {significant(self.chi_square)} for {self.dof} degrees of freedom, "
                 f"{_p_value(self.variance_p)})"
             )
@@ -139,7 +139,7 @@ class NoiseTest:
             out = (
                 f"The residuals are not noise: {said}. Something acts on the robot or on the "
                 "measurement that the calibrated model does not have, and the intervals of its "
-                "parameters do not know how far that moves them."
+                "parameters do not allow for the resulting bias."
             )
         if self.outliers:
             rows = "One row is" if self.outliers == 1 else f"{self.outliers} rows are"

@@ -116,7 +116,7 @@ class Calibration:
         what = "backlash" if remember else "friction"
         return (
             f"with {what} the rows are one path, and {rows} left out of it: the prediction after "
-            "these may be far off; mend them, or leave their tip alone blank."
+            "these may be far off; correct them, or leave only their tip blank."
         )
 
     @property
@@ -325,7 +325,7 @@ def _judged(found: Fit, data: Measurements) -> Score:
     if not data.seen.any():
         raise InputError(f"{data.name} has no measured tip to validate with")
     if not np.isfinite(predicted + data.tip).all(axis=1).any():
-        raise NoSolutionError(f"the calibrated model has no answer to any row of {data.name}")
+        raise NoSolutionError(f"the calibrated model has no solution for any row of {data.name}")
     return score(predicted, data.tip)
 
 

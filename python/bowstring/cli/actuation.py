@@ -147,7 +147,9 @@ def actuated_over_time(
         flags = zip(("--tension", "--displacement", "--angle"), wanted, strict=True)
         for flag, given in (*flags, ("--rise", rise), ("--hold", hold)):
             if given is not None:
-                raise InputError(f"--table says it all: leave {flag} out, or --table.")
+                raise InputError(
+                    f"--table already gives the actuation: leave {flag} out, or --table."
+                )
         actuation: dict[str, Any] = of_flag(
             "--table", lambda path: read_actuation(path, robot), table
         )

@@ -120,7 +120,7 @@ def simulate(
     displacements: Annotated[
         str | None, option("FIRST:STEP:LAST", "Its displacements instead.")
     ] = None,
-    tendon: Annotated[int, option("N", "The tendon; nothing pulls the others.")] = 1,
+    tendon: Annotated[int, option("N", "The tendon; the others have no load.")] = 1,
     g: OfMasses = "9.80665",
     repeats: Annotated[int, option("N", "Number of runs through the loads.")] = 1,
     unload: Annotated[
@@ -250,8 +250,7 @@ def simulate(
     write_tables(
         *_measurements_tables(found, None),
         _truth_table(made),
-        "Synthetic: nothing of this was measured.\n"
-        f"Table: {out}\nTruth: {synthetic.truth_file(out)}",
+        f"Synthetic: not measured.\nTable: {out}\nTruth: {synthetic.truth_file(out)}",
     )
 
 

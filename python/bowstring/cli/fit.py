@@ -263,9 +263,10 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
             f"{fixed(1e3 * own.mean_centred, 3)} mm."
         )
     if found.without_solution:
+        verbs = ("has", "is") if found.without_solution == 1 else ("have", "are")
         yield (
-            f"To {counted(found.without_solution, 'row')} of the validation the calibrated model "
-            "has no answer; these are in none of its numbers."
+            f"{counted(found.without_solution, 'validation row')} {verbs[0]} no solution and {verbs[1]} "
+            "left out of the scores."
         )
     said = ""
     if data.sigma is not None:

@@ -5,7 +5,7 @@ are pure geometry except for the two force laws. Every argument may have leading
 broadcast. All numbers are in SI and radians. docs/theory/constant-curvature.md has the equations.
 
 An arc has a curvature kappa (1/m), a direction of bending phi (from x towards y) and a length (m);
-its bending angle is theta = kappa * length. Tendon i sits at the angle alpha_i (from x towards y)
+its bend angle is theta = kappa * length. Tendon i sits at the angle alpha_i (from x towards y)
 and the pitch radius r_i, so the tendon on the inside of a bend is shorter::
 
     l_i = length - theta r_i cos(phi - alpha_i)
@@ -304,7 +304,7 @@ class Arc:
 
     @property
     def theta(self) -> Array:
-        """Bending angle from base to tip (...), rad."""
+        """Bend angle from base to tip (...), rad."""
         return np.asarray(self.kappa * self.length)
 
     def __getitem__(self, index: Any) -> Arc:

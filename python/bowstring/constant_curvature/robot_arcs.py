@@ -74,7 +74,7 @@ class RobotArcs:
 
     @property
     def theta(self) -> Array:
-        """Bending angles (..., S), rad."""
+        """Bend angles (..., S), rad."""
         return self.arc.theta
 
     @property

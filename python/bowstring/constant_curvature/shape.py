@@ -225,7 +225,7 @@ def fit_arcs(points: ArrayLike, pieces: int = 1, stations: ArrayLike | None = No
     stations : array_like (P,) or (K, P), optional
         Arc length of the points from the base, in their unit. The default is that of the polyline
         through the points, which is too short by about theta^2 / (24 n^2) of it, with n equal sides
-        and a bending angle theta.
+        and a bend angle theta.
 
     Returns
     -------

@@ -331,7 +331,7 @@ class _Header:
                 last = found[max(found)][1].name
                 raise self.missing(
                     f"tendon {k} has no column, but there is {last}; give one for each tendon, "
-                    "with 0 where nothing pulls",
+                    "with 0 where it has no load",
                     ("mass", "tension", "displacement"),
                 )
         return [found[k] for k in sorted(found)]

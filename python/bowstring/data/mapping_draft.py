@@ -123,7 +123,7 @@ def _tendon_lines(
         "tendons:",
         f"  quantity: {quantity:<10}   # mass, tension or displacement",
         f"  unit: {unit or _UNITS[quantity][0]:<14}   # or a scale, such as 0.1 N",
-        f"  columns: [{cells}]   # in the order of the robot's tendons; 0: nothing pulls",
+        f"  columns: [{cells}]   # in the order of the robot's tendons; 0: no load",
     ]
 
 

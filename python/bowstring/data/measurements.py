@@ -300,7 +300,7 @@ def _wrong_count(table: Table, robot: Robot, count: int) -> InputError:
     needed = len(robot.tendons.angle_rad)
     what = f"{count} tendon" + ("" if count == 1 else "s")
     advice = (
-        "give every tendon a column, with 0 where nothing pulls"
+        "give every tendon a column, with 0 where it has no load"
         if count < needed
         else "leave out those that are none, or name the right robot"
     )

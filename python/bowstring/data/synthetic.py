@@ -561,7 +561,7 @@ def _pose(mounting: Mounting) -> Rigid:
         return Rigid.from_rotation_vector(np.multiply(angle, axis), moved)
     instance("base", base, Rigid)
     if angle or direction or moved.any():
-        raise InputError("base says where the base stands: leave out tilt and shift, or base")
+        raise InputError("give either base, or tilt and shift, not both")
     return base
 
 

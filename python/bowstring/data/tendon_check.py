@@ -168,7 +168,7 @@ def _order(motion: _Motion) -> TendonCheck:
             return check(
                 "unclear",
                 f"As the tendons are ordered, constant curvature leaves {share} of the tip's motion"
-                " unexplained, and neither two swapped tendons nor the other sense of numbering "
+                " unexplained, and neither two swapped tendons nor the reversed numbering "
                 "explain it: check the order and the sign of all tendons, and the robot.",
             )
         return check(*_agreed(said, swaps, mirrored, turn))
@@ -199,14 +199,14 @@ def _agreed(
     said: _Fit, swaps: dict[tuple[int, int], _Fit], mirrored: _Fit, turn: float
 ) -> tuple[Found, str, list[tuple[int, int]]]:
     """Result for a stated order that explains the motion: kind, message, and possible swaps."""
-    how = "moves" if said.left < _GOOD else "roughly moves"
+    how = "agrees" if said.left < _GOOD else "roughly agrees"
     text = (
-        f"The tip {how} as the tendons say in this order: constant curvature leaves "
-        f"{100 * said.left:.0f} % of its motion unexplained"
+        f"The tip motion {how} with the tendon order: constant curvature leaves "
+        f"{100 * said.left:.0f} % of it unexplained"
     )
     alike = [pair for pair, fit in swaps.items() if fit.left <= _TIE * said.left]
     if mirrored.left <= _TIE * said.left:
-        text += "; numbered in the other sense they would explain it as well, as in any plane"
+        text += "; a planar motion cannot distinguish the reversed numbering"
     if abs(turn) < _TURNED or said.rotation[2, 2] < np.cos(2 * _TURNED):
         return "as_stated", f"{text}.", []
     named = [pair for pair in alike if swaps[pair].angle < _TURNED]

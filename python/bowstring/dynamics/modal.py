@@ -213,7 +213,7 @@ def about(
     if answer is None:
         raise NoSolutionError(
             f"{robot.name}: there is no stable equilibrium to oscillate about ({status}); "
-            "bowstring.solve with the same loads tells more",
+            "run bowstring solve with these loads for the reason",
             status="no_equilibrium",
         )
     masses, points = answer.masses, answer.points

@@ -525,8 +525,8 @@ def simulate(
             finish("converged")
         else:
             failed = stop == "step_failed" and actuated.by_displacement.any()
-            fight = _CONFLICT if failed else ""
-            finish(stop, _WHY[stop] + fight)
+            advice = _CONFLICT if failed else ""
+            finish(stop, _WHY[stop] + advice)
     except KeyboardInterrupt:
         ended = False
         while not ended:
@@ -548,7 +548,9 @@ _WHY: Final[dict[str, str]] = {
     "motion (a little), or give a larger tolerance",
     "collision": "two neighbouring disks met: the load closes the gap between them",
 }
-_CONFLICT: Final = "; bowstring.solve tells whether the displacements of that time conflict"
+_CONFLICT: Final = (
+    "; run bowstring solve with the displacements of that time to see whether they conflict"
+)
 
 
 def _at_most(error: float | None, tip: Floats) -> float | None:
@@ -565,8 +567,8 @@ def _why_no_start(status: str) -> str:
             "points, finds no rest near it; give another number of elements (1, 2, 4 or 8)"
         )
     return (
-        f"there is no equilibrium to start from ({status}); bowstring.solve with the loads at the "
-        "start tells more"
+        f"there is no equilibrium to start from ({status}); run bowstring solve with the loads at "
+        "the start for the reason"
     )
 
 
@@ -637,8 +639,8 @@ def _check_jumps(robot: Robot, actuated: Actuation, initial: Floats, duration: f
         for i in np.flatnonzero(stiff & (abs(new - old) > _STILL * robot.length))[:1].tolist():
             raise InputError(
                 f"the displacement of tendon {i + 1} jumps from {old[i]:g} m to {new[i]:g} m at "
-                f"{time:g} s, but its line does not stretch; let it take some time, or give the "
-                "tendon an axial_stiffness or a compliance"
+                f"{time:g} s, but the tendon is inextensible; give a rise time (--rise), or "
+                "give the tendon an axial_stiffness or a compliance"
             )
 
 

@@ -143,7 +143,8 @@ def of_pose(
     uses = used(robot, von_mises[0], strain[0])
     several = len(robot.segments) > 1
     out += [
-        f"the backbone{f' of segment {u.segment}' * several} is beyond what it can take: {u}."
+        f"the backbone{f' of segment {u.segment}' * several} exceeds its limit: {u}; "
+        "lower the load."
         for u in uses
         if u.share > 1.0
     ]
@@ -205,8 +206,8 @@ def of_sweep(
         beyond = np.array([i in mine and mine[i].share > 1.0 for i in range(len(tension))])
         if beyond.any():
             warnings.append(
-                f"{where(beyond)} the backbone{of} is beyond what it can take: "
-                f"{largest}; statics stays linearly elastic there."
+                f"{where(beyond)} the backbone{of} exceeds its limit: {largest}; "
+                "statics stays linearly elastic there. Lower the largest tension."
             )
         uses.append(f"Largest on the backbone{of}: {largest}.")
     return tuple(warnings), tuple(uses)

@@ -109,7 +109,7 @@ def of_actuation(
     tendons are held at their home length while others are shortened. The others are as in
     `of_tensions`; `found` also has ``undetermined`` and ``conflict``.
     """
-    fighting, nearest = found.conflict
+    opposing, nearest = found.conflict
     match found.status:
         case "converged":
             if found.stable:
@@ -127,14 +127,16 @@ def of_actuation(
                 said += " The displacements do not determine the tensions: these are the smallest."
             return said
         case "no_equilibrium" if nearest is not None:
-            fight = "" if len(fighting) < 2 else f": {_tendons(fighting)} pull against each other"
-            if len(fighting) == 1:
-                fight = f": {_tendons(fighting)} is displaced farther than the robot can follow"
+            why = ""
+            if len(opposing) == 1:
+                why = f": {_tendons(opposing)} is displaced farther than the robot can follow"
+            elif opposing:
+                why = f": {_tendons(opposing)} have conflicting displacements"
             near = ", ".join(
                 f"{round(1e3 * p, 4) + 0.0:g}" if np.isfinite(p) else "-" for p in nearest
             )
             return (
-                f"No equilibrium for these displacements{fight}. "
+                f"No equilibrium for these displacements{why}. "
                 f"The nearest that have one are {near} mm."
             )
         case "no_equilibrium":

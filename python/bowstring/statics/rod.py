@@ -167,7 +167,7 @@ def solve_batch(
     model : RodModel, optional
         As for `sweep`.
     threads : int
-        Number of threads; 0 takes one for each core. The answers do not depend on it.
+        Number of threads; 0 takes one for each core. The solutions do not depend on it.
     disks : bool
         As for `sweep`.
 

@@ -591,7 +591,7 @@ class Sweep:
             "residual": ((), self.residual, "1", "moment imbalance over EI / length"),
             "tip_error": ((), self.tip_error, "m", "estimated discretisation error of the tip"),
             "tension_error": ((), self.tension_error, "N", "the same of tensions"),
-            "converged": ((), self.converged, "1", "whether the row has an answer"),
+            "converged": ((), self.converged, "1", "whether the row has a solution"),
             "status": ((), np.array(self.status, dtype=str), "1", "how the row ended"),
         }
         return rows_to_dataset(self.robot, "load", values, others, self.model.to_dict())

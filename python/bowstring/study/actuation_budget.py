@@ -235,7 +235,7 @@ class ActuationBudget:
         if self.assumptions:
             out.append(f"assumed, the robot file gives none: {'; '.join(self.assumptions)}")
         if self.elasticity_origin == "left_out":
-            out.append(f"left out: stretch of the tendons, {self.elasticity_by}")
+            out.append(f"left out: tendon elasticity, {self.elasticity_by}")
         return tuple(out)
 
     def row(self, effect: str) -> ActuationRow:
@@ -612,8 +612,8 @@ def _notes(
         )
     elif elasticity == "left_out":
         out.append(
-            f"The stretch of the tendons is left out, {by}. Set axial_stiffness or diameter in the "
-            "robot file to have it."
+            f"Tendon elasticity is left out, {by}. Set axial_stiffness or diameter in the "
+            "robot file to include it."
         )
     return tuple(out)
 

@@ -76,7 +76,7 @@ class StudyCalibration:
             "not_identifiable": found["not_identifiable"],
             "rows": found["rows"],
             "gravity_origin": self.gravity,
-            "gravity_m_per_s2": list(self.robot.gravity),
+            "gravity_m_per_s2": [g + 0.0 for g in self.robot.gravity],
             "other_load": self.other_load,
             "notes": list(self.notes),
         }
@@ -290,7 +290,7 @@ def _weighed(
     held = _standing(robot, data, plain, _gravity(richer)[0], theory)
     earth = ""
     if held is not None:
-        earth = f"({', '.join(f'{g:.6g}' for g in held.robot.gravity)}) m/s2"
+        earth = f"({', '.join(f'{g + 0.0:.6g}' for g in held.robot.gravity)}) m/s2"
     if held is not None and not _clearly_better(held, richer):
         note = (
             f"The robot file has no gravity, the data do: like {like}. Earth's, {earth}, explains "

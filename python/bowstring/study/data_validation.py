@@ -492,8 +492,9 @@ def judge_data(
         if data.left_out and calibration.robot.has_friction:
             rows = "a row was" if data.left_out == 1 else f"{data.left_out} rows were"
             notes.append(
-                f"With friction the rows are one path, and {rows} left out of it: the rod's answer "
-                "after these may be far off. Mend them, or leave their tip alone blank."
+                f"With friction the rows are one path, and {rows} left out of it: the rod's "
+                "prediction after these may be far off. Correct them, or leave only their tip "
+                "blank."
             )
         if not calibration.fit.converged:
             notes.append(f"The calibration did not settle. {calibration.fit.message}")
@@ -504,7 +505,9 @@ def judge_data(
     points, lengths_of, why = _points(robot, data, theory, calibration)
     notes += why
     if not points:
-        raise InputError(f"{data.name}: no model has an answer to these commands. {' '.join(why)}")
+        raise InputError(
+            f"{data.name}: no model has a solution for these commands. {' '.join(why)}"
+        )
     frames = {name: _own_frame(data, found) for name, found in points.items()}
     own = {name: each for name, each in frames.items() if each is not None}
     if calibration is not None:
@@ -514,7 +517,7 @@ def judge_data(
         frame_by = next((n for n in ("rod", "cc_from_lengths", *points) if n in own), "")
         frame = own.get(frame_by, Rigid.identity())
         notes.append(
-            f"The base frame for all models is the one that suits {DATA_MODELS[frame_by]} best."
+            f"The base frame for all models is registered to one alone: {DATA_MODELS[frame_by]}."
             if frame_by
             else "No model gives a base frame: nothing is registered."
         )
@@ -643,8 +646,8 @@ def _points(
         gaps = int((~np.isfinite(found).all(axis=1) & data.seen).sum())
         if gaps:
             why.append(
-                f"{DATA_MODELS[name]} has no answer to {gaps} of {int(data.seen.sum())} rows; its "
-                "numbers are over the others."
+                f"{DATA_MODELS[name]} has no solution for {gaps} of {int(data.seen.sum())} rows; "
+                "its numbers are over the others."
             )
     return out, lengths_of, why
 
@@ -793,9 +796,13 @@ def _in_words(found: AgainstData, tolerance: float, order: TendonCheck) -> tuple
         out.append(
             "What explains the rod's error, switched on one after another: without any of them it "
             f"is {in_mm(found.baseline_mean)} on average; {listed(parts)}; "
-            f"{in_mm(found.effects[-1].cumulative_mean)} is left. Of what is left out alone of the "
-            f"calibrated rod, {worth.name} costs most, {in_mm(worth.increase_without)}."
+            f"{in_mm(found.effects[-1].cumulative_mean)} remains."
         )
+        if worth.increase_without > 0:
+            out[-1] += (
+                f" Removing {worth.name} alone from the calibrated rod raises the error most, by "
+                f"{in_mm(worth.increase_without)}."
+            )
     if found.residuals is not None:
         out.append(found.residuals.text)
     return tuple(out)
@@ -832,18 +839,18 @@ def _sentence(found: AgainstData, name: str, tolerance: float) -> str:
         rod = "the calibrated rod" if found.lengths_of == "rod_calibrated" else "the rod"
         subject += f" (those of {rod}, for none were measured)"
     out = (
-        f"{subject} is off by {_mean(registered)} on average{_over(registered, found)}, "
-        f"{in_percent(registered.mean / registered.length)} of length, and by up to "
+        f"{subject} has a mean error of {_mean(registered)}{_over(registered, found)}, "
+        f"{in_percent(registered.mean / registered.length)} of length, and a largest of "
         f"{in_mm(registered.maximum)}"
     )
     if found.has(name, "as_measured"):
         again = " (its gain fitted so)" if own else ""
-        out += f"; not registered{again} by {_mean(found.comparison(name, 'as_measured'))}"
+        out += f"; not registered{again} a mean of {_mean(found.comparison(name, 'as_measured'))}"
     if name in found.own_frames and not own:
-        out += f", in the base frame that suits it best by {_mean(found.comparison(name, 'own'))}"
+        out += f", registered to it alone {_mean(found.comparison(name, 'own'))}"
     share = registered.mean / registered.length
-    beyond = "beyond" if share > tolerance else "within"
-    return f"{out}. In the mean that is {beyond} the tolerance of {in_percent(tolerance)}."
+    limit = "exceeds" if share > tolerance else "is within"
+    return f"{out}. The mean {limit} the tolerance of {in_percent(tolerance)}."
 
 
 def _of_the_rod(found: AgainstData) -> str:
@@ -854,12 +861,12 @@ def _of_the_rod(found: AgainstData) -> str:
             what += _over(registered, found)
             out.append(f"{_mean(registered)} {what} (not registered {_mean(raw)})")
     if not out:
-        return "Physics has no answer to these commands."
-    text = f"Physics, the rod, is off by {' and by '.join(out)} on average."
+        return "The rod model has no solution for these commands."
+    text = f"The rod model has a mean error of {' and of '.join(out)}."
     if found.expected is not None:
         low, high = (significant(x * 1e3) for x in found.expected.interval)
         text += (
-            f" Calibrated, it is expected to be off by {in_mm(found.expected.mean)} [{low}, {high}]"
+            f" Calibrated, its expected mean error is {in_mm(found.expected.mean)} [{low}, {high}]"
             " at rows of this kind that it was not fitted to."
         )
     if found.calibration is not None:
@@ -901,22 +908,22 @@ def _notes(
         "Registered means: one base frame for all models, "
         + ("that of the calibrated rod" if calibration else "said below")
         + ". Calibrated constant curvature keeps the base frame that was fitted together with its "
-        "gain. Each model is also shown in the base frame that suits it best, which mends what a "
-        "rigid motion can mend of its own errors, and not registered. The frame that suits best "
-        "has the least sum of squares; the mean error in it can be larger than in another.",
+        "gain. Each model is also shown registered to it alone, which removes the rigid part of "
+        "its error, and not registered. Registration minimises the sum of squares; the mean error "
+        "can be smaller in another frame.",
         f"Intervals are bootstrap intervals at 95 % ({RESAMPLES} resamples). What is resampled is "
         f"the {loads.resampled[1]}; the same resamples for all models. "
-        "Calibration and registration are held meanwhile, but in what is expected of the "
-        "calibrated rod at other rows: there each resample is fitted anew, by derivatives.",
+        "Calibration and registration are fixed, except for the expected error of the calibrated "
+        "rod at other rows: there each resample is fitted anew, by derivatives.",
     ]
     if calibration is not None:
         out.append(
             "The calibrated models are judged on the rows that they were fitted to; nothing was "
-            "held out. What is expected of the rod at other rows takes that into account."
+            "held out. The expected error of the rod at other rows takes that into account."
         )
         out.append(
             "Effects of the decomposition interact: what one explains depends on those before it, "
-            "and leaving one out alone, nothing refitted, need not cost the same."
+            "and removing one alone, nothing refitted, can change the error by another amount."
         )
     if data.tool.any():
         tool = ", ".join(f"{1e3 * x:g}" for x in data.tool)

@@ -363,7 +363,7 @@ def _chords(study: Study, segment: FirstSegment, ring: NDArray[np.intp]) -> list
             *(_n(_mm(length)), _unit("mm")),
         ),
     )
-    note = f"These go into Eq. 1 in the place of Eqs. 3 and 4. {_beside(study, segment, arcs)}"
+    note = f"Insert these into Eq. 1 in place of Eqs. 3 and 4. {_beside(study, segment, arcs)}"
     what = f"from lengths with straight spans, n = {n} modules, a the bend angle of one"
     return [Equation("First correction", what, lines, note)]
 

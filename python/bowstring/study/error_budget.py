@@ -295,8 +295,8 @@ def error_budget(
             "'In the full model' removes one effect from the full model. Gravity in another "
             "orientation and E 10 % higher replace the gravity and the E of the full model.",
             f"Gravity is {GRAVITY} m/s2: upright along -z (base below), hanging along +z, "
-            f"horizontal along ({_zero(-x):.3g}, {_zero(-y):.3g}, 0), in the bending plane and "
-            "against the actuated tendon, which lies on top.",
+            f"horizontal along ({_zero(-x):.3g}, {_zero(-y):.3g}, 0), in the bending plane; "
+            "the actuated tendon is on the upper side.",
             "The transverse tip force is dead and perpendicular to the bending plane. It is the "
             "largest round force that moves the straight robot's tip by at most 13 % of the "
             "length by linear theory: 1 N for the study's robot.",

@@ -81,16 +81,16 @@ class FiniteElements:
         found = (
             f"Its tip is at most {in_mm(apart)} from that of statics "
             f"({in_percent(apart / run.robot.length)} of the length). The mesh has an error of its "
-            "own, which bowstring fe --study tells"
+            "own, which bowstring fe --study estimates"
         )
         if asked["grip"] == "bonded":
             found += (
-                "; what a rigid disk holds across its clamp is no error and no rod has it: it goes "
-                "with --grip sliding"
+                "; the lateral constraint by a rigid disk is not in the rod model, and --grip "
+                "sliding removes it"
             )
         found += "."
         ratio = beside.stress_ratio[np.isfinite(beside.stress_ratio)]
-        more = f"Forces of the spans are the tensions to {in_percent(run.span_error, 1)}."
+        more = f"Span forces equal the tensions within {in_percent(run.span_error, 1)}."
         if ratio.size:
             more += (
                 " In the middle of the modules the largest axial stress is "

@@ -201,14 +201,14 @@ class Transient:
                 f"mean over the rise, at most {in_mm(largest)} at {significant(where)} N"
             )
             if math.isfinite(self.lag):
-                way = "behind" if self.lag >= 0 else "ahead of"
-                words += f"; it runs {significant(abs(self.lag) * 1e3)} ms {way} statics"
+                verb = "lags" if self.lag >= 0 else "leads"
+                words += f"; it {verb} by {significant(abs(self.lag) * 1e3)} ms"
             out.append(words + ".")
         if self.peak is not None:
             when, size = self.peak
             share = in_percent(size / self.length)
             words = (
-                "After the rise, where statics stands still, the tip overshoots by "
+                "After the rise, while the tension is constant, the tip overshoots by "
                 f"{in_mm(size)} ({share} of length) at {significant(when)} s"
             )
             if math.isfinite(self.residual):

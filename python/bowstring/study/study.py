@@ -143,7 +143,7 @@ FIGURES: Final = (
     Figure(
         "displacement_against_force",
         "Tendon displacement against force",
-        "How far the actuated tendon has shortened: statics beside the linear law that the study "
+        "Displacement of the actuated tendon by statics and by the linear law that the study "
         "assumes, and the difference of the two.",
     ),
     Figure(
@@ -156,7 +156,7 @@ FIGURES: Final = (
         "fig06_tendon_lengths",
         "Tendon lengths against tendon displacement",
         "The study's geometric sweep, as its Fig. 6a: lengths of all tendons by constant curvature "
-        "alone. Lines of tendons with equal lengths lie on each other.",
+        "alone. Lines of tendons with equal lengths coincide.",
     ),
     Figure(
         "fig07_configurations",
@@ -244,7 +244,7 @@ DATA_FIGURES: Final = (
         "Comparison of errors by model",
         "Mean tip error of each model with its bootstrap interval at 95 %; the study has no such "
         "figure. The thin mark is the largest error. Not registered, in the one base frame for "
-        "all, and each model in the base frame that suits it best.",
+        "all, and registered to each model alone.",
     ),
     Figure(
         "measured_residuals",
@@ -512,7 +512,7 @@ class Study:
                     "max_tension_N": self.settings.max_tension,
                     "points": self.settings.points,
                     "theory": self.settings.theory,
-                    "gravity_m_per_s2": list(self.robot.gravity),
+                    "gravity_m_per_s2": [g + 0.0 for g in self.robot.gravity],
                     "rise_s": self.settings.rise,
                     "modal_damping": self.settings.modal_damping,
                 },

@@ -99,7 +99,7 @@ def _print_details(study: Study, console: Console) -> None:
 
     budget = _table(
         "Error budget: mean tip error (mm) of this sweep and of the full model, and what\n"
-        "each effect alone adds to it (with the effect less without it)",
+        "each effect alone adds to it (with the effect minus the value without)",
         (
             "effect",
             *(f"{where}:\n{of}" for where in _SIDES.values() for of in ("lengths", "force")),

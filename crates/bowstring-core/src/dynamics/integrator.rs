@@ -296,7 +296,7 @@ impl Simulator {
                 {
                     return Err(InputError::other(format!(
                         "the displacement of tendon {} jumps from {from} m to {to} m, which would take an \
-                         infinite force: its line does not stretch; let it take its time",
+                         infinite force: the tendon is inextensible; give a rise time, or an elastic tendon",
                         i + 1
                     )));
                 }

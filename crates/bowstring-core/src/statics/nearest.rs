@@ -20,7 +20,7 @@ const OPPOSING_FRACTION: f64 = 0.1;
 
 /// Nearest displacements that have an equilibrium.
 pub(crate) struct Nearest {
-    /// Tendons that pull against each other.
+    /// Tendons with conflicting displacements.
     pub opposing: Vec<usize>,
     /// Displacements by tendons (m); NaN under tension control.
     pub displacements: Vec<f64>,
@@ -28,7 +28,7 @@ pub(crate) struct Nearest {
 
 impl PathStep {
     /// Nearest feasible displacements in the least-squares sense, without friction, from the home
-    /// pose; `None` where no tendons pull against each other.
+    /// pose; `None` where no displacements conflict.
     pub fn nearest(
         &mut self,
         home: &History,

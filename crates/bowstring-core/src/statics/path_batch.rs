@@ -92,7 +92,7 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// Tendons that pull against each other, and the nearest displacements with an equilibrium (m).
+/// Tendons with conflicting displacements, and the nearest displacements with an equilibrium (m).
 pub type Conflict = (Vec<usize>, Option<Vec<f64>>);
 
 /// Result of a step beside its arrays.

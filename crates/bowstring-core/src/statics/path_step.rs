@@ -28,7 +28,7 @@ pub struct PathOutcome {
     pub length_residual: f64,
     /// Whether the tensions are the smallest of many that hold the same pose.
     pub undetermined: bool,
-    /// Tendons that pull against each other, where there is no equilibrium.
+    /// Tendons with conflicting displacements, where there is no equilibrium.
     pub opposing: Vec<usize>,
     /// Nearest feasible displacements (m), where there is no equilibrium.
     pub nearest: Option<Vec<f64>>,
