@@ -97,7 +97,7 @@ class FileValidation(RowErrors):
     ]
     name: Annotated[str, about("Name of the table.")]
     source: Annotated[Source, about("Origin of its numbers.")]
-    rows_left_out: Annotated[int, about("Rows left out; warnings have the reasons.")]
+    rows_left_out: Annotated[int, about("Rows left out; `bench check` has the reasons.")]
     sha256: Annotated[str | None, about("SHA-256 of the table.")]
 
 
@@ -121,7 +121,7 @@ class FitData(Object):
     name: Annotated[str, about("Name of the table.")]
     source: Annotated[Source, about("Origin of its numbers.")]
     rows: Annotated[int, about("Number of rows, without those left out.")]
-    rows_left_out: Annotated[int, about("Rows left out; warnings have the reasons.")]
+    rows_left_out: Annotated[int, about("Rows left out; `bench check` has the reasons.")]
     rows_without_tip: Annotated[int, about("Rows without a measured tip.")]
     sigma_mm: Annotated[
         OrNull, about("Median stated standard uncertainty of a coordinate; `null` if not stated.")
