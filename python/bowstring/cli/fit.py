@@ -263,10 +263,10 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
             f"{fixed(1e3 * own.mean_centred, 3)} mm."
         )
     if found.without_solution:
-        verbs = ("has", "is") if found.without_solution == 1 else ("have", "are")
+        has, is_ = ("has", "is") if found.without_solution == 1 else ("have", "are")
         yield (
-            f"{counted(found.without_solution, 'validation row')} {verbs[0]} no solution and {verbs[1]} "
-            "left out of the scores."
+            f"{counted(found.without_solution, 'validation row')} {has} no solution and "
+            f"{is_} left out of the scores."
         )
     said = ""
     if data.sigma is not None:
