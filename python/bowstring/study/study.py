@@ -197,7 +197,7 @@ FIGURES: Final = (
         "Distance by which the robot's tip is ahead of the tip by constant curvature at the same "
         "command, along the path of the latter; negative: the robot is bent less. Above, tension "
         "control with friction at the holes; below, displacement control with elastic tendons and "
-        "friction. Dotted: without friction and stretch.",
+        "friction. Dotted: without friction and elasticity.",
     ),
 )
 
