@@ -131,7 +131,7 @@ def comparison(reports: dict[str, dict]) -> Table:
                 table.add_row(solver, r.setting, *map(readable, values))
             if not results:
                 notes = [r.note for r in results_of(report, case, solved=False)] or ["not run"]
-                table.add_row(solver, escape(f"no answer: {notes[0]}"))
+                table.add_row(solver, escape(f"no solution: {notes[0]}"))
         table.add_section()
     return table
 
@@ -174,7 +174,7 @@ def displacement_comparison(reports: dict[str, dict]) -> Table:
             notes = [r["note"] for r in report["results"] if r["note"]] or [
                 "nothing to measure from"
             ]
-            table.add_row(solver, escape(f"no answer: {notes[0]}"))
+            table.add_row(solver, escape(f"no solution: {notes[0]}"))
         table.add_section()
     return table
 
@@ -249,7 +249,7 @@ def ramp_comparison(reports: dict[str, dict]) -> Table:
             table.add_row(solver, r.setting, *map(readable, values), ratio)
         if not results:
             notes = [r["note"] for r in report["results"]] or ["not run"]
-            table.add_row(solver, escape(f"no answer: {notes[0]}"))
+            table.add_row(solver, escape(f"no solution: {notes[0]}"))
         table.add_section()
     return table
 

@@ -153,7 +153,8 @@ class Run:
         """Message on the end of the run, one sentence."""
         if self.converged:
             worth = f"; {self.worth}" if self.worth else ""
-            return f"{self.end:g} s in {self.steps} steps{worth}"
+            steps = "1 step" if self.steps == 1 else f"{self.steps} steps"
+            return f"{self.end:g} s in {steps}{worth}"
         return f"stopped at {self.end:.6g} s: {self.reason}"
 
     @property
