@@ -38,6 +38,7 @@ class Intervals:
     mean: Array
     """Interval of the mean Euclidean error, m."""
     rms: Array
+    """Interval of the RMS Euclidean error, m."""
     mean_by_axis: Array
     """Intervals (3, 2) of the mean absolute errors along the axes, m."""
     means: Array

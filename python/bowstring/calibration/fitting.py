@@ -173,6 +173,7 @@ class Fit:
 
     @property
     def names(self) -> list[str]:
+        """Names of the fitted parameters, in the order of the estimates."""
         return [estimate.name for estimate in self.estimates]
 
     @property

@@ -53,15 +53,24 @@ class Measured(Protocol):
     """
 
     @property
-    def tensions(self) -> Any: ...
+    def tensions(self) -> Any:
+        """Commanded tensions (K, T), N."""
+
     @property
-    def displacements(self) -> Any: ...
+    def displacements(self) -> Any:
+        """Commanded displacements (K, T), m."""
+
     @property
-    def points(self) -> Any: ...
+    def points(self) -> Any:
+        """Measured points (K, P, 3), m."""
+
     @property
-    def group(self) -> Any: ...
+    def group(self) -> Any:
+        """Names (K,) of runs or patterns."""
+
     @property
-    def time(self) -> Any: ...
+    def time(self) -> Any:
+        """Time (K,), s."""
 
 
 @dataclass(frozen=True)

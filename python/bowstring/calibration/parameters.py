@@ -177,10 +177,12 @@ class Unknowns:
 
     @property
     def names(self) -> list[str]:
+        """Names of the unknowns."""
         return [item.name for item in self.items]
 
     @property
     def start(self) -> Floats:
+        """Start values (P,) in SI."""
         return np.array([item.start for item in self.items])
 
     @property

@@ -39,6 +39,7 @@ class NoiseTest:
     rms: float
     """RMS of a coordinate with respect to the degrees of freedom, m."""
     dof: int
+    """Degrees of freedom: residual coordinates less parameters."""
     sigma: float = math.nan
     """Stated standard deviation of a coordinate (RMS over rows), m."""
     scatter: float = math.nan
@@ -50,9 +51,11 @@ class NoiseTest:
     lack_of_fit_ratio: float = math.nan
     """F ratio: variance of the means of repeats over that within repeats."""
     lack_of_fit_p: float = math.nan
+    """P-value of the F test."""
     autocorrelation: float = math.nan
     """Autocorrelation of neighbours along the load, pooled over axes."""
     autocorrelation_p: float = math.nan
+    """One-sided p-value of the autocorrelation."""
     outliers: int = 0
     """Number of rows with a coordinate beyond five standard deviations."""
     outlier_lines: tuple[int, ...] = ()

@@ -197,6 +197,7 @@ class Residuals:
         return self._last[1]
 
     def residuals(self, scaled: Floats) -> Floats:
+        """Weighted residuals (3 n,) of the used rows, mm."""
         try:
             at = self.prediction(scaled)
         except InputError:  # invalid robot
@@ -258,9 +259,11 @@ class Residuals:
         return float(max(2.0 * cost / free, (1e3 * EXACT) ** 2))
 
     def has_friction(self, scaled: Floats) -> bool:
+        """Whether the robot with these parameters has friction."""
         return self.prediction(scaled).setting.robot.has_friction
 
     def refuse_without_effect(self, scaled: Floats) -> None:
+        """Raise `InputError` for a parameter without effect on the tip in the used rows."""
         size = np.linalg.norm(self.jacobian(scaled), axis=0)
         idle = np.flatnonzero(size <= 1e-9 * np.sqrt(self.used.sum()))
         pieces = self.pieces(scaled) if idle.size else None

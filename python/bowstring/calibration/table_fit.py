@@ -54,8 +54,11 @@ class Calibration:
     """Fit to K rows of measurements, with validation and diagnostics; made by `calibrate`."""
 
     data: Measurements
+    """The table."""
     fit: Fit
+    """The fit to the rows that are not held out."""
     loss: Loss
+    """Loss of the fit."""
     tendons: TendonCheck
     """Check of the tendon order."""
     held_out: NDArray[np.bool_]

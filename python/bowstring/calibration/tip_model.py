@@ -130,6 +130,9 @@ class Prediction:
     position, rotation : ndarray (K, 3), (K, 3, 3)
         Position (m) and rotation, NaN where the model has no solution.
     solved : ndarray of bool (K,)
+        Rows in which the model has a solution.
+    setting : Setting
+        Parameter values of the prediction.
     solutions : list or None
         Solutions of the core, kept for derivatives; without a pose where not solved.
     tensions, slack : ndarray (K, T) or None

@@ -178,6 +178,7 @@ class Solution:
 
     @property
     def load(self) -> Load:
+        """The load that was solved, with its actuation."""
         core = self.core
         tensions, displacements = core.tensions, None
         if core.by_displacement is not None and core.commands is not None:
@@ -261,10 +262,12 @@ class Solution:
 
     @property
     def undetermined(self) -> bool:
+        """Whether several sets of tensions have the same pose; the smallest is given."""
         return bool(self.core.undetermined)
 
     @property
     def length_residual(self) -> float:
+        """Largest violation of a commanded displacement, m."""
         return self.core.length_residual or 0.0
 
     def history(self) -> dict[str, Any] | None:
