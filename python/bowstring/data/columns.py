@@ -120,21 +120,32 @@ class Layout:
     shape: Column | None = None
     scale: float | None = 1.0
     bend: Column | None = None
+    """Column of the bend angle, rad; None without one."""
     direction: Column | None = None
+    """Column of the direction of bending, rad; None without one."""
     sigma: Column | None = None
+    """Column of the standard uncertainty of a coordinate, m; None without one."""
     time: Column | None = None
+    """Column of the time, s; None without one."""
     repeat: Column | None = None
+    """Column of the number of the repeated run; None without one."""
     group: Column | None = None
+    """Column of the group label; None without one."""
     recording: Column | None = None
     label: Column | None = None
     own_label: bool = True
     keep: tuple[Column, str] | None = None
     rotation: Floats | None = None
     stations: Floats | None = None
+    """Arc lengths of the points (P,), as shares of the length; None if not given."""
     tool: Floats = field(default_factory=lambda: np.zeros(3))
+    """Offset of the measured point from the tip (3,), in the tip's axes, m."""
     sigma_of_all: float | None = None
+    """Standard uncertainty of every coordinate, m; None if not given."""
     source: str | None = None
+    """Source of data that do not state their own; None if not given."""
     name: str | None = None
+    """Name of the data; None for the name of the file."""
 
 
 def factor_of(unit: str, si: str) -> float:

@@ -71,6 +71,7 @@ class Measurements:
     source: Source
     """"measured", "synthetic" or "computed"."""
     name: str
+    """Name for reports; from a table that states none, the name of its file."""
     tensions: Floats
     """Tensions (K, T), N; NaN for tendons with another command."""
     displacements: Floats
@@ -108,6 +109,7 @@ class Measurements:
     left_out: int = 0
     """Number of rows of the file that are not in the arrays."""
     path: Path | None = None
+    """File from which the data were read; None for other data."""
     sha256: str | None = None
     """SHA-256 of the file."""
     truth: dict[str, Any] | None = None
@@ -151,6 +153,7 @@ class Measurements:
 
     @property
     def tendon_count(self) -> int:
+        """Number of tendons T."""
         return int(self.tensions.shape[1])
 
     def select(self, rows: Any) -> Measurements:

@@ -84,6 +84,7 @@ class Registration:
     """
 
     kind: Kind
+    """"known", "fiducials" or "model": made by `known`, `fit_fiducials` or `fit_model`."""
     frame: Rigid
     """Motion from measuring frame to base frame."""
     pivot: Array
@@ -98,7 +99,10 @@ class Registration:
     sigma: Array
     """Standard deviation of a measured coordinate (n,), m: given, or from the residuals."""
     sigma_given: bool
+    """Whether standard deviations were given, not estimated from the residuals; True if the frame
+    is known."""
     robust: bool = False
+    """Whether it is a robust fit with Huber's loss."""
     offset: Array | None = None
     """Offset of the measured point from the tip (3,), m, in the tip's axes; None if not fitted."""
     undetermined: tuple[str, ...] = ()

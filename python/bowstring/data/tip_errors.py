@@ -26,8 +26,11 @@ class Comparison:
     """Tips by constant curvature compared with those of the rod or a measurement."""
 
     name: str
+    """Name of the model."""
     against: str
+    """Name of the reference, such as "statics" or "measurement"."""
     length: float
+    """Length of the robot, m; errors in percent refer to it."""
     tip_position: Array
     """Tips by constant curvature (n, 3), m; NaN where there is none."""
     difference: Array

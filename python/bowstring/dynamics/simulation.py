@@ -106,6 +106,8 @@ class Run:
         Computing time in s without output to files.
     path : Path or None
         File of the run.
+    frames : Frames or None
+        Raw fields at the output times; None if they are in a file or none were recorded.
     """
 
     robot: Robot

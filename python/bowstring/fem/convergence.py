@@ -41,6 +41,7 @@ class Refinement:
     name: str
     sizes: tuple[float, ...]
     labels: tuple[str, ...]
+    """Labels (3,) of the sizes in text, such as numbers of bricks or "5 ms"."""
     tips: Floats
     limit: Floats
     uncertainty: Floats

@@ -61,6 +61,7 @@ class Step(NamedTuple):
 
     @property
     def is_static(self) -> bool:
+        """Whether the step solves statics, not a motion."""
         return self.duration == 0.0
 
     @property
@@ -77,10 +78,15 @@ class Loading:
     """
 
     gravity: tuple[float, ...]
+    """Gravitational acceleration (3,), m/s^2, base frame."""
     tip_force: tuple[float, ...]
+    """Dead force at the tip (3,), N, base frame."""
     stiffness: float
+    """Young's modulus of disks over that of the backbone."""
     bonded: bool
+    """Whether disks and base also hold the backbone transversely."""
     residual: float
+    """Force residual over mean force at which the Newton iteration ends."""
     damping: float = 0.0
 
 

@@ -132,6 +132,10 @@ class BrickRun:
         Time of a ramp in s, or number of the load of a sweep from 0.
     tensions : ndarray (K, T)
         Tensions of the finished steps in N.
+    wanted_time : ndarray (M,)
+        Like ``time``, for all steps of the call.
+    wanted_tensions : ndarray (M, T)
+        Like ``tensions``, for all steps of the call.
     states : list of State
         Results of the finished steps.
     status : str
@@ -167,10 +171,12 @@ class BrickRun:
 
     @property
     def converged(self) -> bool:
+        """Whether all steps converged."""
         return self.status == "converged"
 
     @property
     def is_motion(self) -> bool:
+        """Whether the run is a motion by `ramp`, not a `sweep`."""
         return bool(self.settings["rise_s"] is not None)
 
     @property
@@ -180,10 +186,12 @@ class BrickRun:
 
     @property
     def time(self) -> Floats:
+        """Times of the finished steps (K,), in s; in a sweep numbers of the loads from 0."""
         return self.wanted_time[: len(self.states)]
 
     @property
     def tensions(self) -> Floats:
+        """Tensions at the end of the finished steps (K, T), in N."""
         return self.wanted_tensions[: len(self.states)]
 
     @property

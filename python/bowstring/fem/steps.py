@@ -60,12 +60,18 @@ class Ended:
     """Result of a calculation; `share` is the converged share of the first missing step."""
 
     states: list[State] = field(default_factory=list)
+    """States at the ends of the finished steps, from the first."""
     cached: int = 0
+    """Number of steps read from the cache."""
     status: str = "converged"
+    """"converged", or the reason for missing steps, as in `bowstring.fem.BrickRun`."""
     why: str = ""
+    """Reason if it ended early, a clause; else empty."""
     share: float = 0.0
     iterations: int = 0
+    """Newton iterations of this call."""
     wall_s: float = 0.0
+    """Seconds that CalculiX took in this call; 0 if all steps were cached."""
 
 
 def work(job: Job, program: Path, kept: Path, keep: Path | None, notify: Progress) -> Ended:

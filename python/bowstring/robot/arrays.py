@@ -34,13 +34,19 @@ class RobotDisks:
     """
 
     station_m: Floats
+    """Arc lengths (N,) of the disks from the base, along the straight backbone, m."""
     clamped_length_m: Floats
+    """Lengths (N,) of backbone that each disk clamps rigidly, centred on it, m."""
     mass_kg: Floats
+    """Masses (N,), kg."""
     inertia_kg_m2: Floats
     radius_m: Floats
+    """Outer radii (N,), m."""
     thickness_m: Floats
+    """Thicknesses (N,), m."""
     bore_m: Floats
     segment: Ints
+    """Segments (N,) of the disks, as indices from 0."""
 
 
 @short_repr
@@ -55,19 +61,40 @@ class RobotTendons:
 
     hole_m: Floats
     pitch_radius_m: Floats
+    """Distances (T,) of the holes from the backbone's axis, m."""
     angle_rad: Floats
+    """Angles (T,) of the holes from x, counter-clockwise about z, rad, in the base frame."""
     segment: Ints
+    """Segments (T,) to whose end disks the tendons are anchored, as indices from 0."""
     end_disk: Ints
     axial_stiffness_N: Floats
     free_length_m: Floats
+    """Elastic lengths (T,) between base hole and actuator, m."""
     compliance_m_per_N: Floats
+    """Compliances (T,) of the transmission, m/N."""
     friction: Floats
+    """Coulomb friction coefficients (T,) at each hole."""
     pretension_N: Floats
+    """Tensions (T,) in the home pose, where the tendon displacements are zero, N."""
     spool_radius_m: Floats
     diameter_m: Floats
 
 
 def frozen(values: object, dtype: type = float) -> NDArray[Any]:
+    """Copy values into a read-only array.
+
+    Parameters
+    ----------
+    values : array_like
+        Values of any shape.
+    dtype : type
+        Type of the entries.
+
+    Returns
+    -------
+    ndarray
+        New read-only array.
+    """
     array: NDArray[Any] = np.array(values, dtype=dtype)
     array.flags.writeable = False
     return array

@@ -31,7 +31,9 @@ class Assumed:
 
     field: str
     value_m: float
+    """Assumed value, m."""
     why: str
+    """Rule by which it is assumed, in words."""
 
     def __str__(self) -> str:
         return f"{self.field} = {number_with_unit(self.value_m, 'm')}, {self.why}"

@@ -318,6 +318,22 @@ class Tendons(Part):
         super().__init__(cells, [_POLY_LINE] * len(cells), np.zeros((sum(self._counts), 3)))
 
     def at(self, i: int) -> tuple[Floats, Mapping[str, Floats]]:
+        """Points and tensions of all tendons at an output time.
+
+        Parameters
+        ----------
+        i : int
+            Index of the output time, from 0.
+
+        Returns
+        -------
+        points : ndarray (p, 3)
+            Holes of each tendon from the base to its end disk, one tendon after the other, in m,
+            base frame.
+        values : dict
+            ``tension_N`` (p,): tension of the tendon before the base hole, in N, repeated at its
+            points.
+        """
         points = np.concatenate([path[i] for path in self._holes])
         return points, {"tension_N": np.repeat(self._tension[i], self._counts)}
 
