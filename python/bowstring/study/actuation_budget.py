@@ -74,11 +74,15 @@ class ActuationRow:
     """One effect of actuation, compared with the same commands without it."""
 
     effect: str
+    """Key, such as ``"friction_loading"``."""
     label: str
+    """Effect in words with its value."""
     control: Control
+    """Controlled quantity of the actuated tendons."""
     assumed: tuple[str, ...]
     """Assumed properties: ``"friction"``, ``"elasticity"``."""
     case: Case
+    """Case with the effect."""
     base: Case
     """Case with the same commands on inextensible tendons without friction."""
 
@@ -127,16 +131,19 @@ class Loop:
     """Loading to the largest command and unloading: the hysteresis of the tip."""
 
     control: Control
+    """Controlled quantity of the actuated tendons."""
     command: Array
     """Tension (N) or displacement (m) of the actuated tendon (n,)."""
     free: Array
     """Tip without friction and tendon elasticity (n, 3), m."""
     loading: Array
+    """Tips in loading (n, 3), m."""
     unloading: Array
     """Tips in unloading (n, 3), m; as in loading, in the order of `command`."""
     constant_curvature: Array
     """Tip by constant curvature from force or from the commanded lengths (n, 3), m."""
     length: float
+    """Length of the robot, m."""
 
     @property
     def apart(self) -> Array:
@@ -193,6 +200,7 @@ class ActuationBudget:
     compliance: float
     """Compliance of its transmission, m/N."""
     free_length: float
+    """Free length of the actuated tendon, from base hole to actuator, m."""
     elasticity_origin: Source
     """Source of the elasticity; ``"left_out"`` without any value of E A."""
     elasticity_by: str
@@ -204,10 +212,13 @@ class ActuationBudget:
     displacement_controlled: Case
     """Case of displacement control with inextensible tendons without friction."""
     rows: tuple[ActuationRow, ...]
+    """Effects: tension control before displacement control."""
     loops: tuple[Loop, Loop]
     """Loops of tension control and displacement control."""
     notes: tuple[str, ...]
+    """Assumed values, paths and commands in sentences."""
     text: tuple[str, ...]
+    """Results in sentences."""
 
     @property
     def assumptions(self) -> tuple[str, ...]:

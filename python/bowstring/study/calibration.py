@@ -59,11 +59,13 @@ class StudyCalibration:
     point: Array
     """Measured point by the calibrated robot (K, 3), m, base frame."""
     fit: Fit
+    """Fit of the parameters of `robot`, gain and base frame."""
     gravity: GravityFrom = "file"
     """Source of the gravity of `robot`."""
     other_load: bool = False
     """Whether a constant load other than gravity would explain the data clearly better."""
     notes: tuple[str, ...] = field(default=())
+    """Choices of the calibration in sentences, such as parameters that are not identifiable."""
 
     def to_dict(self) -> schema.StudyCalibrationNumbers:
         """Return parameters with standard errors, and the message of the fit."""
@@ -168,7 +170,9 @@ class ArcCalibration:
     point: Array
     """Measured point by the model (K, 3), m, base frame."""
     converged: bool
+    """Whether the fit converged."""
     message: str
+    """Message of the fit."""
 
 
 def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) -> ArcCalibration:

@@ -77,12 +77,17 @@ class Physics:
     """Set of physical assumptions; the defaults are the baseline."""
 
     tendon: Literal["straight", "continuous"] = "continuous"
+    """Tendon between the disks: straight spans or a continuous curve."""
     theory: Theory = "kirchhoff"
+    """Rod theory: ``"cosserat"`` with shear and extension, ``"kirchhoff"`` without."""
     twist: bool = False
+    """Whether the backbone twists."""
     clamped: Literal["none", "file", "budget"] = "none"
     """Clamped length: none, that of the file, or the assumption of the budget."""
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Gravity in base axes, m/s^2."""
     tip_force: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Dead force at the tip in base axes, N."""
     stiffness: float = 1.0
     """Factor on Young's modulus."""
 
@@ -103,11 +108,13 @@ class Case:
     """Rod under one set of assumptions, and the errors of constant curvature against it."""
 
     physics: Physics
+    """Assumptions of the rod."""
     problem: str | None
     """Reason if numbers are missing at some or all loads."""
     tip_position: Array
     """(n, 3), m."""
     comparisons: dict[str, Comparison]
+    """Comparisons by name: `MEANINGS`, or from the commanded lengths in displacement control."""
 
     def error(self, meaning: str) -> Array:
         """Euclidean tip error (n,) of constant curvature in this physics, m."""

@@ -19,7 +19,9 @@ class Counterpart:
     """A figure or table of the source study (Amouri 2019), and where this report has it."""
 
     source: str
+    """Number in the source study, such as ``"Fig. 1"``."""
     shows: str
+    """Content in words."""
     anchor: str | None
     """Of the figure or section in the report; None where there is none."""
     title: str

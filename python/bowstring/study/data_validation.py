@@ -152,7 +152,25 @@ class Loads:
 @short_repr
 @dataclass(frozen=True)
 class DataComparison(Comparison):
-    """Comparison of a model with the measurement in one frame, with intervals."""
+    """Comparison of a model with the measurement in one frame, with intervals.
+
+    Attributes
+    ----------
+    name : str
+        Name of the model, one of `DATA_MODELS`.
+    against : str
+        ``"measurement"``.
+    length : float
+        Length of the robot, m.
+    tip_position : ndarray (K, 3)
+        Measured point by the model, m, base frame; NaN without a solution.
+    difference : ndarray (K, 3)
+        Point by the model minus measured point, m, base axes.
+    frame : {"calibrated", "as_measured", "own"}
+        Frame of the comparison, one of `FRAMES`.
+    intervals : Intervals or None
+        95 % bootstrap intervals of the errors; None before they are computed.
+    """
 
     frame: Frame = "calibrated"
     intervals: Intervals | None = field(default=None, compare=False)
@@ -186,7 +204,9 @@ class Effect:
     """One step of the decomposition of the rod's error."""
 
     name: str
+    """Name: registration, gravity, friction, stiffness or gain."""
     label: str
+    """Name in words for tables and figures."""
     cumulative_mean: float
     """Mean error with this effect and all previous ones, m."""
     explains: float
@@ -220,7 +240,9 @@ class AgainstData:
     """All results of a study on measurements."""
 
     data: Measurements
+    """Measurements."""
     loads: Loads
+    """Commands of the K rows."""
     frame: Rigid
     """Common motion from measuring frame to base frame."""
     frame_by: str
@@ -236,15 +258,19 @@ class AgainstData:
     lengths_of: str
     """Source of the tendon lengths for constant curvature: measurement, rod_calibrated or rod."""
     calibration: StudyCalibration | None
+    """Calibrated rod and base frame; None if the rod cannot be calibrated."""
     baseline_mean: float
     """Mean error of the baseline rod at the start of the decomposition, m."""
     effects: tuple[Effect, ...]
+    """Steps of the decomposition in their order; empty without calibration or common rows."""
     residuals: NoiseTest | None
     """Test of the residuals of the calibrated rod."""
     expected: Expected | None
     """Expected error of the calibrated rod at unseen rows."""
     text: tuple[str, ...] = ()
+    """Results in sentences."""
     notes: tuple[str, ...] = ()
+    """Data, methods and left-out models in sentences."""
 
     @property
     def label(self) -> str:

@@ -49,9 +49,13 @@ class SegmentArc:
     """Arc of one segment in usual units."""
 
     phi_deg: float
+    """Direction of bending from x towards y, deg, in the frame of the segment's start."""
     theta_deg: float
+    """Bend angle, deg."""
     kappa_per_m: float
+    """Curvature, 1/m."""
     length_mm: float
+    """Arc length, mm."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,7 @@ class StudyEquations:
     intro: tuple[str, ...]
     """Load and source of the lengths, in sentences."""
     equations: tuple[Equation, ...]
+    """Equations of the segment at the base; empty if it is straight."""
     arcs: tuple[SegmentArc, ...]
     """Arcs of all segments."""
 

@@ -75,17 +75,22 @@ class BudgetRow:
     """One effect: added to the baseline, removed from the full model, changed in the main sweep."""
 
     effect: str
+    """Key, such as ``"straight_spans"``."""
     label: str
+    """Effect in words."""
     added: Case
+    """Baseline with the effect."""
     full: Case
     """Full model with the effect (of alternatives, with this one)."""
     removed: Case
+    """`full` without the effect."""
     in_sweep: Case
     """Main sweep with this effect removed if it acts there, otherwise added."""
     beside: Case
     """Reference of `in_sweep`, which differs in this effect only: the main sweep, or, for another
     kind of gravity, the main sweep without gravity."""
     acts_in_sweep: bool
+    """Whether the effect acts in the main sweep."""
 
 
 @short_repr
@@ -94,13 +99,19 @@ class Budget:
     """Error budget."""
 
     baseline: Case
+    """Case of the baseline."""
     full_model: Case
+    """Case of the full model."""
     sweep: Case
     """Case of the main sweep."""
     rows: tuple[BudgetRow, ...]
+    """Effects, without those of actuation."""
     baseline_description: str
+    """Assumptions of the baseline in words."""
     full_model_description: str
+    """Assumptions of the full model in words."""
     notes: tuple[str, ...]
+    """Definitions and assumptions of the budget in sentences."""
     actuation: ActuationBudget
     """Budget of friction, elastic tendons and displacement control."""
 

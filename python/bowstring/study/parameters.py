@@ -33,6 +33,7 @@ class Parameter:
     field: str
     """As in the robot file, from its segment on: ``"backbone.E"``; empty for what follows."""
     meaning: str
+    """Meaning in words, such as ``"Bending stiffness E I"``."""
     where: str
     """Which segments or tendons have it, counted from 1; empty where all have it."""
     value: str
@@ -46,7 +47,9 @@ class AssumedValue:
     """A value that the robot file does not give and the report assumes."""
 
     value: str
+    """Name and value with its unit, and its basis if stated."""
     used_for: str
+    """Parts of the report that use it, in words."""
 
 
 def parameters(robot: Robot) -> tuple[Parameter, ...]:

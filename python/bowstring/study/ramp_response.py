@@ -89,6 +89,7 @@ class Transient:
     """Motion, and statics at the same tensions."""
 
     length: float
+    """Length of the robot, m."""
     frequency: float
     """Frequency of the slowest mode without tension, Hz."""
     rise: float
@@ -96,12 +97,15 @@ class Transient:
     hold: float
     """Hold time, s."""
     rise_chosen: bool
+    """Whether the program chose `rise`."""
     modal_damping: float
+    """Damping ratio of the slowest modes."""
     mass_damping: float
     """Mass-proportional damping, 1/s."""
     material_damping: float
     """Kelvin-Voigt damping, s."""
     status: MotionStatus
+    """``"converged"``, or why the motion stopped early."""
     reason: str
     """Reason if it stopped early."""
     time: Array
@@ -111,6 +115,7 @@ class Transient:
     tip_position: Array
     """Tip (K, 3), m."""
     surface: Surface
+    """Largest stress and strain at each time (K,)."""
     static_tip: Array
     """Tip by statics at the same tension (K, 3), m; NaN without equilibrium."""
     load_tip: Array

@@ -141,7 +141,9 @@ class Settings:
     max_tension: float
     """End of the sweep, N."""
     points: int
+    """Number of loads of the sweep, from zero to `max_tension`."""
     theory: Theory
+    """Rod theory of the main sweep: ``"cosserat"`` or ``"kirchhoff"``."""
     tendon: int
     """Index of the actuated tendon, from 0; of several, the first with the whole tension."""
     shares: tuple[float, ...]

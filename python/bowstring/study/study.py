@@ -94,8 +94,11 @@ class Figure:
     """Figure of the report: file name without suffix, title, and caption."""
 
     stem: str
+    """File name without suffix."""
     title: str
+    """Title in the report."""
     caption: str
+    """Caption in sentences."""
 
 
 SOLID_FIGURES: Final = (
@@ -292,7 +295,9 @@ class Statics:
     tension: Array
     """Tension of the actuated tendon (n,), N; the others have their shares of it."""
     status: tuple[StaticsStatus, ...]
+    """Status at each load (n,): ``"converged"``, or the reason of failure."""
     converged: NDArray[np.bool_]
+    """Whether each load converged (n,)."""
     tip_position: Array
     """Tip (n, 3), m; NaN where not converged."""
     disk_positions: Array
@@ -312,10 +317,13 @@ class PublishedClaim:
     """Published result of the source study beside ours; none of its measurements is available."""
 
     mean_mm: float
+    """Published upper bound of the mean error, mm."""
     mean_percent: float
+    """The same bound in percent of the length."""
     ours: str
     """Name of the corresponding comparison."""
     text: str
+    """Comparison with ours in sentences."""
 
 
 @dataclass(frozen=True)
@@ -323,18 +331,27 @@ class Study:
     """Results of a study."""
 
     robot: Robot
+    """Nominal robot, before any calibration."""
     settings: Settings
+    """Resolved settings."""
     geometry: GeometricSweep
+    """Geometric sweep by constant curvature."""
     statics: Statics
+    """Main sweep by statics."""
     dynamics: Transient | None
+    """Response to the ramp of tension; None if left out."""
     without_dynamics: str
     """Reason if dynamics is left out."""
     comparisons: tuple[Comparison, ...]
     """Comparisons with statics, dynamics, finite elements, and the measurement."""
     budget: Budget
+    """Error budget of constant curvature."""
     verdict: Verdict
+    """Validity limits of constant curvature and their causes."""
     claim: PublishedClaim | None
+    """Published result; None for another robot, load range or actuation than the source study's."""
     notes: tuple[str, ...] = field(default=())
+    """Assumptions and limits of the results in sentences."""
     data: AgainstData | None = None
     """All models against measurements, if there are any."""
     solid: bool = False

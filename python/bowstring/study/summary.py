@@ -33,6 +33,7 @@ class Summary:
     """Main results; the report has their derivation."""
 
     title: str
+    """Robot, length, actuated tendons, range of tension and tolerance in one line."""
     reference: str
     """What the errors are distances to, for the title of the table."""
     rows: tuple[tuple[str, ...], ...]

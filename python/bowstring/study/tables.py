@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> None:
+    """Write a table as CSV in UTF-8; missing and non-finite numbers are empty fields."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(header)

@@ -42,7 +42,9 @@ class Share:
     """Share of one effect in the error of constant curvature at one load of the main sweep."""
 
     effect: str
+    """Key, such as ``"straight_spans"``."""
     label: str
+    """Effect in words."""
     error_without: float
     """Error with this effect removed, m."""
     share: float
@@ -55,7 +57,9 @@ class Meaning:
     """Verdict on constant curvature from lengths or from force."""
 
     name: str
+    """Name of the comparison, one of `bowstring.study.comparison.MEANINGS`."""
     valid_throughout: bool
+    """Whether all loads have an error, and none is above the tolerance."""
     valid_to: float | None
     """Validity limit, N: first crossing of the tolerance, or the last load solved; None if it
     never holds."""
@@ -64,12 +68,15 @@ class Meaning:
     undecided: tuple[tuple[float, float], ...]
     """Ranges of tension without equilibrium or without an arc, N."""
     max_error: float
+    """Largest error on the fine sweep, m; NaN without any."""
     max_at: float
+    """Tension of the largest error, N; 0 without any."""
     blamed_at: float
     """Tension of the shares, N: the first crossing, else that of the largest error."""
     shares: tuple[Share, ...]
     """Shares, largest first; empty if rod and constant curvature agree there."""
     text: str
+    """Verdict in sentences."""
 
     @property
     def cause_label(self) -> str:
@@ -95,12 +102,17 @@ class Verdict:
     """Verdict in plain words, with its numbers."""
 
     tolerance: float
+    """Tolerated tip error as a share of the length."""
     tolerance_length: float
+    """Tolerated tip error, m."""
     meanings: tuple[Meaning, ...]
+    """Verdicts from lengths and from force."""
     fine_tension: Array
+    """Tensions of the fine sweep (n,), N."""
     fine_error: dict[str, Array]
     """Errors on the fine sweep, m."""
     text: tuple[str, ...]
+    """Verdict, corrections and effects outside the sweep in sentences."""
 
     def to_dict(self) -> schema.Verdict:
         """Return plain values in mm, N and percent."""
@@ -344,7 +356,9 @@ class Correction:
     name: str
     """Of the comparison that it corrects."""
     what: str
+    """Correction in words."""
     source: str
+    """Input of constant curvature: ``"from lengths"`` or ``"from force"``."""
     before: float
     """Mean error without it, m."""
     after: float
