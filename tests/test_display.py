@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import ast
+import dataclasses
+import importlib
 import inspect
+import itertools
+import pkgutil
 import re
+import textwrap
 from collections.abc import Callable, Iterator
 from html.parser import HTMLParser
 from pathlib import Path
@@ -135,6 +141,56 @@ def test_signatures_and_docstrings_agree(function: Callable[..., Any]) -> None:
     assert set(documented) <= set(signature.parameters), "documents what it does not take"
     if documented:
         assert set(documented) == set(signature.parameters), "leaves a parameter out"
+
+
+def _modules() -> Iterator[ModuleType]:
+    """All modules of the package that state what is public."""
+    for found in pkgutil.walk_packages(bs.__path__, "bowstring."):
+        if not found.name.endswith(("_core", "__main__")):
+            yield importlib.import_module(found.name)
+
+
+def _members(owner: type) -> Iterator[tuple[str, Any]]:
+    """Public methods and properties that a class itself defines."""
+    for name, member in vars(owner).items():
+        function = getattr(member, "fget", getattr(member, "__func__", member))
+        if not name.startswith("_") and inspect.isfunction(function):
+            yield name, function
+
+
+def _undocumented_fields(owner: type) -> Iterator[str]:
+    """Public fields of a dataclass with neither a text below them nor a line in its docstring."""
+    if not dataclasses.is_dataclass(owner):
+        return
+    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+    assert isinstance(tree, ast.ClassDef)
+    below = {
+        line.target.id
+        for line, text in itertools.pairwise(tree.body)
+        if isinstance(line, ast.AnnAssign) and isinstance(line.target, ast.Name)
+        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+    }
+    own = [line.target for line in tree.body if isinstance(line, ast.AnnAssign)]
+    for target in own:
+        assert isinstance(target, ast.Name)
+        named = re.search(rf"(^|[\s,`]){target.id}\b", inspect.getdoc(owner) or "")
+        if not target.id.startswith("_") and target.id not in below and not named:
+            yield target.id
+
+
+@pytest.mark.parametrize("module", list(_modules()), ids=lambda module: module.__name__)
+def test_public_names_are_documented(module: ModuleType) -> None:
+    missing = []
+    for name in getattr(module, "__all__", ()):
+        found = getattr(module, name)
+        if getattr(found, "__module__", None) != module.__name__:
+            continue
+        if (inspect.isfunction(found) or inspect.isclass(found)) and not inspect.getdoc(found):
+            missing.append(name)
+        if inspect.isclass(found):
+            members = [n for n, function in _members(found) if not function.__doc__]
+            missing += [f"{name}.{n}" for n in (*members, *_undocumented_fields(found))]
+    assert not missing
 
 
 def test_dir_has_what_is_public_and_nothing_else() -> None:
