@@ -166,14 +166,14 @@ def _hidden(folder: Path) -> list[str]:
 
 def _sweep(folder: Path) -> None:
     """Removes leftovers as the next command does; child processes of a killed one end soon."""
-    from bowstring.atomic_io import sweep
+    from bowstring.atomic_io import remove_leftovers
 
     until = time.monotonic() + PATIENCE
-    sweep(folder)
+    remove_leftovers(folder)
     while _hidden(folder):
         assert time.monotonic() < until, f"{_hidden(folder)} stays"
         time.sleep(0.05)
-        sweep(folder)
+        remove_leftovers(folder)
 
 
 def campaign(count: int, seed: int = 0) -> tuple[Counter[str], list[str]]:
