@@ -79,6 +79,10 @@ class Robot:
     def solve_batch(
         self, tensions: Floats, load: _DeadLoad, model: RodModel, threads: int, disks: bool
     ) -> dict[str, Any]: ...
+    def sweep_designs(
+        self, designs: Any, tensions: Floats, load: _DeadLoad, model: RodModel, threads: int
+    ) -> dict[str, Any]: ...
+    def arc_tips(self, designs: Any, law: str, commands: Floats) -> Floats: ...
 
 @final
 class PathSolver:

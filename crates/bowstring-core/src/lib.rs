@@ -11,6 +11,7 @@ pub mod arc;
 pub mod memory;
 pub mod stress;
 
+pub mod robot_arcs;
 pub mod rod;
 
 mod motion;

@@ -306,6 +306,69 @@ impl RobotArrays<'_> {
     }
 }
 
+/// Arrays of Python's `Designs`: robots that differ from one robot in these numbers, row by row.
+#[derive(FromPyObject)]
+pub struct DesignArrays<'py> {
+    /// Bending, torsional, axial and shear stiffness, mass per length and rotary inertia of each
+    /// segment, (D, 6 S).
+    sections: PyReadonlyArray2<'py, f64>,
+    /// Station, clamped length and mass of each disk, and its two moments of inertia, (D, 5 N).
+    disks: PyReadonlyArray2<'py, f64>,
+    /// x and y of the holes of each tendon, (D, 2 T).
+    holes: PyReadonlyArray2<'py, f64>,
+}
+
+impl DesignArrays<'_> {
+    /// The robots for the core, which checks them; an error names the first invalid one.
+    pub fn robots(&self, like: &Robot) -> PyResult<Vec<Robot>> {
+        let spec = like.spec();
+        let count = self.sections.shape()[0];
+        for (name, shape, columns) in [
+            ("sections", self.sections.shape(), 6 * spec.sections.len()),
+            ("disks", self.disks.shape(), 5 * spec.disks.len()),
+            ("holes", self.holes.shape(), 2 * spec.tendons.len()),
+        ] {
+            if shape != [count, columns] {
+                return Err(refused(format!(
+                    "{name} has shape {shape:?}, it must have [{count}, {columns}]"
+                )));
+            }
+        }
+        let sections = self.sections.as_array();
+        let disks = self.disks.as_array();
+        let holes = self.holes.as_array();
+        let robot = |i: usize| {
+            let mut spec = spec.clone();
+            for (k, section) in spec.sections.iter_mut().enumerate() {
+                let at = |q: usize| sections[[i, 6 * k + q]];
+                *section = Section {
+                    bending: at(0),
+                    torsion: at(1),
+                    axial: at(2),
+                    shear: at(3),
+                    mass_per_length: at(4),
+                    rotary_inertia: at(5),
+                };
+            }
+            for (k, disk) in spec.disks.iter_mut().enumerate() {
+                let at = |q: usize| disks[[i, 5 * k + q]];
+                *disk = Disk {
+                    station: at(0),
+                    clamped_length: at(1),
+                    mass: at(2),
+                    inertia: [at(3), at(4)],
+                    segment: disk.segment,
+                };
+            }
+            for (k, tendon) in spec.tendons.iter_mut().enumerate() {
+                tendon.hole = [holes[[i, 2 * k]], holes[[i, 2 * k + 1]]];
+            }
+            Robot::new(spec).map_err(|e| input_error(e.in_row(i)))
+        };
+        (0..count).map(robot).collect()
+    }
+}
+
 /// Arrays of Python's `RobotTendons` for actuation, one entry for each tendon.
 #[derive(FromPyObject)]
 pub struct Lines<'py> {

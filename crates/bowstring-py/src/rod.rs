@@ -2,14 +2,16 @@
 
 use crate::input::{array, copied, input_error, numbers, refused, Array};
 use crate::interrupt::interruptible;
-use crate::model::{DeadLoad, OwnLoads, RobotArrays, RodModel};
+use crate::model::{DeadLoad, DesignArrays, OwnLoads, RobotArrays, RodModel};
 use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
 use bowstring_core::model::load::OwnedLoad;
 use bowstring_core::model::load::RodModel as Settings;
+use bowstring_core::robot_arcs::{self, Law};
 use bowstring_core::rod::sensitivity::Derivative;
 use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{self, write_pose, Solutions};
+use bowstring_core::statics::designs;
 use bowstring_core::statics::path::PathOutcome;
 use bowstring_core::statics::solver::Solver;
 use bowstring_core::statics::solver::{Outcome, Status};
@@ -120,6 +122,48 @@ impl Robot {
             batch::solve_batch(&self.inner, &model.0, &loads.borrow(), threads, disks)
         })?;
         self.arrays(py, found.map_err(input_error)?, disks)
+    }
+
+    /// Sweeps of many robots like this one, each along its own rows of the loads, on `threads`
+    /// cores (0: all).
+    fn sweep_designs<'py>(
+        &self,
+        py: Python<'py>,
+        designs: DesignArrays<'py>,
+        tensions: PyReadonlyArray2<'py, f64>,
+        load: DeadLoad<'py>,
+        model: &RodModel,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let loads = self.loads(tensions, load, false)?;
+        let robots = designs.robots(&self.inner)?;
+        let found = interruptible(py, || {
+            designs::sweep_designs(&robots, &model.0, &loads.borrow(), threads)
+        })?;
+        self.arrays(py, found.map_err(input_error)?, false)
+    }
+
+    /// Tips (n, 3) of many robots like this one by constant curvature, on all cores; NaN where there
+    /// is no arc.
+    fn arc_tips<'py>(
+        &self,
+        py: Python<'py>,
+        designs: DesignArrays<'py>,
+        law: &str,
+        commands: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Array<'py>> {
+        let law = match law {
+            "lengths" => Law::Lengths,
+            "chords" => Law::Chords,
+            "linear" => Law::Linear,
+            "arm" => Law::LeverArm,
+            _ => return Err(refused(format!("law is {law}, it must be a law of arcs"))),
+        };
+        let robots = designs.robots(&self.inner)?;
+        let rows = commands.shape()[0];
+        let commands: Vec<f64> = commands.as_array().iter().copied().collect();
+        let found = interruptible(py, || robot_arcs::tips(&robots, law, &commands, 0))?;
+        Ok(array(py, found.map_err(input_error)?, &[rows, 3]))
     }
 }
 

@@ -29,7 +29,7 @@ pub fn exp<T: Real>(w: Vec3<T>) -> Mat3<T> {
 #[inline(always)]
 fn rotation<T: Real>(w: Vec3<T>, c: &[T; 8]) -> Mat3<T> {
     // I + c1 [w] + c2 [w]^2, with [w]^2 = w w^T - |w|^2 I and I - c2 |w|^2 = c0
-    (w * c[1]).skew() + (w * c[2]).outer(w) + Mat3::scalar(c[0])
+    (w * c[2]).outer_add(w, (w * c[1]).skew_and_scalar(c[0]))
 }
 
 /// Rotation vector of a rotation matrix, with a norm in [0, pi].
@@ -58,10 +58,6 @@ pub(crate) struct ArcMap<T = f64> {
     w: Vec3<T>,
     length: T,
     c: [T; 8],
-    /// Rotation over the arc.
-    pub rotation: Mat3<T>,
-    /// End point in the frame of the start (m).
-    pub end: Vec3<T>,
 }
 
 impl<T: Real> ArcMap<T> {
@@ -69,16 +65,22 @@ impl<T: Real> ArcMap<T> {
     #[inline(always)]
     pub fn new(w: Vec3<T>, length: T) -> Self {
         let c = stumpff(w.norm2());
-        // end = l T(w) e3 (theory Eq. 2.2) with T = I + c2 [w] + c3 [w]^2
-        let o = T::zero();
-        let end = (Vec3([o, o, c[1]]) + Vec3([w[1], -w[0], o]) * c[2] + w * (c[3] * w[2])) * length;
-        ArcMap {
-            w,
-            length,
-            c,
-            rotation: rotation(w, &c),
-            end,
-        }
+        ArcMap { w, length, c }
+    }
+
+    /// Rotation over the arc.
+    #[inline(always)]
+    pub fn rotation(&self) -> Mat3<T> {
+        rotation(self.w, &self.c)
+    }
+
+    /// End point in the frame of the start (m).
+    #[inline(always)]
+    pub fn end(&self) -> Vec3<T> {
+        // l T(w) e3 (theory Eq. 2.2) with T = I + c2 [w] + c3 [w]^2
+        let (w, c, o) = (self.w, &self.c, T::zero());
+        let along = Vec3([o, o, c[1]]) + Vec3([w[1], -w[0], o]) * c[2] + w * (c[3] * w[2]);
+        along * self.length
     }
 
     /// Length of the arc (m).
@@ -102,7 +104,7 @@ impl<T: Real> ArcMap<T> {
         // I - [w]/2 + e [w]^2, with [w]^2 = w w' - x I
         let e = (c[3] - c[4] - c[4]) * half / c[2];
         let d = T::splat(1.0) - e * w.norm2();
-        (w * e).outer(w).add_diagonal([d; 3]) - (w * half).skew()
+        (w * e).outer_add(w, (w * -half).skew_and_scalar(d))
     }
 
     /// Derivative of the end point with respect to `w`.
@@ -112,13 +114,10 @@ impl<T: Real> ArcMap<T> {
         let o = T::zero();
         let [d1, d2, d3] = self.first_derivatives();
         let along = Vec3([o, o, d1]) + Vec3([w[1], -w[0], o]) * d2 + w * (d3 * w[2]);
-        let mut q = along.outer(w * T::splat(2.0)) + Mat3::scalar(c[3] * w[2]);
-        q.0[0][1] += c[2];
-        q.0[1][0] -= c[2];
-        for i in 0..3 {
-            q.0[i][2] += c[3] * w[i];
-        }
-        q * l
+        // derivatives of the same at constant c_k
+        let [x, y, z] = (w * c[3]).0;
+        let direct = Mat3([[z, c[2], x], [-c[2], z, y], [o, o, z + z]]);
+        along.outer_add(w * T::splat(2.0), direct) * l
     }
 
     /// Hessian in `w` of `n . end(w) + m . eta(w)`, where `exp(w + dw) = exp(eta) exp(w)`.
@@ -142,13 +141,12 @@ impl<T: Real> ArcMap<T> {
         let y = w * (beta * half) + (k * d2 + gradient3 * d3) * two + mw * d2 + mw.cross(w) * d3
             - m * (c[3] * half);
         let z = n * c[3];
-        let mut h = w.outer(y) + y.outer(w);
-        for i in 0..3 {
-            h.0[i][i] += alpha;
-            h.0[i][2] += z[i];
+        let mut h = w.outer_add(y, y.outer(w)).add_diagonal([alpha; 3]);
+        for i in 0..2 {
             h.0[2][i] += z[i];
         }
-        h
+        h.0[2][2] += z[2] + z[2];
+        h.mirrored()
     }
 
     /// `d c_k / d x = (k c_{k+2} - c_{k+1}) / 2` for k = 1, 2, 3.
@@ -214,8 +212,8 @@ mod tests {
         let step = 1e-4;
         for w0 in ARCS.map(Vec3) {
             let arc = ArcMap::new(w0, l);
-            let eta = |d: Vec3| log(&(exp(w0 + d) * arc.rotation.transpose()));
-            let value = |d: Vec3| n.dot(ArcMap::new(w0 + d, l).end) + m.dot(eta(d));
+            let eta = |d: Vec3| log(&(exp(w0 + d) * arc.rotation().transpose()));
+            let value = |d: Vec3| n.dot(ArcMap::new(w0 + d, l).end()) + m.dot(eta(d));
             let e = |i: usize| {
                 let mut v = Vec3::zero();
                 v[i] = step;
@@ -225,8 +223,8 @@ mod tests {
             let unit = j * arc.left_jacobian_inverse() - Mat3::identity();
             assert!(unit.0.iter().flatten().all(|d| d.abs() < 1e-12));
             for i in 0..3 {
-                let de =
-                    (ArcMap::new(w0 + e(i), l).end - ArcMap::new(w0 - e(i), l).end) * (0.5 / step);
+                let de = (ArcMap::new(w0 + e(i), l).end() - ArcMap::new(w0 - e(i), l).end())
+                    * (0.5 / step);
                 let dr = (eta(e(i)) - eta(-e(i))) * (0.5 / step);
                 assert!((q.column(i) - de).norm() < 1e-8, "end at {w0:?}");
                 assert!((j.column(i) - dr).norm() < 1e-8, "rotation at {w0:?}");

@@ -104,6 +104,16 @@ impl<T: Real> Vec3<T> {
         let [x, y, z] = self.0;
         Mat3([(o * x).0, (o * y).0, (o * z).0])
     }
+    /// `self * o^T + m`
+    #[inline(always)]
+    pub fn outer_add(self, o: Self, m: Mat3<T>) -> Mat3<T> {
+        let ([x, y, z], [a, b, c]) = (self.0, m.rows());
+        Mat3([
+            o.scaled_add(x, a).0,
+            o.scaled_add(y, b).0,
+            o.scaled_add(z, c).0,
+        ])
+    }
     /// `[self] * m`: the cross product with every column.
     #[inline(always)]
     pub fn cross_mat(self, m: Mat3<T>) -> Mat3<T> {
@@ -118,9 +128,13 @@ impl<T: Real> Vec3<T> {
     /// The cross-product matrix: `skew(a) * b = a x b`.
     #[inline(always)]
     pub fn skew(self) -> Mat3<T> {
+        self.skew_and_scalar(T::zero())
+    }
+    /// The cross-product matrix plus `d` times the identity.
+    #[inline(always)]
+    pub fn skew_and_scalar(self, d: T) -> Mat3<T> {
         let [x, y, z] = self.0;
-        let o = T::zero();
-        Mat3([[o, -z, y], [z, o, -x], [-y, x, o]])
+        Mat3([[d, -z, y], [z, d, -x], [-y, x, d]])
     }
 }
 
@@ -198,10 +212,53 @@ impl<T: Real> Mat3<T> {
         }
         self
     }
+    /// `self * [v]`: the product with a cross-product matrix.
+    #[inline(always)]
+    pub fn mul_skew(self, v: Vec3<T>) -> Self {
+        let [a, b, c] = self.rows();
+        Mat3([a.cross(v).0, b.cross(v).0, c.cross(v).0])
+    }
+    /// Multiplies every row by a number.
+    #[inline(always)]
+    pub fn scale_rows(self, by: [T; 3]) -> Self {
+        let [a, b, c] = self.rows();
+        Mat3([(a * by[0]).0, (b * by[1]).0, (c * by[2]).0])
+    }
+    /// Adds the cross-product matrix of a vector.
+    #[inline(always)]
+    pub fn add_skew(mut self, v: Vec3<T>) -> Self {
+        let [x, y, z] = v.0;
+        for (row, column, by) in [(2, 1, x), (0, 2, y), (1, 0, z)] {
+            self.0[row][column] += by;
+            self.0[column][row] -= by;
+        }
+        self
+    }
+    /// `self * s + m`
+    #[inline(always)]
+    pub fn scaled_add(self, s: T, m: Self) -> Self {
+        let ([a, b, c], [x, y, z]) = (self.rows(), m.rows());
+        Mat3([
+            a.scaled_add(s, x).0,
+            b.scaled_add(s, y).0,
+            c.scaled_add(s, z).0,
+        ])
+    }
     /// `self^T * o`
     #[inline(always)]
     pub fn tr_mat(self, o: Self) -> Self {
         self.transpose() * o
+    }
+    /// The lower triangle and its mirror image: a matrix that is symmetric but for rounding, of which
+    /// the upper triangle need not be computed.
+    #[inline(always)]
+    pub fn mirrored(self) -> Self {
+        let m = self.0;
+        Mat3([
+            [m[0][0], m[1][0], m[2][0]],
+            [m[1][0], m[1][1], m[2][1]],
+            [m[2][0], m[2][1], m[2][2]],
+        ])
     }
     /// `(self + self^T) / 2`
     #[inline(always)]

@@ -43,6 +43,25 @@ pub trait Real:
     fn zero() -> Self {
         Self::splat(0.0)
     }
+    /// Whether every lane is below a bound; a NaN is not.
+    #[inline(always)]
+    fn all_below(self, bound: f64) -> bool {
+        // no early exit: the lanes are compared at once
+        let mut all = true;
+        for i in 0..Self::LANES {
+            all &= self.lane(i) < bound;
+        }
+        all
+    }
+    /// Whether any lane is above a bound; a NaN is not.
+    #[inline(always)]
+    fn any_above(self, bound: f64) -> bool {
+        let mut any = false;
+        for i in 0..Self::LANES {
+            any |= self.lane(i) > bound;
+        }
+        any
+    }
     /// The largest lane; NaN if any lane is NaN.
     #[inline(always)]
     fn largest(self) -> f64 {
@@ -112,6 +131,9 @@ pub(crate) trait Layout: Copy + Send + Sync + 'static {
     type Chain: Real;
     /// Number of modules side by side.
     const WIDTH: usize;
+    /// Whether tendons are continuous, where the passes are compiled for one kind of tendon: a branch
+    /// between the two costs registers.
+    const CONTINUOUS: Option<bool> = None;
     /// Number of one module.
     fn get(m: &Self::Module, i: usize) -> Self::Chain;
     /// Sets the number of one module.

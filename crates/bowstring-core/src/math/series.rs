@@ -2,7 +2,16 @@
 
 use crate::math::real::Real;
 
-const FACTORIAL: [f64; 8] = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0, 720.0, 5040.0];
+/// `1 / k!`
+const PER_FACTORIAL: [f64; 46] = {
+    let mut per = [1.0; 46];
+    let mut k = 1;
+    while k < per.len() {
+        per[k] = per[k - 1] / k as f64;
+        k += 1;
+    }
+    per
+};
 
 /// Bound of `x` below which eight terms of the series are exact to rounding.
 const SHORT_SERIES: f64 = 0.6;
@@ -14,31 +23,33 @@ const LONG_SERIES: f64 = 12.0;
 /// `sin(t) / t`, `(1 - cos(t)) / t^2` and so on at `x = t^2`.
 #[inline(always)]
 pub(crate) fn stumpff<T: Real>(x: T) -> [T; 8] {
-    let largest = x.largest();
-    if largest < SHORT_SERIES {
+    if x.all_below(SHORT_SERIES) {
         downward(x, 8)
-    } else if largest < LONG_SERIES {
+    } else if x.all_below(LONG_SERIES) {
         downward(x, 20)
     } else {
-        stumpff_far(x)
+        // copied: what a call writes to stays in memory
+        let [a, b, c, d, e, f, g, h] = stumpff_far(x);
+        [a, b, c, d, e, f, g, h]
     }
 }
 
 /// The two highest functions by their series (`n` terms), the others by `c_k = 1/k! - x c_{k+2}`.
 #[inline(always)]
 fn downward<T: Real>(x: T, n: usize) -> [T; 8] {
-    let one = T::splat(1.0);
-    let (mut c6, mut c7) = (one, one);
-    for i in (1..n).rev() {
-        let k = 2.0 * i as f64;
-        c6 = (x * c6).mul_add(T::splat(-1.0 / ((k + 5.0) * (k + 6.0))), one);
-        c7 = (x * c7).mul_add(T::splat(-1.0 / ((k + 6.0) * (k + 7.0))), one);
+    let last = 4 + 2 * n;
+    let mut c = [T::zero(); 8];
+    let (mut c6, mut c7) = (
+        T::splat(PER_FACTORIAL[last]),
+        T::splat(PER_FACTORIAL[last + 1]),
+    );
+    for i in (0..n - 1).rev() {
+        c6 = (-x).mul_add(c6, T::splat(PER_FACTORIAL[6 + 2 * i]));
+        c7 = (-x).mul_add(c7, T::splat(PER_FACTORIAL[7 + 2 * i]));
     }
-    let mut c = [one; 8];
-    c[6] = c6 * T::splat(1.0 / FACTORIAL[6]);
-    c[7] = c7 * T::splat(1.0 / FACTORIAL[7]);
+    (c[6], c[7]) = (c6, c7);
     for k in (0..6).rev() {
-        c[k] = (-x).mul_add(c[k + 2], T::splat(1.0 / FACTORIAL[k]));
+        c[k] = (-x).mul_add(c[k + 2], T::splat(PER_FACTORIAL[k]));
     }
     c
 }
@@ -60,7 +71,7 @@ fn stumpff_far<T: Real>(x: T) -> [T; 8] {
                 theta.sin() / theta
             };
             for i in (k % 2..k).step_by(2) {
-                value = (1.0 / FACTORIAL[i] - value) / x;
+                value = (PER_FACTORIAL[i] - value) / x;
             }
             value
         });
@@ -89,7 +100,7 @@ mod tests {
         for edge in [SHORT_SERIES, LONG_SERIES] {
             let (a, b) = (stumpff(edge * (1.0 - 1e-15)), stumpff(edge * (1.0 + 1e-15)));
             for k in 0..8 {
-                let scale = 1.0 / FACTORIAL[k];
+                let scale = PER_FACTORIAL[k];
                 assert!((a[k] - b[k]).abs() < 1e-13 * scale, "c{k} at {edge}");
             }
         }

@@ -304,14 +304,15 @@ impl<S: Simd> Layout for Modules<S> {
     }
 }
 
-/// Several robots side by side.
+/// Several robots side by side, with `CONTINUOUS` tendons or with straight spans.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Robots<S>(pub S);
+pub(crate) struct Robots<S, const CONTINUOUS: bool>(pub S);
 
-impl<S: Simd> Layout for Robots<S> {
+impl<S: Simd, const CONTINUOUS: bool> Layout for Robots<S, CONTINUOUS> {
     type Module = S::Vector;
     type Chain = S::Vector;
     const WIDTH: usize = 1;
+    const CONTINUOUS: Option<bool> = Some(CONTINUOUS);
     #[inline(always)]
     fn get(m: &S::Vector, _: usize) -> S::Vector {
         *m

@@ -267,7 +267,7 @@ impl InputError {
     }
 
     /// The same error, in a row counted from 0.
-    pub(crate) fn in_row(self, row: usize) -> Self {
+    pub fn in_row(self, row: usize) -> Self {
         let error = Box::new(self);
         InputError::Row { row, error }
     }

@@ -39,9 +39,9 @@ pub struct Disk {
 
 /// A tendon: the same hole in the base and in every disk up to its end disk.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tendon {
+pub struct Tendon<T = f64> {
     /// Position x, y of its holes in the disk frame (m).
-    pub hole: [f64; 2],
+    pub hole: [T; 2],
     /// Index of its end disk, where it is anchored.
     pub end_disk: usize,
 }

@@ -90,7 +90,6 @@ impl<L: Layout, const A: usize> Residual<L, A> {
     #[inline(always)]
     fn set_resultants(&mut self, rod: &mut Rod<L, A>) {
         let mut total = self.tip_force;
-        let splat = L::Chain::splat;
         for k in (0..self.moment.len()).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let [start, end] = rod.fixed.modules[k].clamp;
@@ -99,13 +98,13 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             let state = &mut rod.states[g];
             let here = rotation.tr_mul(total);
             put::<L>(&mut state.f[0], i, here);
-            put::<L>(&mut state.f[1], i, here * splat(end));
+            put::<L>(&mut state.f[1], i, here * end);
             for a in 0..A - 1 {
                 let force = self.force[k * A + a];
                 total += force;
                 put::<L>(&mut self.modules[g].nodes[a], i, rotation.tr_mul(force));
             }
-            put::<L>(&mut state.f[2], i, rotation.tr_mul(total) * splat(start));
+            put::<L>(&mut state.f[2], i, rotation.tr_mul(total) * start);
         }
     }
 

@@ -102,13 +102,13 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 }
             }
             let [start, end] = rod.fixed.modules[k].clamp;
-            let base = position + frame.column(2) * L::Chain::splat(start);
+            let base = position + frame.column(2) * start;
             for a in 0..A - 1 {
                 place.points[a] = base + frame * get::<L>(&inside[a], i);
             }
             position = base + frame * get::<L>(&next.rho, i);
             frame = frame * get_mat::<L>(&next.s, i);
-            position += frame.column(2) * L::Chain::splat(end);
+            position += frame.column(2) * end;
             place.points[A - 1] = position;
             place.frame = frame;
             rotation = rotation * get_mat::<L>(&rod.states[g].s, i);

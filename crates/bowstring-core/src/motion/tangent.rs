@@ -78,8 +78,8 @@ impl<T: Real> ModulePose<T> {
         let [start, end] = rod.fixed.modules[k].clamp;
         let s = get_mat::<L>(&state.s, i);
         let mut o = get::<L>(&state.rho, i);
-        o.0[2] += T::splat(start);
-        let b = s.column(2) * T::splat(end);
+        o.0[2] += start;
+        let b = s.column(2) * end;
         ModulePose { s, o, b }
     }
 

@@ -28,11 +28,11 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub gradients: Vec<Gradient<L::Module, A>>,
     /// Rotations of the disks, base included.
     pub rotations: Vec<Mat3<L::Chain>>,
-    pub tendons: Vec<Tendon>,
+    pub tendons: Vec<Tendon<L::Module>>,
     pub path: TendonPath,
     /// Tension of every tendon in every group (N); zero where it does not pass.
     pub tensions: Vec<L::Module>,
-    pub fixed: Fixed<L::Module>,
+    pub fixed: Fixed<L>,
     pub dead: DeadLoads<L::Chain>,
     pub newton: Newton<L, A>,
     pub spans: Spans<L, A>,
@@ -42,14 +42,14 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
 
 /// Properties of the robot beside the constants of its modules.
 #[derive(Clone)]
-pub(crate) struct Fixed<M> {
-    pub modules: Vec<Constants<f64>>,
+pub(crate) struct Fixed<L: Layout> {
+    pub modules: Vec<Constants<L::Chain>>,
     /// Masses of the disks (kg).
-    masses: Vec<f64>,
+    masses: Vec<L::Chain>,
     /// First tendon that passes each module.
     first_tendon: Vec<usize>,
     /// By groups and tendons: one where the tendon passes, otherwise zero.
-    pub passes: Vec<M>,
+    pub passes: Vec<L::Module>,
 }
 
 /// Dead loads in the base frame.
@@ -176,7 +176,7 @@ pub(crate) struct Step<T> {
 /// The tendons in one group of modules.
 #[inline(always)]
 pub(crate) fn in_group<'a, M>(
-    tendons: &'a [Tendon],
+    tendons: &'a [Tendon<M>],
     tensions: &'a [M],
     path: TendonPath,
     group: usize,
@@ -237,40 +237,65 @@ pub(crate) fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) ->
     })
 }
 
+/// Second variation of module `i` of a group and of the distal part, whose own is `value` in the
+/// frame of the end disk; `s` is the rotation of the end.
+#[inline(always)]
+fn blocks<L: Layout, const A: usize, const SYMMETRIC: bool>(
+    of: &Hessian<L::Module, A>,
+    i: usize,
+    s: &Mat3<L::Chain>,
+    value: Mat3<L::Chain>,
+    shift: L::Chain,
+) -> Blocks<L::Chain, A, 1> {
+    // second variation of the disk at the end, in the frame of the start
+    let mut p = *s * value * s.transpose();
+    if SYMMETRIC {
+        p = p.mirrored();
+    }
+    let mut blocks = Blocks::empty();
+    for a in 0..A {
+        for b in 0..A {
+            if b < a {
+                continue;
+            }
+            blocks.uu[b][a] = get_mat::<L>(&of.uu[b][a], i) + p;
+            if !SYMMETRIC && b > a {
+                blocks.uu[a][b] = get_mat::<L>(&of.uu[b][a], i).transpose() + p;
+            }
+        }
+        blocks.uu[a][a] = blocks.uu[a][a].add_diagonal([shift; 3]);
+        let xu = get_mat::<L>(&of.xu[a], i);
+        blocks.xu[a][0] = xu + p;
+        blocks.ux[a][0] = xu.transpose() + p;
+    }
+    blocks.xx[0][0] = get_mat::<L>(&of.xx, i) + p;
+    blocks
+}
+
 impl<L: Layout, const A: usize> Rod<L, A> {
     pub fn new(layout: L, robot: &Robot, model: Model) -> Self {
         let n = robot.module_count();
         let groups = n.div_ceil(L::WIDTH);
-        let modules: Vec<_> = (0..n)
-            .map(|k| Constants::new(robot, k, model, A / 2))
-            .collect();
         let zero = [Vec3::zero(); A];
         let tendons = robot.tendon_count();
         let passes = (0..groups * tendons).map(|at| {
             let end = robot.spec().tendons[at % tendons].end_disk;
             lanes::<L>(n, at / tendons, |k| f64::from(u8::from(k <= end)))
         });
-        let constants = (0..groups).map(|g| {
-            Constants::gather(|i| {
-                // robots side by side share their modules; idle lanes repeat the last module
-                let i = if L::WIDTH == 1 { 0 } else { i };
-                modules[(g * L::WIDTH + i).min(n - 1)]
-            })
-        });
-        Rod {
+        let mut rod = Rod {
             layout,
-            constants: constants.collect(),
+            constants: vec![],
             states: vec![State::straight(); groups],
             gradients: vec![Gradient::empty(); groups],
             rotations: vec![Mat3::identity(); n + 1],
-            tendons: robot.spec().tendons.clone(),
+            tendons: vec![],
             path: model.tendon,
             tensions: vec![L::Module::zero(); groups * tendons],
             fixed: Fixed {
-                masses: robot.spec().disks.iter().map(|d| d.mass).collect(),
+                masses: vec![],
                 first_tendon: robot.modules.iter().map(|m| m.first_tendon).collect(),
                 passes: passes.collect(),
-                modules,
+                modules: vec![],
             },
             dead: DeadLoads {
                 modules: vec![[Vec3::zero(); 4]; n],
@@ -300,7 +325,41 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 defects: vec![Defect::none(); groups],
                 lengths: vec![L::Chain::zero(); tendons],
             },
-        }
+        };
+        rod.set_robots(std::slice::from_ref(robot), model);
+        rod
+    }
+
+    /// Replaces the numbers of the robots, which have the topology of the rod's own: one for each
+    /// lane of the chain, the last one also in the lanes beyond.
+    pub fn set_robots(&mut self, robots: &[Robot], model: Model) {
+        let n = self.module_count();
+        let of = |lane: usize| &robots[lane.min(robots.len() - 1)];
+        let modules = &mut self.fixed.modules;
+        modules.clear();
+        modules.extend((0..n).map(|k| {
+            let each = robots.iter().map(|r| Constants::new(r, k, model, A / 2));
+            let each: Vec<_> = each.collect();
+            Constants::gather(|lane| each[lane.min(each.len() - 1)])
+        }));
+        self.constants.clear();
+        self.constants.extend((0..self.states.len()).map(|g| {
+            Constants::gather(|i| match L::WIDTH {
+                1 => modules[g].of_lane(i),
+                // idle lanes repeat the last module
+                width => modules[(g * width + i).min(n - 1)].of_lane(0),
+            })
+        }));
+        let masses = (0..n).map(|k| L::Chain::from_fn(|lane| of(lane).spec().disks[k].mass));
+        self.fixed.masses.clear();
+        self.fixed.masses.extend(masses);
+        self.tendons.clear();
+        let tendons = robots[0].spec().tendons.iter().enumerate();
+        self.tendons.extend(tendons.map(|(i, tendon)| Tendon {
+            // modules side by side belong to one robot
+            hole: [0, 1].map(|q| L::Module::from_fn(|lane| of(lane).spec().tendons[i].hole[q])),
+            end_disk: tendon.end_disk,
+        }));
     }
 
     /// Memory of a rod (bytes) and of the responses to `columns` single tensions.
@@ -359,18 +418,19 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let mut force = tip_force;
         for (k, c) in self.fixed.modules.iter().enumerate().rev() {
             let (h, [start, end]) = (c.flexible, c.clamp);
-            let weight = gravity * splat(c.mass_per_length);
-            force += gravity * splat(self.fixed.masses[k]);
+            let weight = gravity * c.mass_per_length;
+            force += gravity * self.fixed.masses[k];
             // an element's weight by Hermite's rule: half at each end, and a couple
-            let element = h / (A / 2) as f64;
-            let couple = element * element / 12.0;
+            let half = splat(0.5);
+            let element = h * splat(2.0 / A as f64);
+            let couple = element * element / splat(12.0);
             self.dead.modules[k] = [
-                force + weight * splat(element / 2.0 + end),
-                force * splat(end) + weight * splat(end * end / 2.0 - couple),
-                force * splat(start) + weight * splat(start * (start / 2.0 + h + end) + couple),
-                weight * splat(element),
+                force + weight * (element * half + end),
+                force * end + weight * (end * end * half - couple),
+                force * start + weight * (start * (start * half + h + end) + couple),
+                weight * element,
             ];
-            force += weight * splat(h + start + end);
+            force += weight * (h + start + end);
         }
     }
 
@@ -392,6 +452,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
+    /// The path of the tendons.
+    #[inline(always)]
+    pub fn path(&self) -> TendonPath {
+        match L::CONTINUOUS {
+            Some(true) => TendonPath::Continuous,
+            Some(false) => TendonPath::Straight,
+            None => self.path,
+        }
+    }
+
     pub fn has_tip_moment(&self) -> bool {
         self.dead.tip_moment.max_abs().largest() != 0.0
     }
@@ -407,28 +477,36 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// (theory Eq. 3.1, without the tip moment).
     #[inline(always)]
     pub fn evaluate(&mut self) -> L::Chain {
-        let (tendons, tensions, path) = (&self.tendons, &self.tensions, self.path);
-        for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
-            state.shape(c, &in_group(tendons, tensions, path, g));
-        }
+        let path = self.path();
+        let n = self.module_count();
         let mut rotation = Mat3::identity();
-        for k in 0..self.module_count() {
-            let (state, i) = (&mut self.states[k / L::WIDTH], k % L::WIDTH);
-            // the last is for nodes between elements
-            let used = if A > 2 { 4 } else { 3 };
-            for (f, dead) in state.f[..used].iter_mut().zip(&self.dead.modules[k]) {
-                put::<L>(f, i, rotation.tr_mul(*dead));
+        let mut energy = L::Chain::zero();
+        for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
+            let t = in_group(&self.tendons, &self.tensions, path, g);
+            state.shape(c, &t);
+            let here = L::WIDTH.min(n - g * L::WIDTH);
+            for i in 0..here {
+                let k = g * L::WIDTH + i;
+                // the last is for nodes between elements
+                let used = if A > 2 { 4 } else { 3 };
+                for (f, dead) in state.f[..used].iter_mut().zip(&self.dead.modules[k]) {
+                    put::<L>(f, i, rotation.tr_mul(*dead));
+                }
+                rotation = rotation * get_mat::<L>(&state.s, i);
+                self.rotations[k + 1] = rotation;
             }
-            rotation = rotation * get_mat::<L>(&state.s, i);
-            self.rotations[k + 1] = rotation;
+            state.balance(c, &t);
+            for i in 0..here {
+                energy += L::get(&state.energy, i);
+            }
         }
-        self.balance()
+        energy
     }
 
     /// The second half of `evaluate`: forces, where only tensions of straight spans have changed.
     #[inline(always)]
     pub fn balance(&mut self) -> L::Chain {
-        let (tendons, tensions, path) = (&self.tendons, &self.tensions, self.path);
+        let (tendons, tensions, path) = (&self.tendons, &self.tensions, self.path());
         let n = self.module_count();
         let mut energy = L::Chain::zero();
         for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
@@ -444,24 +522,29 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// returns the largest moment imbalance (N m).
     #[inline(always)]
     pub fn gradient(&mut self) -> L::Chain {
+        let path = self.path();
         let n = self.module_count();
         let mut lambda = -self.rotations[n].tr_mul(self.dead.tip_moment);
-        for k in (0..n).rev() {
-            let (state, i) = (&mut self.states[k / L::WIDTH], k % L::WIDTH);
-            lambda = get_mat::<L>(&state.s, i) * lambda;
-            put::<L>(&mut state.lambda, i, lambda);
-            lambda -= get::<L>(&state.load_moment, i);
-        }
         let mut residual = L::Module::zero();
-        for g in 0..self.states.len() {
-            let t = in_group(&self.tendons, &self.tensions, self.path, g);
+        for (g, (state, c)) in self
+            .states
+            .iter_mut()
+            .zip(&self.constants)
+            .enumerate()
+            .rev()
+        {
+            for i in (0..L::WIDTH.min(n - g * L::WIDTH)).rev() {
+                lambda = get_mat::<L>(&state.s, i) * lambda;
+                put::<L>(&mut state.lambda, i, lambda);
+                lambda -= get::<L>(&state.load_moment, i);
+            }
+            let t = in_group(&self.tendons, &self.tensions, path, g);
             let out = &mut self.gradients[g];
-            self.states[g].gradient(&self.constants[g], &t, out);
+            state.gradient(c, &t, out);
             for v in &out.g {
                 residual = residual.max(v.max_abs());
             }
             // the residual of the end's position, times its force, is an imbalance as well
-            let state = &self.states[g];
             residual = residual.max(state.miss * state.n.max_abs());
         }
         let mut largest = L::get(&residual, 0);
@@ -471,27 +554,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         largest
     }
 
-    /// Second derivatives of all modules at the present gradient.
-    #[inline(always)]
-    pub fn linearise_only(&mut self) {
-        for g in 0..self.states.len() {
-            self.linearise_group(g);
-        }
-    }
-
     /// Second derivatives of all modules, and the responses of their ends.
     #[inline(always)]
     pub fn linearise(&mut self) {
         for g in 0..self.states.len() {
-            self.newton.responses[g] = self.linearise_group(g);
+            let t = in_group(&self.tendons, &self.tensions, self.path(), g);
+            let (state, gradient) = (&self.states[g], &self.gradients[g]);
+            let out = &mut self.newton.hessians[g];
+            let response = state.hessian::<true>(&self.constants[g], &t, gradient, out);
+            self.newton.responses[g] = response;
         }
-    }
-
-    #[inline(always)]
-    fn linearise_group(&mut self, g: usize) -> Response<L::Module, A> {
-        let t = in_group(&self.tendons, &self.tensions, self.path, g);
-        let out = &mut self.newton.hessians[g];
-        self.states[g].hessian::<true>(&self.constants[g], &t, &self.gradients[g], out)
     }
 
     /// Backward pass: eliminates every arc (theory Eq. 3.4); returns the least pivot, positive at a
@@ -510,25 +582,32 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let mut least_pivot = L::Chain::splat(f64::INFINITY);
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            let all = &self.newton.hessians[g];
             let s = get_mat::<L>(&self.states[g].s, i);
-            // second variation of the disk at the end, in the frame of the start
-            let p = s * value * s.transpose();
-            let mut blocks = Blocks::empty();
-            for a in 0..A {
-                for b in a..A {
-                    blocks.uu[b][a] = get_mat::<L>(&all.uu[b][a], i) + p;
-                    if !SYMMETRIC && b > a {
-                        blocks.uu[a][b] = get_mat::<L>(&all.uu[b][a], i).transpose() + p;
-                    }
-                }
-                blocks.uu[a][a] = blocks.uu[a][a].add_diagonal([shift; 3]);
-                let xu = get_mat::<L>(&all.xu[a], i);
-                blocks.xu[a][0] = xu + p;
-                blocks.ux[a][0] = xu.transpose() + p;
-            }
-            blocks.xx[0][0] = get_mat::<L>(&all.xx, i) + p;
+            let blocks = blocks::<L, A, SYMMETRIC>(&self.newton.hessians[g], i, &s, value, shift);
             [[value]] = self.newton.eliminated[k].eliminate::<SYMMETRIC>(blocks, &mut least_pivot);
+        }
+        least_pivot
+    }
+
+    /// `linearise` and `eliminate` in one pass, without shift, for a symmetric tangent: keeps the
+    /// eliminated modules only.
+    #[inline(always)]
+    pub fn linearise_and_eliminate(&mut self) -> L::Chain {
+        let n = self.module_count();
+        self.newton.symmetric = true;
+        let mut value = Mat3::zero();
+        let mut least_pivot = L::Chain::splat(f64::INFINITY);
+        for g in (0..self.states.len()).rev() {
+            let t = in_group(&self.tendons, &self.tensions, self.path(), g);
+            let (state, gradient) = (&self.states[g], &self.gradients[g]);
+            let mut hessian = Hessian::empty();
+            state.hessian::<true>(&self.constants[g], &t, gradient, &mut hessian);
+            for i in (0..L::WIDTH.min(n - g * L::WIDTH)).rev() {
+                let s = get_mat::<L>(&state.s, i);
+                let blocks = blocks::<L, A, true>(&hessian, i, &s, value, L::Chain::zero());
+                let eliminated = &mut self.newton.eliminated[g * L::WIDTH + i];
+                [[value]] = eliminated.eliminate::<true>(blocks, &mut least_pivot);
+            }
         }
         least_pivot
     }
@@ -958,7 +1037,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             *length = L::Chain::zero();
         }
         for (g, (c, state)) in self.constants.iter().zip(&self.states).enumerate() {
-            let t = in_group(&self.tendons, &self.tensions, self.path, g);
+            let t = in_group(&self.tendons, &self.tensions, self.path(), g);
             let here = L::WIDTH.min(n - g * L::WIDTH);
             let offset = state.offset(c);
             let mean = state.s.column(2) + Vec3::ez();
@@ -970,7 +1049,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 self.placed.forward[k] = L::get(&chord, i);
             }
             for (j, tendon) in self.tendons.iter().enumerate() {
-                let (length, forward) = match self.path {
+                let (length, forward) = match self.path() {
                     TendonPath::Straight => {
                         let span = Span::new(c, tendon, &state.s, state.rho);
                         (span.length, span.direction.dot(mean))

@@ -59,6 +59,19 @@ impl Constants<f64> {
 }
 
 impl<T: Real> Constants<T> {
+    /// Constants of one lane.
+    pub fn of_lane(&self, lane: usize) -> Constants<f64> {
+        Constants {
+            flexible: self.flexible.lane(lane),
+            per_flexible: self.per_flexible.lane(lane),
+            clamp: self.clamp.map(|x| x.lane(lane)),
+            mass_per_length: self.mass_per_length.lane(lane),
+            stiffness: self.stiffness.map(|x| x.lane(lane)),
+            axial_compliance: self.axial_compliance.lane(lane),
+            d: self.d.map(|x| x.lane(lane)),
+        }
+    }
+
     /// Constants of modules in SIMD lanes.
     pub fn gather(of: impl Fn(usize) -> Constants<f64>) -> Self {
         let pick = |f: &dyn Fn(&Constants<f64>) -> f64| T::from_fn(|i| f(&of(i)));

@@ -95,11 +95,8 @@ impl<T: Real> Element<'_, T> {
     /// Curvature and twist under a moment in body axes.
     #[inline(always)]
     fn curvature(&self, moment: Vec3<T>) -> Vec3<T> {
-        let scaled = |m: Vec3<T>| {
-            let f = self.flexibility;
-            Vec3([m[0] * f[0], m[1] * f[1], m[2] * f[2]])
-        };
-        let mut u = scaled(moment);
+        let f = self.flexibility;
+        let mut u = Vec3([moment[0] * f[0], moment[1] * f[1], moment[2] * f[2]]);
         if self.tendons.path == TendonPath::Continuous {
             // continuous tendons carry part of the moment, which depends on the curvature
             for _ in 0..NEWTON_ROUNDS {
@@ -110,7 +107,7 @@ impl<T: Real> Element<'_, T> {
                     stiffness.0[q][q] = T::splat(1.0) / self.flexibility[q];
                 }
                 for (tendon, &tension) in self.tendons.tendons.iter().zip(self.tendons.tensions) {
-                    let hole = Vec3::splat([tendon.hole[0], tendon.hole[1], 0.0]);
+                    let hole = Vec3([tendon.hole[0], tendon.hole[1], T::zero()]);
                     let mut along = u.cross(hole);
                     along.0[2] += self.stretch;
                     let per = T::splat(1.0) / along.norm();
@@ -138,7 +135,7 @@ impl<T: Real> Element<'_, T> {
                 n[2].mul_add(self.axial, self.stretch),
             ]);
         Section {
-            rotation: *r * curvature.skew(),
+            rotation: r.mul_skew(curvature),
             place: along,
             moment: -along.cross(force),
         }

@@ -80,31 +80,43 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         } = blocks;
         self.xu = xu;
         for i in 0..A {
-            let (inverse, [m1, m2, m3]) = uu[i][i].inverse_and_minors();
+            let (mut inverse, [m1, m2, m3]) = uu[i][i].inverse_and_minors();
+            if SYMMETRIC {
+                inverse = inverse.mirrored();
+            }
             self.inverse[i] = inverse;
             // leading minors as pivots; where one is not positive, neither is the least
             let per = T::splat(1.0) / m1.abs();
             let least = min(min(m1, m2 * per), m3 * per * per);
             *least_pivot = min(*least_pivot, least);
-            for b in i + 1..A {
+            for b in 0..A {
+                if b <= i {
+                    continue;
+                }
                 let l = uu[b][i] * inverse;
                 self.lower[b][i] = l;
-                for a in i + 1..if SYMMETRIC { b + 1 } else { A } {
+                for a in 0..A {
+                    if a <= i || SYMMETRIC && a > b {
+                        continue;
+                    }
                     let beside = if SYMMETRIC {
                         uu[a][i].transpose()
                     } else {
                         uu[i][a]
                     };
-                    let update = l * beside;
-                    uu[b][a] -= update;
+                    uu[b][a] = (-l).mul_add(beside, uu[b][a]);
+                    if SYMMETRIC && a == b {
+                        uu[b][a] = uu[b][a].mirrored();
+                    }
                 }
             }
         }
         for i in 0..A {
-            for b in i + 1..A {
+            for b in 0..A {
                 for q in 0..S {
-                    let update = self.lower[b][i] * ux[i][q];
-                    ux[b][q] -= update;
+                    if b > i {
+                        ux[b][q] = (-self.lower[b][i]).mul_add(ux[i][q], ux[b][q]);
+                    }
                 }
             }
         }
@@ -112,20 +124,23 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
             for q in 0..S {
                 if SYMMETRIC {
                     ux[i][q] = self.inverse[i] * ux[i][q];
-                    for b in i + 1..A {
-                        let update = self.lower[b][i].tr_mat(ux[b][q]);
-                        ux[i][q] -= update;
+                }
+                for b in 0..A {
+                    if b > i {
+                        let beside = if SYMMETRIC {
+                            self.lower[b][i].transpose()
+                        } else {
+                            uu[i][b]
+                        };
+                        ux[i][q] = (-beside).mul_add(ux[b][q], ux[i][q]);
                     }
-                } else {
-                    for b in i + 1..A {
-                        let update = uu[i][b] * ux[b][q];
-                        ux[i][q] -= update;
-                    }
+                }
+                if !SYMMETRIC {
                     ux[i][q] = self.inverse[i] * ux[i][q];
                 }
                 for p in 0..S {
                     if !SYMMETRIC || p >= q {
-                        xx[p][q] -= xu[i][p] * ux[i][q];
+                        xx[p][q] = (-xu[i][p]).mul_add(ux[i][q], xx[p][q]);
                     }
                 }
             }
@@ -133,7 +148,7 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         self.gain = ux;
         if SYMMETRIC {
             for q in 0..S {
-                xx[q][q] = xx[q][q].symmetric_part();
+                xx[q][q] = xx[q][q].mirrored();
                 for p in q + 1..S {
                     xx[q][p] = xx[p][q].transpose();
                 }

@@ -151,7 +151,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 );
             }
             let weight = weight * (c.per_flexible * L::Module::splat((A / 2) as f64));
-            let t = in_group(&self.tendons, &self.tensions, self.path, g);
+            let t = in_group(&self.tendons, &self.tensions, self.path(), g);
             let mut rhs = [Vec3::zero(); A];
             let defect = self.states[g].defect(c, &t, &self.gradients[g], weight, &mut rhs);
             self.gradients[g].g = rhs;

@@ -34,7 +34,7 @@ pub(crate) use crate::rod::span::Span;
 /// The tendons of the robot and their tensions in one module: zero where they do not pass.
 #[derive(Clone, Copy)]
 pub(crate) struct Tendons<'a, T> {
-    pub tendons: &'a [Tendon],
+    pub tendons: &'a [Tendon<T>],
     pub tensions: &'a [T],
     pub path: TendonPath,
 }
@@ -128,6 +128,18 @@ pub(crate) struct Response<T, const A: usize> {
     pub k: Mat3<T>,
 }
 
+/// Motion of a module's end by the rotation added by each arc, and the forces that it causes.
+struct ThroughEnd<T, const A: usize> {
+    /// Motion.
+    j: [Mat3<T>; A],
+    /// Motion along the contact force, without compliance.
+    along: [Vec3<T>; A],
+    /// Force on the end.
+    force: [Mat3<T>; A],
+    /// Moment on the end.
+    torque: [Mat3<T>; A],
+}
+
 /// Fraction of the end's displacement due to shear and extension, at the end of an arc.
 #[inline(always)]
 pub(crate) fn share<T: Real, const A: usize>(arc: usize) -> T {
@@ -168,23 +180,32 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     pub fn shape(&mut self, c: &Constants<T>, t: &Tendons<T>) {
         let arc_length = c.flexible * T::splat(1.0 / A as f64) * c.stretch(t);
-        for i in 0..A {
-            let arc = ArcMap::new(self.w[i], arc_length);
-            let mut prefix = Mat3::identity();
-            if i == 0 {
-                self.rho0 = arc.end;
-                self.s = arc.rotation;
-            } else {
-                prefix = self.s;
-                self.rho0 += self.s * arc.end;
-                self.s = self.s * arc.rotation;
-            }
-            self.tail[i] = self.rho0;
-            self.arcs[i] = Arc { map: arc, prefix };
+        // by pairs: the compiler then knows the arcs of one element by number
+        for e in 0..A / 2 {
+            self.append(2 * e, arc_length);
+            self.append(2 * e + 1, arc_length);
         }
         for i in 0..A {
             self.tail[i] = self.rho0 - self.tail[i];
         }
+    }
+
+    /// Appends an arc; its `tail` is the end so far.
+    #[inline(always)]
+    fn append(&mut self, i: usize, length: T) {
+        let map = ArcMap::new(self.w[i], length);
+        let (rotation, end) = (map.rotation(), map.end());
+        let mut prefix = Mat3::identity();
+        if i == 0 {
+            self.rho0 = end;
+            self.s = rotation;
+        } else {
+            prefix = self.s;
+            self.rho0 += prefix * end;
+            self.s = prefix * rotation;
+        }
+        self.tail[i] = self.rho0;
+        self.arcs[i] = Arc { map, prefix };
     }
 
     /// Second half: contact force, end and energy (theory Eq. 3.1) under the dead loads in `f`.
@@ -203,8 +224,9 @@ impl<T: Real, const A: usize> State<T, A> {
             - self.f[0].dot(self.rho)
             - self.f[1].dot(tangent)
             - self.f[2][2];
-        self.load_moment =
-            self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) + Vec3::ez().cross(self.f[2]);
+        // the start's tangent is the z axis
+        let on_start = Vec3([-self.f[2][1], self.f[2][0], T::zero()]);
+        self.load_moment = self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) + on_start;
         for node in 1..A / 2 {
             let place = self.inside(2 * node - 1);
             self.energy -= self.f[3].dot(place);
@@ -221,7 +243,8 @@ impl<T: Real, const A: usize> State<T, A> {
         self.rho = self.rho0 + self.compliance(c) * self.n;
         let stretch = c.stretch(t);
         let mut cable = T::zero();
-        for i in (0..A).step_by(2) {
+        for e in 0..A / 2 {
+            let i = 2 * e;
             for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
                 let path = ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
                 cable += tension * path.length;
@@ -245,8 +268,8 @@ impl<T: Real, const A: usize> State<T, A> {
             let miss = self.rho0 + compliance * self.n - self.rho;
             // a NaN propagates to the energy, where it is detected
             self.miss = miss.max_abs();
-            let size = (self.miss * c.per_flexible).largest_number();
-            if !(size > SETTLED) || round == MAX_ROUNDS {
+            let moves = (self.miss * c.per_flexible).any_above(SETTLED);
+            if !moves || round == MAX_ROUNDS {
                 return cable;
             }
             let unit = [T::splat(1.0); 3];
@@ -284,9 +307,9 @@ impl<T: Real, const A: usize> State<T, A> {
             pull += force;
             cable = tension.mul_add(span.length, cable);
             torque += span.arm.cross(force);
-            stiffness += span.stiffness(tension);
+            stiffness = span.add_stiffness(tension, stiffness);
         }
-        (cable, pull, torque, stiffness)
+        (cable, pull, torque, stiffness.mirrored())
     }
 
     /// Elastic energy of the backbone (theory Eq. 2.4, and the contact force's part of Eq. 3.1).
@@ -294,7 +317,8 @@ impl<T: Real, const A: usize> State<T, A> {
     pub fn elastic_energy(&self, c: &Constants<T>) -> T {
         let half = T::splat(0.5);
         let mut elastic = half * self.n.dot(self.rho - self.rho0);
-        for i in (0..A).step_by(2) {
+        for e in 0..A / 2 {
+            let i = 2 * e;
             let (sum, difference) = (self.w[i] + self.w[i + 1], self.w[i] - self.w[i + 1]);
             elastic += sum.dot(c.moment(sum)) * half
                 + difference.dot(c.moment(difference)) * T::splat(0.375);
@@ -318,9 +342,10 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Length of a continuous tendon in this module (theory Eq. 2.7).
     #[inline(always)]
-    pub fn parallel_length(&self, c: &Constants<T>, t: &Tendons<T>, tendon: &Tendon) -> T {
+    pub fn parallel_length(&self, c: &Constants<T>, t: &Tendons<T>, tendon: &Tendon<T>) -> T {
         let mut length = c.clamp[0] + c.clamp[1];
-        for i in (0..A).step_by(2) {
+        for e in 0..A / 2 {
+            let i = 2 * e;
             let (a, b) = (self.w[i], self.w[i + 1]);
             length += ParallelPath::new::<A>(c, tendon, c.stretch(t), a, b).length;
         }
@@ -340,7 +365,10 @@ impl<T: Real, const A: usize> State<T, A> {
         let (mean, change) = self.tangents(c);
         let [d0, d1, d2, d3] = c.d;
         let diagonal = d3.mul_add(change.norm2(), d0);
-        ((mean * d1).outer(mean) + (change * d2).outer(change)).add_diagonal([diagonal; 3])
+        (mean * d1)
+            .outer_add(mean, (change * d2).outer(change))
+            .add_diagonal([diagonal; 3])
+            .mirrored()
     }
 
     /// Force on `rho0` and moment on the end tangent due to the compliance at constant `N`.
@@ -363,22 +391,29 @@ impl<T: Real, const A: usize> State<T, A> {
         out.torque = self.span_torque - tangent.cross(self.f[1] + on_tangent) + self.lambda;
         out.nu = self.end_force + on_end;
         let elastic = self.elastic_gradient(c, t);
-        for i in 0..A {
-            let Arc { map: arc, prefix } = &self.arcs[i];
-            let (q, inverse) = (arc.end_jacobian(), arc.left_jacobian_inverse());
-            let tail = self.tail[i].skew();
-            if i == 0 {
-                out.to_strain[0] = inverse;
-                out.r[0] = q * inverse - tail;
-            } else {
-                out.to_strain[i] = inverse * prefix.transpose();
-                out.r[i] = *prefix * (q * out.to_strain[i]) - tail;
-            }
-            out.g[i] = out.to_strain[i].tr_mul(elastic[i]) + out.torque - out.r[i].tr_mul(out.nu);
-            for node in i / 2 + 1..A / 2 {
-                // an arc moves a node like the end, except for the lever beyond the node
-                out.g[i] -= out.r[i].tr_mul(self.f[3]) - self.beyond(node).cross(self.f[3]);
-            }
+        for e in 0..A / 2 {
+            self.arc_gradient(2 * e, elastic[2 * e], out);
+            self.arc_gradient(2 * e + 1, elastic[2 * e + 1], out);
+        }
+    }
+
+    /// Derivatives by one arc, whose elastic moment is `elastic`.
+    #[inline(always)]
+    fn arc_gradient(&self, i: usize, elastic: Vec3<T>, out: &mut Gradient<T, A>) {
+        let Arc { map: arc, prefix } = &self.arcs[i];
+        let (q, inverse) = (arc.end_jacobian(), arc.left_jacobian_inverse());
+        let tail = self.tail[i].skew();
+        if i == 0 {
+            out.to_strain[0] = inverse;
+            out.r[0] = q * inverse - tail;
+        } else {
+            out.to_strain[i] = inverse * prefix.transpose();
+            out.r[i] = *prefix * (q * out.to_strain[i]) - tail;
+        }
+        out.g[i] = out.to_strain[i].tr_mul(elastic) + out.torque - out.r[i].tr_mul(out.nu);
+        for node in i / 2 + 1..A / 2 {
+            // an arc moves a node like the end, except for the lever beyond the node
+            out.g[i] -= out.r[i].tr_mul(self.f[3]) - self.beyond(node).cross(self.f[3]);
         }
     }
 
@@ -389,7 +424,8 @@ impl<T: Real, const A: usize> State<T, A> {
         let mut g = c.bending_moments(&self.w);
         if t.path == TendonPath::Continuous {
             let stretch = c.stretch(t);
-            for i in (0..A).step_by(2) {
+            for e in 0..A / 2 {
+                let i = 2 * e;
                 for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
                     let path = ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
                     for (j, v) in path.gradient().into_iter().enumerate() {
@@ -418,35 +454,40 @@ impl<T: Real, const A: usize> State<T, A> {
         if CONDENSED {
             let compliance = self.compliance(c);
             m = (compliance * g).add_diagonal([T::splat(1.0); 3]).inverse();
-            d_hat = (m * compliance).symmetric_part();
-            g_hat = (g * m).symmetric_part();
+            d_hat = (m * compliance).mirrored();
+            g_hat = (g * m).mirrored();
             km = k * m;
             kd = k * d_hat;
-            core -= kd * k.transpose();
+            core = (-kd).mul_add(k.transpose(), core).mirrored();
         }
-        let j = self.end_motions(c, grad);
-        let mut kmj = [Mat3::zero(); A];
+        let along = self.along_force(grad);
+        let j = self.end_motions(c, grad, &along);
+        let mut through = ThroughEnd {
+            j,
+            along,
+            force: j,
+            torque: j,
+        };
         for i in 0..A {
-            kmj[i] = km * j[i];
+            through.force[i] = g_hat.mul_add(j[i], km.transpose());
+            through.torque[i] = km.mul_add(j[i], core);
         }
-        let rank1 = c.d[1] * c.per_flexible * c.per_flexible;
-        for i in 0..A {
-            let pulled = g_hat * j[i];
-            let rn = grad.r[i].tr_mul(self.n);
-            for b in i..A {
-                let mut block =
-                    j[b].transpose().mul_add(pulled, core) + kmj[i] + kmj[b].transpose();
-                block -= (grad.r[b].tr_mul(self.n) * rank1).outer(rn);
-                if b > i {
-                    self.add_stiffness_between(c, t, grad, [i, b], &mut block);
-                } else {
-                    self.add_own_stiffness(c, t, grad, i, &mut block);
-                }
-                out.uu[b][i] = block;
+        for e in 0..A / 2 {
+            let (i, k) = (2 * e, 2 * e + 1);
+            out.uu[i][i] = self.own_stiffness(c, t, grad, &through, i);
+            out.uu[k][i] = self.stiffness_between(c, t, grad, &through, [i, k]);
+            out.uu[k][k] = self.own_stiffness(c, t, grad, &through, k);
+            for b in k + 1..A {
+                out.uu[b][i] = self.stiffness_between(c, t, grad, &through, [i, b]);
+                out.uu[b][k] = self.stiffness_between(c, t, grad, &through, [k, b]);
             }
         }
-        let on_x =
-            -(self.f[1].cross_mat(self.s.column(2).skew())) - (self.lambda * T::splat(0.5)).skew();
+        // -[f1] [tangent] - [lambda] / 2
+        let tangent = self.s.column(2);
+        let on_x = (-tangent).outer_add(
+            self.f[1],
+            (self.lambda * T::splat(-0.5)).skew_and_scalar(tangent.dot(self.f[1])),
+        );
         let mut moved = j;
         for i in 0..A {
             if CONDENSED {
@@ -483,15 +524,19 @@ impl<T: Real, const A: usize> State<T, A> {
                 let (arm, direction) = (span.arm, span.direction);
                 let stiffness = tension * span.per_length;
                 let across = arm.cross(direction);
-                g += span.stiffness(tension);
-                k += (arm * stiffness).skew() - (across * stiffness).outer(direction);
+                g = span.add_stiffness(tension, g);
+                k = (across * -stiffness)
+                    .outer_add(direction, k)
+                    .add_skew(arm * stiffness);
                 let lever = direction * (tension * half) - arm * (stiffness * half);
                 let d = stiffness * arm.norm2() - tension * direction.dot(arm);
-                e += (lever.outer(arm) + arm.outer(lever) - (across * stiffness).outer(across))
+                let of_rotation = (across * -stiffness).outer_add(across, e);
+                e = lever
+                    .outer_add(arm, arm.outer_add(lever, of_rotation))
                     .add_diagonal([d; 3]);
             }
         }
-        (g, k, e)
+        (g.mirrored(), k, e.mirrored())
     }
 
     /// Stiffness of the dead loads and the compliance that act on the end tangent.
@@ -508,69 +553,109 @@ impl<T: Real, const A: usize> State<T, A> {
             .add_diagonal([f2.dot(tangent) - bubble; 3])
     }
 
+    /// Derivative of `rho0` along the contact force with respect to the rotation added by each arc.
+    #[inline(always)]
+    fn along_force(&self, grad: &Gradient<T, A>) -> [Vec3<T>; A] {
+        let mut along = [self.n; A];
+        for i in 0..A {
+            along[i] = grad.r[i].tr_mul(self.n);
+        }
+        along
+    }
+
     /// Derivative of the end's position with respect to the rotation added by each arc, at constant
     /// contact force.
     #[inline(always)]
-    fn end_motions(&self, c: &Constants<T>, grad: &Gradient<T, A>) -> [Mat3<T>; A] {
+    fn end_motions(
+        &self,
+        c: &Constants<T>,
+        grad: &Gradient<T, A>,
+        along: &[Vec3<T>; A],
+    ) -> [Mat3<T>; A] {
         let (mean, change) = self.tangents(c);
         let [_, d1, d2, d3] = c.d;
         let n = self.n;
-        let x = (mean * (d1 * c.per_flexible))
-            .outer(n)
-            .add_diagonal([T::splat(1.0) + d1 * mean.dot(n) * c.per_flexible; 3]);
         // motion of the end with its tangent, which a rotation u changes by u x tangent
         let by_tangent = ((change * d2).outer(n) + (n * (d3 + d3)).outer(change))
             .add_diagonal([d2 * change.dot(n); 3]);
         let tangent = self.s.column(2);
         let y = tangent.cross_mat(by_tangent.transpose()).transpose();
-        let mut j = [Mat3::zero(); A];
+        // the mean tangent moves with the end
+        let longer = T::splat(1.0) + d1 * mean.dot(n) * c.per_flexible;
+        let stretched = mean * (d1 * c.per_flexible);
+        let mut j = grad.r;
         for i in 0..A {
-            j[i] = x.mul_add(grad.r[i], y);
+            j[i] = stretched.outer_add(along[i], grad.r[i].scaled_add(longer, y));
         }
         j
     }
 
-    /// Adds the coupling of two arcs through the chain and through a common element.
+    /// Coupling of two arcs: through the end, through the chain, and through a common element.
     #[inline(always)]
-    fn add_stiffness_between(
+    fn stiffness_between(
         &self,
         c: &Constants<T>,
         t: &Tendons<T>,
         grad: &Gradient<T, A>,
+        through: &ThroughEnd<T, A>,
         [i, b]: [usize; 2],
-        block: &mut Mat3<T>,
-    ) {
-        let half_torque = (grad.torque * T::splat(0.5)).skew();
-        *block -= ((-grad.nu).cross_mat(grad.r[b]) + half_torque).transpose();
+    ) -> Mat3<T> {
+        let mut block = self.stiffness_through_end(c, through, [i, b]);
+        block += grad.nu.cross_mat(grad.r[b]).transpose();
+        block = block.add_skew(grad.torque * T::splat(0.5));
         if i % 2 == 0 && b == i + 1 {
-            let between =
-                self.continuous_blocks(c, t, i)[1].add_diagonal(c.share_of_stiffness(0.25));
-            *block += grad.to_strain[b].tr_mat(between * grad.to_strain[i]);
+            let strain = &grad.to_strain[i];
+            let mut moment = strain.scale_rows(c.share_of_stiffness(0.25));
+            if t.path == TendonPath::Continuous {
+                moment = self.continuous_blocks(c, t, i)[1].mul_add(*strain, moment);
+            }
+            block = grad.to_strain[b].transpose().mul_add(moment, block);
         }
+        block
     }
 
-    /// Adds the stiffness of an arc to its diagonal block.
+    /// Stiffness of an arc: through the end, and its own.
     #[inline(always)]
-    fn add_own_stiffness(
+    fn own_stiffness(
         &self,
         c: &Constants<T>,
         t: &Tendons<T>,
         grad: &Gradient<T, A>,
+        through: &ThroughEnd<T, A>,
         i: usize,
-        block: &mut Mat3<T>,
-    ) {
+    ) -> Mat3<T> {
         let (nu, tail) = (-grad.nu, self.tail[i]);
         let Arc { map, prefix: p } = &self.arcs[i];
-        let continuous = self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)];
-        let local = map
+        let mut local = map
             .hessian(p.tr_mul(nu), p.tr_mul(grad.torque + tail.cross(nu)))
-            .add_diagonal(c.share_of_stiffness(1.75))
-            + continuous;
-        *block += grad.to_strain[i].tr_mat(local * grad.to_strain[i]);
-        *block += nu
+            .add_diagonal(c.share_of_stiffness(1.75));
+        if t.path == TendonPath::Continuous {
+            local += self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)];
+        }
+        let lever = nu
             .outer(tail)
             .symmetric_part()
             .add_diagonal([-nu.dot(tail); 3]);
+        let strain = &grad.to_strain[i];
+        let block = self.stiffness_through_end(c, through, [i, i]) + lever;
+        strain
+            .transpose()
+            .mul_add(local * *strain, block)
+            .mirrored()
+    }
+
+    /// Part of a block that is due to spans and compliance at the end.
+    #[inline(always)]
+    fn stiffness_through_end(
+        &self,
+        c: &Constants<T>,
+        through: &ThroughEnd<T, A>,
+        [i, b]: [usize; 2],
+    ) -> Mat3<T> {
+        let along = &through.along;
+        let rank1 = c.d[1] * c.per_flexible * c.per_flexible;
+        let turned = (along[b] * -rank1).outer_add(along[i], through.torque[i]);
+        through.j[b].transpose().mul_add(through.force[i], turned)
     }
 
     /// Second derivative with respect to the start's rotation.
@@ -581,11 +666,19 @@ impl<T: Real, const A: usize> State<T, A> {
             let stretching = self.stretching_load();
             xx -= stretching.cross_mat(stretching.cross_mat(*d_hat).transpose());
         }
-        let tangent = self.s.column(2);
-        for (f, v) in self.f.iter().zip([self.rho, tangent, Vec3::ez()]) {
-            xx += (-f.outer(v).symmetric_part()).add_diagonal([f.dot(v); 3]);
+        for (f, v) in [(self.f[0], self.rho), (self.f[1], self.s.column(2))] {
+            let half = f * T::splat(-0.5);
+            xx = half
+                .outer_add(v, v.outer_add(half, xx))
+                .add_diagonal([f.dot(v); 3]);
         }
-        xx
+        // the same for the start's tangent, the z axis
+        let [x, y, z] = self.f[2].0;
+        xx.0[2][0] -= x * T::splat(0.5);
+        xx.0[2][1] -= y * T::splat(0.5);
+        xx.0[0][0] += z;
+        xx.0[1][1] += z;
+        xx.mirrored()
     }
 
     /// Adds the second derivatives of dead loads on the points inside, by the arc at whose end each
@@ -642,13 +735,11 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     fn continuous_blocks(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> [Mat3<T>; 3] {
         let mut blocks = [Mat3::zero(); 3];
-        if t.path == TendonPath::Continuous {
-            for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
-                let path =
-                    ParallelPath::new::<A>(c, tendon, c.stretch(t), self.w[i], self.w[i + 1]);
-                for (block, h) in blocks.iter_mut().zip(path.hessian()) {
-                    *block += h * tension;
-                }
+        let stretch = c.stretch(t);
+        for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+            let path = ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
+            for (block, h) in blocks.iter_mut().zip(path.hessian()) {
+                *block += h * tension;
             }
         }
         blocks
@@ -679,10 +770,10 @@ impl<T: Real, const A: usize> State<T, A> {
         let arc = ArcMap::new(self.w[i] * part, self.arcs[i].map.length() * part);
         let mut from = (self.rho - self.rho0) * T::splat(fraction);
         for j in 0..i {
-            from += self.arcs[j].prefix * self.arcs[j].map.end;
+            from += self.arcs[j].prefix * self.arcs[j].map.end();
         }
         let prefix = self.arcs[i].prefix;
-        (from + prefix * arc.end, prefix * arc.rotation)
+        (from + prefix * arc.end(), prefix * arc.rotation())
     }
 }
 
@@ -692,7 +783,8 @@ impl<T: Real> Constants<T> {
     #[inline(always)]
     pub fn bending_moments<const A: usize>(&self, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
         let mut g = [Vec3::zero(); A];
-        for i in (0..A).step_by(2) {
+        for e in 0..A / 2 {
+            let i = 2 * e;
             let (sum, difference) = (w[i] + w[i + 1], (w[i] - w[i + 1]) * T::splat(0.75));
             g[i] = self.moment(sum + difference);
             g[i + 1] = self.moment(sum - difference);

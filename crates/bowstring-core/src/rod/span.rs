@@ -20,8 +20,8 @@ pub(crate) struct Span<T> {
 
 impl<T: Real> Span<T> {
     #[inline(always)]
-    pub fn new(c: &Constants<T>, tendon: &Tendon, s: &Mat3<T>, rho: Vec3<T>) -> Self {
-        let (x, y) = (T::splat(tendon.hole[0]), T::splat(tendon.hole[1]));
+    pub fn new(c: &Constants<T>, tendon: &Tendon<T>, s: &Mat3<T>, rho: Vec3<T>) -> Self {
+        let [x, y] = tendon.hole;
         let [start, end] = c.clamp;
         let arm = s
             .column(2)
@@ -37,12 +37,13 @@ impl<T: Real> Span<T> {
         }
     }
 
-    /// Geometric stiffness `T / length (I - d d')`, G of theory Eq. 3.3.
+    /// Adds the geometric stiffness `T / length (I - d d')`, G of theory Eq. 3.3, to that of other
+    /// spans.
     #[inline(always)]
-    pub fn stiffness(&self, tension: T) -> Mat3<T> {
+    pub fn add_stiffness(&self, tension: T, others: Mat3<T>) -> Mat3<T> {
         let s = tension * self.per_length;
         (self.direction * -s)
-            .outer(self.direction)
+            .outer_add(self.direction, others)
             .add_diagonal([s; 3])
     }
 }
@@ -64,7 +65,7 @@ impl<T: Real> ParallelPath<T> {
     #[inline(always)]
     pub fn new<const A: usize>(
         c: &Constants<T>,
-        tendon: &Tendon,
+        tendon: &Tendon<T>,
         stretch: T,
         a: Vec3<T>,
         b: Vec3<T>,
@@ -75,7 +76,7 @@ impl<T: Real> ParallelPath<T> {
         let near = per_length * T::splat(1.0 + slope);
         let far = per_length * T::splat(1.0 - slope);
         let weight = c.flexible * T::splat(0.5 / elements);
-        let hole = Vec3::splat([tendon.hole[0], tendon.hole[1], 0.0]);
+        let hole = Vec3([tendon.hole[0], tendon.hole[1], T::zero()]);
         let mut length = T::zero();
         let points = [(a, b), (b, a)].map(|(first, other)| {
             let mut q = (first * near + other * far).cross(hole);
@@ -206,7 +207,7 @@ mod tests {
                     .0
                     .map(|d| 3.0 * d)
             };
-            let stiffness = span.stiffness(3.0).rows();
+            let stiffness = span.add_stiffness(3.0, Mat3::zero()).rows();
             for (found, row) in differences(pull).iter().zip(stiffness) {
                 assert_near(*found, row.0, 100.0);
             }

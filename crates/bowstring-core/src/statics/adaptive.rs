@@ -104,6 +104,16 @@ impl Adaptive {
         }
     }
 
+    /// Discards all solutions, and takes a strain of one element in a module as the last one.
+    pub(crate) fn restart_from(&mut self, strain: Option<Vec<Vec3>>) {
+        self.reset();
+        if let (1, Some(strain)) = (LEVELS[self.level], strain) {
+            if let Some(solver) = &mut self.solvers[self.level] {
+                solver.take_strain(strain);
+            }
+        }
+    }
+
     /// # Errors
     /// If the solver does not fit into memory.
     fn at(&mut self, level: usize) -> Result<&mut Solver, InputError> {

@@ -328,19 +328,24 @@ impl Chunk<'_> {
             let outcomes = lanes.solve(&side_by_side[..count]);
             for (lane, outcome) in outcomes[..count].iter().enumerate() {
                 let i = start + lane;
-                let Some(outcome) = outcome else {
-                    self.solve(i, careful, loads, false);
-                    continue;
-                };
-                self.outcomes[i] = *outcome;
-                let length = |j| lanes.tendon_length(j, lane);
-                self.write(i, |k| lanes.disk(k, lane), length);
+                match outcome {
+                    Some(outcome) => self.write_lane(i, lanes, lane, *outcome),
+                    None => self.solve(i, careful, loads, false),
+                }
             }
         }
     }
 
+    /// Writes the solution in a lane.
+    #[cfg(target_arch = "x86_64")]
+    pub fn write_lane(&mut self, i: usize, lanes: &dyn SideBySide, lane: usize, outcome: Outcome) {
+        self.outcomes[i] = outcome;
+        let length = |j| lanes.tendon_length(j, lane);
+        self.write(i, |k| lanes.disk(k, lane), length);
+    }
+
     /// Solves one row.
-    fn solve(&mut self, i: usize, solver: &mut Adaptive, loads: &Loads, warm: bool) {
+    pub fn solve(&mut self, i: usize, solver: &mut Adaptive, loads: &Loads, warm: bool) {
         let load = loads.row(self.first + i, self.tendons);
         let outcome = if warm {
             solver.solve_next(&load)

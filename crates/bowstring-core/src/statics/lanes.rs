@@ -1,4 +1,4 @@
-//! Several loads of one robot side by side in SIMD lanes.
+//! Several robots, or several loads of one robot, side by side in SIMD lanes.
 //!
 //! Theory: docs/theory/statics.md.
 //!
@@ -9,24 +9,40 @@ use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::math::simd::{Avx2, Avx512, Robots, Simd};
-use crate::model::load::{Load, Model};
+use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
 use crate::rod::estimate::Verdict;
 use crate::statics::newton::{is_minimum_nearby, ENERGY_NOISE, MAX_STEP, SUFFICIENT_DECREASE};
 use crate::statics::outcome::TOLERANCE;
-use crate::statics::solver::{Outcome, Pose, Settings, Status};
+use crate::statics::solver::{Outcome, Pose, Settings, Status, MAX_EXTRAPOLATION};
 
 /// Most Newton steps before a load is left to the globalised solver.
 const MAX_PLAIN_STEPS: usize = 10;
+
+/// Residual that changes no digit of a solution: a hundredth of the tolerance.
+const NEGLIGIBLE: f64 = 0.01 * TOLERANCE;
+
+/// Most lanes.
+pub(crate) const MOST_LANES: usize = 8;
+/// Outcome by lanes.
+pub(crate) type Outcomes = [Option<Outcome>; MOST_LANES];
 
 /// Robots in SIMD lanes.
 pub(crate) trait SideBySide {
     /// Number of loads that fit side by side.
     fn width(&self) -> usize;
+    /// Replaces the robots by others of the same topology, one for each lane; the last one also in
+    /// the lanes beyond. Discards the last solutions.
+    fn set_robots(&mut self, robots: &[Robot]);
     /// Solves up to `width` loads from the straight backbone; `None` for those left to the
     /// globalised solver.
-    fn solve(&mut self, loads: &[Load]) -> [Option<Outcome>; 8];
+    fn solve(&mut self, loads: &[Load]) -> Outcomes;
+    /// Solves up to `width` loads, each from the previous ones in its lane. A lane that was left to
+    /// the globalised solver is left to it again.
+    fn solve_next(&mut self, loads: &[Load]) -> Outcomes;
+    /// Strain of the last solution in a lane.
+    fn last_strain(&self, lane: usize) -> Option<Vec<Vec3>>;
     /// Pose of a disk under one of the loads.
     fn disk(&self, k: usize, lane: usize) -> Pose;
     /// Length of a tendon under one of the loads (m).
@@ -43,43 +59,172 @@ pub(crate) fn side_by_side(
         return None;
     }
     if let Some(simd) = Avx512::detect() {
-        return Some(Box::new(Lanes::new(simd, robot, model, elements)));
+        return Some(with(simd, robot, model, elements));
     }
-    Some(Box::new(Lanes::new(
-        Avx2::detect()?,
-        robot,
-        model,
-        elements,
-    )))
+    Some(with(Avx2::detect()?, robot, model, elements))
 }
 
-struct Lanes<S: Simd> {
-    rod: Rod<Robots<S>, 2>,
-    settings: Settings,
-    /// Whether elements are chosen: a solution that needs more than one is rejected.
-    automatic: bool,
-}
-
-impl<S: Simd> Lanes<S> {
-    fn new(simd: S, robot: &Robot, model: Model, elements: Option<usize>) -> Self {
-        Lanes {
-            rod: Rod::new(Robots(simd), robot, model),
-            settings: Settings::new(robot, model, 1),
-            automatic: elements.is_none(),
+fn with<S: Simd>(
+    simd: S,
+    robot: &Robot,
+    model: Model,
+    elements: Option<usize>,
+) -> Box<dyn SideBySide> {
+    match model.tendon {
+        TendonPath::Straight => {
+            Box::new(Lanes::new(Robots::<S, false>(simd), robot, model, elements))
+        }
+        TendonPath::Continuous => {
+            Box::new(Lanes::new(Robots::<S, true>(simd), robot, model, elements))
         }
     }
 }
 
-impl<S: Simd> SideBySide for Lanes<S> {
+struct Lanes<S: Simd, const CONTINUOUS: bool> {
+    rod: Rod<Robots<S, CONTINUOUS>, 2>,
+    model: Model,
+    settings: [Settings; MOST_LANES],
+    /// Whether elements are chosen: a solution that needs more than one is rejected.
+    automatic: bool,
+    /// Strains of the previous solutions, latest first, by modules.
+    history: [Vec<[Vec3<S::Vector>; 2]>; 3],
+    /// Number of previous solutions by lanes.
+    known: [usize; MOST_LANES],
+    /// Lanes that have been left to the globalised solver.
+    left: [bool; MOST_LANES],
+}
+
+impl<S: Simd, const CONTINUOUS: bool> Lanes<S, CONTINUOUS> {
+    fn new(
+        layout: Robots<S, CONTINUOUS>,
+        robot: &Robot,
+        model: Model,
+        elements: Option<usize>,
+    ) -> Self {
+        let straight = vec![[Vec3::zero(); 2]; robot.module_count()];
+        Lanes {
+            rod: Rod::new(layout, robot, model),
+            model,
+            settings: [Settings::new(robot, model, 1); MOST_LANES],
+            automatic: elements.is_none(),
+            history: [straight.clone(), straight.clone(), straight],
+            known: [0; MOST_LANES],
+            left: [false; MOST_LANES],
+        }
+    }
+
+    /// Sets the strain to that extrapolated from the previous solutions.
+    #[inline(always)]
+    fn extrapolate(&mut self) {
+        let vector = |of: &dyn Fn(usize) -> f64| S::Vector::from_fn(of);
+        let [a, b, c] = &self.history;
+        let known = |lane: usize| if self.left[lane] { 0 } else { self.known[lane] };
+        let factors = [
+            vector(&|lane| [0.0, 1.0, 2.0, 3.0][known(lane)]),
+            vector(&|lane| [0.0, 0.0, -1.0, -3.0][known(lane)]),
+            vector(&|lane| [0.0, 0.0, 0.0, 1.0][known(lane)]),
+        ];
+        let mut change = S::Vector::zero();
+        for (k, state) in self.rod.states.iter_mut().enumerate() {
+            for i in 0..2 {
+                state.w[i] = a[k][i] * factors[0] + b[k][i] * factors[1] + c[k][i] * factors[2];
+                change = change.max((state.w[i] - a[k][i]).max_abs());
+            }
+        }
+        // loads that jump are not extrapolated
+        for lane in 0..S::Vector::LANES {
+            if known(lane) > 1 && !(change.lane(lane) < MAX_EXTRAPOLATION) {
+                for (k, state) in self.rod.states.iter_mut().enumerate() {
+                    for (w, last) in state.w.iter_mut().zip(&a[k]) {
+                        for q in 0..3 {
+                            w.0[q].set_lane(lane, last[q].lane(lane));
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Keeps the strains of the lanes that converged; the others keep their last ones, and become
+    /// straight.
+    #[inline(always)]
+    fn remember(&mut self, outcomes: &Outcomes) {
+        self.history.rotate_right(1);
+        let [last, before, _] = &mut self.history;
+        let zero = S::Vector::zero();
+        for (k, state) in self.rod.states.iter_mut().enumerate() {
+            for i in 0..2 {
+                for q in 0..3 {
+                    last[k][i].0[q] = chosen(outcomes, state.w[i][q], before[k][i][q]);
+                }
+            }
+            for q in 0..3 {
+                state.n.0[q] = chosen(outcomes, state.n[q], zero);
+            }
+        }
+        for (lane, outcome) in outcomes.iter().enumerate() {
+            self.left[lane] |= outcome.is_none();
+            if !self.left[lane] {
+                self.known[lane] = (self.known[lane] + 1).min(3);
+            }
+        }
+    }
+}
+
+/// The first number in lanes with an outcome, the second in the others.
+#[inline(always)]
+fn chosen<T: Real>(outcomes: &Outcomes, with: T, without: T) -> T {
+    T::from_fn(
+        #[inline(always)]
+        |lane| match outcomes[lane] {
+            Some(_) => with.lane(lane),
+            None => without.lane(lane),
+        },
+    )
+}
+
+impl<S: Simd, const CONTINUOUS: bool> SideBySide for Lanes<S, CONTINUOUS> {
     fn width(&self) -> usize {
         S::Vector::LANES
     }
 
-    fn solve(&mut self, loads: &[Load]) -> [Option<Outcome>; 8] {
+    fn set_robots(&mut self, robots: &[Robot]) {
+        self.rod.set_robots(robots, self.model);
+        for (lane, settings) in self.settings.iter_mut().enumerate() {
+            *settings = Settings::new(&robots[lane.min(robots.len() - 1)], self.model, 1);
+        }
+        self.known = [0; MOST_LANES];
+        self.left = [false; MOST_LANES];
+        self.rod.make_straight();
+    }
+
+    fn solve(&mut self, loads: &[Load]) -> Outcomes {
+        self.rod.make_straight();
+        self.known = [0; MOST_LANES];
+        self.left = [false; MOST_LANES];
+        self.descend(loads)
+    }
+
+    fn solve_next(&mut self, loads: &[Load]) -> Outcomes {
         self.rod.layout.vectorize(
             #[inline(always)]
-            || solve(&mut self.rod, &self.settings, self.automatic, loads),
-        )
+            || self.extrapolate(),
+        );
+        let mut outcomes = self.descend(loads);
+        // the lanes beyond the loads repeat the last of them
+        for lane in loads.len()..MOST_LANES {
+            outcomes[lane] = outcomes[loads.len() - 1];
+        }
+        self.rod.layout.vectorize(
+            #[inline(always)]
+            || self.remember(&outcomes),
+        );
+        outcomes
+    }
+
+    fn last_strain(&self, lane: usize) -> Option<Vec<Vec3>> {
+        let last = self.history[0].iter().flatten();
+        (self.known[lane] > 0).then(|| last.map(|v| v.of_lane(lane)).collect())
     }
 
     fn disk(&self, k: usize, lane: usize) -> Pose {
@@ -91,94 +236,117 @@ impl<S: Simd> SideBySide for Lanes<S> {
     }
 }
 
-#[inline(always)]
-fn solve<S: Simd>(
-    rod: &mut Rod<Robots<S>, 2>,
-    settings: &Settings,
-    automatic: bool,
-    loads: &[Load],
-) -> [Option<Outcome>; 8] {
-    // idle lanes repeat the last load
-    let of = |lane: usize| &loads[lane.min(loads.len() - 1)];
-    let vector = |pick: fn(&Load) -> [f64; 3]| {
-        let mut v = Vec3::zero();
-        for (q, x) in v.0.iter_mut().enumerate() {
-            *x = S::Vector::from_fn(|lane| pick(of(lane))[q]);
-        }
-        v
-    };
-    rod.set_load(
-        |i| S::Vector::from_fn(|lane| of(lane).tensions[i]),
-        vector(|l| l.gravity),
-        vector(|l| l.tip_force),
-        Vec3::zero(),
-    );
-    rod.make_straight();
-    let mut energy = rod.evaluate();
-    // a tip moment has no energy to minimise
-    let mut plain = [false; 8];
-    let mut noise = S::Vector::zero();
-    let mut stiffening = [0.0; 8];
-    for lane in 0..S::Vector::LANES {
-        plain[lane] = of(lane).tip_moment == [0.0; 3];
-        let scale = rod.energy_scale(settings.length, lane);
-        stiffening[lane] = scale / rod.module_count() as f64;
-        noise.set_lane(lane, ENERGY_NOISE * (scale + energy.lane(lane).abs()));
+impl<S: Simd, const CONTINUOUS: bool> Lanes<S, CONTINUOUS> {
+    /// Plain Newton steps from the strain of the rod, in the lanes that have not been left to the
+    /// globalised solver.
+    fn descend(&mut self, loads: &[Load]) -> Outcomes {
+        self.rod.layout.vectorize(
+            #[inline(always)]
+            || self.descend_in_lanes(loads),
+        )
     }
-    let mut minimum_nearby = [false; 8];
-    let mut iterations = [0; 8];
-    let mut outcomes = [None; 8];
-    for round in 0..=MAX_PLAIN_STEPS {
-        if interrupt::work(S::Vector::LANES * settings.work) {
-            break;
-        }
-        let residual = rod.gradient() * S::Vector::splat(1.0 / settings.moment_scale);
-        let ready = |lane: usize| residual.lane(lane) <= TOLERANCE && minimum_nearby[lane];
-        if round == MAX_PLAIN_STEPS || (0..S::Vector::LANES).all(|lane| ready(lane) || !plain[lane])
-        {
-            rod.finish();
-            let found = rod.estimate();
-            for lane in 0..loads.len() {
-                let found = found.of_lane(lane);
-                let verdict = Verdict::new(&found, [0.0; 2], Some(true), settings.length, 1);
-                // finer elements are left to the globalised solver
-                let fine = !automatic || verdict.needed == 1;
-                if plain[lane] && ready(lane) && fine && rod.collision(lane).is_none() {
-                    outcomes[lane] = Some(Outcome {
-                        status: Status::Converged,
-                        stable: verdict.stable,
-                        error: Some(verdict.error),
-                        iterations: iterations[lane],
-                        residual: residual.lane(lane),
-                        ..Outcome::pending()
-                    });
-                }
+
+    #[inline(always)]
+    fn descend_in_lanes(&mut self, loads: &[Load]) -> Outcomes {
+        let (rod, settings) = (&mut self.rod, &self.settings);
+        // idle lanes repeat the last load
+        let of = |lane: usize| &loads[lane.min(loads.len() - 1)];
+        let vector = |pick: fn(&Load) -> [f64; 3]| {
+            let mut v = Vec3::zero();
+            for (q, x) in v.0.iter_mut().enumerate() {
+                *x = S::Vector::from_fn(|lane| pick(of(lane))[q]);
             }
-            break;
-        }
-        rod.linearise_only();
-        let pivot = rod.eliminate::<true>(S::Vector::zero());
-        let step = rod.newton_step::<true>();
-        rod.save();
-        // a lane that is left to the globalised solver does not move
-        rod.advance(S::Vector::from_fn(|lane| f64::from(plain[lane])));
-        let trial = rod.evaluate();
-        let bound = energy + step.slope * S::Vector::splat(SUFFICIENT_DECREASE) + noise;
+            v
+        };
+        rod.set_load(
+            |i| S::Vector::from_fn(|lane| of(lane).tensions[i]),
+            vector(|l| l.gravity),
+            vector(|l| l.tip_force),
+            Vec3::zero(),
+        );
+        let mut energy = rod.evaluate();
+        // a tip moment has no energy to minimise
+        let mut plain = [false; MOST_LANES];
+        let mut noise = S::Vector::zero();
+        let mut stiffening = [0.0; MOST_LANES];
         for lane in 0..S::Vector::LANES {
-            if !(residual.lane(lane) <= TOLERANCE) {
-                iterations[lane] = round + 1;
-            }
-            plain[lane] &= pivot.lane(lane) > 0.0
-                && step.largest.lane(lane) <= MAX_STEP
-                && trial.lane(lane) <= bound.lane(lane);
-            minimum_nearby[lane] = is_minimum_nearby(
-                step.largest.lane(lane),
-                pivot.lane(lane),
-                settings.shift_unit,
-                stiffening[lane],
-            );
+            plain[lane] = !self.left[lane] && of(lane).tip_moment == [0.0; 3];
+            let scale = rod.energy_scale(settings[lane].length, lane);
+            stiffening[lane] = scale / rod.module_count() as f64;
+            noise.set_lane(lane, ENERGY_NOISE * (scale + energy.lane(lane).abs()));
         }
-        energy = trial;
+        let per_scale = S::Vector::from_fn(|lane| 1.0 / settings[lane].moment_scale);
+        // least pivot of the last elimination, and rotation added by an arc since then (rad)
+        let (mut pivot, mut moved) = (S::Vector::zero(), S::Vector::zero());
+        let mut last_residual = S::Vector::zero();
+        let mut minimum_nearby = [false; MOST_LANES];
+        let mut iterations = [0; MOST_LANES];
+        let mut outcomes = [None; MOST_LANES];
+        for round in 0..=MAX_PLAIN_STEPS {
+            if interrupt::work(S::Vector::LANES * settings[0].work) {
+                break;
+            }
+            let residual = rod.gradient() * per_scale;
+            let ready = |lane: usize| residual.lane(lane) <= TOLERANCE && minimum_nearby[lane];
+            if round == MAX_PLAIN_STEPS
+                || (0..S::Vector::LANES).all(|lane| ready(lane) || !plain[lane])
+            {
+                rod.finish();
+                let found = rod.estimate();
+                for lane in 0..loads.len() {
+                    let found = found.of_lane(lane);
+                    let verdict =
+                        Verdict::new(&found, [0.0; 2], Some(true), settings[lane].length, 1);
+                    // finer elements are left to the globalised solver
+                    let fine = !self.automatic || verdict.needed == 1;
+                    if plain[lane] && ready(lane) && fine && rod.collision(lane).is_none() {
+                        outcomes[lane] = Some(Outcome {
+                            status: Status::Converged,
+                            stable: verdict.stable,
+                            error: Some(verdict.error),
+                            iterations: iterations[lane],
+                            residual: residual.lane(lane),
+                            ..Outcome::pending()
+                        });
+                    }
+                }
+                break;
+            }
+            // The last tangent is kept where it still shows a minimum, and where the step with it
+            // ends as well as Newton's own: by quadratic convergence the residual r after residual s
+            // falls to about 2 r^2 / s.
+            let keep = |lane: usize| {
+                let (now, last) = (residual.lane(lane), last_residual.lane(lane));
+                minimum_nearby[lane] && 2.0 * now * now <= NEGLIGIBLE * last
+            };
+            if !(0..S::Vector::LANES).all(|lane| keep(lane) || !plain[lane]) {
+                pivot = rod.linearise_and_eliminate();
+                moved = S::Vector::zero();
+            }
+            let step = rod.newton_step::<true>();
+            moved += step.largest;
+            rod.save();
+            // a lane that is left to the globalised solver does not move
+            rod.advance(S::Vector::from_fn(|lane| f64::from(plain[lane])));
+            let trial = rod.evaluate();
+            let bound = energy + step.slope * S::Vector::splat(SUFFICIENT_DECREASE) + noise;
+            for lane in 0..S::Vector::LANES {
+                if !(residual.lane(lane) <= TOLERANCE) {
+                    iterations[lane] = round + 1;
+                }
+                plain[lane] &= pivot.lane(lane) > 0.0
+                    && step.largest.lane(lane) <= MAX_STEP
+                    && trial.lane(lane) <= bound.lane(lane);
+                minimum_nearby[lane] = is_minimum_nearby(
+                    moved.lane(lane),
+                    pivot.lane(lane),
+                    settings[lane].shift_unit,
+                    stiffening[lane],
+                );
+            }
+            energy = trial;
+            last_residual = residual;
+        }
+        outcomes
     }
-    outcomes
 }

@@ -4,6 +4,7 @@
 
 pub mod adaptive;
 pub mod batch;
+pub mod designs;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod lanes;
 mod nearest;

@@ -31,7 +31,7 @@ const LEAST_INCREMENT: f64 = 1e-3;
 /// Newton steps in total after which smaller increments are not tried.
 const MAX_CONTINUATION: usize = 3 * MAX_ITERATIONS;
 /// Largest change of an arc's rotation vector by extrapolation (rad).
-const MAX_EXTRAPOLATION: f64 = 0.3;
+pub(super) const MAX_EXTRAPOLATION: f64 = 0.3;
 
 /// A robot, its physics, and scratch memory for one solve after another.
 ///
@@ -122,6 +122,12 @@ impl Solver {
     pub(crate) fn unsettle(&mut self) {
         self.settled = false;
         self.known = 0;
+    }
+
+    /// Takes a strain as that of the last solution, from which `solve_next` starts.
+    pub(super) fn take_strain(&mut self, strain: Vec<Vec3>) {
+        self.history[0] = strain;
+        self.known = 1;
     }
 
     /// Accepts the equilibrium held by the engine as the last solution; returns the module in which

@@ -1,0 +1,179 @@
+//! Constant curvature of a whole robot: an arc for each segment, and the tip.
+//!
+//! Theory: docs/theory/constant-curvature.md.
+
+use crate::arc::{lever_arm_law, linear_law, Arc, Error, Hole, Spans, TendonFit};
+use crate::math::linalg::{Mat3, Vec3};
+use crate::model::error::InputError;
+use crate::model::robot::Robot;
+use crate::statics::batch::for_each;
+
+/// How the arcs follow from the commands of the tendons.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Law {
+    /// Tendon lengths (m), tendons parallel to the backbone (theory Eq. 1.3).
+    Lengths,
+    /// Tendon lengths (m), tendons straight between disks (theory Eq. 1.5).
+    Chords,
+    /// Tensions (N), linear law (theory Eq. 1.7).
+    Linear,
+    /// Tensions (N), mean lever arm of straight spans.
+    LeverArm,
+}
+
+/// The segments of a robot as constant curvature sees them.
+pub struct RobotArcs {
+    segments: Vec<Segment>,
+    tendons: usize,
+}
+
+struct Segment {
+    length: f64,
+    bending_stiffness: f64,
+    modules: usize,
+    /// First tendon anchored to its end disk; it and all later ones pass the segment.
+    first: usize,
+    /// First tendon beyond those anchored to its end disk.
+    next: usize,
+    /// Holes of the tendons from `first` on.
+    holes: Vec<Hole>,
+    spans: Spans,
+    /// Fit to tendon lengths; an error if they do not determine an arc.
+    fit: Result<TendonFit, Error>,
+}
+
+impl RobotArcs {
+    /// # Errors
+    /// If the chord correction is not defined.
+    pub fn new(robot: &Robot, law: Law) -> Result<Self, Error> {
+        let spec = robot.spec();
+        let mut start = 0.0;
+        let mut segments = Vec::with_capacity(spec.sections.len());
+        for (i, section) in spec.sections.iter().enumerate() {
+            let disks: Vec<_> = (0..spec.disks.len())
+                .filter(|&k| spec.disks[k].segment == i)
+                .collect();
+            let last = disks[disks.len() - 1];
+            let end = spec.disks[last].station;
+            let length = end - start;
+            let first = spec.tendons.partition_point(|t| t.end_disk < disks[0]);
+            let next = spec.tendons.partition_point(|t| t.end_disk <= last);
+            let holes: Vec<_> = spec.tendons[first..].iter().map(|t| t.hole).collect();
+            let spans = match law {
+                Law::Chords => {
+                    let mut before = start;
+                    let share = |k: &usize| {
+                        let share = (spec.disks[*k].station - before) / length;
+                        before = spec.disks[*k].station;
+                        share
+                    };
+                    Spans::straight(disks.iter().map(share).collect())?
+                }
+                _ => Spans::curved(),
+            };
+            let fit = TendonFit::new(&holes[..next - first], spans.clone(), false);
+            segments.push(Segment {
+                length,
+                bending_stiffness: section.bending,
+                modules: disks.len(),
+                first,
+                next,
+                holes,
+                spans,
+                fit,
+            });
+            start = end;
+        }
+        Ok(RobotArcs {
+            segments,
+            tendons: spec.tendons.len(),
+        })
+    }
+
+    /// Position of the tip (m).
+    ///
+    /// # Errors
+    /// If no arc has these tendon lengths, or the law has no equilibrium at these tensions.
+    pub fn tip(&self, law: Law, commands: &[f64]) -> Result<[f64; 3], Error> {
+        let mut rest = commands.to_vec();
+        let mut position = Vec3::zero();
+        let mut frame = Mat3::<f64>::identity();
+        for segment in &self.segments {
+            let arc = segment.arc(law, &mut rest)?;
+            let pose = arc.pose();
+            position += frame * Vec3(pose.position);
+            frame = frame * Mat3(pose.rotation);
+        }
+        Ok(position.0)
+    }
+}
+
+impl Segment {
+    /// The arc; of tendon lengths, what the tendons beyond have used of theirs is taken away.
+    fn arc(&self, law: Law, rest: &mut [f64]) -> Result<Arc, Error> {
+        let (length, stiffness) = (self.length, self.bending_stiffness);
+        match law {
+            Law::Linear => linear_law(&rest[self.first..], &self.holes, length, stiffness),
+            Law::LeverArm => {
+                let tensions = &rest[self.first..];
+                lever_arm_law(tensions, &self.holes, length, stiffness, self.modules)
+            }
+            Law::Lengths | Law::Chords => {
+                let fit = self.fit.as_ref().map_err(Clone::clone)?;
+                let (arc, _) = fit.fit(&rest[self.first..self.next], None)?;
+                let own = self.next - self.first;
+                for (left, hole) in rest[self.next..].iter_mut().zip(&self.holes[own..]) {
+                    *left -= arc.tendon_length(*hole, &self.spans)?;
+                }
+                Ok(arc)
+            }
+        }
+    }
+}
+
+/// Tips by constant curvature (m), three numbers a row; NaN where there is no arc.
+///
+/// The rows of `commands` are those of the first robot, then those of the second, and so on, as
+/// many for each.
+///
+/// # Errors
+/// If the rows cannot be divided among the robots.
+pub fn tips(
+    robots: &[Robot],
+    law: Law,
+    commands: &[f64],
+    threads: usize,
+) -> Result<Vec<f64>, InputError> {
+    let tendons = robots.first().map_or(1, Robot::tendon_count);
+    let per_row = robots.len() * tendons;
+    if per_row == 0 || !commands.len().is_multiple_of(per_row) {
+        return Err(InputError::other(format!(
+            "{} commands cannot be divided among {} robots with {tendons} tendons",
+            commands.len(),
+            robots.len()
+        )));
+    }
+    let each = commands.len() / per_row;
+    let mut out = vec![f64::NAN; 3 * each * robots.len()];
+    if each == 0 {
+        return Ok(out);
+    }
+    let mut parts: Vec<_> = out.chunks_mut(3 * each).enumerate().collect();
+    for_each(
+        &mut parts,
+        threads,
+        || (),
+        |(), (i, tips)| {
+            let Ok(arcs) = RobotArcs::new(&robots[*i], law) else {
+                return;
+            };
+            let rows = commands[*i * each * arcs.tendons..].chunks_exact(arcs.tendons);
+            for (tip, row) in tips.chunks_exact_mut(3).zip(rows) {
+                if let Ok(found) = arcs.tip(law, row) {
+                    tip.copy_from_slice(&found);
+                }
+            }
+        },
+    );
+    Ok(out)
+}

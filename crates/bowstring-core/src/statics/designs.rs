@@ -1,0 +1,167 @@
+//! Sweeps of many robots with the same topology, over all cores.
+//!
+//! Theory: docs/theory/statics.md.
+
+use crate::dispatch;
+use crate::interrupt;
+use crate::model::error::InputError;
+#[cfg(target_arch = "x86_64")]
+use crate::model::load::Load;
+use crate::model::load::RodModel;
+use crate::model::robot::Robot;
+#[cfg(target_arch = "x86_64")]
+use crate::statics::adaptive::Adaptive;
+use crate::statics::batch::{for_each, thread_count, Chunk, Loads, Solutions};
+#[cfg(target_arch = "x86_64")]
+use crate::statics::lanes::{side_by_side, SideBySide, MOST_LANES};
+
+/// Robots that one thread takes at a time: a multiple of the lanes.
+const ROBOTS: usize = 8;
+
+/// Solves the loads of every robot in sequence, each from the previous solution, over `threads`
+/// cores (0: all). The solutions do not depend on the number of threads.
+///
+/// The rows of `loads` are those of the first robot, then those of the second, and so on, as many
+/// for each. Robots are put side by side in SIMD lanes where possible.
+///
+/// # Errors
+/// If the robots differ in disks or in the end disks of their tendons, or a row is invalid.
+pub fn sweep_designs(
+    robots: &[Robot],
+    model: &RodModel,
+    loads: &Loads,
+    threads: usize,
+) -> Result<Solutions, InputError> {
+    let Some(first) = robots.first() else {
+        return Err(InputError::other("there is no robot to solve"));
+    };
+    if let Some(i) = robots.iter().position(|robot| !alike(first, robot)) {
+        return Err(InputError::other(format!(
+            "robot {i} has other disks or end disks of tendons than robot 0: give robots that \
+             differ in their numbers only"
+        )));
+    }
+    if !loads.count.is_multiple_of(robots.len()) {
+        return Err(InputError::other(format!(
+            "{} loads cannot be divided among {} robots: give each the same number",
+            loads.count,
+            robots.len()
+        )));
+    }
+    model.solver(first)?;
+    let elements = model.elements.unwrap_or(1);
+    dispatch::check_solvers(first, elements, 2 * ROBOTS * thread_count(threads))?;
+    loads.check(first)?;
+    let each = loads.count / robots.len();
+    let mut solutions = Solutions::pending(first, loads.count, false)?;
+    let mut chunks: Vec<_> = solutions.chunks(first, (ROBOTS * each).max(1)).collect();
+    let scratch = || Scratch {
+        #[cfg(target_arch = "x86_64")]
+        lanes: side_by_side(first, model.model, model.elements),
+    };
+    for_each(&mut chunks, threads, scratch, |scratch, chunk| {
+        let at = chunk.first / each;
+        let robots = &robots[at..robots.len().min(at + ROBOTS)];
+        fill(chunk, scratch, robots, model, loads);
+    });
+    Ok(solutions)
+}
+
+/// Whether two robots have as many disks, and tendons with the same end disks.
+fn alike(a: &Robot, b: &Robot) -> bool {
+    let ends =
+        |robot: &Robot| -> Vec<_> { robot.spec().tendons.iter().map(|t| t.end_disk).collect() };
+    a.module_count() == b.module_count() && ends(a) == ends(b)
+}
+
+/// Solvers of a thread.
+struct Scratch {
+    #[cfg(target_arch = "x86_64")]
+    lanes: Option<Box<dyn SideBySide>>,
+}
+
+/// Solves the loads of some robots, whose rows are those of the chunk.
+#[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
+fn fill(
+    chunk: &mut Chunk,
+    scratch: &mut Scratch,
+    robots: &[Robot],
+    model: &RodModel,
+    loads: &Loads,
+) {
+    let each = chunk.outcomes.len() / robots.len();
+    #[cfg(target_arch = "x86_64")]
+    if let Some(lanes) = &mut scratch.lanes {
+        let width = lanes.width();
+        for (i, robots) in robots.chunks(width).enumerate() {
+            let rows = Rows {
+                first: i * width * each,
+                each,
+            };
+            fill_side_by_side(chunk, rows, &mut **lanes, robots, model, loads);
+        }
+        return;
+    }
+    for (i, robot) in robots.iter().enumerate() {
+        let mut solver = model.solver(robot).expect("checked before");
+        for row in i * each..(i + 1) * each {
+            if interrupt::interrupted() {
+                return;
+            }
+            chunk.solve(row, &mut solver, loads, true);
+        }
+    }
+}
+
+/// Rows of robots in a chunk.
+#[cfg(target_arch = "x86_64")]
+struct Rows {
+    first: usize,
+    /// Number of loads of each robot.
+    each: usize,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Rows {
+    fn of(&self, lane: usize, load: usize) -> usize {
+        self.first + lane * self.each + load
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+fn fill_side_by_side(
+    chunk: &mut Chunk,
+    rows: Rows,
+    lanes: &mut dyn SideBySide,
+    robots: &[Robot],
+    model: &RodModel,
+    loads: &Loads,
+) {
+    let tendons = robots[0].tendon_count();
+    // a robot that was left to the globalised solver stays with it
+    let mut careful: [Option<Adaptive>; MOST_LANES] = [const { None }; MOST_LANES];
+    lanes.set_robots(robots);
+    for load in 0..rows.each {
+        if interrupt::interrupted() {
+            return;
+        }
+        let side_by_side: [Load; MOST_LANES] = std::array::from_fn(|lane| {
+            let lane = lane.min(robots.len() - 1);
+            loads.row(chunk.first + rows.of(lane, load), tendons)
+        });
+        let outcomes = lanes.solve_next(&side_by_side[..robots.len()]);
+        for (lane, robot) in robots.iter().enumerate() {
+            let row = rows.of(lane, load);
+            if let Some(outcome) = outcomes[lane] {
+                chunk.write_lane(row, lanes, lane, outcome);
+                continue;
+            }
+            let solver = careful[lane].get_or_insert_with(|| {
+                let mut solver = model.solver(robot).expect("checked before");
+                solver.restart_from(lanes.last_strain(lane));
+                solver
+            });
+            chunk.solve(row, solver, loads, true);
+        }
+    }
+}
