@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
+from bowstring.robot.fields import number_fields, quantity_of
 from bowstring.robot.model import Robot
 from bowstring.robot.overrides import expand
 from bowstring.robot.parts import TendonRing
-from bowstring.units import Quantity, read_number, unit_of_size
+from bowstring.units import read_number, unit_of_size
 from bowstring.validation import shown
 
 __all__ = ["TENDON_PROPERTIES", "Setting", "Unknown", "Unknowns"]
@@ -152,7 +153,7 @@ class Unknowns:
                 f"parameters is {shown(names)}, it must be a list of names of parameters"
             )
         self._tree = robot.model_dump(mode="json", exclude_none=True)
-        self._leaves = dict(_leaves(self._tree))
+        self._leaves = dict(number_fields(self._tree))
         self._count = {"segments": len(robot.segments), "tendons": len(robot.tendons.segment)}
         self._held: dict[str, float] = {}
         self._robots: dict[object, Robot] = {}
@@ -311,7 +312,7 @@ class Unknowns:
             leaf = name.rsplit(".", 1)[-1] if not name.startswith("gravity") else "gravity"
             values = [self._leaves[path] for path in paths]
             start = given.get(name, float(np.mean(values)))
-            quantity = _quantity(self.robot, leaf, paths[0])
+            quantity = quantity_of(self.robot, paths[0])
             unit, per_unit, low, high = "", 1.0, -np.inf, np.inf
             if quantity is not None:
                 low, high = (read_number(end, quantity.si) for end in (quantity.low, quantity.high))
@@ -331,27 +332,6 @@ def _finite(name: str, value: object) -> float:
     if not np.isfinite(value):
         raise InputError(f"start of {name} is {value}, it must be finite")
     return float(value)
-
-
-def _leaves(tree: Any, path: str = "") -> Iterable[tuple[str, float]]:
-    """Yield every number of a robot file except counts, with its path."""
-    entries = tree.items() if isinstance(tree, dict) else enumerate(tree)
-    for key, value in entries:
-        here = f"{path}.{key}" if path else str(key)
-        if isinstance(value, (dict, list)):
-            yield from _leaves(value, here)
-        elif isinstance(value, float):
-            yield here, value
-
-
-def _quantity(robot: Robot, leaf: str, path: str) -> Quantity | None:
-    """Quantity of a field of a robot file; None if it has none."""
-    part: Any = robot
-    for key in path.split(".")[:-1] if leaf != "gravity" else ():
-        part = part[int(key)] if isinstance(part, tuple) else getattr(part, key)
-    field = None if isinstance(part, tuple) else type(part).model_fields.get(leaf)
-    marks = () if field is None else field.metadata
-    return next((mark for mark in marks if isinstance(mark, Quantity)), None)
 
 
 def _moved_holes(robot: Robot, angle: Floats, radius: Floats) -> dict[str, float]:

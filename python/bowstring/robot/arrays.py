@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
@@ -14,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from bowstring.display import short_repr
 from bowstring.robot.consistency import bores, problems
-from bowstring.robot.disk import distinct_holes, drilled_disk
+from bowstring.robot.disk import distinct_holes, drilled_disk, stacked
 from bowstring.robot.parts import MAX_SEGMENTS, Part, Segment
 from bowstring.units import Quantity, Text
 
@@ -101,7 +102,11 @@ def frozen(values: object, dtype: type = float) -> NDArray[Any]:
 
 
 class RobotArrays(Part):
-    """Fields of a robot, with their numbers as arrays in SI."""
+    """Fields of a robot, with their numbers as arrays in SI.
+
+    The fields may be arrays of the numbers of many robots (`bowstring.robot.designs.Designs`); then
+    all arrays have a leading axis for them.
+    """
 
     name: Annotated[str, Text(100, "my_robot")] = Field(
         "robot", description="Name for reports; the file's name if left out."
@@ -138,8 +143,8 @@ class RobotArrays(Part):
     @cached_property
     def disks(self) -> RobotDisks:
         """All disks as arrays."""
-        stations: list[float] = []
-        start = 0.0
+        stations: list[Any] = []
+        start: Any = 0.0
         for segment in self.segments:
             stations += (start + position for position in segment.disk_positions)
             start += segment.length
@@ -147,30 +152,39 @@ class RobotArrays(Part):
         index = np.repeat(np.arange(len(counts)), counts)
 
         def each(field: str) -> Floats:
-            values = np.array([getattr(s.disks, field) for s in self.segments], dtype=float)
-            return values[index]
+            values = (getattr(s.disks, field) for s in self.segments)
+            return stacked([math.nan if v is None else v for v in values])[..., index]
 
         mass, radius, thickness = each("mass"), each("radius"), each("thickness")
         inertia = np.stack(
-            [mass * (3.0 * radius**2 + thickness**2) / 12.0, mass * radius**2 / 2.0], axis=1
+            np.broadcast_arrays(
+                mass * (3.0 * radius**2 + thickness**2) / 12.0, mass * radius**2 / 2.0
+            ),
+            axis=-1,
         )
-        bore = bores(self.segments)[index]
+        bore = bores(self.segments)[..., index]
         ends = np.flatnonzero(np.diff(index))  # an end disk also clamps the next segment's start
-        bore[ends] = np.maximum(bore[ends], bore[ends + 1])
+        bore[..., ends] = np.maximum(bore[..., ends], bore[..., ends + 1])
         for k, s in enumerate(self.segments):
             d = s.disks
             if d.density is None or d.hole_diameter is None:
                 continue
             holes = self.holes(k)
-            for width in set(bore[index == k].tolist()):
+            own = np.flatnonzero(index == k)
+            # the end disk may have a wider bore than the others
+            for i, here in ((own[-1], own[-1:]), (own[0], own[:-1])):
                 drilled = drilled_disk(
-                    d.density, d.radius, d.thickness, width, holes, d.hole_diameter
+                    d.density, d.radius, d.thickness, bore[..., i], holes, d.hole_diameter
                 )
-                same = (index == k) & (bore == width)
-                mass[same] = drilled.mass
-                inertia[same] = drilled.across, drilled.axial
+                if drilled.mass.ndim > mass.ndim - 1:  # of many robots
+                    shape = drilled.mass.shape
+                    mass = np.broadcast_to(mass, (*shape, len(index))).copy()
+                    inertia = np.broadcast_to(inertia, (*shape, len(index), 2)).copy()
+                mass[..., here] = drilled.mass[..., None]
+                inertia[..., here, 0] = drilled.across[..., None]
+                inertia[..., here, 1] = drilled.axial[..., None]
         return RobotDisks(
-            station_m=frozen(stations),
+            station_m=frozen(stacked(stations)),
             clamped_length_m=frozen(each("clamped_length")),
             mass_kg=frozen(mass),
             inertia_kg_m2=frozen(inertia),
@@ -190,11 +204,12 @@ class RobotArrays(Part):
 
         def each(field: str, none: float = math.nan) -> Floats:
             values = (getattr(t, field) for t in every)
-            return frozen([none if value is None else value for value in values])
+            return frozen(stacked([none if value is None else value for value in values]))
 
         r, a = each("pitch_radius"), each("angle")
+        holes = np.broadcast_arrays(r * np.cos(a), r * np.sin(a))
         return RobotTendons(
-            hole_m=frozen(np.stack([r * np.cos(a), r * np.sin(a)], axis=1)),
+            hole_m=frozen(np.stack(holes, axis=-1)),
             pitch_radius_m=r,
             angle_rad=a,
             segment=frozen(index, np.int64),
@@ -210,41 +225,43 @@ class RobotArrays(Part):
 
     def holes(self, segment: int) -> Floats:
         """Positions x, y (H, 2) of the holes in the disks of a segment (index from 0), in m."""
-        return distinct_holes(self.tendons.hole_m[self.tendons.segment >= segment])
+        holes = self.tendons.hole_m[..., self.tendons.segment >= segment, :]
+        return distinct_holes(holes)
 
     @cached_property
     def has_friction(self) -> bool:
         """Whether any tendon has friction at its holes."""
         return bool(self.tendons.friction.any())
 
+    def _by_segment(self, value: Callable[[Segment], Any]) -> Floats:
+        return frozen(stacked([value(s) for s in self.segments]))
+
     @cached_property
     def bending_stiffness(self) -> Floats:
         """E I of each segment in N m^2."""
-        return frozen([s.backbone.E * s.backbone.second_moment for s in self.segments])
+        return self._by_segment(lambda s: s.backbone.E * s.backbone.second_moment)
 
     @cached_property
     def torsion_stiffness(self) -> Floats:
         """G J of each segment in N m^2; J is the polar second moment of the round section."""
-        return frozen(
-            [s.backbone.shear_modulus * 2.0 * s.backbone.second_moment for s in self.segments]
-        )
+        return self._by_segment(lambda s: s.backbone.shear_modulus * 2.0 * s.backbone.second_moment)
 
     @cached_property
     def axial_stiffness(self) -> Floats:
         """E A of each segment in N."""
-        return frozen([s.backbone.E * s.backbone.area for s in self.segments])
+        return self._by_segment(lambda s: s.backbone.E * s.backbone.area)
 
     @cached_property
     def shear_stiffness(self) -> Floats:
         """G A of each segment in N (shear factor 1)."""
-        return frozen([s.backbone.shear_modulus * s.backbone.area for s in self.segments])
+        return self._by_segment(lambda s: s.backbone.shear_modulus * s.backbone.area)
 
     @cached_property
     def mass_per_length(self) -> Floats:
         """Backbone mass per length of each segment in kg/m."""
-        return frozen([s.backbone.density * s.backbone.area for s in self.segments])
+        return self._by_segment(lambda s: s.backbone.density * s.backbone.area)
 
     @cached_property
     def rotary_inertia(self) -> Floats:
         """Density times second moment of area of each segment's backbone, in kg m."""
-        return frozen([s.backbone.density * s.backbone.second_moment for s in self.segments])
+        return self._by_segment(lambda s: s.backbone.density * s.backbone.second_moment)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.robot.disk import distinct_holes, room_for_holes
+from bowstring.robot.disk import distinct_holes, room_for_holes, stacked
 from bowstring.robot.parts import MAX_DISKS, MAX_TENDONS, Segment, TendonRing, tendon_field
 from bowstring.units import number_with_unit
 
@@ -80,7 +80,7 @@ def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
 
 def bores(parts: tuple[Segment, ...]) -> Floats:
     """Diameter of the hole for the backbone in the disks of each segment, m."""
-    return np.array([s.backbone.diameter for s in parts])
+    return stacked([s.backbone.diameter for s in parts])
 
 
 def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:

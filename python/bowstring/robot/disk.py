@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["DiskMass", "distinct_holes", "drilled_disk", "room_for_holes"]
+__all__ = ["DiskMass", "distinct_holes", "drilled_disk", "room_for_holes", "stacked"]
 
 Floats = NDArray[np.float64]
 
@@ -16,15 +17,23 @@ _SAME_HOLE = 1e-9  # distance of equal holes as a share of the distance from the
 
 
 class DiskMass(NamedTuple):
-    """Mass in kg, moments of inertia about a diameter and about the axis in kg m^2.
+    """Mass in kg, moments of inertia about a diameter and about the axis in kg m^2, each (...).
 
     All refer to the centre of the disk. `across` is the mean over all diameters; with a ring of
     three or more equal holes they are equal.
     """
 
-    mass: float
-    across: float
-    axial: float
+    mass: Floats
+    across: Floats
+    axial: Floats
+
+
+def stacked(values: Sequence[ArrayLike]) -> Floats:
+    """Stack numbers, or arrays of the numbers of many robots, along a new last axis."""
+    arrays = [np.asarray(value, dtype=float) for value in values]
+    if not any(array.ndim for array in arrays):
+        return np.array(arrays, dtype=float)
+    return np.stack(np.broadcast_arrays(*arrays), axis=-1)
 
 
 def distinct_holes(places: ArrayLike) -> Floats:
@@ -32,21 +41,25 @@ def distinct_holes(places: ArrayLike) -> Floats:
 
     Parameters
     ----------
-    places : array_like (T, 2)
-        x and y of the holes of all tendons, in any unit; tendons may share a hole.
+    places : array_like (..., T, 2)
+        x and y of the holes of all tendons, in any unit; tendons may share a hole. Of many robots,
+        the first one decides which do.
 
     Returns
     -------
-    ndarray (H, 2)
+    ndarray (..., H, 2)
         Positions in the order of the first tendon of each hole.
     """
-    rows = np.asarray(places, dtype=float).reshape(-1, 2)
-    found = np.empty((0, 2))
-    for place in rows:
-        apart = np.hypot(*(found - place).T)
+    rows = np.asarray(places, dtype=float)
+    if rows.size == 0:
+        return rows.reshape(0, 2)
+    first = rows.reshape(-1, *rows.shape[-2:])[0]
+    found: list[int] = []
+    for i, place in enumerate(first):
+        apart = np.hypot(*(first[found] - place).T)
         if not np.any(apart <= _SAME_HOLE * math.hypot(*place)):
-            found = np.vstack([found, place])
-    return found
+            found.append(i)
+    return rows[..., found, :]
 
 
 def room_for_holes(holes: ArrayLike, radius: float, bore: float) -> tuple[float, str]:
@@ -78,24 +91,24 @@ def room_for_holes(holes: ArrayLike, radius: float, bore: float) -> tuple[float,
 
 
 def drilled_disk(
-    density: float,
-    radius: float,
-    thickness: float,
-    bore: float,
+    density: float | Floats,
+    radius: float | Floats,
+    thickness: float | Floats,
+    bore: float | Floats,
     holes: ArrayLike,
-    hole_diameter: float,
+    hole_diameter: float | Floats,
 ) -> DiskMass:
     """Mass and inertia of a disk with a bore in the middle and round holes, all through.
 
     Parameters
     ----------
-    density : float
+    density : array_like (...)
         Density in kg/m^3.
-    radius, thickness : float
+    radius, thickness : array_like (...)
         Radius and thickness of the disk in m.
-    bore, hole_diameter : float
+    bore, hole_diameter : array_like (...)
         Diameters of the bore and of the tendons' holes in m.
-    holes : array_like (H, 2)
+    holes : array_like (..., H, 2)
         x and y of the holes, in m.
 
     Returns
@@ -108,13 +121,17 @@ def drilled_disk(
     it, has ``m (3 r^2 + t^2) / 12 + m d^2 / 2`` about a diameter of the disk (mean over all) and
     ``m r^2 / 2 + m d^2`` about its axis (Steiner). The holes are such cylinders, taken away.
     """
-    places = np.asarray(holes, dtype=float).reshape(-1, 2)
-    radii = np.array([radius, 0.5 * bore, *np.full(len(places), 0.5 * hole_diameter)])
-    off = np.array([0.0, 0.0, *(places**2).sum(axis=1)])
-    sign = np.array([1.0, -1.0, *np.full(len(places), -1.0)])
-    mass = sign * density * math.pi * radii**2 * thickness
+    places = np.asarray(holes, dtype=float)
+    if places.size == 0:
+        places = places.reshape(0, 2)
+    count = places.shape[-2]
+    radii = stacked([radius, 0.5 * bore, *[0.5 * hole_diameter] * count])
+    off = np.concatenate([np.zeros((*places.shape[:-2], 2)), (places**2).sum(axis=-1)], axis=-1)
+    sign = np.array([1.0, -1.0, *np.full(count, -1.0)])
+    tall, heavy = np.asarray(thickness)[..., None], np.asarray(density)[..., None]
+    mass = sign * heavy * math.pi * radii**2 * tall
     return DiskMass(
-        mass=float(mass.sum()),
-        across=float(mass @ ((3.0 * radii**2 + thickness**2) / 12.0 + off / 2.0)),
-        axial=float(mass @ (radii**2 / 2.0 + off)),
+        mass=mass.sum(axis=-1),
+        across=(mass * ((3.0 * radii**2 + tall**2) / 12.0 + off / 2.0)).sum(axis=-1),
+        axial=(mass * (radii**2 / 2.0 + off)).sum(axis=-1),
     )

@@ -1,0 +1,270 @@
+"""Many robots that differ from one robot in some of its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel
+
+from bowstring.display import short_repr
+from bowstring.errors import InputError
+from bowstring.robot.arrays import RobotArrays
+from bowstring.robot.disk import stacked
+from bowstring.robot.model import Robot, check_robot
+from bowstring.robot.overrides import expand
+from bowstring.units import quote
+from bowstring.validation import floats
+
+__all__ = ["Designs", "full_paths", "numbers_of"]
+
+Floats = NDArray[np.float64]
+
+_SHAPING: Final = ("count", "positions")  # fields that change the number of disks or tendons
+_SECTION: Final = (
+    "bending_stiffness",
+    "torsion_stiffness",
+    "axial_stiffness",
+    "shear_stiffness",
+    "mass_per_length",
+    "rotary_inertia",
+)
+
+
+def numbers_of(robot: Robot) -> list[tuple[str, float]]:
+    """Paths and values in SI of all numbers of a robot, also of those that its file leaves out.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    list of (str, float)
+        Paths such as ``segments.0.backbone.E``; a list of numbers has one for each.
+    """
+    return list(_numbers(robot.model_dump(mode="json", exclude_none=True), ""))
+
+
+def _numbers(value: Any, path: str) -> Iterator[tuple[str, float]]:
+    if isinstance(value, bool | str) or value is None:
+        return
+    if isinstance(value, int | float):
+        yield path, value
+        return
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    for key, item in items:
+        yield from _numbers(item, f"{path}.{key}" if path else str(key))
+
+
+def full_paths(robot: Robot, path: str) -> list[str]:
+    """Paths of the numbers that a path means.
+
+    Parameters
+    ----------
+    robot : Robot
+    path : str
+        A path as in `Robot.with_`, with ``*`` for every index; or the end of one, such as ``E`` or
+        ``disks.count``, which means that number in every segment and tendon.
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    InputError
+        If the robot has no such number, or an end means numbers of different kinds.
+    """
+    known = [known for known, _ in numbers_of(robot)]
+    tree = robot.model_dump(mode="json", exclude_none=True)
+    exact = [p for p in expand(tree, path) if p in known]
+    if exact:
+        return exact
+    ends = [p for p in known if p.endswith(f".{path}")]
+    kinds = {_kind(p) for p in ends}
+    if len(kinds) == 1:
+        return ends
+    if kinds:
+        choice = " or ".join(sorted(kinds))
+        raise InputError(f"{quote(path)} is not unique; write {choice}.")
+    near = sorted({_kind(p) for p in known}, key=lambda p: -_common_end(p, path))[:3]
+    raise InputError(
+        f"{robot.name} has no number {quote(path)}; write for example {' or '.join(near)}."
+    )
+
+
+def _kind(path: str) -> str:
+    return ".".join("*" if key.isdecimal() else key for key in path.split("."))
+
+
+def _common_end(path: str, wanted: str) -> float:
+    from difflib import SequenceMatcher
+
+    last = path.rpartition(".")[2]
+    return SequenceMatcher(None, last.lower(), wanted.rpartition(".")[2].lower()).ratio()
+
+
+@short_repr
+@dataclass(frozen=True)
+class Designs:
+    """Many robots that differ from one robot in some of its numbers, and not in its topology.
+
+    Numbers of disks, tendons and segments are those of `robot`. The robots are checked together:
+    each value with all others as in `robot`, and the extremes with each other, as `Robot.with_`
+    does; the mechanics checks every robot.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot from which they differ.
+    values : mapping from str to array_like (D,)
+        Values in SI by path, such as ``segments.*.backbone.E``, of D robots.
+
+    Raises
+    ------
+    InputError
+        If a path does not exist, a value is not valid, or the topology would change.
+
+    Examples
+    --------
+    >>> import bowstring as bs
+    >>> from bowstring.robot.designs import Designs
+    >>> designs = Designs(bs.load_robot("amouri2019"), {"segments.*.backbone.E": [30e9, 40e9]})
+    >>> len(designs)
+    2
+    """
+
+    robot: Robot
+    values: Mapping[str, ArrayLike]
+
+    def __post_init__(self) -> None:
+        check_robot(self.robot)
+        given = {path: np.atleast_1d(floats(v)) for path, v in self.values.items()}
+        sizes = {len(v) for v in given.values()}
+        if len(sizes) > 1 or any(v.ndim != 1 for v in given.values()) or 0 in sizes:
+            shapes = ", ".join(f"{path} {v.shape}" for path, v in given.items())
+            raise InputError(f"values has arrays of different length: {shapes}; give one for each")
+        wide: dict[str, Floats] = {}
+        for path, array in given.items():
+            for each in full_paths(self.robot, path):
+                if each.rpartition(".")[2] in _SHAPING and not _is_position(each):
+                    raise InputError(
+                        f"{path} changes the number of disks or tendons; make a robot for each"
+                    )
+                wide[each] = array
+        object.__setattr__(self, "values", wide)
+        self._check_extremes()
+
+    def __len__(self) -> int:
+        return len(np.asarray(next(iter(self.values.values())))) if self.values else 1
+
+    def __getitem__(self, rows: slice) -> Designs:
+        """Some of the robots, not checked again."""
+        part = object.__new__(Designs)
+        object.__setattr__(part, "robot", self.robot)
+        chosen = {path: np.asarray(v)[rows] for path, v in self.values.items()}
+        object.__setattr__(part, "values", chosen)
+        return part
+
+    def robot_at(self, index: int) -> Robot:
+        """Make one of the robots, checked as from a file."""
+        chosen = {path: float(np.asarray(v)[index]) for path, v in self.values.items()}
+        return self.robot.with_(chosen)
+
+    def _check_extremes(self) -> None:
+        # paths with the same values change together
+        together: dict[int, list[str]] = {}
+        for path, v in self.values.items():
+            together.setdefault(id(v), []).append(path)
+        groups = list(together.values())
+        ends = []
+        for paths in groups:
+            array = np.asarray(self.values[paths[0]])
+            if not np.isfinite(array).all():
+                raise InputError(f"{paths[0]} has a value that is not finite")
+            ends.append((float(array.min()), float(array.max())))
+        corners = product(*ends) if len(ends) <= 4 else zip(*ends, strict=True)
+        for corner in corners:
+            changes = {
+                path: value for paths, value in zip(groups, corner, strict=True) for path in paths
+            }
+            try:
+                self.robot.with_(changes)
+            except InputError as error:
+                # advice on units is for a user's own text
+                raise InputError(str(error).partition("\n")[0].rstrip(".")) from None
+
+    @cached_property
+    def arrays(self) -> RobotArrays:
+        """Arrays of the robots as `Robot` has them, with a leading axis (D,) where they vary."""
+        tree: Any = self.robot
+        for path, array in self.values.items():
+            tree = _replaced(tree, path.split("."), np.asarray(array))
+        return RobotArrays.model_construct(
+            **{name: getattr(tree, name) for name in RobotArrays.model_fields}
+        )
+
+    @cached_property
+    def sections(self) -> Floats:
+        """Stiffness, mass and inertia per length of the segments (D, 6 S), for the core."""
+        return self._interleaved([getattr(self.arrays, name) for name in _SECTION])
+
+    @cached_property
+    def disks(self) -> Floats:
+        """Station, clamped length, mass and two moments of inertia of the disks (D, 5 N)."""
+        disks = self.arrays.disks
+        return self._interleaved(
+            [
+                disks.station_m,
+                disks.clamped_length_m,
+                disks.mass_kg,
+                disks.inertia_kg_m2[..., 0],
+                disks.inertia_kg_m2[..., 1],
+            ]
+        )
+
+    @cached_property
+    def holes(self) -> Floats:
+        """x and y of the holes of the tendons (D, 2 T)."""
+        hole = self.arrays.tendons.hole_m
+        return self._interleaved([hole[..., 0], hole[..., 1]])
+
+    @cached_property
+    def gravity(self) -> Floats:
+        """Gravity (D, 3), m/s^2."""
+        return np.array(np.broadcast_to(stacked(list(self.arrays.gravity)), (len(self), 3)))
+
+    @cached_property
+    def length(self) -> Floats:
+        """Lengths of the straight backbones (D,), m."""
+        return np.array(np.broadcast_to(np.asarray(self.arrays.length), (len(self),)))
+
+    def _interleaved(self, parts: list[Floats]) -> Floats:
+        """Numbers (D or none, n) of each part as rows (D, n parts), the parts side by side."""
+        count = parts[0].shape[-1]
+        wide = [np.broadcast_to(part, (len(self), count)) for part in parts]
+        return np.ascontiguousarray(np.stack(wide, axis=-1).reshape(len(self), -1))
+
+
+def _is_position(path: str) -> bool:
+    return path.split(".")[-2:-1] == ["positions"]
+
+
+def _replaced(part: Any, keys: list[str], value: Any) -> Any:
+    """Copy of a part with another value at the end of a path, without checks."""
+    if not keys:
+        return value
+    key, *rest = keys
+    if isinstance(part, BaseModel):
+        fields = {name: getattr(part, name) for name in type(part).model_fields}
+        fields[key] = _replaced(fields[key], rest, value)
+        return type(part).model_construct(set(part.model_fields_set), **fields)
+    items = list(part)
+    items[int(key)] = _replaced(items[int(key)], rest, value)
+    return tuple(items)
