@@ -38,6 +38,9 @@ class Shell:
         assert got == code, err
         assert out.count("\n") == 1
         command = " ".join(arguments[: 2 if arguments[0] in ("bench", "data") else 1])
+        for flag in ("--workspace", "--store"):
+            if flag in arguments:
+                command += f" {flag}"
         if command in COMMANDS:
             adapter(command).validate_json(out, strict=True)
         return json.loads(out, parse_constant=pytest.fail)  # NaN and Infinity are not JSON

@@ -12,9 +12,10 @@ from bowstring.study import study
 from bowstring.study.comparison import COMPARISONS, Model, Theory
 from bowstring.study.error_budget import Budget, error_budget
 from bowstring.study.ramp_response import MODAL_DAMPING, Transient
-from bowstring.study.settings import Loading, Ramp
+from bowstring.study.settings import Ramp
 from bowstring.study.study import GeometricSweep, Statics, Study
 from bowstring.study.verdict import Verdict, judge
+from bowstring.validity.loading import Loading
 
 
 class Stages:

@@ -33,6 +33,9 @@ except ImportError:
     pass
 time.sleep(20)
 """
+COMPILED = """
+exec("ready()\\ntime.sleep(20)")
+"""
 DESTRUCTOR = """
 class Kept:
     def __del__(self):
@@ -94,6 +97,10 @@ def test_an_interrupt_within_an_import(
     tmp_path: Path, library: str, number: signal.Signals
 ) -> None:
     assert stop(tmp_path, library, [number]) == (130, "Stopped: nothing was written.\n")
+
+
+def test_an_interrupt_of_code_compiled_from_a_string(tmp_path: Path) -> None:
+    assert stop(tmp_path, COMPILED, [signal.SIGINT]) == (130, "Stopped: nothing was written.\n")
 
 
 @pytest.mark.parametrize("library", [DESTRUCTOR, CALLBACK])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from types import FrameType
 from typing import Final
 
@@ -23,6 +25,20 @@ def _stopped(*_: object) -> None:
 def _refused(sentence: str) -> int:
     print(f"Error: {sentence}.", file=sys.stderr)
     return _BAD_INPUT
+
+
+def _leave_stopped() -> None:
+    """Exit without the end of ``python -m``.
+
+    It sends SIGINT to itself instead of exiting with a code where Ctrl-C has interrupted code that
+    was compiled from a string, as that of dataclasses is.
+    """
+    _set_handler(signal.SIG_IGN)
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError):
+            stream.flush()
+    os._exit(_STOPPED)
 
 
 def _set_handler(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
@@ -47,7 +63,11 @@ def main() -> None:
     try:
         command()
     except KeyboardInterrupt:  # a second one while the first was handled
-        sys.exit(_STOPPED)
+        _leave_stopped()
+    except SystemExit as end:
+        if end.code == _STOPPED:
+            _leave_stopped()
+        raise
     finally:
         _set_handler(signal.SIG_IGN)  # all output is written
 

@@ -27,6 +27,7 @@ __all__ = [
     "check_parent",
     "check_place",
     "check_replaceable",
+    "check_room",
     "check_whole_folder",
     "check_writable",
     "folder_beside",
@@ -114,6 +115,25 @@ def check_replaceable(folder: Path, why: str) -> None:
     else:
         return
     raise InputError(f"{why}: {fault}; name a folder in it, for example {folder / 'out'}")
+
+
+def check_room(path: Path, need: int, why: str) -> None:
+    """Refuse more bytes than the drive of a path has free; `why` begins the message.
+
+    The path need not exist.
+    """
+    place = path
+    try:
+        while not place.exists():
+            place = place.parent
+        free = shutil.disk_usage(place).free
+    except OSError as error:
+        raise InputError(f"{why}: {error.strerror}") from None
+    if need > free:
+        raise InputError(
+            f"{why}: it needs {need / 1e9:.3g} GB and the drive has {free / 1e9:.3g} GB free; ask "
+            "for less, or name a place on a larger drive"
+        )
 
 
 def check_whole_folder(
