@@ -2,7 +2,7 @@
 PYTHON ?= python3
 ROBOT ?= amouri2019
 RESOLUTION ?= lowest-direct
-SMALL_EXTRAS := --extra excel --extra download
+SMALL_EXTRAS := --extra excel --extra download --extra uncertainty --extra cluster
 VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
@@ -21,7 +21,7 @@ $(BIN)/python:
 	@echo "== setting up $(VENV) (once)"
 	$(PYTHON) -m venv $(VENV)
 
-# .installed-base is what the package needs; test (with the extras excel and download), all (with cad) and docs come on
+# .installed-base is what the package needs; test (with the small extras), all (with cad) and docs come on
 # top
 $(VENV)/.installed-%: requirements/%.lock | $(BIN)/python
 	$(BIN)/python -m pip install --progress-bar on -q --require-hashes -r $<

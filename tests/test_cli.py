@@ -201,7 +201,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
 
 
 def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    for extra in ("build123d", "openpyxl"):
+    for extra in ("build123d", "openpyxl", "SALib", "distributed"):
         monkeypatch.setitem(sys.modules, extra, None)
     monkeypatch.setenv("PATH", "")
     parts = {part["name"]: part for part in shell.json("doctor")["optional"]}
@@ -210,6 +210,8 @@ def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPa
     assert {name: part["cure"].split(" ")[-1] for name, part in parts.items()} == {
         "build123d": "'bowstring[cad]'",
         "openpyxl": "'bowstring[excel]'",
+        "SALib": "'bowstring[uncertainty]'",
+        "distributed": "'bowstring[cluster]'",
         "CalculiX": "https://www.calculix.de",
         "ffmpeg": "https://ffmpeg.org",
     }

@@ -31,7 +31,8 @@ def test_every_command_with_json_has_a_schema() -> None:
                 yield " ".join((*words, name))
 
     found = set(commands(typer.main.get_command(main.app)))
-    assert found == {*COMMANDS, "schema"}  # which prints a JSON Schema itself
+    known = {command.partition(" --")[0] for command in COMMANDS}  # a flag may change the object
+    assert found == {*known, "schema"}  # which prints a JSON Schema itself
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -22,7 +22,7 @@ else:
 ROOT = Path(__file__).parents[1]
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 #: Name in the Python index -> name in conda-forge, where they differ.
-CONDA_NAMES = {"matplotlib": "matplotlib-base", "netCDF4": "netcdf4"}
+CONDA_NAMES = {"matplotlib": "matplotlib-base", "netCDF4": "netcdf4", "SALib": "salib"}
 
 
 def text(*path: str) -> str:
@@ -51,10 +51,10 @@ def test_the_base_has_at_most_twelve_dependencies(project: Any) -> None:
 
 def test_each_extra_installs_its_module(project: Any) -> None:
     brings = {
-        extra: [re.split(r"\W", each)[0] for each in needs]
+        extra: re.split(r"\W", needs[0])[0]
         for extra, needs in project["optional-dependencies"].items()
     }
-    assert brings == {extra: [module] for extra, (module, *_) in EXTRAS.items()}
+    assert brings == {extra: module for extra, (module, *_) in EXTRAS.items()}
 
 
 def test_the_conda_recipe_matches_the_project(project: Any) -> None:

@@ -25,10 +25,10 @@ from bowstring.study import figures, report
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.counterparts import counterparts
 from bowstring.study.data_validation import judge_data
-from bowstring.study.settings import Loading
 from bowstring.study.study import FIGURES, SCHEMA_VERSION, Study, run_study
 from bowstring.study.summary import summarise
 from bowstring.study.terminal import print_study
+from bowstring.validity.loading import Loading
 from bowstring.viz.style import figure_style, svg
 from stages import Stages
 
@@ -181,7 +181,7 @@ def test_names_from_a_robot_file_are_escaped(paper: Study, tmp_path: Path) -> No
 def test_the_folder_contains_the_listed_files(written: Path) -> None:
     content = json.loads((written / "study.json").read_text(encoding="utf-8"))
     assert set(contents(written)) == set(content["files"])
-    assert len(content["figures"]) == len(FIGURES) == 14
+    assert len(content["figures"]) == len(FIGURES) == 16
     for figure in content["figures"]:
         assert (written / figure["png"]).read_bytes().startswith(b"\x89PNG")
         assert (written / figure["pdf"]).read_bytes().startswith(b"%PDF")

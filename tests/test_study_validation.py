@@ -39,8 +39,8 @@ from bowstring.study.data_validation import (
     check_measurements,
     judge_data,
 )
-from bowstring.study.settings import Loading
 from bowstring.study.study import DATA_FIGURES, Study, run_study
+from bowstring.validity.loading import Loading
 from shell import Shell
 from stages import Stages
 from test_study_report import read

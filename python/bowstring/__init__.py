@@ -28,6 +28,8 @@ if TYPE_CHECKING:
         robot,
         statics,
         study,
+        uncertainty,
+        validity,
         viz,
     )
     from bowstring._core import RodModel, __version__
@@ -50,8 +52,13 @@ if TYPE_CHECKING:
     from bowstring.statics.load import Load
     from bowstring.statics.rod import solve, solve_batch, sweep
     from bowstring.statics.solution import Solution, Sweep
-    from bowstring.study.settings import Extras, Loading, Ramp
+    from bowstring.study.settings import Extras, Ramp
     from bowstring.study.study import Study, run_study
+    from bowstring.validity.chart import ValidityChart, validity_chart
+    from bowstring.validity.loading import Loading
+    from bowstring.validity.maps import ValidityMap, validity_map
+    from bowstring.validity.spread import Spread, validity_spread
+    from bowstring.validity.workspace import WorkspaceMap, workspace_map
 
 __all__ = [
     "Calibration",
@@ -70,9 +77,13 @@ __all__ = [
     "RodModel",
     "Run",
     "Solution",
+    "Spread",
     "Start",
     "Study",
     "Sweep",
+    "ValidityChart",
+    "ValidityMap",
+    "WorkspaceMap",
     "__version__",
     "cad",
     "calibrate",
@@ -100,7 +111,13 @@ __all__ = [
     "statics",
     "study",
     "sweep",
+    "uncertainty",
+    "validity",
+    "validity_chart",
+    "validity_map",
+    "validity_spread",
     "viz",
+    "workspace_map",
     "write_measurements",
 ]
 
@@ -122,8 +139,13 @@ _HOME = {
         "statics.load": "Load",
         "statics.rod": "solve solve_batch sweep",
         "statics.solution": "Solution Sweep",
-        "study.settings": "Extras Loading Ramp",
+        "study.settings": "Extras Ramp",
         "study.study": "Study run_study",
+        "validity.chart": "ValidityChart validity_chart",
+        "validity.loading": "Loading",
+        "validity.maps": "ValidityMap validity_map",
+        "validity.spread": "Spread validity_spread",
+        "validity.workspace": "WorkspaceMap workspace_map",
     }.items()
     for name in names.split()
 }

@@ -16,15 +16,19 @@ EXTRAS: Final = {
     "cad": ("build123d", "solids", "bowstring cad"),
     "excel": ("openpyxl", "Excel tables", "measurements as .xlsx"),
     "download": ("requests", "downloads", "bowstring data get"),
+    "uncertainty": ("SALib", "screening and second-order indices", "Morris screening"),
+    "cluster": ("distributed", "clusters and Zarr", "bowstring.blocks"),
 }
 
 
-def load_extra(extra: str) -> ModuleType:
+def load_extra(extra: str, module: str = "") -> ModuleType:
     """Import the module of an extra.
 
     Parameters
     ----------
-    extra : {"cad", "excel", "download"}
+    extra : {"cad", "excel", "download", "uncertainty", "cluster"}
+    module : str
+        Another module of the extra, instead of that in `EXTRAS`.
 
     Raises
     ------
@@ -32,6 +36,7 @@ def load_extra(extra: str) -> ModuleType:
         If the module cannot be imported; the message has the command that installs it.
     """
     name, purpose, _ = EXTRAS[extra]
+    name = module or name
     try:
         return importlib.import_module(name)
     except ImportError as error:

@@ -19,7 +19,19 @@ from typing import Annotated, Any, Final, TextIO
 import typer
 
 from bowstring import interrupts
-from bowstring.cli import bench, cad, data, doctor, dynamics, fe, fit, statics, study
+from bowstring.cli import (
+    bench,
+    cad,
+    data,
+    doctor,
+    dynamics,
+    fe,
+    fit,
+    map,
+    statics,
+    study,
+    uncertainty,
+)
 from bowstring.cli.output import Stopped, be_quiet, coloured, say, write
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 
@@ -76,6 +88,8 @@ for _command in (
     doctor.doctor,
 ):
     app.command()(_with_quiet(_command))
+app.command("map")(_with_quiet(map.map_))
+app.command()(_with_quiet(uncertainty.uncertainty))
 bench_app.command("check")(_with_quiet(bench.check))
 bench_app.command("simulate")(_with_quiet(bench.simulate))
 data_app.command("list")(_with_quiet(data.list_sets))

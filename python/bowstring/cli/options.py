@@ -196,6 +196,24 @@ def share_of(flag: str, text: str, rule: str, accepts: Callable[[float], bool]) 
     return value
 
 
+def shares_of(flag: str, text: str, robot: Robot) -> dict[int, float]:
+    """Parse numbers of tendons and their shares of the sweep's tension."""
+    out: dict[int, float] = {}
+    count = tendon_count(robot)
+    rule = "a tendon and, after a colon, its share of the sweep's tension"
+    for item in text.split(","):
+        number, colon, share = item.strip().partition(":")
+        if not (number.isdecimal() and 1 <= int(number) <= count):
+            raise InputError(
+                f"{flag}: got {quote(item.strip())}; must be a tendon of {robot.name} from 1 to "
+                f"{count}, and its share after a colon, for example {flag} 1,{min(count, 2)}:0.5."
+            )
+        if int(number) in out:
+            raise InputError(f"{flag}: tendon {number} is there twice; name each one once.")
+        out[int(number)] = share_of(flag, share, rule, math.isfinite) if colon else 1.0
+    return out
+
+
 def positive(flag: str, text: str, si: str) -> float:
     value = number_of(flag, text, si)
     if value <= 0:

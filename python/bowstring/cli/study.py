@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -20,14 +19,12 @@ from bowstring.cli.options import (
     of_flag,
     option,
     share_of,
-    tendon_count,
+    shares_of,
 )
 from bowstring.cli.output import Stopped, progress_bar, say, write_json, write_rich
 from bowstring.errors import InputError
-from bowstring.units import quote
 
 if TYPE_CHECKING:
-    from bowstring.robot.model import Robot
     from bowstring.schemas import study as schema
 
 
@@ -85,6 +82,14 @@ def study(
             "[default: bonded]"
         ),
     ] = None,
+    uncertainty: Annotated[
+        Path | None,
+        option(
+            "FILE",
+            "Distributions of numbers of the robot (YAML).  [default: E to 5 %, pitch radius to "
+            "1 %, assumed]",
+        ),
+    ] = None,
     overrides: Overrides = None,
     verbose: Annotated[
         bool, typer.Option("--verbose", help="Print all tables and the whole verdict as well.")
@@ -114,16 +119,22 @@ def study(
         lambda value: 0 <= value < 1,
     )
     model = load(robot, overrides)
-    shares = None if tendon is None else _shares(tendon, model)
+    shares = None if tendon is None else shares_of("--tendon", tendon, model)
 
     from bowstring.fem.run import RunInterrupted, Settings
     from bowstring.result_folder import check_folder
     from bowstring.study import report
-    from bowstring.study.settings import Extras, Loading, Ramp
+    from bowstring.study.settings import Extras, Ramp
     from bowstring.study.study import run_study
+    from bowstring.validity.loading import Loading
 
     loading, ramp = Loading(limit, points, shares), Ramp(seconds, damping)
-    extras = Extras(solid, Settings(grip=grip or Settings.grip) if fe else None)
+    joint = None
+    if uncertainty is not None:
+        from bowstring.uncertainty import read_distributions
+
+        joint = of_flag("--uncertainty", lambda file: read_distributions(file, model), uncertainty)
+    extras = Extras(solid, Settings(grip=grip or Settings.grip) if fe else None, joint)
     folder = of_flag("--out", check_folder, report.default_folder(model) if out is None else out)
     try:
         with progress_bar("CAD kernel" if solid else "geometric sweep") as notify:
@@ -160,21 +171,3 @@ def study(
     from bowstring.study.terminal import print_study
 
     write_rich(lambda console: print_study(found, console, folder, verbose=verbose))
-
-
-def _shares(text: str, robot: Robot) -> dict[int, float]:
-    """Parse numbers of tendons and their shares of the sweep's tension."""
-    out: dict[int, float] = {}
-    count = tendon_count(robot)
-    rule = "a tendon and, after a colon, its share of the sweep's tension"
-    for item in text.split(","):
-        number, colon, share = item.strip().partition(":")
-        if not (number.isdecimal() and 1 <= int(number) <= count):
-            raise InputError(
-                f"--tendon: got {quote(item.strip())}; must be a tendon of {robot.name} from 1 to "
-                f"{count}, and its share after a colon, for example --tendon 1,{min(count, 2)}:0.5."
-            )
-        if int(number) in out:
-            raise InputError(f"--tendon: tendon {number} is there twice; name each one once.")
-        out[int(number)] = share_of("--tendon", share, rule, math.isfinite) if colon else 1.0
-    return out

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from bowstring.schemas import bench, dynamics, fit, program, solids, statics, study
+from bowstring.schemas import bench, dynamics, fit, maps, program, solids, statics, study
 
 #: The object that each command prints; that of `schema` is a JSON Schema itself.
 COMMANDS: Final[dict[str, Any]] = {
@@ -21,6 +21,10 @@ COMMANDS: Final[dict[str, Any]] = {
     "simulate": dynamics.Simulate,
     "modes": dynamics.Modes,
     "study": study.Study,
+    "map": maps.Map,
+    "map --workspace": maps.Workspace,
+    "map --store": maps.StoredMap,
+    "uncertainty": maps.Uncertainty,
     "bench check": bench.BenchCheck,
     "bench simulate": bench.BenchSimulate,
     "fit": fit.Fit,

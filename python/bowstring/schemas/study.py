@@ -23,6 +23,7 @@ from bowstring.schemas.basic import (
     about,
 )
 from bowstring.schemas.fit import EndOfFit
+from bowstring.schemas.maps import SpreadValues
 
 # -- comparisons -----------------------------------------------------------------------------------
 
@@ -670,6 +671,15 @@ class StudyProvenance(Object):
     ]
 
 
+class UncertainNumbers(Object):
+    """Validity limits where numbers of the robot are uncertain."""
+
+    assumed: Annotated[bool, about("Whether the program assumed the uncertainty.")]
+    models: Annotated[
+        list[SpreadValues], about("From lengths and from force; empty without enough results.")
+    ]
+
+
 class StudyResults(Object):
     """Result of `Study.to_dict`."""
 
@@ -694,6 +704,9 @@ class StudyResults(Object):
     ]
     sweep: Annotated[StudySweep, about("Sweep by statics.")]
     dynamics: Annotated[Motion | NoMotion, about("Dynamics, or why they were left out.")]
+    uncertainty: Annotated[
+        UncertainNumbers, about("Validity limits with uncertain numbers of the robot.")
+    ]
     finite_elements: Annotated[
         StudyFiniteElements | None, about("Finite elements; `null` without `--fe`.")
     ]

@@ -26,6 +26,7 @@ from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.statics.solution import Sweep
+from bowstring.validity.loading import linear_bend
 
 if TYPE_CHECKING:
     from bowstring.schemas import study as schema
@@ -233,15 +234,7 @@ class Model:
     @cached_property
     def linear_bend(self) -> Array:
         """Bend (S, 2) of each segment per N of the sweep by theory Eq. 1.7, rad/N."""
-        robot = self.robot
-        out = np.zeros((len(robot.segments), 2))
-        for k, segment in enumerate(robot.segments):
-            passing = robot.tendons.segment >= k
-            moment = self.shares[passing] @ robot.tendons.hole_m[passing]
-            size = float(np.abs(self.shares[passing]) @ robot.tendons.pitch_radius_m[passing])
-            if np.linalg.norm(moment) > 1e-9 * size:  # otherwise the tendons balance each other
-                out[k] = moment * segment.length / float(robot.bending_stiffness[k])
-        return out
+        return linear_bend(self.robot, self.shares)
 
     @property
     def linear_bend_of_all(self) -> float:

@@ -658,6 +658,15 @@ def _fe_field(study: Study) -> Figure:
     return field(study.bricks.run)
 
 
+def _map(study: Study) -> Figure:
+    assert study.map is not None
+    return study.map.figure()
+
+
+def _spread(study: Study) -> Figure:
+    return study.spreads[-1].figure()  # from force, which knows less than from lengths
+
+
 _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig01_robot": _solid,
     "fig02_disk": _disk,
@@ -674,6 +683,8 @@ _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig11_errors": _errors,
     "fe_stress": _fe_stress,
     "fe_field": _fe_field,
+    "validity_map": _map,
+    "validity_spread": _spread,
     "error_budget": _error_budget,
     "hysteresis": _hysteresis,
     "fig09_measured_tip": measured_tip,

@@ -4,86 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-import numpy as np
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import listed, significant
-from bowstring.robot.model import Robot
 from bowstring.study.comparison import Theory
 from bowstring.study.ramp_response import MODAL_DAMPING
-from bowstring.validation import is_whole, number, shown, whole
+from bowstring.validation import number
 
 if TYPE_CHECKING:
     from bowstring.fem.run import Settings as FeSettings
+    from bowstring.uncertainty import Distributions
 
-__all__ = ["Extras", "Loading", "Ramp", "Settings"]
-
-
-@dataclass(frozen=True)
-class Loading:
-    """Sweep of a study from zero: one tendon, or several at fixed shares of one tension.
-
-    Parameters
-    ----------
-    max_tension : float, optional
-        End of the sweep, N. The default is the largest round load (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6
-        or 8 times a power of ten) that bends the whole robot by at most 80 degrees by the linear
-        law: 80 N for the study's robot, as in the study. In gravity, the bend is counted from the
-        pose without tension, by statics.
-    points : int
-        Number of loads in equal steps, including zero.
-    tendon : int or mapping from int to float, optional
-        Number of the actuated tendon, from 1; or a mapping from numbers to shares of the sweep's
-        tension, the largest of which must be 1: ``{1: 1.0, 4: 0.5}``. The default is the first
-        tendon of the outermost segment. All others are slack.
-
-    Raises
-    ------
-    InputError
-        If a value is out of range.
-    """
-
-    max_tension: float | None = None
-    points: int = 17
-    tendon: int | Mapping[int, float] | None = None
-
-    def __post_init__(self) -> None:
-        if self.max_tension is not None:
-            number("max_tension", self.max_tension, "N")
-        whole("points", self.points, 2, 1000)
-        if self.tendon is not None and not isinstance(self.tendon, (int, np.integer, Mapping)):
-            rule = "the number of a tendon, or a mapping from numbers to shares"
-            raise InputError.of("tendon", shown(self.tendon), rule)
-
-    def shares(self, robot: Robot) -> tuple[float, ...]:
-        """Share of the sweep's tension in each tendon of a robot."""
-        count = len(robot.tendons.segment)
-        out = [0.0] * count
-        if self.tendon is None:
-            out[int(np.flatnonzero(robot.tendons.segment == len(robot.segments) - 1)[0])] = 1.0
-            return tuple(out)
-        given = self.tendon if isinstance(self.tendon, Mapping) else {self.tendon: 1.0}
-        for tendon, share in given.items():
-            if not is_whole(tendon) or not 1 <= tendon <= count:
-                rule = f"a whole number from 1 to {count}, the tendons of {robot.name}"
-                raise InputError.of("tendon", shown(tendon), rule)
-            if not isinstance(share, (int, float)) or not 0.0 < share <= 1.0:
-                raise InputError(
-                    f"the share of tendon {tendon} is {shown(share)}; must be above 0 and at most "
-                    "1",
-                    argument="tendon",
-                )
-            out[tendon - 1] = float(share)
-        if max(out) != 1.0:
-            raise InputError(
-                f"the largest share of the actuated tendons is {max(out):g}; must be 1, the tendon "
-                "that has the whole tension of the sweep",
-                argument="tendon",
-            )
-        return tuple(out)
+__all__ = ["Extras", "Ramp", "Settings"]
 
 
 @dataclass(frozen=True)
@@ -125,10 +60,15 @@ class Extras:
         Whether the report shows the robot as a solid (`bowstring.cad.solid`); takes some seconds.
     fe : bowstring.fem.Settings, optional
         Settings of 3-D finite elements that also solve the sweep; takes minutes.
+    uncertainty : Distributions, str, Path or mapping, optional
+        Distributions of the robot's numbers, as `bowstring.uncertainty.read_distributions` takes
+        them. By default a standard deviation of 5 % of Young's modulus and of 1 % of the pitch
+        radius, which the report calls assumed.
     """
 
     solid: bool = False
     fe: FeSettings | None = None
+    uncertainty: Distributions | str | Path | Mapping[str, Any] | None = None
 
 
 @short_repr

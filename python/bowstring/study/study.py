@@ -31,7 +31,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,11 +41,12 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison
 from bowstring.display import html_table, short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
-from bowstring.formatting import in_mm, in_percent, plain, round_down, significant
-from bowstring.robot.model import Robot, check_robot
+from bowstring.formatting import in_mm, in_percent, listed, plain, significant
+from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.robot.reader import load_robot
 from bowstring.statics import limits
-from bowstring.study.comparison import COMPARISONS, Model, Theory
+from bowstring.statics.model import RodModel
+from bowstring.study.comparison import COMPARISONS, MEANINGS, Model, Theory
 from bowstring.study.error_budget import Budget, error_budget
 from bowstring.study.ramp_response import (
     Surface,
@@ -55,9 +56,14 @@ from bowstring.study.ramp_response import (
     surface_at_rest,
     transient,
 )
-from bowstring.study.settings import Extras, Loading, Ramp, Settings
+from bowstring.study.settings import Extras, Ramp, Settings
 from bowstring.study.verdict import Verdict, judge
 from bowstring.validation import choice, instance, number, shown
+from bowstring.validity.axes import Axis
+from bowstring.validity.loading import FARTHEST, MAX_BEND, TRIED, Loading, largest_load, turned
+from bowstring.validity.maps import ValidityMap, map_space
+from bowstring.validity.space import Space
+from bowstring.validity.spread import Spread, assumed_distributions, validity_spread
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
@@ -83,9 +89,9 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 SCHEMA_VERSION: Final = 1
-_MAX_BEND: Final = math.radians(80.0)
-_FARTHEST: Final = 16.0  # largest range in gravity over that of the linear law
-_TRIED: Final = 33  # loads of the search for the range in gravity
+_MAP_DISKS: Final = 60  # most disks of a robot with a map
+_MAP_LOADS, _MAP_COUNTS = 21, 12  # points of its axes
+_ASSUMED_POINTS, _GIVEN_POINTS = 256, 1024  # base points of the samples
 _BACKBONE_POINTS: Final = 25  # points per segment
 
 
@@ -184,6 +190,21 @@ FIGURES: Final = (
         "Errors by axis",
         "Difference of the tip by constant curvature from statics along each axis, as Fig. 11 of "
         "the study, with the Euclidean error and the tolerance.",
+    ),
+    Figure(
+        "validity_map",
+        "Map of validity",
+        "Tip error of constant curvature by the number of disks of each segment and the tension, "
+        "all other numbers as they are; the study has no such figure. On the black line the error "
+        "has the tolerance; colours name the effect that makes more than half of it. Dashed: this "
+        "robot.",
+    ),
+    Figure(
+        "validity_spread",
+        "Validity limit with uncertain numbers",
+        "Constant curvature has the numbers of the robot file, the simulated robot those of each "
+        "sample. Above: the limits, or the errors at the largest load where most samples hold to "
+        "the end of the sweep. Below: how much of their variance each number explains.",
     ),
     Figure(
         "error_budget",
@@ -358,6 +379,12 @@ class Study:
     """Whether the report shows the robot as a solid."""
     bricks: FiniteElements | None = None
     """Sweep by finite elements, if requested."""
+    map: ValidityMap | None = None
+    """Validity over the tension and the number of disks; None of a robot with single positions."""
+    spreads: tuple[Spread, ...] = ()
+    """Validity limits with uncertain numbers, from lengths and from force."""
+    uncertainty_assumed: bool = True
+    """Whether the program assumed the uncertainty."""
 
     def __repr__(self) -> str:
         force, count = f"{self.settings.max_tension:.6g} N", len(self.comparisons)
@@ -400,6 +427,8 @@ class Study:
         """Figures of the study: `SOLID_FIGURES`, `FIGURES`, `FE_FIGURES`, `DATA_FIGURES`."""
         missing = ["fig05_over_time"] * (self.dynamics is None)
         missing += ["fig02_disk"] * bool(self.without_disks)
+        missing += ["validity_map"] * (self.map is None)
+        missing += ["validity_spread"] * (not self.spreads)
         found = [f for f in FIGURES if f.stem not in missing]
         if self.bricks is not None:
             found = [replace(f, caption=f.caption + _BRICKS_IN.get(f.stem, "")) for f in found]
@@ -414,6 +443,21 @@ class Study:
             if self.data.calibration or f.stem != "measured_residuals"
         ]
         return (*of_data, *found)
+
+    @property
+    def uncertain_numbers(self) -> str:
+        """The uncertain numbers and their standard deviations in words; empty without any."""
+        if not self.spreads:
+            return ""
+        joint = self.spreads[0].distributions
+        sizes = zip(joint.paths, joint.mean.tolist(), joint.sd.tolist(), strict=True)
+        return listed(
+            [
+                f"{path.rpartition('.')[2].replace('_', ' ')}"
+                + (f" {in_percent(sd / abs(mean))}" if mean else "")
+                for path, mean, sd in sizes
+            ]
+        )
 
     @cached_property
     def without_disks(self) -> str:
@@ -513,6 +557,10 @@ class Study:
             "dynamics": {"status": "left_out", "text": list(self.dynamics_text)}
             if self.dynamics is None
             else {**self.dynamics.to_dict(), "errors_mm": self._errors_mm("dynamics")},
+            "uncertainty": {
+                "assumed": self.uncertainty_assumed,
+                "models": [spread.to_dict() for spread in self.spreads],
+            },
             "finite_elements": None if self.bricks is None else self.bricks.to_dict(),
             "geometric_sweep": {
                 "displacement_mm": (g.displacement * 1e3).tolist(),
@@ -656,6 +704,10 @@ def run_study(
     notify("verdict", 0.8)
     verdict = judge(model, settings.tolerance, settings.max_tension, comparisons, budget)
 
+    notify("map and uncertainty", 0.9)
+    shown_map = _map(robot, settings)
+    spreads = _spreads(robot, settings, extras.uncertainty)
+
     bricks, by_bricks = None, {}
     if fe is not None:
         from bowstring.study import finite_elements
@@ -693,7 +745,49 @@ def run_study(
         data=data,
         solid=solid,
         bricks=bricks,
+        map=shown_map,
+        spreads=spreads,
+        uncertainty_assumed=extras.uncertainty is None,
     )
+
+
+def _map(robot: Robot, settings: Settings) -> ValidityMap | None:
+    """Map over tension and number of disks, around that of the robot."""
+    counts = {segment.disks.count for segment in robot.segments}
+    own = counts.pop() if len(counts) == 1 else None
+    if own is None or own * len(robot.segments) > _MAP_DISKS:
+        return None
+    top = own + max(3, own // 2)
+    axes = (
+        Axis("tension", 0.0, settings.max_tension, _MAP_LOADS),
+        Axis("segments.*.disks.count", max(2, own // 3), top, min(_MAP_COUNTS, top)),
+    )
+    free = with_tendons(robot, {"friction": 0.0})
+    model = RodModel(settings.theory)
+    shares = np.array(settings.shares)
+    return map_space(Space(free, axes, shares, settings.max_tension, model), settings.tolerance)
+
+
+def _spreads(robot: Robot, settings: Settings, given: Any) -> tuple[Spread, ...]:
+    """Validity limits with uncertain numbers; none where statics solves too few samples."""
+    shares = {i: share for i, share in enumerate(settings.shares, 1) if share}
+    loading = Loading(settings.max_tension, settings.points, shares)
+    free = with_tendons(robot, {"friction": 0.0})
+    joint = assumed_distributions(free) if given is None else given
+    out = []
+    for name in MEANINGS:
+        with suppress(NoSolutionError):
+            out.append(
+                validity_spread(
+                    free,
+                    joint,
+                    name=name,
+                    tolerance=settings.tolerance,
+                    points=_ASSUMED_POINTS if given is None else _GIVEN_POINTS,
+                    loading=loading,
+                )
+            )
+    return tuple(out)
 
 
 def _between(notify: Progress, start: float, end: float) -> Progress:
@@ -724,7 +818,7 @@ def _settings(
     leading = int(np.argmax(shares))
     limit = loading.max_tension
     if limit is None:
-        limit = _largest_load(Model(robot, leading, theory, shares))
+        limit = largest_load(robot, np.array(shares), RodModel(theory))
     return Settings(
         tolerance=tolerance,
         max_tension=limit,
@@ -738,58 +832,6 @@ def _settings(
     )
 
 
-def _largest_load(model: Model) -> float:
-    """Default end of the sweep: a round load, N."""
-    by_newton = model.linear_bend_of_all
-    if not by_newton > 0.0:
-        raise InputError(
-            "the actuated tendons balance each other and bend nothing by the linear law, so that "
-            "no load range follows; give a largest tension, or actuate other tendons",
-            argument="tendon",
-        )
-    linear = _MAX_BEND / by_newton
-    if not any(model.robot.gravity):
-        return round_down(linear)
-    top = linear
-    while top <= _FARTHEST * linear:
-        tension = np.linspace(0.0, top, _TRIED)
-        bend = _turned(model, tension)
-        beyond = np.flatnonzero(~(bend <= _MAX_BEND))
-        if beyond.size:
-            break
-        top *= 2.0
-    else:
-        return round_down(0.5 * top)
-    i = int(beyond[0])
-    if i == 0:  # no reference pose without tension
-        return round_down(linear)
-    low, high = tension[i - 1], tension[i]
-    load = float(low)
-    if np.isfinite(bend[i]):
-        load += float((high - low) * (_MAX_BEND - bend[i - 1]) / (bend[i] - bend[i - 1]))
-    return round_down(load) if load > 0.0 else round_down(linear)
-
-
-def _turned(model: Model, tension: Array) -> Array:
-    """Sum of the segments' rotations from the pose without tension at each load (n,), rad."""
-    try:
-        sweep = model.solve(model.main, tension, disks=True)
-    except BowstringError:
-        return np.full(len(tension), math.nan)
-    assert sweep.disk_rotations is not None
-    disks = model.robot.disks.segment
-    ends = np.append(np.flatnonzero(np.diff(disks)), len(disks) - 1)
-    out, before = np.zeros(len(tension)), np.broadcast_to(np.eye(3), (len(tension), 3, 3))
-    for end in ends:
-        here = np.where(sweep.converged[:, None, None], sweep.disk_rotations[:, end], math.nan)
-        bent = np.swapaxes(before, 1, 2) @ here
-        turn = np.swapaxes(bent[:1], 1, 2) @ bent
-        cosine = 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0)
-        out += np.arccos(np.clip(cosine, -1.0, 1.0))
-        before = here
-    return out
-
-
 def _arc_scale(model: Model, settings: Settings) -> float:
     """Share of the tensions at which the arcs of the linear law end at the robot's own bend.
 
@@ -797,11 +839,12 @@ def _arc_scale(model: Model, settings: Settings) -> float:
     its arcs would be unusable as geometry or as commanded lengths.
     """
     linear = settings.max_tension * model.linear_bend_of_all
-    if not any(model.robot.gravity) or linear <= _MAX_BEND:
+    if not any(model.robot.gravity) or linear <= MAX_BEND:
         return 1.0
-    bend = _turned(model, np.linspace(0.0, settings.max_tension, _TRIED))
+    tension = np.linspace(0.0, settings.max_tension, TRIED)
+    bend = turned(model.robot, model.tensions(tension), RodModel(model.main.theory))
     known = bend[np.isfinite(bend)]
-    return min(1.0, max(_MAX_BEND, float(known[-1]) if known.size else 0.0) / linear)
+    return min(1.0, max(MAX_BEND, float(known[-1]) if known.size else 0.0) / linear)
 
 
 def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
@@ -960,7 +1003,7 @@ def _notes(
             "round load that "
             + (
                 "turns the robot by at most 80 degrees from its pose without tension, by statics "
-                f"in gravity (at most {_FARTHEST:g} times that of the linear law)."
+                f"in gravity (at most {FARTHEST:g} times that of the linear law)."
                 if any(robot.gravity)
                 else "bends the robot by at most 80 degrees by the linear law."
             )

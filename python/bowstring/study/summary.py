@@ -14,6 +14,7 @@ from bowstring.formatting import in_mm, in_percent, listed, number, significant
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.study import Study
 from bowstring.study.verdict import Meaning, corrections
+from bowstring.validity.errors import LABELS
 
 __all__ = ["COLUMNS", "Summary", "summarise"]
 
@@ -115,6 +116,11 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
             continue
         link = "of" if title == "Dominant cause" else "to"
         yield f"{title} {link} the error", f"{label} ({'; '.join(loads)})"
+    if study.spreads:
+        how = "assumed" if study.uncertainty_assumed else "standard deviations"
+        known = [s for s in study.spreads if s.limit_indices is not None] or study.spreads
+        limits = [f"{LABELS[s.name]} to {s.limit_text}" for s in known]
+        yield f"Valid with {study.uncertain_numbers} ({how})", "; ".join(limits)
     yield from _largest_effect(study)
     yield from _actuation(study)
     if study.limits_text:
@@ -157,12 +163,12 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
         loaded, released = (_over(study, row.moved_n, ", ") for row in (up, down))
         parts.append(
             f"moves the tip by {in_mm(up.moved)} (loading{loaded}) and {in_mm(down.moved)} "
-            f"(unloading{released}) on average, at the same tension"
+            f"(unloading{released}) in the mean"
         )
     loop = actuation.loops[0]
     if _enough(study, int(np.isfinite(loop.apart).sum())):
         at = significant(loop.widest_at)
-        parts.append(f"loading and unloading differ by up to {in_mm(loop.width)}, at {at} N")
+        parts.append(f"the two differ by up to {in_mm(loop.width)} at {at} N")
     assumed = " (assumed)" if actuation.friction_assumed else ""
     if parts:
         yield f"Friction {actuation.friction:.3g}{assumed}", "; ".join(parts)

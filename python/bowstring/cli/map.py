@@ -1,0 +1,222 @@
+"""Command map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from bowstring.cli.options import (
+    AsJson,
+    Gravity,
+    Overrides,
+    RobotSource,
+    TipForce,
+    load,
+    number_of,
+    of_flag,
+    option,
+    share_of,
+    shares_of,
+    vector,
+)
+from bowstring.cli.output import Stopped, progress_bar, provenance_of, write, write_json
+from bowstring.errors import InputError
+
+if TYPE_CHECKING:
+    from bowstring.blocks import Job
+    from bowstring.schemas import maps as schema
+
+
+def map_(
+    robot: RobotSource = "amouri2019",
+    over: Annotated[
+        list[str] | None,
+        option(
+            "PATH=FROM:TO[:N]",
+            "An axis; at most two, or any number with --store. A number of the robot file (E, "
+            "pitch_radius, segments.0.disks.count), tension, tip_force.x or gravity.z.  [default: "
+            "tension and number of disks]",
+        ),
+    ] = None,
+    tolerance: Annotated[
+        str, typer.Option(help='Tolerated tip error, a share of the length: 0.01 or "1 %".')
+    ] = "1 %",
+    metric: Annotated[
+        Literal["largest_error", "mean_error", "error", "valid_to"] | None,
+        typer.Option(
+            help="What is mapped: an error over the sweep of the tension, the error at the tension "
+            "of an axis, or the tension up to which the tolerance holds.  [default: error with an "
+            "axis tension, else largest_error]"
+        ),
+    ] = None,
+    models: Annotated[
+        str,
+        option(
+            "NAME,...",
+            "Models of constant curvature: cc_from_lengths, cc_from_force, cc_from_lengths_chord, "
+            "cc_from_force_arm, cc_from_force_calibrated.",
+        ),
+    ] = "cc_from_lengths,cc_from_force",
+    max_tension: Annotated[
+        str | None, option("T", "Largest tension of the sweep.  [default: chosen for the robot]")
+    ] = None,
+    points: Annotated[int, option("N", "Number of loads in the sweep.")] = 17,
+    tendon: Annotated[
+        str | None,
+        option(
+            "N[:SHARE],...",
+            "The actuated tendon, or several: 1,4:0.5 gives tendon 4 half the tension.  "
+            "[default: the first of the outermost segment]",
+        ),
+    ] = None,
+    gravity: Gravity = None,
+    tip_force: TipForce = "0,0,0",
+    out: Annotated[
+        Path | None,
+        option(
+            "FILE",
+            "Figure (.png, .pdf, .svg), or numbers with labels and units (.nc).  [default: NAME OF "
+            "ROBOT-map.png]",
+        ),
+    ] = None,
+    workspace: Annotated[
+        bool,
+        typer.Option(
+            "--workspace",
+            help="Map by the position of the tip instead, all tendons between zero and the largest "
+            "tension.",
+        ),
+    ] = False,
+    store: Annotated[
+        Path | None,
+        option(
+            "DIR",
+            "Compute in blocks that are kept in this folder, over any number of axes; the same "
+            "command goes on after a stop. --out is then .nc or .zarr.",
+        ),
+    ] = None,
+    dask: Annotated[
+        str | None,
+        option("ADDRESS", "With --store: scheduler of a Dask cluster that computes the blocks."),
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Map where constant curvature holds, over one or two numbers of robot, load or actuation.
+
+    Every point is a robot along a sweep of tension by statics, compared with constant curvature.
+    Outside the line at the tolerance, colours tell the effect that makes most of the error.
+    """
+    tolerated = share_of(
+        "--tolerance",
+        tolerance,
+        "a share of the length above 0 and below 1",
+        lambda value: 0 < value < 1,
+    )
+    limit = None if max_tension is None else number_of("--max-tension", max_tension, "N")
+    acting = None if gravity is None else vector("--gravity", gravity, "m/s^2")
+    force = vector("--tip-force", tip_force, "N")
+    model = load(robot, overrides)
+    shares = None if tendon is None else shares_of("--tendon", tendon, model)
+
+    from bowstring.statics.load import Load
+    from bowstring.validity.jobs import map_job
+    from bowstring.validity.loading import Loading
+    from bowstring.validity.maps import (
+        check_map_file,
+        described,
+        end_of_ramp,
+        read_axes,
+        validity_map,
+    )
+    from bowstring.validity.workspace import workspace_map
+
+    if workspace and over:
+        raise InputError("--over and --workspace are two kinds of map; give one of them.")
+    loading = Loading(limit, points, shares)
+    dead = Load(gravity=acting, tip_force=force)
+    names = [name.strip() for name in models.split(",")]
+    made = provenance_of(model, gravity_m_per_s2=acting, tip_force_N=force, points=points)
+    if dask is not None and store is None:
+        raise InputError("--dask computes blocks; name their folder by --store.")
+    if store is not None:
+        if workspace or not over:
+            raise InputError("--store is of a map over axes; give --over and not --workspace.")
+        job = of_flag(
+            "--over",
+            lambda texts: map_job(
+                model,
+                texts,
+                tolerance=tolerated,
+                metric=metric,
+                models=names,
+                loading=loading,
+                load=dead,
+            ),
+            over,
+        )
+        kept = _in_blocks(job, store, out or Path(f"{model.name}-map.nc"), dask)
+        if as_json:
+            result: schema.StoredMap = {**made, **kept}
+            return write_json(result)
+        return write(f"{kept['points']} points in {kept['blocks']} blocks. Map: {kept['file']}\n")
+    axes = of_flag("--over", lambda texts: read_axes(model, texts, loading), over)
+    file = of_flag("--out", check_map_file, out or Path(f"{model.name}-map.png"))
+    with progress_bar("errors") as notify:
+        if workspace:
+            poses = workspace_map(
+                model,
+                end_of_ramp(model, loading),
+                tolerance=tolerated,
+                models=names,
+                load=dead,
+                progress=notify,
+            )
+            written, sentences = str(poses.save(file)), poses.described()
+        else:
+            found = validity_map(
+                model,
+                axes,
+                tolerance=tolerated,
+                metric=metric,
+                models=names,
+                loading=loading,
+                load=dead,
+                progress=notify,
+            )
+            written, sentences = str(found.save(file)), described(found)
+    if not as_json:
+        return write("\n".join([*sentences, f"Map: {written}"]) + "\n")
+    if workspace:
+        whole: schema.Workspace = {
+            **made,
+            **poses.to_dict(),
+            "text": sentences,
+            "file": written,
+        }
+        return write_json(whole)
+    content: schema.Map = {**made, **found.to_dict(), "text": sentences, "file": written}
+    return write_json(content)
+
+
+def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.StoredValues:
+    """Compute a job, or what is missing of it, and write its data set."""
+    from bowstring.blocks import RunInterrupted, run
+
+    if out.suffix.lower() not in (".nc", ".zarr"):
+        raise InputError(f"--out: {out} is no data set; with --store it ends in .nc or .zarr.")
+    try:
+        with progress_bar("blocks") as notify:
+            store = run(job, folder, dask, lambda share: notify("blocks", share))
+            notify("data set", 1.0)
+            written = store.save(out)
+    except RunInterrupted as stopped:
+        raise Stopped(f"{stopped}; the same command goes on from there.") from None
+    return {
+        "points": job.points,
+        "blocks": job.blocks,
+        "folder": str(store.folder),
+        "file": str(written),
+    }

@@ -1,0 +1,159 @@
+"""JSON of the command map."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from bowstring.schemas.basic import Interval, Object, OfRobot, OrNull, VectorOrNull, about
+
+
+class MapAxis(Object):
+    """An axis of a map."""
+
+    path: Annotated[str, about("Number of the robot file, or a load, as `--over` takes it.")]
+    label: Annotated[str, about("Label with the usual unit.")]
+    unit: Annotated[str, about("SI unit of the values; empty for a plain number.")]
+    values: Annotated[list[float], about("Points in SI.")]
+
+
+class MapOfModel(Object):
+    """Map of one model of constant curvature."""
+
+    name: Annotated[
+        str,
+        about(
+            "Model, as `--models` takes it; `cc_from_force_calibrated` has the bending stiffness "
+            "that fits best."
+        ),
+    ]
+    values: Annotated[
+        list[OrNull] | list[list[OrNull]],
+        about("Metric in percent of the length (`valid_to`: N), rows by the second axis."),
+    ]
+    contour: Annotated[
+        list[list[list[float]]],
+        about("Lines on which the metric has the tolerance: points in the units of the axes."),
+    ]
+    causes: Annotated[
+        Any,
+        about(
+            "Effect with more than half of the metric at the points of `cause_points`, or empty."
+        ),
+    ]
+
+
+class MapValues(Object):
+    """Values of a map."""
+
+    tolerance_percent: Annotated[float, about("Tolerated tip error in percent of the length.")]
+    metric: Annotated[
+        Literal["largest_error", "mean_error", "error", "valid_to"], about("What is mapped.")
+    ]
+    max_tension_N: Annotated[float, about("End of the sweep where no axis is the tension.")]
+    axes: Annotated[list[MapAxis], about("One or two axes, the first along x.")]
+    maps: Annotated[list[MapOfModel], about("Map of each model.")]
+    cause_points: Annotated[Any, about("Values of each axis at the points of the causes.")]
+    states: Annotated[
+        list[Literal["solved", "two equilibria", "no stable equilibrium"]],
+        about("State of each point, row by row."),
+    ]
+    statics_error_percent: Annotated[
+        OrNull, about("Largest estimated error of the tips by statics, in percent of the length.")
+    ]
+
+
+class WorkspaceErrors(Object):
+    """Errors of one model of constant curvature over the workspace."""
+
+    name: Annotated[str, about("Model, as `--models` takes it.")]
+    error_percent: Annotated[
+        list[OrNull],
+        about("Tip error at each pose in percent of the length; `null` without an arc."),
+    ]
+    valid_percent: Annotated[
+        OrNull, about("Share of these poses at which the tolerance holds, in percent.")
+    ]
+
+
+class WorkspaceValues(Object):
+    """Values of a map over the workspace."""
+
+    tolerance_percent: Annotated[float, about("Tolerated tip error in percent of the length.")]
+    max_tension_N: Annotated[float, about("Largest tension of each tendon.")]
+    tip_position_m: Annotated[
+        list[VectorOrNull], about("Tip at each pose; `null` without a stable equilibrium.")
+    ]
+    tensions_N: Annotated[list[list[float]], about("Tensions of all tendons at each pose.")]
+    errors: Annotated[list[WorkspaceErrors], about("Errors of each model.")]
+
+
+class Workspace(OfRobot, WorkspaceValues):
+    """Output of `bowstring map --workspace`."""
+
+    text: Annotated[list[str], about("What the map says, in sentences.")]
+    file: Annotated[str, about("File of the map.")]
+
+
+class Map(OfRobot, MapValues):
+    """Output of `bowstring map` without `--workspace`."""
+
+    text: Annotated[list[str], about("What the map says, in sentences.")]
+    file: Annotated[str, about("File of the map.")]
+
+
+class StoredValues(Object):
+    """A map computed in blocks."""
+
+    points: Annotated[int, about("Number of points.")]
+    blocks: Annotated[int, about("Number of blocks.")]
+    folder: Annotated[str, about("Folder of the blocks.")]
+    file: Annotated[str, about("Data set of the map, NetCDF or Zarr.")]
+
+
+class StoredMap(OfRobot, StoredValues):
+    """Output of `bowstring map --store`."""
+
+
+class Statistics(Object):
+    """Statistics of an output over samples; `null` where it is infinite."""
+
+    mean: Annotated[OrNull, about("Mean.")]
+    sd: Annotated[OrNull, about("Standard deviation.")]
+    quantiles: Annotated[dict[str, OrNull], about("Quantiles by probability.")]
+    probability: Annotated[
+        OrNull, about("Probability that the tolerance holds; `null` for the limit.")
+    ]
+    without_result_percent: Annotated[float, about("Share of the samples without a result.")]
+
+
+class Indices(Object):
+    """Sobol' indices of one factor, with their intervals at 95 %."""
+
+    factor: Annotated[str, about("Uncertain number, or the parameters of a calibration.")]
+    first: Annotated[OrNull, about("First-order index: share of the variance alone.")]
+    first_interval: Annotated[Interval, about("Its interval.")]
+    total: Annotated[OrNull, about("Total index: share with all interactions.")]
+    total_interval: Annotated[Interval, about("Its interval.")]
+
+
+class SpreadValues(Object):
+    """Validity limit and error of one model of constant curvature over samples."""
+
+    name: Annotated[str, about("Model, as `--model` takes it.")]
+    tolerance_percent: Annotated[float, about("Tolerated tip error in percent of the length.")]
+    max_tension_N: Annotated[float, about("End of the sweep.")]
+    nominal_limit_N: Annotated[
+        OrNull, about("Validity limit of the nominal robot; `null` where all loads hold.")
+    ]
+    samples: Annotated[int, about("Number of samples of the statistics.")]
+    limit: Annotated[Statistics, about("Validity limit in N.")]
+    error: Annotated[Statistics, about("Tip error at the end of the sweep, percent of length.")]
+    limit_indices: Annotated[list[Indices], about("Of the limit; empty where few are finite.")]
+    error_indices: Annotated[list[Indices], about("Of the error at the end of the sweep.")]
+    text: Annotated[list[str], about("What the samples say, in sentences.")]
+
+
+class Uncertainty(OfRobot, SpreadValues):
+    """Output of `bowstring uncertainty`."""
+
+    file: Annotated[str, about("Figure.")]

@@ -1,0 +1,1 @@
+"""Where constant curvature holds: maps over designs and loads."""

@@ -1,0 +1,328 @@
+"""Errors of constant curvature in dimensionless groups, without a solver: docs/theory/validity.md.
+
+Lengths are over the robot's length l, moments over EI/l, forces over EI/l^2. A tension is given by
+its bend angle of the linear law, phi = F r l/(EI). Modules between disks are solved in closed form;
+the response to gravity and tip force comes from a table (`campaign/validity_chart.py` makes it).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.validity.chart_groups import Groups
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+__all__ = ["MODELS", "TABLE", "ChartErrors", "Response", "chart_errors", "monomials", "reach"]
+
+Array = NDArray[np.float64]
+
+MODELS: Final = (
+    "cc_from_lengths",
+    "cc_from_force",
+    "cc_from_lengths_chord",
+    "cc_from_force_arm",
+)
+"""Constant-curvature models, named as in the study."""
+TABLE: Final = Path(__file__).with_name("chart_response.npz")
+"""File of the response to loads."""
+
+_LARGEST_BEND: Final = np.pi
+_LARGEST_LOAD: Final = 4.0
+"""Largest F s^2/(EI) of a module of length s; a module alone buckles at pi^2."""
+_STEPS: Final = 160
+_TINY: Final = 1e-12
+
+# Doubt about the tip error, theory Eq. 9.13; `python -m campaign.validity_chart` tests it.
+_DOUBT_OF_ERROR: Final = 0.003
+_DOUBT_OF_LOADS: Final = 0.012
+_DOUBT_OF_LOADS_WITH_FRICTION: Final = 0.12
+_DOUBT_OF_BEND: Final = 0.0015
+
+
+@dataclass(frozen=True)
+class ChartErrors:
+    """Tip errors over the length along a ramp of tension."""
+
+    linear_bend: Array
+    """Bend angle of the linear law (n,), rad: the tension."""
+    bend: Array
+    """Bend angle of the robot by the tendon alone (n,), rad."""
+    error: Array
+    """Tip errors (4, n) of `MODELS`."""
+    doubt: Array
+    """Stated uncertainty (4, n) of `error`."""
+
+
+@dataclass(frozen=True)
+class _Chain:
+    """Robot under its tendon alone at tensions (N,), with modules (n,)."""
+
+    tension: Array
+    """Tensions (N, n) of the spans."""
+    tip: Array
+    """Tip (N, 3)."""
+    module_bend: Array
+    """Bend angles (N, n)."""
+    lengths_bend: Array
+    """Bend vectors (N, 2) that the tendon lengths show."""
+    lengths_mean: Array
+    """Mean tendon lengths (N,)."""
+    compliance: Array
+    """Bend of an inner module per bend by the linear law (N,)."""
+    first_compliance: Array
+    """The same of the first module (N,)."""
+
+
+def reach(groups: Groups) -> float:
+    """Largest bend of the linear law that the chart covers, rad."""
+    return float(min(_LARGEST_BEND, _LARGEST_LOAD * groups.pitch * groups.disks**2))
+
+
+def chart_errors(groups: Groups) -> ChartErrors:
+    """Tip errors of constant curvature from zero tension to the end of the chart.
+
+    Parameters
+    ----------
+    groups : Groups
+        Groups of the robot.
+
+    Returns
+    -------
+    ChartErrors
+        The ramp ends early where a load exceeds the table.
+    """
+    phi = reach(groups) * np.linspace(0.0, 1.0, _STEPS + 1) ** 2
+    chain = _chain(groups, phi)
+    n, bend = groups.disks, chain.module_bend.sum(axis=1)
+    tip, lengths_bend, lengths_mean = chain.tip, chain.lengths_bend, chain.lengths_mean
+    moved = np.zeros(len(phi))
+    known = np.full(len(phi), True)
+    if np.any(groups.weight) or np.any(groups.tip_force):
+        shift, shift_bend, known = _response_to_loads(groups, phi, chain)
+        tip = tip + shift
+        more = np.sum((lengths_bend + shift_bend) ** 2 - lengths_bend**2, axis=1)
+        lengths_mean = lengths_mean * (1.0 - more / (24.0 * n**2))
+        lengths_bend = lengths_bend + shift_bend
+        moved = np.linalg.norm(shift, axis=1) + np.linalg.norm(shift_bend, axis=1)
+    towards = np.array([1.0, 0.0])
+    arm = _arm_law(groups, phi)
+    tips = (
+        _arc_tip(lengths_bend, lengths_mean),
+        _arc_tip(phi[:, None] * towards, np.ones(len(phi))),
+        _arc_tip(*_chords(lengths_bend, lengths_mean, n)),
+        _arc_tip(arm[:, None] * towards, np.ones(len(phi))),
+    )
+    error = np.linalg.norm(np.array(tips) - tip, axis=2)
+    module_load = phi / (groups.pitch * n**2)
+    of_bend = bend * np.max(chain.module_bend, axis=1) ** 2 * module_load
+    of_loads = (_DOUBT_OF_LOADS + _DOUBT_OF_LOADS_WITH_FRICTION * groups.friction * phi) * moved
+    doubt = _DOUBT_OF_ERROR * error + of_loads + _DOUBT_OF_BEND * of_bend
+    stop = len(phi) if known.all() else int(np.argmin(known))
+    return ChartErrors(phi[:stop], bend[:stop], error[:, :stop], doubt[:, :stop])
+
+
+# -- the tendon alone --------------------------------------------------------------------------
+
+
+def _chain(groups: Groups, phi: Array) -> _Chain:
+    n, r = groups.disks, groups.pitch
+    half = groups.clamped / (2.0 * n)
+    start = np.full(n, half)
+    start[0] = 0.0  # the base clamps nothing
+    flexible = 1.0 / n - start - half
+    pulled = np.maximum(phi, _TINY) / r
+    tension = np.repeat(pulled[:, None], n, axis=1)
+    for _ in range(8 if groups.friction else 1):  # fixed point of Eq. 9.9
+        shape = _module(tension, r, flexible, start, half)
+        first, last = shape.slope_start, shape.slope_end
+        if groups.friction:
+            turned = np.cumsum(first, axis=1)
+            turned[:, 1:] += np.cumsum(last, axis=1)[:, :-1]
+            tension = pulled[:, None] * np.exp(-groups.friction * turned)
+    along = shape.along * (1.0 - tension * groups.extension)
+    bend = first + last
+    heading = np.cumsum(bend, axis=1) - bend + first  # of the line through the holes, from z
+    z = (along * np.cos(heading) + shape.across * np.sin(heading)).sum(axis=1)
+    x = (along * np.sin(heading) - shape.across * np.cos(heading)).sum(axis=1)
+    shown = 2.0 * np.sin(bend / 2.0).sum(axis=1)  # Eq. 9.5
+    linear = tension * r / n
+    compliance = (shape.linear_start + shape.linear_end) / linear
+    none = np.zeros_like(x)
+    return _Chain(
+        tension=tension,
+        tip=np.stack([x, none, z], axis=1),
+        module_bend=bend,
+        lengths_bend=np.stack([shown, none], axis=1),
+        lengths_mean=np.hypot(along, shape.across).sum(axis=1),
+        compliance=compliance[:, n // 2],
+        first_compliance=compliance[:, 0],
+    )
+
+
+@dataclass(frozen=True)
+class _Module:
+    """Modules between two disks under the tension of their span; slopes are against the span."""
+
+    linear_start: Array
+    """Slope at the start for small slopes."""
+    linear_end: Array
+    slope_start: Array
+    """Slope at the start, rad."""
+    slope_end: Array
+    along: Array
+    """Way from disk to disk along the span."""
+    across: Array
+    """Way from disk to disk across the span, positive away from the tendon."""
+
+
+def _module(tension: Array, r: float, flexible: Array, start: Array, end: float) -> _Module:
+    """Bend modules by the force along their spans: Eq. 9.3."""
+    k = np.sqrt(tension)
+    s, c = np.sin(k * flexible), np.cos(k * flexible)
+    sine = r * (1.0 - c + end * k * s) / (s + end * k * c + start * k * (c - end * k * s))
+    cosine = r + start * k * sine
+    linear_start, linear_end = k * sine, k * (cosine * s - sine * c)
+    slope_start, slope_end = _finite(linear_start), _finite(linear_end)
+    along = start * np.cos(slope_start) + end * np.cos(slope_end)
+    across = start * np.sin(slope_start) - end * np.sin(slope_end)
+    for place, weight in _GAUSS:
+        x = k * flexible * place
+        slope = k * (sine * np.cos(x) - cosine * np.sin(x))
+        slope = slope * np.where(slope > 0.0, slope_start / linear_start, slope_end / linear_end)
+        along = along + weight * flexible * np.cos(slope)
+        across = across + weight * flexible * np.sin(slope)
+    return _Module(linear_start, linear_end, slope_start, slope_end, along, across)
+
+
+_GAUSS: Final = (
+    (0.5 - np.sqrt(0.15), 5.0 / 18.0),
+    (0.5, 8.0 / 18.0),
+    (0.5 + np.sqrt(0.15), 5.0 / 18.0),
+)
+
+
+def _finite(linear: Array) -> Array:
+    """Solve slope = linear * cos(slope), Eq. 9.4, by Newton's method."""
+    slope = np.arctan(linear)
+    for _ in range(3):
+        slope = slope - (slope - linear * np.cos(slope)) / (1.0 + linear * np.sin(slope))
+    return np.asarray(slope)
+
+
+# -- constant curvature ------------------------------------------------------------------------
+
+
+def _arc_tip(bend: Array, length: Array) -> Array:
+    """Tip (N, 3) of arcs with bend vectors (N, 2): theory Eq. 1.2."""
+    theta = np.maximum(np.linalg.norm(bend, axis=1), 1e-9)
+    x, y = bend.T * (2.0 * (np.sin(theta / 2.0) / theta) ** 2)
+    return np.asarray(length[:, None] * np.stack([x, y, np.sin(theta) / theta], axis=1))
+
+
+def _chords(bend: Array, length: Array, n: int) -> tuple[Array, Array]:
+    """Correct arcs from lengths for straight spans: theory Eq. 1.6."""
+    half_chord = np.maximum(np.linalg.norm(bend, axis=1) / (2.0 * n), 1e-9)
+    stretch = np.arcsin(np.minimum(half_chord, 1.0)) / half_chord
+    return bend * stretch[:, None], length * stretch
+
+
+def _arm_law(groups: Groups, phi: Array) -> Array:
+    """Bend angle of the law with the mean lever arm: theory Eq. 1.9, a quadratic equation."""
+    n2 = groups.disks**2
+    linear = 1.0 - phi / (12.0 * groups.pitch * n2)
+    return np.asarray(2.0 * phi / (linear + np.sqrt(linear**2 + phi**2 / (2.0 * n2))))
+
+
+# -- gravity and tip force ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Response:
+    """Response of an arc to loads: polynomials in the six load numbers, tabulated over bend."""
+
+    spline: CubicSpline
+    """Coefficients (stiffness ratio, monomial, output) over the bend angle."""
+    bends: Array
+    """Nodes of the bend angle, rad."""
+    torsion: Array
+    """The two torsional stiffnesses over the bending stiffness."""
+    exponents: NDArray[np.int64]
+    """Exponents (monomials, 6)."""
+    largest: Array
+    """Largest weight number and tip force number."""
+
+    @classmethod
+    @lru_cache(maxsize=1)
+    def load(cls) -> Response:
+        """Read the table."""
+        from scipy.interpolate import CubicSpline
+
+        with np.load(TABLE) as file:
+            data: dict[str, Any] = dict(file)
+        coefficients = data["coefficients"].astype(float)
+        return cls(
+            CubicSpline(data["bends"], coefficients, axis=0),
+            data["bends"],
+            data["torsion"],
+            data["exponents"],
+            data["largest"],
+        )
+
+    def __call__(self, bend: Array, torsion: Array, loads: Array) -> Array:
+        """Move of the tip and of the bend vector from lengths (N, 5) under loads (N, 6)."""
+        terms = monomials(loads, self.exponents)
+        soft, stiff = np.einsum("nm,ngmk->gnk", terms, self.spline(bend))
+        low, high = 1.0 / self.torsion
+        share = (1.0 / torsion - low) / (high - low)
+        return np.asarray(soft + share[:, None] * (stiff - soft))
+
+
+def monomials(loads: Array, exponents: NDArray[np.int64]) -> Array:
+    """Products (N, M) of powers of loads (N, 6)."""
+    out = np.ones((len(loads), len(exponents)))
+    for j, powers in enumerate(exponents.T):
+        out *= (loads[:, j, None] ** np.arange(powers.max() + 1))[:, powers]
+    return out
+
+
+def _response_to_loads(
+    groups: Groups, phi: Array, chain: _Chain
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Move of the tip (N, 3) and of the bend vector (N, 2), and where the table reaches."""
+    table, n = Response.load(), groups.disks
+    weight = np.array(groups.weight)
+    force = np.array(groups.tip_force) + weight * (groups.disk_share / (2.0 * n))
+    bend, soft = chain.module_bend.sum(axis=1), chain.compliance
+    loads = soft[:, None] * np.concatenate([weight, force])
+    # the tendon resists torsion by F r^2, Eq. 9.10
+    by_tendon = chain.tension.mean(axis=1) * groups.pitch**2
+    torsion = soft * (groups.torsion / (1.0 - groups.clamped) + by_tendon)
+    known = (
+        (np.linalg.norm(loads[:, :3], axis=1) <= table.largest[0])
+        & (np.linalg.norm(loads[:, 3:], axis=1) <= table.largest[1])
+        & (bend <= table.bends[-1])
+    )
+    known = np.logical_and.accumulate(known)
+    moved = table(np.minimum(bend, table.bends[-1]), torsion, loads * known[:, None])
+    shift, shift_bend = moved[:, :3], moved[:, 3:]
+    # the base clamps nothing: a hinge there, Eq. 9.11
+    theta = np.maximum(bend, 1e-4)
+    sine, cosine, none = np.sin(theta), np.cos(theta), np.zeros_like(theta)
+    centre = np.stack([theta - sine, none, 1.0 - cosine], axis=1) / theta[:, None] ** 2
+    moment = np.cross(chain.tip + shift / 2.0, force) + np.cross(centre, weight)
+    turn = moment * ((chain.first_compliance - soft) / n)[:, None]
+    turn[:, 2] = 0.0
+    # a larger bend lowers the tension by friction, and that the bend, Eq. 9.12
+    lost = 0.5 * groups.friction * phi * shift_bend[:, 0]
+    by_bend = np.stack([sine / theta - centre[:, 2], none, (cosine - sine / theta) / theta], axis=1)
+    shift = shift + np.cross(turn, chain.tip) - lost[:, None] * by_bend
+    shift_bend = shift_bend + np.stack([turn[:, 1] - lost, -turn[:, 0]], axis=1)
+    return shift, shift_bend, known

@@ -1,0 +1,249 @@
+"""Figure of the validity chart for a printed page, by the leading terms: theory Eqs. 9.7, 9.8."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.formatting import significant
+from bowstring.validity.chart_errors import Response
+from bowstring.validity.chart_groups import Groups
+from bowstring.viz.style import LIGHT, subplots
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from bowstring.validity.chart import ValidityChart
+
+__all__ = ["caption", "draw", "force_limit", "force_reading", "lengths_limit", "lengths_reading"]
+
+Array = NDArray[np.float64]
+
+_PITCH: Final = 0.03  # r/l of the curves, which depend on it little
+_CLAMPED_OVER_TOLERANCE: Final = (0, 2, 5, 10, 20, 40)
+_CLAMPED: Final = (0.0, 0.01, 0.03, 0.1, 0.25, 0.67)
+_COLOURS: Final = ("ink", "blue", "green", "amber", "red", "purple")
+_FINE: Final = np.linspace(0.0, 1.0, 2001)[1:] ** 2 * np.pi
+
+
+def draw(chart: ValidityChart) -> Figure:
+    """Draw the three panels; `figure` of the chart has the details."""
+    figure, (force, lengths, loads) = subplots(3, 9.6, height_ratios=(4, 3, 3))
+    _from_force(force, chart)
+    _from_lengths(lengths, chart)
+    _loads(loads, chart)
+    return figure
+
+
+def force_limit(
+    strength: float, clamped: float, adds: bool = False, pitch: float = _PITCH
+) -> float:
+    """Validity limit from force by the printed chart, in bend of the linear law: Eq. 9.7.
+
+    Parameters
+    ----------
+    strength : float
+        B = 12 tolerance n^2 (r/l) / abs(1 - D), with D = 4 friction n^2 (r/l).
+    clamped : float
+        Clamped share of the spacing, less 1/n of it, over the tolerance.
+    adds : bool
+        Whether clamps add to the error, D > 1, and not oppose it.
+    pitch : float
+        Pitch radius over length.
+
+    Returns
+    -------
+    float
+        Limit in rad; pi where the chart ends.
+    """
+    phi = _FINE
+    bent = phi * (1.0 - 1.5 * pitch * phi) + (1.0 if adds else -1.0) * clamped * strength
+    above = _lever(phi) * phi * np.abs(bent) > strength
+    return float(phi[np.argmax(above)]) if above.any() else math.pi
+
+
+def lengths_limit(strength: float, clamped: float, adds: bool = False) -> float:
+    """Validity limit from lengths by the printed chart, as bend angle of a module: Eq. 9.8.
+
+    Parameters
+    ----------
+    strength : float
+        Tolerance over E = sqrt(1 + (2 friction n^2)^2).
+    clamped : float
+        Clamped over flexible length of a spacing, over E.
+    adds : bool
+        Whether friction dominates, 2 friction n^2 > 1, and clamps add to it.
+
+    Returns
+    -------
+    float
+        Limit in rad.
+    """
+    clamp = clamped / 4.0
+    if adds:
+        return 12.0 * (math.sqrt(clamp**2 + strength / 6.0) - clamp)
+    return math.sqrt(288.0 * (math.sqrt(clamp**4 + strength**2 / 144.0) - clamp**2))
+
+
+def _lever(theta: Array) -> Array:
+    """Move of an arc's tip by its bend angle, over the length."""
+    half = np.sin(theta / 2.0) / (theta / 2.0)
+    return np.sqrt(np.maximum(1.0 + half**2 - 2.0 * np.sin(theta) / theta, 0.0)) / theta
+
+
+def force_reading(groups: Groups, tolerance: float) -> tuple[float, float, bool]:
+    """Input of `force_limit` for a robot."""
+    size = groups.pitch * groups.disks**2
+    friction = 1.0 - 4.0 * groups.friction * size
+    strength = 12.0 * tolerance * size / max(abs(friction), 1e-9)
+    return strength, groups.clamped * (1.0 - 1.0 / groups.disks) / tolerance, friction < 0.0
+
+
+def lengths_reading(groups: Groups, tolerance: float) -> tuple[float, float, bool]:
+    """Input of `lengths_limit` for a robot."""
+    friction = 2.0 * groups.friction * groups.disks**2
+    whole = math.hypot(1.0, friction)
+    return tolerance / whole, groups.clamped / (1.0 - groups.clamped) / whole, friction > 1.0
+
+
+def caption(chart: ValidityChart) -> str:
+    """Worked example of the chart's robot in sentences; how to read the chart without one."""
+    words = (
+        "Upper panel, from force: compute B = 12 tolerance n^2 (r/l)/|1 - D| with D = 4 friction "
+        "n^2 (r/l), find the curve of the clamped share over the tolerance, and read the bend F r "
+        "l/(EI) at which the error first crosses the tolerance. Middle panel, from lengths: E = "
+        "sqrt(1 + (2 friction n^2)^2), bend angle between two disks. Lower panel: move of the tip "
+        "by a load."
+    )
+    if chart.groups is None:
+        return words
+    groups, tolerance = chart.groups, chart.tolerance
+    strength, clamped, adds = force_reading(groups, tolerance)
+    bend = force_limit(strength, clamped, adds, groups.pitch)
+    exact = chart["cc_from_force"]
+    words += (
+        f" Example: n = {groups.disks}, r/l = {significant(groups.pitch)}, tolerance "
+        f"{significant(100 * tolerance)} %, clamped share {significant(groups.clamped)}, friction "
+        f"{significant(groups.friction)}: B = {significant(strength)}, clamped share over "
+        f"tolerance {significant(clamped)}; the limit from force is {math.degrees(bend):.0f} deg"
+    )
+    if exact.tension is not None and exact.linear_bend:
+        words += f", or {significant(bend * exact.tension / exact.linear_bend)} N"
+    return f"{words}, without loads."
+
+
+def _from_force(axes: Axes, chart: ValidityChart) -> None:
+    strengths = np.geomspace(0.02, 40.0, 161)
+    for clamped, colour in zip(_CLAMPED_OVER_TOLERANCE, _COLOURS, strict=True):
+        for adds in (False, True)[: 2 if clamped else 1]:
+            limits = np.array([force_limit(b, clamped, adds) for b in strengths])
+            shown = np.where(limits < math.pi, np.degrees(limits), np.nan)
+            line: dict[str, Any] = {"color": LIGHT[colour], "lw": 1.0 if adds else 1.6}
+            label = None if adds else f"{clamped}"
+            axes.loglog(strengths, shown, "--" if adds else "-", label=label, **line)
+    axes.set(
+        xlabel=r"$B = 12\,\varepsilon\,n^2\,(r/l)\,/\,|1-D|$,   $D = 4\,\mu\,n^2\,(r/l)$",
+        ylabel=r"limit: bend $F r l/(EI)$ (deg)",
+        xlim=(0.02, 40.0),
+        ylim=(0.6, 180.0),
+    )
+    _plain_ticks(axes, (1, 2, 5, 10, 20, 45, 90, 180), (0.1, 1, 10))
+    axes.legend(
+        title=r"clamped share $(1-1/n)\,c n/l$ over $\varepsilon$; dashed where $D > 1$",
+        title_fontsize=8.0,
+        fontsize=8.0,
+        ncols=6,
+        loc="lower right",
+        handlelength=1.4,
+        columnspacing=1.0,
+    )
+    axes.set_title("From force, linear law, without loads", pad=6)
+    if chart.groups is not None:
+        limit = chart["cc_from_force"]
+        if limit.linear_bend and not limit.throughout:
+            strength = force_reading(chart.groups, chart.tolerance)[0]
+            low, at, high = np.degrees([limit.low, limit.linear_bend, limit.high])
+            axes.errorbar(strength, at, [[at - low], [high - at]], **_POINT)
+
+
+def _from_lengths(axes: Axes, chart: ValidityChart) -> None:
+    strengths = np.geomspace(2e-5, 0.05, 80)
+    for clamped, colour in zip(_CLAMPED, _COLOURS, strict=True):
+        for adds in (False, True)[: 2 if clamped else 1]:
+            limits = [math.degrees(lengths_limit(x, clamped, adds)) for x in strengths]
+            line: dict[str, Any] = {"color": LIGHT[colour], "lw": 1.0 if adds else 1.6}
+            label = None if adds else f"{clamped:g}"
+            axes.loglog(100 * strengths, limits, "--" if adds else "-", label=label, **line)
+    axes.set(
+        xlabel=r"$\varepsilon/E$ (% of length),   $E^2 = 1 + (2\,\mu\,n^2)^2$",
+        ylabel="limit: bend angle of\na module (deg)",
+        xlim=(0.002, 5.0),
+        ylim=(0.02, 500.0),
+    )
+    _plain_ticks(axes, (0.1, 1, 2, 5, 10, 20, 45, 90), (0.01, 0.1, 0.5, 1, 2, 5))
+    axes.legend(
+        title="clamped over flexible length, over $E$\n" r"(dashed where $2\,\mu\,n^2 > 1$)",
+        title_fontsize=8.0,
+        fontsize=8.0,
+        ncols=3,
+        loc="upper left",
+        handlelength=1.4,
+        columnspacing=1.0,
+    )
+    axes.set_title("From lengths, without loads", pad=6)
+    if chart.groups is not None:
+        limit = chart["cc_from_lengths"]
+        if limit.linear_bend and not limit.throughout:
+            strength = lengths_reading(chart.groups, chart.tolerance)[0]
+            at = math.degrees(limit.bend) / chart.groups.disks
+            axes.errorbar(100 * strength, at, **_POINT)
+
+
+def _loads(axes: Axes, chart: ValidityChart) -> None:
+    small, bends = 0.02, np.linspace(0.0, np.pi, 60)
+    names = ("towards the tendon", "across the bend", "along the base's axis")
+    for k, (name, colour) in enumerate(zip(names, ("blue", "green", "red"), strict=True)):
+        for first, line in ((3, "-"), (0, "--")):
+            loads = np.zeros((len(bends), 6))
+            loads[:, first + k] = small
+            moved = Response.load()(bends, np.full(len(bends), 1.0 / 1.3), loads)[:, :3]
+            size = 100 * np.linalg.norm(moved, axis=1) * 0.1 / small
+            label = name if first else None
+            axes.plot(np.degrees(bends), size, line, color=LIGHT[colour], label=label)
+    axes.set(
+        xlabel=r"bend angle $\theta$ (deg)",
+        ylabel="the tip moves by\n(% of length)",
+        xlim=(0.0, 180.0),
+        ylim=(0.0, 4.8),
+        xticks=range(0, 181, 30),
+    )
+    axes.legend(fontsize=8.0, loc="upper right")
+    axes.set_title(
+        "Loads: tip force number $P l^2/(EI) = 0.1$ (solid),\n"
+        "weight number $w l^3/(EI) = 0.1$ (dashed)",
+        pad=6,
+    )
+    if chart.groups is not None:
+        bend = math.degrees(chart["cc_from_force"].bend)
+        axes.axvline(bend, color=LIGHT["ink"], lw=0.8)
+
+
+_POINT: Final[dict[str, Any]] = {
+    "fmt": "o",
+    "color": LIGHT["ink"],
+    "markersize": 5,
+    "capsize": 3,
+    "lw": 1.0,
+    "zorder": 5,
+}
+
+
+def _plain_ticks(axes: Axes, y: Sequence[float], x: Sequence[float]) -> None:
+    axes.set_yticks(y, [f"{v:g}" for v in y])
+    axes.set_xticks(x, [f"{v:g}" for v in x])
+    axes.minorticks_off()

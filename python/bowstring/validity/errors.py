@@ -1,0 +1,165 @@
+"""Errors of constant curvature for many robots along a ramp of tension."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.blocks import threads
+from bowstring.display import short_repr
+from bowstring.robot.designs import Designs
+from bowstring.statics.designs import sweep_designs
+from bowstring.validity.effects import Rods
+
+__all__ = ["INPUTS", "LABELS", "LAWS", "Ramps", "arc_tips", "follow", "tip_errors"]
+
+Floats = NDArray[np.float64]
+
+LAWS: Final = {
+    "cc_from_lengths": "lengths",
+    "cc_from_force": "linear",
+    "cc_from_lengths_chord": "chords",
+    "cc_from_force_arm": "arm",
+}
+"""Models of constant curvature, by the name of their comparison in a study."""
+
+LABELS: Final = {
+    "cc_from_lengths": "from lengths",
+    "cc_from_force": "from force",
+    "cc_from_lengths_chord": "from lengths, chords",
+    "cc_from_force_arm": "from force, mean arm",
+    "cc_from_force_calibrated": "from force, E I calibrated",
+}
+"""Labels of the models."""
+
+INPUTS: Final = {
+    "cc_from_lengths": "from tendon lengths",
+    "cc_from_force": "from force (linear law)",
+    "cc_from_lengths_chord": "from tendon lengths, chords",
+    "cc_from_force_arm": "from force, mean lever arm",
+    "cc_from_force_calibrated": "from force, stiffness calibrated",
+}
+"""Input and correction of the models, for titles."""
+
+_GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
+_SCALES: Final = (0.3, 3.0)  # of the calibrated stiffness
+_ROUNDS: Final = 32  # of the golden section: to 1e-6 of the interval
+
+
+@short_repr
+@dataclass(frozen=True)
+class Ramps:
+    """D robots, each along its own ramp of L tensions, solved by statics."""
+
+    tension: Floats
+    """Tensions of the sweep (D, L), N."""
+    tensions: Floats
+    """Tensions of all tendons (D, L, T), N."""
+    converged: NDArray[np.bool_]
+    """Whether each load has a stable equilibrium (D, L)."""
+    tip: Floats
+    """Tips (D, L, 3), m; NaN where not converged."""
+    tendon_lengths: Floats
+    """Tendon lengths (D, L, T), m."""
+    tip_error: Floats
+    """Estimated error of the tip by statics (D, L), m."""
+
+
+def follow(rods: Rods, tension: Floats, shares: Floats) -> Ramps:
+    """Solve robots along ramps of tension, each load from the one before.
+
+    Parameters
+    ----------
+    rods : Rods
+    tension : ndarray (D, L)
+        Tensions of the sweep, N, increasing.
+    shares : ndarray (T,)
+        Share of the sweep's tension in each tendon.
+
+    Returns
+    -------
+    Ramps
+    """
+    tensions = tension[..., None] * shares
+    found = sweep_designs(
+        rods.designs, tensions, load=rods.load, model=rods.model, threads=threads()
+    )
+    return Ramps(
+        tension,
+        tensions,
+        found.converged,
+        found.tip_position,
+        found.tendon_lengths,
+        found.tip_error,
+    )
+
+
+def arc_tips(designs: Designs, name: str, ramps: Ramps, scale: Floats | None = None) -> Floats:
+    """Tips by a model of constant curvature (D, L, 3), m; NaN where it has no arc.
+
+    Parameters
+    ----------
+    designs : Designs
+        Robots as constant curvature knows them.
+    name : str
+        One of `LAWS`.
+    ramps : Ramps
+        Tensions, and tendon lengths of the rod.
+    scale : ndarray (D,), optional
+        Factor on the bending stiffness, for the linear law.
+
+    Returns
+    -------
+    ndarray (D, L, 3)
+    """
+    commands = ramps.tensions if name.startswith("cc_from_force") else ramps.tendon_lengths
+    if scale is not None:
+        commands = commands / scale[:, None, None]
+    rows = np.ascontiguousarray(commands.reshape(-1, commands.shape[-1]))
+    found = designs.robot.core.arc_tips(designs, LAWS[name], rows)
+    return np.asarray(found).reshape(*commands.shape[:2], 3)
+
+
+def tip_errors(designs: Designs, ramps: Ramps, names: Sequence[str]) -> dict[str, Floats]:
+    """Tip errors (D, L) of models of constant curvature, m; NaN without equilibrium or arc.
+
+    ``cc_from_force_calibrated`` is the linear law with the bending stiffness that makes its mean
+    squared error over the ramp least, for each robot.
+    """
+    out = {}
+    for name in names:
+        if name == "cc_from_force_calibrated":
+            out[name] = _calibrated(designs, ramps)
+        else:
+            out[name] = np.linalg.norm(arc_tips(designs, name, ramps) - ramps.tip, axis=-1)
+    return out
+
+
+def _calibrated(designs: Designs, ramps: Ramps) -> Floats:
+    """Golden-section search of the logarithm of the stiffness, all robots at once."""
+
+    def errors(log_scale: Floats) -> Floats:
+        tips = arc_tips(designs, "cc_from_force", ramps, np.exp(log_scale))
+        return np.asarray(np.linalg.norm(tips - ramps.tip, axis=-1))
+
+    def mean(log_scale: Floats) -> Floats:
+        squared = errors(log_scale) ** 2
+        return np.asarray(np.where(np.isfinite(squared), squared, 0.0).sum(axis=1))
+
+    count = len(ramps.tension)
+    low, high = (np.full(count, np.log(end)) for end in _SCALES)
+    a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_a, at_b = mean(a), mean(b)
+    for _ in range(_ROUNDS):
+        left = at_a < at_b
+        high, low = np.where(left, b, high), np.where(left, low, a)
+        a_next, b_next = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+        new = np.where(left, a_next, b_next)
+        at_new = mean(new)
+        at_a, at_b = np.where(left, at_new, at_b), np.where(left, at_a, at_new)
+        a, b = a_next, b_next
+    return errors(0.5 * (low + high))

@@ -1,0 +1,131 @@
+"""Maps over any number of axes, computed in blocks: stored as they come, resumed, on a cluster."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.blocks import Coordinate, Job, Variable
+from bowstring.display import short_repr
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot
+from bowstring.statics.load import Load
+from bowstring.validity.axes import Axis, read_axis
+from bowstring.validity.errors import LABELS
+from bowstring.validity.loading import Loading
+from bowstring.validity.maps import METRICS, Metric, map_metric, space_of
+from bowstring.validity.space import Space
+
+__all__ = ["map_job"]
+
+Floats = NDArray[np.float64]
+
+_BLOCK: Final = 4096  # points: about a second on one core
+_LEAST_BLOCKS: Final = 100  # of a map that is smaller than as many full blocks
+
+
+@short_repr
+@dataclass(frozen=True)
+class _Points:
+    """What a worker calls: the metric at some points of the axes' grid."""
+
+    space: Space
+    models: tuple[str, ...]
+    metric: Metric
+    tolerance: float
+
+    def __call__(self, first: int, count: int) -> dict[str, NDArray[Any]]:
+        values = [axis.values for axis in self.space.axes]
+        places = np.unravel_index(np.arange(first, first + count), [len(v) for v in values])
+        points = np.stack([v[place] for v, place in zip(values, places, strict=True)], axis=1)
+        errors = self.space.errors(points, self.models)
+        out: dict[str, NDArray[Any]] = {
+            name: errors.metric(self.metric, name, self.tolerance) for name in self.models
+        }
+        return {**out, "solved": np.asarray(errors.converged.all(axis=1), dtype=np.int8)}
+
+
+def map_job(
+    robot: Robot,
+    over: Sequence[str | Axis],
+    *,
+    tolerance: float = 0.01,
+    metric: Metric | None = None,
+    models: Sequence[str] = ("cc_from_lengths", "cc_from_force"),
+    loading: Loading | None = None,
+    load: Load | None = None,
+    block: int | None = None,
+) -> Job:
+    """Make the job of a large map, for `bowstring.blocks.run`.
+
+    Parameters
+    ----------
+    robot, tolerance, metric, models, loading, load
+        As for `bowstring.validity_map`.
+    over : sequence of str or Axis
+        Any number of axes.
+    block : int, optional
+        Points in a block; by default 4096, or a hundredth of a smaller map.
+
+    Returns
+    -------
+    Job
+        Its variables are the metric by model, and ``solved``, 1 where all loads have a stable
+        equilibrium; its axes are ``axis_1`` and so on, in SI.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong or the job is too large.
+
+    Examples
+    --------
+    >>> import bowstring as bs
+    >>> from bowstring.validity.jobs import map_job
+    >>> axes = ["tension=0:80 N:9", "E=30:40 GPa:3", "pitch_radius=20:30 mm:3"]
+    >>> map_job(bs.load_robot("amouri2019"), axes).points
+    81
+    """
+    axes = tuple(read_axis(one, robot) if isinstance(one, str) else one for one in over)
+    if not axes:
+        raise InputError("over has no axis; a job has one or more")
+    if len({axis.path for axis in axes}) < len(axes):
+        raise InputError("two axes are the same; give different ones")
+    space = space_of(robot, axes, loading, load)
+    chosen = map_metric(space, metric, models, tolerance)
+    count = math.prod(len(axis.values) for axis in axes)
+    unit = "N" if chosen == "valid_to" else "1"
+    shown = {"gravity": space.load.gravity, "tip_force": space.load.tip_force}
+    return Job(
+        _Points(space, tuple(models), chosen, tolerance),
+        {f"axis_{i}": len(axis.values) for i, axis in enumerate(axes, 1)},
+        {
+            **{
+                name: Variable(unit, f"{METRICS[chosen]}: constant curvature {LABELS[name]}")
+                for name in models
+            },
+            "solved": Variable("1", "1 where all loads have a stable equilibrium", dtype="int8"),
+        },
+        {
+            "robot": robot.name,
+            "robot_hash": robot.hash,
+            "source": "simulated: constant curvature against statics of the rod",
+            "metric": chosen,
+            "tolerance": tolerance,
+            "max_tension_N": space.max_tension,
+            "loads": space.loads,
+            "shares": space.shares.tolist(),
+            "axes": [axis.path for axis in axes],
+            "load": {k: None if v is None else np.asarray(v).tolist() for k, v in shown.items()},
+        },
+        block or max(1, min(_BLOCK, -(-count // _LEAST_BLOCKS))),
+        {
+            f"axis_{i}": Coordinate(axis.values, axis.units[0] or "1", axis.path)
+            for i, axis in enumerate(axes, 1)
+        },
+    )

@@ -1,0 +1,651 @@
+"""Map of the validity of constant curvature over one or two numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.atomic_io import check_file, write_whole_file
+from bowstring.display import short_repr
+from bowstring.errors import InputError
+from bowstring.formatting import in_newtons, listed
+from bowstring.robot.model import Robot, check_robot, with_tendons
+from bowstring.statics.load import Load
+from bowstring.statics.model import RodModel
+from bowstring.validation import choice, instance, number
+from bowstring.validity.axes import Axis, read_axis
+from bowstring.validity.contour import Line, Refined, contours
+from bowstring.validity.effects import EFFECTS, acting
+from bowstring.validity.errors import LABELS
+from bowstring.validity.loading import Loading, largest_load
+from bowstring.validity.space import Errors, Space
+from bowstring.viz.style import check_figure_file, write_figure
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    from bowstring.schemas import maps as schema
+
+__all__ = [
+    "METRICS",
+    "MOST_SOLVES",
+    "STATES",
+    "Metric",
+    "ValidityMap",
+    "check_map_file",
+    "described",
+    "end_of_ramp",
+    "map_metric",
+    "map_space",
+    "read_axes",
+    "space_of",
+    "validity_map",
+]
+
+Floats = NDArray[np.float64]
+Metric = Literal["largest_error", "mean_error", "error", "valid_to"]
+Progress = Callable[[str, float], None]
+
+METRICS: Final[dict[str, str]] = {
+    "largest_error": "largest tip error over the sweep, share of length",
+    "mean_error": "mean tip error over the sweep, share of length",
+    "error": "tip error at the tension of the axis, share of length",
+    "valid_to": "tension up to which the tolerance holds, N",
+}
+"""Metrics of a map, and what they are."""
+
+STATES: Final = ("solved", "two equilibria", "no stable equilibrium")
+"""States of a point: solved; another stable equilibrium exists at the end of the ramp, so that the
+robot may snap through; some load of the ramp has no stable equilibrium."""
+
+MOST_SOLVES: Final = 100_000_000
+"""Most equilibria of one map in memory."""
+
+_APART: Final = 1e-3  # least distance of two equilibria over the length
+_DOMINANT: Final = 0.5  # share of the error above which an effect dominates
+_MOST_CAUSES: Final = 1681  # points at which the causes are computed: 41 x 41
+
+
+@short_repr
+@dataclass(frozen=True)
+class ValidityMap:
+    """Validity of constant curvature over one or two axes; made by `validity_map`."""
+
+    robot: Robot
+    """Robot of all numbers that no axis changes."""
+    axes: tuple[Axis, ...]
+    """One or two axes, the first along x."""
+    tolerance: float
+    """Tolerated tip error as a share of the length."""
+    metric: Metric
+    """What `value` is, one of `METRICS`."""
+    max_tension: float
+    """End of the ramp of tension where no axis is the tension, N."""
+    value: dict[str, Floats]
+    """Metric by model, (Y, X) or (X,); NaN without a value."""
+    contour: dict[str, list[Line]]
+    """Lines (n, 2) on which the metric has the tolerance, by model, SI; points (n, 1) of one
+    axis."""
+    fine_axes: tuple[Floats, ...]
+    """Values of two axes on the refined grid (U,), (V,), SI; empty of one axis."""
+    fine: dict[str, Floats]
+    """Metric by model on the refined grid (V, U): computed near the lines, interpolated elsewhere;
+    empty of one axis and of `valid_to`."""
+    cause: dict[str, NDArray[np.str_]]
+    """Effect with more than half of the error, by model, at the points of `cause_points`; empty
+    text where none has."""
+    cause_points: tuple[Floats, ...]
+    """Values of the axes at the points of `cause`, SI."""
+    state: NDArray[np.int64]
+    """Index in `STATES`, (Y, X) or (X,)."""
+    statics_error: float
+    """Largest estimated error of the tips by statics, as a share of the length."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Points of the axes, the last axis first."""
+        return self.state.shape
+
+    def to_dataset(self) -> xr.Dataset:
+        """Values, causes and states with labels and units, along the axes.
+
+        Returns
+        -------
+        xarray.Dataset
+            One variable for each model, and ``state``.
+        """
+        import xarray as xr
+
+        dims = [f"axis_{i}" for i in range(len(self.axes), 0, -1)]
+        coords = {
+            f"axis_{i}": (
+                [f"axis_{i}"],
+                axis.values,
+                {"units": axis.units[0] or "1", "long_name": axis.path},
+            )
+            for i, axis in enumerate(self.axes, 1)
+        }
+        unit = "N" if self.metric == "valid_to" else "1"
+        data: dict[str, Any] = {
+            name: (dims, value, {"units": unit, "long_name": f"{METRICS[self.metric]}: {name}"})
+            for name, value in self.value.items()
+        }
+        data["state"] = (dims, self.state, {"flag_meanings": " / ".join(STATES)})
+        return xr.Dataset(
+            data,
+            coords,
+            {
+                "robot": self.robot.name,
+                "robot_hash": self.robot.hash,
+                "tolerance": self.tolerance,
+                "source": _SOURCE,
+            },
+        )
+
+    def figure(self) -> Figure:
+        """Draw the map.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A panel for each model.
+        """
+        from bowstring.validity.figures import draw
+
+        return draw(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the map to a file, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+            Its suffix tells the format: a figure (PNG, PDF or SVG), or the numbers of `to_dataset`
+            as NetCDF. A map of before is replaced.
+
+        Returns
+        -------
+        Path
+            Absolute path of the file.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        file = check_map_file(path)
+        if file.suffix.lower() != _NUMBERS:
+            return write_figure(self.figure, file, "map", 160, check_map_file)
+        values = self.to_dataset()
+        write_whole_file(
+            file,
+            "map",
+            lambda new: values.to_netcdf(new, engine="netcdf4"),
+            lambda: check_map_file(file),
+        )
+        return file
+
+    def to_dict(self) -> schema.MapValues:
+        """Return plain values: axes in SI, errors in percent of the length, tensions in N."""
+        scale = 1.0 if self.metric == "valid_to" else 100.0
+        return {
+            "tolerance_percent": 100.0 * self.tolerance,
+            "metric": self.metric,
+            "max_tension_N": self.max_tension,
+            "axes": [
+                {
+                    "path": axis.path,
+                    "label": axis.label,
+                    "unit": axis.units[0],
+                    "values": axis.values.tolist(),
+                }
+                for axis in self.axes
+            ],
+            "maps": [
+                {
+                    "name": name,
+                    "values": (scale * value).tolist(),
+                    "contour": [line.tolist() for line in self.contour[name]],
+                    "causes": self.cause[name].tolist(),
+                }
+                for name, value in self.value.items()
+            ],
+            "cause_points": [places.tolist() for places in self.cause_points],
+            "states": [STATES[i] for i in self.state.ravel()],
+            "statics_error_percent": 100.0 * self.statics_error,
+        }
+
+
+_NUMBERS: Final = ".nc"
+_SUFFIXES: Final = (".png", ".pdf", ".svg", _NUMBERS)
+
+
+def check_map_file(path: str | Path) -> Path:
+    """Check before any work that a map may be written (`atomic_io.check_file`).
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Path
+        Absolute path.
+    """
+    file = Path(path)
+    if file.suffix.lower() == _NUMBERS:
+        return check_file(file, "map", _SUFFIXES, _SOURCE.encode())
+    return check_figure_file(file, "map", _SUFFIXES)
+
+
+_SOURCE: Final = "simulated: constant curvature against statics of the rod"
+
+
+def validity_map(
+    robot: Robot,
+    over: Sequence[str | Axis] | None = None,
+    *,
+    tolerance: float = 0.01,
+    metric: Metric | None = None,
+    models: Sequence[str] = ("cc_from_lengths", "cc_from_force"),
+    loading: Loading | None = None,
+    load: Load | None = None,
+    progress: Progress | None = None,
+) -> ValidityMap:
+    """Map where constant curvature holds, over one or two numbers of robot, load or actuation.
+
+    Every point is a robot along a ramp of tension from zero, solved by statics (straight spans,
+    shear and extension, twist), and compared with constant curvature of the same robot, as in
+    `bowstring.run_study`. The lines on which the error has the tolerance are refined.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot of all numbers that no axis changes. Its friction is left out.
+    over : sequence of str or Axis, optional
+        One or two axes, such as ``"tension=0:80 N:41"`` or ``"segments.*.disks.count=3:15"``. The
+        default is the tension of the sweep and the number of disks.
+    tolerance : float
+        Tolerated tip error as a share of the length.
+    metric : {"largest_error", "mean_error", "error", "valid_to"}, optional
+        What is mapped. The default is the error at the tension of the axis, or, where no axis is
+        the tension, the largest error over the ramp.
+    models : sequence of str
+        Models of constant curvature, of `bowstring.validity.errors.LABELS`.
+    loading : Loading, optional
+        Actuated tendons, end of the ramp and number of its loads.
+    load : Load, optional
+        Gravity (that of the robot if left out) and tip force that no axis changes.
+    progress : callable, optional
+        Called with a word and the finished share.
+
+    Returns
+    -------
+    ValidityMap
+        Values, lines, causes and states.
+
+    Raises
+    ------
+    InputError
+        If an axis or another argument is wrong, or the map has too many points.
+
+    Examples
+    --------
+    >>> import bowstring as bs
+    >>> robot = bs.load_robot("amouri2019")
+    >>> found = bs.validity_map(robot, ["tension=0:80 N:9"])
+    >>> [f"{line[0, 0]:.1f} N" for line in found.contour["cc_from_force"]]
+    ['56.1 N']
+    """
+    space = space_of(
+        robot, read_axes(robot, over, instance("loading", loading, Loading)), loading, load
+    )
+    return map_space(space, tolerance, metric, models, progress)
+
+
+def map_space(
+    space: Space,
+    tolerance: float,
+    metric: Metric | None = None,
+    models: Sequence[str] = ("cc_from_lengths", "cc_from_force"),
+    progress: Progress | None = None,
+) -> ValidityMap:
+    """Map a space with one or two axes; `validity_map` makes the space.
+
+    Parameters
+    ----------
+    space : Space
+    tolerance, metric, models, progress
+        As for `validity_map`.
+
+    Returns
+    -------
+    ValidityMap
+    """
+    axes = space.axes
+    chosen = map_metric(space, metric, models, tolerance)
+    notify = progress or (lambda what, done: None)
+
+    grid = np.meshgrid(*[axis.values for axis in axes], indexing="xy")
+    shape = grid[0].shape
+    points = np.stack([values.ravel() for values in grid], axis=1)
+    _check_size(points, space)
+
+    def measure(errors: Errors, name: str) -> Floats:
+        return errors.metric(chosen, name, tolerance)
+
+    found = _in_parts(space, points, models, lambda share: notify("errors", 0.7 * share))
+    value = {name: measure(found, name).reshape(shape) for name in models}
+    notify("causes", 0.7)
+    part = _part(shape, len(axes))
+    state = np.where(found.converged.all(axis=1), 0, 2).reshape(shape)
+    state = np.where(_two_equilibria(space, points, found, part), np.maximum(state, 1), state)
+    cause, cause_points = _causes(space, axes, points[part.ravel()], models, measure)
+    cause = {name: where.reshape(part.shape) for name, where in cause.items()}
+    cause_points = tuple(places.reshape(part.shape) for places in cause_points)
+    notify("contour", 0.9)
+    level = tolerance
+    contour: dict[str, list[Line]] = {name: [] for name in models}
+    fine_axes: tuple[Floats, ...] = ()
+    fine: dict[str, Floats] = {}
+    if chosen != "valid_to":
+
+        def at(new: Floats) -> list[Floats]:
+            errors = space.errors(new[:, : len(axes)], models)
+            return [measure(errors, name) for name in models]
+
+        refined = _refined(axes, [value[name] for name in models], level, at)
+        contour = dict(zip(models, refined.lines, strict=True))
+        if len(axes) == 2:
+            fine_axes, fine = refined[:2], dict(zip(models, refined.values, strict=True))
+    notify("done", 1.0)
+    with np.errstate(invalid="ignore"):
+        accuracy = found.tip_error / found.length[:, None]
+    known = accuracy[np.isfinite(accuracy)]
+    return ValidityMap(
+        space.robot,
+        axes,
+        tolerance,
+        chosen,
+        space.max_tension,
+        value,
+        contour,
+        fine_axes,
+        fine,
+        cause,
+        cause_points,
+        state,
+        float(known.max()) if known.size else float("nan"),
+    )
+
+
+def space_of(
+    robot: Robot, axes: tuple[Axis, ...], loading: Loading | None, load: Load | None
+) -> Space:
+    """Make the space of a map.
+
+    Parameters
+    ----------
+    robot : Robot
+        Its friction is left out.
+    axes : tuple of Axis
+    loading, load
+        As for `validity_map`.
+
+    Returns
+    -------
+    Space
+
+    Raises
+    ------
+    InputError
+        If the load has an actuation or a tip moment.
+    """
+    check_robot(robot)
+    robot = with_tendons(robot, {"friction": 0.0})
+    loading, load = instance("loading", loading, Loading), instance("load", load, Load)
+    if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
+        raise InputError("load has an actuation; of a map it is that of loading and of the axes")
+    if load.tip_moment is not None:
+        raise InputError("load has a tip moment; a map takes gravity and tip force only")
+    shares = np.array(loading.shares(robot))
+    top = end_of_ramp(robot, loading)
+    return Space(robot, axes, shares, top, RodModel(), load, loading.points)
+
+
+def read_axes(
+    robot: Robot, over: Sequence[str | Axis] | str | Axis | None, loading: Loading
+) -> tuple[Axis, ...]:
+    """Read the one or two axes of a map.
+
+    Parameters
+    ----------
+    robot : Robot
+    over : sequence of str or Axis
+        Axes as for `validity_map`; None takes the default.
+    loading : Loading
+        End of the ramp of the default.
+
+    Returns
+    -------
+    tuple of Axis
+
+    Raises
+    ------
+    InputError
+        If an axis is wrong.
+    """
+    if over is None:
+        top = end_of_ramp(robot, loading)
+        over = [f"tension=0:{top:g} N:41"]
+        if all(segment.disks.count is not None for segment in robot.segments):
+            over.append("segments.*.disks.count=3:20")
+    if isinstance(over, str | Axis):
+        over = [over]
+    axes = tuple(read_axis(one, robot) if isinstance(one, str) else one for one in over)
+    if not 1 <= len(axes) <= 2:
+        raise InputError(
+            f"over has {len(axes)} axes; a map has one or two, and more in blocks (--store)"
+        )
+    if len({axis.path for axis in axes}) < len(axes):
+        raise InputError(f"both axes are {axes[0].path}; give two different ones")
+    return axes
+
+
+def end_of_ramp(robot: Robot, loading: Loading) -> float:
+    """End of the ramp of tension in N, as given or chosen for the robot."""
+    if loading.max_tension is not None:
+        return loading.max_tension
+    return largest_load(robot, np.array(loading.shares(robot)), RodModel())
+
+
+def map_metric(
+    space: Space, metric: Metric | None, models: Sequence[str], tolerance: float
+) -> Metric:
+    """Choose the metric of a map, and check its settings.
+
+    Parameters
+    ----------
+    space : Space
+    metric, models, tolerance
+        As for `validity_map`.
+
+    Returns
+    -------
+    str
+        One of `METRICS`.
+
+    Raises
+    ------
+    InputError
+        If they are wrong or do not fit the axes.
+    """
+    if not 0.0 < number("tolerance", tolerance) < 1.0:
+        raise InputError.of("tolerance", f"{tolerance:g}", "above 0 and below 1")
+    by_tension = any(axis.path == "tension" for axis in space.axes)
+    chosen: Metric = metric or ("error" if by_tension else "largest_error")
+    choice("metric", chosen, list(METRICS))
+    if by_tension and chosen != "error":
+        raise InputError(
+            f"metric {chosen} is over a sweep of the tension, which is an axis here; give other "
+            "axes, such as E=30:40 GPa"
+        )
+    if chosen == "error" and not by_tension:
+        raise InputError("metric error is at the tension of an axis; give an axis tension")
+    for name in models:
+        choice("models", name, list(LABELS))
+    return chosen
+
+
+def _check_size(points: Floats, space: Space) -> None:
+    solves = len(points) * space.loads
+    if solves > MOST_SOLVES:
+        raise InputError(
+            f"the map has {len(points)} points with {space.loads} loads each, {solves:.3g} "
+            f"equilibria; at most {MOST_SOLVES:.0e} fit: give fewer points, the lines are refined "
+            "anyway"
+        )
+
+
+_PART: Final = 4096  # points solved at a time, between two reports of progress
+
+
+def _in_parts(
+    space: Space, points: Floats, models: Sequence[str], notify: Callable[[float], None]
+) -> Errors:
+    parts = []
+    for first in range(0, len(points), _PART):
+        parts.append(space.errors(points[first : first + _PART], models))
+        notify(min(1.0, (first + _PART) / len(points)))
+    if len(parts) == 1:
+        return parts[0]
+
+    def joined(of: Callable[[Errors], NDArray[Any]]) -> Any:
+        return np.concatenate([of(part) for part in parts])
+
+    return Errors(
+        joined(lambda e: e.tension),
+        joined(lambda e: e.length),
+        joined(lambda e: e.converged),
+        joined(lambda e: e.tip),
+        joined(lambda e: e.tip_error),
+        {name: joined(lambda e, name=name: e.error[name]) for name in models},  # type: ignore[misc]
+    )
+
+
+def _part(shape: tuple[int, ...], axes: int) -> NDArray[np.intp]:
+    """Indices of the points of a coarser grid, for causes and second equilibria."""
+    index = np.arange(int(np.prod(shape))).reshape(shape)
+    step = max(1, int(np.ceil((index.size / _MOST_CAUSES) ** (1.0 / axes))))
+    return index[(slice(None, None, step),) * axes]
+
+
+def _two_equilibria(
+    space: Space, points: Floats, errors: Errors, part: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Points whose robot has another stable equilibrium at the end of the ramp.
+
+    It is found by a solve from the straight robot, without the ramp, at the points of a coarser
+    grid; others take the result of the nearest.
+    """
+    rows = part.ravel()
+    apart = np.linalg.norm(space.cold_tip(points[rows]) - errors.tip[rows, -1], axis=-1)
+    with np.errstate(invalid="ignore"):
+        two: NDArray[Any] = (apart > _APART * errors.length[rows]).reshape(part.shape)
+    shape = tuple(len(axis.values) for axis in reversed(space.axes))
+    for i, (count, few) in enumerate(zip(shape, part.shape, strict=True)):
+        step = -(-count // few)
+        near = np.minimum(np.round(np.arange(count) / step).astype(int), few - 1)
+        two = np.take(two, near, axis=i)
+    return np.asarray(two)
+
+
+def _causes(
+    space: Space,
+    axes: tuple[Axis, ...],
+    points: Floats,
+    models: Sequence[str],
+    measure: Callable[[Errors, str], Floats],
+) -> tuple[dict[str, NDArray[np.str_]], tuple[Floats, ...]]:
+    """Effect with more than half of the metric at points (P, A), by model, and their values."""
+    whole = space.errors(points, models)
+    effects = sorted(
+        {effect for rods in space.rods(points) for effect in acting(rods)}, key=list(EFFECTS).index
+    )
+    best = {name: np.zeros(len(points)) for name in models}
+    cause = {name: np.full(len(points), "", dtype="U16") for name in models}
+    total = {name: measure(whole, name) for name in models}
+    for effect in effects:
+        rest = space.errors(points, models, effect)
+        for name in models:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = (total[name] - measure(rest, name)) / total[name]
+            more = (share > _DOMINANT) & (share > best[name])
+            best[name] = np.where(more, share, best[name])
+            cause[name] = np.where(more, effect, cause[name])
+    return cause, tuple(points[:, i] for i in range(len(axes)))
+
+
+def _refined(
+    axes: tuple[Axis, ...],
+    values: list[Floats],
+    level: float,
+    at: Callable[[Floats], Sequence[Floats]],
+) -> Refined:
+    x = axes[0].values
+    if len(axes) == 2:
+        order = [np.argsort(axis.values) for axis in axes]
+        grids = [value[np.ix_(order[1], order[0])] for value in values]
+        whole = (axes[0].is_whole, axes[1].is_whole)
+        return contours(x[order[0]], axes[1].values[order[1]], grids, level, at, whole)
+    # one axis: a strip of two equal rows
+    ahead = np.argsort(x)
+    strips = [np.stack([value[ahead]] * 2) for value in values]
+    found = contours(x[ahead], np.array([0.0, 1.0]), strips, level, at, (axes[0].is_whole, True))
+    return found._replace(lines=[[line[:1, :1] for line in lines] for lines in found.lines])
+
+
+def described(found: ValidityMap) -> list[str]:
+    """What a map says, in sentences."""
+    out = []
+    percent = f"{100 * found.tolerance:g} % of length"
+    for name, value in found.value.items():
+        label = LABELS[name]
+        known = np.isfinite(value)
+        if not known.any():
+            out.append(f"Constant curvature {label} has no arc anywhere on the map.")
+            continue
+        first = f"Constant curvature {label} holds to {percent}"
+        if found.metric == "valid_to":
+            low, high = float(value[known].min()), float(value[known].max())
+            top = f"; the sweep ends at {found.max_tension:.4g} N"
+            out.append(f"{first} up to {in_newtons(low, high)} on this map{top}.")
+            continue
+        inside = (value <= found.tolerance) & known
+        lines = found.contour[name]
+        where = "everywhere"
+        if not inside[known].all() or lines:
+            where = "nowhere" if not inside.any() and not lines else "on a part of the map"
+        words = f"{first} {where}"
+        if len(found.axes) == 1 and lines:
+            axis = found.axes[0]
+            unit = f" {axis.units[1]}" if axis.units[1] else ""
+            marks = [f"{mark:.4g}{unit}" for mark in sorted(x[0, 0] / axis.factor for x in lines)]
+            words = f"{first} at some values: it crosses at {listed(marks)}"
+        causes = [effect for effect in np.unique(found.cause[name]) if effect]
+        if causes and where != "everywhere":
+            named = listed([EFFECTS[effect] for effect in causes])
+            many = ", each in its part of the map" if len(causes) > 1 else ""
+            words += f"; main cause of the error: {named}{many}"
+        out.append(words + ".")
+    counts = {STATES[i]: int((found.state == i).sum()) for i in (1, 2)}
+    for state, count in counts.items():
+        if count:
+            out.append(f"{count} of {found.state.size} points: {state}.")
+    return out

@@ -1,0 +1,240 @@
+"""Points of a space of designs and loads, and the errors of constant curvature there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.display import short_repr
+from bowstring.robot.designs import Designs, full_paths
+from bowstring.robot.model import Robot
+from bowstring.statics.load import Load
+from bowstring.statics.model import RodModel
+from bowstring.validity.axes import Axis
+from bowstring.validity.effects import Rods, without
+from bowstring.validity.errors import follow, tip_errors
+
+__all__ = ["Errors", "Space"]
+
+Floats = NDArray[np.float64]
+
+
+@short_repr
+@dataclass(frozen=True)
+class Errors:
+    """Errors of constant curvature at P points, along a ramp of L tensions each."""
+
+    tension: Floats
+    """Tensions (P, L), N."""
+    length: Floats
+    """Lengths of the robots (P,), m."""
+    converged: NDArray[np.bool_]
+    """Whether each load has a stable equilibrium (P, L)."""
+    tip: Floats
+    """Tips by statics (P, L, 3), m."""
+    tip_error: Floats
+    """Their estimated errors (P, L), m."""
+    error: dict[str, Floats]
+    """Tip errors by model (P, L), m."""
+
+    def metric(self, metric: str, name: str, tolerance: float) -> Floats:
+        """A metric of a model (P,), one of `bowstring.validity.maps.METRICS`."""
+        if metric == "valid_to":
+            return self.valid_to(name, tolerance)
+        of = {"largest_error": self.worst, "mean_error": self.mean, "error": self.last}
+        return of[metric](name)
+
+    def worst(self, name: str) -> Floats:
+        """Largest error over the ramp (P,), as a share of the length; NaN without any.
+
+        Between loads the error is a parabola through the largest one and its neighbours.
+        """
+        error = self.error[name] / self.length[:, None]
+        known = np.isfinite(error)
+        peak = np.argmax(np.where(known, error, -1.0), axis=1)
+        rows = np.arange(len(error))
+        top = np.where(known.any(axis=1), error[rows, peak], np.nan)
+        inner = np.clip(peak, 1, error.shape[1] - 2)
+        a, b, c = (error[rows, inner + i] for i in (-1, 0, 1))
+        bent = a - 2.0 * b + c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            vertex = b - (c - a) ** 2 / (8.0 * bent)
+        use = (inner == peak) & np.isfinite(vertex) & (bent < 0.0)
+        return np.where(use, np.fmax(top, vertex), top)
+
+    def last(self, name: str) -> Floats:
+        """Error at the end of the ramp (P,), as a share of the length."""
+        return np.asarray(self.error[name][:, -1] / self.length)
+
+    def mean(self, name: str) -> Floats:
+        """Mean error over the loads of the ramp that have one (P,), as a share of the length."""
+        error = self.error[name]
+        known = np.isfinite(error)
+        total = np.where(known, error, 0.0).sum(axis=1)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(total / known.sum(axis=1) / self.length)
+
+    def valid_to(self, name: str, tolerance: float) -> Floats:
+        """Validity limit (P,), N: first crossing of the tolerance, or the end of what has an error.
+
+        Between loads the error is a cubic with the slopes of central differences. 0 where the first
+        load is above the tolerance; NaN without an error there.
+        """
+        share = self.error[name] / self.length[:, None]
+        known = np.isfinite(share)
+        rows = np.arange(len(share))
+        above = known & (np.nan_to_num(share) > tolerance)
+        stop = above | ~known
+        first = np.where(stop.any(axis=1), np.argmax(stop, axis=1), share.shape[1])
+        crosses = (first < share.shape[1]) & above[rows, np.minimum(first, share.shape[1] - 1)]
+        before = np.maximum(first - 1, 0)
+        limit = self.tension[rows, before]
+        at = rows[crosses & (first > 0)]
+        if at.size:
+            k = first[at]
+            limit[at] = _crossing(self.tension[at], share[at], k, tolerance)
+        limit[first == 0] = 0.0
+        return np.where(known[:, 0], limit, np.nan)
+
+
+def _crossing(x: Floats, y: Floats, k: NDArray[np.intp], level: float) -> Floats:
+    """Where the cubic between points k - 1 and k of each row crosses a level."""
+    rows = np.arange(len(k))
+    last = x.shape[1] - 1
+
+    def slope(i: NDArray[np.intp]) -> Floats:
+        low, high = np.maximum(i - 1, 0), np.minimum(i + 1, last)
+        high = np.where(np.isfinite(y[rows, high]), high, i)
+        rise = (y[rows, high] - y[rows, low]) / (x[rows, high] - x[rows, low])
+        return np.asarray(rise)
+
+    x0, x1 = x[rows, k - 1], x[rows, k]
+    y0, y1, h = y[rows, k - 1], y[rows, k], x1 - x0
+    d0, d1 = slope(k - 1) * h, slope(k) * h
+    low, high = np.zeros(len(k)), np.ones(len(k))
+    for _ in range(40):
+        t = 0.5 * (low + high)
+        value = (
+            y0 * (1 + 2 * t) * (1 - t) ** 2
+            + d0 * t * (1 - t) ** 2
+            + y1 * t**2 * (3 - 2 * t)
+            + d1 * t**2 * (t - 1)
+        )
+        over = value > level
+        low, high = np.where(over, low, t), np.where(over, t, high)
+    return np.asarray(x0 + h * high)
+
+
+@short_repr
+@dataclass(frozen=True)
+class Space:
+    """Space of designs and loads: every point has a robot, a load and a ramp of tension.
+
+    A point is a row of values in SI, one for each axis. The ramp goes from zero to `max_tension`,
+    or to the value of the axis ``tension``.
+    """
+
+    robot: Robot
+    """Robot of all numbers that no axis changes."""
+    axes: tuple[Axis, ...]
+    """Axes of the points."""
+    shares: Floats
+    """Share (T,) of the ramp's tension in each tendon."""
+    max_tension: float
+    """End of the ramp, N."""
+    model: RodModel
+    """Rod theory and tendon path."""
+    load: Load = field(default_factory=Load)
+    """Gravity (that of the robot if None) and tip force that no axis changes."""
+    loads: int = 17
+    """Loads of the ramp."""
+
+    def errors(self, points: Floats, names: Sequence[str], effect: str | None = None) -> Errors:
+        """Errors of constant curvature at points (P, A).
+
+        Parameters
+        ----------
+        points : ndarray (P, A)
+            Values of the axes in SI.
+        names : sequence of str
+            Models of constant curvature, of `bowstring.validity.errors.LABELS`.
+        effect : str, optional
+            Effect that is removed from the rods, one of `bowstring.validity.effects.EFFECTS`;
+            constant curvature keeps the robots as they are.
+
+        Returns
+        -------
+        Errors
+        """
+        points = np.asarray(points, dtype=float).reshape(-1, len(self.axes))
+        count, shape = len(points), (len(points), self.loads)
+        out = Errors(
+            np.zeros(shape),
+            np.zeros(count),
+            np.zeros(shape, bool),
+            np.full((*shape, 3), np.nan),
+            np.full(shape, np.nan),
+            {name: np.full(shape, np.nan) for name in names},
+        )
+        for rows, rods, tension in self._groups(points):
+            known = rods.designs
+            if effect is not None:
+                rods = without(rods, effect)
+            ramps = follow(rods, tension, self.shares)
+            out.tension[rows] = tension
+            out.length[rows] = known.length
+            out.converged[rows] = ramps.converged
+            out.tip[rows] = ramps.tip
+            out.tip_error[rows] = ramps.tip_error
+            for name, error in tip_errors(known, ramps, names).items():
+                out.error[name][rows] = error
+        return out
+
+    def rods(self, points: Floats) -> list[Rods]:
+        """Rods of points (P, A), in groups with the same disks."""
+        return [rods for _, rods, _ in self._groups(np.asarray(points, dtype=float))]
+
+    def cold_tip(self, points: Floats) -> Floats:
+        """Tips (P, 3) at the ends of the ramps, solved from the straight robot at once, m."""
+        out = np.full((len(points), 3), np.nan)
+        for rows, rods, tension in self._groups(points):
+            out[rows] = follow(rods, tension[:, -1:], self.shares).tip[:, 0]
+        return out
+
+    def _groups(self, points: Floats) -> Iterator[tuple[NDArray[np.intp], Rods, Floats]]:
+        """Points with the same disks: their rows, rods, and ramps (D, L)."""
+        whole = [i for i, axis in enumerate(self.axes) if axis.is_whole]
+        kinds, of = np.unique(points[:, whole], axis=0, return_inverse=True)
+        for kind, counts in enumerate(kinds):
+            rows = np.flatnonzero(of.ravel() == kind)
+            changes = {
+                path: int(value)
+                for i, value in zip(whole, counts, strict=True)
+                for path in full_paths(self.robot, self.axes[i].path)
+            }
+            robot = self.robot.with_(changes) if changes else self.robot
+            yield rows, *self._rods(robot, points[rows])
+
+    def _rods(self, robot: Robot, points: Floats) -> tuple[Rods, Floats]:
+        values: dict[str, Floats] = {}
+        vectors: dict[str, Floats] = {}
+        end = np.full(len(points), self.max_tension)
+        for i, axis in enumerate(self.axes):
+            if axis.path == "tension":
+                end = points[:, i]
+            elif axis.is_load:
+                name, _, along = axis.path.partition(".")
+                if name not in vectors:
+                    given = getattr(self.load, name)
+                    base = robot.gravity if name == "gravity" and given is None else given
+                    vectors[name] = np.tile(np.zeros(3) if base is None else base, (len(points), 1))
+                vectors[name][:, "xyz".index(along)] = points[:, i]
+            elif not axis.is_whole:
+                values[axis.path] = points[:, i]
+        if not values:  # one number stands for all, so that there is a robot for each point
+            values = {"segments.0.length": np.full(len(points), robot.segments[0].length)}
+        rods = Rods(Designs(robot, values), self.model, self.load.replace(**vectors))
+        return rods, end[:, None] * np.linspace(0.0, 1.0, self.loads)

@@ -1,0 +1,345 @@
+"""Validity limit of constant curvature for a robot whose numbers are known only roughly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.display import short_repr
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.formatting import in_percent, significant
+from bowstring.robot.designs import Designs
+from bowstring.robot.model import Robot, check_robot, with_tendons
+from bowstring.robot.parts import TendonRing
+from bowstring.statics.load import Load
+from bowstring.statics.model import RodModel
+from bowstring.uncertainty import (
+    Distributions,
+    SaltelliDesign,
+    SobolIndices,
+    Summary,
+    evaluate,
+    read_distributions,
+    sobol_indices,
+    spread_text,
+    summarise,
+)
+from bowstring.validation import choice, instance, number
+from bowstring.validity.effects import Rods
+from bowstring.validity.errors import LABELS, LAWS, Ramps, arc_tips, follow
+from bowstring.validity.loading import Loading
+from bowstring.validity.maps import end_of_ramp
+from bowstring.validity.space import Errors
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from bowstring.schemas import maps as schema
+
+__all__ = ["Spread", "assumed_distributions", "validity_spread"]
+
+Floats = NDArray[np.float64]
+
+_BLOCK: Final = 4096  # samples solved at a time
+_MARGIN: Final = 1.5  # end of the ramp over the nominal limit
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Validity limit and error of one model of constant curvature over samples of a robot.
+
+    Constant curvature has the nominal numbers; the rod has those of the sample.
+    """
+
+    robot: Robot
+    """Nominal robot."""
+    distributions: Distributions
+    """Distributions of its numbers."""
+    name: str
+    """Model of constant curvature."""
+    tolerance: float
+    """Tolerated tip error as a share of the length."""
+    max_tension: float
+    """End of the ramp, N."""
+    nominal: float
+    """Validity limit of the nominal robot, N; infinite where it holds to the end of the ramp."""
+    limit: Floats
+    """Validity limit of each sample (n,), N; infinite where it holds to the end of the ramp, NaN
+    without a result."""
+    error: Floats
+    """Tip error of each sample at the end of the ramp (n,), as a share of the length."""
+    limit_summary: Summary
+    """Statistics of the limit."""
+    error_summary: Summary
+    """Statistics of the error at the end of the ramp."""
+    limit_indices: SobolIndices | None
+    """Sobol' indices of the limit; None where too few samples have a finite one."""
+    error_indices: SobolIndices
+    """Sobol' indices of the error at the end of the ramp."""
+
+    @property
+    def limit_text(self) -> str:
+        """The validity limit and its spread, such as "56 N (95 %: 49 to 63 N)"."""
+        if math.isfinite(float(self.limit_summary.quantiles[0.5].value)):
+            return spread_text(self.limit_summary, self.limit_indices, "N")
+        share = 100.0 * float(np.isinf(self.limit).mean())
+        return f"{significant(self.max_tension)} N in {share:.0f} % of the samples"
+
+    @property
+    def text(self) -> tuple[str, ...]:
+        """What the samples say, in sentences."""
+        percent, top = in_percent(self.tolerance, 3), f"{significant(self.max_tension)} N"
+        at_end = spread_text(self.error_summary, self.error_indices, "%", 0.01)
+        own = f"{significant(self.nominal)} N" if math.isfinite(self.nominal) else f"{top} or more"
+        return (
+            f"Constant curvature {LABELS[self.name]} holds to {percent} of length up to "
+            f"{self.limit_text}. That is the median; the nominal robot holds up to {own}.",
+            f"Its error at {top}, in percent of length, is {at_end}.",
+        )
+
+    def to_dict(self) -> schema.SpreadValues:
+        """Return plain values: limits in N, errors in percent of the length."""
+
+        def statistics(found: Summary, scale: float) -> Any:
+            return {
+                "mean": float(found.mean.value) * scale,
+                "sd": float(found.sd.value) * scale,
+                "quantiles": {f"{p:g}": float(q.value) * scale for p, q in found.quantiles.items()},
+                "probability": None
+                if found.probability is None
+                else float(found.probability.value),
+                "without_result_percent": 100.0 * found.share_without_result,
+            }
+
+        def indices(found: SobolIndices | None) -> Any:
+            if found is None:
+                return []
+            return [
+                {
+                    "factor": factor,
+                    "first": float(found.first.value[i]),
+                    "first_interval": [float(found.first.low[i]), float(found.first.high[i])],
+                    "total": float(found.total.value[i]),
+                    "total_interval": [float(found.total.low[i]), float(found.total.high[i])],
+                }
+                for i, factor in enumerate(found.factors)
+            ]
+
+        return {
+            "name": self.name,
+            "tolerance_percent": 100.0 * self.tolerance,
+            "max_tension_N": self.max_tension,
+            "nominal_limit_N": self.nominal,
+            "samples": len(self.limit),
+            "limit": statistics(self.limit_summary, 1.0),
+            "error": statistics(self.error_summary, 100.0),
+            "limit_indices": indices(self.limit_indices),
+            "error_indices": indices(self.error_indices),
+            "text": list(self.text),
+        }
+
+    def figure(self) -> Figure:
+        """Draw the distribution of the limit, and the indices.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Histogram above, bars of the indices with their intervals below.
+        """
+        from bowstring.validity.figures import draw_spread
+
+        return draw_spread(self)
+
+
+def validity_spread(
+    robot: Robot,
+    distributions: Distributions | str | Path | Mapping[str, Any],
+    *,
+    name: str = "cc_from_force",
+    tolerance: float = 0.01,
+    points: int = 1024,
+    loading: Loading | None = None,
+    load: Load | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Spread:
+    """Validity limit of constant curvature where numbers of the robot are uncertain.
+
+    Constant curvature has the numbers of the nominal robot, as its user would; the rod has those of
+    each sample. Samples are Saltelli's design over a Sobol' sequence.
+
+    Parameters
+    ----------
+    robot : Robot
+        Nominal robot; its friction is left out.
+    distributions : Distributions, str, Path or mapping
+        Distributions of numbers of the robot file, of ``tip_force`` and ``gravity``, as
+        `bowstring.uncertainty.read_distributions` takes them.
+    name : str
+        Model of constant curvature, of `bowstring.validity.errors.LAWS`.
+    tolerance : float
+        Tolerated tip error as a share of the length.
+    points : int
+        Base points of the design, a power of two; with d factors it has ``points (d + 2)`` samples.
+    loading : Loading, optional
+        Actuated tendons, end of the ramp and number of its loads. By default the ramp ends at 1.5
+        times the limit of the nominal robot.
+    load : Load, optional
+        Gravity (that of the robot if left out) and tip force of the nominal robot.
+    progress : callable, optional
+        Called with a word and the finished share.
+
+    Returns
+    -------
+    Spread
+        Limits and errors of all samples, their statistics, and Sobol' indices.
+
+    Raises
+    ------
+    InputError
+        If a distribution or another argument is wrong.
+    NoSolutionError
+        If too few samples have a result.
+    """
+    check_robot(robot)
+    choice("name", name, list(LAWS))
+    if not 0.0 < number("tolerance", tolerance) < 1.0:
+        raise InputError.of("tolerance", f"{tolerance:g}", "above 0 and below 1")
+    robot = with_tendons(robot, {"friction": 0.0})
+    loading, load = instance("loading", loading, Loading), instance("load", load, Load)
+    joint = distributions
+    if not isinstance(joint, Distributions):
+        joint = read_distributions(joint, robot)
+    _check_paths(joint)
+    shares = np.array(loading.shares(robot))
+    nominal = Designs(robot, {"segments.0.length": [robot.segments[0].length]})
+    top = end_of_ramp(robot, loading)
+
+    def ramps(rods: Rods, end: float) -> Ramps:
+        ramp = np.linspace(0.0, end, loading.points)
+        return follow(rods, np.tile(ramp, (len(rods.designs), 1)), shares)
+
+    own = ramps(Rods(nominal, RodModel(), load), top)
+    limit = _limit(nominal, own, name, tolerance)[0]
+    if loading.max_tension is None and math.isfinite(limit) and limit > 0.0:
+        top = min(top, _MARGIN * float(limit))
+
+    def model(samples: Floats) -> Floats:
+        found = ramps(_rods(robot, load, joint.by_path(samples)), top)
+        error = _known_errors(nominal, found, name)
+        return np.stack([_limit(nominal, found, name, tolerance), error[:, -1]], axis=1)
+
+    design = SaltelliDesign(joint, points)
+    report = progress or (lambda what, done: None)
+    outputs = evaluate(
+        model, design, rows=_BLOCK, progress=lambda done: report("samples", 0.9 * done)
+    )
+    report("indices", 0.9)
+    try:
+        of_limit = sobol_indices(design, outputs[:, 0])
+    except NoSolutionError:  # it holds to the end of the ramp in most samples
+        of_limit = None
+    of_error = sobol_indices(design, outputs[:, 1])
+    sample = outputs[design.rows_of_sample]
+    report("done", 1.0)
+    return Spread(
+        robot,
+        joint,
+        name,
+        tolerance,
+        top,
+        float(limit),
+        sample[:, 0],
+        sample[:, 1],
+        summarise(sample[:, 0]),
+        summarise(sample[:, 1], tolerance=tolerance),
+        of_limit,
+        of_error,
+    )
+
+
+def assumed_distributions(robot: Robot) -> Distributions:
+    """Assume how roughly a robot is known: E to 5 %, the pitch radius to 1 % (standard deviations).
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    Distributions
+    """
+    found: dict[str, Any] = {"segments.*.backbone.E": {"normal": {"sd": "5 %"}}}
+    rings = all(isinstance(segment.tendons, TendonRing) for segment in robot.segments)
+    path = f"segments.*.tendons.{'' if rings else '*.'}pitch_radius"
+    try:
+        return read_distributions({**found, path: {"normal": {"sd": "1 %"}}}, robot)
+    except InputError:  # a hole next to the rim, or tendons of both forms
+        return read_distributions(found, robot)
+
+
+def _check_paths(joint: Distributions) -> None:
+    for path in joint.paths:
+        head, last = path.partition(".")[0], path.rpartition(".")[2]
+        if head in ("tensions", "displacements", "tip_moment") or last == "friction":
+            raise InputError(
+                f"{path} cannot vary here: the sweep has tensions without friction; give numbers "
+                "of backbone, disks and tendons, tip_force or gravity"
+            )
+
+
+def _rods(robot: Robot, load: Load, values: Mapping[str, Floats]) -> Rods:
+    """Rods of the samples: numbers of the robot, and components of its load."""
+    count = len(next(iter(values.values())))
+    of_robot = {p: v for p, v in values.items() if not p.startswith(("tip_force.", "gravity."))}
+    vectors: dict[str, Floats] = {}
+    for path, v in values.items():
+        head, _, along = path.partition(".")
+        if path in of_robot:
+            continue
+        given = getattr(load, head)
+        base = robot.gravity if head == "gravity" and given is None else given
+        start = np.zeros(3) if base is None else np.asarray(base, dtype=float)
+        vectors.setdefault(head, np.tile(start, (count, 1)))
+        vectors[head][:, "xyz".index(along) if along in "xyz" else int(along)] = v
+    if not of_robot:
+        of_robot = {"segments.0.length": np.full(count, robot.segments[0].length)}
+    return Rods(Designs(robot, of_robot), RodModel(), load.replace(**vectors))
+
+
+def _known_errors(nominal: Designs, ramps: Ramps, name: str) -> Floats:
+    """Errors (D, L) of the nominal robot's arcs against the rods, m over the nominal length."""
+    rows, loads, tendons = ramps.tensions.shape
+    one = Ramps(
+        ramps.tension.reshape(1, -1),
+        ramps.tensions.reshape(1, -1, tendons),
+        ramps.converged.reshape(1, -1),
+        ramps.tip.reshape(1, -1, 3),
+        ramps.tendon_lengths.reshape(1, -1, tendons),
+        ramps.tip_error.reshape(1, -1),
+    )
+    apart = np.linalg.norm(arc_tips(nominal, name, one) - one.tip, axis=-1)
+    return np.asarray(apart.reshape(rows, loads) / nominal.length[0])
+
+
+def _limit(nominal: Designs, ramps: Ramps, name: str, tolerance: float) -> Floats:
+    """Validity limit of each rod (D,), N; infinite where it holds to the end of the ramp."""
+    share = _known_errors(nominal, ramps, name)
+    errors = Errors(
+        ramps.tension,
+        np.ones(len(share)),
+        ramps.converged,
+        ramps.tip,
+        ramps.tip_error,
+        {name: share},
+    )
+    found = errors.valid_to(name, tolerance)
+    with np.errstate(invalid="ignore"):
+        holds = (share <= tolerance).all(axis=1)
+    return np.where(holds, np.inf, found)

@@ -1,0 +1,184 @@
+"""Validity chart: closed forms, collapse of random robots onto it, its own statements."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from campaign.validity_chart import (
+    KINDS,
+    draw,
+    first_crossing,
+    make_robot,
+    printed_errors,
+    solved_errors,
+    trials,
+)
+
+import bowstring as bs
+from bowstring.errors import InputError
+from bowstring.validity.chart_errors import MODELS, chart_errors, reach
+from bowstring.validity.chart_figure import force_limit, lengths_limit
+from bowstring.validity.chart_groups import Groups
+from bowstring.viz.style import figure_style
+
+
+@pytest.fixture(scope="module")
+def amouri() -> bs.Robot:
+    return bs.load_robot("amouri2019")
+
+
+def check_collapse(count: int, seed: int) -> None:
+    """The figures that docs/theory/validity.md states."""
+    found = [each for four in trials(count, seed) for each in four]
+    for model in MODELS:
+        those = [t for t in found if t.limit.name == model]
+        error = np.array([t.error for t in those if t.has_limit])
+        assert len(error) > 0.3 * count
+        assert np.median(error) < 0.03
+        assert np.quantile(error, 0.95) < 0.1
+        reliable = np.array([t.error for t in those if t.has_limit and t.limit.reliable])
+        assert len(reliable) > 0.7 * len(error)
+        assert np.quantile(reliable, 0.95) < 0.03
+        assert np.mean(reliable < 0.1) > 0.998
+        assert np.mean([t.within for t in those]) > 0.99
+
+
+def test_random_robots_collapse() -> None:
+    check_collapse(80, 5)
+
+
+@pytest.mark.slow
+def test_five_thousand_random_robots_collapse() -> None:
+    check_collapse(5000, 1)
+
+
+def test_study_robot(amouri: bs.Robot) -> None:
+    chart = bs.validity_chart(amouri)
+    force = chart["cc_from_force"]
+    assert force.tension is not None and force.tension_interval is not None
+    bends = np.linspace(0.0, 1.385, 401)
+    groups = Groups.of(amouri)
+    error = solved_errors(amouri, groups, bends)[MODELS.index("cc_from_force")]
+    solved = first_crossing(bends, error, 0.01) * 80.0 / 1.385
+    assert solved == pytest.approx(56.1, abs=0.1)
+    low, high = force.tension_interval
+    assert low < 56.1 < high
+    assert high - low < 0.5
+    assert force.reliable
+    assert chart["cc_from_lengths"].throughout
+
+
+def test_closed_form_without_loads() -> None:
+    """One module as a column: no clamps, no extension; the arm law is its series."""
+    groups = Groups(disks=9, pitch=0.045)
+    errors = chart_errors(groups)
+    phi = errors.linear_bend
+    half = 0.5 * errors.bend / 9
+    k = np.sqrt(phi / 0.045)
+    assert np.allclose(half, k * 0.045 * np.tan(k / 18) * np.cos(half), atol=1e-9)
+    series = phi + phi**2 / 81 * (1 / (12 * 0.045) - phi / 8)
+    small = phi < 0.5
+    assert np.allclose(errors.bend[small], series[small], atol=2e-4)
+    # from lengths the tip stays on its circle, a^2/24 behind
+    assert np.allclose(errors.error[0], errors.bend**2 / 81 / 24, rtol=0.02, atol=1e-9)
+
+
+def test_groups_of_a_robot_are_those_it_was_made_of() -> None:
+    rng = np.random.default_rng(2)
+    for kind in KINDS:
+        groups, _ = draw(rng, kind)
+        robot = make_robot(groups)
+        stiffness, length = float(robot.bending_stiffness[0]), robot.length
+        force = np.array(groups.tip_force) * stiffness / length**2
+        found = Groups.of(robot, tip_force=force)
+        for name in Groups.__dataclass_fields__:
+            assert np.allclose(getattr(found, name), getattr(groups, name), atol=1e-12), name
+
+
+def test_tendon_turns_the_loads(amouri: bs.Robot) -> None:
+    """Load and tendon turned by the same angle give the same limits."""
+    robot = amouri.with_({"gravity": [0.0, 0.0, 9.81]})
+    turn = math.radians(120.0)
+    first = bs.validity_chart(robot, 0.05, tip_force=[0.03, 0.02, 0.1])
+    x, y = (
+        0.03 * math.cos(turn) - 0.02 * math.sin(turn),
+        0.03 * math.sin(turn) + 0.02 * math.cos(turn),
+    )
+    second = bs.validity_chart(robot, 0.05, tendon=1, tip_force=[x, y, 0.1])
+    for a, b in zip(first.limits, second.limits, strict=True):
+        assert a.linear_bend == pytest.approx(b.linear_bend)
+        assert 0.0 < a.low <= a.linear_bend <= a.high
+
+
+def test_load_beyond_the_tolerance_leaves_no_range(amouri: bs.Robot) -> None:
+    limit = bs.validity_chart(amouri, tip_force=[0.0, 0.2, 0.0])["cc_from_force"]
+    assert limit.linear_bend == limit.tension == 0.0
+    assert "does not hold" in limit.text
+
+
+def test_touching_error_gives_an_interval() -> None:
+    """Clamps and straight spans: the hump of the error touches the tolerance."""
+    groups = Groups(disks=9, pitch=0.045, clamped=0.05)
+    error = chart_errors(groups).error[1]
+    hump = error[: np.argmax(np.diff(error) < 0) + 1].max()
+    limit = bs.validity_chart(groups, float(hump) * 1.001)["cc_from_force"]
+    assert limit.low < 0.8 * limit.linear_bend
+    assert not limit.reliable
+    assert "interval" in limit.text
+
+
+def test_outside_the_tested_ranges_it_says_so(amouri: bs.Robot) -> None:
+    few = amouri.with_({"segments.0.disks.count": 2})
+    limit = bs.validity_chart(few)["cc_from_force"]
+    assert not limit.reliable
+    assert "number of disks is 2 (tested 3 to 20)" in limit.text
+    assert "the tolerance is 20 %" in bs.validity_chart(amouri, 0.2)["cc_from_force"].text
+    assert reach(Groups(disks=3, pitch=0.01)) == pytest.approx(0.36)
+
+
+def test_bad_input(amouri: bs.Robot) -> None:
+    with pytest.raises(InputError, match="one segment"):
+        bs.validity_chart(bs.load_robot("rao2021"))
+    uneven = amouri.with_({"segments.0.disks.positions": ["100 mm", "300 mm", "641 mm"]})
+    with pytest.raises(InputError, match="equal spacing"):
+        bs.validity_chart(uneven)
+    with pytest.raises(InputError, match="tolerance"):
+        bs.validity_chart(amouri, 0.0)
+    with pytest.raises(InputError, match="tip force number"):
+        bs.validity_chart(Groups(9, 0.045), tip_force=[1, 0, 0])
+    with pytest.raises(InputError, match="no robot was given"):
+        bs.validity_chart()["cc_from_force"]
+
+
+@pytest.mark.parametrize("kind", ["plain", "friction"])
+def test_printed_chart(kind: str) -> None:
+    by_force, by_lengths = printed_errors(150, 3, kind)
+    assert np.median(by_force) < 0.03
+    assert np.quantile(by_force, 0.9) < 0.12
+    assert np.median(by_lengths) < 0.12
+
+
+def test_printed_limits_solve_their_equations() -> None:
+    assert force_limit(0.02, 0.0, pitch=0.0) == pytest.approx(math.sqrt(2 * 0.02), rel=5e-3)
+    a = lengths_limit(0.01, 0.2)
+    assert (a**2 / 24) ** 2 + (a * 0.2 / 4) ** 2 == pytest.approx(1e-4)
+    a = lengths_limit(0.01, 0.2, adds=True)
+    assert a**2 / 24 + a * 0.2 / 4 == pytest.approx(0.01)
+    assert lengths_limit(0.01, 0.0) == pytest.approx(math.sqrt(0.24))
+
+
+def test_figure(amouri: bs.Robot) -> None:
+    chart = bs.validity_chart(amouri)
+    with figure_style():
+        figure = chart.figure()
+    panels = figure.axes
+    assert len(panels) == 3
+    points = panels[0].containers
+    assert len(points) == 1
+    x, y = (float(v[0]) for v in points[0].lines[0].get_data())
+    assert math.degrees(force_limit(x, 0.0)) == pytest.approx(y, rel=0.03)
+    assert "B = 0.44" in chart.caption
+    with figure_style():
+        assert not bs.validity_chart().figure().axes[0].containers

@@ -1,0 +1,396 @@
+"""Maps of validity: sweeps of designs, contour, causes, states, and the command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from tests.shell import Shell
+
+import bowstring as bs
+from bowstring import blocks
+from bowstring.constant_curvature import RobotArcs
+from bowstring.errors import InputError
+from bowstring.robot.designs import Designs, full_paths
+from bowstring.statics.designs import sweep_designs
+from bowstring.validity.axes import Axis, read_axis
+from bowstring.validity.contour import contours
+from bowstring.validity.jobs import map_job
+from bowstring.validity.loading import Loading
+from bowstring.validity.maps import STATES, described, validity_map
+
+ROBOT = bs.load_robot("amouri2019")
+TENSIONS = np.outer(np.linspace(0.0, 80.0, 9), [1.0, 0.0, 0.0])
+LENGTHS, FORCE = "cc_from_lengths", "cc_from_force"
+
+
+def drawn(rng: np.random.Generator, count: int) -> dict[str, np.ndarray]:
+    return {
+        "segments.*.backbone.E": rng.uniform(20e9, 60e9, count),
+        "segments.0.backbone.diameter": rng.uniform(3e-3, 5e-3, count),
+        "segments.0.disks.clamped_length": rng.uniform(0.0, 6e-3, count),
+        "segments.0.disks.mass": rng.uniform(0.0, 0.05, count),
+        "pitch_radius": rng.uniform(0.01, 0.03, count),
+        "segments.0.length": rng.uniform(0.5, 0.8, count),
+        "gravity.2": rng.uniform(-9.81, 9.81, count),
+    }
+
+
+# -- many robots -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["amouri2019", "crl-ftdcr-v4", "rao2021"])
+def test_arrays_of_designs_are_those_of_each_robot(name: str) -> None:
+    robot = bs.load_robot(name)
+    rng = np.random.default_rng(1)
+    values = {
+        "segments.*.backbone.diameter": rng.uniform(0.9, 1.1, 5)
+        * robot.segments[0].backbone.diameter,
+        "segments.*.backbone.E": rng.uniform(0.5, 2.0, 5) * robot.segments[0].backbone.E,
+    }
+    designs = Designs(robot, values)
+    for i in range(5):
+        one = Designs(designs.robot_at(i), {"segments.0.length": [robot.segments[0].length]})
+        for array in ("sections", "disks", "holes"):
+            np.testing.assert_allclose(
+                getattr(designs, array)[i], getattr(one, array)[0], rtol=1e-14
+            )
+
+
+def test_density_and_drilled_holes_follow_the_design() -> None:
+    robot = ROBOT.with_(
+        {"segments.0.disks.density": "1200 kg/m^3", "segments.0.disks.hole_diameter": "2 mm"}
+    )
+    designs = Designs(
+        robot, {"segments.0.disks.thickness": [2e-3, 4e-3], "pitch_radius": [0.02, 0.029]}
+    )
+    for i in range(2):
+        own = designs.robot_at(i).disks
+        found = designs.disks[i].reshape(-1, 5)
+        np.testing.assert_allclose(found[:, 2], own.mass_kg, rtol=1e-13)
+        np.testing.assert_allclose(found[:, 3:], own.inertia_kg_m2, rtol=1e-13)
+
+
+def test_a_sweep_of_designs_is_that_of_each_robot() -> None:
+    values = drawn(np.random.default_rng(2), 21)
+    designs = Designs(ROBOT, values)
+    found = sweep_designs(designs, TENSIONS, load=bs.Load(tip_force=[0.0, 0.5, 0.0]))
+    assert found.converged.all()
+    for i in range(0, 21, 4):
+        robot = designs.robot_at(i)
+        one = bs.sweep(robot, TENSIONS, load=bs.Load(tip_force=[0.0, 0.5, 0.0]), disks=False)
+        np.testing.assert_allclose(found.tip_position[i], one.tip_position, atol=1e-9)
+        np.testing.assert_allclose(found.tendon_lengths[i], one.tendon_lengths, atol=1e-9)
+
+
+def test_a_sweep_of_designs_does_not_depend_on_threads() -> None:
+    designs = Designs(ROBOT, drawn(np.random.default_rng(3), 30))
+    one, two = (sweep_designs(designs, TENSIONS, threads=n).tip_position for n in (1, 2))
+    assert one.tobytes() == two.tobytes()
+
+
+def test_designs_that_buckle_go_on_from_their_last_pose() -> None:
+    """Under its own weight the softest robots have no equilibrium near the straight pose."""
+    gravity = bs.Load(gravity=[0.0, 0.0, -9.81])
+    designs = Designs(ROBOT, {"segments.0.backbone.E": np.linspace(2e9, 35e9, 12)})
+    found = sweep_designs(designs, TENSIONS, load=gravity)
+    for i in range(12):
+        one = bs.sweep(designs.robot_at(i), TENSIONS, load=gravity, disks=False)
+        assert (found.converged[i] == one.converged).all()
+        both = np.linalg.norm(found.tip_position[i] - one.tip_position, axis=1)
+        assert np.nanmax(both, initial=0.0) < 1e-8
+
+
+@pytest.mark.parametrize("name", ["amouri2019", "crl-ftdcr-v4"])
+def test_arcs_of_designs_are_those_of_each_robot(name: str) -> None:
+    robot = bs.load_robot(name)
+    count = len(robot.tendons.segment)
+    scale = np.array([0.9, 1.0, 1.1])
+    designs = Designs(robot, {"segments.*.backbone.E": scale * robot.segments[0].backbone.E})
+    rng = np.random.default_rng(4)
+    tensions = rng.uniform(0.0, 2.0, (3, 4, count))
+    found = sweep_designs(designs, tensions)
+    assert found.converged.all()
+    for i in range(3):
+        one = designs.robot_at(i)
+        lengths = found.tendon_lengths[i]
+        for law, arcs in (
+            ("linear", RobotArcs.from_tensions(one, tensions[i])),
+            ("arm", RobotArcs.from_tensions(one, tensions[i], "arm")),
+            ("lengths", RobotArcs.from_lengths(one, lengths)),
+            ("chords", RobotArcs.from_lengths(one, lengths, "chord")),
+        ):
+            commands = tensions if law in ("linear", "arm") else found.tendon_lengths
+            tips = robot.core.arc_tips(designs, law, commands.reshape(-1, count))
+            np.testing.assert_allclose(tips.reshape(3, 4, 3)[i], arcs.tip.position, atol=1e-12)
+
+
+def test_paths_of_numbers() -> None:
+    assert full_paths(ROBOT, "E") == ["segments.0.backbone.E"]
+    crl = bs.load_robot("crl-ftdcr-v4")
+    assert len(full_paths(crl, "segments.*.backbone.E")) == 3
+    with pytest.raises(
+        InputError, match=r"not unique; write .*backbone.density or .*disks.density"
+    ):
+        full_paths(
+            ROBOT.with_(
+                {"segments.0.disks.density": 1200, "segments.0.disks.hole_diameter": 0.002}
+            ),
+            "density",
+        )
+    with pytest.raises(InputError, match="has no number"):
+        full_paths(ROBOT, "youngs")
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"segments.0.disks.count": [3, 4]}, "changes the number of disks"),
+        ({"segments.0.backbone.E": [1.0, -5.0]}, "must lie between"),
+        ({"segments.0.backbone.E": [1e9, float("nan")]}, "not finite"),
+        ({"segments.0.disks.clamped_length": [0.0, 0.08]}, "would clamp all"),
+        ({"E": [1e9, 2e9], "pitch_radius": [0.02]}, "different length"),
+        ({"E": []}, "different length|shape"),
+    ],
+)
+def test_bad_designs_are_refused(values: dict[str, list[float]], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Designs(ROBOT, values)
+
+
+# -- contour -----------------------------------------------------------------------------------
+
+
+def test_the_contour_of_a_circle_is_a_circle() -> None:
+    x = y = np.linspace(-1.0, 1.0, 9)
+    calls = []
+
+    def at(points: np.ndarray) -> list[np.ndarray]:
+        calls.append(len(points))
+        return [np.hypot(points[:, 0], points[:, 1] - 0.1)]
+
+    grid = np.hypot(x[None, :], y[:, None] - 0.1)
+    (lines,) = contours(x, y, [grid], 0.6, at).lines
+    assert len(lines) == 1
+    radius = np.hypot(lines[0][:, 0], lines[0][:, 1] - 0.1)
+    assert np.abs(radius - 0.6).max() < 1e-3
+    assert sum(calls) < 129 * 129 / 3  # far fewer points than a dense grid
+
+
+def test_a_function_without_values_somewhere_has_a_contour_elsewhere() -> None:
+    x = y = np.linspace(0.0, 1.0, 9)
+
+    def of(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.where(u > 0.8, np.nan, u + 0.1 * v)
+
+    def at(points: np.ndarray) -> list[np.ndarray]:
+        return [of(points[:, 0], points[:, 1])]
+
+    (lines,) = contours(x, y, [of(x[None, :], y[:, None] + 0 * x[None, :])], 0.5, at).lines
+    assert len(lines) == 1
+    assert np.abs(lines[0][:, 0] + 0.1 * lines[0][:, 1] - 0.5).max() < 1e-9
+
+
+# -- maps --------------------------------------------------------------------------------------
+
+
+def test_the_crossing_of_the_study() -> None:
+    found = validity_map(ROBOT, ["tension=0:80 N:9"])
+    assert found.contour[LENGTHS] == []
+    (line,) = found.contour[FORCE]
+    assert line[0, 0] == pytest.approx(56.09, abs=0.02)
+    assert (found.cause[FORCE][1:] == "straight_spans").all()
+    assert "crosses at 56.0" in described(found)[1] or "crosses at 56.1" in described(found)[1]
+
+
+def test_values_are_those_of_the_study() -> None:
+    study = bs.run_study(
+        ROBOT.with_({"segments.0.disks.clamped_length": "3 mm"}), loading=Loading(80.0)
+    )
+    found = validity_map(
+        ROBOT, [Axis("segments.0.disks.clamped_length", 0.0, 3e-3, 2)], metric="mean_error"
+    )
+    for c in study.comparisons:
+        if c.against == "statics" and c.name in (LENGTHS, FORCE):
+            assert found.value[c.name][1] * study.length == pytest.approx(c.mean, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_the_contour_is_that_of_verdicts() -> None:
+    """Within 1 % of the axes around 50 points of the line, verdicts over 401 loads differ."""
+    top, wide = 8e-3, 0.6
+    axes = ["segments.0.disks.clamped_length=0:8 mm:9", "tip_force.x=-0.3:0.3 N:9"]
+    found = validity_map(ROBOT, axes, loading=Loading(80.0))
+    points = np.concatenate(found.contour[FORCE])
+    inside = (points[:, 0] > 0.02 * top) & (np.abs(points[:, 1]) < 0.28)
+    chosen = np.random.default_rng(5).choice(points[inside], 50, replace=False)
+    for clamp, force in chosen:
+        around = [(np.cos(a), np.sin(a)) for a in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)]
+        holds = [valid(clamp + 0.01 * top * u, force + 0.01 * wide * v) for u, v in around]
+        assert any(holds) and not all(holds), (clamp, force)
+
+
+def valid(clamp: float, force: float) -> bool:
+    """Whether the error is at most 1 % at each of the 401 loads of a verdict."""
+    robot = ROBOT.with_({"segments.0.disks.clamped_length": clamp})
+    tensions = np.outer(np.linspace(0.0, 80.0, 401), [1.0, 0.0, 0.0])
+    arcs = RobotArcs.from_tensions(robot, tensions).tip.position
+    sweep = bs.sweep(robot, tensions, load=bs.Load(tip_force=[force, 0.0, 0.0]), disks=False)
+    return bool(np.linalg.norm(arcs - sweep.tip_position, axis=1).max() <= 0.01 * robot.length)
+
+
+def test_the_validity_limit_of_a_map_is_that_of_the_tension_axis() -> None:
+    axis = "segments.0.disks.count=5:12"
+    limits = validity_map(ROBOT, [axis], metric="valid_to", loading=Loading(80.0)).value[FORCE]
+    for i, count in enumerate(range(5, 13)):
+        robot = ROBOT.with_({"segments.0.disks.count": count})
+        lines = validity_map(robot, ["tension=0:80 N:41"]).contour[FORCE]
+        expected = lines[0][0, 0] if lines else 80.0
+        assert limits[i] == pytest.approx(expected, rel=2e-3)
+
+
+def test_regions_without_equilibrium_and_with_two_are_named() -> None:
+    """Upright, a soft robot buckles, and a slightly stiffer one has more than one stable pose."""
+    upright = ROBOT.with_({"gravity": [0.0, 0.0, -9.81]})
+    soft = validity_map(upright, ["segments.0.backbone.E=0.5:6 GPa:6"], loading=Loading(20.0))
+    assert soft.state[0] == 2 and (soft.state[1:] < 2).all()
+    assert STATES[2] in " ".join(described(soft))
+    pushed = upright.with_({"segments.0.backbone.E": "2 GPa"})
+    found = validity_map(pushed, ["tip_force.x=0.8:1 N:3"], loading=Loading(20.0))
+    assert 1 in found.state and STATES[1] in " ".join(described(found))
+
+
+def test_a_dataset_has_labels_and_units() -> None:
+    found = validity_map(ROBOT, ["tension=0:80 N:5", "E=30:40 GPa:3"])
+    data = found.to_dataset()
+    assert data[FORCE].dims == ("axis_2", "axis_1") and data[FORCE].shape == (3, 5)
+    assert data["axis_2"].attrs == {"units": "Pa", "long_name": "segments.0.backbone.E"}
+    assert "simulated" in data.attrs["source"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("nothing=0:1", "has no number"),
+        ("tension", "write PATH=from:to:n"),
+        ("tension=0:80 N:1", "must be 2 to"),
+        ("tension=5:5 N", "is no range"),
+        ("tension=-5:5 N", "can only pull"),
+        ("tension=0:80 m", "not a unit of force"),
+        ("tension=0:80 N:many", "whole number"),
+        ("segments.0.disks.count=2.5:7", "whole numbers"),
+        ("tension=0:80 N:100000000", "must be 2 to"),
+    ],
+)
+def test_bad_axes_are_refused(text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read_axis(text, ROBOT)
+
+
+def test_a_start_takes_the_unit_of_the_end() -> None:
+    axis = read_axis("E=20:50 GPa:4", ROBOT)
+    assert (axis.start, axis.stop, axis.path) == (20e9, 50e9, "segments.0.backbone.E")
+    assert axis.label == "Young's modulus, GPa"
+
+
+# -- the command -------------------------------------------------------------------------------
+
+
+def test_the_command_writes_a_figure_and_says_what_it_shows(shell: Shell, tmp_path: Path) -> None:
+    file = tmp_path / "map.png"
+    code, out, _ = shell("map", "amouri2019", "--over", "tension=0:80 N:5", "--out", str(file))
+    assert code == 0 and file.read_bytes()[:4] == b"\x89PNG"
+    assert "crosses at 56" in out and str(file) in out
+
+
+def test_the_command_writes_numbers(shell: Shell, tmp_path: Path) -> None:
+    file = tmp_path / "map.nc"
+    axes = ("--over", "tension=0:80 N:5", "--over", "E=30:40 GPa:3")
+    content = shell.json("map", "amouri2019", *axes, "--out", str(file))
+    with xr.open_dataset(file) as data:
+        shown = next(m for m in content["maps"] if m["name"] == FORCE)
+        np.testing.assert_allclose(100.0 * data[FORCE].values, shown["values"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--over", "tension=0:80 N", "--over", "tension=0:40 N"), "give two different"),
+        (("--over", "E=1:2 GPa", "--over", "nu=0:0.4", "--over", "length=1:2"), "one or two"),
+        (("--metric", "mean_error"), "give other axes"),
+        (("--models", "cc_from_nothing"), "models"),
+        (("--out", "map.txt"), "png"),
+        (("--tolerance", "200 %"), "--tolerance"),
+        (
+            ("--over", "E=10:11 GPa:1001", "--over", "nu=0:0.4:1001", "--points", "1000"),
+            "equilibria",
+        ),
+        (("--over", "clamped_length=0:90 mm"), "clamp"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    shell: Shell,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert message in shell.error("map", "amouri2019", *arguments)
+    assert not list(tmp_path.iterdir())
+
+
+# -- the workspace -----------------------------------------------------------------------------
+
+
+def test_the_workspace_has_the_errors_of_each_pose(tmp_path: Path) -> None:
+    found = bs.workspace_map(ROBOT, 40.0, poses=64)
+    for i in (1, 17, 63):
+        one = bs.solve(ROBOT, found.tensions[i])
+        arc = RobotArcs.from_tensions(ROBOT, found.tensions[i]).tip.position
+        np.testing.assert_allclose(found.tip[i], one.tip.position, atol=1e-9)
+        assert found.error[FORCE][i] == pytest.approx(np.linalg.norm(arc - one.tip.position))
+    assert found.tensions.max() < 40.0 and found.share_valid(LENGTHS) == 1.0
+    assert found.save(tmp_path / "map.svg").exists()
+
+
+def test_the_command_maps_the_workspace(shell: Shell, tmp_path: Path) -> None:
+    args = ("--workspace", "--max-tension", "4", "--out", str(tmp_path / "map.png"))
+    content = shell.json("map", "crl-ftdcr-v4", *args)
+    assert len(content["tip_position_m"]) == 4096 and (tmp_path / "map.png").exists()
+    assert "two kinds" in shell.error("map", "amouri2019", "--workspace", "--over", "E=1:2 GPa")
+
+
+# -- in blocks ---------------------------------------------------------------------------------
+
+
+def test_a_map_in_blocks_is_the_same_map(tmp_path: Path) -> None:
+    axes = ["E=30:40 GPa:4", "pitch_radius=20:30 mm:5", "gravity.z=-2:2:3"]
+    job = map_job(ROBOT, axes, loading=Loading(60.0), block=7)
+    store = blocks.run(job, tmp_path / "blocks")
+    with xr.open_dataset(store.save(tmp_path / "map.nc")) as data:
+        assert dict(data.sizes) == {"axis_1": 4, "axis_2": 5, "axis_3": 3}
+        plane = validity_map(
+            ROBOT, axes[:2], loading=Loading(60.0), load=bs.Load(gravity=[0.0, 0.0, 2.0])
+        )
+        found = data[FORCE].sel(axis_3=2.0).values.T
+        np.testing.assert_allclose(found, plane.value[FORCE], rtol=1e-7)
+        assert data.axis_2.attrs["units"] == "m" and (data.solved == 1).all()
+
+
+def test_the_command_computes_in_blocks(shell: Shell, tmp_path: Path) -> None:
+    axes = ("E=30:40 GPa:4", "nu=0:0.4:3", "length=0.6:0.7:2")
+    over = [text for axis in axes for text in ("--over", axis)]
+    args = ("map", "amouri2019", *over, "--store", str(tmp_path / "blocks"))
+    for _ in range(2):  # the second time all blocks are there
+        content = shell.json(*args, "--out", str(tmp_path / "map.nc"))
+        assert (content["points"], content["blocks"]) == (24, 24)
+    to_file = ("--out", str(tmp_path / "other.nc"))
+    assert "tolerance" in shell.error(*args, *to_file, "--tolerance", "2 %")
+    assert ".nc or .zarr" in shell.error(*args, "--out", str(tmp_path / "map.png"))
+    assert "--store" in shell.error("map", "amouri2019", *over[:2], "--dask", "tcp://nowhere:1")
+    many = ["--over", "E=1:2 GPa:1001", "--over", "nu=0:0.4:1001", "--over", "length=1:2:1001"]
+    too = shell.error("map", "amouri2019", *many, "--store", str(tmp_path / "other"))
+    assert "at most" in too and not (tmp_path / "other").exists()

@@ -1,0 +1,113 @@
+"""Validity limits where numbers of the robot are uncertain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.shell import Shell
+
+import bowstring as bs
+from bowstring.constant_curvature import RobotArcs
+from bowstring.errors import InputError
+from bowstring.validity.loading import Loading
+from bowstring.validity.spread import Spread, validity_spread
+
+ROBOT = bs.load_robot("amouri2019")
+E = "segments.*.backbone.E"
+DISTRIBUTIONS = {
+    E: {"normal": {"sd": "2 %"}},
+    "segments.*.tendons.pitch_radius": {"normal": {"sd": "0.1 mm"}},
+    "tip_force.y": {"normal": {"mean": 0.0, "sd": 0.01}},
+}
+
+
+@pytest.fixture(scope="module")
+def found() -> Spread:
+    return validity_spread(ROBOT, DISTRIBUTIONS, points=256)
+
+
+def test_the_limit_of_each_sample_is_that_of_its_robot(found: Spread) -> None:
+    """Constant curvature keeps the nominal numbers; the crossing is found on 401 loads."""
+    samples = bs.uncertainty.SaltelliDesign(found.distributions, 256)
+    rows = samples.block(0, len(samples))[samples.rows_of_sample]
+    force = np.linspace(0.0, found.max_tension, 401)
+    tensions = np.outer(force, [1.0, 0.0, 0.0])
+    arcs = RobotArcs.from_tensions(ROBOT, tensions).tip.position
+    for i in range(0, 256, 32):
+        values = found.distributions.by_path(rows[i : i + 1])
+        push = float(values.pop("tip_force.y")[0])
+        robot = ROBOT.with_({path: float(v[0]) for path, v in values.items()})
+        sweep = bs.sweep(robot, tensions, load=bs.Load(tip_force=[0.0, push, 0.0]), disks=False)
+        error = np.linalg.norm(arcs - sweep.tip_position, axis=1)
+        over = np.flatnonzero(error > 0.01 * ROBOT.length)
+        assert found.error[i] == pytest.approx(error[-1] / ROBOT.length, rel=1e-6)
+        if over.size:
+            assert found.limit[i] == pytest.approx(force[over[0]], abs=0.3)
+        else:
+            assert np.isinf(found.limit[i])
+
+
+def test_the_nominal_limit_is_that_of_the_study(found: Spread) -> None:
+    assert found.nominal == pytest.approx(56.09, abs=0.1)
+
+
+def test_a_number_that_does_not_matter_has_no_share(found: Spread) -> None:
+    """A force across the bending plane moves the tip in second order of the error only."""
+    total = dict(zip(found.error_indices.factors, found.error_indices.total.value, strict=True))
+    assert total["E"] > 0.8 and total["tip_force.y"] < 0.05
+    assert "of that spread is E" in found.text[0]
+
+
+def test_a_certain_robot_has_the_limit_of_its_numbers() -> None:
+    """With a narrow distribution all samples agree with the nominal robot."""
+    sure = validity_spread(ROBOT, {E: {"normal": {"sd": "0.001 %"}}}, points=64)
+    np.testing.assert_allclose(sure.limit, sure.nominal, rtol=2e-3)
+
+
+def test_a_model_that_holds_everywhere_says_so() -> None:
+    held = validity_spread(ROBOT, {E: {"normal": {"sd": "2 %"}}}, name="cc_from_lengths", points=64)
+    assert np.isinf(held.limit).all() and held.limit_indices is None
+    assert "up to 80 N in 100 % of the samples" in held.text[0]
+    assert held.error_summary.probability is not None
+    assert held.error_summary.probability.value == 1.0
+
+
+@pytest.mark.parametrize(
+    ("distributions", "message"),
+    [
+        ({"segments.*.tendons.friction": {"uniform": {"from": 0.0, "to": 0.2}}}, "friction"),
+        ({"tensions.0": {"normal": {"mean": 9.0, "sd": 1.0}}}, "cannot vary here"),
+        ({"segments.*.backbone.young": {"normal": {"sd": "5 %"}}}, "nearest"),
+        ({E: {"normal": {"mean": 1e9, "sd": 1e9}}}, "log-normal|lognormal"),
+    ],
+)
+def test_bad_distributions_are_refused(distributions: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        validity_spread(ROBOT, distributions, points=64)
+
+
+def test_samples_are_a_power_of_two() -> None:
+    with pytest.raises(InputError, match="power of two"):
+        validity_spread(ROBOT, DISTRIBUTIONS, points=100)
+
+
+def test_the_command(shell: Shell, tmp_path: Path) -> None:
+    file, figure = tmp_path / "distributions.yaml", tmp_path / "spread.svg"
+    file.write_text(f"{E}: {{normal: {{sd: 2 %}}}}\n")
+    args = ("uncertainty", "amouri2019", "--distributions", str(file), "--samples", "64")
+    content = shell.json(*args, "--out", str(figure))
+    assert content["nominal_limit_N"] == pytest.approx(56.09, abs=0.1)
+    assert content["error_indices"][0]["factor"] == "E" and figure.exists()
+    code, out, _ = shell(*args, "--out", str(figure), "--max-tension", "40 N")
+    assert code == 0 and "holds to 1 % of length up to" in out
+    assert "--distributions" in shell.error(*args[:2], "--distributions", str(tmp_path / "no.yaml"))
+
+
+def test_loads_may_be_given() -> None:
+    load = bs.Load(gravity=[0.0, 0.0, 9.81])
+    found = validity_spread(
+        ROBOT, {E: {"normal": {"sd": "1 %"}}}, points=64, load=load, loading=Loading(40.0, 9)
+    )
+    assert found.max_tension == 40.0 and np.isfinite(found.error).all()
