@@ -3,11 +3,13 @@
 mod common;
 
 use bowstring_core::math::linalg::Vec3;
-use bowstring_core::model::load::{Load, Model, Theory};
+use bowstring_core::model::load::{Load, Model, RodModel, Theory};
 use bowstring_core::model::robot::{Robot, Tendon};
 use bowstring_core::statics::batch::Loads;
 use bowstring_core::statics::path::{Command, History, Line, PathOutcome, PathSolver};
-use bowstring_core::statics::path_batch::{commands, follow, solve_each, Steps};
+use bowstring_core::statics::path_batch::{
+    commands, follow, follow_designs, solve_each, Designs, PathSolutions, Steps,
+};
 use bowstring_core::statics::solver::{Solver, Status};
 use common::{by_tensions, rao_robot, study_robot, Draw};
 
@@ -671,6 +673,173 @@ fn rows_match_single_steps() {
             assert_eq!(found.displacements[i * m], solver.displacement(0));
             let spans = solver.span_tensions();
             assert_eq!(found.span_tensions[i * spans.len()..][..spans.len()], spans);
+        }
+    }
+}
+
+/// Random displacements of a robot with segments of three tendons (m), row by row, with slack; every
+/// fourth row has the first tendon under tension control (N).
+fn random_rows(robot: &Robot, rows: usize, draw: &mut Draw) -> (Vec<f64>, Vec<bool>) {
+    let tendons = &robot.spec().tendons;
+    let (mut values, mut by_displacement) = (vec![], vec![]);
+    for row in 0..rows {
+        let mut before = [0.0; 2];
+        for three in tendons.chunks(3) {
+            let bend = [0, 1].map(|q| before[q] + draw.within(-1.0, 1.0));
+            for tendon in three {
+                let slackened = draw.within(0.0, 0.002);
+                let [x, y] = tendon.hole;
+                values.push(x * bend[0] + y * bend[1] - slackened);
+                by_displacement.push(true);
+            }
+            before = bend;
+        }
+        if row % 4 == 3 {
+            let at = row * tendons.len();
+            values[at] = draw.within(0.0, 2.0);
+            by_displacement[at] = false;
+        }
+    }
+    (values, by_displacement)
+}
+
+/// Compares row `i` of solutions of many rows with that of a single step.
+fn assert_same_step(found: &PathSolutions, i: usize, path: &PathSolver, alone: &PathOutcome) {
+    let m = path.robot().tendon_count();
+    assert_eq!(found.poses.outcomes[i].status, alone.status, "row {i}");
+    if alone.status != Status::Converged {
+        return;
+    }
+    assert_eq!(found.poses.outcomes[i].stable, alone.stable, "row {i}");
+    let length = path.robot().length();
+    let tip = path.solver().tip().unwrap().position;
+    let apart = (Vec3([0, 1, 2].map(|q| found.poses.tip_position[3 * i + q])) - tip).norm();
+    assert!(apart < 1e-10 * length, "row {i}: tips {apart:e} m apart");
+    let now = path.history();
+    let tautest = now.tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
+    for j in 0..m {
+        let close = |name: &str, a: f64, b: f64, most: f64| {
+            assert!(
+                (a - b).abs() <= most,
+                "row {i}: {name} of {j} is {a}, alone {b}"
+            );
+        };
+        let at = i * m + j;
+        close(
+            "tension",
+            found.tensions[at],
+            now.tensions[j],
+            1e-7 * tautest,
+        );
+        close("slack", found.slack[at], path.slack()[j], 1e-10 * length);
+        let displacement = found.displacements[at];
+        close(
+            "displacement",
+            displacement,
+            path.displacement(j),
+            1e-10 * length,
+        );
+    }
+    let spans = path.span_tensions();
+    for (a, b) in found.span_tensions[i * spans.len()..].iter().zip(&spans) {
+        assert!(
+            (a - b).abs() <= 1e-7 * tautest,
+            "row {i}: span tensions {a} and {b}"
+        );
+    }
+    let (error, other) = (found.poses.outcomes[i].error.unwrap(), alone.error.unwrap());
+    for (a, b) in [(error.tip, other.tip), (error.tension, other.tension)] {
+        assert!(
+            (a - b).abs() <= 1e-2 * b.abs(),
+            "row {i}: estimates {a:e} and {b:e}"
+        );
+    }
+}
+
+/// Displacements side by side give what single steps give, also where tendons become slack, and
+/// where a step is left to the path's own solver.
+#[test]
+fn displacements_side_by_side() {
+    let elastic = Line {
+        stiffness: 3e4,
+        compliance: 1e-5,
+        pretension: 0.5,
+        ..Line::default()
+    };
+    let mut slack = 0;
+    for (robot, rows) in [(study_robot(9, 0.003), 200), (rao_robot(), 100)] {
+        let m = robot.tendon_count();
+        let mut draw = Draw(41);
+        let (values, by_displacement) = random_rows(&robot, rows, &mut draw);
+        let tip_force: Vec<f64> = (0..3 * rows).map(|_| draw.within(-0.02, 0.02)).collect();
+        let steps = Steps {
+            loads: Loads {
+                count: rows,
+                tensions: &values,
+                gravity: &[0.0, 0.0, -9.81],
+                tip_force: &tip_force,
+                tip_moment: &[0.0; 3],
+            },
+            by_displacement: &by_displacement,
+        };
+        for line in [Line::default(), elastic] {
+            let home = PathSolver::new(&robot, Model::default(), None, &vec![line; m]).unwrap();
+            let each = solve_each(&mut home.clone(), &steps, 2, false).unwrap();
+            for i in 0..rows {
+                let load = steps.loads.row(i, m);
+                let given = commands(&by_displacement[i * m..][..m], load.tensions);
+                let mut alone = home.clone();
+                let found = step(&mut alone, &given, &load);
+                assert_same_step(&each, i, &alone, &found);
+                slack += alone.slack().iter().filter(|s| **s > 0.0).count();
+            }
+        }
+    }
+    assert!(slack > 100, "only {slack} tendons were slack");
+}
+
+/// Paths of several robots in one call are those of each robot alone, with and without friction.
+#[test]
+fn paths_of_several_robots() {
+    let (each, mut draw) = (12, Draw(5));
+    let robots: Vec<Robot> = (0..11).map(|i| study_robot(9, 2e-4 * i as f64)).collect();
+    let m = robots[0].tendon_count();
+    let (values, by_displacement) = random_rows(&robots[0], each * robots.len(), &mut draw);
+    let steps = Steps {
+        loads: Loads {
+            count: each * robots.len(),
+            tensions: &values,
+            gravity: &[0.0, 3.0, -9.81],
+            tip_force: &[0.01, 0.0, 0.0],
+            tip_moment: &[0.0; 3],
+        },
+        by_displacement: &by_displacement,
+    };
+    for rubbing in [0, 3, robots.len()] {
+        let lines: Vec<Line> = (0..robots.len() * m)
+            .map(|at| Line {
+                friction: if at / m < rubbing { 0.1 } else { 0.0 },
+                stiffness: 1e4 + 1e3 * (at / m) as f64,
+                ..Line::default()
+            })
+            .collect();
+        let designs = Designs {
+            robots: &robots,
+            lines: &lines,
+        };
+        let model = RodModel::default();
+        let found = follow_designs(&designs, &model, &steps, 2).unwrap();
+        let on_one_core = follow_designs(&designs, &model, &steps, 1).unwrap();
+        assert_eq!(found.tensions, on_one_core.tensions);
+        for (r, robot) in robots.iter().enumerate() {
+            let own = &lines[r * m..][..m];
+            let mut path = PathSolver::new(robot, model.model, None, own).unwrap();
+            for i in r * each..(r + 1) * each {
+                let load = steps.loads.row(i, m);
+                let given = commands(&by_displacement[i * m..][..m], load.tensions);
+                let alone = step(&mut path, &given, &load);
+                assert_same_step(&found, i, &path, &alone);
+            }
         }
     }
 }

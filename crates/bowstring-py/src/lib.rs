@@ -32,7 +32,7 @@ mod _core {
     #[pymodule_export]
     use crate::model::RodModel;
     #[pymodule_export]
-    use crate::path::PathSolver;
+    use crate::path::{follow_designs, PathSolver};
     #[pymodule_export]
     use crate::rod::{Robot, Solution};
 

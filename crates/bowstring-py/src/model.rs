@@ -316,6 +316,8 @@ pub struct DesignArrays<'py> {
     disks: PyReadonlyArray2<'py, f64>,
     /// x and y of the holes of each tendon, (D, 2 T).
     holes: PyReadonlyArray2<'py, f64>,
+    /// Axial stiffness, free length, compliance, friction and pretension of each tendon, (D, 5 T).
+    lines: PyReadonlyArray2<'py, f64>,
 }
 
 impl DesignArrays<'_> {
@@ -327,6 +329,7 @@ impl DesignArrays<'_> {
             ("sections", self.sections.shape(), 6 * spec.sections.len()),
             ("disks", self.disks.shape(), 5 * spec.disks.len()),
             ("holes", self.holes.shape(), 2 * spec.tendons.len()),
+            ("lines", self.lines.shape(), 5 * spec.tendons.len()),
         ] {
             if shape != [count, columns] {
                 return Err(refused(format!(
@@ -366,6 +369,19 @@ impl DesignArrays<'_> {
             Robot::new(spec).map_err(|e| input_error(e.in_row(i)))
         };
         (0..count).map(robot).collect()
+    }
+
+    /// Lines of all tendons, by robots and tendons, after `robots`.
+    pub fn lines(&self) -> Vec<Line> {
+        let numbers: Vec<f64> = self.lines.as_array().iter().copied().collect();
+        let line = |v: &[f64]| Line {
+            stiffness: v[0],
+            free_length: v[1],
+            compliance: v[2],
+            friction: v[3],
+            pretension: v[4],
+        };
+        numbers.chunks_exact(5).map(line).collect()
     }
 }
 

@@ -2,12 +2,12 @@
 
 use crate::input::{array, copied, input_error, numbers, refused, three, Rows};
 use crate::interrupt::interruptible;
-use crate::model::{DeadLoad, Lines, OwnLoads, RodModel};
+use crate::model::{DeadLoad, DesignArrays, Lines, OwnLoads, RodModel};
 use crate::rod::{check_rows, column, Answer, PathResult, Robot, Solution, State};
 use bowstring_core::model::load::Load;
 use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::statics::path::{self, Command};
-use bowstring_core::statics::path_batch::{self, PathSolutions, Steps};
+use bowstring_core::statics::path_batch::{self, Designs, PathSolutions, Steps};
 use bowstring_core::statics::solver::{Outcome, Status};
 use numpy::{PyReadonlyArray, PyUntypedArrayMethods};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
@@ -207,6 +207,45 @@ impl PathSolver {
             .and_then(|()| self.inner.start_from(&strain, &flat(&history.slips)))
             .map_err(input_error)
     }
+}
+
+/// Paths of many robots like `robot`, each from its home pose along its own rows, on `threads`
+/// cores (0: all).
+#[pyfunction]
+pub fn follow_designs<'py>(
+    py: Python<'py>,
+    robot: &Robot,
+    designs: DesignArrays<'py>,
+    by_displacement: PyReadonlyArray2<'py, bool>,
+    commands: PyReadonlyArray2<'py, f64>,
+    load: DeadLoad<'py>,
+    model: &RodModel,
+    threads: usize,
+) -> PyResult<Bound<'py, PyDict>> {
+    if by_displacement.shape() != commands.shape() {
+        return Err(refused(
+            "by_displacement and commands must have the same shape",
+        ));
+    }
+    let core = &robot.inner;
+    let m = core.tendon_count();
+    check_rows(commands.shape()[0], 52 + (core.module_count() + 7) * m, false)?;
+    let robots = designs.robots(core)?;
+    let lines = designs.lines();
+    let loads = OwnLoads::new(core, commands, &load)?;
+    let by_displacement: Vec<bool> = by_displacement.as_array().iter().copied().collect();
+    let steps = Steps {
+        loads: loads.borrow(),
+        by_displacement: &by_displacement,
+    };
+    let designs = Designs {
+        robots: &robots,
+        lines: &lines,
+    };
+    let found = interruptible(py, || {
+        path_batch::follow_designs(&designs, &model.0, &steps, threads)
+    })?;
+    arrays(py, robot, found.map_err(input_error)?, false)
 }
 
 /// Items of a mapping from `PathSolver::history`.

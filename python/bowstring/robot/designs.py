@@ -34,6 +34,13 @@ _SECTION: Final = (
     "mass_per_length",
     "rotary_inertia",
 )
+_LINE: Final = (
+    "axial_stiffness_N",
+    "free_length_m",
+    "compliance_m_per_N",
+    "friction",
+    "pretension_N",
+)
 
 
 def numbers_of(robot: Robot) -> list[tuple[str, float]]:
@@ -234,6 +241,12 @@ class Designs:
         """x and y of the holes of the tendons (D, 2 T)."""
         hole = self.arrays.tendons.hole_m
         return self._interleaved([hole[..., 0], hole[..., 1]])
+
+    @cached_property
+    def lines(self) -> Floats:
+        """Axial stiffness, free length, compliance, friction and pretension of the tendons (D, 5 T)."""
+        tendons = self.arrays.tendons
+        return self._interleaved([getattr(tendons, name) for name in _LINE])
 
     @cached_property
     def gravity(self) -> Floats:

@@ -240,7 +240,7 @@ pub(crate) fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) ->
 /// Second variation of module `i` of a group and of the distal part, whose own is `value` in the
 /// frame of the end disk; `s` is the rotation of the end.
 #[inline(always)]
-fn blocks<L: Layout, const A: usize, const SYMMETRIC: bool>(
+pub(crate) fn blocks<L: Layout, const A: usize, const SYMMETRIC: bool>(
     of: &Hessian<L::Module, A>,
     i: usize,
     s: &Mat3<L::Chain>,
@@ -616,26 +616,46 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     pub fn newton_step<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
         let step = self.rotations_of_step::<SYMMETRIC>();
+        self.step_to_strain();
+        step
+    }
+
+    /// Converts the step from rotations added by the arcs to strain.
+    #[inline(always)]
+    pub(crate) fn step_to_strain(&mut self) {
         for (step, gradient) in self.newton.step.iter_mut().zip(&self.gradients) {
             for a in 0..A {
                 step[a] = gradient.to_strain[a] * step[a];
             }
         }
-        step
     }
 
     /// Newton step as rotations added by the arcs.
     #[inline(always)]
     pub(crate) fn rotations_of_step<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
-        let n = self.module_count();
+        self.backward_step::<SYMMETRIC>(
+            #[inline(always)]
+            |_, _| (),
+        );
+        self.forward_step()
+    }
+
+    /// From tip to base: own solution of the arcs for the present gradient, in `step`. Visits the
+    /// right-hand side of each module, the distal part included.
+    #[inline(always)]
+    pub(crate) fn backward_step<const SYMMETRIC: bool>(
+        &mut self,
+        mut visit: impl FnMut(usize, &[Vec3<L::Chain>; A]),
+    ) {
         let mut p = Vec3::zero();
-        for k in (0..n).rev() {
+        for k in (0..self.module_count()).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             p = get_mat::<L>(&self.states[g].s, i) * p;
             let mut solution = [Vec3::zero(); A];
             for a in 0..A {
                 solution[a] = get::<L>(&self.gradients[g].g[a], i) + p;
             }
+            visit(k, &solution);
             let mut start = [p];
             self.newton.eliminated[k].backward::<SYMMETRIC>(&mut solution, &mut start);
             for a in 0..A {
@@ -643,9 +663,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
             [p] = start;
         }
+    }
+
+    /// From base to tip: rotations of the arcs, from their own solutions in `step`.
+    #[inline(always)]
+    pub(crate) fn forward_step(&mut self) -> Step<L::Chain> {
         let mut x = Vec3::zero();
         let (mut slope, mut largest) = (L::Chain::zero(), L::Chain::zero());
-        for k in 0..n {
+        for k in 0..self.module_count() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let mut solution = [Vec3::zero(); A];
             for a in 0..A {

@@ -12,3 +12,4 @@ pub(crate) mod module;
 pub(crate) mod routed;
 pub mod sensitivity;
 pub(crate) mod span;
+pub(crate) mod tension_columns;

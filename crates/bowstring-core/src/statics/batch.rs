@@ -368,7 +368,7 @@ impl Chunk<'_> {
         );
     }
 
-    fn write(
+    pub fn write(
         &mut self,
         i: usize,
         disk: impl Fn(usize) -> Pose,

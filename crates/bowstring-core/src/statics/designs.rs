@@ -32,27 +32,12 @@ pub fn sweep_designs(
     loads: &Loads,
     threads: usize,
 ) -> Result<Solutions, InputError> {
-    let Some(first) = robots.first() else {
-        return Err(InputError::other("there is no robot to solve"));
-    };
-    if let Some(i) = robots.iter().position(|robot| !alike(first, robot)) {
-        return Err(InputError::other(format!(
-            "robot {i} has other disks or end disks of tendons than robot 0: give robots that \
-             differ in their numbers only"
-        )));
-    }
-    if !loads.count.is_multiple_of(robots.len()) {
-        return Err(InputError::other(format!(
-            "{} loads cannot be divided among {} robots: give each the same number",
-            loads.count,
-            robots.len()
-        )));
-    }
+    let each = rows_each(robots, loads.count)?;
+    let first = &robots[0];
     model.solver(first)?;
     let elements = model.elements.unwrap_or(1);
     dispatch::check_solvers(first, elements, 2 * ROBOTS * thread_count(threads))?;
     loads.check(first)?;
-    let each = loads.count / robots.len();
     let mut solutions = Solutions::pending(first, loads.count, false)?;
     let mut chunks: Vec<_> = solutions.chunks(first, (ROBOTS * each).max(1)).collect();
     let scratch = || Scratch {
@@ -65,6 +50,27 @@ pub fn sweep_designs(
         fill(chunk, scratch, robots, model, loads);
     });
     Ok(solutions)
+}
+
+/// Number of loads of each robot, when robots that differ in their numbers only share this many.
+pub(super) fn rows_each(robots: &[Robot], count: usize) -> Result<usize, InputError> {
+    let Some(first) = robots.first() else {
+        return Err(InputError::other("there is no robot to solve"));
+    };
+    if let Some(i) = robots.iter().position(|robot| !alike(first, robot)) {
+        return Err(InputError::other(format!(
+            "robot {i} has other disks or end disks of tendons than robot 0: give robots that \
+             differ in their numbers only"
+        )));
+    }
+    if !count.is_multiple_of(robots.len()) {
+        return Err(InputError::other(format!(
+            "{} loads cannot be divided among {} robots: give each the same number",
+            count,
+            robots.len()
+        )));
+    }
+    Ok(count / robots.len())
 }
 
 /// Whether two robots have as many disks, and tendons with the same end disks.

@@ -13,6 +13,8 @@ mod outcome;
 pub mod path;
 pub mod path_batch;
 mod path_error;
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod path_lanes;
 mod path_step;
 pub mod solver;
 mod stability;

@@ -11,6 +11,8 @@ use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
 use crate::rod::estimate::{ErrorEstimate, LEVELS};
 use crate::statics::adaptive::refine_to;
+#[cfg(target_arch = "x86_64")]
+use crate::statics::path_lanes::LaneState;
 pub use crate::statics::path_step::PathOutcome;
 use crate::statics::path_step::PathStep;
 use crate::statics::solver::{Solver, Status};
@@ -151,6 +153,18 @@ impl PathSolver {
         Ok(())
     }
 
+    /// Continues from a step without friction that was taken elsewhere, by its strain, tensions (N)
+    /// and displacements (m).
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn continue_from(&mut self, step: &LaneState, commands: &[Command], load: &Load) {
+        let now = &mut self.tendons().now;
+        now.strain.copy_from_slice(&step.strain);
+        now.tensions.copy_from_slice(&step.tensions);
+        now.displacements.copy_from_slice(&step.displacements);
+        now.commands.copy_from_slice(commands);
+        now.load = [load.gravity, load.tip_force, load.tip_moment];
+    }
+
     /// Slack length of each tendon (m); zero where it is taut.
     pub fn slack(&self) -> &[f64] {
         &self.last.transmission.tendons.slack
@@ -164,6 +178,11 @@ impl PathSolver {
     /// Tension of a span (N).
     pub fn span_tension(&self, k: usize, i: usize) -> f64 {
         self.solver().engine.span_tension(k, i)
+    }
+
+    /// Whether elements are chosen step by step.
+    pub(crate) fn is_automatic(&self) -> bool {
+        self.automatic
     }
 
     /// Checks that copies for independent steps fit into memory.

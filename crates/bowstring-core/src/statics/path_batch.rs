@@ -5,11 +5,17 @@
 use crate::interrupt;
 use crate::memory::{filled, unknown};
 use crate::model::error::InputError;
-use crate::model::load::Load;
+use crate::model::load::{Load, RodModel};
 use crate::model::robot::Robot;
 use crate::statics::batch::{for_each, pieces, thread_count, too_many, Chunk, Loads, Solutions};
-use crate::statics::path::{Command, PathOutcome, PathSolver};
+use crate::statics::designs::rows_each;
+#[cfg(target_arch = "x86_64")]
+use crate::statics::lanes::MOST_LANES;
+use crate::statics::path::{Command, Line, PathOutcome, PathSolver};
+#[cfg(target_arch = "x86_64")]
+use crate::statics::path_lanes::{paths_side_by_side, suits_lanes, LaneStep, PathsSideBySide};
 use crate::statics::solver::{Outcome, Status};
+use crate::tendon::Transmission;
 
 /// Commands of all tendons: the displacement (m) of those with `by_displacement`, the tension (N)
 /// of the others.
@@ -158,13 +164,92 @@ pub fn solve_each(
     path.check_copies(2 * thread_count(threads).min(count))?;
     let path = &*path;
     let mut parts = solutions.parts(path.robot(), PART);
-    for_each(
-        &mut parts,
-        threads,
-        || path.clone(),
-        |copy, part| part.fill(steps, copy, |copy| copy.clone_from(path)),
-    );
+    let scratch = || Scratch {
+        path: path.clone(),
+        #[cfg(target_arch = "x86_64")]
+        lanes: paths_side_by_side(path).filter(|_| suits_lanes(path)),
+    };
+    for_each(&mut parts, threads, scratch, |scratch, part| {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(lanes) = &mut scratch.lanes {
+            return part.fill_side_by_side(steps, &mut **lanes, &mut scratch.path, path);
+        }
+        part.fill(steps, &mut scratch.path, |copy| copy.clone_from(path));
+    });
     Ok(solutions)
+}
+
+/// Solvers of a thread.
+struct Scratch {
+    path: PathSolver,
+    #[cfg(target_arch = "x86_64")]
+    lanes: Option<Box<dyn PathsSideBySide>>,
+}
+
+/// Paths of robots that differ in their numbers only.
+#[derive(Clone, Copy, Debug)]
+pub struct Designs<'a> {
+    /// The robots.
+    pub robots: &'a [Robot],
+    /// Lines of all tendons, by robots and tendons.
+    pub lines: &'a [Line],
+}
+
+/// Robots that one thread takes at a time: a multiple of the lanes.
+const ROBOTS: usize = 8;
+
+/// Follows a path of every robot from its home pose, over `threads` cores (0: all). The solutions
+/// do not depend on the number of threads.
+///
+/// The rows of `steps` are those of the first robot, then those of the second, and so on, as many
+/// for each. The rows of a robot without a home pose stay unsolved.
+///
+/// # Errors
+/// If the robots differ in disks or in the end disks of their tendons, or a number is invalid.
+pub fn follow_designs(
+    designs: &Designs,
+    model: &RodModel,
+    steps: &Steps,
+    threads: usize,
+) -> Result<PathSolutions, InputError> {
+    let Designs { robots, lines } = *designs;
+    let each = rows_each(robots, steps.loads.count)?;
+    let tendons = robots[0].tendon_count();
+    let of = |i: usize| &lines[i * tendons..][..tendons];
+    let mut home = None;
+    for (i, robot) in robots.iter().enumerate() {
+        if interrupt::work(100) {
+            break;
+        }
+        Transmission::new(robot, model.model, of(i)).map_err(|e| e.in_row(i))?;
+        home = home.or_else(|| PathSolver::new(robot, model.model, model.elements, of(i)).ok());
+    }
+    let mut solutions = PathSolutions::pending(&robots[0], steps.loads.count, false)?;
+    let Some(mut home) = home else {
+        return Ok(solutions);
+    };
+    steps.check(&mut home)?;
+    home.check_copies(2 * ROBOTS * thread_count(threads))?;
+    let mut parts = solutions.parts(&robots[0], (ROBOTS * each).max(1));
+    let scratch = || GroupScratch {
+        #[cfg(target_arch = "x86_64")]
+        lanes: paths_side_by_side(&home),
+    };
+    for_each(&mut parts, threads, scratch, |scratch, part| {
+        let first = part.poses.first / each;
+        let group = (first..robots.len().min(first + ROBOTS)).filter_map(|i| {
+            let path = PathSolver::new(&robots[i], model.model, model.elements, of(i)).ok()?;
+            Some(((i - first) * each, path))
+        });
+        part.follow(steps, scratch, group.collect(), each);
+    });
+    Ok(solutions)
+}
+
+/// Solvers of a thread.
+struct GroupScratch {
+    #[cfg(target_arch = "x86_64")]
+    lanes: Option<Box<dyn PathsSideBySide>>,
 }
 
 /// Rows that one thread takes at a time.
@@ -234,6 +319,137 @@ impl Part<'_> {
         }
     }
 
+    /// Solves all rows in lanes, each from the state of `path`; `copy` takes those that are left.
+    #[cfg(target_arch = "x86_64")]
+    fn fill_side_by_side(
+        &mut self,
+        steps: &Steps,
+        lanes: &mut dyn PathsSideBySide,
+        copy: &mut PathSolver,
+        path: &PathSolver,
+    ) {
+        let rows: Vec<usize> = (0..self.details.len()).collect();
+        for rows in rows.chunks(lanes.width()) {
+            if interrupt::interrupted() {
+                return;
+            }
+            lanes.restart();
+            let outcomes = lanes.step(&self.lane_steps(steps, rows, path.robot()));
+            for (lane, (&row, outcome)) in rows.iter().zip(outcomes).enumerate() {
+                if let Some(outcome) = outcome {
+                    self.write_lane(row, lanes, lane, outcome);
+                    continue;
+                }
+                copy.clone_from(path);
+                self.step(row, steps, copy);
+            }
+        }
+    }
+
+    /// Follows some paths from their first rows on, `each` rows of every path.
+    #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
+    fn follow(
+        &mut self,
+        steps: &Steps,
+        scratch: &mut GroupScratch,
+        mut paths: Vec<(usize, PathSolver)>,
+        each: usize,
+    ) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(lanes) = &mut scratch.lanes {
+            if paths.iter().all(|(_, path)| suits_lanes(path)) {
+                for paths in paths.chunks_mut(lanes.width()) {
+                    self.follow_side_by_side(steps, &mut **lanes, paths, each);
+                }
+                return;
+            }
+        }
+        for (first, path) in &mut paths {
+            for row in *first..*first + each {
+                if interrupt::interrupted() {
+                    return;
+                }
+                self.step(row, steps, path);
+            }
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn follow_side_by_side(
+        &mut self,
+        steps: &Steps,
+        lanes: &mut dyn PathsSideBySide,
+        paths: &mut [(usize, PathSolver)],
+        each: usize,
+    ) {
+        lanes.set_paths(&paths.iter().map(|(_, path)| path).collect::<Vec<_>>());
+        let mut left = [false; MOST_LANES];
+        for at in 0..each {
+            if interrupt::interrupted() {
+                return;
+            }
+            let rows: Vec<usize> = paths.iter().map(|(first, _)| first + at).collect();
+            let outcomes = lanes.step(&self.lane_steps(steps, &rows, paths[0].1.robot()));
+            for (lane, ((_, path), outcome)) in paths.iter_mut().zip(outcomes).enumerate() {
+                if let Some(outcome) = outcome {
+                    self.write_lane(rows[lane], lanes, lane, outcome);
+                    continue;
+                }
+                if at > 0 && !left[lane] {
+                    let before = self.poses.first + rows[lane] - 1;
+                    let (commands, load) = steps.row(before, path.robot().tendon_count());
+                    path.continue_from(&lanes.last(lane), &commands, &load);
+                }
+                left[lane] = true;
+                self.step(rows[lane], steps, path);
+            }
+        }
+    }
+
+    /// Steps of some rows of this part.
+    #[cfg(target_arch = "x86_64")]
+    fn lane_steps<'s>(
+        &self,
+        steps: &Steps<'s>,
+        rows: &[usize],
+        robot: &Robot,
+    ) -> Vec<LaneStep<'s>> {
+        let tendons = robot.tendon_count();
+        let step = |row: &usize| {
+            let i = self.poses.first + row;
+            LaneStep {
+                by_displacement: &steps.by_displacement[i * tendons..][..tendons],
+                load: steps.loads.row(i, tendons),
+            }
+        };
+        rows.iter().map(step).collect()
+    }
+
+    /// Writes the step of a lane, which converged.
+    #[cfg(target_arch = "x86_64")]
+    fn write_lane(
+        &mut self,
+        i: usize,
+        lanes: &dyn PathsSideBySide,
+        lane: usize,
+        found: PathOutcome,
+    ) {
+        let m = self.tensions.len() / self.details.len();
+        let of_spans = self.span_tensions.len() / self.details.len();
+        self.poses
+            .write(i, |k| lanes.disk(k, lane), |j| lanes.tendon_length(j, lane));
+        for j in 0..m {
+            self.tensions[i * m + j] = lanes.tension(j, lane);
+            self.displacements[i * m + j] = lanes.displacement(j, lane);
+            self.slack[i * m + j] = lanes.slack(j, lane);
+        }
+        let spans = &mut self.span_tensions[i * of_spans..][..of_spans];
+        for (at, tension) in spans.iter_mut().enumerate() {
+            *tension = lanes.span_tension(at / m, at % m, lane);
+        }
+        self.set_outcome(i, found);
+    }
+
     fn step(&mut self, i: usize, steps: &Steps, path: &mut PathSolver) {
         let m = path.robot().tendon_count();
         let (commands, load) = steps.row(self.poses.first + i, m);
@@ -251,6 +467,10 @@ impl Part<'_> {
         } else {
             put(self.tensions, &commanded_tensions(&commands));
         }
+        self.set_outcome(i, found);
+    }
+
+    fn set_outcome(&mut self, i: usize, found: PathOutcome) {
         self.poses.outcomes[i] = Outcome::from(&found);
         let in_conflict = !found.opposing.is_empty() || found.nearest.is_some();
         self.details[i] = Detail {

@@ -88,7 +88,7 @@ impl PathStep {
 }
 
 /// Solves a symmetric system by Gauss-Jordan elimination without pivoting.
-fn solve_regularised(matrix: &mut [f64], mut rhs: Vec<f64>) -> Vec<f64> {
+pub(crate) fn solve_regularised(matrix: &mut [f64], mut rhs: Vec<f64>) -> Vec<f64> {
     let n = rhs.len();
     let scale = (0..n).fold(0.0, |a: f64, i| a.max(matrix[i * n + i].abs()));
     for i in 0..n {

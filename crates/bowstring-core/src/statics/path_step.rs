@@ -57,10 +57,10 @@ impl PathOutcome {
 // Tuned constants of the iteration. Lengths are fractions of the robot's length.
 
 /// Length error to which displacements are met: a few units of rounding.
-const LENGTH_TOLERANCE: f64 = 2e-15;
+pub(crate) const LENGTH_TOLERANCE: f64 = 2e-15;
 /// The same where rounding allows no better; and where tensions are determined by regularisation
 /// alone and need a much smaller error.
-const LOOSE: f64 = 1e-12;
+pub(crate) const LOOSE: f64 = 1e-12;
 const TIGHT: f64 = 1e-14;
 /// Largest elongation due to regularisation: far below any that is measurable.
 const MAX_REGULARISATION_LENGTH: f64 = 1e-9;
@@ -133,8 +133,7 @@ impl Iteration {
     /// Whether only friction may be left to solve.
     fn is_settled(&self, now: &Residuals) -> bool {
         let loose = if self.rigid { TIGHT } else { LOOSE };
-        let stalls = now.length <= loose && now.length > 0.5 * self.last.length;
-        now.moment <= TOLERANCE && (now.length <= LENGTH_TOLERANCE || stalls)
+        now.moment <= TOLERANCE && is_length_settled(now.length, self.last.length, loose)
     }
 
     /// Whether the tangent is positive definite.
@@ -496,6 +495,11 @@ impl PathStep {
         };
         outcome
     }
+}
+
+/// Whether a length error meets its tolerance, or stalls below a `loose` one.
+pub(crate) fn is_length_settled(now: f64, last: f64, loose: f64) -> bool {
+    now <= LENGTH_TOLERANCE || (now <= loose && now > 0.5 * last)
 }
 
 /// Linear interpolation; the end is met exactly.
