@@ -102,6 +102,15 @@ class PathSolver:
     def history(self) -> dict[str, Any]: ...
     def resume(self, history: Mapping[str, NDArray[Any]]) -> None: ...
 
+def follow_designs(
+    robot: Robot,
+    designs: Any,
+    by_displacement: NDArray[np.bool_],
+    commands: Floats,
+    load: _DeadLoad,
+    model: RodModel,
+    threads: int,
+) -> dict[str, Any]: ...
 @final
 class Simulator:
     def __new__(

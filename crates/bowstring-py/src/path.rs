@@ -229,7 +229,11 @@ pub fn follow_designs<'py>(
     }
     let core = &robot.inner;
     let m = core.tendon_count();
-    check_rows(commands.shape()[0], 52 + (core.module_count() + 7) * m, false)?;
+    check_rows(
+        commands.shape()[0],
+        52 + (core.module_count() + 7) * m,
+        false,
+    )?;
     let robots = designs.robots(core)?;
     let lines = designs.lines();
     let loads = OwnLoads::new(core, commands, &load)?;

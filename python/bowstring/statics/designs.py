@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring._core import follow_designs
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
@@ -30,7 +31,9 @@ class DesignSweep:
     designs: Designs
     """The robots."""
     tensions: Floats
-    """Tensions (D, L, T), N."""
+    """Tensions (D, L, T), N: as given, or as they follow from displacements."""
+    slack_lengths: Floats
+    """Slack lengths of the tendons under displacement control (D, L, T), m; 0 of the others."""
     converged: NDArray[np.bool_]
     """Whether each load converged (D, L)."""
     status: NDArray[np.str_]
@@ -45,20 +48,26 @@ class DesignSweep:
 
 def sweep_designs(
     designs: Designs,
-    tensions: ArrayLike,
+    tensions: ArrayLike | None = None,
     *,
+    displacements: ArrayLike | None = None,
     load: Load | None = None,
     model: RodModel | None = None,
     threads: int = 0,
 ) -> DesignSweep:
     """Solve the loads of many robots in sequence, each load from the one before, on all cores.
 
+    With displacements or friction, the loads of a robot are a path from its home pose, as in
+    `bowstring.sweep`.
+
     Parameters
     ----------
     designs : Designs
         The robots.
-    tensions : array_like (L, T) or (D, L, T)
-        Tensions in N, the same for all robots or of each.
+    tensions : array_like (L, T) or (D, L, T), optional
+        Tensions in N, the same for all robots or of each; NaN where a tendon has a displacement.
+    displacements : array_like (L, T) or (D, L, T), optional
+        Tendon displacements from the home pose in m; NaN where a tendon has a tension.
     load : Load, optional
         Gravity, tip force and tip moment, (3,) or (D, 3) or (D, L, 3); gravity is that of the
         robots if left out.
@@ -89,52 +98,94 @@ def sweep_designs(
     """
     if not isinstance(designs, Designs):
         raise InputError(f"designs is {shown(designs)}, it must be Designs of robots")
-    count, tendons = len(designs), len(designs.robot.tendons.segment)
-    given = floats(tensions)
-    if given.ndim not in (2, 3) or given.shape[-1] != tendons:
-        raise InputError(
-            f"tensions has shape {given.shape}, it must be (L, {tendons}) or (D, L, {tendons})"
-        )
-    if given.ndim == 3 and given.shape[0] != count:
-        raise InputError(f"tensions has {given.shape[0]} robots, the designs are {count}")
-    each = given.shape[-2]
-    rows = np.ascontiguousarray(np.broadcast_to(given, (count, each, tendons)))
-
-    def wide(name: str, value: ArrayLike | None, otherwise: Floats | None) -> Floats | None:
-        if value is None:
-            if otherwise is None:
-                return None
-            array = otherwise
-        else:
-            array = floats(value)
-        if array.shape == (3,):
-            return array
-        if array.shape == (count, 3):
-            array = array[:, None, :]
-        if array.shape not in ((count, 1, 3), (count, each, 3)):
-            raise InputError(
-                f"{name} has shape {array.shape}, it must be (3,), ({count}, 3) or "
-                f"({count}, {each}, 3)"
-            )
-        return np.ascontiguousarray(np.broadcast_to(array, (count, each, 3))).reshape(-1, 3)
-
+    rows = _commands(designs, tensions, displacements)
+    count, each, tendons = rows.values.shape
     load = Load() if load is None else load
     varies = any(path.startswith("gravity") for path in designs.values)
     dead = Load(
-        gravity=wide("gravity", load.gravity, designs.gravity if varies else None),
-        tip_force=wide("tip_force", load.tip_force, None),
-        tip_moment=wide("tip_moment", load.tip_moment, None),
+        gravity=_wide(rows, "gravity", load.gravity, designs.gravity if varies else None),
+        tip_force=_wide(rows, "tip_force", load.tip_force, None),
+        tip_moment=_wide(rows, "tip_moment", load.tip_moment, None),
     )
-    found = designs.robot.core.sweep_designs(
-        designs, rows.reshape(-1, tendons), dead, as_model(model), threads
-    )
+    values = rows.values.reshape(-1, tendons)
+    if rows.by_displacement.any() or designs.arrays.tendons.friction.any():
+        by_displacement = np.ascontiguousarray(rows.by_displacement.reshape(-1, tendons))
+        found = follow_designs(
+            designs.robot.core, designs, by_displacement, values, dead, as_model(model), threads
+        )
+        pulled, slack = found["tensions"], found["slack_lengths"]
+    else:
+        found = designs.robot.core.sweep_designs(designs, values, dead, as_model(model), threads)
+        pulled, slack = values, np.zeros(values.shape)
     shape = (count, each)
     return DesignSweep(
         designs,
-        rows,
+        pulled.reshape(*shape, tendons),
+        slack.reshape(*shape, tendons),
         found["converged"].reshape(shape),
         np.array(found["status"]).reshape(shape),
         found["tip_position"].reshape(*shape, 3),
         found["tendon_lengths"].reshape(*shape, tendons),
         found["tip_error"].reshape(shape),
     )
+
+
+@dataclass(frozen=True)
+class _Commands:
+    """Commands of all tendons (D, L, T), and which are displacements."""
+
+    values: Floats
+    by_displacement: NDArray[np.bool_]
+
+
+def _commands(
+    designs: Designs, tensions: ArrayLike | None, displacements: ArrayLike | None
+) -> _Commands:
+    count, tendons = len(designs), len(designs.robot.tendons.segment)
+    given = {"tensions": tensions, "displacements": displacements}
+    tables = {name: floats(value) for name, value in given.items() if value is not None}
+    if not tables:
+        raise InputError("tensions is None, and so are displacements; give one of them")
+    for name, table in tables.items():
+        if table.ndim not in (2, 3) or table.shape[-1] != tendons:
+            raise InputError(
+                f"{name} has shape {table.shape}, it must be (L, {tendons}) or (D, L, {tendons})"
+            )
+        if table.ndim == 3 and table.shape[0] != count:
+            raise InputError(f"{name} has {table.shape[0]} robots, the designs are {count}")
+    loads = {table.shape[-2] for table in tables.values()}
+    if len(loads) > 1:
+        counts = " and ".join(str(table.shape[-2]) for table in tables.values())
+        raise InputError(f"tensions and displacements have {counts} loads; give as many of each")
+    shape = (count, loads.pop(), tendons)
+    wide = {name: np.broadcast_to(table, shape) for name, table in tables.items()}
+    if len(wide) == 1:
+        (name, values), by_displacement = next(iter(wide.items())), np.zeros(shape, bool)
+        if name == "displacements":
+            by_displacement[...] = True
+        return _Commands(np.ascontiguousarray(values), by_displacement)
+    by_displacement = ~np.isnan(wide["displacements"])
+    if (by_displacement == ~np.isnan(wide["tensions"])).any():
+        raise InputError("each tendon must have a tension or a displacement, NaN in the other")
+    values = np.where(by_displacement, wide["displacements"], wide["tensions"])
+    return _Commands(values, by_displacement)
+
+
+def _wide(
+    rows: _Commands, name: str, value: ArrayLike | None, otherwise: Floats | None
+) -> Floats | None:
+    """A vector of the load, (3,) or (D L, 3)."""
+    if value is None and otherwise is None:
+        return None
+    array = floats(otherwise if value is None else value)
+    count, each = rows.values.shape[:2]
+    if array.shape == (3,):
+        return array
+    if array.shape == (count, 3):
+        array = array[:, None, :]
+    if array.shape not in ((count, 1, 3), (count, each, 3)):
+        raise InputError(
+            f"{name} has shape {array.shape}, it must be (3,), ({count}, 3) or "
+            f"({count}, {each}, 3)"
+        )
+    return np.ascontiguousarray(np.broadcast_to(array, (count, each, 3))).reshape(-1, 3)

@@ -905,11 +905,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 solution[a] += p;
             }
             let mut start = [p];
-            let eliminated = self.newton.eliminated[k].map(|m| widen::<L>(&m));
+            let eliminated = &self.newton.eliminated[k];
             if self.newton.symmetric {
-                eliminated.backward::<true>(&mut solution, &mut start);
+                eliminated.backward_as::<_, true>(widen::<L>, &mut solution, &mut start);
             } else {
-                eliminated.backward::<false>(&mut solution, &mut start);
+                eliminated.backward_as::<_, false>(widen::<L>, &mut solution, &mut start);
             }
             p = start[0] + same::<L>(&state.stretching_load(), i).cross(moved);
             let out = &mut self.spans.responses[part];
@@ -927,8 +927,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         for k in 0..self.dead.modules.len() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let (state, response) = (&self.states[g], &self.newton.responses[g]);
-            let eliminated = self.newton.eliminated[k].map(|m| widen::<L>(&m));
-            let u = eliminated.forward(&out.u[k], &[x]);
+            let u = self.newton.eliminated[k].forward_as(widen::<L>, &out.u[k], &[x]);
             let (mut turn, mut moved) = (Vec3::<L::Module>::zero(), Vec3::<L::Module>::zero());
             for a in 0..A {
                 turn += u[a];

@@ -159,45 +159,37 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         xx
     }
 
-    /// The same in another number type.
-    #[inline(always)]
-    pub fn map<W: Real>(&self, f: impl Fn(Mat3<T>) -> Mat3<W>) -> Eliminated<W, A, S> {
-        Eliminated {
-            inverse: self.inverse.map(&f),
-            lower: self.lower.map(|row| row.map(&f)),
-            upper: self.upper.map(|row| row.map(&f)),
-            gain: self.gain.map(|row| row.map(&f)),
-            xu: self.xu.map(|row| row.map(&f)),
-        }
-    }
-
     /// Number of negative eigenvalues of the arcs' pivots.
     pub fn negative_pivots(&self) -> usize {
         self.inverse.iter().map(negative_pivots).sum()
     }
 
-    /// Solves for the module's arcs alone.
+    /// Solves for the module's arcs alone; see `backward_as` for `wide`.
     #[inline(always)]
-    fn solve<const SYMMETRIC: bool>(&self, v: &mut [Vec3<T>; A]) {
+    fn solve_as<W: Real, const SYMMETRIC: bool>(
+        &self,
+        wide: &impl Fn(&Mat3<T>) -> Mat3<W>,
+        v: &mut [Vec3<W>; A],
+    ) {
         for i in 0..A {
             for b in i + 1..A {
-                let update = self.lower[b][i] * v[i];
+                let update = wide(&self.lower[b][i]) * v[i];
                 v[b] -= update;
             }
         }
         for i in (0..A).rev() {
             if SYMMETRIC {
-                v[i] = self.inverse[i] * v[i];
+                v[i] = wide(&self.inverse[i]) * v[i];
                 for b in i + 1..A {
-                    let update = self.lower[b][i].tr_mul(v[b]);
+                    let update = wide(&self.lower[b][i]).tr_mul(v[b]);
                     v[i] -= update;
                 }
             } else {
                 for b in i + 1..A {
-                    let update = self.upper[i][b] * v[b];
+                    let update = wide(&self.upper[i][b]) * v[b];
                     v[i] -= update;
                 }
-                v[i] = self.inverse[i] * v[i];
+                v[i] = wide(&self.inverse[i]) * v[i];
             }
         }
     }
@@ -206,10 +198,26 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
     /// `k`, and subtracts their part from the linear term `p` of the state.
     #[inline(always)]
     pub fn backward<const SYMMETRIC: bool>(&self, g: &mut [Vec3<T>; A], p: &mut [Vec3<T>; S]) {
-        self.solve::<SYMMETRIC>(g);
+        self.backward_as::<T, SYMMETRIC>(
+            #[inline(always)]
+            |m| *m,
+            g,
+            p,
+        );
+    }
+
+    /// The same with right-hand sides in another number type, to which `wide` converts.
+    #[inline(always)]
+    pub fn backward_as<W: Real, const SYMMETRIC: bool>(
+        &self,
+        wide: impl Fn(&Mat3<T>) -> Mat3<W>,
+        g: &mut [Vec3<W>; A],
+        p: &mut [Vec3<W>; S],
+    ) {
+        self.solve_as::<W, SYMMETRIC>(&wide, g);
         for i in 0..A {
             for q in 0..S {
-                p[q] -= self.xu[i][q] * g[i];
+                p[q] -= wide(&self.xu[i][q]) * g[i];
             }
         }
     }
@@ -218,10 +226,26 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
     /// start disk.
     #[inline(always)]
     pub fn forward(&self, k: &[Vec3<T>; A], x: &[Vec3<T>; S]) -> [Vec3<T>; A] {
+        self.forward_as(
+            #[inline(always)]
+            |m| *m,
+            k,
+            x,
+        )
+    }
+
+    /// The same with right-hand sides in another number type, to which `wide` converts.
+    #[inline(always)]
+    pub fn forward_as<W: Real>(
+        &self,
+        wide: impl Fn(&Mat3<T>) -> Mat3<W>,
+        k: &[Vec3<W>; A],
+        x: &[Vec3<W>; S],
+    ) -> [Vec3<W>; A] {
         let mut u = *k;
         for i in 0..A {
             for q in 0..S {
-                u[i] += self.gain[i][q] * x[q];
+                u[i] += wide(&self.gain[i][q]) * x[q];
             }
             u[i] = -u[i];
         }
