@@ -77,7 +77,6 @@ def test_a_model_that_holds_everywhere_says_so() -> None:
 @pytest.mark.parametrize(
     ("distributions", "message"),
     [
-        ({"segments.*.tendons.friction": {"uniform": {"from": 0.0, "to": 0.2}}}, "friction"),
         ({"tensions.0": {"normal": {"mean": 9.0, "sd": 1.0}}}, "cannot vary here"),
         ({"segments.*.backbone.young": {"normal": {"sd": "5 %"}}}, "nearest"),
         ({E: {"normal": {"mean": 1e9, "sd": 1e9}}}, "log-normal|lognormal"),
@@ -86,6 +85,21 @@ def test_a_model_that_holds_everywhere_says_so() -> None:
 def test_bad_distributions_are_refused(distributions: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         validity_spread(ROBOT, distributions, points=64)
+
+
+def test_friction_makes_each_sample_a_path() -> None:
+    """Constant curvature from force knows no friction, so its limit follows from the path."""
+    friction = "segments.*.tendons.friction"
+    found = validity_spread(
+        ROBOT, {friction: {"uniform": {"from": 0.1999, "to": 0.2001}}}, points=64
+    )
+    tensions = np.outer(np.linspace(0.0, 60.0, 241), [1.0, 0.0, 0.0])
+    path = bs.sweep(ROBOT.with_({"segments.0.tendons.friction": 0.2}), tensions)
+    arcs = RobotArcs.from_tensions(ROBOT, tensions[1:]).tip.position
+    error = np.linalg.norm(arcs - path.tip_position[1:], axis=-1) / ROBOT.length
+    limit = np.interp(found.tolerance, error, tensions[1:, 0])
+    assert error[-1] > found.tolerance
+    np.testing.assert_allclose(found.limit, limit, rtol=2e-3)
 
 
 def test_samples_are_a_power_of_two() -> None:

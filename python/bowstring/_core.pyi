@@ -111,6 +111,7 @@ def follow_designs(
     model: RodModel,
     threads: int,
 ) -> dict[str, Any]: ...
+
 @final
 class Simulator:
     def __new__(

@@ -244,7 +244,7 @@ class Designs:
 
     @cached_property
     def lines(self) -> Floats:
-        """Axial stiffness, free length, compliance, friction and pretension of the tendons (D, 5 T)."""
+        """Stiffness, free length, compliance, friction, pretension of the tendons (D, 5 T)."""
         tendons = self.arrays.tendons
         return self._interleaved([getattr(tendons, name) for name in _LINE])
 

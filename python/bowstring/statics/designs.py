@@ -185,7 +185,6 @@ def _wide(
         array = array[:, None, :]
     if array.shape not in ((count, 1, 3), (count, each, 3)):
         raise InputError(
-            f"{name} has shape {array.shape}, it must be (3,), ({count}, 3) or "
-            f"({count}, {each}, 3)"
+            f"{name} has shape {array.shape}, it must be (3,), ({count}, 3) or ({count}, {each}, 3)"
         )
     return np.ascontiguousarray(np.broadcast_to(array, (count, each, 3))).reshape(-1, 3)

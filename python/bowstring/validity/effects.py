@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from bowstring.display import short_repr
 from bowstring.robot.designs import Designs
+from bowstring.robot.model import with_tendons
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 
@@ -21,10 +23,12 @@ EFFECTS: Final = {
     "torsion": "torsion",
     "gravity": "gravity",
     "tip_force": "tip force",
+    "friction": "friction",
+    "tendon_stretch": "stretch of tendons and transmission",
 }
 """Keys and labels of the effects."""
 
-_CLAMP: Final = "clamped_length"
+_INEXTENSIBLE: Final = {"axial_stiffness": None, "free_length": 0.0, "compliance": 0.0}
 
 
 @short_repr
@@ -38,28 +42,40 @@ class Rods:
     """Theory and tendon path."""
     load: Load
     """Gravity (that of the robots if None) and tip force."""
+    by_displacement: bool = False
+    """Whether motors command displacements, not tensions."""
 
 
 def acting(rods: Rods) -> list[str]:
     """Keys of the effects that act in any of the rods, in the order of `EFFECTS`."""
     gravity = rods.designs.gravity if rods.load.gravity is None else rods.load.gravity
     force = rods.load.tip_force
+    tendons = rods.designs.arrays.tendons
+    stretch = 1.0 / tendons.axial_stiffness_N + tendons.compliance_m_per_N
     acts = {
-        "straight_spans": rods.model.tendon_path == "straight",
+        # a continuous tendon has no displacement control
+        "straight_spans": rods.model.tendon_path == "straight" and not rods.by_displacement,
         "clamps": bool(np.any(rods.designs.arrays.disks.clamped_length_m)),
         "shear_extension": rods.model.theory == "cosserat",
         "torsion": rods.model.twist,
         "gravity": bool(np.any(gravity)),
         "tip_force": force is not None and bool(np.any(force)),
+        "friction": bool(np.any(tendons.friction)),
+        "tendon_stretch": rods.by_displacement and bool(np.any(stretch)),
     }
     return [key for key in EFFECTS if acts[key]]
 
 
 def without(rods: Rods, effect: str) -> Rods:
-    """Return the same rods without one effect, all else the same."""
+    """Return the same rods without one effect, all else the same.
+
+    A continuous tendon has no friction: compare rods without ``straight_spans`` with those without
+    ``friction``.
+    """
     zero = (0.0, 0.0, 0.0)
     if effect == "straight_spans":
-        return replace(rods, model=rods.model.replace(tendon_path="continuous"))
+        bare = without(rods, "friction") if "friction" in acting(rods) else rods
+        return replace(bare, model=rods.model.replace(tendon_path="continuous"))
     if effect == "shear_extension":
         return replace(rods, model=rods.model.replace(theory="kirchhoff"))
     if effect == "torsion":
@@ -68,11 +84,30 @@ def without(rods: Rods, effect: str) -> Rods:
         return replace(rods, load=rods.load.replace(gravity=zero))
     if effect == "tip_force":
         return replace(rods, load=rods.load.replace(tip_force=zero))
-    designs, clamps = rods.designs, {}
-    for k in range(len(designs.robot.segments)):
-        clamps[f"segments.{k}.disks.{_CLAMP}"] = 0.0
-    kept = {path: v for path, v in designs.values.items() if path not in clamps}
-    bare = Designs(designs.robot.with_(clamps), kept)
-    if not kept:  # robots that differ in nothing else
-        bare = Designs(bare.robot, {next(iter(clamps)): np.zeros(len(designs))})
-    return replace(rods, designs=bare)
+    if effect == "friction":
+        return replace(rods, designs=_without(rods.designs, "tendons", {"friction": 0.0}))
+    if effect == "tendon_stretch":
+        return replace(rods, designs=_without(rods.designs, "tendons", _INEXTENSIBLE))
+    return replace(rods, designs=_without(rods.designs, "disks", {"clamped_length": 0.0}))
+
+
+def _without(designs: Designs, part: str, fields: Mapping[str, float | None]) -> Designs:
+    """The same robots with other fields of the disks or tendons of all segments."""
+    robot = designs.robot
+    if part == "tendons":
+        robot = with_tendons(robot, fields)
+    else:
+        changes = {
+            f"segments.{k}.{part}.{field}": value
+            for k in range(len(robot.segments))
+            for field, value in fields.items()
+        }
+        robot = robot.with_(changes)
+    kept = {
+        path: v
+        for path, v in designs.values.items()
+        if not (f".{part}." in path and path.rpartition(".")[2] in fields)
+    }
+    if not kept:  # one number stands for all, so that there are as many robots
+        kept = {"segments.0.length": np.full(len(designs), robot.segments[0].length)}
+    return Designs(robot, kept)

@@ -11,11 +11,21 @@ from numpy.typing import NDArray
 
 from bowstring.blocks import threads
 from bowstring.display import short_repr
+from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.statics.designs import sweep_designs
 from bowstring.validity.effects import Rods
 
-__all__ = ["INPUTS", "LABELS", "LAWS", "Ramps", "arc_tips", "follow", "tip_errors"]
+__all__ = [
+    "INPUTS",
+    "LABELS",
+    "LAWS",
+    "Ramps",
+    "arc_tips",
+    "displacement_per_bend",
+    "follow",
+    "tip_errors",
+]
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +35,7 @@ LAWS: Final = {
     "cc_from_lengths_chord": "chords",
     "cc_from_force_arm": "arm",
 }
-"""Models of constant curvature, by the name of their comparison in a study."""
+"""Models of constant curvature by tension or length, by the name of their comparison in a study."""
 
 LABELS: Final = {
     "cc_from_lengths": "from lengths",
@@ -33,6 +43,7 @@ LABELS: Final = {
     "cc_from_lengths_chord": "from lengths, chords",
     "cc_from_force_arm": "from force, mean arm",
     "cc_from_force_calibrated": "from force, E I calibrated",
+    "cc_from_displacements": "from commanded displacements",
 }
 """Labels of the models."""
 
@@ -42,9 +53,11 @@ INPUTS: Final = {
     "cc_from_lengths_chord": "from tendon lengths, chords",
     "cc_from_force_arm": "from force, mean lever arm",
     "cc_from_force_calibrated": "from force, stiffness calibrated",
+    "cc_from_displacements": "from commanded displacements",
 }
 """Input and correction of the models, for titles."""
 
+_TAUT: Final = 1e-9  # slack length over the robot's length that is rounding
 _GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
 _SCALES: Final = (0.3, 3.0)  # of the calibrated stiffness
 _ROUNDS: Final = 32  # of the golden section: to 1e-6 of the interval
@@ -53,10 +66,10 @@ _ROUNDS: Final = 32  # of the golden section: to 1e-6 of the interval
 @short_repr
 @dataclass(frozen=True)
 class Ramps:
-    """D robots, each along its own ramp of L tensions, solved by statics."""
+    """D robots, each along its own ramp of L tensions or bends, solved by statics."""
 
-    tension: Floats
-    """Tensions of the sweep (D, L), N."""
+    ramp: Floats
+    """Tensions of the sweep, N, or commanded bends, rad, (D, L)."""
     tensions: Floats
     """Tensions of all tendons (D, L, T), N."""
     converged: NDArray[np.bool_]
@@ -67,35 +80,108 @@ class Ramps:
     """Tendon lengths (D, L, T), m."""
     tip_error: Floats
     """Estimated error of the tip by statics (D, L), m."""
+    commanded_lengths: Floats | None = None
+    """Tendon lengths that the motors command (D, L, T), m; None by tension."""
+    slack: NDArray[np.bool_] | None = None
+    """Whether a tendon is slack at each load (D, L); None by tension."""
 
 
-def follow(rods: Rods, tension: Floats, shares: Floats) -> Ramps:
-    """Solve robots along ramps of tension, each load from the one before.
+def follow(rods: Rods, ramp: Floats, shares: Floats) -> Ramps:
+    """Solve robots along ramps, each load from the one before.
 
     Parameters
     ----------
     rods : Rods
-    tension : ndarray (D, L)
-        Tensions of the sweep, N, increasing.
+    ramp : ndarray (D, L)
+        Tensions of the sweep, N, or bends that constant curvature commands by displacements of all
+        tendons, rad.
     shares : ndarray (T,)
-        Share of the sweep's tension in each tendon.
+        Share of the sweep's tension in each tendon; bends are in the direction of its moment.
 
     Returns
     -------
     Ramps
     """
-    tensions = tension[..., None] * shares
+    if rods.by_displacement:
+        return _follow_displacements(rods, ramp, shares)
+    tensions = ramp[..., None] * shares
     found = sweep_designs(
         rods.designs, tensions, load=rods.load, model=rods.model, threads=threads()
     )
     return Ramps(
-        tension,
-        tensions,
+        ramp,
+        found.tensions,
         found.converged,
         found.tip_position,
         found.tendon_lengths,
         found.tip_error,
     )
+
+
+def _follow_displacements(rods: Rods, bend: Floats, shares: Floats) -> Ramps:
+    displacements = bend[..., None] * displacement_per_bend(rods.designs, shares)[:, None, :]
+    found = sweep_designs(
+        rods.designs,
+        displacements=displacements,
+        load=rods.load,
+        model=rods.model,
+        threads=threads(),
+    )
+    arrays = rods.designs.arrays
+    straight = np.asarray(arrays.disks.station_m)[..., arrays.tendons.end_disk]
+    loose = found.slack_lengths > _TAUT * rods.designs.length[:, None, None]
+    return Ramps(
+        bend,
+        found.tensions,
+        found.converged,
+        found.tip_position,
+        found.tendon_lengths,
+        found.tip_error,
+        np.atleast_2d(straight)[:, None, :] - displacements,
+        np.asarray(loose.any(axis=-1)),
+    )
+
+
+def displacement_per_bend(designs: Designs, shares: Floats) -> Floats:
+    """Displacements (D, T) of all tendons per bend of the robot by constant curvature, m/rad.
+
+    Parameters
+    ----------
+    designs : Designs
+    shares : ndarray (T,)
+        Share of each tendon in the moment that has the direction of the bend.
+
+    Returns
+    -------
+    ndarray (D, T)
+        Bends of the segments are in proportion to those by the linear law (theory Eq. 1.7), and
+        their sum is the bend of the robot.
+
+    Raises
+    ------
+    InputError
+        If the tendons balance each other.
+    """
+    arrays = designs.arrays
+    holes = np.broadcast_to(arrays.tendons.hole_m, (len(designs), len(shares), 2))
+    bends = []
+    for k in range(len(designs.robot.segments)):
+        passing = arrays.tendons.segment >= k
+        moment = np.einsum("t,dtq->dq", shares * passing, holes)
+        compliance = np.asarray(arrays.segments[k].length / arrays.bending_stiffness[..., k])
+        bends.append(moment * np.reshape(compliance, (-1, 1)))
+    whole = sum(np.linalg.norm(bend, axis=-1) for bend in bends)
+    if not np.all(whole > 0.0):
+        raise InputError(
+            "the actuated tendons balance each other, so that no direction of bend follows; "
+            "actuate other tendons",
+            argument="tendon",
+        )
+    out = np.zeros(holes.shape[:2])
+    for k, bend in enumerate(bends):
+        passing = arrays.tendons.segment >= k
+        out += passing * np.einsum("dtq,dq->dt", holes, bend / np.reshape(whole, (-1, 1)))
+    return out
 
 
 def arc_tips(designs: Designs, name: str, ramps: Ramps, scale: Floats | None = None) -> Floats:
@@ -106,7 +192,7 @@ def arc_tips(designs: Designs, name: str, ramps: Ramps, scale: Floats | None = N
     designs : Designs
         Robots as constant curvature knows them.
     name : str
-        One of `LAWS`.
+        One of `LAWS`, or ``cc_from_displacements`` of a ramp of bends.
     ramps : Ramps
         Tensions, and tendon lengths of the rod.
     scale : ndarray (D,), optional
@@ -116,11 +202,16 @@ def arc_tips(designs: Designs, name: str, ramps: Ramps, scale: Floats | None = N
     -------
     ndarray (D, L, 3)
     """
-    commands = ramps.tensions if name.startswith("cc_from_force") else ramps.tendon_lengths
+    if name == "cc_from_displacements":
+        assert ramps.commanded_lengths is not None, "checked with the axes"
+        commands, law = ramps.commanded_lengths, "lengths"
+    else:
+        law = LAWS[name]
+        commands = ramps.tensions if name.startswith("cc_from_force") else ramps.tendon_lengths
     if scale is not None:
         commands = commands / scale[:, None, None]
     rows = np.ascontiguousarray(commands.reshape(-1, commands.shape[-1]))
-    found = designs.robot.core.arc_tips(designs, LAWS[name], rows)
+    found = designs.robot.core.arc_tips(designs, law, rows)
     return np.asarray(found).reshape(*commands.shape[:2], 3)
 
 
@@ -150,7 +241,7 @@ def _calibrated(designs: Designs, ramps: Ramps) -> Floats:
         squared = errors(log_scale) ** 2
         return np.asarray(np.where(np.isfinite(squared), squared, 0.0).sum(axis=1))
 
-    count = len(ramps.tension)
+    count = len(ramps.ramp)
     low, high = (np.full(count, np.log(end)) for end in _SCALES)
     a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
     at_a, at_b = mean(a), mean(b)

@@ -211,12 +211,13 @@ def validity_spread(
     choice("name", name, list(LAWS))
     if not 0.0 < number("tolerance", tolerance) < 1.0:
         raise InputError.of("tolerance", f"{tolerance:g}", "above 0 and below 1")
-    robot = with_tendons(robot, {"friction": 0.0})
     loading, load = instance("loading", loading, Loading), instance("load", load, Load)
     joint = distributions
     if not isinstance(joint, Distributions):
         joint = read_distributions(joint, robot)
     _check_paths(joint)
+    if not any(path.endswith(".friction") for path in joint.paths):
+        robot = with_tendons(robot, {"friction": 0.0})
     shares = np.array(loading.shares(robot))
     nominal = Designs(robot, {"segments.0.length": [robot.segments[0].length]})
     top = end_of_ramp(robot, loading)
@@ -286,11 +287,11 @@ def assumed_distributions(robot: Robot) -> Distributions:
 
 def _check_paths(joint: Distributions) -> None:
     for path in joint.paths:
-        head, last = path.partition(".")[0], path.rpartition(".")[2]
-        if head in ("tensions", "displacements", "tip_moment") or last == "friction":
+        head = path.partition(".")[0]
+        if head in ("tensions", "displacements", "tip_moment"):
             raise InputError(
-                f"{path} cannot vary here: the sweep has tensions without friction; give numbers "
-                "of backbone, disks and tendons, tip_force or gravity"
+                f"{path} cannot vary here: it belongs to the sweep; give numbers of backbone, "
+                "disks and tendons, tip_force or gravity"
             )
 
 
@@ -317,7 +318,7 @@ def _known_errors(nominal: Designs, ramps: Ramps, name: str) -> Floats:
     """Errors (D, L) of the nominal robot's arcs against the rods, m over the nominal length."""
     rows, loads, tendons = ramps.tensions.shape
     one = Ramps(
-        ramps.tension.reshape(1, -1),
+        ramps.ramp.reshape(1, -1),
         ramps.tensions.reshape(1, -1, tendons),
         ramps.converged.reshape(1, -1),
         ramps.tip.reshape(1, -1, 3),
@@ -332,7 +333,7 @@ def _limit(nominal: Designs, ramps: Ramps, name: str, tolerance: float) -> Float
     """Validity limit of each rod (D,), N; infinite where it holds to the end of the ramp."""
     share = _known_errors(nominal, ramps, name)
     errors = Errors(
-        ramps.tension,
+        ramps.ramp,
         np.ones(len(share)),
         ramps.converged,
         ramps.tip,
