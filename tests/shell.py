@@ -41,6 +41,8 @@ class Shell:
         for flag in ("--workspace", "--store"):
             if flag in arguments:
                 command += f" {flag}"
+        if arguments[0] == "map" and arguments.count("--over") > 2 and "--store" not in arguments:
+            command += 3 * " --over"
         if command in COMMANDS:
             adapter(command).validate_json(out, strict=True)
         return json.loads(out, parse_constant=pytest.fail)  # NaN and Infinity are not JSON

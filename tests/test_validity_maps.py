@@ -318,7 +318,8 @@ def test_the_command_writes_numbers(shell: Shell, tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (("--over", "tension=0:80 N", "--over", "tension=0:40 N"), "give two different"),
-        (("--over", "E=1:2 GPa", "--over", "nu=0:0.4", "--over", "length=1:2"), "one or two"),
+        (("--over", "E=1:2 GPa", "--over", "nu=0:0.4:31", "--over", "length=1:2:31"), "--store"),
+        (("--over", "E=1:2 GPa", "--over", "nu=0:0.4", "--over", "E=1:3 GPa"), "are the same"),
         (("--metric", "mean_error"), "give other axes"),
         (("--models", "cc_from_nothing"), "models"),
         (("--out", "map.txt"), "png"),
@@ -389,7 +390,10 @@ def test_the_command_computes_in_blocks(shell: Shell, tmp_path: Path) -> None:
         assert (content["points"], content["blocks"]) == (24, 24)
     to_file = ("--out", str(tmp_path / "other.nc"))
     assert "tolerance" in shell.error(*args, *to_file, "--tolerance", "2 %")
-    assert ".nc or .zarr" in shell.error(*args, "--out", str(tmp_path / "map.png"))
+    figure = tmp_path / "map.png"
+    assert shell.json(*args, "--out", str(figure))["file"] == str(figure)
+    assert figure.read_bytes()[:4] == b"\x89PNG"
+    assert "must end in" in shell.error(*args, "--out", str(tmp_path / "map.txt"))
     assert "--store" in shell.error("map", "amouri2019", *over[:2], "--dask", "tcp://nowhere:1")
     many = ["--over", "E=1:2 GPa:1001", "--over", "nu=0:0.4:1001", "--over", "length=1:2:1001"]
     too = shell.error("map", "amouri2019", *many, "--store", str(tmp_path / "other"))

@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from bowstring.study.settings import Extras, Ramp
     from bowstring.study.study import Study, run_study
     from bowstring.validity.chart import ValidityChart, validity_chart
+    from bowstring.validity.grids import ValidityGrid, validity_grid
     from bowstring.validity.loading import Loading
     from bowstring.validity.maps import ValidityMap, validity_map
     from bowstring.validity.spread import Spread, validity_spread
@@ -82,6 +83,7 @@ __all__ = [
     "Study",
     "Sweep",
     "ValidityChart",
+    "ValidityGrid",
     "ValidityMap",
     "WorkspaceMap",
     "__version__",
@@ -114,6 +116,7 @@ __all__ = [
     "uncertainty",
     "validity",
     "validity_chart",
+    "validity_grid",
     "validity_map",
     "validity_spread",
     "viz",
@@ -142,6 +145,7 @@ _HOME = {
         "study.settings": "Extras Ramp",
         "study.study": "Study run_study",
         "validity.chart": "ValidityChart validity_chart",
+        "validity.grids": "ValidityGrid validity_grid",
         "validity.loading": "Loading",
         "validity.maps": "ValidityMap validity_map",
         "validity.spread": "Spread validity_spread",

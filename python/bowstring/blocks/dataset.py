@@ -23,7 +23,7 @@ from bowstring.atomic_io import (
 from bowstring.blocks.job import Arrays, Job
 from bowstring.optional import load_extra
 
-__all__ = ["save"]
+__all__ = ["check_data_set", "save"]
 
 _MARK: Final = b"bowstring_version"
 _WHAT: Final = "data set"
@@ -34,17 +34,21 @@ Index = tuple[Any, ...]
 
 def save(job: Job, read: Read, path: Path) -> Path:
     """Write a data set; see `bowstring.blocks.Store.save`."""
-    if path.suffix.lower() == ".zarr":
-        load_extra("cluster", "zarr")
-        place = check_whole_folder(path, _WHAT, _check_zarr)
-    else:
-        place = check_file(path, _WHAT, (".nc", ".zarr"), _MARK)
+    place = check_data_set(path)
     check_room(place.parent, job.total_bytes, f"cannot write the {_WHAT} to {place}")
     if path.suffix.lower() == ".zarr":
         write_whole(place, _WHAT, lambda new: _write_zarr(job, read, new))
     else:
         write_whole_file(place, _WHAT, lambda new: _write_netcdf(job, read, new))
     return place
+
+
+def check_data_set(path: Path) -> Path:
+    """Check before any work that a data set may be written; return its absolute path."""
+    if path.suffix.lower() == ".zarr":
+        load_extra("cluster", "zarr")
+        return check_whole_folder(path, _WHAT, _check_zarr)
+    return check_file(path, _WHAT, (".nc", ".zarr"), _MARK)
 
 
 def _check_zarr(folder: Path, why: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -27,6 +28,8 @@ from bowstring.errors import InputError
 if TYPE_CHECKING:
     from bowstring.blocks import Job
     from bowstring.schemas import maps as schema
+    from bowstring.schemas.basic import OfRobot
+    from bowstring.validity.grids import ValidityGrid
 
 
 def map_(
@@ -35,7 +38,7 @@ def map_(
         list[str] | None,
         option(
             "PATH=FROM:TO[:N]",
-            "An axis; at most two, or any number with --store. A number of the robot file (E, "
+            "An axis; give it again for more. A number of the robot file (E, "
             "pitch_radius, segments.0.disks.count), tension, tip_force.x or gravity.z.  [default: "
             "tension and number of disks]",
         ),
@@ -77,8 +80,8 @@ def map_(
         Path | None,
         option(
             "FILE",
-            "Figure (.png, .pdf, .svg), or numbers with labels and units (.nc).  [default: NAME OF "
-            "ROBOT-map.png]",
+            "Figure (.png, .pdf, .svg), or numbers with labels and units (.nc; over more than two "
+            "axes also .zarr).  [default: NAME OF ROBOT-map.png, with --store .nc]",
         ),
     ] = None,
     workspace: Annotated[
@@ -93,8 +96,8 @@ def map_(
         Path | None,
         option(
             "DIR",
-            "Compute in blocks that are kept in this folder, over any number of axes; the same "
-            "command goes on after a stop. --out is then .nc or .zarr.",
+            "Compute in blocks that are kept in this folder, for large maps; the same command goes "
+            "on after a stop.",
         ),
     ] = None,
     dask: Annotated[
@@ -104,7 +107,7 @@ def map_(
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Map where constant curvature holds, over one or two numbers of robot, load or actuation.
+    """Map where constant curvature holds, over numbers of the robot, its load or actuation.
 
     Every point is a robot along a sweep of tension by statics, compared with constant curvature.
     Outside the line at the tolerance, colours tell the effect that makes most of the error.
@@ -139,29 +142,30 @@ def map_(
     dead = Load(gravity=acting, tip_force=force)
     names = [name.strip() for name in models.split(",")]
     made = provenance_of(model, gravity_m_per_s2=acting, tip_force_N=force, points=points)
+    jobs = partial(
+        map_job,
+        model,
+        tolerance=tolerated,
+        metric=metric,
+        models=names,
+        loading=loading,
+        load=dead,
+    )
     if dask is not None and store is None:
         raise InputError("--dask computes blocks; name their folder by --store.")
     if store is not None:
         if workspace or not over:
             raise InputError("--store is of a map over axes; give --over and not --workspace.")
-        job = of_flag(
-            "--over",
-            lambda texts: map_job(
-                model,
-                texts,
-                tolerance=tolerated,
-                metric=metric,
-                models=names,
-                loading=loading,
-                load=dead,
-            ),
-            over,
-        )
+        job = of_flag("--over", jobs, over)
         kept = _in_blocks(job, store, out or Path(f"{model.name}-map.nc"), dask)
         if as_json:
             result: schema.StoredMap = {**made, **kept}
             return write_json(result)
         return write(f"{kept['points']} points in {kept['blocks']} blocks. Map: {kept['file']}\n")
+    if over and len(over) > 2:
+        return _many(
+            of_flag("--over", jobs, over), out or Path(f"{model.name}-map.png"), made, as_json
+        )
     axes = of_flag("--over", lambda texts: read_axes(model, texts, loading), over)
     file = of_flag("--out", check_map_file, out or Path(f"{model.name}-map.png"))
     with progress_bar("errors") as notify:
@@ -201,17 +205,35 @@ def map_(
     return write_json(content)
 
 
-def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.StoredValues:
-    """Compute a job, or what is missing of it, and write its data set."""
-    from bowstring.blocks import RunInterrupted, run
+def _many(job: Job, out: Path, made: OfRobot, as_json: bool) -> None:
+    """Map over more than two axes in memory."""
+    from bowstring.validity.grids import check_grid_file, compute_grid
 
-    if out.suffix.lower() not in (".nc", ".zarr"):
-        raise InputError(f"--out: {out} is no data set; with --store it ends in .nc or .zarr.")
+    file = of_flag("--out", check_grid_file, out)
+    with progress_bar("errors") as notify:
+        found: ValidityGrid = of_flag("--over", lambda one: compute_grid(one, notify), job)
+        notify("figure", 0.95)
+        written, sentences = str(found.save(file)), found.described()
+    if not as_json:
+        return write("\n".join([*sentences, f"Map: {written}"]) + "\n")
+    content: schema.Grid = {**made, **found.to_dict(), "text": sentences, "file": written}
+    return write_json(content)
+
+
+def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.StoredValues:
+    """Compute a job, or what is missing of it, and write its data set or figure."""
+    from bowstring.blocks import RunInterrupted, run
+    from bowstring.validity.grids import check_drawn, check_grid_file, read_grid
+
+    of_flag("--out", check_grid_file, out)
+    drawn = out.suffix.lower() not in (".nc", ".zarr")
+    if drawn:
+        of_flag("--over", check_drawn, job)
     try:
         with progress_bar("blocks") as notify:
             store = run(job, folder, dask, lambda share: notify("blocks", share))
-            notify("data set", 1.0)
-            written = store.save(out)
+            notify("figure" if drawn else "data set", 1.0)
+            written = read_grid(store).save(out) if drawn else store.save(out)
     except RunInterrupted as stopped:
         raise Stopped(f"{stopped}; the same command goes on from there.") from None
     return {

@@ -22,6 +22,7 @@ COMMANDS: Final[dict[str, Any]] = {
     "modes": dynamics.Modes,
     "study": study.Study,
     "map": maps.Map,
+    "map --over --over --over": maps.Grid,
     "map --workspace": maps.Workspace,
     "map --store": maps.StoredMap,
     "uncertainty": maps.Uncertainty,

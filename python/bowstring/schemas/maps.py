@@ -62,6 +62,34 @@ class MapValues(Object):
     ]
 
 
+class GridOfModel(Object):
+    """Map of one model of constant curvature over more than two axes."""
+
+    name: Annotated[str, about("Model, as `--models` takes it.")]
+    values: Annotated[
+        Any,
+        about(
+            "Metric in percent of the length (`valid_to`: N), nested lists in the order of the "
+            "axes; `null` without a value."
+        ),
+    ]
+
+
+class GridValues(Object):
+    """Values of a map over more than two axes."""
+
+    tolerance_percent: Annotated[float, about("Tolerated tip error in percent of the length.")]
+    metric: Annotated[
+        Literal["largest_error", "mean_error", "error", "valid_to"], about("What is mapped.")
+    ]
+    max_tension_N: Annotated[float, about("End of the sweep where no axis is the tension.")]
+    axes: Annotated[list[MapAxis], about("Axes in their order.")]
+    maps: Annotated[list[GridOfModel], about("Map of each model.")]
+    solved: Annotated[
+        Any, about("Whether all loads have a stable equilibrium, nested lists as of the values.")
+    ]
+
+
 class WorkspaceErrors(Object):
     """Errors of one model of constant curvature over the workspace."""
 
@@ -101,13 +129,20 @@ class Map(OfRobot, MapValues):
     file: Annotated[str, about("File of the map.")]
 
 
+class Grid(OfRobot, GridValues):
+    """Output of `bowstring map` with more than two `--over`."""
+
+    text: Annotated[list[str], about("What the map says, in sentences.")]
+    file: Annotated[str, about("File of the map.")]
+
+
 class StoredValues(Object):
     """A map computed in blocks."""
 
     points: Annotated[int, about("Number of points.")]
     blocks: Annotated[int, about("Number of blocks.")]
     folder: Annotated[str, about("Folder of the blocks.")]
-    file: Annotated[str, about("Data set of the map, NetCDF or Zarr.")]
+    file: Annotated[str, about("Data set of the map, NetCDF or Zarr, or its figure.")]
 
 
 class StoredMap(OfRobot, StoredValues):

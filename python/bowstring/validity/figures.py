@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -10,20 +11,32 @@ from numpy.typing import NDArray
 from bowstring.formatting import in_percent, significant
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import INPUTS, LABELS
-from bowstring.validity.maps import STATES, ValidityMap
+from bowstring.validity.maps import STATES, Metric, ValidityMap
 from bowstring.viz.style import LIGHT, legend_above, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
+    from bowstring.validity.axes import Axis
     from bowstring.validity.spread import Spread
 
-__all__ = ["draw", "draw_spread"]
+__all__ = [
+    "CAUSES",
+    "SHADE",
+    "draw",
+    "draw_region",
+    "draw_spread",
+    "handles_of",
+    "in_words",
+    "title_of",
+]
 
 Floats = NDArray[np.float64]
 
-_CAUSES: Final = {
+CAUSES: Final = {
     "straight_spans": "blue",
     "clamps": "amber",
     "shear_extension": "purple",
@@ -31,7 +44,7 @@ _CAUSES: Final = {
     "gravity": "red",
     "tip_force": "ink",
 }
-_SHADE: Final = 0.35
+SHADE: Final = 0.35
 _LEVELS: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # share of length
 _LINES: Final = ("blue", "red", "green", "purple", "amber")
 
@@ -42,13 +55,32 @@ def draw(found: ValidityMap) -> Figure:
 
 
 def _title(found: ValidityMap) -> str:
+    return title_of(found.robot.name, found.metric, found.tolerance, found.max_tension, found.fixed)
+
+
+def title_of(
+    robot: str,
+    metric: Metric,
+    tolerance: float,
+    top: float,
+    fixed: Sequence[tuple[Axis, float]] = (),
+) -> str:
+    """What a map shows, for its title; `top` is the end of the sweep in N."""
     what = {
-        "largest_error": f"largest tip error up to {significant(found.max_tension)} N",
-        "mean_error": f"mean tip error up to {significant(found.max_tension)} N",
+        "largest_error": f"largest tip error up to {significant(top)} N",
+        "mean_error": f"mean tip error up to {significant(top)} N",
         "error": "tip error",
-        "valid_to": f"tension up to which {in_percent(found.tolerance)} of length holds",
-    }[found.metric]
-    return f"{found.robot.name}: {what} (simulated)"
+        "valid_to": f"tension up to which {in_percent(tolerance)} of length holds",
+    }[metric]
+    at = "".join(f", {in_words(axis, value)}" for axis, value in fixed)
+    return f"{robot}: {what}{at} (simulated)"
+
+
+def in_words(axis: Axis, value: float) -> str:
+    """A value of an axis, such as ``tip force along x 0.5 N``."""
+    words = axis.label.removesuffix(f", {axis.units[1]}")
+    unit = f" {axis.units[1]}" if axis.units[1] else ""
+    return f"{words} {significant(value / axis.factor)}{unit}"
 
 
 # -- one axis ----------------------------------------------------------------------------------
@@ -100,26 +132,33 @@ def _shade_states(panel: Axes, found: ValidityMap, x: Floats) -> None:
 
 
 def _regions(found: ValidityMap) -> Figure:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     names = list(found.value)
     figure, panels = subplots(len(names), 0.6 + 2.9 * len(names), sharex=True)
     present: set[str] = set()
     for panel, name in zip(panels, names, strict=True):
-        present |= _region(panel, found, name)
+        present |= draw_region(panel, found, name)
         panel.set_title(f"constant curvature {INPUTS[name]}")
         panel.set_ylabel(found.axes[1].label)
     panels[-1].set_xlabel(found.axes[0].label)
+    figure.legend(handles=handles_of(found, present), loc="outside lower left", ncols=1)
+    figure.suptitle(_title(found), fontsize=9.5, x=0.01, ha="left")
+    return figure
+
+
+def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
+    """Entries of the legend of a map with these causes."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
     handles: list[Line2D | Patch] = []
     if found.metric != "valid_to":
         tolerance = in_percent(found.tolerance)
         handles.append(Line2D([], [], color=LIGHT["ink"], lw=2.0, label=f"error {tolerance}"))
         handles.append(Patch(fc="white", ec=LIGHT["grid"], label=f"holds to {tolerance}"))
-    for key, colour in _CAUSES.items():
+    for key, colour in CAUSES.items():
         if key in present:
             label = f"mainly {EFFECTS[key]}"
-            handles.append(Patch(fc=LIGHT[colour], alpha=_SHADE, label=label))
+            handles.append(Patch(fc=LIGHT[colour], alpha=SHADE, label=label))
     if "" in present:
         handles.append(Patch(fc=LIGHT["grid"], label="no single main cause"))
     for state, hatch in ((1, "...."), (2, "////")):
@@ -130,12 +169,10 @@ def _regions(found: ValidityMap) -> Figure:
     if _marked(found):
         label = "this robot"
         handles.append(Line2D([], [], color=LIGHT["ink"], lw=0.8, ls="--", label=label))
-    figure.legend(handles=handles, loc="outside lower left", ncols=1)
-    figure.suptitle(_title(found), fontsize=9.5, x=0.01, ha="left")
-    return figure
+    return handles
 
 
-def _region(panel: Axes, found: ValidityMap, name: str) -> set[str]:
+def draw_region(panel: Axes, found: ValidityMap, name: str) -> set[str]:
     """Draw one model; return the keys of the causes in its figure."""
     from matplotlib.colors import to_rgba
 
@@ -154,7 +191,7 @@ def _region(panel: Axes, found: ValidityMap, name: str) -> set[str]:
         outside = np.isfinite(fine) & (fine > found.tolerance)
         present = {str(key) for key in np.unique(cause[outside])}
         for key in present:
-            colour = to_rgba(LIGHT[_CAUSES[key]], _SHADE) if key else LIGHT["grid"]
+            colour = to_rgba(LIGHT[CAUSES[key]], SHADE) if key else LIGHT["grid"]
             here = np.where(outside & (cause == key), 1.0, 0.0)
             panel.contourf(fine_x, fine_y, here, levels=[0.5, 1.5], colors=[colour])
         levels = [v for v in _LEVELS if v != found.tolerance and np.nanmin(value) < v]

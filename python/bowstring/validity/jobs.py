@@ -21,7 +21,7 @@ from bowstring.validity.loading import Loading
 from bowstring.validity.maps import METRICS, Metric, map_metric, space_of
 from bowstring.validity.space import Space
 
-__all__ = ["map_job"]
+__all__ = ["Points", "map_job"]
 
 Floats = NDArray[np.float64]
 
@@ -31,8 +31,8 @@ _LEAST_BLOCKS: Final = 100  # of a map that is smaller than as many full blocks
 
 @short_repr
 @dataclass(frozen=True)
-class _Points:
-    """What a worker calls: the metric at some points of the axes' grid."""
+class Points:
+    """What a worker calls: the metric at some points of the grid of the axes."""
 
     space: Space
     models: tuple[str, ...]
@@ -102,7 +102,7 @@ def map_job(
     unit = "N" if chosen == "valid_to" else "1"
     shown = {"gravity": space.load.gravity, "tip_force": space.load.tip_force}
     return Job(
-        _Points(space, tuple(models), chosen, tolerance),
+        Points(space, tuple(models), chosen, tolerance),
         {f"axis_{i}": len(axis.values) for i, axis in enumerate(axes, 1)},
         {
             **{

@@ -38,7 +38,9 @@ __all__ = [
     "STATES",
     "Metric",
     "ValidityMap",
+    "causes_of",
     "check_map_file",
+    "coarser",
     "described",
     "end_of_ramp",
     "map_metric",
@@ -106,6 +108,8 @@ class ValidityMap:
     """Index in `STATES`, (Y, X) or (X,)."""
     statics_error: float
     """Largest estimated error of the tips by statics, as a share of the length."""
+    fixed: tuple[tuple[Axis, float], ...] = ()
+    """Of a slice: the other axes and their values, SI."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -343,10 +347,10 @@ def map_space(
     found = _in_parts(space, points, models, lambda share: notify("errors", 0.7 * share))
     value = {name: measure(found, name).reshape(shape) for name in models}
     notify("causes", 0.7)
-    part = _part(shape, len(axes))
+    part = coarser(shape, len(axes))
     state = np.where(found.converged.all(axis=1), 0, 2).reshape(shape)
     state = np.where(_two_equilibria(space, points, found, part), np.maximum(state, 1), state)
-    cause, cause_points = _causes(space, axes, points[part.ravel()], models, measure)
+    cause, cause_points = causes_of(space, axes, points[part.ravel()], models, measure)
     cause = {name: where.reshape(part.shape) for name, where in cause.items()}
     cause_points = tuple(places.reshape(part.shape) for places in cause_points)
     notify("contour", 0.9)
@@ -382,6 +386,7 @@ def map_space(
         cause_points,
         state,
         float(known.max()) if known.size else float("nan"),
+        space.fixed,
     )
 
 
@@ -451,7 +456,7 @@ def read_axes(
     axes = tuple(read_axis(one, robot) if isinstance(one, str) else one for one in over)
     if not 1 <= len(axes) <= 2:
         raise InputError(
-            f"over has {len(axes)} axes; a map has one or two, and more in blocks (--store)"
+            f"over has {len(axes)} axes; a map has one or two, and bowstring.validity_grid more"
         )
     if len({axis.path for axis in axes}) < len(axes):
         raise InputError(f"both axes are {axes[0].path}; give two different ones")
@@ -488,7 +493,8 @@ def map_metric(
     """
     if not 0.0 < number("tolerance", tolerance) < 1.0:
         raise InputError.of("tolerance", f"{tolerance:g}", "above 0 and below 1")
-    by_tension = any(axis.path == "tension" for axis in space.axes)
+    axes = (*space.axes, *(axis for axis, _ in space.fixed))
+    by_tension = any(axis.path == "tension" for axis in axes)
     chosen: Metric = metric or ("error" if by_tension else "largest_error")
     choice("metric", chosen, list(METRICS))
     if by_tension and chosen != "error":
@@ -539,7 +545,7 @@ def _in_parts(
     )
 
 
-def _part(shape: tuple[int, ...], axes: int) -> NDArray[np.intp]:
+def coarser(shape: tuple[int, ...], axes: int) -> NDArray[np.intp]:
     """Indices of the points of a coarser grid, for causes and second equilibria."""
     index = np.arange(int(np.prod(shape))).reshape(shape)
     step = max(1, int(np.ceil((index.size / _MOST_CAUSES) ** (1.0 / axes))))
@@ -566,7 +572,7 @@ def _two_equilibria(
     return np.asarray(two)
 
 
-def _causes(
+def causes_of(
     space: Space,
     axes: tuple[Axis, ...],
     points: Floats,

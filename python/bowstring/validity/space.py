@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,6 +151,32 @@ class Space:
     """Gravity (that of the robot if None) and tip force that no axis changes."""
     loads: int = 17
     """Loads of the ramp."""
+    fixed: tuple[tuple[Axis, float], ...] = ()
+    """Axes of a larger space that have one value here, SI."""
+
+    def at(self, values: Mapping[int, float]) -> Space:
+        """The space with one value for some axes, by their index, SI."""
+        robot, load, end = self.robot, self.load, self.max_tension
+        for i, value in values.items():
+            axis = self.axes[i]
+            if axis.path == "tension":
+                end = value
+            elif axis.is_load:
+                name, _, along = axis.path.partition(".")
+                vector = self._vector(robot, name, load)
+                vector["xyz".index(along)] = value
+                load = load.replace(**{name: vector})
+            else:
+                number = int(value) if axis.is_whole else value
+                robot = robot.with_(dict.fromkeys(full_paths(robot, axis.path), number))
+        return replace(
+            self,
+            robot=robot,
+            axes=tuple(axis for i, axis in enumerate(self.axes) if i not in values),
+            max_tension=end,
+            load=load,
+            fixed=(*self.fixed, *((self.axes[i], value) for i, value in values.items())),
+        )
 
     def errors(self, points: Floats, names: Sequence[str], effect: str | None = None) -> Errors:
         """Errors of constant curvature at points (P, A).
@@ -204,6 +230,13 @@ class Space:
             out[rows] = follow(rods, tension[:, -1:], self.shares).tip[:, 0]
         return out
 
+    @staticmethod
+    def _vector(robot: Robot, name: str, load: Load) -> Floats:
+        """Gravity or tip force (3,) where no axis changes it."""
+        given = getattr(load, name)
+        base = robot.gravity if name == "gravity" and given is None else given
+        return np.zeros(3) if base is None else np.array(base, dtype=float)
+
     def _groups(self, points: Floats) -> Iterator[tuple[NDArray[np.intp], Rods, Floats]]:
         """Points with the same disks: their rows, rods, and ramps (D, L)."""
         whole = [i for i, axis in enumerate(self.axes) if axis.is_whole]
@@ -228,9 +261,8 @@ class Space:
             elif axis.is_load:
                 name, _, along = axis.path.partition(".")
                 if name not in vectors:
-                    given = getattr(self.load, name)
-                    base = robot.gravity if name == "gravity" and given is None else given
-                    vectors[name] = np.tile(np.zeros(3) if base is None else base, (len(points), 1))
+                    base = self._vector(robot, name, self.load)
+                    vectors[name] = np.tile(base, (len(points), 1))
                 vectors[name][:, "xyz".index(along)] = points[:, i]
             elif not axis.is_whole:
                 values[axis.path] = points[:, i]

@@ -1,0 +1,433 @@
+"""Map of the validity of constant curvature over any number of numbers, and its slices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.blocks import Job, Store
+from bowstring.blocks.dataset import check_data_set, save
+from bowstring.display import short_repr
+from bowstring.errors import InputError
+from bowstring.formatting import in_newtons, in_percent, listed, significant
+from bowstring.robot.model import Robot
+from bowstring.statics.load import Load
+from bowstring.units import quote, read_number
+from bowstring.validation import numbers
+from bowstring.validity.axes import Axis
+from bowstring.validity.effects import EFFECTS
+from bowstring.validity.errors import LABELS
+from bowstring.validity.jobs import Points, map_job
+from bowstring.validity.loading import Loading
+from bowstring.validity.maps import (
+    Metric,
+    ValidityMap,
+    causes_of,
+    coarser,
+    map_space,
+)
+from bowstring.validity.space import Space
+from bowstring.viz.style import check_figure_file, write_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from bowstring.schemas import maps as schema
+
+__all__ = [
+    "MOST_DRAWN",
+    "MOST_POINTS",
+    "ValidityGrid",
+    "check_grid_file",
+    "compute_grid",
+    "read_grid",
+    "validity_grid",
+]
+
+Floats = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+MOST_POINTS: Final = 20_000
+"""Most points of a map over more than two axes that is computed without blocks."""
+MOST_DRAWN: Final = 5_000_000
+"""Most points of a map in blocks that is read into memory, for a figure or slices."""
+_NUMBERS: Final = (".nc", ".zarr")
+_SUFFIXES: Final = (".png", ".pdf", ".svg", *_NUMBERS)
+
+
+@short_repr
+@dataclass(frozen=True)
+class ValidityGrid:
+    """Validity of constant curvature over any number of axes.
+
+    Made by `validity_grid`, or by `read_grid` of a map in blocks.
+    """
+
+    job: Job
+    """Job of the points, with description, labels and units."""
+    value: dict[str, Floats]
+    """Metric by model, a dimension for each axis in their order; NaN without a value."""
+    solved: NDArray[np.bool_]
+    """Whether all loads of a point have a stable equilibrium, with the same dimensions."""
+    cause: dict[str, NDArray[np.str_]]
+    """Effect with more than half of the error, by model, on every `step`-th point of each axis;
+    empty text where none has. Without entries for the metric ``valid_to``."""
+    step: int
+    """Step along each axis between the points of `cause`."""
+
+    @property
+    def space(self) -> Space:
+        """Robot, axes, loads and sweep."""
+        return _points(self.job).space
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Axes in their order."""
+        return self.space.axes
+
+    @property
+    def tolerance(self) -> float:
+        """Tolerated tip error as a share of the length."""
+        return _points(self.job).tolerance
+
+    @property
+    def metric(self) -> Metric:
+        """What `value` is, one of `bowstring.validity.maps.METRICS`."""
+        return _points(self.job).metric
+
+    def slice(
+        self, at: Mapping[str, float | str] | None = None, /, **values: float | str
+    ) -> ValidityMap:
+        """Map over the one or two axes that are left when the others have one value.
+
+        It is computed anew, so that the values need not be points of the map, and its line at the
+        tolerance is refined.
+
+        Parameters
+        ----------
+        at : mapping of str to float or str, optional
+            Value of an axis by its path or the end of it, in SI or with a unit, such as
+            ``{"tip_force.x": "0.5 N"}``.
+        **values : float or str
+            The same for paths without a dot, such as ``tension=40``.
+
+        Returns
+        -------
+        ValidityMap
+
+        Raises
+        ------
+        InputError
+            If a path is no axis, a value is outside of its axis, or not one or two axes are left.
+
+        Examples
+        --------
+        >>> import bowstring as bs
+        >>> axes = ["tension=0:80 N:5", "E=30:40 GPa:3", "tip_force.x=-1:1 N:3"]
+        >>> found = bs.validity_grid(bs.load_robot("amouri2019"), axes)
+        >>> found.slice({"tip_force.x": 0.0, "E": "35 GPa"}).contour["cc_from_force"][0].round(1)
+        array([[56.1]])
+        """
+        fixed: dict[int, float] = {}
+        for path, value in {**(at or {}), **values}.items():
+            i = self._index(path)
+            if i in fixed:
+                raise InputError(f"slice has two values for the axis {self.axes[i].path}")
+            fixed[i] = _value_on(self.axes[i], value)
+        left = len(self.axes) - len(fixed)
+        if not 1 <= left <= 2:
+            paths = listed([axis.path for axis in self.axes])
+            raise InputError(
+                f"slice leaves {left} axes of {paths}; give values for all but one or two of them"
+            )
+        return map_space(
+            self.space.at(fixed), self.tolerance, self.metric, _points(self.job).models
+        )
+
+    def _index(self, path: str) -> int:
+        paths = [axis.path for axis in self.axes]
+        found = [i for i, own in enumerate(paths) if own == path or own.endswith(f".{path}")]
+        if len(found) != 1:
+            raise InputError(f"slice: got {quote(path)}; must be one of the axes {listed(paths)}")
+        return found[0]
+
+    def figure(self) -> Figure:
+        """Draw parallel coordinates of all points, and slices, whose lines it computes.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            For each model the parallel coordinates and, below them, a row of slices over the first
+            two axes at values of the third. Further axes have the robot's own value there, or the
+            middle of their range.
+        """
+        from bowstring.validity.grid_figure import draw_grid
+
+        return draw_grid(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the map to a file, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+            Its suffix tells the format: a figure (PNG, PDF or SVG), or a data set with
+            coordinates and units (NetCDF ``.nc``, or a folder ``.zarr``, which needs the extra
+            ``cluster``). A map of before is replaced.
+
+        Returns
+        -------
+        Path
+            Absolute path.
+
+        Raises
+        ------
+        InputError
+            If it cannot be written.
+        """
+        file = check_grid_file(path)
+        if file.suffix.lower() not in _NUMBERS:
+            return write_figure(self.figure, file, "map", 160, check_grid_file)
+        flat = {name: value.ravel() for name, value in self.value.items()}
+        flat["solved"] = self.solved.ravel().astype(np.int8)
+
+        def read(first: int, count: int) -> dict[str, NDArray[Any]]:
+            return {name: values[first : first + count] for name, values in flat.items()}
+
+        return save(self.job, read, file)
+
+    def described(self) -> list[str]:
+        """What the map says, in sentences."""
+        out = []
+        for name, value in self.value.items():
+            known = np.isfinite(value)
+            if not known.any():
+                out.append(f"Constant curvature {LABELS[name]} has no arc anywhere on the map.")
+                continue
+            first = f"Constant curvature {LABELS[name]} holds to {in_percent(self.tolerance, 3)}"
+            if self.metric == "valid_to":
+                low, high = float(value[known].min()), float(value[known].max())
+                top = f"; the sweep ends at {self.space.max_tension:.4g} N"
+                out.append(f"{first} of length up to {in_newtons(low, high)} on this map{top}.")
+                continue
+            inside = int((known & (value <= self.tolerance)).sum())
+            words = f"{first} of length at {inside} of {value.size} points"
+            coarse = value[(slice(None, None, self.step),) * value.ndim]
+            effects = self.cause[name][coarse > self.tolerance]
+            counts = {e: int((effects == e).sum()) for e in EFFECTS}
+            acting = sorted((e for e in EFFECTS if counts[e]), key=lambda e: -counts[e])
+            if acting and inside < known.sum():
+                words += f"; main cause of the error: {listed([EFFECTS[e] for e in acting])}"
+                words += ", each in its part of the map" if len(acting) > 1 else ""
+            out.append(f"{words}.")
+        missing = int((~self.solved).sum())
+        if missing:
+            out.append(f"{missing} of {self.solved.size} points: no stable equilibrium.")
+        return out
+
+    def to_dict(self) -> schema.GridValues:
+        """Return plain values: axes in SI, errors in percent of the length, tensions in N."""
+        scale = 1.0 if self.metric == "valid_to" else 100.0
+        return {
+            "tolerance_percent": 100.0 * self.tolerance,
+            "metric": self.metric,
+            "max_tension_N": self.space.max_tension,
+            "axes": [
+                {
+                    "path": axis.path,
+                    "label": axis.label,
+                    "unit": axis.units[0],
+                    "values": axis.values.tolist(),
+                }
+                for axis in self.axes
+            ],
+            "maps": [
+                {"name": name, "values": (scale * value).tolist()}
+                for name, value in self.value.items()
+            ],
+            "solved": self.solved.tolist(),
+        }
+
+
+def _points(job: Job) -> Points:
+    if not isinstance(job.evaluate, Points):
+        raise InputError("the job is no map; make it by bowstring.validity.jobs.map_job")
+    return job.evaluate
+
+
+def _value_on(axis: Axis, value: float | str) -> float:
+    """A value on an axis in SI."""
+    if isinstance(value, str):
+        try:
+            value = read_number(value, axis.units[0])
+        except ValueError as error:
+            raise InputError(f"slice: {axis.path} got {quote(value)}, {error}") from None
+    value = float(numbers(f"value of {axis.path}", value, ()))
+    low, high = sorted((axis.start, axis.stop))
+    unit = f" {axis.units[1]}" if axis.units[1] else ""
+    near = 1e-12 * (high - low)
+    if not low - near <= value <= high + near or (axis.is_whole and value != int(value)):
+        kind = "a whole number from " if axis.is_whole else ""
+        ends = f"{low / axis.factor:g} to {high / axis.factor:g}{unit}"
+        raise InputError(
+            f"slice: {axis.path} is {significant(value / axis.factor, 6)}{unit}; must be "
+            f"{kind}{ends}, as on the map"
+        )
+    return value
+
+
+def check_grid_file(path: str | Path) -> Path:
+    """Check before any work that a map over more than two axes may be written.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Path
+        Absolute path.
+    """
+    file = Path(path)
+    if file.suffix.lower() in _NUMBERS:
+        return check_data_set(file)
+    return check_figure_file(file, "map", _SUFFIXES)
+
+
+def validity_grid(
+    robot: Robot,
+    over: Sequence[str | Axis],
+    *,
+    tolerance: float = 0.01,
+    metric: Metric | None = None,
+    models: Sequence[str] = ("cc_from_lengths", "cc_from_force"),
+    loading: Loading | None = None,
+    load: Load | None = None,
+    progress: Progress | None = None,
+) -> ValidityGrid:
+    """Map where constant curvature holds, over any number of axes, in memory.
+
+    Parameters
+    ----------
+    robot, tolerance, metric, models, loading, load, progress
+        As for `bowstring.validity_map`.
+    over : sequence of str or Axis
+        Axes as for `bowstring.validity_map`, at least one.
+
+    Returns
+    -------
+    ValidityGrid
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, or the map has more than 20 000 points. `read_grid` reads a larger
+        one that was computed in blocks.
+
+    Examples
+    --------
+    >>> import bowstring as bs
+    >>> axes = ["tension=0:80 N:5", "E=30:40 GPa:3", "tip_force.x=-1:1 N:3"]
+    >>> bs.validity_grid(bs.load_robot("amouri2019"), axes).value["cc_from_force"].shape
+    (5, 3, 3)
+    """
+    job = map_job(
+        robot,
+        over,
+        tolerance=tolerance,
+        metric=metric,
+        models=models,
+        loading=loading,
+        load=load,
+    )
+    return compute_grid(job, progress)
+
+
+def compute_grid(job: Job, progress: Progress | None = None) -> ValidityGrid:
+    """Compute a job of `bowstring.validity.jobs.map_job` in memory.
+
+    Parameters
+    ----------
+    job : Job
+    progress : callable, optional
+        Called with a word and the finished share.
+
+    Returns
+    -------
+    ValidityGrid
+
+    Raises
+    ------
+    InputError
+        If it has more than 20 000 points.
+    """
+    if job.points > MOST_POINTS:
+        raise InputError(
+            f"the map has {job.points} points, and over more than two axes at most {MOST_POINTS} "
+            "are computed at once; give fewer points, or a folder for blocks (--store DIR)"
+        )
+    notify = progress or (lambda what, done: None)
+    parts = []
+    for block in range(job.blocks):
+        notify("errors", 0.9 * block / job.blocks)
+        parts.append(job.evaluate(*job.span(block)))
+    notify("causes", 0.9)
+    return _grid(job, {name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+
+
+def read_grid(store: Store) -> ValidityGrid:
+    """Read a map in blocks, for its figure and its slices.
+
+    Parameters
+    ----------
+    store : Store
+        Blocks of a job of `bowstring.validity.jobs.map_job`, all computed.
+
+    Returns
+    -------
+    ValidityGrid
+
+    Raises
+    ------
+    InputError
+        If a block is missing, the job is no map, or it has more than 5 million points.
+    """
+    check_drawn(store.job)
+    return _grid(store.job, store.read(0, store.job.points))
+
+
+def check_drawn(job: Job) -> None:
+    """Refuse a map that is too large for a figure."""
+    _points(job)
+    if job.points > MOST_DRAWN:
+        raise InputError(
+            f"the map has {job.points:.3g} points, a figure has at most {MOST_DRAWN:.0e}; write a "
+            "data set (.nc, .zarr)"
+        )
+
+
+def _grid(job: Job, flat: Mapping[str, NDArray[Any]]) -> ValidityGrid:
+    """Give flat arrays their dimensions, and find the causes."""
+    asked = _points(job)
+    axes, shape = asked.space.axes, tuple(job.axes.values())
+    value = {name: np.asarray(flat[name]).reshape(shape) for name in asked.models}
+    part = coarser(shape, len(shape))
+    cause: dict[str, NDArray[np.str_]] = {}
+    if asked.metric != "valid_to":
+        places = np.unravel_index(part.ravel(), shape)
+        points = [axis.values[place] for axis, place in zip(axes, places, strict=True)]
+        found, _ = causes_of(
+            asked.space,
+            axes,
+            np.stack(points, axis=1),
+            asked.models,
+            lambda errors, name: errors.metric(asked.metric, name, asked.tolerance),
+        )
+        cause = {name: effects.reshape(part.shape) for name, effects in found.items()}
+    step = next((-(-a // b) for a, b in zip(shape, part.shape, strict=True) if b > 1), 1)
+    return ValidityGrid(job, value, flat["solved"].reshape(shape) == 1, cause, step)
