@@ -139,6 +139,8 @@ def test_a_region_without_equilibrium_is_drawn(tmp_path: Path) -> None:
     soft = validity_grid(upright, axes, loading=Loading(20.0))
     assert not soft.solved[0].any() and soft.solved[-1].all()
     assert "4 of 16 points: no stable equilibrium" in " ".join(soft.described())
+    kinds = _kinds(soft, FORCE)
+    assert ((kinds.of == len(kinds.colours) - 1) == ~soft.solved).all()
     assert soft.save(tmp_path / "map.png").exists()
 
 

@@ -18,6 +18,7 @@ from bowstring.validity.figures import (
     in_words,
     title_of,
 )
+from bowstring.validity.maps import STATES
 from bowstring.viz.style import LIGHT
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ class _Kinds(NamedTuple):
 
     of: NDArray[np.int64]
     """Kind of each point of the map; -1 where the tolerance holds, `len(colours) - 1` without a
-    comparison."""
+    stable equilibrium at all loads, or without an arc."""
     colours: list[Any]
     """Colour of each kind."""
     causes: list[str]
@@ -127,8 +128,10 @@ def _line_handles(found: ValidityGrid) -> list[Line2D | Patch]:
     if any(_own(found, axis) is not None for axis in found.axes):
         label = "this robot"
         out.append(Line2D([], [], color=LIGHT["ink"], lw=0.8, ls="--", label=label))
-    if not all(np.isfinite(value).all() for value in found.value.values()):
-        out.append(Patch(fc="none", ec=LIGHT["muted"], hatch="////", lw=0.0, label="no comparison"))
+    no_arc = any(np.isnan(value[found.solved]).any() for value in found.value.values())
+    if no_arc or not found.solved.all():
+        label = f"{STATES[2]}, or no arc" if no_arc else STATES[2]
+        out.append(Patch(fc="none", ec=LIGHT["muted"], hatch="////", lw=0.0, label=label))
     return out
 
 
@@ -188,7 +191,7 @@ def _kinds(found: ValidityGrid, name: str) -> _Kinds:
         of = np.full(value.shape, -1)
         for kind, key in enumerate(causes):
             of[(value > found.tolerance) & (effect == key)] = kind
-    of[~np.isfinite(value)] = len(colours)
+    of[~(np.isfinite(value) & found.solved)] = len(colours)
     return _Kinds(of, [*colours, "none"], causes)
 
 
@@ -214,7 +217,7 @@ def _lines(panel: Axes, found: ValidityGrid, name: str, kinds: _Kinds) -> None:
     rng = np.random.default_rng(0)
     of, value = kinds.of.ravel(), found.value[name].ravel()
     limit = found.metric == "valid_to"
-    known = np.flatnonzero(np.isfinite(value))
+    known = np.flatnonzero(of < len(kinds.colours) - 1)
     outside = known if limit else known[of[known] >= 0]
     inside = known[of[known] < 0]
     for points, strong in ((outside, False), (inside, True)):

@@ -35,9 +35,13 @@ class Points:
     """What a worker calls: the metric at some points of the grid of the axes."""
 
     space: Space
+    """Robot, axes, loads and sweep."""
     models: tuple[str, ...]
+    """Models of constant curvature."""
     metric: Metric
+    """What is mapped."""
     tolerance: float
+    """Tolerated tip error as a share of the length."""
 
     def __call__(self, first: int, count: int) -> dict[str, NDArray[Any]]:
         values = [axis.values for axis in self.space.axes]
