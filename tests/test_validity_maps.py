@@ -17,6 +17,7 @@ from bowstring.robot.designs import Designs, full_paths
 from bowstring.statics.designs import sweep_designs
 from bowstring.validity.axes import Axis, read_axis
 from bowstring.validity.contour import contours
+from bowstring.validity.errors import displacement_per_bend
 from bowstring.validity.jobs import map_job
 from bowstring.validity.loading import Loading
 from bowstring.validity.maps import STATES, described, validity_map
@@ -398,3 +399,75 @@ def test_the_command_computes_in_blocks(shell: Shell, tmp_path: Path) -> None:
     many = ["--over", "E=1:2 GPa:1001", "--over", "nu=0:0.4:1001", "--over", "length=1:2:1001"]
     too = shell.error("map", "amouri2019", *many, "--store", str(tmp_path / "other"))
     assert "at most" in too and not (tmp_path / "other").exists()
+
+
+# -- friction and commanded bends ----------------------------------------------------------------
+
+
+ELASTIC = ROBOT.with_(
+    {"segments.0.tendons.axial_stiffness": 3e4, "segments.0.tendons.pretension": 5.0}
+)
+
+
+def test_a_map_over_friction_follows_paths() -> None:
+    found = validity_map(ROBOT, ["tension=20:80 N:3", "friction=0:0.3:3"], loading=Loading(None, 9))
+    for i, friction in enumerate((0.0, 0.15, 0.3)):
+        for k, top in enumerate((20.0, 50.0, 80.0)):
+            tensions = np.outer(np.linspace(0.0, top, 9), [1.0, 0.0, 0.0])
+            path = bs.sweep(ROBOT.with_({"segments.0.tendons.friction": friction}), tensions)
+            arc = RobotArcs.from_tensions(ROBOT, tensions[-1]).tip.position
+            error = np.linalg.norm(arc - path.tip_position[-1]) / ROBOT.length
+            assert found.value[FORCE][i, k] == pytest.approx(error, abs=1e-9)
+    assert found.cause[LENGTHS][2, 2] == "friction"
+    assert found.cause[FORCE][0, 2] == "straight_spans"
+    assert set(np.unique(found.state)) == {0}
+
+
+def test_commanded_bends_are_displacements_of_all_tendons() -> None:
+    """With stretch and slack the tip misses the commanded arc; stiff taut tendons meet it."""
+    found = validity_map(ELASTIC, ["bend=10:90 deg:3", "pretension=5:40 N:2"])
+    assert list(found.value) == ["cc_from_displacements", LENGTHS]
+    radius = ELASTIC.tendons.pitch_radius_m[0]
+    angles = ELASTIC.tendons.angle_rad
+    for i, pretension in enumerate((5.0, 40.0)):
+        robot = ELASTIC.with_({"segments.0.tendons.pretension": pretension})
+        for k, bend in enumerate(np.radians([10.0, 50.0, 90.0])):
+            displacements = bend * radius * np.cos(angles - angles[0])
+            ramp = np.linspace(0.0, 1.0, 17)[:, None] * displacements
+            path = bs.sweep(robot, load=bs.Load(displacements=ramp))
+            arc = RobotArcs.from_lengths(robot, robot.length - displacements).tip.position
+            error = np.linalg.norm(arc - path.tip_position[-1]) / robot.length
+            assert found.value["cc_from_displacements"][i, k] == pytest.approx(error, abs=1e-9)
+            slack = (path.slack_lengths[-1] > 1e-9).any()
+            assert STATES[found.state[i, k]] == ("a tendon is slack" if slack else "solved")
+    assert {STATES[i] for i in np.unique(found.state)} == {"solved", "a tendon is slack"}
+    assert found.cause["cc_from_displacements"][0, 2] == "tendon_stretch"
+
+
+def test_bends_of_two_segments_have_the_direction_of_the_linear_law() -> None:
+    robot = bs.load_robot("rao2021")
+    designs = Designs(robot, {"segments.0.length": [robot.segments[0].length]})
+    shares = np.zeros(6)
+    shares[4] = 1.0
+    per_bend = displacement_per_bend(designs, shares)[0]
+    straight = robot.disks.station_m[robot.tendons.end_disk]
+    arcs = RobotArcs.from_lengths(robot, straight - per_bend)
+    assert arcs.theta.sum() == pytest.approx(1.0)
+    by_force = RobotArcs.from_tensions(robot, 0.1 * shares)
+    np.testing.assert_allclose(arcs.phi, by_force.phi)
+
+
+@pytest.mark.parametrize(
+    ("over", "options", "message"),
+    [
+        (["tension=0:80 N", "bend=0:90 deg"], {}, "one of them"),
+        (["bend=-10:90 deg"], {}, "negative bend"),
+        (["bend=0:90 deg"], {"metric": "valid_to"}, "sweep of the bend"),
+        (["tension=0:80 N"], {"models": ["cc_from_displacements"]}, "axis bend"),
+    ],
+)
+def test_bends_that_do_not_fit_are_refused(
+    over: list[str], options: dict[str, object], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        validity_map(ROBOT, over, **options)

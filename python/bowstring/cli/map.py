@@ -39,8 +39,8 @@ def map_(
         option(
             "PATH=FROM:TO[:N]",
             "An axis; give it again for more. A number of the robot file (E, "
-            "pitch_radius, segments.0.disks.count), tension, tip_force.x or gravity.z.  [default: "
-            "tension and number of disks]",
+            "pitch_radius, segments.0.disks.count), tension, bend, tip_force.x or gravity.z.  "
+            "[default: tension and number of disks]",
         ),
     ] = None,
     tolerance: Annotated[
@@ -50,18 +50,19 @@ def map_(
         Literal["largest_error", "mean_error", "error", "valid_to"] | None,
         typer.Option(
             help="What is mapped: an error over the sweep of the tension, the error at the tension "
-            "of an axis, or the tension up to which the tolerance holds.  [default: error with an "
-            "axis tension, else largest_error]"
+            "or bend of an axis, or the tension up to which the tolerance holds.  [default: error "
+            "with an axis tension or bend, else largest_error]"
         ),
     ] = None,
     models: Annotated[
-        str,
+        str | None,
         option(
             "NAME,...",
             "Models of constant curvature: cc_from_lengths, cc_from_force, cc_from_lengths_chord, "
-            "cc_from_force_arm, cc_from_force_calibrated.",
+            "cc_from_force_arm, cc_from_force_calibrated; with an axis bend "
+            "cc_from_displacements.  [default: cc_from_lengths,cc_from_force]",
         ),
-    ] = "cc_from_lengths,cc_from_force",
+    ] = None,
     max_tension: Annotated[
         str | None, option("T", "Largest tension of the sweep.  [default: chosen for the robot]")
     ] = None,
@@ -140,7 +141,7 @@ def map_(
         raise InputError("--over and --workspace are two kinds of map; give one of them.")
     loading = Loading(limit, points, shares)
     dead = Load(gravity=acting, tip_force=force)
-    names = [name.strip() for name in models.split(",")]
+    names = None if models is None else [name.strip() for name in models.split(",")]
     made = provenance_of(model, gravity_m_per_s2=acting, tip_force_N=force, points=points)
     jobs = partial(
         map_job,

@@ -54,7 +54,7 @@ class MapValues(Object):
     maps: Annotated[list[MapOfModel], about("Map of each model.")]
     cause_points: Annotated[Any, about("Values of each axis at the points of the causes.")]
     states: Annotated[
-        list[Literal["solved", "two equilibria", "no stable equilibrium"]],
+        list[Literal["solved", "two equilibria", "no stable equilibrium", "a tendon is slack"]],
         about("State of each point, row by row."),
     ]
     statics_error_percent: Annotated[

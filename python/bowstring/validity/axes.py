@@ -15,16 +15,20 @@ from bowstring.robot.messages import units_of_field
 from bowstring.robot.model import Robot
 from bowstring.units import NUMBER, has_no_unit, quote, read_number
 
-__all__ = ["LOADS", "MOST_POINTS", "Axis", "read_axis"]
+__all__ = ["LOADS", "MOST_POINTS", "RAMPS", "Axis", "read_axis"]
 
 Floats = NDArray[np.float64]
 
 LOADS: Final = {
     "tension": ("N", "N", "tension of the sweep"),
+    "bend": ("rad", "deg", "commanded bend"),
     **{f"tip_force.{q}": ("N", "N", f"tip force along {q}") for q in "xyz"},
     **{f"gravity.{q}": ("m/s^2", "m/s^2", f"gravity along {q}") for q in "xyz"},
 }
 """Axes that are not numbers of the robot file: SI unit, usual unit and label."""
+
+RAMPS: Final = ("tension", "bend")
+"""Axes along which a robot follows its ramp."""
 
 MOST_POINTS: Final = 1001
 """Most points of an axis."""
@@ -84,6 +88,8 @@ class Axis:
                 raise InputError(f"axis {self.path}: its ends must be whole numbers from 1")
         if self.path == "tension" and min(self.start, self.stop) < 0.0:
             raise InputError("axis tension: got a negative tension; a tendon can only pull")
+        if self.path == "bend" and min(self.start, self.stop) < 0.0:
+            raise InputError("axis bend: got a negative bend; actuate a tendon of the other side")
 
     @property
     def is_whole(self) -> bool:
@@ -123,9 +129,9 @@ class Axis:
         return f"{words}, {unit}" if unit else words
 
     def own_value(self, robot: Robot) -> float | None:
-        """The robot's own value in SI; None for a tension, and where its parts differ."""
+        """The robot's own value in SI; None for a ramp, and where its parts differ."""
         name, _, along = self.path.partition(".")
-        if self.path == "tension":
+        if self.path in RAMPS:
             return None
         if name == "tip_force":
             return 0.0

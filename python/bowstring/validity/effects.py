@@ -69,8 +69,7 @@ def acting(rods: Rods) -> list[str]:
 def without(rods: Rods, effect: str) -> Rods:
     """Return the same rods without one effect, all else the same.
 
-    A continuous tendon has no friction: compare rods without ``straight_spans`` with those without
-    ``friction``.
+    Without ``straight_spans`` they have no ``friction`` either: a continuous tendon has none.
     """
     zero = (0.0, 0.0, 0.0)
     if effect == "straight_spans":

@@ -25,6 +25,7 @@ __all__ = [
     "displacement_per_bend",
     "follow",
     "tip_errors",
+    "tip_offsets",
 ]
 
 Floats = NDArray[np.float64]
@@ -215,30 +216,34 @@ def arc_tips(designs: Designs, name: str, ramps: Ramps, scale: Floats | None = N
     return np.asarray(found).reshape(*commands.shape[:2], 3)
 
 
-def tip_errors(designs: Designs, ramps: Ramps, names: Sequence[str]) -> dict[str, Floats]:
-    """Tip errors (D, L) of models of constant curvature, m; NaN without equilibrium or arc.
+def tip_offsets(designs: Designs, ramps: Ramps, names: Sequence[str]) -> dict[str, Floats]:
+    """Tips by models of constant curvature less those by statics (D, L, 3), m.
 
-    ``cc_from_force_calibrated`` is the linear law with the bending stiffness that makes its mean
-    squared error over the ramp least, for each robot.
+    NaN without equilibrium or arc. ``cc_from_force_calibrated`` is the linear law with the bending
+    stiffness that makes its mean squared error over the ramp least, for each robot.
     """
-    out = {}
-    for name in names:
-        if name == "cc_from_force_calibrated":
-            out[name] = _calibrated(designs, ramps)
-        else:
-            out[name] = np.linalg.norm(arc_tips(designs, name, ramps) - ramps.tip, axis=-1)
-    return out
+    return {
+        name: _calibrated(designs, ramps)
+        if name == "cc_from_force_calibrated"
+        else arc_tips(designs, name, ramps) - ramps.tip
+        for name in names
+    }
+
+
+def tip_errors(designs: Designs, ramps: Ramps, names: Sequence[str]) -> dict[str, Floats]:
+    """Tip errors (D, L) of models of constant curvature, m: sizes of `tip_offsets`."""
+    offsets = tip_offsets(designs, ramps, names)
+    return {name: np.linalg.norm(offset, axis=-1) for name, offset in offsets.items()}
 
 
 def _calibrated(designs: Designs, ramps: Ramps) -> Floats:
     """Golden-section search of the logarithm of the stiffness, all robots at once."""
 
-    def errors(log_scale: Floats) -> Floats:
-        tips = arc_tips(designs, "cc_from_force", ramps, np.exp(log_scale))
-        return np.asarray(np.linalg.norm(tips - ramps.tip, axis=-1))
+    def offsets(log_scale: Floats) -> Floats:
+        return arc_tips(designs, "cc_from_force", ramps, np.exp(log_scale)) - ramps.tip
 
     def mean(log_scale: Floats) -> Floats:
-        squared = errors(log_scale) ** 2
+        squared = np.sum(offsets(log_scale) ** 2, axis=-1)
         return np.asarray(np.where(np.isfinite(squared), squared, 0.0).sum(axis=1))
 
     count = len(ramps.ramp)
@@ -253,4 +258,4 @@ def _calibrated(designs: Designs, ramps: Ramps) -> Floats:
         at_new = mean(new)
         at_a, at_b = np.where(left, at_new, at_b), np.where(left, at_a, at_new)
         a, b = a_next, b_next
-    return errors(0.5 * (low + high))
+    return offsets(0.5 * (low + high))

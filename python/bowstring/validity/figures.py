@@ -43,7 +43,11 @@ CAUSES: Final = {
     "torsion": "green",
     "gravity": "red",
     "tip_force": "ink",
+    "friction": "sky",
+    "tendon_stretch": "blue",  # by displacement, where straight spans have no entry
 }
+HATCHES: Final = ((1, "...."), (2, "////"), (3, "\\\\"))
+"""Indices in `STATES`, and their hatches."""
 SHADE: Final = 0.35
 _LEVELS: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # share of length
 _LINES: Final = ("blue", "red", "green", "purple", "amber")
@@ -115,7 +119,7 @@ def _curves(found: ValidityMap) -> Figure:
 
 def _shade_states(panel: Axes, found: ValidityMap, x: Floats) -> None:
     half = 0.5 * np.abs(np.diff(x)).mean()
-    for state, hatch in ((1, "...."), (2, "////")):
+    for state, hatch in HATCHES:
         for i, at in enumerate(x[found.state == state]):
             panel.axvspan(
                 at - half,
@@ -161,7 +165,7 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
             handles.append(Patch(fc=LIGHT[colour], alpha=SHADE, label=label))
     if "" in present:
         handles.append(Patch(fc=LIGHT["grid"], label="no single main cause"))
-    for state, hatch in ((1, "...."), (2, "////")):
+    for state, hatch in HATCHES:
         if np.any(found.state == state):
             handles.append(
                 Patch(fc="none", ec=LIGHT["muted"], hatch=hatch, lw=0.0, label=STATES[state])
@@ -209,10 +213,10 @@ def draw_region(panel: Axes, found: ValidityMap, name: str) -> set[str]:
         for line in found.contour[name]:
             u, v = (line[:, i] / found.axes[i].factor for i in range(2))
             panel.plot(u, v, color=LIGHT["ink"], lw=2.0)
-    for state, hatch in ((1, "...."), (2, "////")):
+    for state, hatch in HATCHES:
         where = np.where(found.state == state, 1.0, np.nan)
         if np.isfinite(where).any():
-            panel.contourf(
+            drawn = panel.contourf(
                 x,
                 y,
                 np.nan_to_num(where),
@@ -220,6 +224,8 @@ def draw_region(panel: Axes, found: ValidityMap, name: str) -> set[str]:
                 colors="none",
                 hatches=[hatch],
             )
+            drawn.set_edgecolor(LIGHT["muted"])
+            drawn.set_linewidth(0.0)
     for i, own in _marked(found):
         mark = panel.axvline if i == 0 else panel.axhline
         mark(own, color=LIGHT["ink"], lw=0.8, ls="--")

@@ -305,7 +305,7 @@ def validity_grid(
     *,
     tolerance: float = 0.01,
     metric: Metric | None = None,
-    models: Sequence[str] = ("cc_from_lengths", "cc_from_force"),
+    models: Sequence[str] | None = None,
     loading: Loading | None = None,
     load: Load | None = None,
     progress: Progress | None = None,

@@ -18,7 +18,7 @@ from bowstring.statics.load import Load
 from bowstring.validity.axes import Axis, read_axis
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
-from bowstring.validity.maps import METRICS, Metric, map_metric, space_of
+from bowstring.validity.maps import METRICS, Metric, map_metric, map_models, space_of
 from bowstring.validity.space import Space
 
 __all__ = ["Points", "map_job"]
@@ -60,7 +60,7 @@ def map_job(
     *,
     tolerance: float = 0.01,
     metric: Metric | None = None,
-    models: Sequence[str] = ("cc_from_lengths", "cc_from_force"),
+    models: Sequence[str] | None = None,
     loading: Loading | None = None,
     load: Load | None = None,
     block: int | None = None,
@@ -101,12 +101,13 @@ def map_job(
     if len({axis.path for axis in axes}) < len(axes):
         raise InputError("two axes are the same; give different ones")
     space = space_of(robot, axes, loading, load)
+    models = map_models(space, models)
     chosen = map_metric(space, metric, models, tolerance)
     count = math.prod(len(axis.values) for axis in axes)
     unit = "N" if chosen == "valid_to" else "1"
     shown = {"gravity": space.load.gravity, "tip_force": space.load.tip_force}
     return Job(
-        Points(space, tuple(models), chosen, tolerance),
+        Points(space, models, chosen, tolerance),
         {f"axis_{i}": len(axis.values) for i, axis in enumerate(axes, 1)},
         {
             **{

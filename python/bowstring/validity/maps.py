@@ -18,7 +18,7 @@ from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, number
-from bowstring.validity.axes import Axis, read_axis
+from bowstring.validity.axes import RAMPS, Axis, read_axis
 from bowstring.validity.contour import Line, Refined, contours
 from bowstring.validity.effects import EFFECTS, acting
 from bowstring.validity.errors import LABELS
@@ -44,6 +44,7 @@ __all__ = [
     "described",
     "end_of_ramp",
     "map_metric",
+    "map_models",
     "map_space",
     "read_axes",
     "space_of",
@@ -62,9 +63,10 @@ METRICS: Final[dict[str, str]] = {
 }
 """Metrics of a map, and what they are."""
 
-STATES: Final = ("solved", "two equilibria", "no stable equilibrium")
+STATES: Final = ("solved", "two equilibria", "no stable equilibrium", "a tendon is slack")
 """States of a point: solved; another stable equilibrium exists at the end of the ramp, so that the
-robot may snap through; some load of the ramp has no stable equilibrium."""
+robot may snap through; some load of the ramp has no stable equilibrium; a tendon under displacement
+control is slack at the end of the ramp."""
 
 MOST_SOLVES: Final = 100_000_000
 """Most equilibria of one map in memory."""
@@ -257,7 +259,7 @@ def validity_map(
     *,
     tolerance: float = 0.01,
     metric: Metric | None = None,
-    models: Sequence[str] = ("cc_from_lengths", "cc_from_force"),
+    models: Sequence[str] | None = None,
     loading: Loading | None = None,
     load: Load | None = None,
     progress: Progress | None = None,
@@ -271,17 +273,21 @@ def validity_map(
     Parameters
     ----------
     robot : Robot
-        Robot of all numbers that no axis changes. Its friction is left out.
+        Robot of all numbers that no axis changes. Its friction is left out, except with an axis
+        friction or ``bend``.
     over : sequence of str or Axis, optional
         One or two axes, such as ``"tension=0:80 N:41"`` or ``"segments.*.disks.count=3:15"``. The
-        default is the tension of the sweep and the number of disks.
+        default is the tension of the sweep and the number of disks. With ``"bend=0:90 deg"`` the
+        motors command the displacements of that bend by constant curvature.
     tolerance : float
         Tolerated tip error as a share of the length.
     metric : {"largest_error", "mean_error", "error", "valid_to"}, optional
         What is mapped. The default is the error at the tension of the axis, or, where no axis is
         the tension, the largest error over the ramp.
-    models : sequence of str
-        Models of constant curvature, of `bowstring.validity.errors.LABELS`.
+    models : sequence of str, optional
+        Models of constant curvature, of `bowstring.validity.errors.LABELS`. The default is from
+        lengths and from force; with the axis ``bend`` from commanded displacements and from
+        lengths.
     loading : Loading, optional
         Actuated tendons, end of the ramp and number of its loads.
     load : Load, optional
@@ -317,7 +323,7 @@ def map_space(
     space: Space,
     tolerance: float,
     metric: Metric | None = None,
-    models: Sequence[str] = ("cc_from_lengths", "cc_from_force"),
+    models: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> ValidityMap:
     """Map a space with one or two axes; `validity_map` makes the space.
@@ -333,6 +339,7 @@ def map_space(
     ValidityMap
     """
     axes = space.axes
+    models = map_models(space, models)
     chosen = map_metric(space, metric, models, tolerance)
     notify = progress or (lambda what, done: None)
 
@@ -349,7 +356,9 @@ def map_space(
     notify("causes", 0.7)
     part = coarser(shape, len(axes))
     state = np.where(found.converged.all(axis=1), 0, 2).reshape(shape)
-    state = np.where(_two_equilibria(space, points, found, part), np.maximum(state, 1), state)
+    if not space.has_friction:  # with friction, a pose depends on the path to it
+        state = np.where(_two_equilibria(space, points, found, part), np.maximum(state, 1), state)
+    state = np.where((state == 0) & found.slack.reshape(shape), 3, state)
     cause, cause_points = causes_of(space, axes, points[part.ravel()], models, measure)
     cause = {name: where.reshape(part.shape) for name, where in cause.items()}
     cause_points = tuple(places.reshape(part.shape) for places in cause_points)
@@ -398,7 +407,7 @@ def space_of(
     Parameters
     ----------
     robot : Robot
-        Its friction is left out.
+        Its friction is left out, except with an axis friction or ``bend``.
     axes : tuple of Axis
     loading, load
         As for `validity_map`.
@@ -413,7 +422,11 @@ def space_of(
         If the load has an actuation or a tip moment.
     """
     check_robot(robot)
-    robot = with_tendons(robot, {"friction": 0.0})
+    paths = [axis.path for axis in axes]
+    if "tension" in paths and "bend" in paths:
+        raise InputError("over has tension and bend; motors command one of them")
+    if "bend" not in paths and not any(path.endswith(".friction") for path in paths):
+        robot = with_tendons(robot, {"friction": 0.0})
     loading, load = instance("loading", loading, Loading), instance("load", load, Load)
     if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
         raise InputError("load has an actuation; of a map it is that of loading and of the axes")
@@ -494,19 +507,49 @@ def map_metric(
     if not 0.0 < number("tolerance", tolerance) < 1.0:
         raise InputError.of("tolerance", f"{tolerance:g}", "above 0 and below 1")
     axes = (*space.axes, *(axis for axis, _ in space.fixed))
-    by_tension = any(axis.path == "tension" for axis in axes)
-    chosen: Metric = metric or ("error" if by_tension else "largest_error")
+    ramp = next((axis.path for axis in axes if axis.path in RAMPS), None)
+    chosen: Metric = metric or ("largest_error" if ramp is None else "error")
     choice("metric", chosen, list(METRICS))
-    if by_tension and chosen != "error":
+    if ramp is not None and chosen != "error":
         raise InputError(
-            f"metric {chosen} is over a sweep of the tension, which is an axis here; give other "
+            f"metric {chosen} is over a sweep of the {ramp}, which is an axis here; give other "
             "axes, such as E=30:40 GPa"
         )
-    if chosen == "error" and not by_tension:
-        raise InputError("metric error is at the tension of an axis; give an axis tension")
+    if chosen == "error" and ramp is None:
+        raise InputError(
+            "metric error is at the tension or the bend of an axis; give an axis tension or bend"
+        )
+    return chosen
+
+
+def map_models(space: Space, models: Sequence[str] | None) -> tuple[str, ...]:
+    """Models of a map, as given or chosen for its axes.
+
+    Parameters
+    ----------
+    space : Space
+    models : sequence of str, optional
+        As for `validity_map`.
+
+    Returns
+    -------
+    tuple of str
+
+    Raises
+    ------
+    InputError
+        If a model is unknown or does not fit the axes.
+    """
+    commanded = "cc_from_displacements"
+    if models is None:
+        if space.by_displacement:
+            return (commanded, "cc_from_lengths")
+        return ("cc_from_lengths", "cc_from_force")
     for name in models:
         choice("models", name, list(LABELS))
-    return chosen
+        if name == commanded and not space.by_displacement:
+            raise InputError(f"{commanded} needs commanded displacements; give an axis bend")
+    return tuple(models)
 
 
 def _check_size(points: Floats, space: Space) -> None:
@@ -536,12 +579,13 @@ def _in_parts(
         return np.concatenate([of(part) for part in parts])
 
     return Errors(
-        joined(lambda e: e.tension),
+        joined(lambda e: e.ramp),
         joined(lambda e: e.length),
         joined(lambda e: e.converged),
         joined(lambda e: e.tip),
         joined(lambda e: e.tip_error),
         {name: joined(lambda e, name=name: e.error[name]) for name in models},  # type: ignore[misc]
+        joined(lambda e: e.slack),
     )
 
 
@@ -650,7 +694,7 @@ def described(found: ValidityMap) -> list[str]:
             many = ", each in its part of the map" if len(causes) > 1 else ""
             words += f"; main cause of the error: {named}{many}"
         out.append(words + ".")
-    counts = {STATES[i]: int((found.state == i).sum()) for i in (1, 2)}
+    counts = {STATES[i]: int((found.state == i).sum()) for i in (1, 2, 3)}
     for state, count in counts.items():
         if count:
             out.append(f"{count} of {found.state.size} points: {state}.")

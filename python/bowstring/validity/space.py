@@ -13,9 +13,9 @@ from bowstring.robot.designs import Designs, full_paths
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
-from bowstring.validity.axes import Axis
-from bowstring.validity.effects import Rods, without
-from bowstring.validity.errors import follow, tip_errors
+from bowstring.validity.axes import RAMPS, Axis
+from bowstring.validity.effects import Rods, acting, without
+from bowstring.validity.errors import follow, tip_offsets
 
 __all__ = ["Errors", "Space"]
 
@@ -25,10 +25,10 @@ Floats = NDArray[np.float64]
 @short_repr
 @dataclass(frozen=True)
 class Errors:
-    """Errors of constant curvature at P points, along a ramp of L tensions each."""
+    """Errors of constant curvature at P points, along a ramp of L tensions or bends each."""
 
-    tension: Floats
-    """Tensions (P, L), N."""
+    ramp: Floats
+    """Tensions, N, or commanded bends, rad, (P, L)."""
     length: Floats
     """Lengths of the robots (P,), m."""
     converged: NDArray[np.bool_]
@@ -39,6 +39,8 @@ class Errors:
     """Their estimated errors (P, L), m."""
     error: dict[str, Floats]
     """Tip errors by model (P, L), m."""
+    slack: NDArray[np.bool_]
+    """Whether a tendon is slack at the end of a ramp of bends (P,)."""
 
     def metric(self, metric: str, name: str, tolerance: float) -> Floats:
         """A metric of a model (P,), one of `bowstring.validity.maps.METRICS`."""
@@ -91,11 +93,11 @@ class Errors:
         first = np.where(stop.any(axis=1), np.argmax(stop, axis=1), share.shape[1])
         crosses = (first < share.shape[1]) & above[rows, np.minimum(first, share.shape[1] - 1)]
         before = np.maximum(first - 1, 0)
-        limit = self.tension[rows, before]
+        limit = self.ramp[rows, before]
         at = rows[crosses & (first > 0)]
         if at.size:
             k = first[at]
-            limit[at] = _crossing(self.tension[at], share[at], k, tolerance)
+            limit[at] = _crossing(self.ramp[at], share[at], k, tolerance)
         limit[first == 0] = 0.0
         return np.where(known[:, 0], limit, np.nan)
 
@@ -134,7 +136,8 @@ class Space:
     """Space of designs and loads: every point has a robot, a load and a ramp of tension.
 
     A point is a row of values in SI, one for each axis. The ramp goes from zero to `max_tension`,
-    or to the value of the axis ``tension``.
+    or to the value of the axis ``tension``. With the axis ``bend`` it is a ramp of bends that
+    constant curvature commands by displacements.
     """
 
     robot: Robot
@@ -144,7 +147,7 @@ class Space:
     shares: Floats
     """Share (T,) of the ramp's tension in each tendon."""
     max_tension: float
-    """End of the ramp, N."""
+    """End of the ramp, N; of a fixed bend, rad."""
     model: RodModel
     """Rod theory and tendon path."""
     load: Load = field(default_factory=Load)
@@ -154,12 +157,23 @@ class Space:
     fixed: tuple[tuple[Axis, float], ...] = ()
     """Axes of a larger space that have one value here, SI."""
 
+    @property
+    def by_displacement(self) -> bool:
+        """Whether the ramp is one of commanded bends."""
+        axes = (*self.axes, *(axis for axis, _ in self.fixed))
+        return any(axis.path == "bend" for axis in axes)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether the tendons of some point may have friction."""
+        return self.robot.has_friction or any(axis.path.endswith(".friction") for axis in self.axes)
+
     def at(self, values: Mapping[int, float]) -> Space:
         """The space with one value for some axes, by their index, SI."""
         robot, load, end = self.robot, self.load, self.max_tension
         for i, value in values.items():
             axis = self.axes[i]
-            if axis.path == "tension":
+            if axis.path in RAMPS:
                 end = value
             elif axis.is_load:
                 name, _, along = axis.path.partition(".")
@@ -189,7 +203,8 @@ class Space:
             Models of constant curvature, of `bowstring.validity.errors.LABELS`.
         effect : str, optional
             Effect that is removed from the rods, one of `bowstring.validity.effects.EFFECTS`;
-            constant curvature keeps the robots as they are.
+            constant curvature keeps the robots as they are. With friction, the change that straight
+            spans make is that without friction.
 
         Returns
         -------
@@ -204,19 +219,28 @@ class Space:
             np.full((*shape, 3), np.nan),
             np.full(shape, np.nan),
             {name: np.full(shape, np.nan) for name in names},
+            np.zeros(count, bool),
         )
-        for rows, rods, tension in self._groups(points):
+        for rows, rods, ramp in self._groups(points):
             known = rods.designs
-            if effect is not None:
-                rods = without(rods, effect)
-            ramps = follow(rods, tension, self.shares)
-            out.tension[rows] = tension
+            ramps = follow(rods if effect is None else without(rods, effect), ramp, self.shares)
+            offsets = tip_offsets(known, ramps, names)
+            if effect == "straight_spans" and "friction" in acting(rods):
+                # both rods without friction, which a continuous tendon cannot have
+                whole, free = (
+                    tip_offsets(known, follow(each, ramp, self.shares), names)
+                    for each in (rods, without(rods, "friction"))
+                )
+                offsets = {name: whole[name] - free[name] + offsets[name] for name in names}
+            out.ramp[rows] = ramp
+            if ramps.slack is not None:
+                out.slack[rows] = ramps.slack[:, -1]
             out.length[rows] = known.length
             out.converged[rows] = ramps.converged
             out.tip[rows] = ramps.tip
             out.tip_error[rows] = ramps.tip_error
-            for name, error in tip_errors(known, ramps, names).items():
-                out.error[name][rows] = error
+            for name, offset in offsets.items():
+                out.error[name][rows] = np.linalg.norm(offset, axis=-1)
         return out
 
     def rods(self, points: Floats) -> list[Rods]:
@@ -226,8 +250,8 @@ class Space:
     def cold_tip(self, points: Floats) -> Floats:
         """Tips (P, 3) at the ends of the ramps, solved from the straight robot at once, m."""
         out = np.full((len(points), 3), np.nan)
-        for rows, rods, tension in self._groups(points):
-            out[rows] = follow(rods, tension[:, -1:], self.shares).tip[:, 0]
+        for rows, rods, ramp in self._groups(points):
+            out[rows] = follow(rods, ramp[:, -1:], self.shares).tip[:, 0]
         return out
 
     @staticmethod
@@ -256,7 +280,7 @@ class Space:
         vectors: dict[str, Floats] = {}
         end = np.full(len(points), self.max_tension)
         for i, axis in enumerate(self.axes):
-            if axis.path == "tension":
+            if axis.path in RAMPS:
                 end = points[:, i]
             elif axis.is_load:
                 name, _, along = axis.path.partition(".")
@@ -268,5 +292,6 @@ class Space:
                 values[axis.path] = points[:, i]
         if not values:  # one number stands for all, so that there is a robot for each point
             values = {"segments.0.length": np.full(len(points), robot.segments[0].length)}
-        rods = Rods(Designs(robot, values), self.model, self.load.replace(**vectors))
+        load = self.load.replace(**vectors)
+        rods = Rods(Designs(robot, values), self.model, load, self.by_displacement)
         return rods, end[:, None] * np.linspace(0.0, 1.0, self.loads)

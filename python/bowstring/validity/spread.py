@@ -339,6 +339,7 @@ def _limit(nominal: Designs, ramps: Ramps, name: str, tolerance: float) -> Float
         ramps.tip,
         ramps.tip_error,
         {name: share},
+        np.zeros(len(share), bool),
     )
     found = errors.valid_to(name, tolerance)
     with np.errstate(invalid="ignore"):

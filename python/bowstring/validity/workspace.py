@@ -167,7 +167,7 @@ def workspace_map(
     *,
     poses: int = 4096,
     tolerance: float = 0.01,
-    models: Sequence[str] = ("cc_from_lengths", "cc_from_force"),
+    models: Sequence[str] | None = None,
     load: Load | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> WorkspaceMap:
@@ -214,6 +214,7 @@ def workspace_map(
     whole("poses", poses, 1, 1_000_000)
     if not 0.0 < number("tolerance", tolerance) < 1.0:
         raise InputError.of("tolerance", f"{tolerance:g}", "above 0 and below 1")
+    models = ("cc_from_lengths", "cc_from_force") if models is None else tuple(models)
     for name in models:
         choice("models", name, list(LAWS))
     load = instance("load", load, Load)

@@ -16,5 +16,6 @@ COLOURS: Final = {
     "green": ("#007a5a", "#2fc79a"),
     "purple": ("#9c4c83", "#dc94c2"),
     "amber": ("#9a6a00", "#e8b44a"),
+    "sky": ("#3fa9d6", "#9adcf5"),
 }
 """Value of each colour on a light and on a dark background."""
