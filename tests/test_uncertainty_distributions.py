@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from bowstring.uncertainty import (
     Uniform,
     read_distributions,
 )
+from bowstring.validity.axes import read_axis
 
 E = "segments.*.backbone.E"
 U = np.array([1e-6, 0.01, 0.3, 0.5, 0.9, 1 - 1e-6])
@@ -102,7 +104,7 @@ def test_a_file_gives_distributions_in_si(robot: bs.Robot, tmp_path: Path) -> No
     assert found.independent[5].support == pytest.approx((0.99 * 0.029, 1.01 * 0.029))
     assert found.independent[7:] == (Uniform(49.0, 51.0), Normal(0.0, 0.2))
     assert found.factors[:2] == ("E", "diameter") and found.factors[-3:] == (
-        "gravity.2", "tensions.*", "tip_force.x"
+        "gravity.z", "tensions.*", "tip_force.x"
     )  # fmt: skip
     values = found.by_path(found.ppf(np.full((2, 9), 0.5)))
     assert set(values) >= {"segments.0.backbone.E", "tensions.0", "tensions.2", "tip_force.x"}
@@ -218,12 +220,12 @@ def _yaml(text: str) -> Any:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ("segments.*.backbone.Young: {normal: {sd: 5 %}}", "not the path of a number.*nearest"),
-        ("segments.*.tendon.friction: {normal: {sd: 1}}", r"nearest are segments\.\*\.tendons\.f"),
-        ("segments.3.length: {normal: {sd: 5 %}}", r"nearest are segments\.0\.length"),
-        ("segments.0.disks.count: {uniform: {from: 3, to: 9}}", "is not the path of a number"),
-        ("tip_force.w: {normal: {sd: 1 N}}", r"nearest are .*tip_force\.x"),
-        ("tensions.3: {normal: {sd: 1 N}}", r"nearest are tensions\."),
+        ("segments.*.backbone.Young: {normal: {sd: 5 %}}", r"has no number .*did you mean E\\?"),
+        ("segments.*.tendon.friction: {normal: {sd: 1}}", r"did you mean segments\.\*\.tendons\.f"),
+        ("segments.3.length: {normal: {sd: 5 %}}", r"did you mean segments\.0\.length"),
+        ("segments.0.disks.count: {uniform: {from: 3, to: 9}}", "is a whole number or a share"),
+        ("tip_force.w: {normal: {sd: 1 N}}", r"did you mean tip_force\.[xyz]"),
+        ("tensions.3: {normal: {sd: 1 N}}", r"did you mean tensions\."),
         (f"{E}: {{normal: {{mean: 35, sd: 2 GPa}}}}", 'mean is 35 without a unit, it .*"2 G'),
         (f"{E}: {{normal: {{mean: 35 GPa, sd: 2 mm}}}}", 'sd is "2 mm", but "mm" is not a unit'),
         (f"{E}: {{normal: {{mean: much, sd: 2 GPa}}}}", 'mean is "much", which is not a number'),
@@ -246,7 +248,7 @@ def _yaml(text: str) -> Any:
         ("tip_force.x: {normal: {mean: 0 N, sd: 5 %}}", "sd needs a nominal value, and none"),
         ("tip_force.x: {normal: {sd: 1 N}}", "mean needs a nominal value, and none"),
         (f"{E}: {{normal: {{sd: 1 %}}}}\nsegments.0.backbone.E: {{normal: {{sd: 1 %}}}}",
-         r"both have segments\.0\.backbone\.E; leave one of them out"),
+         r"segments\.0\.backbone\.E has two distributions"),
         ("calibration: {a: 1}", "calibration has no parameters with unit"),
         ("calibration: missing.json", r"missing\.json cannot be read: No such file"),
     ],
@@ -290,7 +292,7 @@ def test_different_nominal_values_have_no_share() -> None:
 
 def test_a_file_is_named_in_its_errors(robot: bs.Robot, tmp_path: Path) -> None:
     file = tmp_path / "u.yaml"
-    for text, message in (("", "is empty"), ("a: [", "line 2"), ("a: {b: 1}", '"a" is not the pa')):
+    for text, message in (("", "is empty"), ("a: [", "line 2"), ("a: {b: 1}", 'has no number "a"')):
         file.write_text(text)
         with pytest.raises(InputError, match=message) as caught:
             read_distributions(file, robot)
@@ -299,6 +301,40 @@ def test_a_file_is_named_in_its_errors(robot: bs.Robot, tmp_path: Path) -> None:
         read_distributions(tmp_path / "none.yaml", robot)
     with pytest.raises(InputError, match="no path"):
         read_distributions({}, robot)
+
+
+def test_a_short_path_is_that_of_an_axis_of_a_map(robot: bs.Robot) -> None:
+    for short in ("E", "backbone.E", "segments[0].backbone.E", "segments.*.backbone.E"):
+        one = read_distributions({short: {"normal": {"sd": "5 %"}}}, robot)
+        assert one.paths == ("segments.0.backbone.E",)
+        assert read_axis(f"{short}=1:2 GPa", robot).path == one.paths[0]
+    for text in ("gravity.z", "gravity.2"):
+        one = read_distributions({text: Normal(0.0, 1.0)}, robot)
+        assert one.paths == ("gravity.z",) and one.numbers[0].targets == ("gravity.2",)
+        assert read_axis(f"{text}=0:1", robot).path == "gravity.z"
+    two = bs.load_robot(Path(__file__).parents[1] / "examples" / "my_robot.yaml")
+    assert read_distributions({"E": Normal(5e10, 1e9)}, two).paths == ("segments.*.backbone.E",)
+
+
+@pytest.mark.parametrize(
+    ("distribution", "message"),
+    [
+        (Uniform(20e9, 30e9), r"E is 35 GPa .* above all samples \(up to 30 GPa\)"),
+        (Normal(40e9, 1e9), "below almost all samples"),
+        (LogNormal(20e9, 1e9), "above almost all samples"),
+        (Triangular(36e9, 37e9, 40e9), r"below all samples \(from 36 GPa\)"),
+    ],
+)
+def test_a_distribution_without_the_nominal_value_is_warned_of(
+    robot: bs.Robot, distribution: Any, message: str
+) -> None:
+    (warning,) = read_distributions({"E": distribution}, robot).warnings
+    assert re.search(message, warning)
+
+
+def test_a_distribution_with_the_nominal_value_at_its_end_is_fine(robot: bs.Robot) -> None:
+    given = {"clamped_length": Uniform(0.0, 0.003), "E": Normal(36e9, 1e9)}
+    assert read_distributions(given, robot).warnings == ()
 
 
 def test_direct_arguments_are_checked() -> None:

@@ -120,7 +120,7 @@ def test_the_figure_has_parallel_coordinates_and_slices(found: ValidityGrid) -> 
     figure = found.figure()
     assert len(figure.axes) == 2 * (1 + 3)
     words = [text.get_text() for text in figure.axes[0].texts]
-    assert {"clamped length, mm", "number of disks", "1 %", "80"} <= set(words)
+    assert {"clamped length (mm)", "number of disks", "1 %", "80"} <= set(words)
     titles = [panel.get_title() for panel in figure.axes[1:4]]
     assert titles == ["number of disks 7", "number of disks 9", "number of disks 11"]
     assert "Slices at tip force along x 0 N" in figure.legends[0].get_title().get_text()

@@ -7,15 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.axes import Axes
 from tests.shell import Shell
 
 import bowstring as bs
 from bowstring import blocks
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
-from bowstring.robot.designs import Designs, full_paths
+from bowstring.robot.designs import Designs
+from bowstring.robot.paths import full_paths
 from bowstring.statics.designs import sweep_designs
-from bowstring.validity.axes import Axis, read_axis
+from bowstring.validity.axes import Axis, axes_of, read_axis
 from bowstring.validity.contour import contours
 from bowstring.validity.errors import displacement_per_bend
 from bowstring.validity.jobs import map_job
@@ -283,17 +285,88 @@ def test_a_dataset_has_labels_and_units() -> None:
         ("tension=0:80 N:many", "whole number"),
         ("segments.0.disks.count=2.5:7", "whole numbers"),
         ("tension=0:80 N:100000000", "must be 2 to"),
+        ("pitch_radus=20:30 mm", "did you mean pitch_radius"),
+        ("young=20:30 GPa", "did you mean E"),
+        ("gravity.w=0:1", r"did you mean gravity\.z"),
+        ("E=20:50", 'write "20:50 GPa" if that is meant'),
+        ("E=-5:5 GPa", "got -5 GPa; must lie between"),
+        ("tendons.count=3:5", "keeps the number of tendons"),
     ],
 )
 def test_bad_axes_are_refused(text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        read_axis(text, ROBOT)
+        axes_of(ROBOT, [text])
+
+
+def test_the_same_number_twice_is_refused() -> None:
+    for pair in (["gravity.z=0:1", "gravity.2=0:1"], ["E=1:2 GPa", "backbone.E=1:2 GPa"]):
+        with pytest.raises(InputError, match="two axes are"):
+            axes_of(ROBOT, pair)
+    with pytest.raises(InputError, match=r"both have segments\.0\.backbone\.E"):
+        axes_of(bs.load_robot("crl-ftdcr-v4"), ["segments.0.backbone.E=50:60 GPa", "E=50:60 GPa"])
+
+
+def test_a_wide_range_of_disks_has_few_points() -> None:
+    assert len(read_axis("disks.count=3:5000", ROBOT).values) == 41
+    assert len(read_axis("disks.count=3:20", ROBOT).values) == 18
+
+
+def test_listed_disks_have_no_axis_and_the_map_says_so() -> None:
+    listed = ROBOT.with_({"segments.0.disks.positions": np.linspace(0.1, 0.641, 6)})
+    found = validity_map(listed, loading=Loading(40.0, 5))
+    assert [axis.path for axis in found.axes] == ["tension"]
+    assert "lists the positions of its disks" in described(found)[0]
+    given = validity_map(listed, ["tension=0:40 N:5"])
+    assert "positions" not in described(given)[0]
+
+
+# -- figures -----------------------------------------------------------------------------------
+
+
+def legend_of(panel: Axes) -> list[str]:
+    legend = panel.get_legend()
+    assert legend is not None
+    return [text.get_text() for text in legend.get_texts()]
+
+
+def test_a_curve_names_its_tendon_and_its_crossing() -> None:
+    found = validity_map(ROBOT, ["tension=0:80 N:9"], loading=Loading(80.0, tendon=2))
+    (panel,) = found.figure().axes
+    assert panel.get_xlabel() == found.to_dict()["axes"][0]["label"] == "tension of tendon 2 (N)"
+    assert "from force: 1 % at 56.1 N" in legend_of(panel)
+    assert not panel.texts  # nothing that could cover a curve
+
+
+def test_a_map_of_limits_has_the_range_of_the_sweep() -> None:
+    axes = ["E=30:40 GPa:3", "clamped_length=0:3 mm:3"]
+    found = validity_map(ROBOT, axes, metric="valid_to", loading=Loading(70.0))
+    figure = found.figure()
+    bars = [panel for panel in figure.axes if "holds up to (N)" in panel.get_ylabel()]
+    assert len(bars) == 2
+    for bar in bars:
+        assert bar.get_ylim() == (0.0, 70.0)
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "holds to the end, 70 N" in texts
+
+
+def test_the_colours_of_a_map_end_at_its_line() -> None:
+    """The number of disks is not refined, and its cells would step across the line."""
+    found = validity_map(ROBOT, ["tension=0:80 N:9", "disks.count=5:12"], models=[FORCE])
+    (panel,) = found.figure().axes
+    clips = [c.get_clip_path() for c in panel.collections if c.get_clip_path() is not None]
+    line = found.contour[FORCE][0]
+    edges = [clip.get_fully_transformed_path().vertices for clip in clips]
+    drawn = panel.transData.transform(line)
+    near = min(
+        max(float(np.linalg.norm(edge - point, axis=1).min()) for point in drawn) for edge in edges
+    )
+    assert near < 1.0  # pixels
 
 
 def test_a_start_takes_the_unit_of_the_end() -> None:
     axis = read_axis("E=20:50 GPa:4", ROBOT)
     assert (axis.start, axis.stop, axis.path) == (20e9, 50e9, "segments.0.backbone.E")
-    assert axis.label == "Young's modulus, GPa"
+    assert axis.label == "Young's modulus (GPa)"
 
 
 # -- the command -------------------------------------------------------------------------------
@@ -318,9 +391,9 @@ def test_the_command_writes_numbers(shell: Shell, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--over", "tension=0:80 N", "--over", "tension=0:40 N"), "give two different"),
-        (("--over", "E=1:2 GPa", "--over", "nu=0:0.4:31", "--over", "length=1:2:31"), "--store"),
-        (("--over", "E=1:2 GPa", "--over", "nu=0:0.4", "--over", "E=1:3 GPa"), "are the same"),
+        (("--over", "tension=0:80 N", "--over", "tension=0:40 N"), "two axes are tension"),
+        (("--over", "E=1:2 GPa", "--over", "nu=0:0.4:31", "--over", "length=1:2 m:31"), "--store"),
+        (("--over", "E=1:2 GPa", "--over", "nu=0:0.4", "--over", "E=1:3 GPa"), "two axes are"),
         (("--metric", "mean_error"), "give other axes"),
         (("--models", "cc_from_nothing"), "models"),
         (("--out", "map.txt"), "png"),
@@ -363,6 +436,23 @@ def test_the_command_maps_the_workspace(shell: Shell, tmp_path: Path) -> None:
     content = shell.json("map", "crl-ftdcr-v4", *args)
     assert len(content["tip_position_m"]) == 4096 and (tmp_path / "map.png").exists()
     assert "two kinds" in shell.error("map", "amouri2019", "--workspace", "--over", "E=1:2 GPa")
+    wrong = ("map", "amouri2019", "--workspace")
+    assert ".png" in shell.error(*wrong, "--out", str(tmp_path / "map.nc"))
+    assert "--metric" in shell.error(*wrong, "--metric", "valid_to")
+
+
+def test_hexagons_of_the_workspace_lie_within_the_figure() -> None:
+    found = bs.workspace_map(ROBOT, 40.0, poses=256)
+    figure = found.figure()
+    figure.draw_without_rendering()
+    for panel in figure.axes[:2]:
+        (cells,) = panel.collections
+        inside = panel.get_window_extent()
+        shape = cells.get_paths()[0].vertices  # of the first hexagon, about its centre
+        reach = np.abs(panel.transData.transform(shape) - panel.transData.transform((0, 0)))
+        places = panel.transData.transform(cells.get_offsets())
+        low, high = places.min(axis=0) - reach.max(axis=0), places.max(axis=0) + reach.max(axis=0)
+        assert (low >= (inside.x0, inside.y0)).all() and (high <= (inside.x1, inside.y1)).all()
 
 
 # -- in blocks ---------------------------------------------------------------------------------
@@ -464,6 +554,7 @@ def test_bends_of_two_segments_have_the_direction_of_the_linear_law() -> None:
         (["bend=-10:90 deg"], {}, "negative bend"),
         (["bend=0:90 deg"], {"metric": "valid_to"}, "sweep of the bend"),
         (["tension=0:80 N"], {"models": ["cc_from_displacements"]}, "axis bend"),
+        (["pretension=0:20 N"], {}, "add an axis bend"),
     ],
 )
 def test_bends_that_do_not_fit_are_refused(

@@ -78,7 +78,7 @@ def test_a_model_that_holds_everywhere_says_so() -> None:
     ("distributions", "message"),
     [
         ({"tensions.0": {"normal": {"mean": 9.0, "sd": 1.0}}}, "cannot vary here"),
-        ({"segments.*.backbone.young": {"normal": {"sd": "5 %"}}}, "nearest"),
+        ({"segments.*.backbone.young": {"normal": {"sd": "5 %"}}}, "did you mean"),
         ({E: {"normal": {"mean": 1e9, "sd": 1e9}}}, "log-normal|lognormal"),
     ],
 )
@@ -117,6 +117,34 @@ def test_the_command(shell: Shell, tmp_path: Path) -> None:
     code, out, _ = shell(*args, "--out", str(figure), "--max-tension", "40 N")
     assert code == 0 and "holds to 1 % of length up to" in out
     assert "--distributions" in shell.error(*args[:2], "--distributions", str(tmp_path / "no.yaml"))
+
+
+def test_the_figure_has_all_samples_and_the_median(found: Spread) -> None:
+    above = found.figure().axes[0]
+    held = np.isinf(found.limit).mean()
+    assert held > 0.0
+    shares = sum(bar.get_height() for bar in above.patches)  # of the histogram and of the end
+    assert shares == pytest.approx(100.0)
+    assert above.patches[-1].get_height() == pytest.approx(100.0 * held)
+    legend = above.get_legend()
+    assert legend is not None
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert f"holds to the end: {100.0 * held:.0f} %" in labels
+    median = above.lines[labels.index("median")].get_xdata()
+    np.testing.assert_allclose(median, np.quantile(found.limit, 0.5), rtol=0.02)
+
+
+def test_the_command_warns_of_a_robot_outside_its_distribution(
+    shell: Shell, tmp_path: Path
+) -> None:
+    file = tmp_path / "u.yaml"
+    file.write_text("E: {uniform: {from: 20 GPa, to: 30 GPa}}\n")
+    args = ("uncertainty", "amouri2019", "--distributions", str(file), "--samples", "64")
+    code, _, err = shell(*args, "--out", str(tmp_path / "u.png"))
+    assert code == 0 and "Warning: segments.0.backbone.E is 35 GPa" in err
+    assert "35 GPa" in shell.json(*args, "--out", str(tmp_path / "u.png"))["warnings"][-1]
+    file.write_text("E: {normal: {sd: 5 %}}\n")
+    assert "--samples: got 100" in shell.error(*args[:-1], "100")
 
 
 def test_loads_may_be_given() -> None:

@@ -58,6 +58,9 @@ def connected(client: str | Client) -> Iterator[Client]:
     if not isinstance(client, str):
         raise InputError.of("client", shown(client), "the address of a Dask scheduler or a Client")
     try:
+        if not client.startswith("inproc:"):
+            # with a wrong address, a Client hangs when it is deleted
+            distributed.comm.get_address_host_port(client)
         ours = distributed.Client(client, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         why = str(error).partition("\n")[0]

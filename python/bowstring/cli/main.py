@@ -138,6 +138,7 @@ _FLAGS: Final = {
     "displacements": ("--displacement", "--displacements"),
     "angles": ("--angle",),
     "parameters": ("--parameter",),
+    "count": ("--samples",),
 }
 # Flags from which an argument is made.
 _MADE_OF: Final = {

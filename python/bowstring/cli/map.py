@@ -135,13 +135,17 @@ def map_(
         read_axes,
         validity_map,
     )
-    from bowstring.validity.workspace import workspace_map
+    from bowstring.validity.workspace import check_workspace_file, workspace_map
 
     if workspace and over:
         raise InputError("--over and --workspace are two kinds of map; give one of them.")
+    if workspace and metric is not None:
+        raise InputError("--metric is of a map over axes; with --workspace the error is mapped.")
     loading = Loading(limit, points, shares)
     dead = Load(gravity=acting, tip_force=force)
-    names = None if models is None else [name.strip() for name in models.split(",")]
+    names = None
+    if models is not None:
+        names = list(dict.fromkeys(name.strip() for name in models.split(",")))
     made = provenance_of(model, gravity_m_per_s2=acting, tip_force_N=force, points=points)
     jobs = partial(
         map_job,
@@ -167,8 +171,11 @@ def map_(
         return _many(
             of_flag("--over", jobs, over), out or Path(f"{model.name}-map.png"), made, as_json
         )
-    axes = of_flag("--over", lambda texts: read_axes(model, texts, loading), over)
-    file = of_flag("--out", check_map_file, out or Path(f"{model.name}-map.png"))
+    check = check_workspace_file if workspace else check_map_file
+    file = of_flag("--out", check, out or Path(f"{model.name}-map.png"))
+    axes = None
+    if over:
+        axes = of_flag("--over", lambda texts: read_axes(model, texts, loading), over)
     with progress_bar("errors") as notify:
         if workspace:
             poses = workspace_map(

@@ -134,6 +134,8 @@ def study(
         from bowstring.uncertainty import read_distributions
 
         joint = of_flag("--uncertainty", lambda file: read_distributions(file, model), uncertainty)
+        for sentence in joint.warnings:
+            say("Warning", sentence)
     extras = Extras(solid, Settings(grip=grip or Settings.grip) if fe else None, joint)
     folder = of_flag("--out", check_folder, report.default_folder(model) if out is None else out)
     try:

@@ -21,7 +21,7 @@ from bowstring.cli.options import (
     shares_of,
     vector,
 )
-from bowstring.cli.output import progress_bar, provenance_of, write, write_json
+from bowstring.cli.output import progress_bar, provenance_of, say, write, write_json
 
 if TYPE_CHECKING:
     from bowstring.schemas import maps as schema
@@ -94,6 +94,8 @@ def uncertainty(
     joint = of_flag(
         "--distributions", lambda file: read_distributions(file, nominal), distributions
     )
+    for sentence in joint.warnings:
+        say("Warning", sentence)
     file = of_flag("--out", check, out or Path(f"{nominal.name}-uncertainty.png"))
     with progress_bar("samples") as notify:
         found = validity_spread(
@@ -111,6 +113,7 @@ def uncertainty(
         content: schema.Uncertainty = {
             **provenance_of(nominal, distributions=joint.to_dict(), samples=samples),
             **found.to_dict(),
+            "warnings": [*nominal.warnings, *joint.warnings],
             "file": written,
         }
         return write_json(content)

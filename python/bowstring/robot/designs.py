@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -17,11 +17,10 @@ from bowstring.errors import InputError
 from bowstring.robot.arrays import RobotArrays
 from bowstring.robot.disk import stacked
 from bowstring.robot.model import Robot, check_robot
-from bowstring.robot.overrides import expand
-from bowstring.units import quote
+from bowstring.robot.paths import full_paths
 from bowstring.validation import floats
 
-__all__ = ["Designs", "full_paths", "numbers_of"]
+__all__ = ["Designs"]
 
 Floats = NDArray[np.float64]
 
@@ -41,80 +40,6 @@ _LINE: Final = (
     "friction",
     "pretension_N",
 )
-
-
-def numbers_of(robot: Robot) -> list[tuple[str, float]]:
-    """Paths and values in SI of all numbers of a robot, also of those that its file leaves out.
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    list of (str, float)
-        Paths such as ``segments.0.backbone.E``; a list of numbers has one for each.
-    """
-    return list(_numbers(robot.model_dump(mode="json", exclude_none=True), ""))
-
-
-def _numbers(value: Any, path: str) -> Iterator[tuple[str, float]]:
-    if isinstance(value, bool | str) or value is None:
-        return
-    if isinstance(value, int | float):
-        yield path, value
-        return
-    items = value.items() if isinstance(value, dict) else enumerate(value)
-    for key, item in items:
-        yield from _numbers(item, f"{path}.{key}" if path else str(key))
-
-
-def full_paths(robot: Robot, path: str) -> list[str]:
-    """Paths of the numbers that a path means.
-
-    Parameters
-    ----------
-    robot : Robot
-    path : str
-        A path as in `Robot.with_`, with ``*`` for every index; or the end of one, such as ``E`` or
-        ``disks.count``, which means that number in every segment and tendon.
-
-    Returns
-    -------
-    list of str
-
-    Raises
-    ------
-    InputError
-        If the robot has no such number, or an end means numbers of different kinds.
-    """
-    known = [known for known, _ in numbers_of(robot)]
-    tree = robot.model_dump(mode="json", exclude_none=True)
-    exact = [p for p in expand(tree, path) if p in known]
-    if exact:
-        return exact
-    ends = [p for p in known if p.endswith(f".{path}")]
-    kinds = {_kind(p) for p in ends}
-    if len(kinds) == 1:
-        return ends
-    if kinds:
-        choice = " or ".join(sorted(kinds))
-        raise InputError(f"{quote(path)} is not unique; write {choice}.")
-    near = sorted({_kind(p) for p in known}, key=lambda p: -_common_end(p, path))[:3]
-    raise InputError(
-        f"{robot.name} has no number {quote(path)}; write for example {' or '.join(near)}."
-    )
-
-
-def _kind(path: str) -> str:
-    return ".".join("*" if key.isdecimal() else key for key in path.split("."))
-
-
-def _common_end(path: str, wanted: str) -> float:
-    from difflib import SequenceMatcher
-
-    last = path.rpartition(".")[2]
-    return SequenceMatcher(None, last.lower(), wanted.rpartition(".")[2].lower()).ratio()
 
 
 @short_repr

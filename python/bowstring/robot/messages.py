@@ -13,11 +13,11 @@ from bowstring.errors import InputError
 from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Disks, Segment, Tendon, TendonRing
 from bowstring.units import Quantity, has_no_unit, quote
 
-__all__ = ["build", "build_changed", "paths_of_field", "units_of_field"]
+__all__ = ["SYNONYMS", "build", "build_changed", "paths_of_field", "units_of_field"]
 
 Model = TypeVar("Model", bound=BaseModel)
 
-_SYNONYMS: Final = {
+SYNONYMS: Final = {
     "outer_diameter": "diameter",
     "young": "E",
     "youngs_modulus": "E",
@@ -33,6 +33,7 @@ _SYNONYMS: Final = {
     "hole": "hole_diameter",
     "preload": "pretension",
 }
+"""Other names of fields."""
 
 
 _PARTS: Final[dict[tuple[str, ...], type[BaseModel]]] = {
@@ -161,7 +162,7 @@ def units_of_field(path: str) -> tuple[str, str] | None:
 
 def paths_of_field(name: str) -> list[str]:
     """Paths, as `--set` takes them, of the fields of a segment that have this name."""
-    name = name if name in Backbone.model_fields else _SYNONYMS.get(name.lower(), name)
+    name = name if name in Backbone.model_fields else SYNONYMS.get(name.lower(), name)
     out = []
     for place, part in _PARTS.items():
         if name in part.model_fields and (*place, name) not in _PARTS and name != "tendons":
@@ -176,7 +177,7 @@ def _fields_of(part: type[BaseModel]) -> list[str]:
 
 
 def _nearest(name: str, known: list[str]) -> str | None:
-    synonym = _SYNONYMS.get(name.lower())
+    synonym = SYNONYMS.get(name.lower())
     if synonym in known:
         return synonym
     lower = {field.lower(): field for field in known}

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError
-from bowstring.formatting import listed, significant
 from bowstring.study.comparison import Theory
 from bowstring.study.ramp_response import MODAL_DAMPING
 from bowstring.validation import number
+from bowstring.validity.loading import actuated
 
 if TYPE_CHECKING:
     from bowstring.fem.run import Settings as FeSettings
@@ -98,12 +98,7 @@ class Settings:
     @property
     def actuated(self) -> str:
         """Actuated tendons in words: ``tendon 1``, ``tendons 1 and 4 (at 0.5 of it)``."""
-        parts = [
-            f"{i}" if share == 1.0 else f"{i} (at {significant(share)} of it)"
-            for i, share in enumerate(self.shares, 1)
-            if share
-        ]
-        return f"tendon{'s' * (len(parts) > 1)} {listed(parts)}"
+        return actuated(self.shares)
 
     @property
     def actuated_alone(self) -> bool:

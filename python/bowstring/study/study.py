@@ -741,7 +741,10 @@ def run_study(
         budget=budget,
         verdict=verdict,
         claim=_claim(robot, settings, comparisons, in_time, by_bricks),
-        notes=_notes(robot, settings, geometry, statics, comparisons, in_time, data),
+        notes=(
+            *_notes(robot, settings, geometry, statics, comparisons, in_time, data),
+            *(spreads[0].distributions.warnings if spreads else ()),
+        ),
         data=data,
         solid=solid,
         bricks=bricks,

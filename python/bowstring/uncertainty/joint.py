@@ -43,6 +43,7 @@ _KINDS: Final[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
     "uniform": (("from", "to"), ()),
     "triangular": (("from", "to"), ("mode",)),
 }
+_RARE: Final = 1e-3  # probability beyond which a normal distribution excludes a value
 _MOST: Final = 1_000  # distributions; a Sobol' sequence has 21 201 dimensions
 
 
@@ -91,6 +92,12 @@ class Distributions:
     def paths(self) -> tuple[str, ...]:
         """Path of each column (k,)."""
         return tuple(number.path for number in self.numbers)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on distributions that hardly have, or exclude, the nominal value."""
+        pairs = zip(self.numbers, self._marginals, strict=True)
+        return tuple(text for number, each in pairs if (text := _far_from_nominal(number, each)))
 
     @cached_property
     def factors(self) -> tuple[str, ...]:
@@ -347,9 +354,35 @@ def _check_support(number: NumberAtPath, distribution: Distribution, correlated:
     )
 
 
+def _far_from_nominal(number: NumberAtPath, distribution: Distribution) -> str | None:
+    """Warning of a distribution that excludes the nominal value; None if it has it."""
+    low, high = distribution.support
+    if isinstance(distribution, Normal | LogNormal):  # their ends are hardly ever reached
+        low, high = distribution.ppf([_RARE, 1.0 - _RARE])
+    out = [value for value in number.nominal if not low <= value <= high]
+    if not out:
+        return None
+    below = out[0] < low
+    almost = "almost " if isinstance(distribution, Normal | LogNormal) else ""
+    side, ends = (
+        ("below", f"from {number.text(float(low))}")
+        if below
+        else ("above", f"up to {number.text(float(high))}")
+    )
+    return (
+        f"{number.path} is {number.text(out[0])} in the robot file, {side} {almost}all samples "
+        f"({ends}); if these are right, write their middle into the robot file."
+    )
+
+
 def _check_overlap(found: Sequence[NumberAtPath]) -> None:
     seen: dict[str, str] = {}
     for number, target in ((n, t) for n in found for t in n.targets):
+        if seen.get(target) == number.path:
+            raise InputError(
+                f"{number.path} has two distributions; leave one of them out",
+                argument="distributions",
+            )
         if target in seen:
             raise InputError(
                 f"{seen[target]} and {number.path} both have {target}; leave one of them out",

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from bowstring.errors import InputError
 from bowstring.formatting import listed
 from bowstring.robot.fields import number_fields, quantity_of
 from bowstring.robot.model import Robot, check_robot
-from bowstring.robot.overrides import expand
+from bowstring.robot.paths import find, no_such
 from bowstring.units import has_no_unit, quote, read_number, rounded, unit_of_size
 
 __all__ = ["LOADS", "NumberAtPath", "NumbersByPath"]
@@ -35,7 +33,7 @@ class NumberAtPath:
     Attributes
     ----------
     path : str
-        Path as given, possibly with ``*``.
+        Path in its usual form (`bowstring.robot.paths.find`), possibly with ``*``.
     targets : tuple of str
         Paths without ``*`` that it stands for.
     si, unit : str
@@ -145,47 +143,33 @@ class NumbersByPath:
         self._nominal = dict(nominal or {})
         for path in self._nominal:
             if path not in self._loads:
-                raise self._no_such(path)
+                raise no_such(robot, path, self._loads)
 
     def __getitem__(self, path: object) -> NumberAtPath:
         if not isinstance(path, str):
             raise InputError(f"path is {quote(path)}, it must be text, as segments.*.backbone.E")
-        head = path.partition(".")[0]
-        if head in LOADS:
-            return self._load(path, head)
-        targets = tuple(p for p in expand(self._tree, path) if p in self._fields)
-        if not targets:
-            raise self._no_such(path)
+        try:
+            name, targets = find(self._robot, path, self._loads)
+        except InputError as error:
+            raise InputError(str(error), argument="distributions") from None
+        if targets[0] in self._loads:
+            return self._load(name, targets)
+        if targets[0] not in self._fields:
+            raise InputError(
+                f"{name} is a whole number or a share; a distribution is of a number that varies "
+                "continuously, as E",
+                argument="distributions",
+            )
         quantity = quantity_of(self._robot, targets[0])
         assert quantity is not None
         nominal = tuple(self._fields[p] for p in targets)
         usual = quantity.example.rpartition(" ")[2] if quantity.si else ""
         low, high = (read_number(end, quantity.si) for end in (quantity.low, quantity.high))
         unit = unit_of_size(nominal[0], quantity.si, usual)
-        return NumberAtPath(path, targets, quantity.si, unit, nominal, low, high)
+        return NumberAtPath(name, targets, quantity.si, unit, nominal, low, high)
 
-    def _load(self, path: str, head: str) -> NumberAtPath:
-        si, unit, low, members = LOADS[head]
-        if members is None and path == f"{head}.*":
-            targets = tuple(p for p, name in self._loads.items() if name == head)
-        elif path in self._loads:
-            targets = (path,)
-        else:
-            raise self._no_such(path)
+    def _load(self, name: str, targets: tuple[str, ...]) -> NumberAtPath:
+        si, unit, low, _ = LOADS[self._loads[targets[0]]]
         known = [self._nominal[p] for p in targets if p in self._nominal]
         nominal = tuple(known) if len(known) == len(targets) else ()
-        return NumberAtPath(path, targets, si, unit, nominal, low, math.inf)
-
-    def _no_such(self, path: str) -> InputError:
-        known: dict[str, Any] = dict.fromkeys([*self._fields, *self._loads])
-        for each in [*known] if "*" in path else []:
-            known[re.sub(r"\.\d+(?=\.|$)", ".*", each)] = None
-        near = difflib.get_close_matches(path, known, n=3, cutoff=0.5)
-        hint = (
-            f"the nearest are {', '.join(near)}" if near else "a path is as segments.*.backbone.E"
-        )
-        return InputError(
-            f"{quote(path)} is not the path of a number of the robot, its actuation or its load; "
-            f"{hint}",
-            argument="distributions",
-        )
+        return NumberAtPath(name, targets, si, unit, nominal, low, math.inf)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -10,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
-from bowstring.robot.designs import full_paths, numbers_of
+from bowstring.robot.fields import quantity_of
 from bowstring.robot.messages import units_of_field
 from bowstring.robot.model import Robot
+from bowstring.robot.paths import find, full_paths, numbers_of
 from bowstring.units import NUMBER, has_no_unit, quote, read_number
+from bowstring.validation import shown
 
-__all__ = ["LOADS", "MOST_POINTS", "RAMPS", "Axis", "read_axis"]
+__all__ = ["LOADS", "MOST_POINTS", "RAMPS", "Axis", "axes_of", "read_axis"]
 
 Floats = NDArray[np.float64]
 
@@ -33,11 +36,12 @@ RAMPS: Final = ("tension", "bend")
 MOST_POINTS: Final = 1001
 """Most points of an axis."""
 _POINTS: Final = 21
+_WHOLE_POINTS: Final = 41
 _COUNT: Final = "count"
+_FAR: Final = 100.0  # ratio of a range to the robot's own value that suggests another unit
 _LABELS: Final = {
     "E": "Young's modulus",
     "G": "shear modulus",
-    "nu": "Poisson's ratio",
     "count": "number of disks",
     "clamped_length": "clamped length",
     "pitch_radius": "pitch radius",
@@ -45,6 +49,8 @@ _LABELS: Final = {
     "diameter": "backbone diameter",
     "mass": "mass of a disk",
     "density": "density",
+    "inner_diameter": "inner diameter of the backbone",
+    "nu": "Poisson's ratio",
 }
 
 
@@ -122,11 +128,11 @@ class Axis:
 
     @property
     def label(self) -> str:
-        """Label with the usual unit."""
+        """Label with the usual unit, as of a figure."""
         name = self.path.rpartition(".")[2]
         words = LOADS[self.path][2] if self.is_load else _LABELS.get(name, name.replace("_", " "))
         unit = self.units[1]
-        return f"{words}, {unit}" if unit else words
+        return f"{words} ({unit})" if unit else words
 
     def own_value(self, robot: Robot) -> float | None:
         """The robot's own value in SI; None for a ramp, and where its parts differ."""
@@ -169,7 +175,7 @@ def read_axis(text: str, robot: Robot) -> Axis:
             f'axis: got {quote(text)}; write PATH=from:to:n, for example "tension=0:80 N:41" or '
             '"segments.*.disks.clamped_length=0:6 mm:13".'
         )
-    path = _canonical(name.strip(), robot)
+    path, _ = _place(name, robot)
     si, usual = Axis(path, 1.0, 2.0).units
     start, stop = parts[:2]
     if has_no_unit(start) and not has_no_unit(stop):
@@ -185,6 +191,11 @@ def read_axis(text: str, robot: Robot) -> Axis:
                 f'"{path}=1:2{unit}:{_POINTS}".'
             ) from None
     axis = Axis(path, ends[0], ends[1])
+    if has_no_unit(stop) and _means_usual_unit(axis, robot):
+        raise InputError(
+            f"axis {path}: got {parts[0]} to {stop} without a unit, which is {si}; write "
+            f'"{parts[0]}:{stop} {usual}" if that is meant, else "{parts[0]}:{stop} {si}"'
+        )
     if len(parts) == 3:
         if not (parts[2].isdecimal() and len(parts[2]) <= 15):
             raise InputError(
@@ -192,18 +203,85 @@ def read_axis(text: str, robot: Robot) -> Axis:
             )
         axis = replace(axis, count=int(parts[2]))
     elif axis.is_whole:
-        axis = replace(axis, count=min(MOST_POINTS, int(abs(ends[1] - ends[0])) + 1))
+        axis = replace(axis, count=min(_WHOLE_POINTS, int(abs(ends[1] - ends[0])) + 1))
     return axis
 
 
-def _canonical(path: str, robot: Robot) -> str:
-    """The path with ``*`` for the indices of all numbers that it means."""
-    if path in LOADS:
-        return path
+def _means_usual_unit(axis: Axis, robot: Robot) -> bool:
+    """Whether numbers without a unit are far from the robot's own in SI, but not in usual units."""
+    own = axis.own_value(robot)
+    if not own or axis.factor == 1.0:
+        return False
+    ends = np.abs([axis.start, axis.stop]) / abs(own)
+
+    def near(values: Floats) -> bool:
+        return bool(((values > 1.0 / _FAR) & (values < _FAR)).any())
+
+    return not near(ends) and near(ends * axis.factor)
+
+
+def axes_of(robot: Robot, over: Sequence[str | Axis]) -> tuple[Axis, ...]:
+    """Read the axes of a map, and check that they are different numbers.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot that has the numbers.
+    over : sequence of str or Axis
+
+    Returns
+    -------
+    tuple of Axis
+        Their paths in the usual form (`bowstring.robot.paths.find`).
+
+    Raises
+    ------
+    InputError
+        If an axis is wrong, or two of them are the same number.
+    """
+    axes = []
+    seen: dict[str, str] = {}
+    for one in over:
+        if not isinstance(one, str | Axis):
+            raise InputError(f"axis is {shown(one)}, it must be text or an Axis")
+        axis = read_axis(one, robot) if isinstance(one, str) else one
+        path, targets = _place(axis.path, robot)
+        axes.append(replace(axis, path=path))
+        _check_range(axes[-1], robot, targets[0])
+        for target in targets:
+            if seen.get(target) == path:
+                raise InputError(f"two axes are {path}; give different ones")
+            if target in seen:
+                raise InputError(
+                    f"axes {seen[target]} and {path} both have {target}; leave one of them out"
+                )
+        seen.update(dict.fromkeys(targets, path))
+    return tuple(axes)
+
+
+def _check_range(axis: Axis, robot: Robot, target: str) -> None:
+    """Refuse an axis with values that the robot refuses."""
+    quantity = None if axis.is_load else quantity_of(robot, target)
+    if quantity is None:
+        return
+    low, high = (read_number(end, quantity.si) for end in (quantity.low, quantity.high))
+    for end in (axis.start, axis.stop):
+        if not low <= end <= high:
+            raise InputError(
+                f"axis {axis.path}: got {end / axis.factor:g} {axis.units[1]}".rstrip()
+                + f"; must lie between {quantity.low} and {quantity.high}"
+            )
+
+
+def _place(path: str, robot: Robot) -> tuple[str, tuple[str, ...]]:
+    """The usual form of an axis' path, and the numbers that it means."""
     try:
-        paths = full_paths(robot, path)
+        name, targets = find(robot, path, LOADS)
     except InputError as error:
-        raise InputError(f"axis: {error} Loads are {', '.join(LOADS)}.") from None
-    if len(paths) == 1 or "*" in path:
-        return paths[0] if len(paths) == 1 else path
-    return ".".join("*" if key.isdecimal() else key for key in paths[0].split("."))
+        raise InputError(f"axis: {error}") from None
+    if name.endswith("tendons.count"):
+        raise InputError(
+            f"axis {name}: a map keeps the number of tendons, which its tensions are for; make a "
+            "map for each, with --set"
+        )
+    return name, targets

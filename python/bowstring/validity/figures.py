@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.formatting import in_percent, significant
+from bowstring.formatting import in_percent, listed, significant
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import INPUTS, LABELS
 from bowstring.validity.maps import STATES, Metric, ValidityMap
@@ -39,10 +39,10 @@ Floats = NDArray[np.float64]
 CAUSES: Final = {
     "straight_spans": "blue",
     "clamps": "amber",
-    "shear_extension": "purple",
+    "shear_extension": "ink",
     "torsion": "green",
     "gravity": "red",
-    "tip_force": "ink",
+    "tip_force": "purple",
     "friction": "sky",
     "tendon_stretch": "blue",  # by displacement, where straight spans have no entry
 }
@@ -51,6 +51,11 @@ HATCHES: Final = ((1, "...."), (2, "////"), (3, "\\\\"))
 SHADE: Final = 0.35
 _LEVELS: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # share of length
 _LINES: Final = ("blue", "red", "green", "purple", "amber")
+_DASHES: Final = ("-", "-", (0, (5, 1.5)), "-.", (0, (1, 1)))
+_BINS: Final = 40
+_MOST_CROSSINGS: Final = 4  # of a curve in its legend
+_END: Final = "holds to the end"  # keys of areas beside those of the causes
+_NONE: Final = "no value"
 
 
 def draw(found: ValidityMap) -> Figure:
@@ -59,22 +64,19 @@ def draw(found: ValidityMap) -> Figure:
 
 
 def _title(found: ValidityMap) -> str:
-    return title_of(found.robot.name, found.metric, found.tolerance, found.max_tension, found.fixed)
+    return title_of(found.robot.name, found.metric, found.max_tension, found.fixed)
 
 
 def title_of(
-    robot: str,
-    metric: Metric,
-    tolerance: float,
-    top: float,
-    fixed: Sequence[tuple[Axis, float]] = (),
+    robot: str, metric: Metric, top: float, fixed: Sequence[tuple[Axis, float]] = ()
 ) -> str:
     """What a map shows, for its title; `top` is the end of the sweep in N."""
+    end = f"{significant(top)} N"
     what = {
-        "largest_error": f"largest tip error up to {significant(top)} N",
-        "mean_error": f"mean tip error up to {significant(top)} N",
+        "largest_error": f"largest tip error up to {end}",
+        "mean_error": f"mean tip error up to {end}",
         "error": "tip error",
-        "valid_to": f"tension up to which {in_percent(tolerance)} of length holds",
+        "valid_to": "validity limit of constant curvature",
     }[metric]
     at = "".join(f", {in_words(axis, value)}" for axis, value in fixed)
     return f"{robot}: {what}{at} (simulated)"
@@ -82,9 +84,17 @@ def title_of(
 
 def in_words(axis: Axis, value: float) -> str:
     """A value of an axis, such as ``tip force along x 0.5 N``."""
-    words = axis.label.removesuffix(f", {axis.units[1]}")
+    words = axis.label.removesuffix(f" ({axis.units[1]})")
     unit = f" {axis.units[1]}" if axis.units[1] else ""
     return f"{words} {significant(value / axis.factor)}{unit}"
+
+
+def _limit_label(found: ValidityMap) -> str:
+    return f"{in_percent(found.tolerance)} of length holds up to (N)"
+
+
+def _end_label(found: ValidityMap) -> str:
+    return f"holds to the end, {significant(found.max_tension)} N"
 
 
 # -- one axis ----------------------------------------------------------------------------------
@@ -93,28 +103,49 @@ def in_words(axis: Axis, value: float) -> str:
 def _curves(found: ValidityMap) -> Figure:
     axis = found.axes[0]
     x = axis.values / axis.factor
-    figure, (panel,) = subplots(1, 3.1)
-    scale = 1.0 if found.metric == "valid_to" else 100.0
-    for (name, value), colour in zip(found.value.items(), _LINES, strict=False):
+    figure, (panel,) = subplots(1, 3.6)
+    limits = found.metric == "valid_to"
+    scale = 1.0 if limits else 100.0
+    styles = zip(found.value.items(), _LINES, _DASHES, strict=False)
+    for (name, value), colour, dashes in styles:
         mark = "o" if axis.is_whole else ""
-        panel.plot(x, scale * value, color=LIGHT[colour], marker=mark, label=LABELS[name])
+        style: Any = {"color": LIGHT[colour], "linestyle": dashes, "marker": mark}
+        panel.plot(x, scale * value, label=LABELS[name] + _crossings(found, name), **style)
         for line in found.contour[name]:
             at = line[0, 0] / axis.factor
-            panel.plot(at, scale * found.tolerance, "D", color=LIGHT[colour], zorder=3)
-            panel.annotate(
-                f"{at:.4g}", (at, scale * found.tolerance), (4, -10), textcoords="offset points"
+            panel.plot(
+                at, scale * found.tolerance, "D", color=LIGHT[colour], clip_on=False, zorder=3
             )
-    if found.metric == "valid_to":
-        panel.set_ylabel("tension, N")
+    ink: Any = {"color": LIGHT["ink"], "lw": 1.0}
+    if limits:
+        panel.axhline(found.max_tension, ls="--", label=_end_label(found), **ink)
+        panel.set_ylabel(_limit_label(found))
+        panel.set_ylim(0.0, 1.05 * found.max_tension)
     else:
-        panel.axhline(scale * found.tolerance, color=LIGHT["ink"], ls="--", lw=1.0)
-        panel.set_ylabel("tip error, % of length")
-    panel.set_ylim(bottom=0.0)
+        tolerance = in_percent(found.tolerance)
+        panel.axhline(scale * found.tolerance, ls="--", label=f"tolerance {tolerance}", **ink)
+        panel.set_ylabel("tip error (% of length)")
+        panel.set_ylim(bottom=0.0)
+    for _, own in _marked(found):
+        panel.axvline(own, ls=":", label="this robot", **ink)
     _shade_states(panel, found, x)
-    panel.set_xlabel(axis.label)
-    legend_above(panel, 2)
+    panel.set_xlim(x.min(), x.max())
+    panel.set_xlabel(found.label(0))
+    legend_above(panel, 1)
     figure.suptitle(_title(found), fontsize=9.5, x=0.01, ha="left")
     return figure
+
+
+def _crossings(found: ValidityMap, name: str) -> str:
+    """Where a curve crosses the tolerance, for its legend: there it covers no other curve."""
+    axis = found.axes[0]
+    marks = sorted(line[0, 0] / axis.factor for line in found.contour[name])
+    if not marks:
+        return ""
+    unit = f" {axis.units[1]}" if axis.units[1] else ""
+    shown = [significant(mark) for mark in marks[:_MOST_CROSSINGS]]
+    more = " ..." if len(marks) > _MOST_CROSSINGS else ""
+    return f": {in_percent(found.tolerance)} at {listed(shown)}{unit}{more}"
 
 
 def _shade_states(panel: Axes, found: ValidityMap, x: Floats) -> None:
@@ -142,9 +173,11 @@ def _regions(found: ValidityMap) -> Figure:
     for panel, name in zip(panels, names, strict=True):
         present |= draw_region(panel, found, name)
         panel.set_title(f"constant curvature {INPUTS[name]}")
-        panel.set_ylabel(found.axes[1].label)
-    panels[-1].set_xlabel(found.axes[0].label)
-    figure.legend(handles=handles_of(found, present), loc="outside lower left", ncols=1)
+        panel.set_ylabel(found.label(1))
+    panels[-1].set_xlabel(found.label(0))
+    handles = handles_of(found, present)
+    if handles:
+        figure.legend(handles=handles, loc="outside lower left", ncols=1)
     figure.suptitle(_title(found), fontsize=9.5, x=0.01, ha="left")
     return figure
 
@@ -155,10 +188,15 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
     from matplotlib.patches import Patch
 
     handles: list[Line2D | Patch] = []
+    white: Any = {"fc": "white", "ec": LIGHT["muted"]}
     if found.metric != "valid_to":
         tolerance = in_percent(found.tolerance)
-        handles.append(Line2D([], [], color=LIGHT["ink"], lw=2.0, label=f"error {tolerance}"))
-        handles.append(Patch(fc="white", ec=LIGHT["grid"], label=f"holds to {tolerance}"))
+        line = Line2D([], [], color=LIGHT["ink"], lw=2.0, label=f"error {tolerance} of length")
+        handles += [line, Patch(**white, label=f"holds to {tolerance}")]
+    if _END in present:
+        handles.append(Patch(**white, label=_end_label(found)))
+    if _NONE in present:
+        handles.append(Patch(fc=LIGHT["grid"], label="no arc or no equilibrium"))
     for key, colour in CAUSES.items():
         if key in present:
             label = f"mainly {EFFECTS[key]}"
@@ -177,62 +215,83 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
 
 
 def draw_region(panel: Axes, found: ValidityMap, name: str) -> set[str]:
-    """Draw one model; return the keys of the causes in its figure."""
-    from matplotlib.colors import to_rgba
+    """Draw one model; return the keys of the causes and areas in its figure."""
+    present = (_limits if found.metric == "valid_to" else _errors)(panel, found, name)
+    _finish(panel, found)
+    return present
+
+
+def _limits(panel: Axes, found: ValidityMap, name: str) -> set[str]:
+    """Draw the validity limits of one model; white where it holds to the end of the sweep."""
+    from matplotlib.colors import ListedColormap
 
     x, y = (axis.values / axis.factor for axis in found.axes)
     value = found.value[name]
-    present: set[str] = set()
-    if found.metric == "valid_to":
-        shade = panel.pcolormesh(x, y, value, cmap="viridis", shading="nearest", rasterized=True)
-        panel.figure.colorbar(shade, ax=panel, label="tension, N")
-    else:
-        fine = found.fine[name]
-        fine_x, fine_y = (
-            values / axis.factor for values, axis in zip(found.fine_axes, found.axes, strict=True)
-        )
-        cause = _nearest(found, found.cause[name], fine_x, fine_y)
-        outside = np.isfinite(fine) & (fine > found.tolerance)
-        present = {str(key) for key in np.unique(cause[outside])}
+    ends = value >= found.max_tension * (1.0 - 1e-9)
+    nothing = np.where(np.isnan(value), 1.0, np.nan)
+    options: Any = {"shading": "nearest", "rasterized": True}
+    panel.pcolormesh(x, y, nothing, cmap=ListedColormap([LIGHT["grid"]]), **options)
+    below = np.where(ends, np.nan, value)
+    shade = panel.pcolormesh(
+        x, y, below, cmap="viridis", vmin=0.0, vmax=found.max_tension, **options
+    )
+    panel.figure.colorbar(shade, ax=panel, label=_limit_label(found))
+    areas = {_END: ends, _NONE: np.isnan(value)}
+    return {key for key, where in areas.items() if where.any()}
+
+
+def _errors(panel: Axes, found: ValidityMap, name: str) -> set[str]:
+    """Draw the error of one model; return the keys of the causes in its figure."""
+    from matplotlib.colors import to_rgba
+
+    fine = np.ma.masked_invalid(found.fine[name])
+    x, y = (values / axis.factor for values, axis in zip(found.fine_axes, found.axes, strict=True))
+    cause = _nearest(found, found.cause[name], x, y)
+    outside = fine.filled(0.0) > found.tolerance
+    present = {str(key) for key in np.unique(cause[outside])}
+    if outside.any():
+        # up to the line at the tolerance, which runs between the points
+        top = max(float(fine.max()), 1.01 * found.tolerance)
+        above = panel.contourf(x, y, fine, levels=[found.tolerance, top], colors="none")
         for key in present:
             colour = to_rgba(LIGHT[CAUSES[key]], SHADE) if key else LIGHT["grid"]
-            here = np.where(outside & (cause == key), 1.0, 0.0)
-            panel.contourf(fine_x, fine_y, here, levels=[0.5, 1.5], colors=[colour])
-        levels = [v for v in _LEVELS if v != found.tolerance and np.nanmin(value) < v]
-        if np.isfinite(value).sum() > 3 and levels:
-            thin = panel.contour(
-                fine_x,
-                fine_y,
-                fine,
-                levels=levels,
-                colors=LIGHT["muted"],
-                linewidths=0.7,
-                linestyles=":",
-            )
-            panel.clabel(thin, fmt=lambda v: in_percent(v), fontsize=7.0)
-        for line in found.contour[name]:
-            u, v = (line[:, i] / found.axes[i].factor for i in range(2))
-            panel.plot(u, v, color=LIGHT["ink"], lw=2.0)
+            here = np.where(cause == key, 1.0, 0.0)
+            part = panel.contourf(x, y, here, levels=[0.5, 1.5], colors=[colour])
+            part.set_clip_path(above.get_paths()[0], panel.transData)
+    levels = [v for v in _LEVELS if v != found.tolerance and fine.min() < v]
+    if fine.count() > 3 and levels:
+        thin = panel.contour(
+            x, y, fine, levels=levels, colors=LIGHT["muted"], linewidths=0.7, linestyles=":"
+        )
+        panel.clabel(thin, fmt=lambda v: in_percent(v), fontsize=7.0)
+    for line in found.contour[name]:
+        u, v = (line[:, i] / found.axes[i].factor for i in range(2))
+        panel.plot(u, v, color=LIGHT["ink"], lw=2.0)
+    return present
+
+
+def _finish(panel: Axes, found: ValidityMap) -> None:
+    """Draw what is the same for all metrics: states, the robot as it is, limits of the axes."""
+    from matplotlib.patheffects import withStroke
+    from matplotlib.ticker import MaxNLocator
+
+    bright = [withStroke(linewidth=2.0, foreground="white", alpha=0.7)]  # also on dark colours
+    x, y = (axis.values / axis.factor for axis in found.axes)
     for state, hatch in HATCHES:
-        where = np.where(found.state == state, 1.0, np.nan)
-        if np.isfinite(where).any():
-            drawn = panel.contourf(
-                x,
-                y,
-                np.nan_to_num(where),
-                levels=[0.5, 1.5],
-                colors="none",
-                hatches=[hatch],
-            )
+        where = np.where(found.state == state, 1.0, 0.0)
+        if where.any():
+            drawn = panel.contourf(x, y, where, levels=[0.5, 1.5], colors="none", hatches=[hatch])
             drawn.set_edgecolor(LIGHT["muted"])
             drawn.set_linewidth(0.0)
     for i, own in _marked(found):
         mark = panel.axvline if i == 0 else panel.axhline
-        mark(own, color=LIGHT["ink"], lw=0.8, ls="--")
+        mark(own, color=LIGHT["ink"], lw=0.8, ls="--", path_effects=bright)
     panel.set_xlim(x.min(), x.max())
     panel.set_ylim(y.min(), y.max())
+    for one, axis in zip(found.axes, (panel.xaxis, panel.yaxis), strict=True):
+        if one.is_whole:
+            axis.set_major_locator(MaxNLocator(integer=True))
     panel.grid(False)
-    return present
 
 
 def _marked(found: ValidityMap) -> list[tuple[int, float]]:
@@ -260,31 +319,44 @@ def _nearest(found: ValidityMap, cause: NDArray[np.str_], x: Floats, y: Floats) 
 
 def draw_spread(found: Spread) -> Figure:
     """Draw the distribution of the validity limit, and Sobol' indices."""
-    figure, (above, below) = subplots(2, 5.0, height_ratios=(3, 2))
+    figure, (above, below) = subplots(2, 5.2, height_ratios=(3, 2))
     finite = found.limit[np.isfinite(found.limit)]
     percent = in_percent(found.tolerance, 3)
     of_limit = found.limit_indices is not None and finite.size > 0.5 * len(found.limit)
     values = finite if of_limit else 100.0 * found.error[np.isfinite(found.error)]
     summary = found.limit_summary if of_limit else found.error_summary
     scale = 1.0 if of_limit else 100.0
-    above.hist(values, bins=40, color=LIGHT["blue"], alpha=0.6)
-    for p in (0.025, 0.975):
+    total = int(np.isfinite(found.error).sum()) if not of_limit else len(found.limit)
+    edges = np.linspace(0.0, found.max_tension if of_limit else values.max(), _BINS + 1).tolist()
+    each: Any = {"weights": np.full(len(values), 100.0 / total)}
+    above.hist(values, bins=edges, color=LIGHT["blue"], alpha=0.6, **each)
+    held = 100.0 * float(np.isinf(found.limit).mean())
+    if of_limit and held:
+        wide = 2.0 * found.max_tension / _BINS
+        label = f"holds to the end: {held:.0f} %"
+        above.bar(
+            found.max_tension + wide, held, wide, color=LIGHT["green"], alpha=0.6, label=label
+        )
+    for p, style, label in (
+        (0.5, "-", "median"),
+        (0.025, ":", "95 % of the samples"),
+        (0.975, ":", ""),
+    ):
         at = float(summary.quantiles[p].value) * scale
         if np.isfinite(at):
-            label = "95 % of the samples" if p < 0.5 else None
-            above.axvline(at, color=LIGHT["ink"], ls=":", lw=1.2, label=label)
+            above.axvline(at, color=LIGHT["ink"], ls=style, lw=1.2, label=label or None)
     own = found.nominal if of_limit else 100.0 * found.tolerance
     if np.isfinite(own):
         label = "nominal robot" if of_limit else f"tolerance {percent}"
         above.axvline(own, color=LIGHT["red"], ls="--", lw=1.4, label=label)
-    top = f"{significant(found.max_tension)} N"
+    end = f"{significant(found.max_tension)} N"
     above.set_xlabel(
-        f"tension up to which {percent} of length holds, N"
+        f"{percent} of length holds up to (N); sweep to {end}"
         if of_limit
-        else f"tip error at {top}, % of length"
+        else f"tip error at {end} (% of length)"
     )
-    above.set_ylabel("samples")
-    above.set_yticks([])
+    above.set_ylabel("share of the samples (%)")
+    above.set_xlim(left=0.0)
     legend_above(above, 2)
     indices = found.limit_indices if of_limit else found.error_indices
     assert indices is not None

@@ -81,9 +81,9 @@ def draw_grid(found: ValidityGrid) -> Figure:
             if found.metric == "valid_to":  # one scale for all slices
                 cell.collections[0].set_clim(0.0, found.space.max_tension)
             cell.set_title(in_words(*view.fixed[-1]), fontsize=8.5)
-            cell.set_xlabel(view.axes[0].label)
+            cell.set_xlabel(view.label(0))
             handles |= {str(one.get_label()): one for one in handles_of(view, present)}
-        cells[0].set_ylabel(view.axes[1].label)
+        cells[0].set_ylabel(view.label(1))
     handles |= {str(one.get_label()): one for one in _line_handles(found)}
     figure.legend(
         handles=list(handles.values()),
@@ -94,7 +94,7 @@ def draw_grid(found: ValidityGrid) -> Figure:
         title_fontsize=8.5,
     )
     robot, top = found.space.robot.name, found.space.max_tension
-    title = title_of(robot, found.metric, found.tolerance, top)
+    title = title_of(robot, found.metric, top)
     figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
     return figure
 
@@ -294,8 +294,8 @@ def _axis(panel: Axes, i: int, axis: Axis, own: float | None) -> None:
 
 
 def _short(label: str) -> str:
-    words, comma, unit = label.rpartition(", ")
-    return f"{words}\n({unit})" if comma and len(label) > 24 else label
+    words, bracket, unit = label.rpartition(" (")
+    return f"{words}\n({unit}" if bracket and len(label) > 24 else label
 
 
 def _height(found: ValidityGrid, name: str, value: Floats) -> Floats:

@@ -15,7 +15,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
-from bowstring.validity.axes import Axis, read_axis
+from bowstring.validity.axes import Axis, axes_of
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
 from bowstring.validity.maps import METRICS, Metric, map_metric, map_models, space_of
@@ -95,11 +95,9 @@ def map_job(
     >>> map_job(bs.load_robot("amouri2019"), axes).points
     81
     """
-    axes = tuple(read_axis(one, robot) if isinstance(one, str) else one for one in over)
+    axes = axes_of(robot, over)
     if not axes:
         raise InputError("over has no axis; a job has one or more")
-    if len({axis.path for axis in axes}) < len(axes):
-        raise InputError("two axes are the same; give different ones")
     space = space_of(robot, axes, loading, load)
     models = map_models(space, models)
     chosen = map_metric(space, metric, models, tolerance)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import BowstringError, InputError
-from bowstring.formatting import round_down
+from bowstring.formatting import listed, round_down, significant
 from bowstring.robot.model import Robot, with_tendons
 from bowstring.statics import rod
 from bowstring.statics.model import RodModel
@@ -22,6 +22,7 @@ __all__ = [
     "MAX_BEND",
     "TRIED",
     "Loading",
+    "actuated",
     "largest_load",
     "linear_bend",
     "turned",
@@ -99,6 +100,26 @@ class Loading:
                 argument="tendon",
             )
         return tuple(out)
+
+
+def actuated(shares: Sequence[float] | Floats) -> str:
+    """Actuated tendons in words: ``tendon 1``, ``tendons 1 and 4 (at 0.5 of it)``.
+
+    Parameters
+    ----------
+    shares : sequence of float (T,)
+        Share of the sweep's tension in each tendon.
+
+    Returns
+    -------
+    str
+    """
+    parts = [
+        f"{i}" if share == 1.0 else f"{i} (at {significant(float(share))} of it)"
+        for i, share in enumerate(shares, 1)
+        if share
+    ]
+    return f"tendon{'s' * (len(parts) > 1)} {listed(parts)}"
 
 
 def linear_bend(robot: Robot, shares: Floats) -> Floats:

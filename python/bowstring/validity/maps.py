@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -18,11 +18,11 @@ from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, number
-from bowstring.validity.axes import RAMPS, Axis, read_axis
+from bowstring.validity.axes import RAMPS, Axis, axes_of
 from bowstring.validity.contour import Line, Refined, contours
 from bowstring.validity.effects import EFFECTS, acting
 from bowstring.validity.errors import LABELS
-from bowstring.validity.loading import Loading, largest_load
+from bowstring.validity.loading import Loading, actuated, largest_load
 from bowstring.validity.space import Errors, Space
 from bowstring.viz.style import check_figure_file, write_figure
 
@@ -71,6 +71,8 @@ control is slack at the end of the ramp."""
 MOST_SOLVES: Final = 100_000_000
 """Most equilibria of one map in memory."""
 
+# numbers of tendons that act under displacement control only
+_BY_DISPLACEMENT: Final = ("axial_stiffness", "compliance", "free_length", "pretension")
 _APART: Final = 1e-3  # least distance of two equilibria over the length
 _DOMINANT: Final = 0.5  # share of the error above which an effect dominates
 _MOST_CAUSES: Final = 1681  # points at which the causes are computed: 41 x 41
@@ -91,6 +93,8 @@ class ValidityMap:
     """What `value` is, one of `METRICS`."""
     max_tension: float
     """End of the ramp of tension where no axis is the tension, N."""
+    shares: tuple[float, ...]
+    """Share (T,) of the ramp's tension in each tendon."""
     value: dict[str, Floats]
     """Metric by model, (Y, X) or (X,); NaN without a value."""
     contour: dict[str, list[Line]]
@@ -112,6 +116,13 @@ class ValidityMap:
     """Largest estimated error of the tips by statics, as a share of the length."""
     fixed: tuple[tuple[Axis, float], ...] = ()
     """Of a slice: the other axes and their values, SI."""
+    notes: tuple[str, ...] = ()
+    """Sentences on the choice of the axes."""
+
+    def label(self, axis: int) -> str:
+        """Label of an axis with its unit; that of the tension names the tendon."""
+        own = self.axes[axis].label
+        return own.replace("of the sweep", f"of {actuated(self.shares)}")
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -207,11 +218,11 @@ class ValidityMap:
             "axes": [
                 {
                     "path": axis.path,
-                    "label": axis.label,
+                    "label": self.label(i),
                     "unit": axis.units[0],
                     "values": axis.values.tolist(),
                 }
-                for axis in self.axes
+                for i, axis in enumerate(self.axes)
             ],
             "maps": [
                 {
@@ -250,6 +261,10 @@ def check_map_file(path: str | Path) -> Path:
     return check_figure_file(file, "map", _SUFFIXES)
 
 
+_LISTED: Final = (
+    "This robot file lists the positions of its disks, so that their number is no axis: the map is "
+    'over the tension alone; a second axis may be given, such as "E=30:40 GPa".'
+)
 _SOURCE: Final = "simulated: constant curvature against statics of the rod"
 
 
@@ -313,10 +328,9 @@ def validity_map(
     >>> [f"{line[0, 0]:.1f} N" for line in found.contour["cc_from_force"]]
     ['56.1 N']
     """
-    space = space_of(
-        robot, read_axes(robot, over, instance("loading", loading, Loading)), loading, load
-    )
-    return map_space(space, tolerance, metric, models, progress)
+    axes = read_axes(robot, over, instance("loading", loading, Loading))
+    found = map_space(space_of(robot, axes, loading, load), tolerance, metric, models, progress)
+    return replace(found, notes=(_LISTED,)) if over is None and len(axes) == 1 else found
 
 
 def map_space(
@@ -387,6 +401,7 @@ def map_space(
         tolerance,
         chosen,
         space.max_tension,
+        tuple(float(share) for share in space.shares),
         value,
         contour,
         fine_axes,
@@ -425,6 +440,12 @@ def space_of(
     paths = [axis.path for axis in axes]
     if "tension" in paths and "bend" in paths:
         raise InputError("over has tension and bend; motors command one of them")
+    for path in paths:
+        if "bend" not in paths and path.rpartition(".")[2] in _BY_DISPLACEMENT:
+            raise InputError(
+                f"axis {path}: with given tensions it changes nothing; add an axis bend, such as "
+                "bend=0:90 deg"
+            )
     if "bend" not in paths and not any(path.endswith(".friction") for path in paths):
         robot = with_tendons(robot, {"friction": 0.0})
     loading, load = instance("loading", loading, Loading), instance("load", load, Load)
@@ -466,13 +487,11 @@ def read_axes(
             over.append("segments.*.disks.count=3:20")
     if isinstance(over, str | Axis):
         over = [over]
-    axes = tuple(read_axis(one, robot) if isinstance(one, str) else one for one in over)
+    axes = axes_of(robot, over)
     if not 1 <= len(axes) <= 2:
         raise InputError(
-            f"over has {len(axes)} axes; a map has one or two, and bowstring.validity_grid more"
+            f"got {len(axes)} axes; a map has one or two, and bowstring.validity_grid more"
         )
-    if len({axis.path for axis in axes}) < len(axes):
-        raise InputError(f"both axes are {axes[0].path}; give two different ones")
     return axes
 
 
@@ -663,7 +682,7 @@ def _refined(
 
 def described(found: ValidityMap) -> list[str]:
     """What a map says, in sentences."""
-    out = []
+    out = list(found.notes)
     percent = f"{100 * found.tolerance:g} % of length"
     for name, value in found.value.items():
         label = LABELS[name]

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.display import short_repr
-from bowstring.robot.designs import Designs, full_paths
+from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot
+from bowstring.robot.paths import full_paths
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validity.axes import RAMPS, Axis

@@ -20,20 +20,19 @@ from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, number, whole
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
-from bowstring.validity.maps import check_map_file
-from bowstring.viz.style import LIGHT, subplots, write_figure
+from bowstring.viz.style import LIGHT, check_figure_file, subplots, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bowstring.schemas import maps as schema
 
-__all__ = ["WorkspaceMap", "workspace_map"]
+__all__ = ["WorkspaceMap", "check_workspace_file", "workspace_map"]
 
 Floats = NDArray[np.float64]
 
 _PART: Final = 16384
-_CELLS: Final = 48  # hexagons along an axis
+_CELLS: Final = 30  # hexagons along an axis
 _SHARES: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # of length
 
 
@@ -111,15 +110,19 @@ class WorkspaceMap:
         matplotlib.figure.Figure
             A panel for each model.
         """
-        from matplotlib.colors import BoundaryNorm
+        from matplotlib.colors import BoundaryNorm, ListedColormap
 
         names = list(self.error)
-        figure, panels = subplots(len(names), 0.4 + 2.9 * len(names), sharex=True)
+        figure, panels = subplots(len(names), 0.6 + 3.3 * len(names), sharex=True)
         x, y, z = 1e3 * self.tip.T
         surface = len(self.robot.segments) == 1
         along, up = (x, y) if surface else (np.hypot(x, y), z)
-        bounds = sorted({*_SHARES, self.tolerance})
-        colours: Any = BoundaryNorm([100.0 * b for b in bounds], 256, extend="both")
+        bounds = sorted({0.0, *_SHARES, self.tolerance})
+        within = bounds.index(self.tolerance)
+        colours = ListedColormap(
+            [*_shades("Blues_r", within), *_shades("Oranges", len(bounds) - within)]
+        )
+        norm: Any = BoundaryNorm([100.0 * b for b in bounds], colours.N, extend="max")
         for panel, name in zip(panels, names, strict=True):
             error = 100.0 * self.error[name] / self.robot.length
             known = np.isfinite(error)
@@ -130,17 +133,18 @@ class WorkspaceMap:
                     error[known],
                     reduce_C_function=np.max,
                     gridsize=_CELLS,
-                    norm=colours,
-                    cmap="viridis",
+                    norm=norm,
+                    cmap=colours,
                     linewidths=0.1,
                 )
-                bar = figure.colorbar(cells, ax=panel, label="largest error, % of length")
-                bar.ax.axhline(100.0 * self.tolerance, color=LIGHT["red"], lw=2.0)
+                bar = figure.colorbar(cells, ax=panel, label="largest error (% of length)")
+                bar.ax.axhline(100.0 * self.tolerance, color=LIGHT["ink"], lw=2.0)
             panel.set_title(f"constant curvature {LABELS[name]}")
-            panel.set_ylabel("y of the tip, mm" if surface else "z of the tip, mm")
-            panel.set_aspect("equal", adjustable="datalim")
-        far = "distance of the tip from the base's axis, mm"
-        panels[-1].set_xlabel("x of the tip, mm" if surface else far)
+            panel.set_ylabel("y of the tip (mm)" if surface else "z of the tip (mm)")
+            panel.set_aspect("equal", adjustable="box")
+            panel.margins(0.06)  # a hexagon reaches beyond its centre
+        far = "distance of the tip from the base's axis (mm)"
+        panels[-1].set_xlabel("x of the tip (mm)" if surface else far)
         title = f"{self.robot.name}: workspace to {significant(self.max_tension)} N (simulated)"
         figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
         return figure
@@ -158,7 +162,31 @@ class WorkspaceMap:
         Path
             Absolute path of the file.
         """
-        return write_figure(self.figure, path, "map", 160, check_map_file)
+        return write_figure(self.figure, path, "map", 160, check_workspace_file)
+
+
+def _shades(name: str, count: int) -> list[tuple[float, ...]]:
+    """Colours of one of matplotlib's maps, without its palest ones."""
+    from matplotlib import colormaps
+
+    dark_first = name.endswith("_r")
+    places = np.linspace(0.05, 0.65, count) if dark_first else np.linspace(0.35, 0.95, count)
+    return [tuple(colormaps[name](place)) for place in places]
+
+
+def check_workspace_file(path: str | Path) -> Path:
+    """Check before any work that a figure of the workspace may be written.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Path
+        Absolute path.
+    """
+    return check_figure_file(path, "map of the workspace", (".png", ".pdf", ".svg"))
 
 
 def workspace_map(
