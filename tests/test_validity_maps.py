@@ -12,6 +12,7 @@ from tests.shell import Shell
 
 import bowstring as bs
 from bowstring import blocks
+from bowstring.blocks import Job
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
@@ -489,6 +490,30 @@ def test_the_command_computes_in_blocks(shell: Shell, tmp_path: Path) -> None:
     many = ["--over", "E=1:2 GPa:1001", "--over", "nu=0:0.4:1001", "--over", "length=1:2:1001"]
     too = shell.error("map", "amouri2019", *many, "--store", str(tmp_path / "other"))
     assert "at most" in too and not (tmp_path / "other").exists()
+
+
+def test_ctrl_c_names_the_blocks_that_are_kept(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compute, done = Job.compute, []
+
+    def stopping(job: Job, number: int) -> bytes:
+        if len(done) == 2:
+            raise KeyboardInterrupt
+        done.append(number)
+        return compute(job, number)
+
+    folder, file = tmp_path / "blocks", tmp_path / "map.nc"
+    axes = ("--over", "E=30:40 GPa:3", "--over", "nu=0:0.4:2")
+    args = ("map", "amouri2019", *axes, "--store", str(folder), "--out", str(file))
+    monkeypatch.setattr(Job, "compute", stopping)
+    code, out, err = shell(*args)
+    assert (code, out) == (130, "") and not file.exists()
+    assert f"2 of 6 blocks are kept in {folder}" in err and "same command" in err
+    assert done == [0, 1]
+    monkeypatch.setattr(Job, "compute", compute)
+    found = shell.json(*args)
+    assert found["blocks"] == 6 and file.exists()
 
 
 # -- friction and commanded bends ----------------------------------------------------------------

@@ -243,7 +243,7 @@ def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.St
             notify("figure" if drawn else "data set", 1.0)
             written = read_grid(store).save(out) if drawn else store.save(out)
     except RunInterrupted as stopped:
-        raise Stopped(f"{stopped}; the same command goes on from there.") from None
+        raise Stopped(f"{stopped}: run the same command again.") from None
     return {
         "points": job.points,
         "blocks": job.blocks,
