@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import time
 from pathlib import Path
 
 import numpy as np
@@ -514,6 +516,16 @@ def test_ctrl_c_names_the_blocks_that_are_kept(
     monkeypatch.setattr(Job, "compute", compute)
     found = shell.json(*args)
     assert found["blocks"] == 6 and file.exists()
+
+
+def test_an_address_without_a_port_is_refused_at_once(shell: Shell, tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    args = ("map", "amouri2019", "--over", "E=30:40 GPa:3", "--store", str(tmp_path / "blocks"))
+    began = time.monotonic()
+    said = shell.error(*args, "--out", str(tmp_path / "map.nc"), "--dask", "nonsense")
+    gc.collect()  # a Client of this address would wait for 20 s when it is deleted
+    assert "cannot connect" in said and time.monotonic() - began < 5.0
+    assert not (tmp_path / "blocks").exists()
 
 
 # -- friction and commanded bends ----------------------------------------------------------------
