@@ -13,6 +13,8 @@ import numpy as np
 
 import bowstring as bs
 from benchmarks.cases import LOADED, Case, Solve, measure, median_ms, report
+from bowstring.robot.designs import Designs
+from bowstring.statics.designs import sweep_designs
 
 ROBOT = bs.load_robot("amouri2019")
 SWEEP = 17
@@ -66,6 +68,16 @@ SETTINGS = {
 }
 
 
+def displacement_loads() -> bs.Load:
+    """Random displacements of tendon 1 up to 30 mm, the others lengthened, with a tip force."""
+    rng = np.random.default_rng(0)
+    first = rng.uniform(0.0, 0.03, BATCH)
+    others = -0.5 * first - 0.002
+    tip_force = np.column_stack([rng.uniform(-0.3, 0.3, (BATCH, 2)), np.zeros(BATCH)])
+    displacements = np.column_stack([first, others, others])
+    return bs.Load(displacements=displacements, gravity=(0, 0, -9.81), tip_force=tip_force)
+
+
 def figures() -> dict[str, float]:
     """Times through Python on the load of the core's micro-benchmarks, in us."""
     solve = partial(bs.solve, ROBOT, FIGURE_TENSIONS[-1], load=load(LOADED))
@@ -73,12 +85,21 @@ def figures() -> dict[str, float]:
     kirchhoff, cosserat = bs.RodModel("kirchhoff"), bs.RodModel("cosserat")
     many_tensions = np.tile(FIGURE_TENSIONS, (BATCH // SWEEP, 1))
     batch = partial(bs.solve_batch, ROBOT, many_tensions, model=kirchhoff, load=load(LOADED))
+    displaced = partial(bs.solve_batch, ROBOT, load=displacement_loads(), disks=False)
+    friction = Designs(
+        ROBOT.with_({"segments.0.tendons.friction": 0.1}),
+        {"segments.0.backbone.E": np.linspace(30e9, 40e9, 512)},
+    )
+    ramp = np.outer(np.linspace(0.0, 80.0, 51), [1.0, 0.0, 0.0])
+    paths = partial(sweep_designs, friction, ramp)
     return {
         "one_call_kirchhoff": 1e3 * median_ms(partial(solve, model=kirchhoff), 1.0),
         "one_call_cosserat": 1e3 * median_ms(partial(solve, model=cosserat), 1.0),
         "warm17_kirchhoff": 1e3 * median_ms(partial(sweep, model=kirchhoff), 1.0),
         "warm17_cosserat": 1e3 * median_ms(partial(sweep, model=cosserat), 1.0),
         "batch_per_solve": 1e3 * median_ms(batch, 1.0) / len(many_tensions),
+        "displacement_per_solve": 1e3 * median_ms(displaced, 1.0) / BATCH,
+        "friction_per_step": 1e3 * median_ms(paths, 1.0) / (512 * len(ramp)),
     }
 
 

@@ -228,7 +228,8 @@ def test_sweep_matches_single_solves(rao):
     for i, row in enumerate(displacements):
         found = bs.solve(rao, load=bs.Load(displacements=row))
         assert np.abs(tip(found) - path.tip_position[i]).max() < 1e-9
-        np.testing.assert_array_equal(tip(found), alone.tip_position[i])
+        # many rows are solved side by side
+        assert np.abs(tip(found) - alone.tip_position[i]).max() < 1e-12
         np.testing.assert_array_equal(found.tensions, alone.tensions[i])
         np.testing.assert_array_equal(found.slack_lengths, alone.slack_lengths[i])
         np.testing.assert_array_equal(found.span_tensions, alone.span_tensions[i])

@@ -117,7 +117,7 @@ def test_interactions_are_named() -> None:
     outputs = evaluate(lambda x: x[:, 0] * x[:, 1] + 0.3 * x[:, 0], design)
     text = spread_text(summarise(outputs), sobol_indices(design, outputs), "mm", 1e-3)
     share = 0.3**2 / 3 / (0.3**2 / 3 + 1 / 9)
-    assert f"{100 * share:.0f} % of that spread is gravity.0, with its interactions 100 %" in text
+    assert f"{100 * share:.0f} % of that spread is gravity.x, with its interactions 100 %" in text
 
 
 def test_bad_input() -> None:
