@@ -76,3 +76,36 @@ def test_threads_do_not_change_the_solutions() -> None:
 def test_wrong_commands_are_refused(arguments: dict[str, np.ndarray], message: str) -> None:
     with pytest.raises(InputError, match=message):
         sweep_designs(Designs(ELASTIC, {FRICTION: [0.0, 0.1]}), **arguments)
+
+
+def test_loads_that_need_two_elements_agree_with_one_robot_at_a_time() -> None:
+    """Soft robots bend so far that one element in a module is too coarse for the last loads."""
+    designs = Designs(ROBOT, {"segments.*.backbone.E": np.linspace(12e9, 24e9, 11)})
+    tensions = np.outer(np.linspace(0.0, 80.0, 17), [1.0, 0.1, 0.0])
+    load = bs.Load(tip_force=(0.0, 0.1, 0.0), gravity=(0.0, 0.0, -9.81))
+    found = sweep_designs(designs, tensions, load=load)
+    refined = 0
+    for i in range(len(designs)):
+        robot = designs.robot_at(i)
+        alone = bs.sweep(robot, load=load.replace(tensions=tensions))
+        np.testing.assert_array_equal(found.converged[i], alone.converged)
+        np.testing.assert_allclose(found.tip_position[i], alone.tip_position, atol=1e-10)
+        np.testing.assert_allclose(found.tip_error[i], alone.tip_error, rtol=0.02, atol=1e-9)
+        coarse = bs.sweep(
+            robot, load=load.replace(tensions=tensions), model=bs.RodModel(elements=1)
+        )
+        refined += int((coarse.tip_error > 1.01 * alone.tip_error).sum())
+    assert refined > 50
+
+
+def test_a_batch_of_loads_that_need_two_elements() -> None:
+    soft = ROBOT.with_({"segments.0.backbone.E": 15e9})
+    tensions = np.random.default_rng(3).uniform(0.0, [80.0, 20.0, 20.0], (200, 3))
+    many = bs.solve_batch(soft, tensions)
+    for i in range(0, 200, 7):
+        one = bs.solve(soft, tensions[i])
+        assert one.converged == many.converged[i]
+        np.testing.assert_allclose(many.tip_position[i], one.tip.position, atol=1e-10)
+        np.testing.assert_allclose(many.tip_error[i], one.error_estimate.tip, rtol=0.02, atol=1e-9)
+    coarse = bs.solve_batch(soft, tensions, model=bs.RodModel(elements=1))
+    assert (coarse.tip_error > 1.01 * many.tip_error).sum() > 20

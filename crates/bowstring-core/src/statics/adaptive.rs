@@ -4,14 +4,13 @@
 //!
 //! One element is fourth order and sufficient for most loads. Its error is estimated after the
 //! solve (see [`crate::rod::estimate`]), and a load that needs more is solved again with 2, 4 or 8.
-//! solve (see [`crate::rod::estimate`]), and a load that needs more is solved again with 2, 4 or 8.
 
 use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::model::error::InputError;
 use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
-use crate::rod::estimate::LEVELS;
+use crate::rod::estimate::{ErrorEstimate, LEVELS};
 use crate::statics::solver::{Outcome, Solver, Status};
 
 /// Estimated error of the tip, over the robot's length, up to which finer elements start from the
@@ -35,6 +34,12 @@ pub(crate) fn refine_to(mut strain: Vec<Vec3>, factor: usize) -> Vec<Vec3> {
         strain = refine(&strain);
     }
     strain
+}
+
+/// Whether finer elements can start from the strain of a coarse solution: one with a large error
+/// may be on another branch.
+pub(crate) fn is_near(error: &ErrorEstimate, stable: Option<bool>, length: f64) -> bool {
+    error.tip <= START_TOLERANCE * length && stable.is_some()
 }
 
 /// A solver that chooses its number of elements, or keeps a given one.
@@ -104,13 +109,16 @@ impl Adaptive {
         }
     }
 
-    /// Discards all solutions, and takes a strain of one element in a module as the last one.
+    /// Discards all solutions, and takes a strain as the last one, with as many elements as it has.
     pub(crate) fn restart_from(&mut self, strain: Option<Vec<Vec3>>) {
         self.reset();
-        if let (1, Some(strain)) = (LEVELS[self.level], strain) {
-            if let Some(solver) = &mut self.solvers[self.level] {
-                solver.take_strain(strain);
-            }
+        let Some(strain) = strain else { return };
+        let elements = strain.len() / (2 * self.robot.module_count());
+        let level = LEVELS.iter().position(|e| *e == elements);
+        let usable = level.filter(|level| !self.fixed || *level == self.level);
+        // without memory for them it starts from the straight backbone
+        if let Some(Ok(solver)) = usable.map(|level| self.at(level)) {
+            solver.take_strain(strain);
         }
     }
 
@@ -182,10 +190,9 @@ impl Adaptive {
             if outcome.status != Status::Converged {
                 failed = failed.or(Some((self.level, outcome)));
             }
-            // a coarse solution with a large error may be on another branch
-            let tolerance = START_TOLERANCE * self.robot.length();
-            let near = outcome.error.is_some_and(|error| error.tip <= tolerance);
-            if next || near && outcome.stable.is_some() {
+            let length = self.robot.length();
+            let near = |error: ErrorEstimate| is_near(&error, outcome.stable, length);
+            if next || outcome.error.is_some_and(near) {
                 let strain = self.solver().last_strain();
                 start = strain.map(|w| (refine_to(w, more / elements), outcome.left_unstable));
             }

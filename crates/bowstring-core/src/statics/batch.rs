@@ -4,13 +4,17 @@
 
 use crate::dispatch;
 use crate::interrupt;
+#[cfg(target_arch = "x86_64")]
+use crate::math::linalg::Vec3;
 use crate::memory::{filled, unknown};
 use crate::model::error::InputError;
 use crate::model::load::{Load, RodModel};
 use crate::model::robot::Robot;
+#[cfg(target_arch = "x86_64")]
+use crate::statics::adaptive::refine_to;
 use crate::statics::adaptive::Adaptive;
 #[cfg(target_arch = "x86_64")]
-use crate::statics::lanes::{side_by_side, SideBySide};
+use crate::statics::lanes::{LaneOutcome, Levels, SideBySide, FINER, MOST_LANES};
 use crate::statics::solver::{Outcome, Pose, Solver, Status};
 
 impl RodModel {
@@ -150,7 +154,7 @@ pub fn solve_batch(
     let scratch = || Scratch {
         solver: model.solver(robot).expect("checked above"),
         #[cfg(target_arch = "x86_64")]
-        lanes: side_by_side(robot, model.model, model.elements),
+        lanes: Levels::new(robot, model),
     };
     for_each(&mut chunks, threads, scratch, |scratch, chunk| {
         chunk.fill(scratch, loads)
@@ -162,7 +166,7 @@ pub fn solve_batch(
 struct Scratch {
     solver: Adaptive,
     #[cfg(target_arch = "x86_64")]
-    lanes: Option<Box<dyn SideBySide>>,
+    lanes: Option<Levels>,
 }
 
 /// Loads that one thread takes at a time: a multiple of the lanes.
@@ -293,7 +297,7 @@ impl Chunk<'_> {
     fn fill(&mut self, scratch: &mut Scratch, loads: &Loads) {
         #[cfg(target_arch = "x86_64")]
         if let Some(lanes) = &mut scratch.lanes {
-            return self.fill_side_by_side(&mut **lanes, &mut scratch.solver, loads);
+            return self.fill_side_by_side(lanes, &mut scratch.solver, loads);
         }
         self.solve_all(&mut scratch.solver, loads, false);
     }
@@ -309,31 +313,67 @@ impl Chunk<'_> {
     }
 
     #[cfg(target_arch = "x86_64")]
-    fn fill_side_by_side(
-        &mut self,
-        lanes: &mut dyn SideBySide,
-        careful: &mut Adaptive,
-        loads: &Loads,
-    ) {
-        let (rows, width) = (self.outcomes.len(), lanes.width());
+    fn fill_side_by_side(&mut self, lanes: &mut Levels, careful: &mut Adaptive, loads: &Loads) {
+        let (rows, width) = (self.outcomes.len(), lanes.first.width());
+        // rows for the finer lanes, with Newton steps so far and the strain to start from
+        let mut finer: Vec<(usize, usize, Vec<Vec3>)> = vec![];
         for start in (0..rows).step_by(width) {
             if interrupt::interrupted() {
                 return;
             }
             let count = width.min(rows - start);
-            let side_by_side: [Load; 8] = std::array::from_fn(|lane| {
-                let i = start + lane.min(count - 1);
-                loads.row(self.first + i, self.tendons)
-            });
-            let outcomes = lanes.solve(&side_by_side[..count]);
+            let side_by_side = self.loads_of(loads, count, |lane| start + lane);
+            let outcomes = lanes.first.solve(&side_by_side[..count]);
             for (lane, outcome) in outcomes[..count].iter().enumerate() {
                 let i = start + lane;
-                match outcome {
-                    Some(outcome) => self.write_lane(i, lanes, lane, *outcome),
-                    None => self.solve(i, careful, loads, false),
+                match *outcome {
+                    LaneOutcome::Solved(outcome) => {
+                        self.write_lane(i, &*lanes.first, lane, outcome)
+                    }
+                    LaneOutcome::NeedsElements {
+                        elements: FINER,
+                        iterations,
+                    } if lanes.finer.is_some() => {
+                        let strain = refine_to(lanes.first.strain(lane), FINER);
+                        finer.push((i, iterations, strain));
+                    }
+                    _ => self.solve(i, careful, loads, false),
                 }
             }
         }
+        let Some(lanes) = &mut lanes.finer else {
+            return;
+        };
+        for some in finer.chunks(width) {
+            if interrupt::interrupted() {
+                return;
+            }
+            lanes.leave_all();
+            for (lane, (_, _, strain)) in some.iter().enumerate() {
+                lanes.start_from(lane, strain);
+            }
+            let side_by_side = self.loads_of(loads, some.len(), |lane| some[lane].0);
+            let outcomes = lanes.solve_next(&side_by_side[..some.len()]);
+            for (lane, (i, before, _)) in some.iter().enumerate() {
+                if let LaneOutcome::Solved(mut outcome) = outcomes[lane] {
+                    outcome.iterations += before;
+                    self.write_lane(*i, &**lanes, lane, outcome);
+                } else {
+                    self.solve(*i, careful, loads, false);
+                }
+            }
+        }
+    }
+
+    /// Loads of some rows for the lanes; the last one also in the lanes beyond.
+    #[cfg(target_arch = "x86_64")]
+    fn loads_of<'l>(
+        &self,
+        loads: &Loads<'l>,
+        count: usize,
+        row: impl Fn(usize) -> usize,
+    ) -> [Load<'l>; MOST_LANES] {
+        std::array::from_fn(|lane| loads.row(self.first + row(lane.min(count - 1)), self.tendons))
     }
 
     /// Writes the solution in a lane.

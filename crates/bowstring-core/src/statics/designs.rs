@@ -10,10 +10,10 @@ use crate::model::load::Load;
 use crate::model::load::RodModel;
 use crate::model::robot::Robot;
 #[cfg(target_arch = "x86_64")]
-use crate::statics::adaptive::Adaptive;
+use crate::statics::adaptive::{refine_to, Adaptive};
 use crate::statics::batch::{for_each, thread_count, Chunk, Loads, Solutions};
 #[cfg(target_arch = "x86_64")]
-use crate::statics::lanes::{side_by_side, SideBySide, MOST_LANES};
+use crate::statics::lanes::{LaneOutcome, Levels, FINER, MOST_LANES};
 
 /// Robots that one thread takes at a time: a multiple of the lanes.
 const ROBOTS: usize = 8;
@@ -42,7 +42,7 @@ pub fn sweep_designs(
     let mut chunks: Vec<_> = solutions.chunks(first, (ROBOTS * each).max(1)).collect();
     let scratch = || Scratch {
         #[cfg(target_arch = "x86_64")]
-        lanes: side_by_side(first, model.model, model.elements),
+        lanes: Levels::new(first, model),
     };
     for_each(&mut chunks, threads, scratch, |scratch, chunk| {
         let at = chunk.first / each;
@@ -83,7 +83,7 @@ fn alike(a: &Robot, b: &Robot) -> bool {
 /// Solvers of a thread.
 struct Scratch {
     #[cfg(target_arch = "x86_64")]
-    lanes: Option<Box<dyn SideBySide>>,
+    lanes: Option<Levels>,
 }
 
 /// Solves the loads of some robots, whose rows are those of the chunk.
@@ -98,13 +98,13 @@ fn fill(
     let each = chunk.outcomes.len() / robots.len();
     #[cfg(target_arch = "x86_64")]
     if let Some(lanes) = &mut scratch.lanes {
-        let width = lanes.width();
+        let width = lanes.first.width();
         for (i, robots) in robots.chunks(width).enumerate() {
             let rows = Rows {
                 first: i * width * each,
                 each,
             };
-            fill_side_by_side(chunk, rows, &mut **lanes, robots, model, loads);
+            fill_side_by_side(chunk, rows, lanes, robots, model, loads);
         }
         return;
     }
@@ -134,19 +134,36 @@ impl Rows {
     }
 }
 
+/// Solver that has the next load of a robot.
+#[cfg(target_arch = "x86_64")]
+enum Turn {
+    First,
+    Finer,
+    /// A robot that was left to the globalised solver stays with it.
+    Alone(Box<Adaptive>),
+}
+
 #[cfg(target_arch = "x86_64")]
 fn fill_side_by_side(
     chunk: &mut Chunk,
     rows: Rows,
-    lanes: &mut dyn SideBySide,
+    lanes: &mut Levels,
     robots: &[Robot],
     model: &RodModel,
     loads: &Loads,
 ) {
     let tendons = robots[0].tendon_count();
-    // a robot that was left to the globalised solver stays with it
-    let mut careful: [Option<Adaptive>; MOST_LANES] = [const { None }; MOST_LANES];
-    lanes.set_robots(robots);
+    let alone = |lane: usize, strain| {
+        let mut solver = model.solver(&robots[lane]).expect("checked before");
+        solver.restart_from(strain);
+        Turn::Alone(Box::new(solver))
+    };
+    let mut turns: [Turn; MOST_LANES] = [const { Turn::First }; MOST_LANES];
+    lanes.first.set_robots(robots);
+    if let Some(finer) = &mut lanes.finer {
+        finer.set_robots(robots);
+        finer.leave_all();
+    }
     for load in 0..rows.each {
         if interrupt::interrupted() {
             return;
@@ -155,19 +172,57 @@ fn fill_side_by_side(
             let lane = lane.min(robots.len() - 1);
             loads.row(chunk.first + rows.of(lane, load), tendons)
         });
-        let outcomes = lanes.solve_next(&side_by_side[..robots.len()]);
-        for (lane, robot) in robots.iter().enumerate() {
-            let row = rows.of(lane, load);
-            if let Some(outcome) = outcomes[lane] {
-                chunk.write_lane(row, lanes, lane, outcome);
-                continue;
+        let side_by_side = &side_by_side[..robots.len()];
+        // Newton steps before the finer lanes
+        let mut before = [0; MOST_LANES];
+        let turns = &mut turns[..robots.len()];
+        if turns.iter().any(|turn| matches!(turn, Turn::First)) {
+            let outcomes = lanes.first.solve_next(side_by_side);
+            for (lane, turn) in turns.iter_mut().enumerate() {
+                if !matches!(turn, Turn::First) {
+                    continue;
+                }
+                *turn = match outcomes[lane] {
+                    LaneOutcome::Solved(outcome) => {
+                        let row = rows.of(lane, load);
+                        chunk.write_lane(row, &*lanes.first, lane, outcome);
+                        continue;
+                    }
+                    LaneOutcome::NeedsElements {
+                        elements: FINER,
+                        iterations,
+                    } if lanes.finer.is_some() => {
+                        let strain = refine_to(lanes.first.strain(lane), FINER);
+                        if let Some(finer) = &mut lanes.finer {
+                            finer.start_from(lane, &strain);
+                        }
+                        before[lane] = iterations;
+                        Turn::Finer
+                    }
+                    _ => alone(lane, lanes.first.last_strain(lane)),
+                };
             }
-            let solver = careful[lane].get_or_insert_with(|| {
-                let mut solver = model.solver(robot).expect("checked before");
-                solver.restart_from(lanes.last_strain(lane));
-                solver
-            });
-            chunk.solve(row, solver, loads, true);
+        }
+        if turns.iter().any(|turn| matches!(turn, Turn::Finer)) {
+            let finer = lanes.finer.as_mut().expect("a lane has its turn there");
+            let outcomes = finer.solve_next(side_by_side);
+            for (lane, turn) in turns.iter_mut().enumerate() {
+                if !matches!(turn, Turn::Finer) {
+                    continue;
+                }
+                if let LaneOutcome::Solved(mut outcome) = outcomes[lane] {
+                    outcome.iterations += before[lane];
+                    chunk.write_lane(rows.of(lane, load), &**finer, lane, outcome);
+                    continue;
+                }
+                let strain = finer.last_strain(lane);
+                *turn = alone(lane, strain.or_else(|| lanes.first.last_strain(lane)));
+            }
+        }
+        for (lane, turn) in turns.iter_mut().enumerate() {
+            if let Turn::Alone(solver) = turn {
+                chunk.solve(rows.of(lane, load), solver, loads, true);
+            }
         }
     }
 }

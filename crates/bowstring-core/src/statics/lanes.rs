@@ -9,10 +9,11 @@ use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::math::simd::{Avx2, Avx512, Robots, Simd};
-use crate::model::load::{Load, Model, TendonPath};
+use crate::model::load::{Load, Model, RodModel, TendonPath};
 use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
 use crate::rod::estimate::Verdict;
+use crate::statics::adaptive::is_near;
 use crate::statics::newton::{is_minimum_nearby, ENERGY_NOISE, MAX_STEP, SUFFICIENT_DECREASE};
 use crate::statics::outcome::TOLERANCE;
 use crate::statics::solver::{Outcome, Pose, Settings, Status, MAX_EXTRAPOLATION};
@@ -25,8 +26,20 @@ const NEGLIGIBLE: f64 = 0.01 * TOLERANCE;
 
 /// Most lanes.
 pub(crate) const MOST_LANES: usize = 8;
-/// Outcome by lanes.
-pub(crate) type Outcomes = [Option<Outcome>; MOST_LANES];
+/// Result in a lane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum LaneOutcome {
+    /// It converged.
+    Solved(Outcome),
+    /// It converged after some Newton steps, but needs this number of elements; they can start from
+    /// its strain.
+    NeedsElements { elements: usize, iterations: usize },
+    /// It is left to the globalised solver.
+    Left,
+}
+
+/// Result by lanes.
+pub(crate) type Outcomes = [LaneOutcome; MOST_LANES];
 
 /// Robots in SIMD lanes.
 pub(crate) trait SideBySide {
@@ -35,80 +48,115 @@ pub(crate) trait SideBySide {
     /// Replaces the robots by others of the same topology, one for each lane; the last one also in
     /// the lanes beyond. Discards the last solutions.
     fn set_robots(&mut self, robots: &[Robot]);
-    /// Solves up to `width` loads from the straight backbone; `None` for those left to the
-    /// globalised solver.
+    /// Solves up to `width` loads from the straight backbone.
     fn solve(&mut self, loads: &[Load]) -> Outcomes;
-    /// Solves up to `width` loads, each from the previous ones in its lane. A lane that was left to
-    /// the globalised solver is left to it again.
+    /// Solves up to `width` loads, each from the previous ones in its lane. A lane that was not
+    /// solved is left.
     fn solve_next(&mut self, loads: &[Load]) -> Outcomes;
+    /// Leaves all lanes; `start_from` takes them back.
+    fn leave_all(&mut self);
+    /// Starts the next load of a lane from a strain.
+    fn start_from(&mut self, lane: usize, strain: &[Vec3]);
     /// Strain of the last solution in a lane.
     fn last_strain(&self, lane: usize) -> Option<Vec<Vec3>>;
+    /// Strain of a lane that needs more elements, after the last call.
+    fn strain(&self, lane: usize) -> Vec<Vec3>;
     /// Pose of a disk under one of the loads.
     fn disk(&self, k: usize, lane: usize) -> Pose;
     /// Length of a tendon under one of the loads (m).
     fn tendon_length(&self, i: usize, lane: usize) -> f64;
 }
 
-/// A solver for one element in a module, where the processor has SIMD lanes.
-pub(crate) fn side_by_side(
+/// Lanes with the fewest elements, and with two in a module for loads that need them.
+pub(crate) struct Levels {
+    pub first: Box<dyn SideBySide>,
+    pub finer: Option<Box<dyn SideBySide>>,
+}
+
+impl Levels {
+    /// Where the processor has SIMD lanes, and the model has not more than two elements.
+    pub fn new(robot: &Robot, model: &RodModel) -> Option<Self> {
+        let lanes = |elements, automatic| side_by_side(robot, model.model, elements, automatic);
+        let automatic = model.elements.is_none();
+        Some(Levels {
+            first: lanes(model.elements.unwrap_or(1), automatic)?,
+            finer: if automatic { lanes(FINER, true) } else { None },
+        })
+    }
+}
+
+/// Elements of the finer lanes.
+pub(crate) const FINER: usize = 2;
+
+/// A solver for one or two elements in a module, where the processor has SIMD lanes. If
+/// `automatic`, a solution that needs more elements is rejected.
+fn side_by_side(
     robot: &Robot,
     model: Model,
-    elements: Option<usize>,
+    elements: usize,
+    automatic: bool,
 ) -> Option<Box<dyn SideBySide>> {
-    if elements.unwrap_or(1) != 1 {
-        return None;
-    }
     if let Some(simd) = Avx512::detect() {
-        return Some(with(simd, robot, model, elements));
+        return with(simd, robot, model, elements, automatic);
     }
-    Some(with(Avx2::detect()?, robot, model, elements))
+    with(Avx2::detect()?, robot, model, elements, automatic)
 }
 
 fn with<S: Simd>(
     simd: S,
     robot: &Robot,
     model: Model,
-    elements: Option<usize>,
-) -> Box<dyn SideBySide> {
-    match model.tendon {
-        TendonPath::Straight => {
-            Box::new(Lanes::new(Robots::<S, false>(simd), robot, model, elements))
+    elements: usize,
+    automatic: bool,
+) -> Option<Box<dyn SideBySide>> {
+    let straight = Robots::<S, false>(simd);
+    Some(match (model.tendon, elements) {
+        (TendonPath::Straight, 1) => {
+            Box::new(Lanes::<S, false, 2>::new(straight, robot, model, automatic))
         }
-        TendonPath::Continuous => {
-            Box::new(Lanes::new(Robots::<S, true>(simd), robot, model, elements))
+        (TendonPath::Straight, 2) => {
+            Box::new(Lanes::<S, false, 4>::new(straight, robot, model, automatic))
         }
-    }
+        (TendonPath::Continuous, 1) => {
+            let continuous = Robots::<S, true>(simd);
+            Box::new(Lanes::<S, true, 2>::new(
+                continuous, robot, model, automatic,
+            ))
+        }
+        _ => return None,
+    })
 }
 
-struct Lanes<S: Simd, const CONTINUOUS: bool> {
-    rod: Rod<Robots<S, CONTINUOUS>, 2>,
+struct Lanes<S: Simd, const CONTINUOUS: bool, const A: usize> {
+    rod: Rod<Robots<S, CONTINUOUS>, A>,
     model: Model,
     settings: [Settings; MOST_LANES],
     /// Whether elements are chosen: a solution that needs more than one is rejected.
     automatic: bool,
     /// Strains of the previous solutions, latest first, by modules.
-    history: [Vec<[Vec3<S::Vector>; 2]>; 3],
+    history: [Vec<[Vec3<S::Vector>; A]>; 3],
     /// Number of previous solutions by lanes.
     known: [usize; MOST_LANES],
+    /// Lanes whose latest strain is no solution, but a start.
+    starts: [bool; MOST_LANES],
     /// Lanes that have been left to the globalised solver.
     left: [bool; MOST_LANES],
 }
 
-impl<S: Simd, const CONTINUOUS: bool> Lanes<S, CONTINUOUS> {
-    fn new(
-        layout: Robots<S, CONTINUOUS>,
-        robot: &Robot,
-        model: Model,
-        elements: Option<usize>,
-    ) -> Self {
-        let straight = vec![[Vec3::zero(); 2]; robot.module_count()];
+impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
+    /// Number of elements in a module.
+    const ELEMENTS: usize = A / 2;
+
+    fn new(layout: Robots<S, CONTINUOUS>, robot: &Robot, model: Model, automatic: bool) -> Self {
+        let straight = vec![[Vec3::zero(); A]; robot.module_count()];
         Lanes {
             rod: Rod::new(layout, robot, model),
             model,
-            settings: [Settings::new(robot, model, 1); MOST_LANES],
-            automatic: elements.is_none(),
+            settings: [Settings::new(robot, model, Self::ELEMENTS); MOST_LANES],
+            automatic,
             history: [straight.clone(), straight.clone(), straight],
             known: [0; MOST_LANES],
+            starts: [false; MOST_LANES],
             left: [false; MOST_LANES],
         }
     }
@@ -118,7 +166,11 @@ impl<S: Simd, const CONTINUOUS: bool> Lanes<S, CONTINUOUS> {
     fn extrapolate(&mut self) {
         let vector = |of: &dyn Fn(usize) -> f64| S::Vector::from_fn(of);
         let [a, b, c] = &self.history;
-        let known = |lane: usize| if self.left[lane] { 0 } else { self.known[lane] };
+        let known = |lane: usize| match (self.left[lane], self.starts[lane]) {
+            (true, _) => 0,
+            (false, true) => 1,
+            (false, false) => self.known[lane],
+        };
         let factors = [
             vector(&|lane| [0.0, 1.0, 2.0, 3.0][known(lane)]),
             vector(&|lane| [0.0, 0.0, -1.0, -3.0][known(lane)]),
@@ -126,7 +178,7 @@ impl<S: Simd, const CONTINUOUS: bool> Lanes<S, CONTINUOUS> {
         ];
         let mut change = S::Vector::zero();
         for (k, state) in self.rod.states.iter_mut().enumerate() {
-            for i in 0..2 {
+            for i in 0..A {
                 state.w[i] = a[k][i] * factors[0] + b[k][i] * factors[1] + c[k][i] * factors[2];
                 change = change.max((state.w[i] - a[k][i]).max_abs());
             }
@@ -153,7 +205,7 @@ impl<S: Simd, const CONTINUOUS: bool> Lanes<S, CONTINUOUS> {
         let [last, before, _] = &mut self.history;
         let zero = S::Vector::zero();
         for (k, state) in self.rod.states.iter_mut().enumerate() {
-            for i in 0..2 {
+            for i in 0..A {
                 for q in 0..3 {
                     last[k][i].0[q] = chosen(outcomes, state.w[i][q], before[k][i][q]);
                 }
@@ -163,9 +215,15 @@ impl<S: Simd, const CONTINUOUS: bool> Lanes<S, CONTINUOUS> {
             }
         }
         for (lane, outcome) in outcomes.iter().enumerate() {
-            self.left[lane] |= outcome.is_none();
+            self.left[lane] |= !matches!(outcome, LaneOutcome::Solved(_));
             if !self.left[lane] {
-                self.known[lane] = (self.known[lane] + 1).min(3);
+                let known = if self.starts[lane] {
+                    0
+                } else {
+                    self.known[lane]
+                };
+                self.known[lane] = (known + 1).min(3);
+                self.starts[lane] = false;
             }
         }
     }
@@ -177,13 +235,13 @@ fn chosen<T: Real>(outcomes: &Outcomes, with: T, without: T) -> T {
     T::from_fn(
         #[inline(always)]
         |lane| match outcomes[lane] {
-            Some(_) => with.lane(lane),
-            None => without.lane(lane),
+            LaneOutcome::Solved(_) => with.lane(lane),
+            _ => without.lane(lane),
         },
     )
 }
 
-impl<S: Simd, const CONTINUOUS: bool> SideBySide for Lanes<S, CONTINUOUS> {
+impl<S: Simd, const CONTINUOUS: bool, const A: usize> SideBySide for Lanes<S, CONTINUOUS, A> {
     fn width(&self) -> usize {
         S::Vector::LANES
     }
@@ -191,18 +249,31 @@ impl<S: Simd, const CONTINUOUS: bool> SideBySide for Lanes<S, CONTINUOUS> {
     fn set_robots(&mut self, robots: &[Robot]) {
         self.rod.set_robots(robots, self.model);
         for (lane, settings) in self.settings.iter_mut().enumerate() {
-            *settings = Settings::new(&robots[lane.min(robots.len() - 1)], self.model, 1);
+            let robot = &robots[lane.min(robots.len() - 1)];
+            *settings = Settings::new(robot, self.model, Self::ELEMENTS);
         }
-        self.known = [0; MOST_LANES];
-        self.left = [false; MOST_LANES];
-        self.rod.make_straight();
+        self.restart();
     }
 
     fn solve(&mut self, loads: &[Load]) -> Outcomes {
-        self.rod.make_straight();
-        self.known = [0; MOST_LANES];
-        self.left = [false; MOST_LANES];
+        self.restart();
         self.descend(loads)
+    }
+
+    fn leave_all(&mut self) {
+        self.restart();
+        self.left = [true; MOST_LANES];
+    }
+
+    fn start_from(&mut self, lane: usize, strain: &[Vec3]) {
+        let last = self.history[0].iter_mut().flatten();
+        for (to, from) in last.zip(strain) {
+            for q in 0..3 {
+                to.0[q].set_lane(lane, from[q]);
+            }
+        }
+        self.starts[lane] = true;
+        self.left[lane] = false;
     }
 
     fn solve_next(&mut self, loads: &[Load]) -> Outcomes {
@@ -224,7 +295,13 @@ impl<S: Simd, const CONTINUOUS: bool> SideBySide for Lanes<S, CONTINUOUS> {
 
     fn last_strain(&self, lane: usize) -> Option<Vec<Vec3>> {
         let last = self.history[0].iter().flatten();
-        (self.known[lane] > 0).then(|| last.map(|v| v.of_lane(lane)).collect())
+        let solved = self.known[lane] > 0 && !self.starts[lane];
+        solved.then(|| last.map(|v| v.of_lane(lane)).collect())
+    }
+
+    fn strain(&self, lane: usize) -> Vec<Vec3> {
+        let arcs = self.rod.states.iter().flat_map(|state| &state.w);
+        arcs.map(|v| v.of_lane(lane)).collect()
     }
 
     fn disk(&self, k: usize, lane: usize) -> Pose {
@@ -236,7 +313,14 @@ impl<S: Simd, const CONTINUOUS: bool> SideBySide for Lanes<S, CONTINUOUS> {
     }
 }
 
-impl<S: Simd, const CONTINUOUS: bool> Lanes<S, CONTINUOUS> {
+impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
+    fn restart(&mut self) {
+        self.rod.make_straight();
+        self.known = [0; MOST_LANES];
+        self.starts = [false; MOST_LANES];
+        self.left = [false; MOST_LANES];
+    }
+
     /// Plain Newton steps from the strain of the rod, in the lanes that have not been left to the
     /// globalised solver.
     fn descend(&mut self, loads: &[Load]) -> Outcomes {
@@ -281,7 +365,7 @@ impl<S: Simd, const CONTINUOUS: bool> Lanes<S, CONTINUOUS> {
         let mut last_residual = S::Vector::zero();
         let mut minimum_nearby = [false; MOST_LANES];
         let mut iterations = [0; MOST_LANES];
-        let mut outcomes = [None; MOST_LANES];
+        let mut outcomes = [LaneOutcome::Left; MOST_LANES];
         for round in 0..=MAX_PLAIN_STEPS {
             if interrupt::work(S::Vector::LANES * settings[0].work) {
                 break;
@@ -295,19 +379,26 @@ impl<S: Simd, const CONTINUOUS: bool> Lanes<S, CONTINUOUS> {
                 let found = rod.estimate();
                 for lane in 0..loads.len() {
                     let found = found.of_lane(lane);
-                    let verdict =
-                        Verdict::new(&found, [0.0; 2], Some(true), settings[lane].length, 1);
-                    // finer elements are left to the globalised solver
-                    let fine = !self.automatic || verdict.needed == 1;
-                    if plain[lane] && ready(lane) && fine && rod.collision(lane).is_none() {
-                        outcomes[lane] = Some(Outcome {
+                    if !plain[lane] || !ready(lane) || rod.collision(lane).is_some() {
+                        continue;
+                    }
+                    let (length, elements) = (settings[lane].length, Self::ELEMENTS);
+                    let verdict = Verdict::new(&found, [0.0; 2], Some(true), length, elements);
+                    let iterations = iterations[lane];
+                    if !self.automatic || verdict.needed == elements {
+                        outcomes[lane] = LaneOutcome::Solved(Outcome {
                             status: Status::Converged,
                             stable: verdict.stable,
                             error: Some(verdict.error),
-                            iterations: iterations[lane],
+                            iterations,
                             residual: residual.lane(lane),
                             ..Outcome::pending()
                         });
+                    } else if is_near(&verdict.error, verdict.stable, length) {
+                        outcomes[lane] = LaneOutcome::NeedsElements {
+                            elements: verdict.needed,
+                            iterations,
+                        };
                     }
                 }
                 break;
