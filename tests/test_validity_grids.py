@@ -177,3 +177,25 @@ def test_the_command_maps_three_axes(shell: Shell, tmp_path: Path) -> None:
     content = shell.json("map", "amouri2019", *over, "--out", str(tmp_path / "map.nc"))
     with xr.open_dataset(tmp_path / "map.nc") as data:
         np.testing.assert_allclose(100.0 * data[FORCE].values, content["maps"][1]["values"])
+
+
+def test_slack_is_kept_over_three_axes() -> None:
+    elastic = bs.load_robot("amouri2019").with_({"segments.0.tendons.axial_stiffness": 3e4})
+    axes = ["bend=10:90 deg:3", "pretension=0.5:40 N:2", "E=30:40 GPa:2"]
+    grid = bs.validity_grid(elastic, axes)
+    assert grid.slack is not None and 0 < grid.slack.sum() < grid.slack.size
+    assert f"{grid.slack.sum()} of 12 points: a tendon is slack." in grid.described()
+    cut = grid.slice(bend="90 deg", E="35 GPa")
+    assert cut.to_dict()["max_tension_N"] is None
+
+
+def test_slices_do_not_depend_on_the_order_of_the_axes() -> None:
+    """Clamped lengths of 120 mm fit three disks, but not the nine of the robot file."""
+    robot = bs.load_robot("amouri2019")
+    axes = ["tension=0:80 N:3", "disks.count=3:5:3", "clamped_length=0:120 mm:4"]
+    grid = bs.validity_grid(robot, axes)
+    values = {"count": 3, "clamped_length": "120 mm"}
+    one = grid.slice(values).value["cc_from_force"]
+    other = grid.slice(dict(reversed(values.items()))).value["cc_from_force"]
+    np.testing.assert_array_equal(one, other)
+    grid.figure()

@@ -592,6 +592,7 @@ def test_bends_of_two_segments_have_the_direction_of_the_linear_law() -> None:
         (["bend=0:90 deg"], {"metric": "valid_to"}, "sweep of the bend"),
         (["tension=0:80 N"], {"models": ["cc_from_displacements"]}, "axis bend"),
         (["pretension=0:20 N"], {}, "add an axis bend"),
+        (["bend=0:90 deg"], {"loading": Loading(50.0)}, "leave it out with bend"),
     ],
 )
 def test_bends_that_do_not_fit_are_refused(
@@ -599,3 +600,36 @@ def test_bends_that_do_not_fit_are_refused(
 ) -> None:
     with pytest.raises(InputError, match=message):
         validity_map(ROBOT, over, **options)
+
+
+def test_bends_of_robots_of_different_length() -> None:
+    for over in ("segments.0.length=641:100 mm:3", "segments.0.length=100:641 mm:3"):
+        with pytest.raises(InputError, match="bend of 900 deg shortens tendon 1"):
+            validity_map(ROBOT, ["bend=0:900 deg:3", over])
+    found = validity_map(ROBOT, ["bend=0:90 deg:3", "segments.0.length=641:200 mm:3"])
+    assert np.isfinite(found.value["cc_from_displacements"]).all()
+
+
+def test_a_bend_without_a_unit_is_asked_for() -> None:
+    with pytest.raises(InputError, match="0:90 deg"):
+        validity_map(ROBOT, ["bend=0:90"])
+
+
+def test_tendons_that_balance_each_other_have_no_direction_of_bend() -> None:
+    balanced = Loading(10.0, 5, {1: 1.0, 2: 1.0, 3: 1.0})
+    with pytest.raises(InputError, match="balance each other"):
+        validity_map(ROBOT, ["bend=0:60 deg:3"], loading=balanced)
+
+
+def test_the_main_cause_is_that_of_points_above_the_tolerance() -> None:
+    """Shear and extension make most of the tiny error at no bend, and little beyond."""
+    few = ELASTIC.with_({"segments.0.disks.count": 4, "segments.0.tendons.pretension": 20.0})
+    found = validity_map(few, ["bend=0:120 deg:4"])
+    assert found.cause["cc_from_displacements"][0] == "shear_extension"
+    assert "shear and extension" not in described(found)[0]
+
+
+def test_a_map_of_bends_has_no_largest_tension() -> None:
+    found = validity_map(ELASTIC, ["bend=10:60 deg:3"])
+    assert found.to_dict()["max_tension_N"] is None
+    assert "bend" in found.to_dataset()[LENGTHS].attrs["long_name"]

@@ -78,6 +78,7 @@ def test_a_model_that_holds_everywhere_says_so() -> None:
     ("distributions", "message"),
     [
         ({"tensions.0": {"normal": {"mean": 9.0, "sd": 1.0}}}, "cannot vary here"),
+        ({"pretension": {"uniform": {"from": 0.0, "to": 9.0}}}, "changes nothing"),
         ({"segments.*.backbone.young": {"normal": {"sd": "5 %"}}}, "did you mean"),
         ({E: {"normal": {"mean": 1e9, "sd": 1e9}}}, "log-normal|lognormal"),
     ],
@@ -100,6 +101,17 @@ def test_friction_makes_each_sample_a_path() -> None:
     limit = np.interp(found.tolerance, error, tensions[1:, 0])
     assert error[-1] > found.tolerance
     np.testing.assert_allclose(found.limit, limit, rtol=2e-3)
+
+
+def test_rods_of_another_theory() -> None:
+    """Without shear and extension the limit is another one, but not far from it."""
+    sure = {E: {"normal": {"sd": "0.001 %"}}}
+    limits = [
+        validity_spread(ROBOT, sure, points=64, model=bs.RodModel(theory)).nominal
+        for theory in ("cosserat", "kirchhoff")
+    ]
+    assert limits[0] != limits[1]
+    assert limits[0] == pytest.approx(limits[1], rel=0.01)
 
 
 def test_samples_are_a_power_of_two() -> None:

@@ -798,6 +798,122 @@ fn displacements_side_by_side() {
     assert!(slack > 100, "only {slack} tendons were slack");
 }
 
+/// Equal displacements of opposing tendons compress a robot that hardly moves: the tangent changes
+/// by the tensions alone, and beyond the critical load no step is stable.
+#[test]
+fn opposing_displacements_side_by_side_are_unstable_beyond_buckling() {
+    let robot = study_robot(9, 0.0);
+    let line = Line {
+        stiffness: 1e4,
+        pretension: 1.0,
+        ..Line::default()
+    };
+    let home = PathSolver::new(&robot, Model::default(), 1, &[line; 3]).unwrap();
+    let rows = 60;
+    let values: Vec<f64> = (0..3 * rows).map(|at| 2e-3 * (at / 3) as f64).collect();
+    let steps = Steps {
+        loads: Loads {
+            count: rows,
+            tensions: &values,
+            gravity: &[0.0; 3],
+            tip_force: &[0.0; 3],
+            tip_moment: &[0.0; 3],
+        },
+        by_displacement: &vec![true; 3 * rows],
+    };
+    let each = solve_each(&mut home.clone(), &steps, 1, false).unwrap();
+    let mut unstable = 0;
+    for i in 0..rows {
+        let load = steps.loads.row(i, 3);
+        let mut alone = home.clone();
+        let found = step(&mut alone, &displacements(load.tensions), &load);
+        assert_eq!(each.poses.outcomes[i].status, found.status, "row {i}");
+        unstable += usize::from(found.status != Status::Converged);
+    }
+    assert!((10..rows).contains(&unstable), "{unstable} unstable");
+}
+
+/// Rows of tendons that end at different disks do not depend on the rows solved before them.
+#[test]
+fn rows_side_by_side_do_not_depend_on_those_before() {
+    let robot = rao_robot();
+    let home = path_solver(&robot, Model::default());
+    let rows = 160;
+    let by_displacement: Vec<bool> = (0..6 * rows)
+        .map(|at| at % 6 == if at / 6 / 16 % 2 == 0 { 0 } else { 3 })
+        .collect();
+    let mut draw = Draw(8);
+    let values: Vec<f64> = by_displacement
+        .iter()
+        .map(|by_displacement| match by_displacement {
+            true => draw.within(0.0, 0.008),
+            false => draw.within(0.0, 0.5),
+        })
+        .collect();
+    let steps = Steps {
+        loads: Loads {
+            count: rows,
+            tensions: &values,
+            gravity: &[0.0; 3],
+            tip_force: &[0.0; 3],
+            tip_moment: &[0.0; 3],
+        },
+        by_displacement: &by_displacement,
+    };
+    let one = solve_each(&mut home.clone(), &steps, 1, false).unwrap();
+    for from in (0..rows).step_by(16) {
+        let part = Steps {
+            loads: Loads {
+                count: 16,
+                tensions: &values[6 * from..][..96],
+                ..steps.loads
+            },
+            by_displacement: &by_displacement[6 * from..][..96],
+        };
+        let alone = solve_each(&mut home.clone(), &part, 1, false).unwrap();
+        let whole = &one.poses.tip_position[3 * from..][..48];
+        assert_eq!(whole, alone.poses.tip_position, "rows from {from}");
+        let outcomes = one.poses.outcomes[from..].iter().zip(&alone.poses.outcomes);
+        for (a, b) in outcomes {
+            assert_eq!((a.iterations, a.error), (b.iterations, b.error));
+        }
+    }
+}
+
+/// Every row is checked against its own robot.
+#[test]
+fn displacements_beyond_the_length_of_a_shorter_robot() {
+    let long = study_robot(9, 0.0);
+    let mut spec = long.spec().clone();
+    for disk in &mut spec.disks {
+        disk.station *= 0.3;
+    }
+    let short = Robot::new(spec).unwrap();
+    let values = [0.01, 0.0, 0.0, 0.25, 0.0, 0.0].repeat(2);
+    let steps = Steps {
+        loads: Loads {
+            count: 4,
+            tensions: &values,
+            gravity: &[0.0; 3],
+            tip_force: &[0.0; 3],
+            tip_moment: &[0.0; 3],
+        },
+        by_displacement: &[true; 12],
+    };
+    for (robots, place) in [
+        ([long.clone(), short.clone()], "robot 1, load 1"),
+        ([short, long], "robot 0, load 1"),
+    ] {
+        let designs = Designs {
+            robots: &robots,
+            lines: &[Line::default(); 6],
+        };
+        let refused = follow_designs(&designs, &RodModel::default(), &steps, 1);
+        let message = refused.unwrap_err().to_string();
+        assert!(message.starts_with(place), "{message}");
+    }
+}
+
 /// Paths of several robots in one call are those of each robot alone, with and without friction.
 #[test]
 fn paths_of_several_robots() {
@@ -815,10 +931,10 @@ fn paths_of_several_robots() {
         },
         by_displacement: &by_displacement,
     };
-    for rubbing in [0, 3, robots.len()] {
+    for with_friction in [0, 3, robots.len()] {
         let lines: Vec<Line> = (0..robots.len() * m)
             .map(|at| Line {
-                friction: if at / m < rubbing { 0.1 } else { 0.0 },
+                friction: if at / m < with_friction { 0.1 } else { 0.0 },
                 stiffness: 1e4 + 1e3 * (at / m) as f64,
                 ..Line::default()
             })
@@ -839,6 +955,14 @@ fn paths_of_several_robots() {
                 let given = commands(&by_displacement[i * m..][..m], load.tensions);
                 let alone = step(&mut path, &given, &load);
                 assert_same_step(&found, i, &path, &alone);
+                if alone.status != Status::Converged {
+                    let rest = &found.poses.outcomes[i..(r + 1) * each];
+                    assert!(rest.iter().all(|outcome| outcome.status == alone.status));
+                    assert!(found.poses.tip_position[3 * i..3 * (r + 1) * each]
+                        .iter()
+                        .all(|x| x.is_nan()));
+                    break;
+                }
             }
         }
     }

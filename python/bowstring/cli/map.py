@@ -38,8 +38,8 @@ def map_(
         list[str] | None,
         option(
             "PATH=FROM:TO[:N]",
-            "An axis; give it again for more. A number of the robot file (E, "
-            "pitch_radius, segments.0.disks.count), tension, bend, tip_force.x or gravity.z.  "
+            "An axis; give it again for more. A number of the robot file (E, pitch_radius, "
+            "friction, disks.count), tension, bend=0:90 deg, tip_force.x or gravity.z.  "
             "[default: tension and number of disks]",
         ),
     ] = None,
@@ -110,7 +110,8 @@ def map_(
 ) -> None:
     """Map where constant curvature holds, over numbers of the robot, its load or actuation.
 
-    Every point is a robot along a sweep of tension by statics, compared with constant curvature.
+    Every point is a robot along a sweep of tension (of commanded displacements with the axis bend)
+    by statics, compared with constant curvature.
     Outside the line at the tolerance, colours tell the effect that makes most of the error.
     """
     tolerated = share_of(

@@ -49,7 +49,10 @@ class MapValues(Object):
     metric: Annotated[
         Literal["largest_error", "mean_error", "error", "valid_to"], about("What is mapped.")
     ]
-    max_tension_N: Annotated[float, about("End of the sweep where no axis is the tension.")]
+    max_tension_N: Annotated[
+        float | None,
+        about("End of the sweep where no axis is the tension; null with an axis bend."),
+    ]
     axes: Annotated[list[MapAxis], about("One or two axes, the first along x.")]
     maps: Annotated[list[MapOfModel], about("Map of each model.")]
     cause_points: Annotated[Any, about("Values of each axis at the points of the causes.")]
@@ -82,7 +85,10 @@ class GridValues(Object):
     metric: Annotated[
         Literal["largest_error", "mean_error", "error", "valid_to"], about("What is mapped.")
     ]
-    max_tension_N: Annotated[float, about("End of the sweep where no axis is the tension.")]
+    max_tension_N: Annotated[
+        float | None,
+        about("End of the sweep where no axis is the tension; null with an axis bend."),
+    ]
     axes: Annotated[list[MapAxis], about("Axes in their order.")]
     maps: Annotated[list[GridOfModel], about("Map of each model.")]
     solved: Annotated[

@@ -58,7 +58,7 @@ def sweep_designs(
     """Solve the loads of many robots in sequence, each load from the one before, on all cores.
 
     With displacements or friction, the loads of a robot are a path from its home pose, as in
-    `bowstring.sweep`.
+    `bowstring.sweep`; the path ends at its first load without a solution.
 
     Parameters
     ----------
@@ -113,14 +113,14 @@ def sweep_designs(
         found = follow_designs(
             designs.robot.core, designs, by_displacement, values, dead, as_model(model), threads
         )
-        pulled, slack = found["tensions"], found["slack_lengths"]
+        given, slack = found["tensions"], found["slack_lengths"]
     else:
         found = designs.robot.core.sweep_designs(designs, values, dead, as_model(model), threads)
-        pulled, slack = values, np.zeros(values.shape)
+        given, slack = values, np.zeros(values.shape)
     shape = (count, each)
     return DesignSweep(
         designs,
-        pulled.reshape(*shape, tendons),
+        given.reshape(*shape, tendons),
         slack.reshape(*shape, tendons),
         found["converged"].reshape(shape),
         np.array(found["status"]).reshape(shape),

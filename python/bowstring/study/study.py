@@ -788,6 +788,7 @@ def _spreads(robot: Robot, settings: Settings, given: Any) -> tuple[Spread, ...]
                     tolerance=settings.tolerance,
                     points=_ASSUMED_POINTS if given is None else _GIVEN_POINTS,
                     loading=loading,
+                    model=RodModel(settings.theory),
                 )
             )
     return tuple(out)

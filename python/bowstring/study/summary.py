@@ -120,7 +120,7 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         how = "assumed" if study.uncertainty_assumed else "standard deviations"
         known = [s for s in study.spreads if s.limit_indices is not None] or study.spreads
         limits = [f"{LABELS[s.name]} to {s.limit_text}" for s in known]
-        yield f"Valid with {study.uncertain_numbers} ({how})", "; ".join(limits)
+        yield f"Valid with {study.uncertain_numbers} ({how}), median", "; ".join(limits)
     yield from _largest_effect(study)
     yield from _actuation(study)
     if study.limits_text:

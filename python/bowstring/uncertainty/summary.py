@@ -201,12 +201,12 @@ def spread_text(
             return significant(value)
         return f"{value:.{max(0, 1 - math.floor(math.log10(spread)))}f}"
 
-    ends = f"{text(low)} to {text(high)} {unit}"
+    ends = f"95 %: {text(low)} to {text(high)} {unit}"
     if high == math.inf:
-        ends = f"{text(low)} {unit} or more"
+        ends = f"97.5 %: {text(low)} {unit} or more"
     elif low == -math.inf:
-        ends = f"{text(high)} {unit} or less"
-    said = [f"{text(middle)} {unit} (95 %: {ends})"]
+        ends = f"97.5 %: {text(high)} {unit} or less"
+    said = [f"{text(middle)} {unit} ({ends})"]
     if indices is not None and np.isfinite(indices.first.value).all():
         said.append(_main_factor(indices))
     if summary.share_without_result > 0.0:

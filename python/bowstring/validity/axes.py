@@ -18,7 +18,7 @@ from bowstring.robot.paths import find, full_paths, numbers_of
 from bowstring.units import NUMBER, has_no_unit, quote, read_number
 from bowstring.validation import shown
 
-__all__ = ["LOADS", "MOST_POINTS", "RAMPS", "Axis", "axes_of", "read_axis"]
+__all__ = ["BY_DISPLACEMENT", "LOADS", "MOST_POINTS", "RAMPS", "Axis", "axes_of", "read_axis"]
 
 Floats = NDArray[np.float64]
 
@@ -30,6 +30,8 @@ LOADS: Final = {
 }
 """Axes that are not numbers of the robot file: SI unit, usual unit and label."""
 
+BY_DISPLACEMENT: Final = ("axial_stiffness", "compliance", "free_length", "pretension")
+"""Numbers of tendons that act under displacement control only."""
 RAMPS: Final = ("tension", "bend")
 """Axes along which a robot follows its ramp."""
 
@@ -209,6 +211,8 @@ def read_axis(text: str, robot: Robot) -> Axis:
 
 def _means_usual_unit(axis: Axis, robot: Robot) -> bool:
     """Whether numbers without a unit are far from the robot's own in SI, but not in usual units."""
+    if axis.path == "bend":
+        return max(axis.start, axis.stop) > 2.0 * np.pi
     own = axis.own_value(robot)
     if not own or axis.factor == 1.0:
         return False
@@ -278,6 +282,11 @@ def _place(path: str, robot: Robot) -> tuple[str, tuple[str, ...]]:
     try:
         name, targets = find(robot, path, LOADS)
     except InputError as error:
+        if path.rpartition(".")[2] == "axial_stiffness":
+            raise InputError(
+                f"axis {path}: the tendons of {robot.name} are inextensible; give them a stiffness "
+                'first, such as --set segments.0.tendons.axial_stiffness="30 kN"'
+            ) from None
         raise InputError(f"axis: {error}") from None
     if name.endswith("tendons.count"):
         raise InputError(

@@ -1,7 +1,8 @@
-"""Errors of constant curvature for many robots along a ramp of tension."""
+"""Errors of constant curvature for many robots along ramps of tension or of commanded bends."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -58,6 +59,7 @@ INPUTS: Final = {
 }
 """Input and correction of the models, for titles."""
 
+_BALANCED: Final = 1e-9  # bend over the sum of those of each tendon that is rounding
 _TAUT: Final = 1e-9  # slack length over the robot's length that is rounding
 _GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
 _SCALES: Final = (0.3, 3.0)  # of the calibrated stiffness
@@ -121,6 +123,15 @@ def follow(rods: Rods, ramp: Floats, shares: Floats) -> Ramps:
 
 def _follow_displacements(rods: Rods, bend: Floats, shares: Floats) -> Ramps:
     displacements = bend[..., None] * displacement_per_bend(rods.designs, shares)[:, None, :]
+    arrays = rods.designs.arrays
+    straight = np.atleast_2d(np.asarray(arrays.disks.station_m)[..., arrays.tendons.end_disk])
+    longest = displacements.max(axis=1) >= straight
+    if longest.any():
+        tendon = int(np.flatnonzero(longest.any(axis=0))[0]) + 1
+        raise InputError(
+            f"axis bend: a bend of {math.degrees(bend.max()):.4g} deg shortens tendon {tendon} by "
+            "more than its length; give smaller bends, or longer robots"
+        )
     found = sweep_designs(
         rods.designs,
         displacements=displacements,
@@ -128,8 +139,6 @@ def _follow_displacements(rods: Rods, bend: Floats, shares: Floats) -> Ramps:
         model=rods.model,
         threads=threads(),
     )
-    arrays = rods.designs.arrays
-    straight = np.asarray(arrays.disks.station_m)[..., arrays.tendons.end_disk]
     loose = found.slack_lengths > _TAUT * rods.designs.length[:, None, None]
     return Ramps(
         bend,
@@ -138,7 +147,7 @@ def _follow_displacements(rods: Rods, bend: Floats, shares: Floats) -> Ramps:
         found.tip_position,
         found.tendon_lengths,
         found.tip_error,
-        np.atleast_2d(straight)[:, None, :] - displacements,
+        straight[:, None, :] - displacements,
         np.asarray(loose.any(axis=-1)),
     )
 
@@ -165,14 +174,16 @@ def displacement_per_bend(designs: Designs, shares: Floats) -> Floats:
     """
     arrays = designs.arrays
     holes = np.broadcast_to(arrays.tendons.hole_m, (len(designs), len(shares), 2))
-    bends = []
+    bends, sizes = [], []
     for k in range(len(designs.robot.segments)):
         passing = arrays.tendons.segment >= k
         moment = np.einsum("t,dtq->dq", shares * passing, holes)
         compliance = np.asarray(arrays.segments[k].length / arrays.bending_stiffness[..., k])
+        radius = np.linalg.norm(holes, axis=-1)
         bends.append(moment * np.reshape(compliance, (-1, 1)))
+        sizes.append(radius @ np.abs(shares * passing) * compliance)
     whole = sum(np.linalg.norm(bend, axis=-1) for bend in bends)
-    if not np.all(whole > 0.0):
+    if not np.all(whole > _BALANCED * sum(sizes)):
         raise InputError(
             "the actuated tendons balance each other, so that no direction of bend follows; "
             "actuate other tendons",

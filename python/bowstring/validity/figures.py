@@ -192,7 +192,8 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
     if found.metric != "valid_to":
         tolerance = in_percent(found.tolerance)
         line = Line2D([], [], color=LIGHT["ink"], lw=2.0, label=f"error {tolerance} of length")
-        handles += [line, Patch(**white, label=f"holds to {tolerance}")]
+        handles += [line] if any(found.contour.values()) else []
+        handles.append(Patch(**white, label=f"holds to {tolerance}"))
     if _END in present:
         handles.append(Patch(**white, label=_end_label(found)))
     if _NONE in present:
@@ -202,7 +203,9 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
             label = f"mainly {EFFECTS[key]}"
             handles.append(Patch(fc=LIGHT[colour], alpha=SHADE, label=label))
     if "" in present:
-        handles.append(Patch(fc=LIGHT["grid"], label="no single main cause"))
+        # by displacement straight spans are not examined
+        words = "no main cause found" if found.by_displacement else "no single main cause"
+        handles.append(Patch(fc=LIGHT["grid"], label=words))
     for state, hatch in HATCHES:
         if np.any(found.state == state):
             handles.append(

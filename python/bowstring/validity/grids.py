@@ -20,7 +20,6 @@ from bowstring.statics.load import Load
 from bowstring.units import quote, read_number
 from bowstring.validation import numbers
 from bowstring.validity.axes import Axis
-from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import LABELS
 from bowstring.validity.jobs import Points, map_job
 from bowstring.validity.loading import Loading
@@ -28,7 +27,9 @@ from bowstring.validity.maps import (
     Metric,
     ValidityMap,
     causes_of,
+    coarse_step,
     coarser,
+    in_causes,
     map_space,
 )
 from bowstring.validity.space import Space
@@ -79,6 +80,8 @@ class ValidityGrid:
     empty text where none has. Without entries for the metric ``valid_to``."""
     step: int
     """Step along each axis between the points of `cause`."""
+    slack: NDArray[np.bool_] | None = None
+    """Whether a tendon is slack at the end of a ramp of bends, with the same dimensions."""
 
     @property
     def space(self) -> Space:
@@ -217,17 +220,13 @@ class ValidityGrid:
                 continue
             inside = int((known & (value <= self.tolerance)).sum())
             words = f"{first} of length at {inside} of {value.size} points"
-            coarse = value[(slice(None, None, self.step),) * value.ndim]
-            effects = self.cause[name][coarse > self.tolerance]
-            counts = {e: int((effects == e).sum()) for e in EFFECTS}
-            acting = sorted((e for e in EFFECTS if counts[e]), key=lambda e: -counts[e])
-            if acting and inside < known.sum():
-                words += f"; main cause of the error: {listed([EFFECTS[e] for e in acting])}"
-                words += ", each in its part of the map" if len(acting) > 1 else ""
-            out.append(f"{words}.")
+            causes = in_causes(value, self.cause[name], self.step, self.tolerance)
+            out.append(f"{words}{causes}.")
         missing = int((~self.solved).sum())
         if missing:
             out.append(f"{missing} of {self.solved.size} points: no stable equilibrium.")
+        if self.slack is not None and self.slack.any():
+            out.append(f"{int(self.slack.sum())} of {self.slack.size} points: a tendon is slack.")
         return out
 
     def to_dict(self) -> schema.GridValues:
@@ -236,7 +235,7 @@ class ValidityGrid:
         return {
             "tolerance_percent": 100.0 * self.tolerance,
             "metric": self.metric,
-            "max_tension_N": self.space.max_tension,
+            "max_tension_N": None if self.space.by_displacement else self.space.max_tension,
             "axes": [
                 {
                     "path": axis.path,
@@ -429,5 +428,6 @@ def _grid(job: Job, flat: Mapping[str, NDArray[Any]]) -> ValidityGrid:
             lambda errors, name: errors.metric(asked.metric, name, asked.tolerance),
         )
         cause = {name: effects.reshape(part.shape) for name, effects in found.items()}
-    step = next((-(-a // b) for a, b in zip(shape, part.shape, strict=True) if b > 1), 1)
-    return ValidityGrid(job, value, flat["solved"].reshape(shape) == 1, cause, step)
+    step = coarse_step(shape, len(shape))
+    slack = flat["slack"].reshape(shape) == 1 if "slack" in flat else None
+    return ValidityGrid(job, value, flat["solved"].reshape(shape) == 1, cause, step, slack)

@@ -27,6 +27,7 @@ Floats = NDArray[np.float64]
 
 _BLOCK: Final = 4096  # points: about a second on one core
 _LEAST_BLOCKS: Final = 100  # of a map that is smaller than as many full blocks
+_SLACK: Final = Variable("1", "1 where a tendon is slack at the bend", dtype="int8")
 
 
 @short_repr
@@ -51,7 +52,10 @@ class Points:
         out: dict[str, NDArray[Any]] = {
             name: errors.metric(self.metric, name, self.tolerance) for name in self.models
         }
-        return {**out, "solved": np.asarray(errors.converged.all(axis=1), dtype=np.int8)}
+        out["solved"] = np.asarray(errors.converged.all(axis=1), dtype=np.int8)
+        if self.space.by_displacement:
+            out["slack"] = errors.slack.astype(np.int8)
+        return out
 
 
 def map_job(
@@ -79,8 +83,9 @@ def map_job(
     Returns
     -------
     Job
-        Its variables are the metric by model, and ``solved``, 1 where all loads have a stable
-        equilibrium; its axes are ``axis_1`` and so on, in SI.
+        Its variables are the metric by model, ``solved``, 1 where all loads have a stable
+        equilibrium, and with an axis bend ``slack``, 1 where a tendon is slack at that bend; its
+        axes are ``axis_1`` and so on, in SI.
 
     Raises
     ------
@@ -113,6 +118,7 @@ def map_job(
                 for name in models
             },
             "solved": Variable("1", "1 where all loads have a stable equilibrium", dtype="int8"),
+            **({"slack": _SLACK} if space.by_displacement else {}),
         },
         {
             "robot": robot.name,
@@ -120,7 +126,7 @@ def map_job(
             "source": "simulated: constant curvature against statics of the rod",
             "metric": chosen,
             "tolerance": tolerance,
-            "max_tension_N": space.max_tension,
+            **({} if space.by_displacement else {"max_tension_N": space.max_tension}),
             "loads": space.loads,
             "shares": space.shares.tolist(),
             "axes": [axis.path for axis in axes],

@@ -18,7 +18,7 @@ from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, number
-from bowstring.validity.axes import RAMPS, Axis, axes_of
+from bowstring.validity.axes import BY_DISPLACEMENT, RAMPS, Axis, axes_of
 from bowstring.validity.contour import Line, Refined, contours
 from bowstring.validity.effects import EFFECTS, acting
 from bowstring.validity.errors import LABELS
@@ -58,7 +58,7 @@ Progress = Callable[[str, float], None]
 METRICS: Final[dict[str, str]] = {
     "largest_error": "largest tip error over the sweep, share of length",
     "mean_error": "mean tip error over the sweep, share of length",
-    "error": "tip error at the tension of the axis, share of length",
+    "error": "tip error at the tension or bend of the axis, share of length",
     "valid_to": "tension up to which the tolerance holds, N",
 }
 """Metrics of a map, and what they are."""
@@ -71,8 +71,6 @@ control is slack at the end of the ramp."""
 MOST_SOLVES: Final = 100_000_000
 """Most equilibria of one map in memory."""
 
-# numbers of tendons that act under displacement control only
-_BY_DISPLACEMENT: Final = ("axial_stiffness", "compliance", "free_length", "pretension")
 _APART: Final = 1e-3  # least distance of two equilibria over the length
 _DOMINANT: Final = 0.5  # share of the error above which an effect dominates
 _MOST_CAUSES: Final = 1681  # points at which the causes are computed: 41 x 41
@@ -118,6 +116,11 @@ class ValidityMap:
     """Of a slice: the other axes and their values, SI."""
     notes: tuple[str, ...] = ()
     """Sentences on the choice of the axes."""
+
+    @property
+    def by_displacement(self) -> bool:
+        """Whether motors command bends, so that there is no sweep of tension."""
+        return any(axis.path == "bend" for axis in (*self.axes, *(one for one, _ in self.fixed)))
 
     def label(self, axis: int) -> str:
         """Label of an axis with its unit; that of the tension names the tendon."""
@@ -214,7 +217,7 @@ class ValidityMap:
         return {
             "tolerance_percent": 100.0 * self.tolerance,
             "metric": self.metric,
-            "max_tension_N": self.max_tension,
+            "max_tension_N": None if self.by_displacement else self.max_tension,
             "axes": [
                 {
                     "path": axis.path,
@@ -261,6 +264,9 @@ def check_map_file(path: str | Path) -> Path:
     return check_figure_file(file, "map", _SUFFIXES)
 
 
+_FRICTIONLESS: Final = (
+    "The friction of the robot is left out; an axis friction or bend takes it in."
+)
 _LISTED: Final = (
     "This robot file lists the positions of its disks, so that their number is no axis: the map is "
     'over the tension alone; a second axis may be given, such as "E=30:40 GPa".'
@@ -329,8 +335,14 @@ def validity_map(
     ['56.1 N']
     """
     axes = read_axes(robot, over, instance("loading", loading, Loading))
-    found = map_space(space_of(robot, axes, loading, load), tolerance, metric, models, progress)
-    return replace(found, notes=(_LISTED,)) if over is None and len(axes) == 1 else found
+    space = space_of(robot, axes, loading, load)
+    found = map_space(space, tolerance, metric, models, progress)
+    notes = []
+    if over is None and len(axes) == 1:
+        notes.append(_LISTED)
+    if robot.has_friction and not space.has_friction:
+        notes.append(_FRICTIONLESS)
+    return replace(found, notes=tuple(notes))
 
 
 def map_space(
@@ -441,11 +453,13 @@ def space_of(
     if "tension" in paths and "bend" in paths:
         raise InputError("over has tension and bend; motors command one of them")
     for path in paths:
-        if "bend" not in paths and path.rpartition(".")[2] in _BY_DISPLACEMENT:
+        if "bend" not in paths and path.rpartition(".")[2] in BY_DISPLACEMENT:
             raise InputError(
                 f"axis {path}: with given tensions it changes nothing; add an axis bend, such as "
                 "bend=0:90 deg"
             )
+    if "bend" in paths and instance("loading", loading, Loading).max_tension is not None:
+        raise InputError("max_tension is the end of a sweep of the tension; leave it out with bend")
     if "bend" not in paths and not any(path.endswith(".friction") for path in paths):
         robot = with_tendons(robot, {"friction": 0.0})
     loading, load = instance("loading", loading, Loading), instance("load", load, Load)
@@ -608,10 +622,27 @@ def _in_parts(
     )
 
 
+def coarse_step(shape: tuple[int, ...], axes: int) -> int:
+    """Step along each axis between points for which causes are computed."""
+    return max(1, int(np.ceil((np.prod(shape) / _MOST_CAUSES) ** (1.0 / axes))))
+
+
+def in_causes(value: Floats, cause: NDArray[np.str_], step: int, tolerance: float) -> str:
+    """Main causes of a map where its error is above the tolerance, as the end of a sentence."""
+    coarse = value[(slice(None, None, step),) * value.ndim]
+    effects = cause[coarse > tolerance]
+    counts = {effect: int((effects == effect).sum()) for effect in EFFECTS}
+    acting = sorted((e for e in EFFECTS if counts[e]), key=lambda e: -counts[e])
+    if not acting:
+        return ""
+    many = ", each in its part of the map" if len(acting) > 1 else ""
+    return f"; main cause of the error: {listed([EFFECTS[e] for e in acting])}{many}"
+
+
 def coarser(shape: tuple[int, ...], axes: int) -> NDArray[np.intp]:
     """Indices of the points of a coarser grid, for causes and second equilibria."""
     index = np.arange(int(np.prod(shape))).reshape(shape)
-    step = max(1, int(np.ceil((index.size / _MOST_CAUSES) ** (1.0 / axes))))
+    step = coarse_step(shape, axes)
     return index[(slice(None, None, step),) * axes]
 
 
@@ -698,7 +729,8 @@ def described(found: ValidityMap) -> list[str]:
             continue
         inside = (value <= found.tolerance) & known
         lines = found.contour[name]
-        where = "everywhere"
+        solved = bool((found.state != 2).all())
+        where = "everywhere" if solved else "at all loads with an equilibrium"
         if not inside[known].all() or lines:
             where = "nowhere" if not inside.any() and not lines else "on a part of the map"
         words = f"{first} {where}"
@@ -707,12 +739,8 @@ def described(found: ValidityMap) -> list[str]:
             unit = f" {axis.units[1]}" if axis.units[1] else ""
             marks = [f"{mark:.4g}{unit}" for mark in sorted(x[0, 0] / axis.factor for x in lines)]
             words = f"{first} at some values: it crosses at {listed(marks)}"
-        causes = [effect for effect in np.unique(found.cause[name]) if effect]
-        if causes and where != "everywhere":
-            named = listed([EFFECTS[effect] for effect in causes])
-            many = ", each in its part of the map" if len(causes) > 1 else ""
-            words += f"; main cause of the error: {named}{many}"
-        out.append(words + ".")
+        step = coarse_step(value.shape, value.ndim)
+        out.append(words + in_causes(value, found.cause[name], step, found.tolerance) + ".")
     counts = {STATES[i]: int((found.state == i).sum()) for i in (1, 2, 3)}
     for state, count in counts.items():
         if count:

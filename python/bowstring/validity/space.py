@@ -148,7 +148,7 @@ class Space:
     shares: Floats
     """Share (T,) of the ramp's tension in each tendon."""
     max_tension: float
-    """End of the ramp, N; of a fixed bend, rad."""
+    """End of the ramp where no axis is the tension or the bend, N."""
     model: RodModel
     """Rod theory and tendon path."""
     load: Load = field(default_factory=Load)
@@ -159,39 +159,26 @@ class Space:
     """Axes of a larger space that have one value here, SI."""
 
     @property
+    def all_axes(self) -> tuple[Axis, ...]:
+        """Axes of the points, and those that have one value."""
+        return (*self.axes, *(axis for axis, _ in self.fixed))
+
+    @property
     def by_displacement(self) -> bool:
         """Whether the ramp is one of commanded bends."""
-        axes = (*self.axes, *(axis for axis, _ in self.fixed))
-        return any(axis.path == "bend" for axis in axes)
+        return any(axis.path == "bend" for axis in self.all_axes)
 
     @property
     def has_friction(self) -> bool:
         """Whether the tendons of some point may have friction."""
-        return self.robot.has_friction or any(axis.path.endswith(".friction") for axis in self.axes)
+        varies = any(axis.path.endswith(".friction") for axis in self.all_axes)
+        return varies or self.robot.has_friction
 
     def at(self, values: Mapping[int, float]) -> Space:
         """The space with one value for some axes, by their index, SI."""
-        robot, load, end = self.robot, self.load, self.max_tension
-        for i, value in values.items():
-            axis = self.axes[i]
-            if axis.path in RAMPS:
-                end = value
-            elif axis.is_load:
-                name, _, along = axis.path.partition(".")
-                vector = self._vector(robot, name, load)
-                vector["xyz".index(along)] = value
-                load = load.replace(**{name: vector})
-            else:
-                number = int(value) if axis.is_whole else value
-                robot = robot.with_(dict.fromkeys(full_paths(robot, axis.path), number))
-        return replace(
-            self,
-            robot=robot,
-            axes=tuple(axis for i, axis in enumerate(self.axes) if i not in values),
-            max_tension=end,
-            load=load,
-            fixed=(*self.fixed, *((self.axes[i], value) for i, value in values.items())),
-        )
+        fixed = tuple((self.axes[i], value) for i, value in values.items())
+        left = tuple(axis for i, axis in enumerate(self.axes) if i not in values)
+        return replace(self, axes=left, fixed=(*self.fixed, *fixed))
 
     def errors(self, points: Floats, names: Sequence[str], effect: str | None = None) -> Errors:
         """Errors of constant curvature at points (P, A).
@@ -255,23 +242,18 @@ class Space:
             out[rows] = follow(rods, ramp[:, -1:], self.shares).tip[:, 0]
         return out
 
-    @staticmethod
-    def _vector(robot: Robot, name: str, load: Load) -> Floats:
-        """Gravity or tip force (3,) where no axis changes it."""
-        given = getattr(load, name)
-        base = robot.gravity if name == "gravity" and given is None else given
-        return np.zeros(3) if base is None else np.array(base, dtype=float)
-
     def _groups(self, points: Floats) -> Iterator[tuple[NDArray[np.intp], Rods, Floats]]:
         """Points with the same disks: their rows, rods, and ramps (D, L)."""
-        whole = [i for i, axis in enumerate(self.axes) if axis.is_whole]
+        constant = np.array([value for _, value in self.fixed])
+        points = np.hstack([points, np.tile(constant, (len(points), 1))])
+        whole = [i for i, axis in enumerate(self.all_axes) if axis.is_whole]
         kinds, of = np.unique(points[:, whole], axis=0, return_inverse=True)
         for kind, counts in enumerate(kinds):
             rows = np.flatnonzero(of.ravel() == kind)
             changes = {
                 path: int(value)
                 for i, value in zip(whole, counts, strict=True)
-                for path in full_paths(self.robot, self.axes[i].path)
+                for path in full_paths(self.robot, self.all_axes[i].path)
             }
             robot = self.robot.with_(changes) if changes else self.robot
             yield rows, *self._rods(robot, points[rows])
@@ -280,14 +262,15 @@ class Space:
         values: dict[str, Floats] = {}
         vectors: dict[str, Floats] = {}
         end = np.full(len(points), self.max_tension)
-        for i, axis in enumerate(self.axes):
+        for i, axis in enumerate(self.all_axes):
             if axis.path in RAMPS:
                 end = points[:, i]
             elif axis.is_load:
                 name, _, along = axis.path.partition(".")
                 if name not in vectors:
-                    base = self._vector(robot, name, self.load)
-                    vectors[name] = np.tile(base, (len(points), 1))
+                    given = getattr(self.load, name)
+                    base = robot.gravity if name == "gravity" and given is None else given
+                    vectors[name] = np.tile(np.zeros(3) if base is None else base, (len(points), 1))
                 vectors[name][:, "xyz".index(along)] = points[:, i]
             elif not axis.is_whole:
                 values[axis.path] = points[:, i]

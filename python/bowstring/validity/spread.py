@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,7 +18,7 @@ from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.robot.parts import TendonRing
 from bowstring.statics.load import Load
-from bowstring.statics.model import RodModel
+from bowstring.statics.model import RodModel, as_model
 from bowstring.uncertainty import (
     Distributions,
     SaltelliDesign,
@@ -31,6 +31,7 @@ from bowstring.uncertainty import (
     summarise,
 )
 from bowstring.validation import choice, instance, number
+from bowstring.validity.axes import BY_DISPLACEMENT
 from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS, LAWS, Ramps, arc_tips, follow
 from bowstring.validity.loading import Loading
@@ -98,9 +99,11 @@ class Spread:
         percent, top = in_percent(self.tolerance, 3), f"{significant(self.max_tension)} N"
         at_end = spread_text(self.error_summary, self.error_indices, "%", 0.01)
         own = f"{significant(self.nominal)} N" if math.isfinite(self.nominal) else f"{top} or more"
+        middle = math.isfinite(float(self.limit_summary.quantiles[0.5].value))
+        model = f"onstant curvature {LABELS[self.name]} holds to {percent} of length up to"
         return (
-            f"Constant curvature {LABELS[self.name]} holds to {percent} of length up to "
-            f"{self.limit_text}. That is the median; the nominal robot holds up to {own}.",
+            f"{'In the median c' if middle else 'C'}{model} {self.limit_text}. The nominal robot "
+            f"holds up to {own}.",
             f"Its error at {top}, in percent of length, is {at_end}.",
         )
 
@@ -167,6 +170,7 @@ def validity_spread(
     points: int = 1024,
     loading: Loading | None = None,
     load: Load | None = None,
+    model: RodModel | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Spread:
     """Validity limit of constant curvature where numbers of the robot are uncertain.
@@ -177,7 +181,7 @@ def validity_spread(
     Parameters
     ----------
     robot : Robot
-        Nominal robot; its friction is left out.
+        Nominal robot; its friction is left out unless it has a distribution.
     distributions : Distributions, str, Path or mapping
         Distributions of numbers of the robot file, of ``tip_force`` and ``gravity``, as
         `bowstring.uncertainty.read_distributions` takes them.
@@ -192,6 +196,8 @@ def validity_spread(
         times the limit of the nominal robot.
     load : Load, optional
         Gravity (that of the robot if left out) and tip force of the nominal robot.
+    model : RodModel, optional
+        Rods of the samples, as for `bowstring.solve`.
     progress : callable, optional
         Called with a word and the finished share.
 
@@ -226,20 +232,22 @@ def validity_spread(
         ramp = np.linspace(0.0, end, loading.points)
         return follow(rods, np.tile(ramp, (len(rods.designs), 1)), shares)
 
-    own = ramps(Rods(nominal, RodModel(), load), top)
+    theory = as_model(model)
+    own = ramps(Rods(nominal, theory, load), top)
     limit = _limit(nominal, own, name, tolerance)[0]
     if loading.max_tension is None and math.isfinite(limit) and limit > 0.0:
         top = min(top, _MARGIN * float(limit))
 
-    def model(samples: Floats) -> Floats:
-        found = ramps(_rods(robot, load, joint.by_path(samples)), top)
+    def results(samples: Floats) -> Floats:
+        rods = replace(_rods(robot, load, joint.by_path(samples)), model=theory)
+        found = ramps(rods, top)
         error = _known_errors(nominal, found, name)
         return np.stack([_limit(nominal, found, name, tolerance), error[:, -1]], axis=1)
 
     design = SaltelliDesign(joint, points)
     report = progress or (lambda what, done: None)
     outputs = evaluate(
-        model, design, rows=_BLOCK, progress=lambda done: report("samples", 0.9 * done)
+        results, design, rows=_BLOCK, progress=lambda done: report("samples", 0.9 * done)
     )
     report("indices", 0.9)
     try:
@@ -293,6 +301,8 @@ def _check_paths(joint: Distributions) -> None:
                 f"{path} cannot vary here: it belongs to the sweep; give numbers of backbone, "
                 "disks and tendons, tip_force or gravity"
             )
+        if path.rpartition(".")[2] in BY_DISPLACEMENT:
+            raise InputError(f"{path} cannot vary here: with given tensions it changes nothing")
 
 
 def _rods(robot: Robot, load: Load, values: Mapping[str, Floats]) -> Rods:

@@ -79,6 +79,7 @@ class WorkspaceMap:
                 f"length at {100.0 * self.share_valid(name):.0f} % of them; mean error "
                 f"{in_mm(float(error[known].mean()))}, largest {in_mm(float(error[known].max()))}."
             )
+        out.append("The figure shows the largest error of the poses in each hexagon.")
         return out
 
     def to_dict(self) -> schema.WorkspaceValues:

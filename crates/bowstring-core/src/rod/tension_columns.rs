@@ -67,6 +67,8 @@ impl<T: Real, const A: usize> TensionColumns<T, A> {
         self.tendons.clear();
         self.tendons.extend(tendons);
         let count = self.tendons.len();
+        // beyond the end disks of the tendons they stay zero
+        self.own.clear();
         self.own.resize(modules * count, [Vec3::zero(); A]);
         self.flexibility.resize(count * (count + 1) / 2, T::zero());
         self.shortened.resize(count, T::zero());

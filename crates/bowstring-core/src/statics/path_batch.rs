@@ -2,6 +2,7 @@
 //!
 //! Theory: docs/theory/actuation.md (History).
 
+use crate::dispatch;
 use crate::interrupt;
 use crate::memory::{filled, unknown};
 use crate::model::error::InputError;
@@ -202,7 +203,8 @@ const ROBOTS: usize = 8;
 /// do not depend on the number of threads.
 ///
 /// The rows of `steps` are those of the first robot, then those of the second, and so on, as many
-/// for each. The rows of a robot without a home pose stay unsolved.
+/// for each. A path ends at its first step without a solution: the rows after it, and those of a
+/// robot without a home pose, are not solved.
 ///
 /// # Errors
 /// If the robots differ in disks or in the end disks of their tendons, or a number is invalid.
@@ -216,20 +218,28 @@ pub fn follow_designs(
     let each = rows_each(robots, steps.loads.count)?;
     let tendons = robots[0].tendon_count();
     let of = |i: usize| &lines[i * tendons..][..tendons];
-    let mut home = None;
+    let (mut home, mut unknowns) = (None, 0);
     for (i, robot) in robots.iter().enumerate() {
         if interrupt::work(100) {
             break;
         }
-        Transmission::new(robot, model.model, of(i)).map_err(|e| e.in_row(i))?;
+        let transmission = Transmission::new(robot, model.model, of(i)).map_err(|e| e.in_row(i))?;
+        for row in i * each..(i + 1) * each {
+            let (commands, load) = steps.row(row, tendons);
+            let checked = transmission.tendons.check(robot, &commands, &load);
+            checked.map_err(|e| {
+                InputError::other(format!("robot {i}, load {}: {e}", row - i * each))
+            })?;
+        }
+        unknowns = unknowns.max(tendons + transmission.most_holes());
         home = home.or_else(|| PathSolver::new(robot, model.model, model.elements, of(i)).ok());
     }
     let mut solutions = PathSolutions::pending(&robots[0], steps.loads.count, false)?;
-    let Some(mut home) = home else {
+    let Some(home) = home else {
         return Ok(solutions);
     };
-    steps.check(&mut home)?;
-    home.check_copies(2 * ROBOTS * thread_count(threads))?;
+    let copies = usize::min(2 * ROBOTS * thread_count(threads), 2 * robots.len());
+    dispatch::check_path(home.robot(), home.solver().elements(), unknowns, copies)?;
     let mut parts = solutions.parts(&robots[0], (ROBOTS * each).max(1));
     let scratch = || GroupScratch {
         #[cfg(target_arch = "x86_64")]
@@ -369,7 +379,10 @@ impl Part<'_> {
                 if interrupt::interrupted() {
                     return;
                 }
-                self.step(row, steps, path);
+                if self.step(row, steps, path) != Status::Converged {
+                    self.end(row, *first + each);
+                    break;
+                }
             }
         }
     }
@@ -384,6 +397,7 @@ impl Part<'_> {
     ) {
         lanes.set_paths(&paths.iter().map(|(_, path)| path).collect::<Vec<_>>());
         let mut left = [false; MOST_LANES];
+        let mut ended = [false; MOST_LANES];
         for at in 0..each {
             if interrupt::interrupted() {
                 return;
@@ -391,6 +405,9 @@ impl Part<'_> {
             let rows: Vec<usize> = paths.iter().map(|(first, _)| first + at).collect();
             let outcomes = lanes.step(&self.lane_steps(steps, &rows, paths[0].1.robot()));
             for (lane, ((_, path), outcome)) in paths.iter_mut().zip(outcomes).enumerate() {
+                if ended[lane] {
+                    continue;
+                }
                 if let Some(outcome) = outcome {
                     self.write_lane(rows[lane], lanes, lane, outcome);
                     continue;
@@ -401,7 +418,13 @@ impl Part<'_> {
                     path.continue_from(&lanes.last(lane), &commands, &load);
                 }
                 left[lane] = true;
-                self.step(rows[lane], steps, path);
+                if self.step(rows[lane], steps, path) != Status::Converged {
+                    ended[lane] = true;
+                    self.end(rows[lane], rows[lane] - at + each);
+                }
+            }
+            if ended[..paths.len()].iter().all(|ended| *ended) {
+                return;
             }
         }
     }
@@ -450,7 +473,16 @@ impl Part<'_> {
         self.set_outcome(i, found);
     }
 
-    fn step(&mut self, i: usize, steps: &Steps, path: &mut PathSolver) {
+    /// Ends a path at a row without a solution: the rows after it have its status.
+    fn end(&mut self, row: usize, end: usize) {
+        let status = self.poses.outcomes[row].status;
+        for outcome in &mut self.poses.outcomes[row + 1..end] {
+            outcome.status = status;
+        }
+    }
+
+    /// Takes a step, and returns its status.
+    fn step(&mut self, i: usize, steps: &Steps, path: &mut PathSolver) -> Status {
         let m = path.robot().tendon_count();
         let (commands, load) = steps.row(self.poses.first + i, m);
         let found = path.step(&commands, &load).expect("all rows were checked");
@@ -467,7 +499,9 @@ impl Part<'_> {
         } else {
             put(self.tensions, &commanded_tensions(&commands));
         }
+        let status = found.status;
         self.set_outcome(i, found);
+        status
     }
 
     fn set_outcome(&mut self, i: usize, found: PathOutcome) {

@@ -1,6 +1,6 @@
 //! Steps of several paths, or several steps from one state, side by side in SIMD lanes.
 //!
-//! Theory: docs/theory/actuation.md (Eq. 4.2).
+//! Theory: docs/theory/actuation.md (Eq. 4.2 and 4.6).
 //!
 //! Takes tendons without friction and plain Newton steps only, as `path_step` does in the regular
 //! case: a positive definite tangent, one element in a module. Other steps are left to
@@ -270,9 +270,11 @@ struct Progress<T> {
     length: T,
     last_moment: T,
     last_length: T,
-    /// Least pivot of the last elimination, and rotation added by an arc since then (rad).
+    /// Least pivot of the last elimination, and since then the rotation added by an arc (rad) and
+    /// the change of all tensions (N).
     pivot: T,
     moved: T,
+    pulled: T,
     minimum_nearby: [bool; MOST_LANES],
     iterations: [usize; MOST_LANES],
 }
@@ -311,6 +313,7 @@ impl<S: Simd> PathLanes<S> {
             last_length: S::Vector::splat(f64::INFINITY),
             pivot: S::Vector::zero(),
             moved: S::Vector::zero(),
+            pulled: S::Vector::zero(),
             minimum_nearby: [false; MOST_LANES],
             iterations: [0; MOST_LANES],
         };
@@ -403,6 +406,7 @@ impl<S: Simd> PathLanes<S> {
         if !kept {
             progress.pivot = self.rod.eliminate_with_tensions(&mut self.columns);
             progress.moved = S::Vector::zero();
+            progress.pulled = S::Vector::zero();
         }
         self.rod.backward_with_tensions(&mut self.columns);
         for lane in 0..S::Vector::LANES {
@@ -431,17 +435,20 @@ impl<S: Simd> PathLanes<S> {
         self.rod.advance(fraction);
         self.take_tensions(fraction, progress);
         progress.moved += largest * fraction;
+        for change in &self.changes {
+            progress.pulled += change.abs() * fraction;
+        }
         self.rod.evaluate();
         (progress.last_moment, progress.last_length) = (progress.moment, progress.length);
         for lane in 0..S::Vector::LANES {
             let settings = &self.settings[lane];
             let scale = self.rod.energy_scale(settings.length, lane);
-            progress.minimum_nearby[lane] = is_minimum_nearby(
-                progress.moved.lane(lane),
-                progress.pivot.lane(lane),
-                settings.shift_unit,
-                scale / self.rod.module_count() as f64,
-            );
+            let (modules, pivot) = (self.rod.module_count() as f64, progress.pivot.lane(lane));
+            let moved = progress.moved.lane(lane);
+            // tensions change the second derivatives also where nothing moves
+            let stiffening = progress.pulled.lane(lane) * settings.length / modules;
+            progress.minimum_nearby[lane] = stiffening < 0.1 * pivot
+                && is_minimum_nearby(moved, pivot, settings.shift_unit, scale / modules);
         }
     }
 
