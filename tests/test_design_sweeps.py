@@ -67,10 +67,10 @@ def test_threads_do_not_change_the_solutions() -> None:
         ({}, "give one of them"),
         ({"displacements": np.zeros((3, 2))}, r"displacements has shape \(3, 2\)"),
         ({"displacements": np.full((3, 3), 0.7)}, "less than the tendon's length"),
-        ({"displacements": np.full((3, 3), np.nan)}, "row 1"),
+        ({"displacements": np.full((3, 3), np.nan)}, "robot 0, load 0"),
         ({"tensions": np.zeros((2, 3)), "displacements": np.zeros((3, 3))}, "2 and 3 loads"),
         ({"tensions": np.zeros((3, 3)), "displacements": np.zeros((3, 3))}, "NaN in the other"),
-        ({"tensions": np.full((3, 3), -1.0)}, "row 1"),
+        ({"tensions": np.full((3, 3), -1.0)}, "robot 0, load 0"),
     ],
 )
 def test_wrong_commands_are_refused(arguments: dict[str, np.ndarray], message: str) -> None:

@@ -548,7 +548,7 @@ def test_sweep_and_batch_equal_solves(rao):
     force = rng.uniform(-0.05, 0.05, (70, 3))
     given = {
         "load": bs.Load(tensions, gravity=UP, tip_force=force),
-        "model": bs.RodModel("kirchhoff", elements=2),
+        "model": bs.RodModel("kirchhoff", elements=4),
     }
     cold = bs.sweep(rao, warm=False, **given)
     batch = bs.solve_batch(rao, **given)

@@ -616,7 +616,7 @@ def test_a_bend_without_a_unit_is_asked_for() -> None:
 
 
 def test_tendons_that_balance_each_other_have_no_direction_of_bend() -> None:
-    balanced = Loading(10.0, 5, {1: 1.0, 2: 1.0, 3: 1.0})
+    balanced = Loading(None, 5, {1: 1.0, 2: 1.0, 3: 1.0})
     with pytest.raises(InputError, match="balance each other"):
         validity_map(ROBOT, ["bend=0:60 deg:3"], loading=balanced)
 

@@ -90,7 +90,7 @@ class ValidityMap:
     metric: Metric
     """What `value` is, one of `METRICS`."""
     max_tension: float
-    """End of the ramp of tension where no axis is the tension, N."""
+    """End of the ramp of tension where no axis is the tension, N; NaN with an axis bend."""
     shares: tuple[float, ...]
     """Share (T,) of the ramp's tension in each tendon."""
     value: dict[str, Floats]
@@ -468,7 +468,7 @@ def space_of(
     if load.tip_moment is not None:
         raise InputError("load has a tip moment; a map takes gravity and tip force only")
     shares = np.array(loading.shares(robot))
-    top = end_of_ramp(robot, loading)
+    top = float("nan") if "bend" in paths else end_of_ramp(robot, loading)
     return Space(robot, axes, shares, top, RodModel(), load, loading.points)
 
 

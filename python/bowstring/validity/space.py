@@ -148,7 +148,7 @@ class Space:
     shares: Floats
     """Share (T,) of the ramp's tension in each tendon."""
     max_tension: float
-    """End of the ramp where no axis is the tension or the bend, N."""
+    """End of the ramp where no axis is the tension, N; NaN with an axis bend."""
     model: RodModel
     """Rod theory and tendon path."""
     load: Load = field(default_factory=Load)
