@@ -79,6 +79,7 @@ def sweep_designs(
     Returns
     -------
     DesignSweep
+        Tips, lengths, tensions and status of all loads.
 
     Raises
     ------

@@ -201,7 +201,7 @@ def _parallel(panel: Axes, found: ValidityGrid, name: str) -> set[str]:
     _lines(panel, found, name, kinds)
     for i, axis in enumerate(found.axes):
         _bars(panel, i, kinds)
-        _axis(panel, i, axis, _own(found, axis))
+        _axis(panel, i, found, _own(found, axis))
     _value_axis(panel, found, name)
     panel.set_xlim(-0.15, len(found.axes) + 0.35)
     panel.set_ylim(-0.03, 1.12)
@@ -267,12 +267,13 @@ def _bars(panel: Axes, i: int, kinds: _Kinds) -> None:
     panel.add_patch(Rectangle((i, 0.0), _BAR, 1.0, fc="none", ec=LIGHT["muted"], lw=0.7, zorder=4))
 
 
-def _axis(panel: Axes, i: int, axis: Axis, own: float | None) -> None:
+def _axis(panel: Axes, i: int, found: ValidityGrid, own: float | None) -> None:
     """Label and values of an axis, and the robot's own value on it."""
     from matplotlib.ticker import MaxNLocator
 
+    axis = found.axes[i]
     values = axis.values
-    panel.text(i, 1.04, _short(axis.label), ha="left", va="bottom", fontsize=8.5)
+    panel.text(i, 1.04, _short(found.label(i)), ha="left", va="bottom", fontsize=8.5)
     order = np.argsort(values)
 
     def height(value: float) -> float:

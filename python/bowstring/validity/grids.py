@@ -22,7 +22,7 @@ from bowstring.validation import numbers
 from bowstring.validity.axes import Axis
 from bowstring.validity.errors import LABELS
 from bowstring.validity.jobs import Points, map_job
-from bowstring.validity.loading import Loading
+from bowstring.validity.loading import Loading, named
 from bowstring.validity.maps import (
     Metric,
     ValidityMap,
@@ -103,6 +103,10 @@ class ValidityGrid:
         """What `value` is, one of `bowstring.validity.maps.METRICS`."""
         return _points(self.job).metric
 
+    def label(self, axis: int) -> str:
+        """Label of an axis with its unit; that of the tension names the tendon."""
+        return named(self.axes[axis].label, self.space.shares)
+
     def slice(
         self, at: Mapping[str, float | str] | None = None, /, **values: float | str
     ) -> ValidityMap:
@@ -122,6 +126,7 @@ class ValidityGrid:
         Returns
         -------
         ValidityMap
+            The map over the axes that are left.
 
         Raises
         ------
@@ -239,11 +244,11 @@ class ValidityGrid:
             "axes": [
                 {
                     "path": axis.path,
-                    "label": axis.label,
+                    "label": self.label(i),
                     "unit": axis.units[0],
                     "values": axis.values.tolist(),
                 }
-                for axis in self.axes
+                for i, axis in enumerate(self.axes)
             ],
             "maps": [
                 {"name": name, "values": (scale * value).tolist()}
@@ -313,14 +318,27 @@ def validity_grid(
 
     Parameters
     ----------
-    robot, tolerance, metric, models, loading, load, progress
+    robot : Robot
         As for `bowstring.validity_map`.
     over : sequence of str or Axis
         Axes as for `bowstring.validity_map`, at least one.
+    tolerance : float
+        Tolerated tip error as a share of the length.
+    metric : {"largest_error", "mean_error", "error", "valid_to"}, optional
+        As for `bowstring.validity_map`.
+    models : sequence of str, optional
+        As for `bowstring.validity_map`.
+    loading : Loading, optional
+        Actuated tendons, end of the ramp and number of its loads.
+    load : Load, optional
+        Gravity (that of the robot if left out) and tip force that no axis changes.
+    progress : callable, optional
+        Called with a word and the finished share.
 
     Returns
     -------
     ValidityGrid
+        Values, states and causes at all points.
 
     Raises
     ------
@@ -359,6 +377,7 @@ def compute_grid(job: Job, progress: Progress | None = None) -> ValidityGrid:
     Returns
     -------
     ValidityGrid
+        Values, states and causes at all points.
 
     Raises
     ------
@@ -390,6 +409,7 @@ def read_grid(store: Store) -> ValidityGrid:
     Returns
     -------
     ValidityGrid
+        Values, states and causes at all points.
 
     Raises
     ------

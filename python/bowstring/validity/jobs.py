@@ -73,10 +73,20 @@ def map_job(
 
     Parameters
     ----------
-    robot, tolerance, metric, models, loading, load
+    robot : Robot
         As for `bowstring.validity_map`.
     over : sequence of str or Axis
         Any number of axes.
+    tolerance : float
+        Tolerated tip error as a share of the length.
+    metric : {"largest_error", "mean_error", "error", "valid_to"}, optional
+        As for `bowstring.validity_map`.
+    models : sequence of str, optional
+        As for `bowstring.validity_map`.
+    loading : Loading, optional
+        Actuated tendons, end of the ramp and number of its loads.
+    load : Load, optional
+        Gravity (that of the robot if left out) and tip force that no axis changes.
     block : int, optional
         Points in a block; by default 4096, or a hundredth of a smaller map.
 

@@ -25,6 +25,7 @@ __all__ = [
     "actuated",
     "largest_load",
     "linear_bend",
+    "named",
     "turned",
 ]
 
@@ -120,6 +121,11 @@ def actuated(shares: Sequence[float] | Floats) -> str:
         if share
     ]
     return f"tendon{'s' * (len(parts) > 1)} {listed(parts)}"
+
+
+def named(label: str, shares: Sequence[float] | Floats) -> str:
+    """Label of an axis in which the tension of the sweep is that of the actuated tendons."""
+    return label.replace("of the sweep", f"of {actuated(shares)}")
 
 
 def linear_bend(robot: Robot, shares: Floats) -> Floats:

@@ -22,7 +22,7 @@ from bowstring.validity.axes import BY_DISPLACEMENT, RAMPS, Axis, axes_of
 from bowstring.validity.contour import Line, Refined, contours
 from bowstring.validity.effects import EFFECTS, acting
 from bowstring.validity.errors import LABELS
-from bowstring.validity.loading import Loading, actuated, largest_load
+from bowstring.validity.loading import Loading, largest_load, named
 from bowstring.validity.space import Errors, Space
 from bowstring.viz.style import check_figure_file, write_figure
 
@@ -124,8 +124,7 @@ class ValidityMap:
 
     def label(self, axis: int) -> str:
         """Label of an axis with its unit; that of the tension names the tendon."""
-        own = self.axes[axis].label
-        return own.replace("of the sweep", f"of {actuated(self.shares)}")
+        return named(self.axes[axis].label, self.shares)
 
     @property
     def shape(self) -> tuple[int, ...]:
