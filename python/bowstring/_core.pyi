@@ -105,8 +105,7 @@ class PathSolver:
 def follow_designs(
     robot: Robot,
     designs: Any,
-    by_displacement: NDArray[np.bool_],
-    commands: Floats,
+    commands: tuple[NDArray[np.bool_], Floats],
     load: _DeadLoad,
     model: RodModel,
     threads: int,

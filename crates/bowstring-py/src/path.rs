@@ -210,18 +210,18 @@ impl PathSolver {
 }
 
 /// Paths of many robots like `robot`, each from its home pose along its own rows, on `threads`
-/// cores (0: all).
+/// cores (0: all). Commands are which tendons are displacement-controlled, and the values.
 #[pyfunction]
 pub fn follow_designs<'py>(
     py: Python<'py>,
     robot: &Robot,
     designs: DesignArrays<'py>,
-    by_displacement: PyReadonlyArray2<'py, bool>,
-    commands: PyReadonlyArray2<'py, f64>,
+    commands: (PyReadonlyArray2<'py, bool>, PyReadonlyArray2<'py, f64>),
     load: DeadLoad<'py>,
     model: &RodModel,
     threads: usize,
 ) -> PyResult<Bound<'py, PyDict>> {
+    let (by_displacement, commands) = commands;
     if by_displacement.shape() != commands.shape() {
         return Err(refused(
             "by_displacement and commands must have the same shape",

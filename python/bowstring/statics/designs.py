@@ -112,7 +112,7 @@ def sweep_designs(
     if rows.by_displacement.any() or designs.arrays.tendons.friction.any():
         by_displacement = np.ascontiguousarray(rows.by_displacement.reshape(-1, tendons))
         found = follow_designs(
-            designs.robot.core, designs, by_displacement, values, dead, as_model(model), threads
+            designs.robot.core, designs, (by_displacement, values), dead, as_model(model), threads
         )
         given, slack = found["tensions"], found["slack_lengths"]
     else:
