@@ -59,7 +59,7 @@ def connected(client: str | Client) -> Iterator[Client]:
         raise InputError.of("client", shown(client), "the address of a Dask scheduler or a Client")
     try:
         if not client.startswith("inproc:"):
-            # with a wrong address, a Client hangs when it is deleted
+            # with a wrong address, a Client waits for 20 s when it is deleted
             distributed.comm.get_address_host_port(client)
         ours = distributed.Client(client, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:

@@ -146,7 +146,7 @@ def _commands(
     given = {"tensions": tensions, "displacements": displacements}
     tables = {name: floats(value) for name, value in given.items() if value is not None}
     if not tables:
-        raise InputError("tensions is None, and so are displacements; give one of them")
+        raise InputError("got neither tensions nor displacements; give one of them")
     for name, table in tables.items():
         if table.ndim not in (2, 3) or table.shape[-1] != tendons:
             raise InputError(

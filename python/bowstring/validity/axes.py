@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from bowstring.robot.model import Robot
 from bowstring.robot.paths import find, full_paths, numbers_of
 from bowstring.units import NUMBER, has_no_unit, quote, read_number
 from bowstring.validation import shown
+
+if TYPE_CHECKING:
+    from bowstring.schemas import maps as schema
 
 __all__ = ["BY_DISPLACEMENT", "LOADS", "MOST_POINTS", "RAMPS", "Axis", "axes_of", "read_axis"]
 
@@ -135,6 +138,15 @@ class Axis:
         words = LOADS[self.path][2] if self.is_load else _LABELS.get(name, name.replace("_", " "))
         unit = self.units[1]
         return f"{words} ({unit})" if unit else words
+
+    def to_dict(self, label: str) -> schema.MapAxis:
+        """Return plain values in SI, with the label of a map."""
+        return {
+            "path": self.path,
+            "label": label,
+            "unit": self.units[0],
+            "values": self.values.tolist(),
+        }
 
     def own_value(self, robot: Robot) -> float | None:
         """The robot's own value in SI; None for a ramp, and where its parts differ."""

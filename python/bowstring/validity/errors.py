@@ -174,12 +174,12 @@ def displacement_per_bend(designs: Designs, shares: Floats) -> Floats:
     """
     arrays = designs.arrays
     holes = np.broadcast_to(arrays.tendons.hole_m, (len(designs), len(shares), 2))
+    radius = np.linalg.norm(holes, axis=-1)
     bends, sizes = [], []
     for k in range(len(designs.robot.segments)):
         passing = arrays.tendons.segment >= k
         moment = np.einsum("t,dtq->dq", shares * passing, holes)
         compliance = np.asarray(arrays.segments[k].length / arrays.bending_stiffness[..., k])
-        radius = np.linalg.norm(holes, axis=-1)
         bends.append(moment * np.reshape(compliance, (-1, 1)))
         sizes.append(radius @ np.abs(shares * passing) * compliance)
     whole = sum(np.linalg.norm(bend, axis=-1) for bend in bends)

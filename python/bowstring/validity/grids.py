@@ -14,7 +14,7 @@ from bowstring.blocks import Job, Store
 from bowstring.blocks.dataset import check_data_set, save
 from bowstring.display import short_repr
 from bowstring.errors import InputError
-from bowstring.formatting import in_newtons, in_percent, listed, significant
+from bowstring.formatting import in_percent, listed, significant
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
 from bowstring.units import quote, read_number
@@ -30,6 +30,7 @@ from bowstring.validity.maps import (
     coarse_step,
     coarser,
     in_causes,
+    limits_in_words,
     map_space,
 )
 from bowstring.validity.space import Space
@@ -219,9 +220,8 @@ class ValidityGrid:
                 continue
             first = f"Constant curvature {LABELS[name]} holds to {in_percent(self.tolerance, 3)}"
             if self.metric == "valid_to":
-                low, high = float(value[known].min()), float(value[known].max())
-                top = f"; the sweep ends at {self.space.max_tension:.4g} N"
-                out.append(f"{first} of length up to {in_newtons(low, high)} on this map{top}.")
+                limits = limits_in_words(value, self.space.max_tension)
+                out.append(f"{first} of length up to {limits}.")
                 continue
             inside = int((known & (value <= self.tolerance)).sum())
             words = f"{first} of length at {inside} of {value.size} points"
@@ -241,15 +241,7 @@ class ValidityGrid:
             "tolerance_percent": 100.0 * self.tolerance,
             "metric": self.metric,
             "max_tension_N": None if self.space.by_displacement else self.space.max_tension,
-            "axes": [
-                {
-                    "path": axis.path,
-                    "label": self.label(i),
-                    "unit": axis.units[0],
-                    "values": axis.values.tolist(),
-                }
-                for i, axis in enumerate(self.axes)
-            ],
+            "axes": [axis.to_dict(self.label(i)) for i, axis in enumerate(self.axes)],
             "maps": [
                 {"name": name, "values": (scale * value).tolist()}
                 for name, value in self.value.items()

@@ -217,15 +217,7 @@ class ValidityMap:
             "tolerance_percent": 100.0 * self.tolerance,
             "metric": self.metric,
             "max_tension_N": None if self.by_displacement else self.max_tension,
-            "axes": [
-                {
-                    "path": axis.path,
-                    "label": self.label(i),
-                    "unit": axis.units[0],
-                    "values": axis.values.tolist(),
-                }
-                for i, axis in enumerate(self.axes)
-            ],
+            "axes": [axis.to_dict(self.label(i)) for i, axis in enumerate(self.axes)],
             "maps": [
                 {
                     "name": name,
@@ -626,6 +618,13 @@ def coarse_step(shape: tuple[int, ...], axes: int) -> int:
     return max(1, int(np.ceil((np.prod(shape) / _MOST_CAUSES) ** (1.0 / axes))))
 
 
+def limits_in_words(limit: Floats, end: float) -> str:
+    """Range of the validity limits of a map (N), some of them known; `end` is that of the sweep."""
+    known = limit[np.isfinite(limit)]
+    low, high = float(known.min()), float(known.max())
+    return f"{in_newtons(low, high)} on this map; the sweep ends at {end:.4g} N"
+
+
 def in_causes(value: Floats, cause: NDArray[np.str_], step: int, tolerance: float) -> str:
     """Main causes of a map where its error is above the tolerance, as the end of a sentence."""
     coarse = value[(slice(None, None, step),) * value.ndim]
@@ -722,9 +721,7 @@ def described(found: ValidityMap) -> list[str]:
             continue
         first = f"Constant curvature {label} holds to {percent}"
         if found.metric == "valid_to":
-            low, high = float(value[known].min()), float(value[known].max())
-            top = f"; the sweep ends at {found.max_tension:.4g} N"
-            out.append(f"{first} up to {in_newtons(low, high)} on this map{top}.")
+            out.append(f"{first} up to {limits_in_words(value, found.max_tension)}.")
             continue
         inside = (value <= found.tolerance) & known
         lines = found.contour[name]

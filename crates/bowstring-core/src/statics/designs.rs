@@ -16,7 +16,7 @@ use crate::statics::batch::{for_each, thread_count, Chunk, Loads, Solutions};
 use crate::statics::lanes::{LaneOutcome, Levels, FINER, MOST_LANES};
 
 /// Robots that one thread takes at a time: a multiple of the lanes.
-const ROBOTS: usize = 8;
+pub(super) const ROBOTS: usize = 8;
 
 /// Solves the loads of every robot in sequence, each from the previous solution, over `threads`
 /// cores (0: all). The solutions do not depend on the number of threads.

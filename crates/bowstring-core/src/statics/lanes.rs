@@ -22,7 +22,7 @@ use crate::statics::solver::{Outcome, Pose, Settings, Status, MAX_EXTRAPOLATION}
 const MAX_PLAIN_STEPS: usize = 10;
 
 /// Residual that changes no digit of a solution: a hundredth of the tolerance.
-const NEGLIGIBLE: f64 = 0.01 * TOLERANCE;
+pub(super) const NEGLIGIBLE: f64 = 0.01 * TOLERANCE;
 
 /// Most lanes.
 pub(crate) const MOST_LANES: usize = 8;

@@ -9,7 +9,7 @@ use crate::model::error::InputError;
 use crate::model::load::{Load, RodModel};
 use crate::model::robot::Robot;
 use crate::statics::batch::{for_each, pieces, thread_count, too_many, Chunk, Loads, Solutions};
-use crate::statics::designs::rows_each;
+use crate::statics::designs::{rows_each, ROBOTS};
 #[cfg(target_arch = "x86_64")]
 use crate::statics::lanes::MOST_LANES;
 use crate::statics::path::{Command, Line, PathOutcome, PathSolver};
@@ -195,9 +195,6 @@ pub struct Designs<'a> {
     /// Lines of all tendons, by robots and tendons.
     pub lines: &'a [Line],
 }
-
-/// Robots that one thread takes at a time: a multiple of the lanes.
-const ROBOTS: usize = 8;
 
 /// Follows a path of every robot from its home pose, over `threads` cores (0: all). The solutions
 /// do not depend on the number of threads.

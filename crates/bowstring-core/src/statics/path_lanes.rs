@@ -16,7 +16,7 @@ use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
 use crate::rod::estimate::Verdict;
 use crate::rod::tension_columns::TensionColumns;
-use crate::statics::lanes::MOST_LANES;
+use crate::statics::lanes::{MOST_LANES, NEGLIGIBLE};
 use crate::statics::newton::{is_minimum_nearby, MAX_STEP};
 use crate::statics::outcome::{Settings, TOLERANCE};
 use crate::statics::path::PathSolver;
@@ -26,8 +26,6 @@ use crate::statics::solver::{Pose, Status};
 
 /// Most Newton steps before a step is left to [`PathSolver`].
 const MAX_PLAIN_STEPS: usize = 20;
-/// Residual that changes no digit of a solution: a hundredth of the tolerance.
-const NEGLIGIBLE: f64 = 0.01 * TOLERANCE;
 
 /// Outcome by lanes.
 pub(crate) type PathOutcomes = [Option<PathOutcome>; MOST_LANES];
