@@ -1,10 +1,16 @@
 //! Many loads in one call give the same as one call for each.
 
 mod common;
+
+#[path = "common/cases.rs"]
+mod cases;
+
 use bowstring_core::interrupt::{watched, Interrupted};
 use bowstring_core::model::load::{Load, Model, RodModel, Theory};
+use bowstring_core::model::robot::Robot;
 use bowstring_core::statics::batch::{solve_batch, sweep, Loads};
 use bowstring_core::statics::solver::Status;
+use cases::{Case, Draw};
 use common::study_robot;
 
 fn loads<'a>(tensions: &'a [f64], gravity: &'a [f64], tip_force: &'a [f64]) -> Loads<'a> {
@@ -80,6 +86,69 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
             );
         }
     }
+}
+
+/// Many loads start from a polynomial of the load: as many converge, and to the same equilibria.
+#[test]
+fn many_loads_of_random_robots_equal_one_by_one() {
+    const ROWS: usize = 2000;
+    let (mut solved, mut more, mut fewer, mut elsewhere) = (0, 0, 0, 0);
+    let (mut steps, mut cold_steps) = (0, 0);
+    for number in 0..16 {
+        let mut draw = Draw::new(7, number);
+        let case = Case::realistic(&mut draw);
+        let robot = Robot::new(case.spec.clone()).unwrap();
+        // beyond the loads of use, so that some rows have several equilibria, or none
+        let mut load = |of: &[f64]| -> Vec<f64> {
+            let each = (0..ROWS).flat_map(|_| {
+                of.iter()
+                    .map(|x| x * draw.within(0.0, 1.1))
+                    .collect::<Vec<_>>()
+            });
+            each.collect()
+        };
+        let (tensions, tip_force) = (load(&case.tensions), load(&case.tip_force.0));
+        let loads = Loads {
+            count: ROWS,
+            tensions: &tensions,
+            gravity: &case.spec.gravity,
+            tip_force: &tip_force,
+            tip_moment: &[0.0; 3],
+        };
+        let settings = RodModel {
+            model: case.model(),
+            elements: None,
+        };
+        let batch = solve_batch(&robot, &settings, &loads, 2, false).unwrap();
+        let cold = sweep(&robot, &settings, &loads, false, false).unwrap();
+        for (i, (a, b)) in batch.outcomes.iter().zip(&cold.outcomes).enumerate() {
+            let converged = (a.status == Status::Converged, b.status == Status::Converged);
+            match converged {
+                (true, true) => solved += 1,
+                (true, false) => more += 1,
+                (false, true) => fewer += 1,
+                (false, false) => {}
+            }
+            if converged.0 {
+                assert!(a.residual <= 1e-10 && a.stable == Some(true), "{a:?}");
+            }
+            if converged != (true, true) {
+                continue;
+            }
+            steps += a.iterations;
+            cold_steps += b.iterations;
+            let gap = (0..3).map(|q| batch.tip_position[3 * i + q] - cold.tip_position[3 * i + q]);
+            let gap = gap.fold(0.0, |m: f64, d| m.max(d.abs())) / robot.length();
+            let stated = a.error.unwrap().tip + b.error.unwrap().tip;
+            // rows may take different numbers of elements at the limit of the estimate
+            if !(gap < 1e-8 + stated / robot.length()) {
+                elsewhere += 1;
+            }
+        }
+    }
+    println!("{solved} solved by both, {more} more, {fewer} fewer, {elsewhere} elsewhere; steps {steps} and {cold_steps}");
+    assert!(solved > 25_000 && fewer <= more.max(5) && 1000 * elsewhere < solved);
+    assert!(steps < cold_steps);
 }
 
 #[test]

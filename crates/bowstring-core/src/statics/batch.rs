@@ -16,6 +16,8 @@ use crate::statics::adaptive::Adaptive;
 #[cfg(target_arch = "x86_64")]
 use crate::statics::lanes::{LaneOutcome, Levels, SideBySide, FINER, MOST_LANES};
 use crate::statics::solver::{Outcome, Pose, Solver, Status};
+#[cfg(target_arch = "x86_64")]
+use crate::statics::start::StartPolynomial;
 
 impl RodModel {
     /// A solver of a robot with these settings.
@@ -134,7 +136,11 @@ pub fn sweep_with(
     Ok(solutions)
 }
 
-/// Solves independent loads, each from the straight backbone, over `threads` cores (0: all).
+/// Solves independent loads over `threads` cores (0: all).
+///
+/// Each starts from the straight backbone; of many loads in SIMD lanes, each starts from a
+/// polynomial of the load that is fitted to the solutions of a sample of them. Where a load has
+/// several stable equilibria, the start decides which of them is found.
 ///
 /// The solutions do not depend on the number of threads. Without the feature `threads` it runs on
 /// one core.
@@ -151,10 +157,14 @@ pub fn solve_batch(
     loads.check(robot)?;
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
     let mut chunks: Vec<_> = solutions.chunks(robot, CHUNK).collect();
+    #[cfg(target_arch = "x86_64")]
+    let start = start_polynomial(robot, model, loads, threads);
     let scratch = || Scratch {
         solver: model.solver(robot).expect("checked above"),
         #[cfg(target_arch = "x86_64")]
         lanes: Levels::new(robot, model),
+        #[cfg(target_arch = "x86_64")]
+        start: start.as_ref(),
     };
     for_each(&mut chunks, threads, scratch, |scratch, chunk| {
         chunk.fill(scratch, loads)
@@ -162,11 +172,69 @@ pub fn solve_batch(
     Ok(solutions)
 }
 
+/// Strain as a polynomial of the load, from the solutions of a sample of the loads.
+#[cfg(target_arch = "x86_64")]
+fn start_polynomial(
+    robot: &Robot,
+    model: &RodModel,
+    loads: &Loads,
+    threads: usize,
+) -> Option<StartPolynomial> {
+    // lanes do not solve tip moments
+    if loads.tip_moment.iter().any(|m| *m != 0.0) {
+        return None;
+    }
+    let tendons = robot.tendon_count();
+    let sample = StartPolynomial::sample(loads, tendons);
+    let mut groups: Vec<_> = sample
+        .chunks(MOST_LANES)
+        .map(|rows| (rows, vec![]))
+        .collect();
+    let lanes = || Levels::new(robot, model).map(|levels| levels.first);
+    for_each(&mut groups, threads, lanes, |lanes, (rows, strains)| {
+        let Some(lanes) = lanes else { return };
+        for rows in rows.chunks(lanes.width()) {
+            let side_by_side = side_by_side(rows.len(), |lane| loads.row(rows[lane], tendons));
+            let outcomes = lanes.solve(&side_by_side[..rows.len()]);
+            for (lane, row) in rows.iter().enumerate() {
+                if !matches!(outcomes[lane], LaneOutcome::Left) {
+                    let strain = lanes.strain(lane).into_iter().flat_map(|w| w.0);
+                    strains.push((*row, strain.collect::<Vec<_>>()));
+                }
+            }
+        }
+    });
+    let solved: Vec<_> = groups
+        .into_iter()
+        .flat_map(|(_, strains)| strains)
+        .collect();
+    StartPolynomial::fit(loads, tendons, &solved)
+}
+
+/// Loads for the lanes; the last one also in the lanes beyond.
+#[cfg(target_arch = "x86_64")]
+fn side_by_side<'l>(count: usize, load: impl Fn(usize) -> Load<'l>) -> [Load<'l>; MOST_LANES] {
+    std::array::from_fn(|lane| load(lane.min(count - 1)))
+}
+
 /// Solvers of a thread.
-struct Scratch {
+struct Scratch<'a> {
     solver: Adaptive,
     #[cfg(target_arch = "x86_64")]
     lanes: Option<Levels>,
+    /// Where lanes start; from the straight backbone if there is none.
+    #[cfg(target_arch = "x86_64")]
+    start: Option<&'a StartPolynomial>,
+}
+
+/// Rows that the lanes with the fewest elements did not solve.
+#[cfg(target_arch = "x86_64")]
+#[derive(Default)]
+struct Open {
+    /// For the finer lanes: rows, Newton steps so far and strains to start from.
+    finer: Vec<(usize, usize, Vec<Vec3>)>,
+    /// For the globalised solver.
+    left: Vec<usize>,
 }
 
 /// Loads that one thread takes at a time: a multiple of the lanes.
@@ -296,8 +364,8 @@ impl Chunk<'_> {
     /// one.
     fn fill(&mut self, scratch: &mut Scratch, loads: &Loads) {
         #[cfg(target_arch = "x86_64")]
-        if let Some(lanes) = &mut scratch.lanes {
-            return self.fill_side_by_side(lanes, &mut scratch.solver, loads);
+        if scratch.lanes.is_some() {
+            return self.fill_side_by_side(scratch, loads);
         }
         self.solve_all(&mut scratch.solver, loads, false);
     }
@@ -313,38 +381,68 @@ impl Chunk<'_> {
     }
 
     #[cfg(target_arch = "x86_64")]
-    fn fill_side_by_side(&mut self, lanes: &mut Levels, careful: &mut Adaptive, loads: &Loads) {
-        let (rows, width) = (self.outcomes.len(), lanes.first.width());
-        // rows for the finer lanes, with Newton steps so far and the strain to start from
-        let mut finer: Vec<(usize, usize, Vec<Vec3>)> = vec![];
-        for start in (0..rows).step_by(width) {
+    fn fill_side_by_side(&mut self, scratch: &mut Scratch, loads: &Loads) {
+        let Some(lanes) = &mut scratch.lanes else {
+            return;
+        };
+        let mut open = Open::default();
+        let all: Vec<usize> = (0..self.outcomes.len()).collect();
+        self.fill_first(lanes, &all, scratch.start, loads, &mut open);
+        if scratch.start.is_some() {
+            let left = std::mem::take(&mut open.left);
+            self.fill_first(lanes, &left, None, loads, &mut open);
+        }
+        if let Some(finer) = &mut lanes.finer {
+            self.fill_finer(&mut **finer, loads, &mut open);
+        }
+        for i in open.left {
             if interrupt::interrupted() {
                 return;
             }
-            let count = width.min(rows - start);
-            let side_by_side = self.loads_of(loads, count, |lane| start + lane);
-            let outcomes = lanes.first.solve(&side_by_side[..count]);
-            for (lane, outcome) in outcomes[..count].iter().enumerate() {
-                let i = start + lane;
-                match *outcome {
-                    LaneOutcome::Solved(outcome) => {
-                        self.write_lane(i, &*lanes.first, lane, outcome)
-                    }
+            self.solve(i, &mut scratch.solver, loads, false);
+        }
+    }
+
+    /// Solves some rows in the lanes with the fewest elements.
+    #[cfg(target_arch = "x86_64")]
+    fn fill_first(
+        &mut self,
+        lanes: &mut Levels,
+        rows: &[usize],
+        start: Option<&StartPolynomial>,
+        loads: &Loads,
+        open: &mut Open,
+    ) {
+        let first = &mut lanes.first;
+        for rows in rows.chunks(first.width()) {
+            if interrupt::interrupted() {
+                return;
+            }
+            let side_by_side = self.loads_of(loads, rows.len(), |lane| rows[lane]);
+            let loads = &side_by_side[..rows.len()];
+            let outcomes = match start {
+                Some(start) => first.solve_from(start, loads),
+                None => first.solve(loads),
+            };
+            for (lane, &i) in rows.iter().enumerate() {
+                match outcomes[lane] {
+                    LaneOutcome::Solved(outcome) => self.write_lane(i, &**first, lane, outcome),
                     LaneOutcome::NeedsElements {
                         elements: FINER,
                         iterations,
                     } if lanes.finer.is_some() => {
-                        let strain = refine_to(lanes.first.strain(lane), FINER);
-                        finer.push((i, iterations, strain));
+                        let strain = refine_to(first.strain(lane), FINER);
+                        open.finer.push((i, iterations, strain));
                     }
-                    _ => self.solve(i, careful, loads, false),
+                    _ => open.left.push(i),
                 }
             }
         }
-        let Some(lanes) = &mut lanes.finer else {
-            return;
-        };
-        for some in finer.chunks(width) {
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn fill_finer(&mut self, lanes: &mut dyn SideBySide, loads: &Loads, open: &mut Open) {
+        for some in open.finer.chunks(lanes.width()) {
             if interrupt::interrupted() {
                 return;
             }
@@ -357,15 +455,15 @@ impl Chunk<'_> {
             for (lane, (i, before, _)) in some.iter().enumerate() {
                 if let LaneOutcome::Solved(mut outcome) = outcomes[lane] {
                     outcome.iterations += before;
-                    self.write_lane(*i, &**lanes, lane, outcome);
+                    self.write_lane(*i, lanes, lane, outcome);
                 } else {
-                    self.solve(*i, careful, loads, false);
+                    open.left.push(*i);
                 }
             }
         }
     }
 
-    /// Loads of some rows for the lanes; the last one also in the lanes beyond.
+    /// Loads of some rows for the lanes.
     #[cfg(target_arch = "x86_64")]
     fn loads_of<'l>(
         &self,
@@ -373,7 +471,9 @@ impl Chunk<'_> {
         count: usize,
         row: impl Fn(usize) -> usize,
     ) -> [Load<'l>; MOST_LANES] {
-        std::array::from_fn(|lane| loads.row(self.first + row(lane.min(count - 1)), self.tendons))
+        side_by_side(count, |lane| {
+            loads.row(self.first + row(lane), self.tendons)
+        })
     }
 
     /// Writes the solution in a lane.

@@ -17,6 +17,7 @@ use crate::statics::adaptive::is_near;
 use crate::statics::newton::{is_minimum_nearby, ENERGY_NOISE, MAX_STEP, SUFFICIENT_DECREASE};
 use crate::statics::outcome::TOLERANCE;
 use crate::statics::solver::{Outcome, Pose, Settings, Status, MAX_EXTRAPOLATION};
+use crate::statics::start::{StartPolynomial, Values};
 
 /// Most Newton steps before a load is left to the globalised solver.
 const MAX_PLAIN_STEPS: usize = 10;
@@ -50,6 +51,8 @@ pub(crate) trait SideBySide {
     fn set_robots(&mut self, robots: &[Robot]);
     /// Solves up to `width` loads from the straight backbone.
     fn solve(&mut self, loads: &[Load]) -> Outcomes;
+    /// Solves up to `width` loads from the strains of a polynomial.
+    fn solve_from(&mut self, start: &StartPolynomial, loads: &[Load]) -> Outcomes;
     /// Solves up to `width` loads, each from the previous ones in its lane. A lane that was not
     /// solved is left.
     fn solve_next(&mut self, loads: &[Load]) -> Outcomes;
@@ -141,6 +144,7 @@ struct Lanes<S: Simd, const CONTINUOUS: bool, const A: usize> {
     starts: [bool; MOST_LANES],
     /// Lanes that have been left to the globalised solver.
     left: [bool; MOST_LANES],
+    start_values: Values<S::Vector>,
 }
 
 impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
@@ -158,6 +162,7 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
             known: [0; MOST_LANES],
             starts: [false; MOST_LANES],
             left: [false; MOST_LANES],
+            start_values: Values::empty(),
         }
     }
 
@@ -257,6 +262,23 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> SideBySide for Lanes<S, CO
 
     fn solve(&mut self, loads: &[Load]) -> Outcomes {
         self.restart();
+        self.descend(loads)
+    }
+
+    fn solve_from(&mut self, start: &StartPolynomial, loads: &[Load]) -> Outcomes {
+        self.restart();
+        let (states, values) = (&mut self.rod.states, &mut self.start_values);
+        self.rod.layout.vectorize(
+            #[inline(always)]
+            || {
+                start.evaluate(
+                    loads,
+                    values,
+                    #[inline(always)]
+                    |at, w| states[at / (3 * A)].w[at / 3 % A].0[at % 3] = w,
+                )
+            },
+        );
         self.descend(loads)
     }
 

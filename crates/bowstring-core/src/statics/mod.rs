@@ -18,3 +18,5 @@ pub(crate) mod path_lanes;
 mod path_step;
 pub mod solver;
 mod stability;
+#[cfg(target_arch = "x86_64")]
+mod start;
