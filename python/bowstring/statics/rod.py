@@ -183,9 +183,9 @@ def solve_batch(
 
     Notes
     -----
-    Hundreds of loads by tensions or more may start from a polynomial that is fitted to the solutions
-    of a sample of them (theory of statics, Globalisation). Where a load has several stable
-    equilibria, the one that is found then depends on the other rows.
+    Hundreds of loads by tensions or more may start from a polynomial that is fitted to the
+    solutions of a sample of them (theory of statics, Globalisation). Where a load has several
+    stable equilibria, the one that is found then depends on the other rows.
     """
     if not (isinstance(threads, int) and 0 <= threads <= 1024):
         raise InputError(f"threads is {threads!r}, it must be a whole number from 0 to 1024")
