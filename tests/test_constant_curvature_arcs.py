@@ -696,7 +696,7 @@ def one_segment(stations=None):
         segments=(SimpleNamespace(length=LENGTH),),
         bending_stiffness=np.array([STIFFNESS]),
         tendons=SimpleNamespace(
-            hole_m=RADIUS * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1),
+            mean_hole_m=RADIUS * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)[None],
             segment=np.zeros(3, int),
         ),
         disks=SimpleNamespace(station_m=stations, segment=np.zeros(len(stations), int)),
@@ -710,7 +710,7 @@ def two_segments():
         segments=(SimpleNamespace(length=0.2), SimpleNamespace(length=0.2)),
         bending_stiffness=np.array([0.0102, 0.0102]),
         tendons=SimpleNamespace(
-            hole_m=np.concatenate([hole, hole]), segment=np.array([0, 0, 0, 1, 1, 1])
+            mean_hole_m=np.tile(hole, (2, 2, 1)), segment=np.array([0, 0, 0, 1, 1, 1])
         ),
         disks=SimpleNamespace(station_m=0.4 * np.arange(1, 21) / 20, segment=np.repeat([0, 1], 10)),
     )
@@ -748,7 +748,7 @@ def test_chord_uses_the_stations_of_the_disks():
     got = RobotArcs.from_lengths(uneven, lengths, "chord")
     np.testing.assert_allclose([got.kappa[0], got.phi[0], got.length[0]], [2.0, 0.5, LENGTH])
     # the lengths are those from hole to hole
-    holes = np.c_[uneven.tendons.hole_m, np.zeros(3)]
+    holes = np.c_[uneven.tendons.mean_hole_m[0], np.zeros(3)]
     places = got.disk_positions[:, None] + np.einsum("nij,tj->nti", got.disk_rotations, holes)
     spans = np.diff(np.concatenate([holes[None], places]), axis=0)
     np.testing.assert_allclose(np.linalg.norm(spans, axis=-1).sum(axis=0), lengths, rtol=1e-14)
@@ -774,7 +774,7 @@ def test_segments_in_series(correction):
     np.testing.assert_allclose(got.disk_positions[:, 9], p1, atol=1e-13)
 
     if correction == "chord":  # the lengths are those from hole to hole
-        holes = np.c_[robot.tendons.hole_m[3:], np.zeros(3)]
+        holes = np.c_[robot.tendons.mean_hole_m[0][3:], np.zeros(3)]
         places = got.disk_positions[:, :, None] + np.einsum(
             "bnij,tj->bnti", got.disk_rotations, holes
         )
@@ -840,7 +840,7 @@ def test_outer_tendons_bend_inner_segments():
     np.testing.assert_allclose(inner.theta, [outer.theta[0], 0], atol=1e-16)
     # the arm law knows the force of all tendons that pass
     got = robot_arcs(robot, [1.0, 0, 0, 0, 1.0, 0], "arm")
-    hole = robot.tendons.hole_m
+    hole = robot.tendons.mean_hole_m[0]
     for j, tensions in enumerate(([1.0, 0, 0, 0, 1.0, 0], [0, 0, 0, 0, 1.0, 0])):
         angles, radii = np.arctan2(hole[:, 1], hole[:, 0]), np.hypot(*hole.T)
         want = Arc.from_tensions(tensions, Routing(angles, radii, 10), 0.2, 0.0102)

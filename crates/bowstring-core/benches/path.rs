@@ -31,7 +31,7 @@ fn segments(segments: usize, disks: usize) -> Robot {
                 [0.0f64, 120.0, 240.0].map(move |a| {
                     let a = (a + 40.0 * s as f64).to_radians();
                     Tendon {
-                        hole: [0.0045 * a.cos(), 0.0045 * a.sin()],
+                        holes: vec![[0.0045 * a.cos(), 0.0045 * a.sin()]],
                         end_disk: (s + 1) * disks - 1,
                     }
                 })

@@ -296,7 +296,7 @@ fn same(single: &Adaptive, outcome: &Outcome, batch: &Solutions, i: usize) -> bo
     (0..3).all(|q| close(batch.tip_position[3 * i + q], tip.position[q], length))
         && (0..9).all(|q| close(batch.tip_rotation[9 * i + q], rotation[q], 1.0))
         && (0..tendons).all(|j| {
-            let [x, y] = single.solver().robot().spec().tendons[j].hole;
+            let [x, y] = single.solver().robot().spec().tendons[j].holes[0];
             let there = single.solver().tendon_length(j).unwrap();
             let unit = there.max(length).max(x.hypot(y));
             close(batch.tendon_length[i * tendons + j], there, unit)

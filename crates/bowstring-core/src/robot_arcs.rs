@@ -5,7 +5,7 @@
 use crate::arc::{lever_arm_law, linear_law, Arc, Error, Hole, Spans, TendonFit};
 use crate::math::linalg::{Mat3, Vec3};
 use crate::model::error::InputError;
-use crate::model::robot::Robot;
+use crate::model::robot::{Robot, RobotSpec, Tendon};
 use crate::statics::batch::for_each;
 
 /// How the arcs follow from the commands of the tendons.
@@ -42,6 +42,28 @@ struct Segment {
     fit: Result<TendonFit, Error>,
 }
 
+/// Mean of the hole along a segment, by which an arc of constant curvature shortens the tendon.
+fn mean_hole(tendon: &Tendon, spec: &RobotSpec, disks: &[usize]) -> Hole {
+    let mut sum = [0.0; 2];
+    let mut start = match disks[0] {
+        0 => 0.0,
+        first => spec.disks[first - 1].station,
+    };
+    let from = start;
+    for &k in disks {
+        let station = spec.disks[k].station;
+        let (a, b) = (tendon.hole(k), tendon.hole(k + 1));
+        for q in 0..2 {
+            sum[q] += 0.5 * (a[q] + b[q]) * (station - start);
+        }
+        start = station;
+    }
+    match tendon.holes.len() {
+        1 => tendon.holes[0],
+        _ => sum.map(|s| s / (start - from)),
+    }
+}
+
 impl RobotArcs {
     /// # Errors
     /// If the chord correction is not defined.
@@ -58,7 +80,8 @@ impl RobotArcs {
             let length = end - start;
             let first = spec.tendons.partition_point(|t| t.end_disk < disks[0]);
             let next = spec.tendons.partition_point(|t| t.end_disk <= last);
-            let holes: Vec<_> = spec.tendons[first..].iter().map(|t| t.hole).collect();
+            let tendons = spec.tendons[first..].iter();
+            let holes: Vec<_> = tendons.map(|t| mean_hole(t, spec, &disks)).collect();
             let spans = match law {
                 Law::Chords => {
                     let mut before = start;

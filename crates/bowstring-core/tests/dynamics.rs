@@ -251,7 +251,7 @@ fn momentum_balances_with_the_base() {
         let disk = part(&fields.disks.position, i * 27);
         let r = &fields.disks.rotation[i * 81..][..9];
         for (tendon, tension) in holes.iter().zip(tensions) {
-            let [x, y] = tendon.hole;
+            let [x, y] = tendon.holes[0];
             let hole = disk
                 + Vec3([
                     r[0] * x + r[1] * y,
@@ -392,8 +392,8 @@ fn motion_rotates_with_the_scene() {
         let robot = study_robot(9, 0.002);
         let mut spec = robot.spec().clone();
         for tendon in &mut spec.tendons {
-            let [x, y, _] = turned([tendon.hole[0], tendon.hole[1], 0.0]);
-            tendon.hole = [x, y];
+            let [x, y, _] = turned([tendon.holes[0][0], tendon.holes[0][1], 0.0]);
+            tendon.holes = vec![[x, y]];
         }
         let robot = Robot::new(spec).unwrap();
         let mut s = settings(2e-3);

@@ -327,7 +327,7 @@ fn random_motions() {
             let (x, y) = (draw.within(-1.0, 1.0), draw.within(-1.0, 1.0));
             let given: Vec<_> = (0..m)
                 .map(|i| {
-                    let [hx, hy] = robot.spec().tendons[i].hole;
+                    let [hx, hy] = robot.spec().tendons[i].holes[0];
                     let along = (hx * x + hy * y) / hx.hypot(hy);
                     if kinds[i] {
                         most * (along - 0.1)

@@ -245,7 +245,7 @@ fn with_friction(robot: &Robot, friction: f64) -> PathSolver {
 /// Angles of a tendon at its holes, from the poses of the disks alone.
 fn bends(path: &PathSolver, i: usize) -> Vec<f64> {
     let tendon = &path.robot().spec().tendons[i];
-    let [x, y] = tendon.hole;
+    let [x, y] = tendon.holes[0];
     let mut hole = Vec3([x, y, 0.0]);
     let mut before = Vec3([0.0, 0.0, 1.0]);
     (0..=tendon.end_disk)
@@ -605,7 +605,7 @@ fn least_tensions_of_four_tendons() {
     let mut spec = study_robot(9, 0.0).spec().clone();
     spec.tendons = [0.0f64, 90.0, 180.0, 270.0]
         .map(|a| Tendon {
-            hole: [0.029 * a.to_radians().cos(), 0.029 * a.to_radians().sin()],
+            holes: vec![[0.029 * a.to_radians().cos(), 0.029 * a.to_radians().sin()]],
             end_disk: 8,
         })
         .to_vec();
@@ -688,7 +688,7 @@ fn random_rows(robot: &Robot, rows: usize, draw: &mut Draw) -> (Vec<f64>, Vec<bo
             let bend = [0, 1].map(|q| before[q] + draw.within(-1.0, 1.0));
             for tendon in three {
                 let slackened = draw.within(0.0, 0.002);
-                let [x, y] = tendon.hole;
+                let [x, y] = tendon.holes[0];
                 values.push(x * bend[0] + y * bend[1] - slackened);
                 by_displacement.push(true);
             }

@@ -7,7 +7,7 @@ use bowstring_core::model::load::{OwnedLoad, TendonPath, Theory};
 use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
 use bowstring_core::statics::batch::Loads;
 use bowstring_core::statics::path::Line;
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 
@@ -221,7 +221,7 @@ struct Disks<'py> {
 /// Arrays of Python's `RobotTendons` for the routing.
 #[derive(FromPyObject)]
 struct Tendons<'py> {
-    hole_m: PyReadonlyArray2<'py, f64>,
+    holes_m: PyReadonlyArray3<'py, f64>,
     end_disk: PyReadonlyArray1<'py, i64>,
 }
 
@@ -260,21 +260,28 @@ impl RobotArrays<'_> {
                 )));
             }
         }
-        for (name, shape, rows) in [
-            ("hole_m", tendons.hole_m.shape(), tendons.end_disk.len()),
-            ("inertia_kg_m2", disks.inertia_kg_m2.shape(), n),
-        ] {
+        for (name, shape, rows) in [("inertia_kg_m2", disks.inertia_kg_m2.shape(), n)] {
             if shape != [rows, 2] {
                 return Err(refused(format!(
                     "{name} has shape {shape:?}, it must have [{rows}, 2]"
                 )));
             }
         }
+        let (shape, count) = (tendons.holes_m.shape(), tendons.end_disk.len());
+        if ![[count, 1, 2], [count, n + 1, 2]]
+            .iter()
+            .any(|s| s == shape)
+        {
+            return Err(refused(format!(
+                "holes_m has shape {shape:?}, it must have [{count}, 1, 2] or [{count}, {}, 2]",
+                n + 1
+            )));
+        }
         // an index below zero becomes a huge one, which the core refuses
         let index = |i: &i64| usize::try_from(*i).unwrap_or(usize::MAX);
         let at = |array: &PyReadonlyArray1<f64>, i: usize| array.as_array()[i];
         let inertia = disks.inertia_kg_m2.as_array();
-        let hole = tendons.hole_m.as_array();
+        let holes = tendons.holes_m.as_array();
         Ok(RobotSpec {
             sections: (0..segments)
                 .map(|i| Section {
@@ -296,9 +303,11 @@ impl RobotArrays<'_> {
                 })
                 .collect(),
             tendons: (0..tendons.end_disk.len())
-                .map(|i| Tendon {
-                    hole: [hole[[i, 0]], hole[[i, 1]]],
-                    end_disk: index(&tendons.end_disk.as_array()[i]),
+                .map(|i| {
+                    let end_disk = index(&tendons.end_disk.as_array()[i]);
+                    let count = end_disk.saturating_add(2).min(holes.shape()[1]);
+                    let hole = |k: usize| [holes[[i, k, 0]], holes[[i, k, 1]]];
+                    Tendon::new((0..count).map(hole).collect(), end_disk)
                 })
                 .collect(),
             gravity: self.gravity,
@@ -314,7 +323,7 @@ pub struct DesignArrays<'py> {
     sections: PyReadonlyArray2<'py, f64>,
     /// Station, clamped length and mass of each disk, and its two moments of inertia, (D, 5 N).
     disks: PyReadonlyArray2<'py, f64>,
-    /// x and y of the holes of each tendon, (D, 2 T).
+    /// x and y of the holes of each tendon, (D, 2 T), or of those in base and disks, (D, 2 T (N + 1)).
     holes: PyReadonlyArray2<'py, f64>,
     /// Axial stiffness, free length, compliance, friction and pretension of each tendon, (D, 5 T).
     lines: PyReadonlyArray2<'py, f64>,
@@ -328,7 +337,6 @@ impl DesignArrays<'_> {
         for (name, shape, columns) in [
             ("sections", self.sections.shape(), 6 * spec.sections.len()),
             ("disks", self.disks.shape(), 5 * spec.disks.len()),
-            ("holes", self.holes.shape(), 2 * spec.tendons.len()),
             ("lines", self.lines.shape(), 5 * spec.tendons.len()),
         ] {
             if shape != [count, columns] {
@@ -337,6 +345,19 @@ impl DesignArrays<'_> {
                 )));
             }
         }
+        // x and y of each tendon's hole: one for all disks, or those in base and disks
+        let (per_hole, planes) = (2 * spec.tendons.len(), spec.disks.len() + 1);
+        let shape = self.holes.shape();
+        if ![[count, per_hole], [count, per_hole * planes]]
+            .iter()
+            .any(|s| s == shape)
+        {
+            return Err(refused(format!(
+                "holes has shape {shape:?}, it must have [{count}, {per_hole}] or [{count}, {}]",
+                per_hole * planes
+            )));
+        }
+        let each = shape[1].checked_div(per_hole).unwrap_or(0);
         let sections = self.sections.as_array();
         let disks = self.disks.as_array();
         let holes = self.holes.as_array();
@@ -364,7 +385,9 @@ impl DesignArrays<'_> {
                 };
             }
             for (k, tendon) in spec.tendons.iter_mut().enumerate() {
-                tendon.hole = [holes[[i, 2 * k]], holes[[i, 2 * k + 1]]];
+                let hole = |p: usize| [0, 1].map(|q| holes[[i, 2 * (each * k + p) + q]]);
+                let count = each.min(tendon.end_disk + 2);
+                *tendon = Tendon::new((0..count).map(hole).collect(), tendon.end_disk);
             }
             Robot::new(spec).map_err(|e| input_error(e.in_row(i)))
         };

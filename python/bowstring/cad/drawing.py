@@ -121,12 +121,13 @@ def _drawn_kinds(robot: Robot) -> list[_Kind]:
 def _kinds(robot: Robot, sizes: Sizes) -> list[_Kind]:
     groups: dict[tuple[Any, ...], list[int]] = {}
     disks = robot.disks
-    holes = [_MM * robot.holes(k) for k in range(len(robot.segments))]
+    holes: list[Floats] = []
     for d in range(len(disks.station_m)):
         k = int(disks.segment[d])
+        holes.append(_MM * robot.holes(k, d))
         size = (disks.radius_m[d], disks.thickness_m[d], disks.bore_m[d], sizes.hole_m[k])
-        alike = (*map(float, size), k)
-        same = (key for key in groups if key[:4] == alike[:4] and _same(holes[key[4]], holes[k]))
+        alike = (*map(float, size), d)
+        same = (key for key in groups if key[:4] == alike[:4] and _same(holes[key[4]], holes[d]))
         groups.setdefault(next(same, alike), []).append(d + 1)
     return [
         _Kind(
@@ -135,10 +136,10 @@ def _kinds(robot: Robot, sizes: Sizes) -> list[_Kind]:
             _MM * thickness,
             _MM * bore,
             _MM * hole,
-            holes[k],
-            robot.segments[k].disks.hole_diameter is None,
+            holes[d],
+            robot.segments[int(disks.segment[d])].disks.hole_diameter is None,
         )
-        for (radius, thickness, bore, hole, k), numbers in groups.items()
+        for (radius, thickness, bore, hole, d), numbers in groups.items()
     ]
 
 

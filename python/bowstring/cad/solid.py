@@ -321,7 +321,7 @@ def _disks(robot: Robot, sizes: Sizes, data: xr.Dataset | None) -> Iterator[Part
             float(disks.radius_m[d]),
             float(disks.thickness_m[d]),
             float(disks.bore_m[d]),
-            robot.holes(k),
+            robot.holes(k, d),
             float(sizes.hole_m[k]),
         )
         place = bd.Plane(
@@ -454,12 +454,10 @@ def _pieces(robot: Robot, data: xr.Dataset, segment: int) -> Iterator[tuple[Floa
 def _paths(robot: Robot, data: xr.Dataset | None) -> tuple[Floats, ...]:
     if data is not None:
         return tuple(path[0] for path in holes(robot, data))
-    station = np.concatenate([[0.0], robot.disks.station_m])
-    ends = zip(robot.tendons.hole_m, robot.tendons.end_disk, strict=True)
-    return tuple(
-        np.stack([np.full(end + 2, x), np.full(end + 2, y), station[: end + 2]], axis=1)
-        for (x, y), end in ends
-    )
+    station = robot.disks.station_m
+    straight = np.stack([0 * station, 0 * station, station], axis=1)
+    frames = np.broadcast_to(np.eye(3), (len(station), 3, 3))
+    return tuple(robot.tendon_points(straight, frames))
 
 
 def _tendons(sizes: Sizes, paths: tuple[Floats, ...], posed: bool) -> Iterator[Part]:

@@ -182,7 +182,7 @@ class RobotArcs:
         for segment in segments:
             passing = np.union1d(segment.own, segment.further)
             modules = segment.places.size if law == "arm" else None
-            routing = Routing.from_holes(robot.tendons.hole_m[passing], modules)
+            routing = Routing.from_holes(robot.tendons.mean_hole_m[segment.index, passing], modules)
             with segment.named():
                 arcs.append(
                     Arc.from_tensions(
@@ -369,7 +369,7 @@ def _segments(robot: Robot, correction: Correction | None = None) -> list[_Segme
                 f"segment {j + 1}: the chord correction needs a disk at the segment's end"
             )
         modules = None if correction is None else np.diff(places, prepend=0.0)
-        routing = Routing.from_holes(robot.tendons.hole_m, modules)
+        routing = Routing.from_holes(robot.tendons.mean_hole_m[j], modules)
         own, further = np.flatnonzero(ends == j), np.flatnonzero(ends > j)
         stiffness = float(robot.bending_stiffness[j])
         out.append(_Segment(j, segment.length, stiffness, routing, own, further, places))

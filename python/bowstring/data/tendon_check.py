@@ -457,9 +457,9 @@ def _by_displacement(robot: Robot) -> Floats:
     """
     tendons, count = robot.tendons, len(robot.segments)
     rows = np.zeros((len(tendons.angle_rad), 3 * count))
-    for i, (hole, segment) in enumerate(zip(tendons.hole_m, tendons.segment, strict=True)):
-        rows[i, : 2 * (segment + 1)] = np.tile(hole, segment + 1)
-        rows[i, 2 * count + segment] = np.linalg.norm(hole)
+    for i, segment in enumerate(tendons.segment):
+        rows[i, : 2 * (segment + 1)] = tendons.mean_hole_m[: segment + 1, i].ravel()
+        rows[i, 2 * count + segment] = np.linalg.norm(tendons.hole_m[i])
     return np.asarray(np.linalg.pinv(rows, rcond=1e-9)[: 2 * count])
 
 
@@ -470,7 +470,7 @@ def _by_tension(robot: Robot) -> Floats:
     for j, segment in enumerate(robot.segments):
         passes = tendons.segment >= j
         law = segment.length / robot.bending_stiffness[j]
-        out[2 * j : 2 * j + 2, passes] = law * tendons.hole_m[passes].T
+        out[2 * j : 2 * j + 2, passes] = law * tendons.mean_hole_m[j, passes].T
     return out
 
 

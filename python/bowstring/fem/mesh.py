@@ -375,14 +375,15 @@ class _Builder:
         disks, tendons = robot.disks, robot.tendons
         n, m = len(disks.station_m), len(tendons.end_disk)
         hole = np.full((n + 1, m), -1)
-        for t, (x, y) in enumerate(tendons.hole_m):
-            hole[0, t] = self._add(np.array([x, y, 0.0]))
+        places = np.broadcast_to(tendons.holes_m, (m, n + 1, 2))
+        for t in range(m):
+            hole[0, t] = self._add(np.array([*places[t, 0], 0.0]))
         masses = np.full((n, 4 if self.mass_arms else 0, 3), -1)
         half = 0.5 * np.maximum(disks.clamped_length_m, disks.thickness_m)
         for i in range(n):
             arm = partial(self._one_arm, one, start, int(station_row[i]), i, half[i])
             for t in np.flatnonzero(tendons.end_disk >= i).tolist():
-                hole[i + 1, t] = arm(tendons.hole_m[t])[1]
+                hole[i + 1, t] = arm(places[t, i + 1])[1]
             for a in range(masses.shape[1]):
                 # four point masses at this radius have the inertia of the disk
                 axial, mass = disks.inertia_kg_m2[i, 1], disks.mass_kg[i]

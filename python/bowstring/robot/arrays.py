@@ -16,7 +16,7 @@ from pydantic_core import PydanticCustomError
 from bowstring.display import short_repr
 from bowstring.robot.consistency import bores, problems
 from bowstring.robot.disk import distinct_holes, drilled_disk, stacked
-from bowstring.robot.parts import MAX_SEGMENTS, Part, Segment
+from bowstring.robot.parts import MAX_SEGMENTS, Part, Segment, Tendon
 from bowstring.units import Quantity, Text
 
 __all__ = ["RobotArrays", "RobotDisks", "RobotTendons", "frozen"]
@@ -55,16 +55,22 @@ class RobotDisks:
 class RobotTendons:
     """Arrays of all T tendons by segment, innermost first, in file order, in SI.
 
-    ``hole_m`` are x and y of the holes in the base frame, ``end_disk`` the index (from 0) of the
+    ``hole_m`` are x and y of the holes in the base, ``end_disk`` the index (from 0) of the
     disk to which a tendon is anchored. ``axial_stiffness_N`` is infinite for an inextensible
     tendon, ``spool_radius_m`` NaN for one without a spool, ``diameter_m`` NaN where unknown.
     """
 
     hole_m: Floats
+    holes_m: Floats
+    """x and y (T, P, 2) of the holes in the frames of base and disks, m. P is 1 where all tendons
+    are parallel to the backbone; otherwise N + 1, NaN beyond a tendon's end disk."""
+    mean_hole_m: Floats
+    """Mean of x and y (S, T, 2) over the length of each segment, m: what constant curvature sees of
+    the routing."""
     pitch_radius_m: Floats
-    """Distances (T,) of the holes from the backbone's axis, m."""
+    """Distances (T,) of the holes in the base from the backbone's axis, m."""
     angle_rad: Floats
-    """Angles (T,) of the holes from x, counter-clockwise about z, rad, in the base frame."""
+    """Angles (T,) of the holes in the base from x, counter-clockwise about z, rad."""
     segment: Ints
     """Segments (T,) to whose end disks the tendons are anchored, as indices from 0."""
     end_disk: Ints
@@ -143,11 +149,6 @@ class RobotArrays(Part):
     @cached_property
     def disks(self) -> RobotDisks:
         """All disks as arrays."""
-        stations: list[Any] = []
-        start: Any = 0.0
-        for segment in self.segments:
-            stations += (start + position for position in segment.disk_positions)
-            start += segment.length
         counts = [len(s.disk_positions) for s in self.segments]
         index = np.repeat(np.arange(len(counts)), counts)
 
@@ -169,12 +170,16 @@ class RobotArrays(Part):
             d = s.disks
             if d.density is None or d.hole_diameter is None:
                 continue
-            holes = self.holes(k)
             own = np.flatnonzero(index == k)
             # the end disk may have a wider bore than the others
-            for i, here in ((own[-1], own[-1:]), (own[0], own[:-1])):
+            alike = (own[-1:], own[:-1]) if self.is_parallel else own[:, None]
+            for here in alike:
+                i = here[0] if len(here) else own[0]
                 drilled = drilled_disk(
-                    d.density, d.radius, d.thickness, bore[..., i], holes, d.hole_diameter
+                    *(d.density, d.radius, d.thickness),
+                    bore[..., i],
+                    self.holes(k, i),
+                    d.hole_diameter,
                 )
                 if drilled.mass.ndim > mass.ndim - 1:  # of many robots
                     shape = drilled.mass.shape
@@ -184,7 +189,7 @@ class RobotArrays(Part):
                 inertia[..., here, 0] = drilled.across[..., None]
                 inertia[..., here, 1] = drilled.axial[..., None]
         return RobotDisks(
-            station_m=frozen(stacked(stations)),
+            station_m=frozen(self._stations),
             clamped_length_m=frozen(each("clamped_length")),
             mass_kg=frozen(mass),
             inertia_kg_m2=frozen(inertia),
@@ -193,6 +198,15 @@ class RobotArrays(Part):
             bore_m=frozen(bore),
             segment=frozen(index, np.int64),
         )
+
+    @cached_property
+    def _stations(self) -> Floats:
+        stations: list[Any] = []
+        start: Any = 0.0
+        for segment in self.segments:
+            stations += (start + position for position in segment.disk_positions)
+            start += segment.length
+        return stacked(stations)
 
     @cached_property
     def tendons(self) -> RobotTendons:
@@ -207,9 +221,12 @@ class RobotArrays(Part):
             return frozen(stacked([none if value is None else value for value in values]))
 
         r, a = each("pitch_radius"), each("angle")
-        holes = np.broadcast_arrays(r * np.cos(a), r * np.sin(a))
+        hole = np.stack(np.broadcast_arrays(r * np.cos(a), r * np.sin(a)), axis=-1)
+        holes, mean = self._routing(every, ends[index], hole)
         return RobotTendons(
-            hole_m=frozen(np.stack(holes, axis=-1)),
+            hole_m=frozen(hole),
+            holes_m=frozen(holes),
+            mean_hole_m=frozen(mean),
             pitch_radius_m=r,
             angle_rad=a,
             segment=frozen(index, np.int64),
@@ -223,10 +240,72 @@ class RobotArrays(Part):
             diameter_m=each("diameter"),
         )
 
-    def holes(self, segment: int) -> Floats:
-        """Positions x, y (H, 2) of the holes in the disks of a segment (index from 0), in m."""
-        holes = self.tendons.hole_m[..., self.tendons.segment >= segment, :]
-        return distinct_holes(holes)
+    def _routing(self, every: list[Tendon], ends: Ints, hole: Floats) -> tuple[Floats, Floats]:
+        """Holes of all tendons in base and disks, and their means over the segments."""
+        count = len(self.segments)
+        mean = np.repeat(hole[..., None, :, :], count, axis=-3)
+        if all(tendon.is_parallel for tendon in every):
+            return hole[..., :, None, :], mean
+        station = self._stations
+        of = np.repeat(np.arange(count), [len(s.disk_positions) for s in self.segments])
+        planes = np.concatenate([np.zeros((*station.shape[:-1], 1)), station], axis=-1)
+        routes = [t.holes(station[..., : e + 1]) for t, e in zip(every, ends, strict=True)]
+        lead = np.broadcast_shapes(hole.shape[:-2], *(route.shape[:-2] for route in routes))
+        holes = np.full((*lead, len(every), len(of) + 1, 2), math.nan)
+        mean = np.broadcast_to(mean, (*lead, *mean.shape[-3:])).copy()
+        for i, (tendon, route) in enumerate(zip(every, routes, strict=True)):
+            holes[..., i, : route.shape[-2], :] = route
+            if tendon.is_parallel:
+                continue
+            for k in range(of[ends[i]] + 1):
+                own = np.flatnonzero(of == k)
+                at = slice(own[0], own[-1] + 2)
+                length = planes[..., own[-1] + 1] - planes[..., own[0]]
+                area = np.trapezoid(route[..., at, :], planes[..., at, None], axis=-2)
+                mean[..., k, i, :] = area / np.asarray(length)[..., None]
+        return holes, mean
+
+    def tendon_points(self, position: Floats, rotation: Floats) -> list[Floats]:
+        """Points that the tendons pass, from the base hole to the hole of the end disk.
+
+        Parameters
+        ----------
+        position : ndarray (..., N, 3)
+            Positions of the disks in m, base frame.
+        rotation : ndarray (..., N, 3, 3)
+            Rotations of the disks, disk frame to base frame.
+
+        Returns
+        -------
+        list of ndarray (..., P, 3)
+            For each tendon, in m, base frame; P is the number of disks that it passes and 1.
+        """
+        lead, n = position.shape[:-2], position.shape[-2]
+        base = np.zeros((*lead, 1, 3))
+        centres = np.concatenate([base, position], axis=-2)
+        frames = np.concatenate([np.broadcast_to(np.eye(3), (*lead, 1, 3, 3)), rotation], axis=-3)
+        holes = np.broadcast_to(self.tendons.holes_m, (len(self.tendons.end_disk), n + 1, 2))
+        points = []
+        for hole, end in zip(holes, self.tendons.end_disk, strict=True):
+            last = int(end) + 2
+            arm = np.einsum("...kij,kj->...ki", frames[..., :last, :, :2], hole[:last])
+            points.append(centres[..., :last, :] + arm)
+        return points
+
+    @cached_property
+    def is_parallel(self) -> bool:
+        """Whether all tendons are parallel to the backbone."""
+        return bool(self.tendons.holes_m.shape[-2] == 1)
+
+    def holes(self, segment: int, disk: int = -1) -> Floats:
+        """Positions x, y (H, 2) of the holes in the disks of a segment (index from 0), in m.
+
+        Where tendons are not parallel to the backbone, those in one disk (index from 0).
+        """
+        passing = self.tendons.segment >= segment
+        if self.is_parallel:
+            return distinct_holes(self.tendons.hole_m[..., passing, :])
+        return distinct_holes(self.tendons.holes_m[..., passing, disk + 1, :])
 
     @cached_property
     def has_friction(self) -> bool:

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.robot.disk import distinct_holes, room_for_holes, stacked
-from bowstring.robot.parts import MAX_DISKS, MAX_TENDONS, Segment, TendonRing, tendon_field
+from bowstring.robot.parts import (
+    MAX_DISKS,
+    MAX_TENDONS,
+    Segment,
+    Tendon,
+    TendonRing,
+    tendon_field,
+)
 from bowstring.units import number_with_unit
 
 __all__ = ["bores", "problems"]
@@ -59,14 +68,25 @@ def _position_problems(s: Segment, here: str) -> Iterator[str]:
 def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
     """Check each tendon's hole against disks and backbones of its own and all inner segments."""
     for k, s in enumerate(parts):
-        radii = [t.pitch_radius for t in s.tendon_list]
+        problem = _routing_problem(parts, k)
+        if problem:
+            yield problem
+            continue
+        routes = [None if t.is_parallel else _radii(parts, k, t) for t in s.tendon_list]
         for j, inner in enumerate(parts[: k + 1]):
             whose = "its disk" if j == k else f"the disks of segments[{j}], which it passes"
             rod = "its backbone" if j == k else f"the backbone of segments[{j}]"
-            for i, r in enumerate(radii):
-                if inner.backbone.diameter / 2 < r < inner.disks.radius:
+            for i, tendon in enumerate(s.tendon_list):
+                low = high = tendon.pitch_radius
+                name = "pitch_radius"
+                if (route := routes[i]) is not None:
+                    low, high = float(route[j].min()), float(route[j].max())
+                    name = "end_pitch_radius" if tendon.end_pitch_radius else name
+                    name = "pitch_radii" if tendon.pitch_radii else name
+                if inner.backbone.diameter / 2 < low and high < inner.disks.radius:
                     continue
-                where = tendon_field(k, s.tendons, i, "pitch_radius")
+                r = high if high >= inner.disks.radius else low
+                where = tendon_field(k, s.tendons, i, name)
                 if r >= inner.disks.radius:
                     limit = number_with_unit(inner.disks.radius, "m")
                     fault = f"outside {whose}; must be smaller than the disk's radius, {limit}"
@@ -76,6 +96,35 @@ def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
                 yield f"{where}: got {number_with_unit(r, 'm')}, a hole {fault}"
                 if isinstance(s.tendons, TendonRing):
                     break
+
+
+def _stations(parts: tuple[Segment, ...], k: int) -> list[Floats]:
+    """Arc lengths of the disks from the base to the end disk of segment k, by segments, m."""
+    starts = np.cumsum([0.0, *(s.length for s in parts[:k])])
+    return [np.array(s.disk_positions) + at for s, at in zip(parts[: k + 1], starts, strict=True)]
+
+
+def _routing_problem(parts: tuple[Segment, ...], k: int) -> str:
+    """Check the number of angles and pitch radii that are given for each disk."""
+    s = parts[k]
+    count = sum(s.disks.count or len(s.disks.positions or ()) for s in parts[: k + 1])
+    for i, tendon in enumerate(s.tendon_list):
+        for name in ("angles", "pitch_radii"):
+            values = getattr(tendon, name)
+            if values is not None and len(values) != count:
+                return (
+                    f"{tendon_field(k, s.tendons, i, name)}: got {len(values)} numbers; must have "
+                    f"{count}, one for each disk from the first to its end disk"
+                )
+    return ""
+
+
+def _radii(parts: tuple[Segment, ...], k: int, tendon: Tendon) -> list[Floats]:
+    """Distances of a tendon's holes from the axis, by segments with the hole where each begins."""
+    stations = _stations(parts, k)
+    radii = np.hypot(*tendon.holes(np.concatenate(stations)).T)
+    ends = np.cumsum([0, *(len(each) for each in stations)])
+    return [radii[a : b + 1] for a, b in pairwise(ends)]
 
 
 def bores(parts: tuple[Segment, ...]) -> Floats:
@@ -102,18 +151,36 @@ def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
                     f"{number_with_unit(width, 'm')}"
                 )
                 break
-        away = np.array([t.pitch_radius for _, _, t in passing])
-        angle = np.array([t.angle for _, _, t in passing])
-        if not np.all((away > bore[k] / 2) & (away < radius)):
-            continue  # reported with the holes
-        holes = distinct_holes(np.stack([away * np.cos(angle), away * np.sin(angle)], axis=1))
-        limit, fault = room_for_holes(holes, radius, float(bore[k : k + 2].max()))
-        if width >= limit:
-            yield (
-                f"segments[{k}].disks.hole_diameter: got {number_with_unit(width, 'm')}; the disk "
-                f"does not hold such holes, {fault}; must be smaller than "
-                f"{number_with_unit(limit, 'm')}"
+        for places in _places(parts, k, [(j, t) for j, _, t in passing]):
+            away = np.hypot(*places.T)
+            if not np.all((away > bore[k] / 2) & (away < radius)):
+                break  # reported with the holes
+            limit, fault = room_for_holes(
+                distinct_holes(places), radius, float(bore[k : k + 2].max())
             )
+            if width >= limit:
+                yield (
+                    f"segments[{k}].disks.hole_diameter: got {number_with_unit(width, 'm')}; the "
+                    f"disk does not hold such holes, {fault}; must be smaller than "
+                    f"{number_with_unit(limit, 'm')}"
+                )
+                break
+
+
+def _places(
+    parts: tuple[Segment, ...], k: int, passing: list[tuple[int, Tendon]]
+) -> Iterator[Floats]:
+    """Holes (T, 2) in the disks of segment k: once where they are the same in all disks."""
+    if all(t.is_parallel for _, t in passing):
+        polar = [(t.pitch_radius, t.angle) for _, t in passing]
+        yield np.array([(r * math.cos(a), r * math.sin(a)) for r, a in polar])
+        return
+    if any(_routing_problem(parts, j) for j in {j for j, _ in passing}):
+        return  # reported with the holes
+    before = sum(len(each) for each in _stations(parts, k)[:-1])
+    routes = [t.holes(np.concatenate(_stations(parts, j))) for j, t in passing]
+    for i in range(len(parts[k].disk_positions)):
+        yield np.array([route[before + i + 1] for route in routes])
 
 
 def _clamp_problems(parts: tuple[Segment, ...]) -> Iterator[str]:

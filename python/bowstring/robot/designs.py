@@ -163,9 +163,10 @@ class Designs:
 
     @cached_property
     def holes(self) -> Floats:
-        """x and y of the holes of the tendons (D, 2 T)."""
-        hole = self.arrays.tendons.hole_m
-        return self._interleaved([hole[..., 0], hole[..., 1]])
+        """x and y of the holes of the tendons, in base and disks (D, 2 T P)."""
+        holes = self.arrays.tendons.holes_m
+        holes = holes.reshape(*holes.shape[:-3], -1, 2)
+        return self._interleaved([holes[..., 0], holes[..., 1]])
 
     @cached_property
     def lines(self) -> Floats:

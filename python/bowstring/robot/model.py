@@ -135,11 +135,14 @@ class Robot(RobotArrays):
 
         def tendon(t: Tendon) -> list[Any]:
             # Unused fields are left out, so that a new field does not change existing hashes.
-            properties = {
+            properties: dict[str, Any] = {
                 name: exact(getattr(t, name))
                 for name, field in TendonProperties.model_fields.items()
                 if getattr(t, name) != field.default and name not in ("diameter", "material")
             }
+            for name in ("angles", "pitch_radii"):
+                if (values := getattr(t, name)) is not None:
+                    properties[name] = [exact(value) for value in values]
             return [exact(t.angle), exact(t.pitch_radius), *([properties] if properties else [])]
 
         def weight(disks: Disks) -> dict[str, str]:
@@ -198,6 +201,15 @@ def with_tendons(robot: Robot, values: Mapping[str, float | None], missing: bool
                 if now != value and not (missing and now):
                     changes[f"{where}.{name}"] = value
     return robot.with_(changes) if changes else robot
+
+
+def check_parallel(robot: Robot, what: str) -> None:
+    """Refuse a robot whose tendons are not parallel to the backbone."""
+    if not robot.is_parallel:
+        raise InputError(
+            f"{what} takes tendons parallel to the backbone only; set turns, end_pitch_radius, "
+            "angles and pitch_radii of the tendons aside"
+        )
 
 
 def check_robot(robot: object) -> None:

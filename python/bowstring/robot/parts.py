@@ -6,8 +6,11 @@ import math
 from functools import cached_property
 from typing import Annotated, Any, Final
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
+from bowstring.robot.disk import stacked
 from bowstring.units import Choice, Count, Quantity, Share, Text, wrong
 
 __all__ = [
@@ -229,6 +232,17 @@ class TendonProperties(Part):
         None, description="Material of the tendon, for the E A that a study assumes; else steel."
     )
 
+    turns: Annotated[float, Quantity("", "0.5", "-100", "100")] = Field(
+        0.0,
+        description="Turns about the backbone from the base to its end disk, counter-clockwise; "
+        "0 if left out.",
+    )
+    end_pitch_radius: Annotated[float | None, _PITCH] = Field(
+        None,
+        description="Pitch radius at its end disk, reached evenly along the backbone; "
+        "pitch_radius if left out.",
+    )
+
 
 class TendonRing(TendonProperties):
     """Tendons evenly spaced on a circle, counter-clockwise about z, all actuated alike.
@@ -245,6 +259,8 @@ class TendonRing(TendonProperties):
         Values of each tendon, as in `Tendon`.
     material : str or None
         Material of each tendon.
+    turns, end_pitch_radius : float
+        Routing of each tendon, as in `Tendon`.
     """
 
     count: Annotated[int, Count(MAX_TENDONS, "3")] = Field(description="Number of tendons.")
@@ -281,12 +297,85 @@ class Tendon(TendonProperties):
         Diameter in m, used for the solid and for a study that assumes E A.
     material : str or None
         One of `TENDON_MATERIALS`, used for a study that assumes E A.
+    turns : float
+        Turns about the backbone from the base to the end disk, in proportion to length.
+    end_pitch_radius : float or None
+        Pitch radius in the end disk in m, reached in proportion to length; None for `pitch_radius`.
+    angles, pitch_radii : tuple of float or None
+        Angles (rad) and pitch radii (m) of the holes in the disks, from the first to the end disk,
+        where they are given one by one; ``angle`` and ``pitch_radius`` are then those in the base.
     """
 
     angle: Annotated[float, _ANGLE] = Field(description="Angle from x, counter-clockwise.")
     pitch_radius: Annotated[float, _PITCH] = Field(
         description="Distance of the holes from the backbone's axis."
     )
+    angles: Annotated[
+        tuple[float, ...] | None,
+        Quantity("rad", "10 20 30 deg", "-36000 deg", "36000 deg", vector=0),
+    ] = Field(
+        None,
+        description="Angles in the disks, from the first to its end disk, if they differ from "
+        "angle, that in the base.",
+    )
+    pitch_radii: Annotated[
+        tuple[float, ...] | None, Quantity("m", "28 27 26 mm", "1 um", "100 m", vector=0)
+    ] = Field(
+        None,
+        description="Pitch radii in the disks, from the first to its end disk, if they differ from "
+        "pitch_radius, that in the base.",
+    )
+
+    @property
+    def is_parallel(self) -> bool:
+        """Whether the tendon is parallel to the backbone."""
+        if self.angles is not None or self.pitch_radii is not None or self.end_pitch_radius:
+            return False
+        return not np.any(self.turns)
+
+    @model_validator(mode="after")
+    def _check(self) -> Tendon:
+        for whole, each in (("turns", "angles"), ("end_pitch_radius", "pitch_radii")):
+            if getattr(self, whole) and getattr(self, each) is not None:
+                raise wrong(f"{whole} and {each}: both given; write one of the two")
+        return self
+
+    def holes(self, stations: ArrayLike) -> NDArray[np.float64]:
+        """Positions of its holes in the frames of base and disks.
+
+        Parameters
+        ----------
+        stations : array_like (..., n)
+            Arc lengths of the disks up to its end disk, m.
+
+        Returns
+        -------
+        ndarray (..., n + 1, 2)
+            x and y in m, that in the base first.
+        """
+        station = np.asarray(stations, dtype=float)
+        share = station / station[..., -1:]
+        first = np.zeros((*station.shape[:-1], 1))
+
+        def column(value: Any) -> NDArray[np.float64]:
+            return np.asarray(value, dtype=float)[..., None]
+
+        radius, angle = column(self.pitch_radius), column(self.angle)
+        end = radius if self.end_pitch_radius is None else column(self.end_pitch_radius)
+        radii = radius + (end - radius) * share
+        angles = angle + math.tau * column(self.turns) * share
+        if self.pitch_radii is not None:
+            radii = stacked(self.pitch_radii)
+        if self.angles is not None:
+            angles = stacked(self.angles)
+
+        def whole(base: NDArray[np.float64], beyond: NDArray[np.float64]) -> NDArray[np.float64]:
+            lead = np.broadcast_shapes(first.shape[:-1], base.shape[:-1], beyond.shape[:-1])
+            parts = (np.broadcast_to(v, (*lead, v.shape[-1])) for v in (base, beyond))
+            return np.concatenate(list(parts), axis=-1)
+
+        radii, angles = np.broadcast_arrays(whole(radius, radii), whole(angle, angles))
+        return np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1)
 
 
 def tendon_field(segment: int, tendons: object, tendon: int, name: str) -> str:

@@ -190,7 +190,7 @@ def load_advice(robot: RobotArrays, tensions: ArrayLike, tip_force: ArrayLike = 
     for k, s in enumerate(robot.segments):
         passing = robot.tendons.segment >= k
         law = s.length / float(robot.bending_stiffness[k])
-        total += law * tension[passing] @ robot.tendons.hole_m[passing]
+        total += law * tension[passing] @ robot.tendons.mean_hole_m[k, passing]
         by_force += law * sideways * (beyond - s.length / 2)  # rotation of a cantilever
         beyond -= s.length
     by_tension = float(np.hypot(*total))

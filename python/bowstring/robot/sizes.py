@@ -93,7 +93,9 @@ def sizes_of(robot: Robot) -> Sizes:
         passing = np.flatnonzero(tendons.segment >= k)
         thick = int(passing[wanted[passing].argmax()])
         bore = float(robot.disks.bore_m[robot.disks.segment == k].max())
-        room, fault = room_for_holes(robot.holes(k), s.disks.radius, bore)
+        own = np.flatnonzero(robot.disks.segment == k)
+        drilled = own[:1] if robot.is_parallel else own
+        room, fault = min(room_for_holes(robot.holes(k, d), s.disks.radius, bore) for d in drilled)
         if s.disks.hole_diameter is not None:
             holes[k] = s.disks.hole_diameter  # checked when the file was read
             continue

@@ -244,8 +244,8 @@ class Model:
     def linear_displacement(self, tension: Array) -> Array:
         """Displacement of the actuated tendon (n,), m: theory Eq. 1.3 with the linear bend."""
         last = int(self.robot.tendons.segment[self.tendon])
-        hole = self.robot.tendons.hole_m[self.tendon]
-        return np.asarray(tension * float((self.linear_bend[: last + 1] @ hole).sum()))
+        holes = self.robot.tendons.mean_hole_m[: last + 1, self.tendon]
+        return np.asarray(tension * float((self.linear_bend[: last + 1] * holes).sum()))
 
     def _angle(self) -> float:
         """Direction of bending by the tendons, angle from x, rad."""

@@ -378,7 +378,9 @@ def _forces(study: Study, segment: FirstSegment) -> list[Equation]:
     model, n = study.model, len(segment.stations)
     robot = model.robot
     tensions = model.tensions(np.array([segment.tension]))[0]
-    moment = float(np.linalg.norm(tensions @ robot.tendons.hole_m))  # all tendons pass segment 1
+    moment = float(
+        np.linalg.norm(tensions @ robot.tendons.mean_hole_m[0])
+    )  # all tendons pass segment 1
     force, stiffness = float(tensions.sum()), float(robot.bending_stiffness[0])
     length, dot = float(robot.segments[0].length), _dot()
     if moment < 1e-9 * force * float(robot.tendons.pitch_radius_m.max()):

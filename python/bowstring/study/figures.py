@@ -214,7 +214,6 @@ def _configurations(study: Study) -> Figure:
 
     turn = np.linspace(0.0, math.tau, 33)
     rim = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
-    holes = np.column_stack([robot.tendons.hole_m, np.zeros(len(robot.tendons.hole_m))])
     actuated = np.flatnonzero(study.settings.shares)
     points: list[Array] = []
     tips: list[tuple[Array, Array, str]] = []
@@ -237,11 +236,9 @@ def _configurations(study: Study) -> Figure:
             alpha=0.55,  # a disk is seen through
         )
         axes.add_collection3d(disks)
-        for t, hole in enumerate(holes):
-            last = int(robot.tendons.end_disk[t]) + 2
-            path = centres[:last] + frames[:last] @ (hole * 1e3)
+        for t, path in enumerate(robot.tendon_points(g.disk_positions[i], g.disk_rotations[i])):
             colour, width = ("red", 1.2) if t in actuated else ("blue", 0.8)
-            axes.plot(*path.T, color=LIGHT[colour], linewidth=width)
+            axes.plot(*(1e3 * path.T), color=LIGHT[colour], linewidth=width)
         backbone = g.backbone[i] * 1e3
         axes.plot(*backbone.T, color=LIGHT["ink"], linewidth=2.0)
         points += [*rings, backbone]

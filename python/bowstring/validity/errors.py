@@ -173,10 +173,12 @@ def displacement_per_bend(designs: Designs, shares: Floats) -> Floats:
         If the tendons balance each other.
     """
     arrays = designs.arrays
-    holes = np.broadcast_to(arrays.tendons.hole_m, (len(designs), len(shares), 2))
-    radius = np.linalg.norm(holes, axis=-1)
+    means = arrays.tendons.mean_hole_m
+    means = np.broadcast_to(means, (len(designs), *means.shape[-3:]))
     bends, sizes = [], []
     for k in range(len(designs.robot.segments)):
+        holes = means[:, k]
+        radius = np.linalg.norm(holes, axis=-1)
         passing = arrays.tendons.segment >= k
         moment = np.einsum("t,dtq->dq", shares * passing, holes)
         compliance = np.asarray(arrays.segments[k].length / arrays.bending_stiffness[..., k])

@@ -144,7 +144,7 @@ def linear_bend(robot: Robot, shares: Floats) -> Floats:
     out = np.zeros((len(robot.segments), 2))
     for k, segment in enumerate(robot.segments):
         passing = robot.tendons.segment >= k
-        moment = shares[passing] @ robot.tendons.hole_m[passing]
+        moment = shares[passing] @ robot.tendons.mean_hole_m[k, passing]
         size = float(np.abs(shares[passing]) @ robot.tendons.pitch_radius_m[passing])
         if np.linalg.norm(moment) > 1e-9 * size:  # otherwise the tendons balance each other
             out[k] = moment * segment.length / float(robot.bending_stiffness[k])

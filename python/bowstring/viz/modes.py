@@ -110,8 +110,5 @@ def _shape(robot: Robot, position: Array, frames: Array) -> list[tuple[Array, fl
         radius = float(robot.disks.radius_m[i - 1])
         rim = radius * circle(33, closed=True)
         lines.append((position[i] + rim @ frames[i].T, 0.8))
-    holes = np.column_stack([robot.tendons.hole_m, np.zeros(len(robot.tendons.hole_m))])
-    for hole, end in zip(holes, robot.tendons.end_disk, strict=True):
-        last = int(end) + 2
-        lines.append((position[:last] + frames[:last] @ hole, 0.8))
+    lines += [(points, 0.8) for points in robot.tendon_points(position[1:], frames[1:])]
     return lines

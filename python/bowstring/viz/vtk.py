@@ -358,12 +358,7 @@ def holes(robot: Robot, data: xr.Dataset) -> list[Floats]:
         Positions in m, base frame, of each tendon with end disk k.
     """
     position, rotation = data["disk_position"].to_numpy(), data["disk_rotation"].to_numpy()
-    paths = []
-    for (x, y), end in zip(robot.tendons.hole_m, robot.tendons.end_disk, strict=True):
-        along = position + rotation[..., 0] * x + rotation[..., 1] * y
-        base = np.broadcast_to([x, y, 0.0], (len(position), 1, 3))
-        paths.append(np.concatenate([base, along[:, : end + 1]], axis=1))
-    return paths
+    return robot.tendon_points(position, rotation)
 
 
 _TYPES: Final = {"f4": "Float32", "i4": "Int32", "u1": "UInt8"}

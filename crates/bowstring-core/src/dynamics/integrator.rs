@@ -24,7 +24,7 @@ use crate::statics::solver::{Outcome, Solver, Status};
 /// let robot = Robot::new(RobotSpec {
 ///     sections: vec![section],
 ///     disks: disks.collect(),
-///     tendons: vec![Tendon { hole: [0.029, 0.0], end_disk: 8 }],
+///     tendons: vec![Tendon::parallel([0.029, 0.0], 8)],
 ///     gravity: [0.0; 3],
 /// })?;
 /// let mut simulator = Simulator::new(&robot, Model::default(), 1, Integrator {

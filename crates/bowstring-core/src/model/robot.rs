@@ -37,13 +37,38 @@ pub struct Disk {
     pub segment: usize,
 }
 
-/// A tendon: the same hole in the base and in every disk up to its end disk.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tendon<T = f64> {
-    /// Position x, y of its holes in the disk frame (m).
-    pub hole: [T; 2],
+/// A tendon: a hole in the base and in every disk up to its end disk.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tendon {
+    /// Positions x, y of its holes in the frames of the base and of the disks (m), from base to end
+    /// disk; a single one stands for all of them.
+    pub holes: Vec<[f64; 2]>,
     /// Index of its end disk, where it is anchored.
     pub end_disk: usize,
+}
+
+impl Tendon {
+    /// A tendon parallel to the backbone: the same hole everywhere.
+    pub fn parallel(hole: [f64; 2], end_disk: usize) -> Self {
+        Tendon {
+            holes: vec![hole],
+            end_disk,
+        }
+    }
+
+    /// A tendon with these holes in the base and in every disk up to its end disk.
+    pub fn new(mut holes: Vec<[f64; 2]>, end_disk: usize) -> Self {
+        if holes.iter().all(|hole| *hole == holes[0]) {
+            holes.truncate(1);
+        }
+        Tendon { holes, end_disk }
+    }
+
+    /// Its hole in the base (0) or in a disk (counted from 1); beyond the end disk that of the end
+    /// disk.
+    pub fn hole(&self, at: usize) -> [f64; 2] {
+        self.holes[at.min(self.holes.len() - 1)]
+    }
 }
 
 /// Description of a [`Robot`]; SI units, base frame with z along the straight backbone.
@@ -152,12 +177,23 @@ impl Robot {
         }
         let mut end = 0;
         for (i, t) in spec.tendons.iter().enumerate() {
-            InputError::check_finite(Argument::Hole, i, &t.hole)?;
+            for hole in &t.holes {
+                InputError::check_finite(Argument::Hole, i, hole)?;
+            }
             if t.end_disk >= spec.disks.len() || t.end_disk < end {
                 let rule = Rule::Other(
                     "be a disk, no closer to the base than that of the previous tendon",
                 );
                 return Err(InputError::number(Argument::EndDisk, i, t.end_disk, rule));
+            }
+            if ![1, t.end_disk + 2].contains(&t.holes.len()) {
+                return Err(InputError::other(format!(
+                    "tendon {} has {} holes, it must have one for all, or one in the base and in \
+                     each of the {} disks that it passes",
+                    i + 1,
+                    t.holes.len(),
+                    t.end_disk + 1
+                )));
             }
             end = t.end_disk;
         }

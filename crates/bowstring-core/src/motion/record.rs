@@ -8,7 +8,7 @@ use super::step::Motion;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::TendonPath;
-use crate::rod::chain::{get, get_mat, in_group, put, put_mat};
+use crate::rod::chain::{get, get_mat, put, put_mat};
 use crate::rod::constants::Constants;
 use crate::rod::module::{Span, State, Tendons};
 
@@ -163,7 +163,11 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             for (j, whole) in tensions.iter().enumerate() {
                 here.push(rod.fixed.passes[g * tensions.len() + j] * L::Module::splat(*whole));
             }
-            let t = in_group(&rod.tendons, &here, rod.path, 0);
+            let t = Tendons {
+                holes: rod.tendons.in_group(g),
+                tensions: &here,
+                path: rod.path,
+            };
             let mut c = rod.constants[g];
             if self.body.scheme.rigid {
                 // remove the compliance that only regularises a Kirchhoff rod
@@ -181,13 +185,13 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 frame = frame * get_mat::<L>(&pieces.state.s, i);
                 self.record_disk(k, &origin, &frame, &mut out.disks);
             }
-            for (j, tendon) in rod.tendons.iter().enumerate() {
+            for (j, holes) in t.holes.iter().enumerate() {
                 let state = &pieces.state;
                 let length = match rod.path {
-                    TendonPath::Straight => Span::new(&c, tendon, &state.s, state.rho).length,
-                    TendonPath::Continuous => state.parallel_length(&c, &t, tendon),
+                    TendonPath::Straight => Span::new(&c, holes, &state.s, state.rho).length,
+                    TendonPath::Continuous => state.parallel_length(&c, &t, j),
                 };
-                for k in start..(start + count).min(tendon.end_disk + 1) {
+                for k in start..(start + count).min(rod.tendons.end_disks[j] + 1) {
                     span_lengths[first_span + k * tensions.len() + j] = length.lane(k - start);
                 }
             }

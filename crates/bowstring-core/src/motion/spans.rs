@@ -47,21 +47,21 @@ impl SpanLengths {
             for i in 0..here {
                 self.lower_forward(L::get(&chord, i).lane(0));
             }
-            for (j, tendon) in t.tendons.iter().enumerate() {
+            for (j, holes) in t.holes.iter().enumerate() {
                 let (length, forward) = match t.path {
                     TendonPath::Straight => {
-                        let span = Span::new(c, tendon, &state.s, state.rho);
+                        let span = Span::new(c, holes, &state.s, state.rho);
                         let gap = span.length * c.per_flexible - L::Module::splat(CONTACT);
                         let forward = span.direction.dot(mean);
                         (span.length, -(-gap).max(-forward))
                     }
-                    TendonPath::Continuous => (state.parallel_length(c, &t, tendon), c.stretch(&t)),
+                    TendonPath::Continuous => (state.parallel_length(c, &t, j), c.stretch(&t)),
                 };
                 for i in 0..here {
-                    if g * L::WIDTH + i > tendon.end_disk {
+                    if g * L::WIDTH + i > rod.tendons.end_disks[j] {
                         break;
                     }
-                    let at = (g * L::WIDTH + i) * t.tendons.len() + j;
+                    let at = (g * L::WIDTH + i) * t.holes.len() + j;
                     self.next[at] = L::get(&length, i).lane(0);
                     if L::get(&t.tensions[j], i).lane(0) > 0.0 {
                         self.lower_forward(L::get(&forward, i).lane(0));

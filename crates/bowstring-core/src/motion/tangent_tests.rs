@@ -30,7 +30,7 @@ fn robot() -> Robot {
         segment: 0,
     });
     let tendons = (0..3).map(|i| Tendon {
-        hole: [0.02 * (2.0 * i as f64).cos(), 0.02 * (2.0 * i as f64).sin()],
+        holes: vec![[0.02 * (2.0 * i as f64).cos(), 0.02 * (2.0 * i as f64).sin()]],
         end_disk: if i == 0 { 2 } else { 3 },
     });
     Robot::new(RobotSpec {

@@ -40,7 +40,7 @@ fn rigid_rotation_has_the_inertia_of_the_rod() {
         segment: 0,
     });
     let tendon = Tendon {
-        hole: [0.02, 0.0],
+        holes: vec![[0.02, 0.0]],
         end_disk: 3,
     };
     let robot = robot(disks.collect(), vec![tendon]);
@@ -87,7 +87,7 @@ fn momentum_balances_with_the_base() {
         segment: 0,
     });
     let tendons = (0..3).map(|i| Tendon {
-        hole: [0.02 * (2.0 * i as f64).cos(), 0.02 * (2.0 * i as f64).sin()],
+        holes: vec![[0.02 * (2.0 * i as f64).cos(), 0.02 * (2.0 * i as f64).sin()]],
         end_disk: 8,
     });
     let robot = robot(disks.collect(), tendons.collect());
@@ -133,7 +133,8 @@ fn momentum_balances_with_the_base() {
             held -= motion.residual.modules[0].nodes[0] * 0.5;
             let end = state.offset(c);
             for (tendon, tension) in robot.spec().tendons.iter().zip(tensions) {
-                let hole = Vec3([tendon.hole[0], tendon.hole[1], 0.0]);
+                let [x, y] = tendon.holes[0];
+                let hole = Vec3([x, y, 0.0]);
                 let span = end + state.s * hole - hole;
                 held += span * (tension / span.norm());
             }

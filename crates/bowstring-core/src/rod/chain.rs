@@ -10,11 +10,12 @@ use crate::math::lie::Pose;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::{Load, Model, TendonPath};
-use crate::model::robot::{Robot, Tendon};
+use crate::model::robot::Robot;
 use crate::rod::constants::Constants;
 use crate::rod::defect::Defect;
 use crate::rod::elimination::{Blocks, Eliminated};
 use crate::rod::module::{Gradient, Hessian, Response, Span, State, Tendons};
+use crate::rod::routes::Routes;
 
 /// A robot under load, with its scratch memory: no pass of a solve allocates.
 #[derive(Clone)]
@@ -28,7 +29,7 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub gradients: Vec<Gradient<L::Module, A>>,
     /// Rotations of the disks, base included.
     pub rotations: Vec<Mat3<L::Chain>>,
-    pub tendons: Vec<Tendon<L::Module>>,
+    pub tendons: Routes<L::Module>,
     pub path: TendonPath,
     /// Tension of every tendon in every group (N); zero where it does not pass.
     pub tensions: Vec<L::Module>,
@@ -175,15 +176,15 @@ pub(crate) struct Step<T> {
 
 /// The tendons in one group of modules.
 #[inline(always)]
-pub(crate) fn in_group<'a, M>(
-    tendons: &'a [Tendon<M>],
+pub(crate) fn in_group<'a, M: Real>(
+    tendons: &'a Routes<M>,
     tensions: &'a [M],
     path: TendonPath,
     group: usize,
 ) -> Tendons<'a, M> {
     let count = tendons.len();
     Tendons {
-        tendons,
+        holes: tendons.in_group(group),
         tensions: &tensions[group * count..(group + 1) * count],
         path,
     }
@@ -288,7 +289,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             states: vec![State::straight(); groups],
             gradients: vec![Gradient::empty(); groups],
             rotations: vec![Mat3::identity(); n + 1],
-            tendons: vec![],
+            tendons: Routes::empty(),
             path: model.tendon,
             tensions: vec![L::Module::zero(); groups * tendons],
             fixed: Fixed {
@@ -353,13 +354,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let masses = (0..n).map(|k| L::Chain::from_fn(|lane| of(lane).spec().disks[k].mass));
         self.fixed.masses.clear();
         self.fixed.masses.extend(masses);
-        self.tendons.clear();
-        let tendons = robots[0].spec().tendons.iter().enumerate();
-        self.tendons.extend(tendons.map(|(i, tendon)| Tendon {
-            // modules side by side belong to one robot
-            hole: [0, 1].map(|q| L::Module::from_fn(|lane| of(lane).spec().tendons[i].hole[q])),
-            end_disk: tendon.end_disk,
-        }));
+        self.tendons.set::<L>(robots);
     }
 
     /// Memory of a rod (bytes) and of the responses to `columns` single tensions.
@@ -375,7 +370,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             + size_of::<Eliminated<L::Chain, A, 1>>()
             + 7 * size_of::<Vec3<L::Chain>>()
             + size_of::<Mat3<L::Chain>>()
-            + tendons * (2 * size_of::<f64>() + 2 * size_of::<L::Module>());
+            + tendons * (2 * size_of::<f64>() + 6 * size_of::<L::Module>());
         let responses = size_of::<[Vec3<L::Module>; A]>()
             + size_of::<Vec3<L::Module>>()
             + tendons * size_of::<L::Module>();
@@ -715,11 +710,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 direction: zero,
             });
         for (g, (state, c)) in self.states.iter().zip(&self.constants).enumerate() {
-            for (j, tendon) in self.tendons.iter().enumerate() {
-                let span = Span::new(c, tendon, &state.s, state.rho);
+            for (j, holes) in self.tendons.in_group(g).iter().enumerate() {
+                let span = Span::new(c, holes, &state.s, state.rho);
                 for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
                     let k = g * L::WIDTH + i;
-                    if k > tendon.end_disk {
+                    if k > self.tendons.end_disks[j] {
                         break;
                     }
                     self.spans.lengths[k * count + j] = L::get(&span.length, i).lane(0);
@@ -749,7 +744,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 let angle = before.angle(after);
                 for i in 0..L::WIDTH {
                     let k = g * L::WIDTH + i;
-                    if k > self.tendons[j].end_disk {
+                    if k > self.tendons.end_disks[j] {
                         break;
                     }
                     self.spans.angles[k * count + j] = L::get(&angle, i).lane(0);
@@ -937,8 +932,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let force = out.force[k] + load - same_mat::<L>(&response.k, i).tr_mul(turn);
             let rho =
                 same_mat::<L>(&response.m, i) * moved + same_mat::<L>(&response.d_hat, i) * force;
-            for (j, tendon) in self.tendons.iter().enumerate() {
-                out.beyond[k * count + j] = if k <= tendon.end_disk {
+            for (j, end_disk) in self.tendons.end_disks.iter().enumerate() {
+                out.beyond[k * count + j] = if k <= *end_disk {
                     let span = &self.spans.spans[g * count + j];
                     let (arm, along) = (same::<L>(&span.arm, i), same::<L>(&span.direction, i));
                     along.dot(rho + turn.cross(arm))
@@ -999,8 +994,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Sets the tension of every span, by module and tendon.
     pub fn set_span_tensions(&mut self, tension: impl Fn(usize, usize) -> f64) {
         let count = self.tendons.len();
-        for (i, tendon) in self.tendons.iter().enumerate() {
-            for k in 0..=tendon.end_disk {
+        for (i, end_disk) in self.tendons.end_disks.iter().enumerate() {
+            for k in 0..=*end_disk {
                 let place = &mut self.tensions[k / L::WIDTH * count + i];
                 L::put(place, k % L::WIDTH, L::Chain::splat(tension(k, i)));
             }
@@ -1072,17 +1067,17 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 self.placed.positions[k] = position;
                 self.placed.forward[k] = L::get(&chord, i);
             }
-            for (j, tendon) in self.tendons.iter().enumerate() {
+            for (j, holes) in t.holes.iter().enumerate() {
                 let (length, forward) = match self.path() {
                     TendonPath::Straight => {
-                        let span = Span::new(c, tendon, &state.s, state.rho);
+                        let span = Span::new(c, holes, &state.s, state.rho);
                         (span.length, span.direction.dot(mean))
                     }
-                    TendonPath::Continuous => (state.parallel_length(c, &t, tendon), c.stretch(&t)),
+                    TendonPath::Continuous => (state.parallel_length(c, &t, j), c.stretch(&t)),
                 };
                 for i in 0..here {
                     let k = g * L::WIDTH + i;
-                    if k > tendon.end_disk {
+                    if k > self.tendons.end_disks[j] {
                         break;
                     }
                     self.placed.lengths[j] += L::get(&length, i);

@@ -87,6 +87,7 @@ struct Element<'a, T> {
     axial: T,
     stretch: T,
     tendons: &'a Tendons<'a, T>,
+    constants: &'a Constants<T>,
     /// Weight per length (N/m).
     weight: Vec3<T>,
 }
@@ -94,7 +95,7 @@ struct Element<'a, T> {
 impl<T: Real> Element<'_, T> {
     /// Curvature and twist under a moment in body axes.
     #[inline(always)]
-    fn curvature(&self, moment: Vec3<T>) -> Vec3<T> {
+    fn curvature(&self, moment: Vec3<T>, at: T) -> Vec3<T> {
         let f = self.flexibility;
         let mut u = Vec3([moment[0] * f[0], moment[1] * f[1], moment[2] * f[2]]);
         if self.tendons.path == TendonPath::Continuous {
@@ -106,9 +107,9 @@ impl<T: Real> Element<'_, T> {
                     residual.0[q] -= u[q] * (T::splat(1.0) / self.flexibility[q]);
                     stiffness.0[q][q] = T::splat(1.0) / self.flexibility[q];
                 }
-                for (tendon, &tension) in self.tendons.tendons.iter().zip(self.tendons.tensions) {
-                    let hole = Vec3([tendon.hole[0], tendon.hole[1], T::zero()]);
-                    let mut along = u.cross(hole);
+                for (holes, &tension) in self.tendons.holes.iter().zip(self.tendons.tensions) {
+                    let (hole, slope) = holes.between(self.constants, at);
+                    let mut along = slope + u.cross(hole);
                     along.0[2] += self.stretch;
                     let per = T::splat(1.0) / along.norm();
                     let direction = along * per;
@@ -124,9 +125,9 @@ impl<T: Real> Element<'_, T> {
     }
 
     #[inline(always)]
-    fn rate(&self, at: &Section<T>, force: Vec3<T>) -> Section<T> {
+    fn rate(&self, at: &Section<T>, force: Vec3<T>, from_start: T) -> Section<T> {
         let r = &at.rotation;
-        let curvature = self.curvature(r.tr_mul(at.moment));
+        let curvature = self.curvature(r.tr_mul(at.moment), from_start);
         let n = r.tr_mul(force);
         let along = *r
             * Vec3([
@@ -141,24 +142,26 @@ impl<T: Real> Element<'_, T> {
         }
     }
 
-    /// Integrates backward from the end, where `force` acts, to the start.
+    /// Integrates backward from the end, where `force` acts, to the start; `from_start`: distance
+    /// of the end from the start of the module (m).
     #[inline(always)]
-    fn back(&self, end: Section<T>, force: Vec3<T>) -> Section<T> {
+    fn back(&self, end: Section<T>, force: Vec3<T>, from_start: T) -> Section<T> {
         let h = self.length * T::splat(-1.0 / STEPS as f64);
         let mut at = end;
-        let mut force = force;
+        let (mut force, mut from_start) = (force, from_start);
         for _ in 0..STEPS {
             let mut rates = [end; 7];
             // unrolled: constant weights make a warm sweep 4 % faster than a loop
-            rates[0] = self.stage::<0>(&at, &rates, force, h);
-            rates[1] = self.stage::<1>(&at, &rates, force, h);
-            rates[2] = self.stage::<2>(&at, &rates, force, h);
-            rates[3] = self.stage::<3>(&at, &rates, force, h);
-            rates[4] = self.stage::<4>(&at, &rates, force, h);
-            rates[5] = self.stage::<5>(&at, &rates, force, h);
-            rates[6] = self.stage::<6>(&at, &rates, force, h);
+            rates[0] = self.stage::<0>(&at, &rates, (force, from_start), h);
+            rates[1] = self.stage::<1>(&at, &rates, (force, from_start), h);
+            rates[2] = self.stage::<2>(&at, &rates, (force, from_start), h);
+            rates[3] = self.stage::<3>(&at, &rates, (force, from_start), h);
+            rates[4] = self.stage::<4>(&at, &rates, (force, from_start), h);
+            rates[5] = self.stage::<5>(&at, &rates, (force, from_start), h);
+            rates[6] = self.stage::<6>(&at, &rates, (force, from_start), h);
             at = at.plus_weighted(&rates, WEIGHTS, h);
             force = self.weight.scaled_add(-h, force);
+            from_start += h;
         }
         at
     }
@@ -168,12 +171,13 @@ impl<T: Real> Element<'_, T> {
         &self,
         at: &Section<T>,
         rates: &[Section<T>; 7],
-        force: Vec3<T>,
+        (force, from_start): (Vec3<T>, T),
         h: T,
     ) -> Section<T> {
         let (place, weights) = STAGES[I];
         let here = at.plus_weighted(rates, weights, h);
-        self.rate(&here, self.weight.scaled_add(h * T::splat(-place), force))
+        let force = self.weight.scaled_add(h * T::splat(-place), force);
+        self.rate(&here, force, h.mul_add(T::splat(place), from_start))
     }
 }
 
@@ -252,6 +256,7 @@ impl<T: Real, const A: usize> State<T, A> {
             axial: shear + c.d[1] * c.per_flexible,
             stretch: c.stretch(t),
             tendons: t,
+            constants: c,
             weight,
         };
         let tangent = self.s.column(2);
@@ -266,7 +271,7 @@ impl<T: Real, const A: usize> State<T, A> {
         let mut place = Vec3::zero();
         for e in (0..elements).rev() {
             let end = section.place;
-            section = element.back(section, force);
+            section = element.back(section, force, length * T::splat((e + 1) as f64));
             let (rotation, start) = match e {
                 0 => (Mat3::identity(), Vec3::zero()),
                 _ => (self.arcs[2 * e].prefix, self.inside(2 * e - 1)),

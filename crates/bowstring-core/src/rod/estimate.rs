@@ -197,11 +197,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 moved += gradient.r[a] * self.newton.step[g][a];
             }
             let here = L::WIDTH.min(n - g * L::WIDTH);
-            for (j, tendon) in self.tendons.iter().enumerate() {
-                let span = Span::new(c, tendon, &state.s, state.rho);
+            for (j, holes) in self.tendons.in_group(g).iter().enumerate() {
+                let span = Span::new(c, holes, &state.s, state.rho);
                 let longer = span.direction.dot(moved + turn.cross(span.arm));
                 for i in 0..here {
-                    if g * L::WIDTH + i <= tendon.end_disk {
+                    if g * L::WIDTH + i <= self.tendons.end_disks[j] {
                         self.errors.lengths[j] += L::get(&longer, i);
                     }
                 }

@@ -10,6 +10,7 @@ pub(crate) mod elimination;
 pub mod estimate;
 pub(crate) mod module;
 pub(crate) mod routed;
+pub(crate) mod routes;
 pub mod sensitivity;
 pub(crate) mod span;
 pub(crate) mod tension_columns;

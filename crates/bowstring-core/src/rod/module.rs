@@ -26,15 +26,15 @@ use crate::math::lie::ArcMap;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
 use crate::model::load::TendonPath;
-use crate::model::robot::Tendon;
 use crate::rod::constants::Constants;
+use crate::rod::routes::Holes;
 use crate::rod::span::ParallelPath;
 pub(crate) use crate::rod::span::Span;
 
 /// The tendons of the robot and their tensions in one module: zero where they do not pass.
 #[derive(Clone, Copy)]
 pub(crate) struct Tendons<'a, T> {
-    pub tendons: &'a [Tendon<T>],
+    pub holes: &'a [Holes<T>],
     pub tensions: &'a [T],
     pub path: TendonPath,
 }
@@ -245,8 +245,9 @@ impl<T: Real, const A: usize> State<T, A> {
         let mut cable = T::zero();
         for e in 0..A / 2 {
             let i = 2 * e;
-            for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
-                let path = ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
+            for (holes, &tension) in t.holes.iter().zip(t.tensions) {
+                let path =
+                    ParallelPath::new::<A>(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
                 cable += tension * path.length;
             }
         }
@@ -301,8 +302,8 @@ impl<T: Real, const A: usize> State<T, A> {
     pub fn spans(&self, c: &Constants<T>, t: &Tendons<T>) -> (T, Vec3<T>, Vec3<T>, Mat3<T>) {
         let (mut cable, mut stiffness) = (T::zero(), Mat3::zero());
         let (mut pull, mut torque) = (Vec3::zero(), Vec3::zero());
-        for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
-            let span = Span::new(c, tendon, &self.s, self.rho);
+        for (holes, &tension) in t.holes.iter().zip(t.tensions) {
+            let span = Span::new(c, holes, &self.s, self.rho);
             let force = span.direction * tension;
             pull += force;
             cable = tension.mul_add(span.length, cable);
@@ -342,12 +343,13 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Length of a continuous tendon in this module (theory Eq. 2.7).
     #[inline(always)]
-    pub fn parallel_length(&self, c: &Constants<T>, t: &Tendons<T>, tendon: &Tendon<T>) -> T {
-        let mut length = c.clamp[0] + c.clamp[1];
+    pub fn parallel_length(&self, c: &Constants<T>, t: &Tendons<T>, tendon: usize) -> T {
+        let holes = &t.holes[tendon];
+        let mut length = holes.beside_clamps(c);
         for e in 0..A / 2 {
             let i = 2 * e;
             let (a, b) = (self.w[i], self.w[i + 1]);
-            length += ParallelPath::new::<A>(c, tendon, c.stretch(t), a, b).length;
+            length += ParallelPath::new::<A>(c, holes, c.stretch(t), e, [a, b]).length;
         }
         // dead loads extend the backbone, and the tendon with it
         let along = self.rho0 * (T::splat(1.0) / self.rho0.norm());
@@ -426,8 +428,14 @@ impl<T: Real, const A: usize> State<T, A> {
             let stretch = c.stretch(t);
             for e in 0..A / 2 {
                 let i = 2 * e;
-                for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
-                    let path = ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
+                for (holes, &tension) in t.holes.iter().zip(t.tensions) {
+                    let path = ParallelPath::new::<A>(
+                        c,
+                        holes,
+                        stretch,
+                        i / 2,
+                        [self.w[i], self.w[i + 1]],
+                    );
                     for (j, v) in path.gradient().into_iter().enumerate() {
                         g[i + j] += v * tension;
                     }
@@ -519,8 +527,8 @@ impl<T: Real, const A: usize> State<T, A> {
         let half = T::splat(0.5);
         let (mut g, mut k, mut e) = (Mat3::zero(), Mat3::zero(), Mat3::zero());
         if t.path == TendonPath::Straight {
-            for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
-                let span = Span::new(c, tendon, &self.s, self.rho);
+            for (holes, &tension) in t.holes.iter().zip(t.tensions) {
+                let span = Span::new(c, holes, &self.s, self.rho);
                 let (arm, direction) = (span.arm, span.direction);
                 let stiffness = tension * span.per_length;
                 let across = arm.cross(direction);
@@ -736,8 +744,8 @@ impl<T: Real, const A: usize> State<T, A> {
     fn continuous_blocks(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> [Mat3<T>; 3] {
         let mut blocks = [Mat3::zero(); 3];
         let stretch = c.stretch(t);
-        for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
-            let path = ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
+        for (holes, &tension) in t.holes.iter().zip(t.tensions) {
+            let path = ParallelPath::new::<A>(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
             for (block, h) in blocks.iter_mut().zip(path.hessian()) {
                 *block += h * tension;
             }

@@ -137,8 +137,8 @@ fn source<const A: usize>(
         start: zero,
     };
     match *parameter {
-        Parameter::Tension(i) if k <= rod.tendons[i].end_disk => {
-            let span = Span::new(c, &rod.tendons[i], &state.s, state.rho);
+        Parameter::Tension(i) if k <= rod.tendons.end_disks[i] => {
+            let span = Span::new(c, &rod.tendons.in_group(k)[i], &state.s, state.rho);
             source.force = -span.direction;
             source.moment = [span.arm.cross(span.direction); A];
         }
@@ -223,8 +223,8 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
         let offset = x.cross(state.offset(c)) + rho + turn.cross(state.s.column(2)) * c.clamp[1];
         position += rod.rotations[k] * offset;
         for (i, length) in lengths.iter_mut().enumerate() {
-            if k <= rod.tendons[i].end_disk {
-                let span = Span::new(c, &rod.tendons[i], &state.s, state.rho);
+            if k <= rod.tendons.end_disks[i] {
+                let span = Span::new(c, &rod.tendons.in_group(k)[i], &state.s, state.rho);
                 *length += span.direction.dot(rho + turn.cross(span.arm));
             }
         }

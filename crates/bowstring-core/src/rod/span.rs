@@ -4,8 +4,8 @@
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
-use crate::model::robot::Tendon;
 use crate::rod::constants::Constants;
+use crate::rod::routes::Holes;
 
 /// A straight span of tendon between two neighbouring holes (theory Eq. 2.6).
 #[derive(Clone)]
@@ -20,13 +20,13 @@ pub(crate) struct Span<T> {
 
 impl<T: Real> Span<T> {
     #[inline(always)]
-    pub fn new(c: &Constants<T>, tendon: &Tendon<T>, s: &Mat3<T>, rho: Vec3<T>) -> Self {
-        let [x, y] = tendon.hole;
+    pub fn new(c: &Constants<T>, holes: &Holes<T>, s: &Mat3<T>, rho: Vec3<T>) -> Self {
+        let [x, y] = holes.end;
         let [start, end] = c.clamp;
         let arm = s
             .column(2)
             .scaled_add(end, s.column(1).scaled_add(y, s.column(0) * x));
-        let v = rho + arm - Vec3([x, y, -start]);
+        let v = rho + arm - Vec3([holes.start[0], holes.start[1], -start]);
         let length = v.norm();
         let per_length = T::splat(1.0) / length;
         Span {
@@ -48,12 +48,12 @@ impl<T: Real> Span<T> {
     }
 }
 
-/// A tendon along a curve parallel to one element (theory Eq. 2.7), by two Gauss points.
+/// A tendon along a curve beside one element (theory Eq. 2.7), by two Gauss points: parallel to the
+/// backbone, or from hole to hole in a straight line of the cross-section.
 pub(crate) struct ParallelPath<T> {
     pub length: T,
-    hole: Vec3<T>,
-    /// Unit tangent and speed at each Gauss point.
-    points: [(Vec3<T>, T); 2],
+    /// Hole, unit tangent and speed at each Gauss point.
+    points: [(Vec3<T>, Vec3<T>, T); 2],
     /// Weight of a point: length that it represents (m).
     weight: T,
     /// Derivative of a Gauss point's curvature with respect to the nearer and the farther arc.
@@ -62,13 +62,14 @@ pub(crate) struct ParallelPath<T> {
 }
 
 impl<T: Real> ParallelPath<T> {
+    /// In an element of a module, whose arcs are `a` and `b`.
     #[inline(always)]
     pub fn new<const A: usize>(
         c: &Constants<T>,
-        tendon: &Tendon<T>,
+        holes: &Holes<T>,
         stretch: T,
-        a: Vec3<T>,
-        b: Vec3<T>,
+        element: usize,
+        [a, b]: [Vec3<T>; 2],
     ) -> Self {
         let elements = A as f64 / 2.0;
         let slope = 3f64.sqrt() / 2.0;
@@ -76,18 +77,19 @@ impl<T: Real> ParallelPath<T> {
         let near = per_length * T::splat(1.0 + slope);
         let far = per_length * T::splat(1.0 - slope);
         let weight = c.flexible * T::splat(0.5 / elements);
-        let hole = Vec3([tendon.hole[0], tendon.hole[1], T::zero()]);
         let mut length = T::zero();
-        let points = [(a, b), (b, a)].map(|(first, other)| {
-            let mut q = (first * near + other * far).cross(hole);
+        let gauss = 0.5 / 3f64.sqrt();
+        let points = [(a, b, 0.5 - gauss), (b, a, 0.5 + gauss)].map(|(first, other, place)| {
+            let share = T::splat((element as f64 + place) / elements);
+            let (hole, slope) = holes.between(c, share * c.flexible);
+            let mut q = slope + (first * near + other * far).cross(hole);
             q.0[2] += stretch;
             let speed = q.norm();
             length += speed * weight;
-            (q * (T::splat(1.0) / speed), speed)
+            (hole, q * (T::splat(1.0) / speed), speed)
         });
         ParallelPath {
             length,
-            hole,
             points,
             weight,
             near,
@@ -98,7 +100,7 @@ impl<T: Real> ParallelPath<T> {
     /// Derivatives of the length with respect to the rotation vectors of the two arcs.
     #[inline(always)]
     pub fn gradient(&self) -> [Vec3<T>; 2] {
-        let [p, q] = self.points.map(|(d, _)| self.hole.cross(d));
+        let [p, q] = self.points.map(|(hole, d, _)| hole.cross(d));
         let (near, far) = (self.near * self.weight, self.far * self.weight);
         [p * near + q * far, p * far + q * near]
     }
@@ -106,8 +108,7 @@ impl<T: Real> ParallelPath<T> {
     /// Second derivatives: blocks first-first, second-first, second-second.
     #[inline(always)]
     pub fn hessian(&self) -> [Mat3<T>; 3] {
-        let b = self.hole;
-        let [p, q] = self.points.map(|(d, speed)| {
+        let [p, q] = self.points.map(|(b, d, speed)| {
             let across = b.cross(d);
             (Mat3::scalar(b.norm2()) - b.outer(b) - across.outer(across)) * (self.weight / speed)
         });
@@ -125,7 +126,7 @@ mod tests {
     use super::*;
     use crate::math::lie::exp;
     use crate::model::load::Model;
-    use crate::model::robot::{Disk, Robot, RobotSpec, Section};
+    use crate::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
     use crate::random::Draw;
 
     const STEP: f64 = 1e-6;
@@ -148,16 +149,17 @@ mod tests {
                 inertia: [5.1e-6, 1.02e-5],
                 segment: 0,
             }],
-            tendons: vec![tendon()],
+            tendons: vec![Tendon::parallel(HOLE, 0)],
             gravity: [0.0; 3],
         });
         Constants::new(&robot.unwrap(), 0, Model::default(), elements)
     }
 
-    fn tendon() -> Tendon {
-        Tendon {
-            hole: HOLE,
-            end_disk: 0,
+    /// Holes that differ, and the same hole twice.
+    fn holes(parallel: bool) -> Holes<f64> {
+        Holes {
+            start: if parallel { HOLE } else { [0.012, 0.015] },
+            end: HOLE,
         }
     }
 
@@ -196,13 +198,17 @@ mod tests {
             let mut draw = Draw::new(31, number);
             let s = exp(vector(&mut draw, 0.8));
             let rho = Vec3([0.0, 0.0, 0.066]) + vector(&mut draw, 0.02);
-            let span = Span::new(&c, &tendon(), &s, rho);
-            let moved = differences(|u| [Span::new(&c, &tendon(), &s, rho + u).length]);
+            let span = Span::new(&c, &holes(number % 2 == 0), &s, rho);
+            let moved =
+                differences(|u| [Span::new(&c, &holes(number % 2 == 0), &s, rho + u).length]);
             assert_near(moved[0], span.direction.0, 1.0);
-            let turned = differences(|u| [Span::new(&c, &tendon(), &(exp(u) * s), rho).length]);
+            let turned =
+                differences(
+                    |u| [Span::new(&c, &holes(number % 2 == 0), &(exp(u) * s), rho).length],
+                );
             assert_near(turned[0], span.arm.cross(span.direction).0, 1.0);
             let pull = |u| {
-                Span::new(&c, &tendon(), &s, rho + u)
+                Span::new(&c, &holes(number % 2 == 0), &s, rho + u)
                     .direction
                     .0
                     .map(|d| 3.0 * d)
@@ -221,11 +227,12 @@ mod tests {
             let c = constants(elements);
             let mut draw = Draw::new(32, number);
             let [a, b] = [0; 2].map(|_| vector(&mut draw, 0.3 / elements as f64));
+            let (holes, last) = (holes(number % 8 < 4), elements - 1);
             let path = |a, b| match elements {
-                1 => ParallelPath::new::<2>(&c, &tendon(), 1.01, a, b),
-                2 => ParallelPath::new::<4>(&c, &tendon(), 1.01, a, b),
-                4 => ParallelPath::new::<8>(&c, &tendon(), 1.01, a, b),
-                _ => ParallelPath::new::<16>(&c, &tendon(), 1.01, a, b),
+                1 => ParallelPath::new::<2>(&c, &holes, 1.01, last, [a, b]),
+                2 => ParallelPath::new::<4>(&c, &holes, 1.01, last, [a, b]),
+                4 => ParallelPath::new::<8>(&c, &holes, 1.01, last, [a, b]),
+                _ => ParallelPath::new::<16>(&c, &holes, 1.01, last, [a, b]),
             };
             let found = path(a, b);
             let [by_a, by_b] = found.gradient();
@@ -249,7 +256,7 @@ mod tests {
         let c = constants(1);
         for angle in [0.0, 0.1, -0.4, 1.2] {
             let half = Vec3([0.0, 0.5 * angle, 0.0]);
-            let path = ParallelPath::new::<2>(&c, &tendon(), 1.0, half, half);
+            let path = ParallelPath::new::<2>(&c, &holes(true), 1.0, 0, [half, half]);
             // a bend about y shortens a tendon on the side of +x
             let expected = c.flexible - angle * HOLE[0];
             assert!((path.length - expected).abs() < 1e-12, "{angle}");

@@ -91,9 +91,9 @@ impl<T: Real, L: Layout<Module = T, Chain = T>, const A: usize> Rod<L, A> {
         columns.lengths.clear();
         columns.lengths.resize(self.tendons.len(), T::zero());
         for (k, (state, c)) in self.states.iter().zip(&self.constants).enumerate() {
-            for (j, tendon) in self.tendons.iter().enumerate() {
-                let span = Span::new(c, tendon, &state.s, state.rho);
-                if k <= tendon.end_disk {
+            for (j, holes) in self.tendons.in_group(k).iter().enumerate() {
+                let span = Span::new(c, holes, &state.s, state.rho);
+                if k <= self.tendons.end_disks[j] {
                     columns.lengths[j] += span.length;
                 }
                 columns.spans.push(span);
@@ -121,7 +121,7 @@ impl<T: Real, L: Layout<Module = T, Chain = T>, const A: usize> Rod<L, A> {
             let eliminated = &mut self.newton.eliminated[k];
             [[value]] = eliminated.eliminate::<true>(blocks, &mut least_pivot);
             let spans = &columns.spans[k * self.tendons.len()..];
-            let passes = |tendon: usize| k <= self.tendons[tendon].end_disk;
+            let passes = |tendon: usize| k <= self.tendons.end_disks[tendon];
             for c in 0..count {
                 let tendon = columns.tendons[c];
                 if !passes(tendon) {

@@ -238,7 +238,7 @@ impl<S: Simd> PathsSideBySide for PathLanes<S> {
     }
 
     fn span_tension(&self, k: usize, i: usize, lane: usize) -> f64 {
-        match k <= self.rod.tendons[i].end_disk {
+        match k <= self.rod.tendons.end_disks[i] {
             true => self.tension(i, lane),
             false => 0.0,
         }

@@ -42,7 +42,7 @@ pub(super) const MAX_EXTRAPOLATION: f64 = 0.3;
 /// let robot = Robot::new(RobotSpec {
 ///     sections: vec![section],
 ///     disks: disks.collect(),
-///     tendons: vec![Tendon { hole: [0.029, 0.0], end_disk: 8 }],
+///     tendons: vec![Tendon::parallel([0.029, 0.0], 8)],
 ///     gravity: [0.0; 3],
 /// })?;
 /// let mut solver = Solver::new(&robot, Model::default(), 1)?;
@@ -448,7 +448,7 @@ mod tests {
             segment: usize::from(k > 5),
         });
         let tendons = (0..5).map(|i| Tendon {
-            hole: [0.02 * (i as f64).cos(), 0.02 * (i as f64).sin()],
+            holes: vec![[0.02 * (i as f64).cos(), 0.02 * (i as f64).sin()]],
             end_disk: if i < 2 { 5 } else { 10 },
         });
         Robot::new(RobotSpec {

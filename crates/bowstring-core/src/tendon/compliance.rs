@@ -69,14 +69,17 @@ impl Compliance {
         for (k, disk) in robot.spec().disks.iter().enumerate() {
             for (i, line) in lines.iter().enumerate() {
                 if routing.passes(k * m + i) {
-                    spans[k * m + i] = (disk.station - start) / line.stiffness;
+                    let [x, y] = [0, 1].map(|q| tendons[i].hole(k + 1)[q] - tendons[i].hole(k)[q]);
+                    let length = (disk.station - start).hypot(x.hypot(y));
+                    spans[k * m + i] = length / line.stiffness;
                 }
             }
             start = disk.station;
         }
         let of = |line: &Line| line.compliance + line.free_length / line.stiffness;
         let before: Vec<_> = lines.iter().map(of).collect();
-        let radius = tendons.iter().map(|t| t.hole[0].hypot(t.hole[1]));
+        let holes = tendons.iter().flat_map(|t| &t.holes);
+        let radius = holes.map(|hole| hole[0].hypot(hole[1]));
         let widest = radius.fold(0.0, f64::max);
         let scale = widest * widest / robot.moment_scale();
         let friction_spans = |at: usize| match routing.passes(at) {
@@ -88,7 +91,7 @@ impl Compliance {
         let crowded = |i: usize| {
             let beside =
                 || (0..m).filter(|&j| rigid(j) && tendons[j].end_disk == tendons[i].end_disk);
-            beside().count() > 3 || beside().any(|j| j != i && tendons[j].hole == tendons[i].hole)
+            beside().count() > 3 || beside().any(|j| j != i && tendons[j].holes == tendons[i].holes)
         };
         let regularisation =
             |i: usize| match rigid(i) && (model.theory == Theory::Kirchhoff || crowded(i)) {

@@ -85,7 +85,7 @@ impl Case {
                     + std::f64::consts::TAU * (i as f64 + draw.within(-0.3, 0.3)) / holes as f64;
                 let r = pitch * draw.within(0.7, 1.0);
                 tendons.push(Tendon {
-                    hole: [r * angle.cos(), r * angle.sin()],
+                    holes: vec![[r * angle.cos(), r * angle.sin()]],
                     end_disk: disks.len() - 1,
                 });
                 // the linear law: theta = T r L / EI
@@ -115,6 +115,27 @@ impl Case {
             },
             tendon: TendonPath::Straight,
         }
+    }
+
+    /// The same robot with tendons that wind around the backbone, converge, and meet their holes
+    /// with random errors.
+    pub fn routed(mut self, draw: &mut Draw) -> Self {
+        let disks = &self.spec.disks;
+        let length = disks[disks.len() - 1].station;
+        for tendon in &mut self.spec.tendons {
+            let [x, y] = tendon.holes[0];
+            let (turns, wider) = (draw.within(-0.7, 0.7), draw.within(-0.5, 0.5));
+            let stations = disks[..=tendon.end_disk].iter().map(|d| d.station);
+            let place = |station: f64| {
+                let share = station / length;
+                let (sin, cos) = (std::f64::consts::TAU * turns * share).sin_cos();
+                let size = 1.0 + wider * share;
+                let at = [size * (cos * x - sin * y), size * (sin * x + cos * y)];
+                at.map(|x| x * draw.within(0.95, 1.05))
+            };
+            tendon.holes = std::iter::once(0.0).chain(stations).map(place).collect();
+        }
+        self
     }
 
     pub fn model(&self) -> Model {
@@ -170,7 +191,10 @@ impl Case {
         let poses: Vec<_> = std::iter::once(base)
             .chain((0..spec.disks.len()).map(|k| solver.disk(k).unwrap()))
             .collect();
-        let hole = |t: &Tendon, k: usize| poses[k].rotation * Vec3([t.hole[0], t.hole[1], 0.0]);
+        let hole = |t: &Tendon, k: usize| {
+            let [x, y] = t.hole(k);
+            poses[k].rotation * Vec3([x, y, 0.0])
+        };
         // internal force and moment of the backbone beyond the disk, about the disk
         let (mut force, mut moment) = (self.tip_force, self.tip_moment);
         let mut worst: f64 = 0.0;
@@ -356,8 +380,8 @@ pub fn hostile(draw: &mut Draw) -> Case {
             kind => {
                 let i = draw.count(0, spec.tendons.len() - 1);
                 match kind {
-                    12 => spec.tendons[i].hole = [value, extreme(draw)],
-                    13 => spec.tendons[i].hole = [0.0; 2],
+                    12 => spec.tendons[i].holes[0] = [value, extreme(draw)],
+                    13 => spec.tendons[i].holes[0] = [0.0; 2],
                     14 => case.tensions[i] = value,
                     _ => case
                         .tensions

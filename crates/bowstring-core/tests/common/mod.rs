@@ -33,7 +33,7 @@ pub fn study_robot(n: usize, clamped_length: f64) -> Robot {
         segment: 0,
     });
     let tendons = [0.0f64, 120.0, 240.0].map(|a| Tendon {
-        hole: [0.029 * a.to_radians().cos(), 0.029 * a.to_radians().sin()],
+        holes: vec![[0.029 * a.to_radians().cos(), 0.029 * a.to_radians().sin()]],
         end_disk: n - 1,
     });
     Robot::new(RobotSpec {
@@ -65,7 +65,7 @@ pub fn rao_robot() -> Robot {
     });
     let tendons = [9, 19].into_iter().flat_map(|end_disk| {
         [90.0f64, -30.0, 210.0].map(|a| Tendon {
-            hole: [0.01 * a.to_radians().cos(), 0.01 * a.to_radians().sin()],
+            holes: vec![[0.01 * a.to_radians().cos(), 0.01 * a.to_radians().sin()]],
             end_disk,
         })
     });

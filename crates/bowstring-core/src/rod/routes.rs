@@ -1,0 +1,103 @@
+//! Routing of the tendons: their holes at both ends of each module.
+//!
+//! Theory: docs/theory/rod.md (Tendons).
+
+use crate::math::linalg::Vec3;
+use crate::math::real::{Layout, Real};
+use crate::model::robot::Robot;
+use crate::rod::constants::Constants;
+
+/// Holes of a tendon at both ends of a module, or of several side by side: x and y in the frames of
+/// the disks (m).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Holes<T> {
+    pub start: [T; 2],
+    pub end: [T; 2],
+}
+
+impl<T: Real> Holes<T> {
+    /// Place in the cross-section of a continuous tendon, at a distance from the start of the
+    /// flexible part (m), and its derivative along the backbone: a straight line from hole to hole.
+    #[inline(always)]
+    pub fn between(&self, c: &Constants<T>, at: T) -> (Vec3<T>, Vec3<T>) {
+        let slope = self.slope(c);
+        let [x, y] = self.start;
+        let start = Vec3([x, y, T::zero()]);
+        (slope.scaled_add(at + c.clamp[0], start), slope)
+    }
+
+    /// Change of the hole over the length of the module.
+    #[inline(always)]
+    fn slope(&self, c: &Constants<T>) -> Vec3<T> {
+        let per_length = T::splat(1.0) / (c.clamp[0] + c.flexible + c.clamp[1]);
+        let by = |q: usize| (self.end[q] - self.start[q]) * per_length;
+        Vec3([by(0), by(1), T::zero()])
+    }
+
+    /// Length of a continuous tendon beside both clamped parts (m).
+    #[inline(always)]
+    pub fn beside_clamps(&self, c: &Constants<T>) -> T {
+        let mut along = self.slope(c);
+        along.0[2] = T::splat(1.0);
+        (c.clamp[0] + c.clamp[1]) * along.norm()
+    }
+}
+
+/// The tendons of a rod.
+#[derive(Clone, Debug)]
+pub(crate) struct Routes<M> {
+    /// Holes by groups of modules and tendons; beyond an end disk they do not count.
+    holes: Vec<Holes<M>>,
+    pub end_disks: Vec<usize>,
+}
+
+impl<M: Real> Routes<M> {
+    pub fn empty() -> Self {
+        Routes {
+            holes: vec![],
+            end_disks: vec![],
+        }
+    }
+
+    /// Number of tendons.
+    #[inline(always)]
+    pub fn len(&self) -> usize {
+        self.end_disks.len()
+    }
+
+    /// Holes of all tendons in a group of modules.
+    #[inline(always)]
+    pub fn in_group(&self, group: usize) -> &[Holes<M>] {
+        let count = self.len();
+        &self.holes[group * count..][..count]
+    }
+
+    /// Takes the numbers of the robots: one for each lane of the chain, the last one also in the
+    /// lanes beyond.
+    pub fn set<L: Layout<Module = M>>(&mut self, robots: &[Robot]) {
+        let first = &robots[0];
+        let (n, tendons) = (first.module_count(), &first.spec().tendons);
+        self.end_disks.clear();
+        self.end_disks.extend(tendons.iter().map(|t| t.end_disk));
+        let at = |lane: usize, k: usize, i: usize, end: usize, q: usize| {
+            let robot = &robots[lane.min(robots.len() - 1)];
+            robot.spec().tendons[i].hole(k + end)[q]
+        };
+        self.holes.clear();
+        for g in 0..n.div_ceil(L::WIDTH) {
+            for i in 0..tendons.len() {
+                let hole = |end: usize| {
+                    [0, 1].map(|q| match L::WIDTH {
+                        1 => M::from_fn(|lane| at(lane, g, i, end, q)),
+                        // modules side by side belong to one robot; idle lanes repeat the last
+                        width => M::from_fn(|lane| at(0, (g * width + lane).min(n - 1), i, end, q)),
+                    })
+                };
+                self.holes.push(Holes {
+                    start: hole(0),
+                    end: hole(1),
+                });
+            }
+        }
+    }
+}

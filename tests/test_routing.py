@@ -1,0 +1,264 @@
+"""Tendons that wind about the backbone, converge, or have holes of their own in each disk."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+from scipy.spatial.transform import Rotation
+
+import bowstring as bs
+from bowstring.constant_curvature import RobotArcs
+from bowstring.dynamics.load_history import ramp
+from bowstring.errors import InputError
+from bowstring.robot.designs import Designs
+from bowstring.statics.designs import sweep_designs
+from fem_robots import needs_ccx
+
+HELIX = {"segments.0.tendons.turns": 0.5, "segments.0.tendons.end_pitch_radius": 0.015}
+
+
+def helical(**changes: object) -> bs.Robot:
+    return bs.load_robot("amouri2019", {**HELIX, **changes})
+
+
+def shot(robot: bs.Robot, tensions: np.ndarray, theory: str) -> np.ndarray:
+    """Tip without loads, module by module from the base, by SciPy.
+
+    Cut anywhere, the wrench of the rod and the tensions of the spans balance. In each module the
+    rod's wrench at the start is found such that the rod, integrated under it, ends where the spans
+    from hole to hole have that wrench.
+    """
+    stiffness = np.array(
+        [robot.bending_stiffness[0], robot.bending_stiffness[0], robot.torsion_stiffness[0]]
+    )
+    compliance = np.zeros(3)
+    if theory == "cosserat":
+        shear, axial = robot.shear_stiffness[0], robot.axial_stiffness[0]
+        compliance = 1.0 / np.array([shear, shear, axial])
+    stations = np.concatenate([[0.0], robot.disks.station_m])
+    holes = np.pad(robot.tendons.holes_m, ((0, 0), (0, 0), (0, 1)))
+    place, frame = np.zeros(3), np.eye(3)
+
+    def rate(_: float, state: np.ndarray, force: np.ndarray) -> np.ndarray:
+        turned, moment = state[3:12].reshape(3, 3), state[12:]
+        x, y, z = turned.T @ moment / stiffness
+        along = turned @ (np.array([0.0, 0.0, 1.0]) + compliance * (turned.T @ force))
+        turning = turned @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        return np.concatenate([along, turning.ravel(), -np.cross(along, force)])
+
+    for k, length in enumerate(np.diff(stations)):
+
+        def end(wrench: np.ndarray, length: float = length) -> tuple[np.ndarray, np.ndarray]:
+            start = np.concatenate([np.zeros(3), np.eye(3).ravel(), wrench[3:]])
+            found = solve_ivp(
+                rate, (0.0, length), start, args=(wrench[:3],), rtol=1e-11, atol=1e-13
+            )
+            return found.y[:3, -1], found.y[3:12, -1].reshape(3, 3)
+
+        def balance(wrench: np.ndarray, k: int = k, end=end) -> np.ndarray:
+            position, turned = end(wrench)
+            spans = position + holes[:, k + 1] @ turned.T - holes[:, k]
+            pulls = tensions[:, None] * spans / np.linalg.norm(spans, axis=1)[:, None]
+            moment = np.cross(holes[:, k], pulls).sum(axis=0)
+            return wrench + np.concatenate([pulls.sum(axis=0), moment])
+
+        guess = np.concatenate(
+            [[0.0, 0.0, -tensions.sum()], -np.cross(holes[:, k], [0.0, 0.0, 1.0]).T @ tensions]
+        )
+        found = root(balance, guess, tol=1e-12)
+        assert np.abs(balance(found.x)).max() < 1e-8
+        position, turned = end(found.x)
+        place, frame = place + frame @ position, frame @ turned
+    return place
+
+
+@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
+def test_a_helical_converging_routing_equals_an_independent_integration(theory: str) -> None:
+    robot, tensions = helical(), np.array([25.0, 4.0, 0.0])
+    model = bs.RodModel(theory, elements=8)
+    tip = bs.solve(robot, tensions, model=model).tip.position
+    gap = np.linalg.norm(tip - shot(robot, tensions, theory)) / robot.length
+    assert gap < 1e-6
+    assert abs(tip[1]) > 0.05  # it bends out of the plane of its first hole
+
+
+def test_holes_follow_turns_and_pitch_radii() -> None:
+    robot = helical()
+    holes = robot.tendons.holes_m
+    share = np.arange(10) / 9
+    radius, angle = 0.029 + (0.015 - 0.029) * share, math.pi * share
+    for i, first in enumerate((0.0, 2 * math.pi / 3, 4 * math.pi / 3)):
+        expected = radius * [np.cos(first + angle), np.sin(first + angle)]
+        np.testing.assert_allclose(holes[i].T, expected, atol=1e-15)
+    mean = np.trapezoid(holes, robot.disks.station_m[0] * np.arange(10), axis=1) / robot.length
+    np.testing.assert_allclose(robot.tendons.mean_hole_m, mean[None], atol=1e-15)
+    plain = bs.load_robot("amouri2019")
+    assert plain.tendons.holes_m.shape == (3, 1, 2) and plain.is_parallel
+    np.testing.assert_array_equal(plain.tendons.mean_hole_m[0], plain.tendons.hole_m)
+
+
+def listed(**fields: object) -> bs.Robot:
+    """The built-in robot with one tendon more than its ring, given one by one."""
+    tendons = [
+        {"angle": "0 deg", "pitch_radius": "29 mm", **fields},
+        {"angle": "120 deg", "pitch_radius": "29 mm"},
+    ]
+    return bs.load_robot("amouri2019", {"segments.0.tendons": tendons})
+
+
+def test_angles_and_pitch_radii_of_each_disk_are_those_of_turns() -> None:
+    share = np.arange(1, 10) / 9
+    one = listed(turns=0.5, end_pitch_radius="15 mm")
+    angles = " ".join(f"{180 * s!r}" for s in share.tolist()) + " deg"
+    radii = " ".join(f"{29 - 14 * s!r}" for s in share.tolist()) + " mm"
+    each = listed(angles=angles, pitch_radii=radii)
+    np.testing.assert_allclose(one.tendons.holes_m, each.tendons.holes_m, atol=1e-15)
+    np.testing.assert_allclose(
+        bs.solve(one, [30.0, 5.0]).tip.position,
+        bs.solve(each, [30.0, 5.0]).tip.position,
+        atol=1e-12,
+    )
+    assert one.hash != each.hash != listed().hash
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        ({"angles": "10 20 deg"}, "got 2 numbers; must have 9, one for each disk"),
+        ({"angles": "10 deg", "turns": 1}, "turns and angles: both given"),
+        (
+            {"pitch_radii": "20 mm", "end_pitch_radius": "20 mm"},
+            "end_pitch_radius and pitch_radii: both given",
+        ),
+        ({"pitch_radii": "29 29 29 29 33 29 29 29 29 mm"}, "got 33 mm, a hole outside its disk"),
+        ({"end_pitch_radius": "2 mm"}, "got 2 mm, a hole inside its backbone"),
+        ({"turns": "nan"}, "turns"),
+    ],
+)
+def test_bad_routing_is_refused_in_one_sentence(fields: dict[str, object], sentence: str) -> None:
+    with pytest.raises(InputError) as caught:
+        listed(**fields)
+    assert sentence in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_tendons_that_cross_in_a_disk_are_refused() -> None:
+    tendons = [
+        {"angle": "0 deg", "pitch_radius": "20 mm", "turns": 0.25},
+        {"angle": "90 deg", "pitch_radius": "20 mm"},
+    ]
+    changes = {"segments.0.tendons": tendons, "segments.0.disks.hole_diameter": "3 mm"}
+    # in the last disk both have the same place: one hole for two tendons; before it they overlap
+    with pytest.raises(InputError, match="they would meet each other"):
+        bs.load_robot("amouri2019", changes | {"segments.0.disks.count": 40})
+
+
+def test_designs_of_routing_equal_single_robots() -> None:
+    robot = helical()
+    turns = np.array([0.1, 0.3, -0.4])
+    designs = Designs(robot, {"segments.0.tendons.turns": turns})
+    tensions = np.array([[10.0, 0.0, 0.0], [20.0, 0.0, 3.0]])
+    found = sweep_designs(designs, tensions)
+    for i, value in enumerate(turns):
+        one = bs.sweep(robot.with_({"segments.0.tendons.turns": float(value)}), tensions)
+        np.testing.assert_allclose(found.tip_position[i], one.tip_position, atol=1e-10)
+
+
+def test_friction_and_displacements_of_helical_tendons() -> None:
+    robot = helical(**{"segments.0.tendons.friction": 0.1})
+    free = bs.solve(helical(), [20.0, 0.0, 0.0])
+    rubbed = bs.solve(robot, [20.0, 0.0, 0.0])
+    # a tendon that winds is bent at every hole, also where the robot is straight
+    assert rubbed.tip.position[2] > free.tip.position[2]
+    home = bs.solve(helical(), [0.0, 0.0, 0.0]).tendon_lengths
+    displaced = bs.solve(
+        helical(**{"segments.0.tendons.axial_stiffness": 1e5}),
+        load=bs.Load(displacements=[4e-3, -1e-3, -1e-3]),
+    )
+    stretched = displaced.tensions * home / 1e5
+    np.testing.assert_allclose(
+        home - displaced.tendon_lengths + stretched,
+        [4e-3, *(home - displaced.tendon_lengths + stretched)[1:]],
+        atol=1e-6,
+    )
+
+
+def test_points_of_the_tendons_have_their_lengths() -> None:
+    robot = helical()
+    found = bs.solve(robot, [25.0, 4.0, 0.0])
+    points = robot.tendon_points(found.disk_positions, found.disk_rotations)
+    lengths = [np.linalg.norm(np.diff(p, axis=0), axis=1).sum() for p in points]
+    np.testing.assert_allclose(lengths, found.tendon_lengths, atol=1e-14)
+
+
+def test_motion_comes_to_rest_in_the_static_pose() -> None:
+    robot = helical()
+    rest = bs.solve(robot, [15.0, 0.0, 0.0]).tip.position
+    run = bs.simulate(
+        robot,
+        ramp([15.0, 0.0, 0.0], 0.3),
+        3.0,
+        integrator=bs.Integrator(mass_damping=8.0),
+    )
+    np.testing.assert_allclose(run.tip_position[-1], rest, atol=2e-5)
+
+
+def test_turning_the_routing_turns_the_pose() -> None:
+    angle = 0.7
+    turned = helical(**{"segments.0.tendons.first_angle": angle})
+    a = bs.solve(helical(), [25.0, 4.0, 0.0]).tip.position
+    b = bs.solve(turned, [25.0, 4.0, 0.0]).tip.position
+    np.testing.assert_allclose(Rotation.from_euler("z", angle).apply(a), b, atol=1e-11)
+
+
+def test_constant_curvature_sees_the_mean_of_the_routing() -> None:
+    robot = helical(**{"segments.0.tendons.turns": 0.1})
+    arcs = RobotArcs.from_tensions(robot, [10.0, 0.0, 0.0])
+    hole = robot.tendons.mean_hole_m[0, 0]
+    bend = 10.0 * np.linalg.norm(hole) * robot.length / robot.bending_stiffness[0]
+    assert float(arcs.theta[0]) == pytest.approx(bend, rel=1e-12)
+
+
+def test_a_study_of_a_helical_robot_runs() -> None:
+    study = bs.run_study(helical(**{"segments.0.tendons.turns": 0.1}))
+    errors = {row.name: row.mean / study.length for row in study.comparisons}
+    # the plane of bending turns along the backbone: an arc misses more than without
+    plain = bs.run_study(bs.load_robot("amouri2019"))
+    known = {row.name: row.mean / plain.length for row in plain.comparisons}
+    assert errors["cc_from_lengths"] > 5 * known["cc_from_lengths"]
+
+
+def test_a_drawing_has_a_view_of_each_disk_that_differs() -> None:
+    from bowstring.cad.drawing import draw_disks
+
+    sizes = {"segments.0.disks.hole_diameter": "2 mm"}
+    same = len(draw_disks(bs.load_robot("amouri2019", sizes)).axes)
+    wound = len(draw_disks(helical(**sizes)).axes)
+    assert wound == 9 * same
+
+
+@needs_ccx
+def test_finite_elements_of_an_oblique_converging_routing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Within 1 % of the displacement of the tip (0.5 % seen), and not of a parallel routing."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    size = {
+        "segments.0.disks.count": 5,
+        "segments.0.length": "250 mm",
+        "segments.0.disks.clamped_length": "3 mm",
+    }
+    routing = {"segments.0.tendons.turns": 0.25, "segments.0.tendons.end_pitch_radius": "18 mm"}
+    robot, plain = (bs.load_robot("amouri2019", size | more) for more in (routing, {}))
+    tensions = np.array([[20.0, 0.0, 0.0], [40.0, 5.0, 0.0]])
+    straight = np.array([0.0, 0.0, robot.length])
+    solid = bs.fem.sweep(robot, tensions).raise_for_status().tip_position - straight
+    rod = bs.sweep(robot, tensions).tip_position - straight
+    other = bs.sweep(plain, tensions).tip_position - straight
+    size_of = np.linalg.norm(rod, axis=1)
+    assert np.all(np.linalg.norm(solid - rod, axis=1) < 0.01 * size_of)
+    assert np.all(np.linalg.norm(solid - other, axis=1) > 0.2 * size_of)
