@@ -32,7 +32,7 @@ pub(crate) trait Passes: RoutedRod + Send + Sync {
     fn correct(&mut self, coefficients: &[f64]) -> f64;
 
     fn load(&mut self, load: &Load);
-    fn make_straight(&mut self);
+    fn make_unloaded(&mut self);
     fn set_strains(&mut self, strain: &dyn Fn(usize) -> Vec3);
     fn strains(&self, visit: &mut dyn FnMut(usize, Vec3));
     /// Contact force of every module (N), in the frame of its start disk.
@@ -153,8 +153,8 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
     fn load(&mut self, load: &Load) {
         Rod::load(self, load);
     }
-    fn make_straight(&mut self) {
-        Rod::make_straight(self);
+    fn make_unloaded(&mut self) {
+        Rod::make_unloaded(self);
     }
     fn set_strains(&mut self, strain: &dyn Fn(usize) -> Vec3) {
         Rod::set_strains(self, strain);

@@ -20,6 +20,8 @@ pub struct Section {
     /// Rotary inertia per length rho I about a diameter (kg m), twice that about the axis. Used
     /// in dynamics only.
     pub rotary_inertia: f64,
+    /// Curvature about x and y and twist about z of the unloaded backbone, in its own frame (1/m).
+    pub rest_curvature: [f64; 3],
 }
 
 /// A spacer disk.
@@ -127,6 +129,7 @@ impl Robot {
             ] {
                 InputError::check_number(argument, i, value, rule)?;
             }
+            InputError::check_finite(Argument::RestCurvature, i, &s.rest_curvature)?;
         }
         let mut modules = Vec::with_capacity(spec.disks.len());
         let (mut station, mut clamp_before, mut segment) = (0.0, 0.0, 0);

@@ -43,8 +43,11 @@ impl<L: Layout, const A: usize> Body<L, A> {
     #[inline(always)]
     pub fn stiffen(&mut self) {
         let factor = L::Module::splat(self.scheme.strain_factor());
+        let per_factor = L::Module::splat(1.0 / self.scheme.strain_factor());
         for (c, elastic) in self.constants.iter_mut().zip(&self.rod.constants) {
             c.stiffness = [elastic.stiffness[0] * factor, elastic.stiffness[1] * factor];
+            // the moment of the unloaded strain is not damped
+            c.rest = elastic.rest * per_factor;
         }
     }
 }

@@ -305,7 +305,7 @@ impl<T: Real, const A: usize> Pieces<T, A> {
             for side in [-gauss, gauss] {
                 let xi = 0.5 + side;
                 let (a, b) = (self.strain[2 * element], self.strain[2 * element + 1]);
-                let curved = (b - a).scaled_add(T::splat(3.0 * side), a + b);
+                let curved = (b - a).scaled_add(T::splat(3.0 * side), a + b - c.rest);
                 let (place, turn) = state.section((element as f64 + xi) / elements);
                 moment += (turn * c.moment(curved)) * weight;
                 centre += place * weight;

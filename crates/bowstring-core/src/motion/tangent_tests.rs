@@ -21,6 +21,7 @@ fn robot() -> Robot {
         shear: 400.0,
         mass_per_length: 0.9,
         rotary_inertia: 2e-5,
+        rest_curvature: [0.0; 3],
     };
     let disks = (0..4).map(|k| Disk {
         station: 0.07 * (k + 1) as f64,
@@ -136,7 +137,7 @@ fn statics<const A: usize>() {
             let ahead: Vec<_> = (0..A * n).map(|_| vector(&mut draw, 1.0)).collect();
             // derivative of the energy with respect to the strain
             let gradient = |rod: &mut Rod<Scalar, A>, step: f64| {
-                rod.make_straight();
+                rod.make_unloaded();
                 rod.set_strains(|i| ahead[i].scaled_add(step, strain[i]));
                 let energy = rod.evaluate();
                 rod.gradient();
@@ -174,7 +175,7 @@ fn statics<const A: usize>() {
             } else {
                 rod.newton_step::<false>();
             }
-            rod.make_straight();
+            rod.make_unloaded();
             rod.save();
             rod.advance(1.0);
             let mut worst: f64 = 0.0;

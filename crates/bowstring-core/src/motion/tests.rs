@@ -14,6 +14,7 @@ const SECTION: Section = Section {
     shear: 2.6e5,
     mass_per_length: 0.035,
     rotary_inertia: 5.5e-8,
+    rest_curvature: [0.0; 3],
 };
 
 fn robot(disks: Vec<Disk>, tendons: Vec<Tendon>) -> Robot {

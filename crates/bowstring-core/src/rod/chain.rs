@@ -461,9 +461,10 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         self.dead.tip_moment.max_abs().largest() != 0.0
     }
 
-    pub fn make_straight(&mut self) {
-        for s in &mut self.states {
-            s.w = [Vec3::zero(); A];
+    /// The shape without loads and tensions.
+    pub fn make_unloaded(&mut self) {
+        for (s, c) in self.states.iter_mut().zip(&self.constants) {
+            s.w = [c.rest * L::Module::splat(0.5); A];
             s.n = Vec3::zero();
         }
     }

@@ -22,6 +22,8 @@ pub(crate) struct Constants<T> {
     pub stiffness: [T; 2],
     /// Axial compliance 1 / EA where the theory has extension (1/N).
     pub axial_compliance: T,
+    /// Rotation of an unloaded element (rad).
+    pub rest: Vec3<T>,
     /// Coefficients d0 to d3 (m/N) of the compliance D, theory Eq. 2.5.
     pub d: [T; 4],
 }
@@ -48,6 +50,7 @@ impl Constants<f64> {
             mass_per_length: s.mass_per_length,
             stiffness: [s.bending / h, torsion / h],
             axial_compliance: axial,
+            rest: Vec3(s.rest_curvature) * h,
             d: [
                 length * shear,
                 length * (axial - shear),
@@ -68,6 +71,7 @@ impl<T: Real> Constants<T> {
             mass_per_length: self.mass_per_length.lane(lane),
             stiffness: self.stiffness.map(|x| x.lane(lane)),
             axial_compliance: self.axial_compliance.lane(lane),
+            rest: self.rest.of_lane(lane),
             d: self.d.map(|x| x.lane(lane)),
         }
     }
@@ -82,6 +86,7 @@ impl<T: Real> Constants<T> {
             mass_per_length: pick(&|c| c.mass_per_length),
             stiffness: [pick(&|c| c.stiffness[0]), pick(&|c| c.stiffness[1])],
             axial_compliance: pick(&|c| c.axial_compliance),
+            rest: Vec3([0, 1, 2].map(|q| pick(&|c| c.rest[q]))),
             d: [0, 1, 2, 3].map(|q| pick(&|c| c.d[q])),
         }
     }

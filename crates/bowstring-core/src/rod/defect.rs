@@ -82,6 +82,8 @@ struct Element<'a, T> {
     length: T,
     /// Inverse bending and torsional stiffness (1/(N m^2)).
     flexibility: Vec3<T>,
+    /// Curvature and twist without load (1/m).
+    rest: Vec3<T>,
     /// Shear and extension by force (1/N).
     shear: T,
     axial: T,
@@ -97,14 +99,14 @@ impl<T: Real> Element<'_, T> {
     #[inline(always)]
     fn curvature(&self, moment: Vec3<T>, at: T) -> Vec3<T> {
         let f = self.flexibility;
-        let mut u = Vec3([moment[0] * f[0], moment[1] * f[1], moment[2] * f[2]]);
+        let mut u = self.rest + Vec3([moment[0] * f[0], moment[1] * f[1], moment[2] * f[2]]);
         if self.tendons.path == TendonPath::Continuous {
             // continuous tendons carry part of the moment, which depends on the curvature
             for _ in 0..NEWTON_ROUNDS {
                 let mut residual = moment;
                 let mut stiffness = Mat3::zero();
                 for q in 0..3 {
-                    residual.0[q] -= u[q] * (T::splat(1.0) / self.flexibility[q]);
+                    residual.0[q] -= (u[q] - self.rest[q]) * (T::splat(1.0) / self.flexibility[q]);
                     stiffness.0[q][q] = T::splat(1.0) / self.flexibility[q];
                 }
                 for (holes, &tension) in self.tendons.holes.iter().zip(self.tendons.tensions) {
@@ -252,6 +254,7 @@ impl<T: Real, const A: usize> State<T, A> {
         let element = Element {
             length,
             flexibility: Vec3([bending, bending, torsion]),
+            rest: c.rest * per,
             shear,
             axial: shear + c.d[1] * c.per_flexible,
             stretch: c.stretch(t),

@@ -320,7 +320,8 @@ impl<T: Real, const A: usize> State<T, A> {
         let mut elastic = half * self.n.dot(self.rho - self.rho0);
         for e in 0..A / 2 {
             let i = 2 * e;
-            let (sum, difference) = (self.w[i] + self.w[i + 1], self.w[i] - self.w[i + 1]);
+            let sum = self.w[i] + self.w[i + 1] - c.rest;
+            let difference = self.w[i] - self.w[i + 1];
             elastic += sum.dot(c.moment(sum)) * half
                 + difference.dot(c.moment(difference)) * T::splat(0.375);
         }
@@ -423,7 +424,7 @@ impl<T: Real, const A: usize> State<T, A> {
     /// vector.
     #[inline(always)]
     fn elastic_gradient(&self, c: &Constants<T>, t: &Tendons<T>) -> [Vec3<T>; A] {
-        let mut g = c.bending_moments(&self.w);
+        let mut g = c.elastic_moments(&self.w);
         if t.path == TendonPath::Continuous {
             let stretch = c.stretch(t);
             for e in 0..A / 2 {
@@ -789,11 +790,24 @@ impl<T: Real> Constants<T> {
     /// Derivatives of the bending energy (theory Eq. 2.4) with respect to each arc's rotation
     /// vector.
     #[inline(always)]
+    pub fn elastic_moments<const A: usize>(&self, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
+        self.moments_beyond(self.rest, w)
+    }
+
+    /// The same for a change of strain.
+    #[inline(always)]
     pub fn bending_moments<const A: usize>(&self, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
+        self.moments_beyond(Vec3::zero(), w)
+    }
+
+    /// Moments of elements that are unloaded with the rotation `rest`.
+    #[inline(always)]
+    fn moments_beyond<const A: usize>(&self, rest: Vec3<T>, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
         let mut g = [Vec3::zero(); A];
         for e in 0..A / 2 {
             let i = 2 * e;
-            let (sum, difference) = (w[i] + w[i + 1], (w[i] - w[i + 1]) * T::splat(0.75));
+            let sum = w[i] + w[i + 1] - rest;
+            let difference = (w[i] - w[i + 1]) * T::splat(0.75);
             g[i] = self.moment(sum + difference);
             g[i + 1] = self.moment(sum - difference);
         }

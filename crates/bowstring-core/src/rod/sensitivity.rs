@@ -150,7 +150,7 @@ fn source<const A: usize>(
         }
         Parameter::Stiffness(segment) if segments[k] == segment => {
             let (on_end, on_tangent) = state.compliance_forces(c);
-            let elastic = c.bending_moments(&state.w);
+            let elastic = c.elastic_moments(&state.w);
             for i in 0..A {
                 source.moment[i] = gradient.to_strain[i].tr_mul(elastic[i])
                     + tangent.cross(on_tangent)

@@ -141,6 +141,7 @@ mod tests {
                 shear: 2.6e5,
                 mass_per_length: 0.035,
                 rotary_inertia: 5.5e-8,
+                rest_curvature: [0.0; 3],
             }],
             disks: vec![Disk {
                 station: 0.07,

@@ -181,10 +181,13 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
             vector(&|lane| [0.0, 0.0, -1.0, -3.0][known(lane)]),
             vector(&|lane| [0.0, 0.0, 0.0, 1.0][known(lane)]),
         ];
+        let unloaded = vector(&|lane| if known(lane) == 0 { 0.5 } else { 0.0 });
         let mut change = S::Vector::zero();
         for (k, state) in self.rod.states.iter_mut().enumerate() {
+            let rest = self.rod.constants[k].rest * unloaded;
             for i in 0..A {
-                state.w[i] = a[k][i] * factors[0] + b[k][i] * factors[1] + c[k][i] * factors[2];
+                let past = a[k][i] * factors[0] + b[k][i] * factors[1] + c[k][i] * factors[2];
+                state.w[i] = past + rest;
                 change = change.max((state.w[i] - a[k][i]).max_abs());
             }
         }
@@ -337,7 +340,7 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> SideBySide for Lanes<S, CO
 
 impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
     fn restart(&mut self) {
-        self.rod.make_straight();
+        self.rod.make_unloaded();
         self.known = [0; MOST_LANES];
         self.starts = [false; MOST_LANES];
         self.left = [false; MOST_LANES];

@@ -362,7 +362,7 @@ impl<S: Simd> PathLanes<S> {
             vector(|l| l.tip_force),
             Vec3::zero(),
         );
-        self.rod.make_straight();
+        self.rod.make_unloaded();
         for (state, w) in self.rod.states.iter_mut().zip(&self.last.strain) {
             state.w = *w;
         }

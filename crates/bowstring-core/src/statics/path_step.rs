@@ -320,7 +320,7 @@ impl PathStep {
             tensions: &tendons.now.tensions,
             ..*load
         });
-        engine.make_straight();
+        engine.make_unloaded();
         engine.set_strains(&|i| old.strain[i]);
         tendons.apply(engine);
     }

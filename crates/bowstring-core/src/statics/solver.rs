@@ -37,7 +37,7 @@ pub(super) const MAX_EXTRAPOLATION: f64 = 0.3;
 ///
 /// ```
 /// use bowstring_core::{model::load::{Load, Model}, model::robot::*, statics::solver::{Solver, Status}};
-/// let section = Section { bending: 1.07, torsion: 0.83, axial: 6.9e5, shear: 2.6e5, mass_per_length: 0.035, rotary_inertia: 5.5e-8 };
+/// let section = Section { bending: 1.07, torsion: 0.83, axial: 6.9e5, shear: 2.6e5, mass_per_length: 0.035, rotary_inertia: 5.5e-8, rest_curvature: [0.0; 3] };
 /// let disks = (1..=9).map(|k| Disk { station: 0.641 * k as f64 / 9.0, clamped_length: 0.0, mass: 0.02, inertia: [5.1e-6, 1.02e-5], segment: 0 });
 /// let robot = Robot::new(RobotSpec {
 ///     sections: vec![section],
@@ -196,7 +196,7 @@ impl Solver {
         self.load.set(load);
         self.engine.load(load);
         // also discards the contact forces of other loads
-        self.engine.make_straight();
+        self.engine.make_unloaded();
         if let Some(strain) = strain {
             self.engine.set_strains(&|i| strain[i]);
         }
@@ -239,7 +239,7 @@ impl Solver {
     fn solve_from_straight(&mut self, load: &Load) -> Outcome {
         self.load.set(load);
         self.engine.load(load);
-        self.engine.make_straight();
+        self.engine.make_unloaded();
         self.equilibrium(load, true)
     }
 
@@ -324,9 +324,10 @@ impl Solver {
         let mut part = OwnedLoad::default();
         let mut start = vec![Vec3::zero(); self.history[0].len()];
         let (mut reached, mut increment) = (0.0, if all { FIRST_INCREMENT } else { 1.0 });
-        if !all {
-            self.engine.strains(&mut |i, w| start[i] = w);
+        if all {
+            self.engine.make_unloaded();
         }
+        self.engine.strains(&mut |i, w| start[i] = w);
         loop {
             let fraction = f64::min(reached + increment, 1.0);
             let share = if all { fraction } else { 1.0 };
@@ -373,7 +374,7 @@ impl Solver {
     /// Newton's method from a strain, with its steps added to `outcome`.
     fn attempt_from(&mut self, start: &[Vec3], load: &Load, outcome: &mut Outcome) -> Attempt {
         self.engine.load(load);
-        self.engine.make_straight();
+        self.engine.make_unloaded();
         self.engine.set_strains(&|i| start[i]);
         let mut part = Outcome {
             iterations: 0,
@@ -439,6 +440,7 @@ mod tests {
             shear: 2.6e5,
             mass_per_length: 0.035,
             rotary_inertia: 5.5e-8,
+            rest_curvature: [0.0; 3],
         };
         let disks = (0..11).map(|k| Disk {
             station: 0.06 * (k + 1) as f64,

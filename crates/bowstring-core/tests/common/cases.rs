@@ -56,6 +56,7 @@ impl Case {
                 shear: shear * area,
                 mass_per_length: density * area,
                 rotary_inertia: density * inertia,
+                rest_curvature: [0.0; 3],
             });
             let length = d * slenderness * draw.within(0.7, 1.0);
             let count = draw.count(2, 20);
@@ -134,6 +135,16 @@ impl Case {
                 at.map(|x| x * draw.within(0.95, 1.05))
             };
             tendon.holes = std::iter::once(0.0).chain(stations).map(place).collect();
+        }
+        self
+    }
+
+    /// The same robot with a backbone that is curved and twisted without load.
+    pub fn precurved(mut self, draw: &mut Draw) -> Self {
+        let disks = &self.spec.disks;
+        let length = disks[disks.len() - 1].station;
+        for section in &mut self.spec.sections {
+            section.rest_curvature = (draw.direction() * (draw.within(0.0, 2.0) / length)).0;
         }
         self
     }
@@ -289,7 +300,8 @@ impl Station {
             let r = &x.pose.rotation;
             let m = r.tr_mul(x.moment);
             let n = r.tr_mul(x.force);
-            let u = Vec3([m[0] / s.bending, m[1] / s.bending, m[2] / s.torsion]);
+            let bent = Vec3([m[0] / s.bending, m[1] / s.bending, m[2] / s.torsion]);
+            let u = Vec3(s.rest_curvature) + bent;
             let mut v = Vec3([0.0, 0.0, 1.0]);
             if theory == Theory::Cosserat {
                 v += Vec3([n[0] / s.shear, n[1] / s.shear, n[2] / s.axial]);

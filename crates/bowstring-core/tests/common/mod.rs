@@ -17,6 +17,7 @@ pub fn section(diameter: f64, young: f64, poisson: f64, density: f64) -> Section
         shear: shear * area,
         mass_per_length: density * area,
         rotary_inertia: density * inertia,
+        rest_curvature: [0.0; 3],
     }
 }
 
