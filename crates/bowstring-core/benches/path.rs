@@ -47,7 +47,7 @@ fn compare(c: &mut Criterion, name: &str, robot: &Robot, tensions: &[f64], tip_f
         tensions,
         gravity: [0.0, 0.0, -9.81],
         tip_force: [0.0, tip_force, 0.0],
-        tip_moment: [0.0; 3],
+        ..Load::default()
     };
     let mut solver = Solver::new(robot, Model::default(), 1).unwrap();
     assert_eq!(solver.solve(&load).unwrap().status, Status::Converged);

@@ -15,7 +15,7 @@ fn load(tensions: &[f64; 3]) -> Load<'_> {
         tensions,
         gravity: [0.0, 0.0, -9.81],
         tip_force: [0.0, 1.0, 0.0],
-        tip_moment: [0.0; 3],
+        ..Load::default()
     }
 }
 
@@ -69,6 +69,7 @@ fn statics(c: &mut Criterion) {
         gravity: &[0.0, 0.0, -9.81],
         tip_force: &[0.0, 1.0, 0.0],
         tip_moment: &[0.0; 3],
+        ..Loads::default()
     };
     let settings = RodModel {
         model: model(Theory::Kirchhoff),

@@ -228,6 +228,7 @@ fn trial(number: usize) -> Counts {
         gravity: &gravity,
         tip_force: &forces,
         tip_moment: &moments,
+        ..Loads::default()
     };
     let settings = RodModel {
         model: case.model(),

@@ -20,6 +20,7 @@ fn loads<'a>(tensions: &'a [f64], gravity: &'a [f64], tip_force: &'a [f64]) -> L
         gravity,
         tip_force,
         tip_moment: &[0.0; 3],
+        ..Loads::default()
     }
 }
 
@@ -67,7 +68,7 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
                 tensions: &t[3 * i..][..3],
                 gravity: [0.0, 0.0, -9.81],
                 tip_force: [force[3 * i], force[3 * i + 1], force[3 * i + 2]],
-                tip_moment: [0.0; 3],
+                ..Load::default()
             };
             assert_eq!(solver.solve(&load).unwrap(), cold.outcomes[i]);
             let solver = solver.solver();
@@ -114,6 +115,7 @@ fn many_loads_of_random_robots_equal_one_by_one() {
             gravity: &case.spec.gravity,
             tip_force: &tip_force,
             tip_moment: &[0.0; 3],
+            ..Loads::default()
         };
         let settings = RodModel {
             model: case.model(),

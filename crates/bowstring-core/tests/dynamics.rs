@@ -334,6 +334,7 @@ fn soft_robot_under_gravity_gains_no_energy() {
         gravity: [0.0; 3],
         tip_force: [force, 0.0, 0.0],
         tip_moment: [0.0; 3],
+        ..Load::default()
     };
     for rho in [1.0, 0.8] {
         for step in [5e-4, 2e-3, 1e-2] {

@@ -645,6 +645,7 @@ fn rows_match_single_steps() {
             gravity: &[0.0, 0.0, -9.81],
             tip_force: &[0.1, 0.0, 0.0],
             tip_moment: &[0.0; 3],
+            ..Loads::default()
         },
         by_displacement: &by_displacement,
     };
@@ -779,6 +780,7 @@ fn displacements_side_by_side() {
                 gravity: &[0.0, 0.0, -9.81],
                 tip_force: &tip_force,
                 tip_moment: &[0.0; 3],
+                ..Loads::default()
             },
             by_displacement: &by_displacement,
         };
@@ -818,6 +820,7 @@ fn opposing_displacements_side_by_side_are_unstable_beyond_buckling() {
             gravity: &[0.0; 3],
             tip_force: &[0.0; 3],
             tip_moment: &[0.0; 3],
+            ..Loads::default()
         },
         by_displacement: &vec![true; 3 * rows],
     };
@@ -857,6 +860,7 @@ fn rows_side_by_side_do_not_depend_on_those_before() {
             gravity: &[0.0; 3],
             tip_force: &[0.0; 3],
             tip_moment: &[0.0; 3],
+            ..Loads::default()
         },
         by_displacement: &by_displacement,
     };
@@ -897,6 +901,7 @@ fn displacements_beyond_the_length_of_a_shorter_robot() {
             gravity: &[0.0; 3],
             tip_force: &[0.0; 3],
             tip_moment: &[0.0; 3],
+            ..Loads::default()
         },
         by_displacement: &[true; 12],
     };
@@ -928,6 +933,7 @@ fn paths_of_several_robots() {
             gravity: &[0.0, 3.0, -9.81],
             tip_force: &[0.01, 0.0, 0.0],
             tip_moment: &[0.0; 3],
+            ..Loads::default()
         },
         by_displacement: &by_displacement,
     };

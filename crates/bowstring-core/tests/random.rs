@@ -110,6 +110,7 @@ fn hostile_robots_give_no_wrong_solution() {
             gravity: case.spec.gravity,
             tip_force: case.tip_force.0,
             tip_moment: case.tip_moment.0,
+            ..Load::default()
         };
         let start = Instant::now();
         let outcome = match solver.solve(&load) {

@@ -31,6 +31,7 @@ fn solution(
         gravity: [1.0, 2.0, -9.81],
         tip_force: force,
         tip_moment: moment,
+        ..Load::default()
     };
     let outcome = solver.solve(&load).unwrap();
     assert_eq!(outcome.status, Status::Converged);
@@ -104,6 +105,7 @@ fn derivatives_match_central_differences() {
             gravity: [1.0, 2.0, -9.81],
             tip_force: FORCE,
             tip_moment: moment,
+            ..Load::default()
         };
         assert_eq!(solver.solve(&load).unwrap().status, Status::Converged);
         let j = solver.jacobians().unwrap();

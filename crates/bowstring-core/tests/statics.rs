@@ -101,6 +101,7 @@ fn four_load_cases() {
             gravity,
             tip_force,
             tip_moment: none,
+            ..Load::default()
         };
         let k = distance(tip(1, 9, 0.0, Theory::Kirchhoff, &load), kirchhoff);
         let fine = distance(tip(4, 9, 0.0, Theory::Kirchhoff, &load), kirchhoff);

@@ -33,7 +33,7 @@ use crate::statics::solver::{Outcome, Solver, Status};
 ///     spectral_radius: 1.0,
 ///     step: Step::Fixed(2e-3),
 /// })?;
-/// let load = |tension: &'static [f64]| Load { tensions: tension, gravity: [0.0; 3], tip_force: [0.0; 3], tip_moment: [0.0; 3] };
+/// let load = |tension: &'static [f64]| Load { tensions: tension, ..Load::default() };
 /// simulator.rest(&load(&[0.0]))?;
 /// // 0 to 40 N in half a second
 /// let (stop, _) = simulator.advance(0.5, &load(&[40.0]))?;
@@ -174,7 +174,7 @@ impl Simulator {
         {
             return Err(InputError::other("the path is one of another robot"));
         }
-        let [gravity, tip_force, tip_moment] = history.load;
+        let gravity = history.load.gravity;
         if gravity != self.settings.gravity {
             return Err(InputError::other(format!(
                 "the path was under gravity {gravity:?} m/s^2, the motion is under {:?}",
@@ -189,9 +189,7 @@ impl Simulator {
         let values: Vec<_> = history.commands.iter().map(Command::value).collect();
         let load = Load {
             tensions: &values,
-            gravity,
-            tip_force,
-            tip_moment,
+            ..history.load.borrow()
         };
         let actuation = Actuation::new(path, self.robot.length());
         self.take(solver, &load, Some(actuation));

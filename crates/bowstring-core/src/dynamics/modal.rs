@@ -13,7 +13,7 @@ use crate::statics::path::PathSolver;
 use crate::statics::solver::{Outcome, Solver, Status};
 
 /// Flexibility about the equilibrium under a load; `None` where there is no stable one, or where a
-/// tip moment leaves no potential.
+/// moment leaves no potential.
 pub fn flexibility(
     robot: &Robot,
     model: Model,
@@ -23,7 +23,7 @@ pub fn flexibility(
     let mut solver = Solver::new(robot, model, elements)?;
     dispatch::check_moving(robot, elements)?;
     let mut outcome = solver.solve(load)?;
-    let has_potential = load.tip_moment == [0.0; 3];
+    let has_potential = !load.has_moment();
     if outcome.status != Status::Converged || outcome.stable != Some(true) || !has_potential {
         return Ok((outcome, None));
     }
@@ -43,8 +43,11 @@ pub fn flexibility(
 pub fn flexibility_at(path: &PathSolver) -> Result<Option<Flexibility>, InputError> {
     let (solver, history) = (path.solver(), path.history());
     dispatch::check_moving(solver.robot(), solver.elements())?;
-    let [gravity, tip_force, tip_moment] = history.load;
-    if solver.tip().is_none() || tip_moment != [0.0; 3] {
+    let load = Load {
+        tensions: &history.tensions,
+        ..history.load.borrow()
+    };
+    if solver.tip().is_none() || load.has_moment() {
         return Ok(None); // no potential
     }
     let (modules, tendons) = (solver.robot().module_count(), history.tensions.len());
@@ -55,12 +58,6 @@ pub fn flexibility_at(path: &PathSolver) -> Result<Option<Flexibility>, InputErr
         || format!("a robot with {modules} disks and {locks} spans of tendons that are held"),
         "use fewer disks",
     )?;
-    let load = Load {
-        tensions: &history.tensions,
-        gravity,
-        tip_force,
-        tip_moment,
-    };
     let spans = (0..modules * tendons).map(|at| path.span_tension(at / tendons, at % tendons));
     let spans: Vec<_> = spans.collect();
     let locks = path.transmission().locks();

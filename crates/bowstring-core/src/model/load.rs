@@ -62,32 +62,73 @@ pub struct Load<'a> {
     pub tensions: &'a [f64],
     /// Gravity (m/s^2).
     pub gravity: [f64; 3],
-    /// Force on the tip (N).
+    /// Force on the tip (N), beside that on the last disk.
     pub tip_force: [f64; 3],
-    /// Moment on the tip (N m).
+    /// Moment on the tip (N m), beside that on the last disk.
     pub tip_moment: [f64; 3],
+    /// Forces on the disks (N) from base to tip, one for each disk; empty if there are none.
+    pub disk_forces: &'a [[f64; 3]],
+    /// Moments on the disks (N m), in the same form.
+    pub disk_moments: &'a [[f64; 3]],
 }
 
-/// A [`Load`] that owns its tensions.
+/// A [`Load`] that owns its tensions and the loads on its disks.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OwnedLoad {
     /// Tensions (N), one for each tendon.
     pub tensions: Vec<f64>,
     /// Gravity (m/s^2).
     pub gravity: [f64; 3],
-    /// Force on the tip (N).
+    /// Force on the tip (N), beside that on the last disk.
     pub tip_force: [f64; 3],
-    /// Moment on the tip (N m).
+    /// Moment on the tip (N m), beside that on the last disk.
     pub tip_moment: [f64; 3],
+    /// Forces on the disks (N) from base to tip, one for each disk; empty if there are none.
+    pub disk_forces: Vec<[f64; 3]>,
+    /// Moments on the disks (N m), in the same form.
+    pub disk_moments: Vec<[f64; 3]>,
+}
+
+/// Linear interpolation; the end is met exactly.
+fn mix(a: f64, b: f64, share: f64) -> f64 {
+    if (share - 1.0).abs() < 1e-12 {
+        b
+    } else {
+        a + share * (b - a)
+    }
+}
+
+fn mix_vectors(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
+    [0, 1, 2].map(|q| mix(a[q], b[q], share))
+}
+
+/// Interpolates between vectors on disks, of which there may be none.
+fn mix_disks(out: &mut Vec<[f64; 3]>, from: &[[f64; 3]], to: &[[f64; 3]], share: f64) {
+    let on = |disks: &[[f64; 3]], k: usize| disks.get(k).copied().unwrap_or_default();
+    out.clear();
+    let disks = 0..from.len().max(to.len());
+    out.extend(disks.map(|k| mix_vectors(on(from, k), on(to, k), share)));
 }
 
 impl OwnedLoad {
-    /// Copies a load; allocates nothing if the number of tensions is the same.
+    /// Copies a load; allocates nothing if it has as many tensions and loaded disks.
     pub fn set(&mut self, load: &Load) {
         self.tensions.clear();
         self.tensions.extend_from_slice(load.tensions);
+        self.set_dead(load);
+    }
+
+    /// The same without tensions.
+    pub(crate) fn set_dead(&mut self, load: &Load) {
         (self.gravity, self.tip_force, self.tip_moment) =
             (load.gravity, load.tip_force, load.tip_moment);
+        for (to, from) in [
+            (&mut self.disk_forces, load.disk_forces),
+            (&mut self.disk_moments, load.disk_moments),
+        ] {
+            to.clear();
+            to.extend_from_slice(from);
+        }
     }
 
     /// Borrows it as a [`Load`].
@@ -97,33 +138,87 @@ impl OwnedLoad {
             gravity: self.gravity,
             tip_force: self.tip_force,
             tip_moment: self.tip_moment,
+            disk_forces: &self.disk_forces,
+            disk_moments: &self.disk_moments,
         }
     }
 
     /// Interpolates linearly between two loads, gravity excepted.
     pub(crate) fn between(&mut self, from: &Self, to: &Self, share: f64) {
-        // the end is met exactly
-        let whole = (share - 1.0).abs() < 1e-12;
-        let mix = |a: f64, b: f64| if whole { b } else { a + share * (b - a) };
         for i in 0..self.tensions.len() {
-            self.tensions[i] = mix(from.tensions[i], to.tensions[i]);
+            self.tensions[i] = mix(from.tensions[i], to.tensions[i], share);
         }
-        for i in 0..3 {
-            self.tip_force[i] = mix(from.tip_force[i], to.tip_force[i]);
-            self.tip_moment[i] = mix(from.tip_moment[i], to.tip_moment[i]);
-        }
+        self.mix_wrenches(from, &to.borrow(), share);
+    }
+
+    /// Interpolates linearly between two loads without their tensions.
+    pub(crate) fn between_dead(&mut self, from: &Self, to: &Load, share: f64) {
+        self.gravity = mix_vectors(from.gravity, to.gravity, share);
+        self.mix_wrenches(from, to, share);
+    }
+
+    fn mix_wrenches(&mut self, from: &Self, to: &Load, share: f64) {
+        self.tip_force = mix_vectors(from.tip_force, to.tip_force, share);
+        self.tip_moment = mix_vectors(from.tip_moment, to.tip_moment, share);
+        let Self {
+            disk_forces,
+            disk_moments,
+            ..
+        } = self;
+        mix_disks(disk_forces, &from.disk_forces, to.disk_forces, share);
+        mix_disks(disk_moments, &from.disk_moments, to.disk_moments, share);
+    }
+
+    /// Multiplies forces, gravity and tensions by one factor and moments by another.
+    pub(crate) fn scale(&mut self, forces: f64, moments: f64) {
+        self.tensions.iter_mut().for_each(|t| *t *= forces);
+        let with_forces = [&mut self.gravity, &mut self.tip_force];
+        let with_forces = with_forces.into_iter().chain(&mut self.disk_forces);
+        with_forces.flatten().for_each(|x| *x *= forces);
+        let with_moments = std::iter::once(&mut self.tip_moment).chain(&mut self.disk_moments);
+        with_moments.flatten().for_each(|x| *x *= moments);
     }
 }
 
 impl Load<'_> {
-    /// The same load with a tip moment below `least` (N m) removed: it is below the residual, but
-    /// as it has no potential it would change how stability is determined.
-    pub(crate) fn without_moment_below(&self, least: f64) -> Self {
-        let mut load = *self;
-        if Vec3(self.tip_moment).norm() <= least {
-            load.tip_moment = [0.0; 3];
+    /// Moment on a disk of a robot with `n` disks, that on the tip included (N m).
+    #[inline(always)]
+    pub(crate) fn moment_on(&self, k: usize, n: usize) -> [f64; 3] {
+        let own = self.disk_moments.get(k).copied().unwrap_or_default();
+        match k + 1 == n {
+            true => [0, 1, 2].map(|q| self.tip_moment[q] + own[q]),
+            false => own,
         }
-        load
+    }
+
+    /// Whether there is a moment on the tip or on a disk: it has no potential.
+    #[inline(always)]
+    pub fn has_moment(&self) -> bool {
+        self.tip_moment != [0.0; 3] || self.disk_moments.iter().any(|m| *m != [0.0; 3])
+    }
+
+    /// Sum of the moments' magnitudes (N m).
+    pub(crate) fn moment_size(&self) -> f64 {
+        let all = self.disk_moments.iter().chain([&self.tip_moment]);
+        all.map(|m| Vec3(*m).norm()).sum()
+    }
+
+    /// The same load without its moments.
+    pub(crate) fn without_moments(&self) -> Self {
+        Load {
+            tip_moment: [0.0; 3],
+            disk_moments: &[],
+            ..*self
+        }
+    }
+
+    /// The same load with moments below `least` (N m) in sum removed: they are below the residual,
+    /// but as they have no potential they would change how stability is determined.
+    pub(crate) fn without_moment_below(&self, least: f64) -> Self {
+        match self.moment_size() <= least {
+            true => self.without_moments(),
+            false => *self,
+        }
     }
 
     /// Checks numbers and their count against the robot.
@@ -153,6 +248,18 @@ impl Load<'_> {
             (Argument::TipMoment, &self.tip_moment),
         ] {
             InputError::check_finite(argument, None, v)?;
+        }
+        let disks = robot.module_count();
+        for (argument, rows) in [
+            (Argument::DiskForces, self.disk_forces),
+            (Argument::DiskMoments, self.disk_moments),
+        ] {
+            if !rows.is_empty() && rows.len() != disks {
+                return Err(InputError::count(argument, rows.len(), disks, "disk"));
+            }
+            for (k, row) in rows.iter().enumerate() {
+                InputError::check_finite(argument, k, row)?;
+            }
         }
         Ok(())
     }

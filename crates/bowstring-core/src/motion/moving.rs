@@ -54,7 +54,7 @@ pub(crate) trait Moving: RoutedRod + Send + Sync {
     fn commit_at_rest(&mut self, tendons: f64);
     /// Copies the strain of every arc and the contact force of every module from an equilibrium.
     fn take_strain(&mut self, strain: &[Vec3], force: &[Vec3]);
-    /// Sets tensions and tip load; gravity is constant.
+    /// Sets tensions, and forces and moments on tip and disks; gravity is constant.
     fn set_load(&mut self, load: &Load);
     /// Sets the dead force on a disk (N, base frame), in addition to the loads.
     fn set_disk_force(&mut self, disk: usize, force: Vec3);
@@ -166,15 +166,16 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
                     dissipated += scheme.damping.material * self.strain_loss();
                 }
                 self.measure();
-                let [moved, turned] = self.tip_motion();
                 let tendon_work = self.work_of_tendons();
-                let tip_work = Vec3(load.tip_force).dot(moved) + Vec3(load.tip_moment).dot(turned);
+                // that of forces on disks is in `step`
+                let tip_work = Vec3(load.tip_force).dot(self.tip_displacement());
+                let moment_work = self.work_of_moments(load);
                 let before = self.energies.now;
                 self.energies = EnergyBalance {
                     now: before,
                     next: Energies {
                         kinetic: step.kinetic,
-                        work: before.work + (step.disk_work + tendon_work + tip_work),
+                        work: before.work + (step.disk_work + tendon_work + tip_work + moment_work),
                         dissipated: before.dissipated + dissipated,
                         ..self.stored_energies()
                     },
@@ -257,12 +258,13 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
     fn set_load(&mut self, load: &Load) {
         let rod = &mut self.body.rod;
         rod.set_tensions(|i| L::Chain::splat(load.tensions[i]));
-        rod.dead.tip_moment = Vec3::splat(load.tip_moment);
+        rod.set_moments(load);
         self.residual.tip_force = Vec3::splat(load.tip_force);
+        self.residual.load_disks(load.disk_forces);
     }
 
     fn set_disk_force(&mut self, disk: usize, force: Vec3) {
-        self.residual.disk_force[disk] = Vec3::splat(force.0);
+        self.residual.hold_disk(disk, force.0);
     }
 
     fn jump_tensions(&mut self, tensions: &[f64]) {
@@ -325,7 +327,9 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
         let tension: f64 = tensions.iter().sum();
         let weight = self.residual.gravity.norm().lane(0) * self.body.mass.total;
         let inertia = self.effort(1.0);
-        let force = tension + weight + inertia + self.residual.tip_force.norm().lane(0);
+        let on_disks = self.residual.disk_force.iter().map(|f| f.norm().lane(0));
+        let dead = on_disks.sum::<f64>() + self.residual.tip_force.norm().lane(0);
+        let force = tension + weight + inertia + dead;
         ROUNDING * force * self.length
     }
 

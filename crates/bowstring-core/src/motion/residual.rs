@@ -19,7 +19,11 @@ pub(super) struct Residual<L: Layout, const A: usize> {
     /// Forces on points at the end of the step before (N).
     pub last_force: Vec<Vec3<L::Chain>>,
     pub gravity: Vec3<L::Chain>,
+    /// Dead forces on the disks (N): those of the load and those held.
     pub disk_force: Vec<Vec3<L::Chain>>,
+    /// The two parts; that of the load is empty if there is none.
+    loaded: Vec<[f64; 3]>,
+    held: Vec<[f64; 3]>,
     pub tip_force: Vec3<L::Chain>,
     pub modules: Vec<ModuleForces<L::Module, A>>,
 }
@@ -45,9 +49,31 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             last_force: vec![Vec3::zero(); modules * A],
             gravity: Vec3::splat(gravity),
             disk_force: vec![Vec3::zero(); modules],
+            loaded: vec![],
+            held: vec![[0.0; 3]; modules],
             tip_force: Vec3::zero(),
             modules: vec![none; modules.div_ceil(L::WIDTH)],
         }
+    }
+
+    /// Sets the forces on the disks that belong to the load.
+    pub fn load_disks(&mut self, forces: &[[f64; 3]]) {
+        if self.loaded != forces {
+            self.loaded.clear();
+            self.loaded.extend_from_slice(forces);
+            (0..self.held.len()).for_each(|k| self.add_parts(k));
+        }
+    }
+
+    /// Sets the force on a disk beside those of the load.
+    pub fn hold_disk(&mut self, k: usize, force: [f64; 3]) {
+        self.held[k] = force;
+        self.add_parts(k);
+    }
+
+    fn add_parts(&mut self, k: usize) {
+        let loaded = self.loaded.get(k).copied().unwrap_or_default();
+        self.disk_force[k] = Vec3::splat(loaded) + Vec3::splat(self.held[k]);
     }
 
     /// Computes gravity and inertial forces of all mass.
@@ -135,11 +161,14 @@ impl<L: Layout, const A: usize> Residual<L, A> {
     /// Costate of every module (theory Eq. 3.2 with the opposite sign, and inertia), from the tip.
     #[inline(always)]
     fn set_costate(&self, rod: &mut Rod<L, A>) {
-        let n = self.moment.len();
-        let mut lambda = -rod.rotations[n].tr_mul(rod.dead.tip_moment);
-        for k in (0..n).rev() {
+        let mut lambda = Vec3::zero();
+        for k in (0..self.moment.len()).rev() {
             let (state, i) = (&mut rod.states[k / L::WIDTH], k % L::WIDTH);
-            lambda -= rod.rotations[k + 1].tr_mul(self.moment[k]);
+            let mut moment = self.moment[k];
+            if let Some(dead) = rod.dead.moment(k) {
+                moment += dead;
+            }
+            lambda -= rod.rotations[k + 1].tr_mul(moment);
             lambda = get_mat::<L>(&state.s, i) * lambda;
             put::<L>(&mut state.lambda, i, lambda);
             lambda -= get::<L>(&state.load_moment, i);

@@ -5,7 +5,9 @@
 use super::body::Body;
 use super::residual::Residual;
 use super::tangent::{ModulePose, Tangent};
-use crate::math::linalg::{Mat3, Vec3};
+use crate::interrupt;
+use crate::math::linalg::{dot, Mat3, Vec3};
+use crate::math::mlcp::eliminate;
 use crate::math::real::{Layout, Real};
 use crate::rod::chain::{get, get_mat, lanes, put, Rod};
 use crate::rod::module::State;
@@ -13,8 +15,8 @@ use crate::rod::module::State;
 /// Solutions for the present tangent.
 pub(super) struct Response<L: Layout, const A: usize> {
     pub columns: Vec<Column<L, A>>,
-    /// Correction for a tip moment, for the present tangent at rest.
-    pub tip_moment: Option<Box<TipMomentCorrection<L, A>>>,
+    /// Correction for dead moments, for the present tangent at rest.
+    pub moments: Option<Box<MomentCorrection<L, A>>>,
 }
 
 /// One solution: all arcs, contact forces and spans, by groups.
@@ -31,21 +33,25 @@ pub(super) struct Column<L: Layout, const A: usize> {
     pub rates: Vec<f64>,
 }
 
-/// Correction of solutions at rest for a dead moment at the tip, which has no potential: in the
-/// tip's frame it is a skew stiffness `S` against the tip's rotation. With `C` the rotation of the
-/// tip due to unit moments, a solution of the symmetric elimination becomes exact by adding the
-/// solution for a moment `-(I + S C)^-1 S` times its rotation of the tip.
-pub(super) struct TipMomentCorrection<L: Layout, const A: usize> {
-    /// Solutions for unit moments on the tip about its own axes.
-    columns: [Column<L, A>; 3],
-    moment: Mat3<L::Chain>,
+/// Correction of solutions at rest for dead moments on disks, which have no potential: in the frames
+/// of their disks they are a skew stiffness `S` against the rotations of these disks. With `C` the
+/// rotations due to unit moments, a solution of the symmetric elimination becomes exact by adding
+/// the solution for moments `-(I + S C)^-1 S` times its rotations.
+pub(super) struct MomentCorrection<L: Layout, const A: usize> {
+    /// Disks with a moment.
+    disks: Vec<usize>,
+    /// Moments by rotations, three rows and columns for each of the disks.
+    moment: Vec<f64>,
+    /// Moments on all disks, in their frames, and the solution for them.
+    on_disks: Vec<Vec3<L::Chain>>,
+    column: Column<L, A>,
 }
 
 impl<L: Layout, const A: usize> Response<L, A> {
     pub fn new() -> Self {
         Response {
             columns: vec![],
-            tip_moment: None,
+            moments: None,
         }
     }
 
@@ -107,9 +113,9 @@ impl<L: Layout, const A: usize> Response<L, A> {
     #[inline(always)]
     fn solve(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>, column: usize) {
         let out = &mut self.columns[column];
-        out.substitute(rod, tangent, [Vec3::zero(); 2]);
-        if let Some(correction) = &self.tip_moment {
-            correction.apply(out);
+        out.substitute(rod, tangent, &[]);
+        if let Some(correction) = &mut self.moments {
+            correction.apply(rod, tangent, out);
         }
     }
 
@@ -162,28 +168,53 @@ impl<L: Layout, const A: usize> Response<L, A> {
 
     /// Prepares the correction for this tangent.
     #[cold]
-    pub fn prepare_tip_moment(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>) {
+    pub fn prepare_moments(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>) {
         let n = rod.module_count();
-        let mut flexibility = Mat3::zero();
-        let columns = [0, 1, 2].map(|axis| {
-            let mut column = Column::of(rod);
-            let mut unit = Vec3::zero();
-            unit[axis] = L::Chain::splat(1.0);
-            column.substitute(rod, tangent, [-unit, Vec3::zero()]);
-            let turned = column.disks[n - 1][0];
-            for row in 0..3 {
-                flexibility.0[row][axis] = turned[row];
+        let given = |k: usize| rod.dead.moment(k).unwrap_or(Vec3::zero());
+        let loaded = |k: &usize| given(*k).max_abs().largest() != 0.0;
+        let disks: Vec<usize> = (0..n).filter(loaded).collect();
+        let size = 3 * disks.len();
+        let mut correction = MomentCorrection {
+            moment: vec![],
+            on_disks: vec![Vec3::zero(); n],
+            column: Column::of(rod),
+            disks,
+        };
+        // I + S C, and -S beside it
+        let mut problem = vec![0.0; size * 2 * size];
+        let disks = correction.disks.iter();
+        let stiffness: Vec<Mat3<L::Chain>> =
+            disks.map(|&k| rod.skew_stiffness(k, given(k))).collect();
+        for at in 0..size {
+            if interrupt::work(n * 16) {
+                return;
             }
-            column
-        });
-        // as in statics: in rotation-vector coordinates, half of the moment is a skew stiffness
-        let moment = rod.rotations[n].tr_mul(rod.dead.tip_moment);
-        let stiffness = (moment * L::Chain::splat(-0.5)).skew();
-        let back = (stiffness * flexibility).add_diagonal([L::Chain::splat(1.0); 3]);
-        self.tip_moment = Some(Box::new(TipMomentCorrection {
-            columns,
-            moment: back.inverse() * stiffness * L::Chain::splat(-1.0),
-        }));
+            let mut unit = Vec3::zero();
+            unit[at % 3] = L::Chain::splat(1.0);
+            correction.solve(
+                rod,
+                tangent,
+                |i| if i == at / 3 { unit } else { Vec3::zero() },
+            );
+            for (i, (&k, stiffness)) in correction.disks.iter().zip(&stiffness).enumerate() {
+                let back = *stiffness * correction.column.disks[k][0];
+                for row in 0..3 {
+                    let place = (3 * i + row) * 2 * size;
+                    problem[place + at] = back[row].lane(0);
+                    if i == at / 3 {
+                        problem[place + size + at] = -stiffness.0[row][at % 3].lane(0);
+                    }
+                }
+            }
+            problem[at * 2 * size + at] += 1.0;
+        }
+        let solved = eliminate(&mut problem, size);
+        let rows = problem.chunks_exact(2 * size);
+        correction.moment = rows.flat_map(|row| &row[size..]).copied().collect();
+        if !solved {
+            correction.moment.fill(f64::NAN);
+        }
+        self.moments = Some(Box::new(correction));
     }
 }
 
@@ -198,15 +229,16 @@ impl<L: Layout, const A: usize> Column<L, A> {
         }
     }
 
-    /// Substitution from tip to base and back; `tip` is the right-hand side at the tip.
+    /// Substitution from tip to base and back; `moments` act on the disks, in their frames, if there
+    /// are any.
     #[inline(always)]
     fn substitute(
         &mut self,
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
-        tip: [Vec3<L::Chain>; 2],
+        moments: &[Vec3<L::Chain>],
     ) {
-        self.substitute_to_base(rod, tangent, tip);
+        self.substitute_to_base(rod, tangent, moments);
         self.substitute_to_tip(rod, tangent);
     }
 
@@ -216,13 +248,17 @@ impl<L: Layout, const A: usize> Column<L, A> {
         &mut self,
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
-        mut p: [Vec3<L::Chain>; 2],
+        moments: &[Vec3<L::Chain>],
     ) {
+        let mut p = [Vec3::zero(); 2];
         for k in (0..rod.module_count()).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let contact = &tangent.contact[g];
             let module = &mut tangent.eliminated[k];
             let ModulePose { s, o, b } = ModulePose::of(rod, k);
+            if let Some(moment) = moments.get(k) {
+                p[0] -= *moment;
+            }
             let push = s * p[1];
             let turn = s * p[0] + b.cross(push);
             let delta = module.inverse * (get::<L>(&self.delta[g], i) + push);
@@ -274,23 +310,46 @@ impl<L: Layout, const A: usize> Column<L, A> {
     }
 }
 
-impl<L: Layout, const A: usize> TipMomentCorrection<L, A> {
+impl<L: Layout, const A: usize> MomentCorrection<L, A> {
+    /// Solves for moments on the loaded disks, in their frames.
+    #[inline(always)]
+    fn solve(
+        &mut self,
+        rod: &Rod<L, A>,
+        tangent: &mut Tangent<L, A>,
+        moment: impl Fn(usize) -> Vec3<L::Chain>,
+    ) {
+        for (i, &k) in self.disks.iter().enumerate() {
+            self.on_disks[k] = moment(i);
+        }
+        self.column.u.fill([Vec3::zero(); A]);
+        self.column.delta.fill(Vec3::zero());
+        self.column.substitute(rod, tangent, &self.on_disks);
+    }
+
     /// Corrects a solution.
     #[inline(always)]
-    fn apply(&self, out: &mut Column<L, A>) {
-        let moment = self.moment * out.disks[out.disks.len() - 1][0];
-        for (axis, part) in self.columns.iter().enumerate() {
-            let share = L::Module::splat(moment[axis].lane(0));
-            for g in 0..out.delta.len() {
-                for a in 0..A {
-                    out.u[g][a] = part.u[g][a].scaled_add(share, out.u[g][a]);
-                }
-                out.delta[g] = part.delta[g].scaled_add(share, out.delta[g]);
+    fn apply(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>, out: &mut Column<L, A>) {
+        let turns = self
+            .disks
+            .iter()
+            .flat_map(|&k| out.disks[k][0].of_lane(0).0);
+        let turns: Vec<f64> = turns.collect();
+        let rows = self.moment.chunks_exact(turns.len());
+        let moments: Vec<f64> = rows.map(|row| dot(row, &turns)).collect();
+        self.solve(rod, tangent, |i| {
+            Vec3::splat([moments[3 * i], moments[3 * i + 1], moments[3 * i + 2]])
+        });
+        let part = &self.column;
+        for g in 0..out.delta.len() {
+            for a in 0..A {
+                out.u[g][a] += part.u[g][a];
             }
-            for (disk, part) in out.disks.iter_mut().zip(&part.disks) {
-                for q in 0..2 {
-                    disk[q] = part[q].scaled_add(moment[axis], disk[q]);
-                }
+            out.delta[g] += part.delta[g];
+        }
+        for (disk, part) in out.disks.iter_mut().zip(&part.disks) {
+            for q in 0..2 {
+                disk[q] += part[q];
             }
         }
     }

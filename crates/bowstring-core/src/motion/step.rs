@@ -5,7 +5,7 @@
 use super::body::Body;
 use super::energy::{Energies, EnergyBalance};
 use super::kinematics::Kinematics;
-use super::mass::of_lane;
+use super::mass::{of_lane, Nodal};
 use super::residual::Residual;
 use super::response::Response;
 use super::scheme::Damping;
@@ -15,7 +15,7 @@ use super::tangent::Tangent;
 use crate::math::lie::log;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::model::load::Model;
+use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
 use crate::rod::chain::{get, get_mat, in_group};
 use crate::rod::module::State;
@@ -120,10 +120,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     #[inline(always)]
     pub(super) fn linearise(&mut self) {
         self.tangent.make(&mut self.body, &self.residual);
-        self.response.tip_moment = None;
+        self.response.moments = None;
         let rod = &self.body.rod;
-        if self.body.scheme.duration.is_infinite() && rod.has_tip_moment() {
-            self.response.prepare_tip_moment(rod, &mut self.tangent);
+        if self.body.scheme.duration.is_infinite() && rod.has_moment() {
+            self.response.prepare_moments(rod, &mut self.tangent);
         }
     }
 
@@ -144,16 +144,34 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         work
     }
 
-    /// Displacement (m) and rotation vector (rad) of the tip in this step.
+    /// Displacement of the tip in this step (m).
     #[inline(always)]
-    pub(super) fn tip_motion(&self) -> [Vec3; 2] {
+    pub(super) fn tip_displacement(&self) -> Vec3 {
         let tip = self.module_count() - 1;
-        let (now, next) = (
-            &self.kinematics.position[tip],
-            &self.kinematics.next_position[tip],
-        );
-        let turned = of_lane(&(next.frame * now.frame.transpose()));
-        [(next.disk() - now.disk()).of_lane(0), log(&turned)]
+        let [now, next] = self.ends(tip);
+        (next.disk() - now.disk()).of_lane(0)
+    }
+
+    /// Work of the moments on the disks in this step (J).
+    #[inline(always)]
+    pub(super) fn work_of_moments(&self, load: &Load) -> f64 {
+        if !load.has_moment() {
+            return 0.0;
+        }
+        let n = self.module_count();
+        let work = |k: usize| {
+            let [now, next] = self.ends(k);
+            let turned = of_lane(&(next.frame * now.frame.transpose()));
+            Vec3(load.moment_on(k, n)).dot(log(&turned))
+        };
+        (0..n).map(work).sum()
+    }
+
+    /// Place of a module's mass at both ends of this step.
+    #[inline(always)]
+    fn ends(&self, k: usize) -> [&Nodal<L::Chain, A>; 2] {
+        let motion = &self.kinematics;
+        [&motion.position[k], &motion.next_position[k]]
     }
 
     /// Stiffness-weighted product of the strain rate and its change (J/s).

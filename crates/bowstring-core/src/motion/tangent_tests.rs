@@ -43,13 +43,24 @@ fn robot() -> Robot {
     .unwrap()
 }
 
+const DISK_FORCES: [[f64; 3]; 4] = [
+    [2.0, -3.0, 5.0],
+    [0.0; 3],
+    [-4.0, 1.0, -9.0],
+    [1.0, 2.0, 3.0],
+];
+const DISK_MOMENTS: [[f64; 3]; 4] = [
+    [0.3, 0.2, -0.4],
+    [-0.5, 0.1, 0.3],
+    [0.0; 3],
+    [0.1, 0.2, 0.2],
+];
+
 /// Loads of one kind each, and all together.
 fn loads() -> Vec<(&'static str, Robot, Load<'static>)> {
     let none = Load {
         tensions: &[0.0; 3],
-        gravity: [0.0; 3],
-        tip_force: [0.0; 3],
-        tip_moment: [0.0; 3],
+        ..Load::default()
     };
     let with = |change: &dyn Fn(&mut RobotSpec)| {
         let mut spec = robot().spec().clone();
@@ -94,13 +105,42 @@ fn loads() -> Vec<(&'static str, Robot, Load<'static>)> {
             },
         ),
         (
+            "disk forces",
+            robot(),
+            Load {
+                disk_forces: &DISK_FORCES,
+                ..none
+            },
+        ),
+        (
+            "disk moments",
+            robot(),
+            Load {
+                disk_moments: &DISK_MOMENTS,
+                ..none
+            },
+        ),
+        (
+            "all forces",
+            robot(),
+            Load {
+                tensions: &[20.0, 5.0, 8.0],
+                gravity,
+                tip_force: [1.0, -4.0, -15.0],
+                disk_forces: &DISK_FORCES,
+                ..none
+            },
+        ),
+        (
             "all",
             robot(),
             Load {
                 tensions: &[20.0, 5.0, 8.0],
                 gravity,
                 tip_force: [1.0, -4.0, -15.0],
-                tip_moment: [0.0; 3],
+                tip_moment: [0.5, -0.3, 0.4],
+                disk_forces: &DISK_FORCES,
+                disk_moments: &DISK_MOMENTS,
             },
         ),
     ]
@@ -150,7 +190,7 @@ fn statics<const A: usize>() {
             let h = 1e-5;
             let (up, down) = (gradient(&mut rod, h), gradient(&mut rod, -h));
             let here = gradient(&mut rod, 0.0).1;
-            let symmetric = load.tip_moment == [0.0; 3];
+            let symmetric = !load.has_moment();
             if symmetric {
                 let slope: f64 = here.iter().zip(&ahead).map(|(g, d)| g.dot(*d)).sum();
                 let found = (up.0 - down.0) / (2.0 * h);
@@ -264,9 +304,6 @@ fn at_rest<const A: usize>() {
         material: 0.0,
     };
     for (kind, robot, load) in loads() {
-        if load.tip_moment != [0.0; 3] {
-            continue; // the tangent of a motion is symmetric
-        }
         for model in MODELS {
             let n = robot.module_count();
             let mut motion =

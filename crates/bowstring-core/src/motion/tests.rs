@@ -105,7 +105,7 @@ fn momentum_balances_with_the_base() {
             tensions: &tensions,
             gravity: gravity.0,
             tip_force: [0.0, 0.3, 0.1],
-            tip_moment: [0.0; 3],
+            ..Load::default()
         };
         motion.set_load(&load);
         assert!(motion.settle());

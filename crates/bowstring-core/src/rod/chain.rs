@@ -58,8 +58,18 @@ pub(crate) struct Fixed<L: Layout> {
 pub(crate) struct DeadLoads<C> {
     /// Forces (N) and moments (N m) by modules; see [`State::f`].
     pub modules: Vec<[Vec3<C>; 4]>,
-    /// Dead moment on the tip (N m).
-    pub tip_moment: Vec3<C>,
+    /// Moments on the disks (N m), that on the tip included; empty if there are none.
+    pub moments: Vec<Vec3<C>>,
+    /// Whether forces act on disks other than the tip: they may nearly cancel at the base.
+    on_disks: bool,
+}
+
+impl<T: Real> DeadLoads<T> {
+    /// Moment on disk `k` (N m); `None` without moments.
+    #[inline(always)]
+    pub fn moment(&self, k: usize) -> Option<Vec3<T>> {
+        self.moments.get(k).copied()
+    }
 }
 
 /// Data of a Newton step.
@@ -300,7 +310,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             },
             dead: DeadLoads {
                 modules: vec![[Vec3::zero(); 4]; n],
-                tip_moment: Vec3::zero(),
+                moments: vec![],
+                on_disks: false,
             },
             newton: Newton {
                 hessians: vec![Hessian::empty(); groups],
@@ -398,22 +409,26 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Sets dead loads (theory Eq. 2.8) and tensions.
+    /// Sets dead forces (theory Eq. 2.8) and tensions. `on_disks` are forces on each disk beside
+    /// that on the tip.
     #[inline(always)]
     pub fn set_load(
         &mut self,
         tension: impl Fn(usize) -> L::Chain,
         gravity: Vec3<L::Chain>,
         tip_force: Vec3<L::Chain>,
-        tip_moment: Vec3<L::Chain>,
+        on_disks: Option<impl Fn(usize) -> Vec3<L::Chain>>,
     ) {
         self.set_tensions(tension);
-        self.dead.tip_moment = tip_moment;
+        self.dead.on_disks = on_disks.is_some();
         let splat = L::Chain::splat;
         let mut force = tip_force;
         for (k, c) in self.fixed.modules.iter().enumerate().rev() {
             let (h, [start, end]) = (c.flexible, c.clamp);
             let weight = gravity * c.mass_per_length;
+            if let Some(on_disk) = &on_disks {
+                force += on_disk(k);
+            }
             force += gravity * self.fixed.masses[k];
             // an element's weight by Hermite's rule: half at each end, and a couple
             let half = splat(0.5);
@@ -429,14 +444,26 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
+    /// Sets dead moments.
+    pub fn set_moments(&mut self, load: &Load) {
+        let n = self.module_count();
+        let moments = &mut self.dead.moments;
+        moments.clear();
+        if load.has_moment() {
+            moments.extend((0..n).map(|k| Vec3::splat(load.moment_on(k, n))));
+        }
+    }
+
     /// Sets a load that has been checked.
     pub fn load(&mut self, load: &Load) {
+        let on_disks = |k: usize| Vec3::splat(load.disk_forces[k]);
         self.set_load(
             |i| L::Chain::splat(load.tensions[i]),
             Vec3::splat(load.gravity),
             Vec3::splat(load.tip_force),
-            Vec3::splat(load.tip_moment),
+            (!load.disk_forces.is_empty()).then_some(on_disks),
         );
+        self.set_moments(load);
     }
 
     /// Increases the compliance of all module ends by this fraction of their bending compliance, so
@@ -457,8 +484,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    pub fn has_tip_moment(&self) -> bool {
-        self.dead.tip_moment.max_abs().largest() != 0.0
+    /// Whether a moment acts on a disk.
+    pub fn has_moment(&self) -> bool {
+        !self.dead.moments.is_empty()
     }
 
     /// The shape without loads and tensions.
@@ -470,7 +498,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Forward pass: shapes, rotations (theory Eq. 2.3) and forces; returns the potential energy
-    /// (theory Eq. 3.1, without the tip moment).
+    /// (theory Eq. 3.1, without the dead moments).
     #[inline(always)]
     pub fn evaluate(&mut self) -> L::Chain {
         let path = self.path();
@@ -520,7 +548,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     pub fn gradient(&mut self) -> L::Chain {
         let path = self.path();
         let n = self.module_count();
-        let mut lambda = -self.rotations[n].tr_mul(self.dead.tip_moment);
+        let mut lambda = Vec3::zero();
         let mut residual = L::Module::zero();
         for (g, (state, c)) in self
             .states
@@ -530,6 +558,10 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             .rev()
         {
             for i in (0..L::WIDTH.min(n - g * L::WIDTH)).rev() {
+                let k = g * L::WIDTH + i;
+                if let Some(moment) = self.dead.moment(k) {
+                    lambda -= self.rotations[k + 1].tr_mul(moment);
+                }
                 lambda = get_mat::<L>(&state.s, i) * lambda;
                 put::<L>(&mut state.lambda, i, lambda);
                 lambda -= get::<L>(&state.load_moment, i);
@@ -567,22 +599,27 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     pub fn eliminate<const SYMMETRIC: bool>(&mut self, shift: L::Chain) -> L::Chain {
         let n = self.module_count();
-        // in rotation-vector coordinates, a dead moment adds a skew stiffness
         self.newton.symmetric = SYMMETRIC;
-        let moment = self.rotations[n].tr_mul(self.dead.tip_moment);
-        let mut value = if SYMMETRIC {
-            Mat3::zero()
-        } else {
-            (moment * L::Chain::splat(-0.5)).skew()
-        };
+        let mut value = Mat3::zero();
         let mut least_pivot = L::Chain::splat(f64::INFINITY);
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let s = get_mat::<L>(&self.states[g].s, i);
+            if let (false, Some(moment)) = (SYMMETRIC, self.dead.moment(k)) {
+                value += self.skew_stiffness(k, moment);
+            }
             let blocks = blocks::<L, A, SYMMETRIC>(&self.newton.hessians[g], i, &s, value, shift);
             [[value]] = self.newton.eliminated[k].eliminate::<SYMMETRIC>(blocks, &mut least_pivot);
         }
         least_pivot
+    }
+
+    /// Stiffness of a dead moment against the rotation of disk `k`, in the disk's frame: skew in
+    /// rotation-vector coordinates.
+    #[inline(always)]
+    pub fn skew_stiffness(&self, k: usize, moment: Vec3<L::Chain>) -> Mat3<L::Chain> {
+        let own = self.rotations[k + 1].tr_mul(moment);
+        (own * L::Chain::splat(-0.5)).skew()
     }
 
     /// `linearise` and `eliminate` in one pass, without shift, for a symmetric tangent: keeps the
@@ -1013,7 +1050,15 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     pub fn energy_scale(&self, length: f64, robot: usize) -> f64 {
         // all tendons pass the first module, and all dead loads act on it
-        let mut force = self.dead.modules[0][0].norm().lane(robot);
+        let reach = if self.dead.on_disks {
+            self.module_count()
+        } else {
+            1
+        };
+        let resultants = self.dead.modules[..reach].iter();
+        let mut force = resultants.fold(0.0, |most, module| {
+            f64::max(most, module[0].norm().lane(robot))
+        });
         for t in &self.tensions[..self.tendons.len()] {
             force += L::get(t, 0).lane(robot);
         }

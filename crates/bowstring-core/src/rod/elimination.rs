@@ -9,7 +9,7 @@
 //! dynamics is two. The cost is linear in the number of modules. The gradient comes from the exact
 //! costate, so the linear term `p` starts from zero at the tip and the step is Newton's.
 //!
-//! A dead moment at the tip has no potential: it adds a skew part to the state matrix, and the
+//! A dead moment has no potential: it adds a skew part to the state matrix of its disk, and the
 //! elimination then keeps both triangles (`SYMMETRIC = false`).
 
 use crate::math::linalg::{Mat3, Vec3};

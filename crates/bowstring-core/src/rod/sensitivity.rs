@@ -70,7 +70,7 @@ pub(crate) fn jacobians<const A: usize>(
     rod.gradient();
     rod.linearise();
     let responses = rod.newton.responses.clone();
-    let jacobians = if rod.has_tip_moment() {
+    let jacobians = if rod.has_moment() {
         rod.eliminate::<false>(0.0);
         all::<A, false>(rod, &responses, segments)
     } else {

@@ -27,7 +27,7 @@ impl RodModel {
 }
 
 /// Loads as flat arrays, row by row; SI units, base frame.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Loads<'a> {
     /// Number of rows.
     pub count: usize,
@@ -39,6 +39,12 @@ pub struct Loads<'a> {
     pub tip_force: &'a [f64],
     /// Moment on the tip (N m), in the same form as gravity.
     pub tip_moment: &'a [f64],
+    /// Number of disks with a force or a moment in each row.
+    pub disks: usize,
+    /// Forces on the disks (N): none, those of all rows, or those of each row.
+    pub disk_forces: &'a [[f64; 3]],
+    /// Moments on the disks (N m), in the same form.
+    pub disk_moments: &'a [[f64; 3]],
 }
 
 impl<'a> Loads<'a> {
@@ -48,11 +54,17 @@ impl<'a> Loads<'a> {
             let at = if v.len() == 3 { 0 } else { 3 * i };
             [v[at], v[at + 1], v[at + 2]]
         };
+        let on_disks = |v: &'a [[f64; 3]]| match v.len() > self.disks {
+            true => &v[self.disks * i..][..self.disks],
+            false => v,
+        };
         Load {
             tensions: &self.tensions[i * tendons..][..tendons],
             gravity: three(self.gravity),
             tip_force: three(self.tip_force),
             tip_moment: three(self.tip_moment),
+            disk_forces: on_disks(self.disk_forces),
+            disk_moments: on_disks(self.disk_moments),
         }
     }
 
@@ -74,6 +86,17 @@ impl<'a> Loads<'a> {
                 return Err(InputError::other(format!(
                     "{name} has {} numbers, it must have 3, or 3 for each of the {n} loads",
                     v.len()
+                )));
+            }
+        }
+        for (name, v) in [("forces", self.disk_forces), ("moments", self.disk_moments)] {
+            let each = n.checked_mul(self.disks);
+            if !v.is_empty() && v.len() != self.disks && Some(v.len()) != each {
+                return Err(InputError::other(format!(
+                    "{} {name} on disks were given, they must be one for each of {} disks, or as \
+                     many for each of the {n} loads",
+                    v.len(),
+                    self.disks
                 )));
             }
         }
@@ -180,8 +203,12 @@ fn start_polynomial(
     loads: &Loads,
     threads: usize,
 ) -> Option<StartPolynomial> {
-    // lanes do not solve tip moments
-    if loads.tip_moment.iter().any(|m| *m != 0.0) {
+    // lanes do not solve moments
+    let moments = loads.tip_moment.iter();
+    if moments
+        .chain(loads.disk_moments.as_flattened())
+        .any(|m| *m != 0.0)
+    {
         return None;
     }
     let tendons = robot.tendon_count();

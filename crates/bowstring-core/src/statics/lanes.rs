@@ -130,6 +130,19 @@ fn with<S: Simd>(
     })
 }
 
+/// Forces on the disks under the load of every lane; `None` where no load has any.
+#[inline(always)]
+pub(super) fn disk_forces<'a, 'l: 'a, T: Real>(
+    of: impl Fn(usize) -> &'a Load<'l>,
+) -> Option<impl Fn(usize) -> Vec3<T>> {
+    let loaded = (0..T::LANES).any(|lane| !of(lane).disk_forces.is_empty());
+    let on_disk = move |k: usize| {
+        let own = |lane: usize| of(lane).disk_forces.get(k).copied().unwrap_or_default();
+        Vec3([0, 1, 2].map(|q| T::from_fn(|lane| own(lane)[q])))
+    };
+    loaded.then_some(on_disk)
+}
+
 struct Lanes<S: Simd, const CONTINUOUS: bool, const A: usize> {
     rod: Rod<Robots<S, CONTINUOUS>, A>,
     model: Model,
@@ -371,15 +384,15 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
             |i| S::Vector::from_fn(|lane| of(lane).tensions[i]),
             vector(|l| l.gravity),
             vector(|l| l.tip_force),
-            Vec3::zero(),
+            disk_forces(|lane| of(lane)),
         );
         let mut energy = rod.evaluate();
-        // a tip moment has no energy to minimise
+        // a moment has no energy to minimise
         let mut plain = [false; MOST_LANES];
         let mut noise = S::Vector::zero();
         let mut stiffening = [0.0; MOST_LANES];
         for lane in 0..S::Vector::LANES {
-            plain[lane] = !self.left[lane] && of(lane).tip_moment == [0.0; 3];
+            plain[lane] = !self.left[lane] && !of(lane).has_moment();
             let scale = rod.energy_scale(settings[lane].length, lane);
             stiffening[lane] = scale / rod.module_count() as f64;
             noise.set_lane(lane, ENERGY_NOISE * (scale + energy.lane(lane).abs()));

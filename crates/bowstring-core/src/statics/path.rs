@@ -148,7 +148,7 @@ impl PathSolver {
         now.drops.copy_from_slice(drops);
         now.spans.copy_from_slice(spans);
         now.commands.copy_from_slice(commands);
-        now.load = [load.gravity, load.tip_force, load.tip_moment];
+        now.load.set_dead(load);
         self.tendons().note_displacements();
         Ok(())
     }
@@ -162,7 +162,7 @@ impl PathSolver {
         now.tensions.copy_from_slice(&step.tensions);
         now.displacements.copy_from_slice(&step.displacements);
         now.commands.copy_from_slice(commands);
-        now.load = [load.gravity, load.tip_force, load.tip_moment];
+        now.load.set_dead(load);
     }
 
     /// Slack length of each tendon (m); zero where it is taut.

@@ -16,7 +16,7 @@ use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
 use crate::rod::estimate::Verdict;
 use crate::rod::tension_columns::TensionColumns;
-use crate::statics::lanes::{MOST_LANES, NEGLIGIBLE};
+use crate::statics::lanes::{disk_forces, MOST_LANES, NEGLIGIBLE};
 use crate::statics::newton::{is_minimum_nearby, MAX_STEP};
 use crate::statics::outcome::{Settings, TOLERANCE};
 use crate::statics::path::PathSolver;
@@ -316,8 +316,8 @@ impl<S: Simd> PathLanes<S> {
             iterations: [0; MOST_LANES],
         };
         for lane in 0..S::Vector::LANES {
-            // a tip moment has no energy to minimise
-            progress.plain[lane] = !self.left[lane] && of(lane).load.tip_moment == [0.0; 3];
+            // a moment has no energy to minimise
+            progress.plain[lane] = !self.left[lane] && !of(lane).load.has_moment();
         }
         let per_scale = S::Vector::from_fn(|lane| 1.0 / self.settings[lane].moment_scale);
         self.rod.evaluate();
@@ -360,7 +360,7 @@ impl<S: Simd> PathLanes<S> {
             |i| tensions[i],
             vector(|l| l.gravity),
             vector(|l| l.tip_force),
-            Vec3::zero(),
+            disk_forces(|lane| &of(lane).load),
         );
         self.rod.make_unloaded();
         for (state, w) in self.rod.states.iter_mut().zip(&self.last.strain) {

@@ -5,7 +5,7 @@
 use crate::interrupt;
 use crate::math::anderson::AndersonAcceleration;
 use crate::math::linalg::Vec3;
-use crate::model::load::Load;
+use crate::model::load::{Load, OwnedLoad};
 use crate::rod::estimate::ErrorEstimate;
 use crate::statics::solver::{Solver, Status, MAX_STEP, TOLERANCE};
 use crate::tendon::{Command, History, Transmission};
@@ -16,7 +16,7 @@ pub struct PathOutcome {
     /// How the step ended.
     pub status: Status,
     /// Whether the equilibrium is a minimum of the energy under the given displacements and
-    /// tensions; `None` under a tip moment or friction, which have no potential.
+    /// tensions; `None` under a moment or friction, which have no potential.
     pub stable: Option<bool>,
     /// Newton steps.
     pub iterations: usize,
@@ -185,6 +185,7 @@ impl PathStep {
         let (mut increments, mut iterations) = (0, first.iterations);
         let mut from = old.clone();
         let mut part_commands = commands.to_vec();
+        let mut part = OwnedLoad::default();
         for _ in 0..MAX_INCREMENTS {
             let share = f64::min(reached + increment, 1.0);
             // a motor that changes its kind of command starts from the tendon's present value
@@ -195,8 +196,8 @@ impl PathStep {
                 };
                 part_commands[i] = to.with(between(start, to.value(), share));
             }
-            let part = part_of_load(old, load, share);
-            let found = self.newton(&from, &part_commands, &part);
+            part.between_dead(&old.load, load, share);
+            let found = self.newton(&from, &part_commands, &part.borrow());
             iterations += found.iterations;
             if iterations > MOST_ITERATIONS || interrupt::interrupted() {
                 break;
@@ -233,7 +234,7 @@ impl PathStep {
         let friction = self.transmission.friction.enabled;
         let fresh = friction && old.drops.iter().all(|y| *y == 0.0);
         let mut state = Iteration {
-            symmetric: load.tip_moment == [0.0; 3],
+            symmetric: !load.has_moment(),
             rigid: self.transmission.tendons.is_rigid(),
             unit: self.solver.settings.shift_unit,
             shift: 0.0,
@@ -314,7 +315,7 @@ impl PathStep {
     fn start(&mut self, old: &History, commands: &[Command], load: &Load) {
         self.transmission.start(old, commands);
         let tendons = &mut self.transmission.tendons;
-        tendons.now.load = [load.gravity, load.tip_force, load.tip_moment];
+        tendons.now.load.set_dead(load);
         let engine = &mut *self.solver.engine;
         engine.load(&Load {
             tensions: &tendons.now.tensions,
@@ -508,16 +509,5 @@ fn between(a: f64, b: f64, share: f64) -> f64 {
         b
     } else {
         a + share * (b - a)
-    }
-}
-
-/// Interpolates the load between that of the step before and `load`.
-fn part_of_load<'a>(old: &History, load: &Load<'a>, share: f64) -> Load<'a> {
-    let part = |q: usize, to: [f64; 3]| [0, 1, 2].map(|x| between(old.load[q][x], to[x], share));
-    Load {
-        tensions: load.tensions,
-        gravity: part(0, load.gravity),
-        tip_force: part(1, load.tip_force),
-        tip_moment: part(2, load.tip_moment),
     }
 }

@@ -17,7 +17,7 @@ use crate::statics::newton::{newton, Attempt, MAX_ITERATIONS};
 pub(crate) use crate::statics::outcome::Settings;
 pub use crate::statics::outcome::{Outcome, Status, TOLERANCE};
 
-/// Least tip moment over (bending stiffness / length) that may lead from a stable equilibrium to an
+/// Least moment over (bending stiffness / length) that may lead from a stable equilibrium to an
 /// unstable one.
 const LEAST_LEADING_MOMENT: f64 = 0.1;
 /// First increment of the load, as a fraction of it.
@@ -46,7 +46,7 @@ pub(super) const MAX_EXTRAPOLATION: f64 = 0.3;
 ///     gravity: [0.0; 3],
 /// })?;
 /// let mut solver = Solver::new(&robot, Model::default(), 1)?;
-/// let load = Load { tensions: &[40.0], gravity: [0.0; 3], tip_force: [0.0; 3], tip_moment: [0.0; 3] };
+/// let load = Load { tensions: &[40.0], ..Load::default() };
 /// let outcome = solver.solve(&load)?;
 /// assert_eq!(outcome.status, Status::Converged);
 /// assert!((solver.tip().unwrap().position[0] - 0.2164).abs() < 1e-3);
@@ -284,17 +284,13 @@ impl Solver {
         outcome
     }
 
-    /// Load stepping after a failed attempt: of the tip moment alone, then of the whole load.
+    /// Load stepping after a failed attempt: of the moments alone, then of the whole load.
     fn continued(&mut self, attempt: Attempt, load: &Load, outcome: &mut Outcome) -> Attempt {
         // if load stepping fails too, the first outcome is kept
         let first = *outcome;
         let mut continued = Attempt::Stuck;
-        if load.tip_moment != [0.0; 3] {
-            let rest = Load {
-                tip_moment: [0.0; 3],
-                ..*load
-            };
-            let rest = self.equilibrium(&rest, true);
+        if load.has_moment() {
+            let rest = self.equilibrium(&load.without_moments(), true);
             outcome.iterations += rest.iterations;
             if rest.status == Status::Converged {
                 continued = self.continuation(load, false, outcome);
@@ -319,7 +315,7 @@ impl Solver {
     }
 
     /// Raises the load from zero by adaptive increments: the whole load or, from the engine's
-    /// equilibrium under the other loads, the tip moment alone. Reports the fraction reached.
+    /// equilibrium under the other loads, the moments alone. Reports the fraction reached.
     fn continuation(&mut self, load: &Load, all: bool, outcome: &mut Outcome) -> Attempt {
         let mut part = OwnedLoad::default();
         let mut start = vec![Vec3::zero(); self.history[0].len()];
@@ -332,15 +328,11 @@ impl Solver {
             let fraction = f64::min(reached + increment, 1.0);
             let share = if all { fraction } else { 1.0 };
             part.set(load);
-            part.tensions.iter_mut().for_each(|t| *t *= share);
-            part.gravity = load.gravity.map(|g| g * share);
-            part.tip_force = load.tip_force.map(|f| f * share);
-            part.tip_moment = load.tip_moment.map(|m| m * fraction);
+            part.scale(share, fraction);
             let mut attempt = self.attempt_from(&start, &part.borrow(), outcome);
             if fraction == 1.0 {
-                let leads = !all
-                    && Vec3(load.tip_moment).norm()
-                        > LEAST_LEADING_MOMENT * self.settings.moment_scale;
+                let leads =
+                    !all && load.moment_size() > LEAST_LEADING_MOMENT * self.settings.moment_scale;
                 attempt = self.judged(attempt, load, leads);
             }
             let sound = attempt.is_sound();
@@ -356,8 +348,7 @@ impl Solver {
                 increment *= SHORTER;
             }
             outcome.fraction = reached;
-            if fraction == 1.0 && matches!(attempt, Attempt::Saddle) && load.tip_moment != [0.0; 3]
-            {
+            if fraction == 1.0 && matches!(attempt, Attempt::Saddle) && load.has_moment() {
                 // converged to an unstable equilibrium: smaller increments lead to the same
                 return attempt;
             }
@@ -481,6 +472,7 @@ mod tests {
                 gravity: [0.0, 0.0, -9.81],
                 tip_force,
                 tip_moment,
+                ..Load::default()
             };
             let mut solver = Solver::new(&robot, model, 1).unwrap();
             let mut first = None;

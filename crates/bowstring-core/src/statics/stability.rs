@@ -1,4 +1,4 @@
-//! Stability of an equilibrium under a tip moment, which has no potential.
+//! Stability of an equilibrium under dead moments, which have no potential.
 //!
 //! Theory: docs/theory/statics.md (Stability).
 
@@ -11,7 +11,7 @@ use crate::statics::solver::Solver;
 
 /// Negative pivot, over the unit of the shift, that may still belong to a minimum, by rounding.
 const LOST_PIVOT: f64 = 1e-8;
-/// Damping ratio at which small oscillations under a tip moment must decay for stability. Without
+/// Damping ratio at which small oscillations under a moment must decay for stability. Without
 /// damping, a moment along a round backbone makes them grow however small it is (Nikolai's
 /// paradox).
 const FLUTTER_DAMPING: f64 = 0.01;
@@ -19,7 +19,7 @@ const FLUTTER_DAMPING: f64 = 0.01;
 const STRONG_GROWTH: f64 = 0.5;
 
 impl Solver {
-    /// Determines the stability of an equilibrium under a tip moment, which Newton's method does
+    /// Determines the stability of an equilibrium under moments, which Newton's method does
     /// not. An unstable one is accepted where the moment alone `leads` to it from a stable one.
     pub(super) fn judged(&mut self, attempt: Attempt, load: &Load, leads: bool) -> Attempt {
         let Attempt::Converged {
@@ -35,11 +35,12 @@ impl Solver {
         }
     }
 
-    /// Whether small damped motions under a tip moment decay. The moment adds half of itself as a
-    /// skew stiffness against the tip's rotation to a symmetric tangent. Where that is positive
-    /// definite, divergence is excluded; and with the tip's flexibility `C` in the plane
+    /// Whether small damped motions under dead moments decay. A moment adds half of itself as a
+    /// skew stiffness against its disk's rotation to a symmetric tangent. Where that is positive
+    /// definite, divergence is excluded; and with the disk's flexibility `C` in the plane
     /// perpendicular to the moment, squared frequencies lie within an angle of `|moment| sqrt(det
-    /// C) / 2` of the real axis. This decides small moments. Larger ones need the frequencies.
+    /// C) / 2` of the real axis, or within the sum of these over the disks. This decides small
+    /// moments. Larger ones need the frequencies.
     fn stability(&mut self, load: &Load) -> Option<bool> {
         self.engine.linearise();
         let pivot = self.engine.eliminate(true, 0.0);
@@ -63,12 +64,20 @@ impl Solver {
         stable
     }
 
-    /// Bound on the angle between squared frequencies under a tip moment and the real axis (rad),
+    /// Bound on the angle between squared frequencies under dead moments and the real axis (rad),
     /// from the last elimination.
     fn flutter_angle(&mut self, load: &Load) -> f64 {
+        let n = self.robot.module_count();
+        let loaded = (0..n).map(|k| (k, Vec3(load.moment_on(k, n))));
+        let loaded = loaded.filter(|(_, moment)| moment.norm() > 0.0);
+        let angles: Vec<_> = loaded.map(|(k, m)| self.flutter_angle_of(k, m)).collect();
+        angles.into_iter().sum()
+    }
+
+    /// The same for the moment on one disk.
+    fn flutter_angle_of(&mut self, disk: usize, moment: Vec3) -> f64 {
         let per_module = 2 * self.elements;
         let rod = &mut *self.engine;
-        let moment = Vec3(load.tip_moment);
         let size = moment.norm();
         let along = moment * (1.0 / size);
         let least = (0..3).min_by(|a, b| along[*a].abs().total_cmp(&along[*b].abs()));
@@ -77,10 +86,11 @@ impl Solver {
         let first = along.cross(axis);
         let first = first * (1.0 / first.norm());
         let second = along.cross(first);
-        // twice the energy of a unit moment on the tip
+        // twice the energy of a unit moment on the disk
         let mut solution = |unit: Vec3| {
             let local: Vec<_> = (0..rod.module_count())
                 .map(|k| match k {
+                    _ if k > disk => Vec3::zero(),
                     0 => unit,
                     _ => rod.disk(k - 1).rotation.tr_mul(unit),
                 })

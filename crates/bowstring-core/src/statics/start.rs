@@ -32,6 +32,7 @@ enum Number {
     Tension(usize),
     Gravity(usize),
     TipForce(usize),
+    DiskForce(usize, usize),
 }
 
 impl Number {
@@ -40,6 +41,7 @@ impl Number {
             Number::Tension(i) => load.tensions[i],
             Number::Gravity(q) => load.gravity[q],
             Number::TipForce(q) => load.tip_force[q],
+            Number::DiskForce(k, q) => load.disk_forces[k][q],
         }
     }
 }
@@ -248,7 +250,13 @@ fn varying(loads: &Loads, tendons: usize) -> Vec<Input> {
     let tensions = (0..tendons).map(|i| (Number::Tension(i), column(loads.tensions, tendons, i)));
     let gravity = (0..3).map(|q| (Number::Gravity(q), column(loads.gravity, 3, q)));
     let tip_force = (0..3).map(|q| (Number::TipForce(q), column(loads.tip_force, 3, q)));
-    let all = tensions.chain(gravity).chain(tip_force);
+    let width = 3 * loads.disks;
+    let disk_forces = (0..width).filter(|_| !loads.disk_forces.is_empty());
+    let disk_forces = disk_forces.map(|at| {
+        let column = column(loads.disk_forces.as_flattened(), width, at);
+        (Number::DiskForce(at / 3, at % 3), column)
+    });
+    let all = tensions.chain(gravity).chain(tip_force).chain(disk_forces);
     all.filter(|(_, (low, high))| high - low > ROUNDING * f64::max(high.abs(), low.abs()))
         .map(|(number, (low, high))| Input {
             number,
@@ -328,6 +336,7 @@ mod tests {
                 gravity: &[0.0, 0.0, -9.81],
                 tip_force: &self.tip_force,
                 tip_moment: &[0.0; 3],
+                ..Loads::default()
             }
         }
     }

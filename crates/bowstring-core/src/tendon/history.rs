@@ -4,6 +4,7 @@
 
 use super::line::Command;
 use crate::math::linalg::Vec3;
+use crate::model::load::OwnedLoad;
 
 /// State of the tendons and of the backbone at the last step of a path.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,8 +22,8 @@ pub struct History {
     pub(crate) slip: Vec<Slip>,
     /// Commands of the last step.
     pub commands: Vec<Command>,
-    /// Gravity (m/s^2), tip force (N) and tip moment (N m) of the last step.
-    pub load: [[f64; 3]; 3],
+    /// Dead loads of the last step, without tensions.
+    pub load: OwnedLoad,
 }
 
 impl History {
@@ -35,7 +36,7 @@ impl History {
         self.strain.clone_from(&other.strain);
         self.slip.clone_from(&other.slip);
         self.commands.clone_from(&other.commands);
-        self.load = other.load;
+        self.load.clone_from(&other.load);
     }
 }
 

@@ -7,7 +7,7 @@ use super::history::{History, Slip};
 use super::line::{Command, Line};
 use crate::math::linalg::Vec3;
 use crate::model::error::{Argument, InputError, Rule};
-use crate::model::load::{Load, Model, TendonPath};
+use crate::model::load::{Load, Model, OwnedLoad, TendonPath};
 use crate::model::robot::Robot;
 use crate::rod::routed::RoutedRod;
 
@@ -100,7 +100,7 @@ impl Tendons {
             displacements: vec![0.0; m],
             strain,
             slip: vec![Slip::Sticks; n * m],
-            load: [[0.0; 3]; 3],
+            load: OwnedLoad::default(),
         };
         self.now.clone()
     }

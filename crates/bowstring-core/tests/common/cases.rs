@@ -165,6 +165,7 @@ impl Case {
             gravity: self.spec.gravity.map(|g| g * fraction),
             tip_force: (self.tip_force * fraction).0,
             tip_moment: (self.tip_moment * fraction).0,
+            ..Load::default()
         }
     }
 

@@ -49,9 +49,7 @@ pub fn study_robot(n: usize, clamped_length: f64) -> Robot {
 pub fn by_tensions(tensions: &[f64]) -> Load<'_> {
     Load {
         tensions,
-        gravity: [0.0; 3],
-        tip_force: [0.0; 3],
-        tip_moment: [0.0; 3],
+        ..Load::default()
     }
 }
 
