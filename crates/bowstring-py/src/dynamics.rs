@@ -3,7 +3,7 @@
 use crate::fields::Records;
 use crate::input::{array, copied, input_error, numbers, refused, three, Array, Rows};
 use crate::interrupt::interruptible;
-use crate::model::{self, DeadLoad, RodModel};
+use crate::model::{self, vectors, DeadLoad, RodModel};
 use crate::path::PathSolver;
 use crate::rod::Robot;
 use bowstring_core::dynamics::integrator::{
@@ -12,10 +12,32 @@ use bowstring_core::dynamics::integrator::{
 use bowstring_core::dynamics::modal;
 use bowstring_core::model::load::{Load, OwnedLoad};
 use bowstring_core::statics::solver::Status;
+use numpy::ndarray::ArrayView2;
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::{Duration, Instant};
+
+/// Loads at one time, a tuple: actuation of each tendon; force and moment on the tip; forces and
+/// moments on the disks, (3 N,), or empty if there are none.
+#[derive(FromPyObject)]
+struct InstantLoad<'py>(
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+);
+
+/// The same at several times, row by row.
+#[derive(FromPyObject)]
+struct LoadRows<'py>(
+    PyReadonlyArray2<'py, f64>,
+    PyReadonlyArray2<'py, f64>,
+    PyReadonlyArray2<'py, f64>,
+    PyReadonlyArray2<'py, f64>,
+    PyReadonlyArray2<'py, f64>,
+);
 
 /// A robot in motion, and the records of its run.
 #[pyclass(module = "bowstring._core")]
@@ -117,15 +139,10 @@ impl Simulator {
 
     /// Starts at rest in the equilibrium of a load; returns the status of its search, `unsettled`
     /// where statics converge but the robot with lumped mass does not rest there.
-    fn rest(
-        &mut self,
-        tensions: &Bound<'_, PyAny>,
-        tip_force: &Bound<'_, PyAny>,
-        tip_moment: &Bound<'_, PyAny>,
-    ) -> PyResult<&'static str> {
-        let load = self.load(tensions, tip_force, tip_moment)?;
-        let outcome = interruptible(tensions.py(), || self.inner.rest(&load.borrow()))?
-            .map_err(input_error)?;
+    fn rest(&mut self, py: Python<'_>, load: InstantLoad<'_>) -> PyResult<&'static str> {
+        let load = self.load(&load)?;
+        let outcome =
+            interruptible(py, || self.inner.rest(&load.borrow()))?.map_err(input_error)?;
         if outcome.status == Status::Converged && !self.inner.is_ready() {
             return Ok("unsettled");
         }
@@ -160,13 +177,8 @@ impl Simulator {
     }
 
     /// Changes the load at once.
-    fn jump(
-        &mut self,
-        tensions: &Bound<'_, PyAny>,
-        tip_force: &Bound<'_, PyAny>,
-        tip_moment: &Bound<'_, PyAny>,
-    ) -> PyResult<()> {
-        let load = self.load(tensions, tip_force, tip_moment)?;
+    fn jump(&mut self, load: InstantLoad<'_>) -> PyResult<()> {
+        let load = self.load(&load)?;
         self.inner.jump(&load.borrow()).map_err(input_error)
     }
 
@@ -177,19 +189,22 @@ impl Simulator {
         &mut self,
         py: Python<'_>,
         duration: PyReadonlyArray1<'_, f64>,
-        tensions: PyReadonlyArray2<'_, f64>,
-        tip_force: PyReadonlyArray2<'_, f64>,
-        tip_moment: PyReadonlyArray2<'_, f64>,
+        loads: LoadRows<'_>,
         record: PyReadonlyArray1<'_, bool>,
     ) -> PyResult<Option<&'static str>> {
         let rows = duration.len();
         let tendons = self.inner.robot().tendon_count();
+        let LoadRows(tensions, tip_force, tip_moment, disk_forces, disk_moments) = loads;
+        let on_disks = 3 * self.inner.robot().module_count();
         for (name, shape, expected) in [
             ("tensions", tensions.shape(), [rows, tendons]),
             ("tip_force", tip_force.shape(), [rows, 3]),
             ("tip_moment", tip_moment.shape(), [rows, 3]),
+            ("disk_forces", disk_forces.shape(), [rows, on_disks]),
+            ("disk_moments", disk_moments.shape(), [rows, on_disks]),
         ] {
-            if shape != expected {
+            let none = name.starts_with("disk") && shape[1] == 0;
+            if shape != expected && !(none && shape[0] == rows) {
                 return Err(refused(format!(
                     "{name} has shape {shape:?}, it must have {expected:?}"
                 )));
@@ -204,6 +219,7 @@ impl Simulator {
         let (duration, record) = (duration.as_array(), record.as_array());
         let (force, moment) = (tip_force.as_array(), tip_moment.as_array());
         let tensions = tensions.as_array();
+        let (disk_forces, disk_moments) = (disk_forces.as_array(), disk_moments.as_array());
         let mut own = vec![0.0; tendons];
         let mut stop = None;
         let done = interruptible(py, || {
@@ -211,11 +227,14 @@ impl Simulator {
                 for (to, from) in own.iter_mut().zip(tensions.row(row)) {
                     *to = *from;
                 }
+                let on_disks = |all: ArrayView2<f64>| vectors(&all.row(row).to_vec());
                 let load = Load {
                     tensions: &own,
                     gravity: [0.0; 3],
                     tip_force: [0, 1, 2].map(|i| force[[row, i]]),
                     tip_moment: [0, 1, 2].map(|i| moment[[row, i]]),
+                    disk_forces: &on_disks(disk_forces),
+                    disk_moments: &on_disks(disk_moments),
                 };
                 let count;
                 (stop, count) = self
@@ -344,18 +363,21 @@ impl Simulator {
 }
 
 impl Simulator {
-    fn load(
-        &self,
-        tensions: &Bound<'_, PyAny>,
-        tip_force: &Bound<'_, PyAny>,
-        tip_moment: &Bound<'_, PyAny>,
-    ) -> PyResult<OwnedLoad> {
+    fn load(&self, load: &InstantLoad<'_>) -> PyResult<OwnedLoad> {
+        let InstantLoad(tensions, tip_force, tip_moment, disk_forces, disk_moments) = load;
         let count = self.inner.robot().tendon_count();
+        let on_disks = |given: &Bound<'_, PyAny>, name, unit| match given.len()? {
+            0 => Ok(vec![]),
+            _ => numbers(given, name, unit, 3 * self.inner.robot().module_count())
+                .map(|numbers| vectors(&numbers)),
+        };
         Ok(OwnedLoad {
             tensions: numbers(tensions, "tensions", "N", count)?,
             gravity: [0.0; 3],
             tip_force: three(tip_force, "tip_force", "N")?,
             tip_moment: three(tip_moment, "tip_moment", "N m")?,
+            disk_forces: on_disks(disk_forces, "disk_forces", "N")?,
+            disk_moments: on_disks(disk_moments, "disk_moments", "N m")?,
         })
     }
 

@@ -7,7 +7,10 @@ use bowstring_core::model::load::{OwnedLoad, TendonPath, Theory};
 use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
 use bowstring_core::statics::batch::Loads;
 use bowstring_core::statics::path::Line;
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{
+    PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArrayDyn, PyUntypedArray,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 
@@ -173,12 +176,14 @@ impl RodModel {
 }
 
 /// Loads beside the tendons, attributes of Python's `Load`: gravity (the robot's own if None),
-/// force and moment at the tip (zero if None).
+/// force and moment at the tip and on each disk (zero if None).
 #[derive(FromPyObject)]
 pub struct DeadLoad<'py> {
     gravity: Option<Bound<'py, PyAny>>,
     tip_force: Option<Bound<'py, PyAny>>,
     tip_moment: Option<Bound<'py, PyAny>>,
+    disk_forces: Option<Bound<'py, PyAny>>,
+    disk_moments: Option<Bound<'py, PyAny>>,
 }
 
 impl DeadLoad<'_> {
@@ -190,8 +195,57 @@ impl DeadLoad<'_> {
             gravity: gravity(robot, self.gravity.as_ref())?,
             tip_force: three_or(self.tip_force.as_ref(), "tip_force", "N", zero)?,
             tip_moment: three_or(self.tip_moment.as_ref(), "tip_moment", "N m", zero)?,
+            disk_forces: on_disks(robot, self.disk_forces.as_ref(), "disk_forces", "N", None)?,
+            disk_moments: on_disks(
+                robot,
+                self.disk_moments.as_ref(),
+                "disk_moments",
+                "N m",
+                None,
+            )?,
         })
     }
+}
+
+/// Vectors on all disks, (N, 3), or on those of each of several rows, (n, N, 3); empty if None.
+fn on_disks(
+    robot: &Robot,
+    given: Option<&Bound<'_, PyAny>>,
+    name: &str,
+    unit: &str,
+    rows: Option<usize>,
+) -> PyResult<Vec<[f64; 3]>> {
+    let Some(given) = given else {
+        return Ok(vec![]);
+    };
+    let n = robot.module_count();
+    let each = match rows {
+        Some(rows) => format!(" or ({rows}, {n}, 3)"),
+        None => String::new(),
+    };
+    let rule = format!("({n}, 3){each}: one vector for each disk, in {unit}");
+    let Ok(array) = given.extract::<PyReadonlyArrayDyn<f64>>() else {
+        let value = brief(given);
+        return Err(refused(format!(
+            "{name} is {value}, it must be numbers of shape {rule}"
+        )));
+    };
+    let shape = array.shape();
+    if shape != [n, 3] && rows.is_none_or(|rows| shape != [rows, n, 3]) {
+        let shape: Vec<_> = shape.iter().map(usize::to_string).collect();
+        return Err(refused(format!(
+            "{name} has shape ({}), it must have {rule}",
+            shape.join(", ")
+        )));
+    }
+    let numbers: Vec<f64> = array.as_array().iter().copied().collect();
+    Ok(vectors(&numbers))
+}
+
+/// Vectors from their numbers, one after the other.
+pub fn vectors(numbers: &[f64]) -> Vec<[f64; 3]> {
+    let vectors = numbers.chunks_exact(3);
+    vectors.map(|v| [v[0], v[1], v[2]]).collect()
 }
 
 fn three_or(
@@ -449,6 +503,9 @@ pub(crate) struct OwnLoads {
     gravity: Vec<f64>,
     tip_force: Vec<f64>,
     tip_moment: Vec<f64>,
+    disks: usize,
+    disk_forces: Vec<[f64; 3]>,
+    disk_moments: Vec<[f64; 3]>,
 }
 
 impl OwnLoads {
@@ -464,7 +521,14 @@ impl OwnLoads {
                 robot.tendon_count()
             )));
         }
-        let given = 8.0 * (count as f64) * (tendons as f64 + 9.0);
+        let disks = robot.module_count();
+        let size = |of: &Option<Bound<'_, PyAny>>| {
+            let array = of.as_ref()?.cast::<PyUntypedArray>().ok()?;
+            Some(array.len() as f64)
+        };
+        let all = [&load.disk_forces, &load.disk_moments];
+        let of_disks: f64 = all.into_iter().filter_map(size).sum();
+        let given = 8.0 * (count as f64 * (tendons as f64 + 9.0) + of_disks);
         memory::check(
             given,
             || format!("a copy of {count} loads"),
@@ -488,12 +552,18 @@ impl OwnLoads {
                 Err(_) => Ok(three(value, name, unit)?.to_vec()),
             }
         };
+        let disk_rows = |value: Given, name: &str, unit: &str| {
+            on_disks(robot, value.as_ref(), name, unit, Some(count))
+        };
         Ok(OwnLoads {
             count,
             tensions: tensions.as_array().iter().copied().collect(),
             gravity: rows(&load.gravity, robot.spec().gravity, "gravity", "m/s^2")?,
             tip_force: rows(&load.tip_force, [0.0; 3], "tip_force", "N")?,
             tip_moment: rows(&load.tip_moment, [0.0; 3], "tip_moment", "N m")?,
+            disks,
+            disk_forces: disk_rows(&load.disk_forces, "disk_forces", "N")?,
+            disk_moments: disk_rows(&load.disk_moments, "disk_moments", "N m")?,
         })
     }
 
@@ -504,6 +574,9 @@ impl OwnLoads {
             gravity: &self.gravity,
             tip_force: &self.tip_force,
             tip_moment: &self.tip_moment,
+            disks: self.disks,
+            disk_forces: &self.disk_forces,
+            disk_moments: &self.disk_moments,
         }
     }
 }

@@ -156,9 +156,10 @@ impl PathSolver {
         let out = PyDict::new(py);
         let by_displacement: Vec<_> = now.commands.iter().map(Command::is_displacement).collect();
         let commands: Vec<_> = now.commands.iter().map(Command::value).collect();
-        let [gravity, tip_force, tip_moment] = &now.load;
+        let load = &now.load;
         let strain = self.inner.strain();
         let floats = |values: &[f64], shape: &[usize]| copied(py, values, shape).into_any();
+        let on_disks = |v: &[[f64; 3]]| floats(v.as_flattened(), &[v.len(), 3]);
         for (name, values) in [
             ("tensions", floats(&now.tensions, &[m])),
             ("drops", floats(&now.drops, &[n, m])),
@@ -168,9 +169,11 @@ impl PathSolver {
                 copied(py, &by_displacement, &[m]).into_any(),
             ),
             ("commands", floats(&commands, &[m])),
-            ("gravity", floats(gravity, &[3])),
-            ("tip_force", floats(tip_force, &[3])),
-            ("tip_moment", floats(tip_moment, &[3])),
+            ("gravity", floats(&load.gravity, &[3])),
+            ("tip_force", floats(&load.tip_force, &[3])),
+            ("tip_moment", floats(&load.tip_moment, &[3])),
+            ("disk_forces", on_disks(&load.disk_forces)),
+            ("disk_moments", on_disks(&load.disk_moments)),
             ("slips", array(py, self.inner.slips(), &[n, m]).into_any()),
             ("strain", floats(strain.as_flattened(), &[strain.len(), 3])),
         ] {
@@ -189,11 +192,15 @@ impl PathSolver {
         ) else {
             return Err(refused("the history does not belong to this robot"));
         };
+        let disk_forces = history.disk_forces.extract::<Rows<3>>()?;
+        let disk_moments = history.disk_moments.extract::<Rows<3>>()?;
         let load = Load {
             tensions: &[],
             gravity: three(&history.gravity, "gravity", "m/s^2")?,
             tip_force: three(&history.tip_force, "tip_force", "N")?,
             tip_moment: three(&history.tip_moment, "tip_moment", "N m")?,
+            disk_forces: &disk_forces,
+            disk_moments: &disk_moments,
         };
         let given = path_batch::commands(&by_displacement, &commands);
         self.inner
@@ -264,6 +271,8 @@ struct History<'py> {
     gravity: Bound<'py, PyAny>,
     tip_force: Bound<'py, PyAny>,
     tip_moment: Bound<'py, PyAny>,
+    disk_forces: PyReadonlyArray2<'py, f64>,
+    disk_moments: PyReadonlyArray2<'py, f64>,
     strain: Bound<'py, PyAny>,
     slips: PyReadonlyArray2<'py, i8>,
 }

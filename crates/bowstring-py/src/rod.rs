@@ -309,6 +309,11 @@ fn vector<'py, T: Element + Copy>(py: Python<'py>, values: &[T]) -> Array<'py, T
     copied(py, values, &[values.len()])
 }
 
+fn on_disks<'py>(py: Python<'py>, vectors: &[[f64; 3]]) -> Option<Array<'py>> {
+    let shape = [vectors.len(), 3];
+    (!vectors.is_empty()).then(|| copied(py, vectors.as_flattened(), &shape))
+}
+
 /// The solution for one load.
 #[pyclass(frozen, module = "bowstring._core")]
 pub struct Solution {
@@ -447,6 +452,15 @@ impl Solution {
     #[getter]
     fn tip_moment<'py>(&self, py: Python<'py>) -> Array<'py> {
         vector(py, &self.load.tip_moment)
+    }
+    /// Forces on the disks (N, 3); `None` if there are none.
+    #[getter]
+    fn disk_forces<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        on_disks(py, &self.load.disk_forces)
+    }
+    #[getter]
+    fn disk_moments<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        on_disks(py, &self.load.disk_moments)
     }
     #[getter]
     fn tip_position<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {

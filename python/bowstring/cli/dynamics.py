@@ -19,6 +19,8 @@ from bowstring.cli.actuation import (
 from bowstring.cli.options import (
     AsJson,
     AutomaticElements,
+    DiskForces,
+    DiskMoments,
     Elements,
     Gravity,
     HistoryFile,
@@ -30,6 +32,7 @@ from bowstring.cli.options import (
     load,
     not_negative,
     of_flag,
+    on_disks,
     option,
     out_folder,
     positive,
@@ -104,6 +107,8 @@ def simulate(
     tip_moment: Annotated[
         str, option("x,y,z", "Dead load: constant moment at the tip, base axes.")
     ] = "0,0,0",
+    disk_force: DiskForces = None,
+    disk_moment: DiskMoments = None,
     mass_damping: Annotated[
         str, option("1/s", "Mass-proportional damping: force per mass and velocity.")
     ] = "0",
@@ -157,11 +162,14 @@ def simulate(
             "--modal-damping is instead of --mass-damping and --material-damping; give either."
         )
     moment = vector("--tip-moment", tip_moment, "N*m")
-    if modal_damping is not None and any(moment):
-        raise InputError(
-            "--modal-damping needs the modes, and under --tip-moment there are none; give "
-            "--mass-damping and --material-damping instead."
-        )
+    disk_moments = on_disks("--disk-moment", disk_moment, "N*m", model)
+    moments = {"--tip-moment": [moment], "--disk-moment": disk_moments or []}
+    for flag, vectors in moments.items():
+        if modal_damping is not None and any(map(any, vectors)):
+            raise InputError(
+                f"--modal-damping needs the modes, and under {flag} there are none; give "
+                "--mass-damping and --material-damping instead."
+            )
     if dt is not None and tolerance is not None:
         raise InputError("--tolerance is for steps that adapt and --dt fixes them; give either.")
     if not 0 <= spectral_radius <= 1:
@@ -176,6 +184,8 @@ def simulate(
     acting = acting.replace(
         tip_force=vector("--tip-force", tip_force, "N"),
         tip_moment=moment,
+        disk_forces=on_disks("--disk-force", disk_force, "N", model),
+        disk_moments=disk_moments,
         gravity=None if gravity is None else vector("--gravity", gravity, "m/s^2"),
     )
     modal = ratio("--modal-damping", modal_damping)
@@ -263,6 +273,7 @@ def modes(
     theory: Theory = "cosserat",
     gravity: Gravity = None,
     tip_force: TipForce = "0,0,0",
+    disk_force: DiskForces = None,
     elements: AutomaticElements = None,
     history: HistoryFile = None,
     out: Annotated[Path | None, option("DIR", "Folder for pictures of the mode shapes.")] = None,
@@ -285,6 +296,7 @@ def modes(
         raise InputError(f"--count: got {count}; must be from 1 to 1000.")
     weight = vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
     force = vector("--tip-force", tip_force, "N")
+    disk_forces = on_disks("--disk-force", disk_force, "N", model)
 
     from bowstring._core import RodModel
     from bowstring.dynamics import modal
@@ -301,6 +313,7 @@ def modes(
         theory=theory,
         gravity_m_per_s2=weight,
         tip_force_N=force,
+        disk_forces_N=disk_forces,
         elements=elements,
         **{name: given for name, given in actuation.items() if given is not None},
     )
@@ -308,7 +321,7 @@ def modes(
         with progress_bar("modes"):
             found = modal.modes(
                 model,
-                load=acting.replace(tip_force=force, gravity=weight),
+                load=acting.replace(tip_force=force, disk_forces=disk_forces, gravity=weight),
                 model=RodModel(theory, elements=elements),
                 history=path,
                 count=count,

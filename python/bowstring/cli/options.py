@@ -76,6 +76,22 @@ AutomaticElements = Annotated[
     ),
 ]
 TipForce = Annotated[str, option("x,y,z", "Dead load: constant force at the tip, base axes.")]
+DiskForces = Annotated[
+    list[str] | None,
+    option(
+        "N:x,y,z",
+        "Dead load: force on disk N, counted from 1 at the base, base axes. Repeatable.",
+        "--disk-force",
+    ),
+]
+DiskMoments = Annotated[
+    list[str] | None,
+    option(
+        "N:x,y,z",
+        "Dead load: moment on disk N, counted from 1 at the base, base axes. Repeatable.",
+        "--disk-moment",
+    ),
+]
 MappingFile = Annotated[
     str | None,
     option(
@@ -100,6 +116,8 @@ _EXAMPLES: Final = {
     "--gravity": "0,0,-9.81",
     "--tip-force": "0,1,0",
     "--tip-moment": "0,0.1,0",
+    "--disk-force": "4:0,1,0",
+    "--disk-moment": "4:0,0.1,0",
     "--tolerance": '"1 %"',
     "--max-tension": '"80 N"',
     "--from": '"40 N",0,0',
@@ -248,6 +266,32 @@ def vector(flag: str, text: str, si: str) -> list[float]:
             f"for example {flag} {_EXAMPLES[flag]}."
         )
     return values
+
+
+def on_disks(
+    flag: str, texts: Sequence[str] | None, si: str, robot: Robot
+) -> list[list[float]] | None:
+    """Parse N:x,y,z of a repeatable flag to vectors on all disks; None without any."""
+    if not texts:
+        return None
+    count = len(robot.disks.station_m)
+    vectors = [[0.0, 0.0, 0.0] for _ in range(count)]
+    seen = set()
+    for text in texts:
+        number, colon, components = text.partition(":")
+        number = number.strip()
+        short = number.isdecimal() and len(number) < 10
+        if not (colon and short and 1 <= int(number) <= count):
+            raise InputError(
+                f"{flag}: got {quote(text)}; must be a disk of {robot.name} from 1 to {count} and, "
+                f"after a colon, x, y and z, for example {flag} {min(4, count)}:0,1,0."
+            )
+        disk = int(number)
+        if disk in seen:
+            raise InputError(f"{flag}: disk {disk} is there twice; name each one once.")
+        seen.add(disk)
+        vectors[disk - 1] = vector(flag, components, si)
+    return vectors
 
 
 def check_bare(

@@ -23,6 +23,8 @@ from bowstring.cli.options import (
     AsJson,
     AutomaticElements,
     Chord,
+    DiskForces,
+    DiskMoments,
     Gravity,
     HistoryFile,
     Overrides,
@@ -32,6 +34,7 @@ from bowstring.cli.options import (
     check_elements,
     load,
     of_flag,
+    on_disks,
     option,
     per_tendon,
     tendon_count,
@@ -204,6 +207,8 @@ def solve(
     tip_moment: Annotated[
         str, option("x,y,z", "Dead load: moment at the tip, base axes.")
     ] = "0,0,0",
+    disk_force: DiskForces = None,
+    disk_moment: DiskMoments = None,
     elements: AutomaticElements = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
@@ -218,12 +223,20 @@ def solve(
     weight = vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
     force = vector("--tip-force", tip_force, "N")
     moment = vector("--tip-moment", tip_moment, "N*m")
+    disk_forces = on_disks("--disk-force", disk_force, "N", model)
+    disk_moments = on_disks("--disk-moment", disk_moment, "N*m", model)
     before = None if history is None else read_history(history)
     if save_history is not None:
         save_history = of_flag("--save-history", check_history_file, save_history)
     solution = rod.solve(
         model,
-        load=load_.replace(gravity=weight, tip_force=force, tip_moment=moment),
+        load=load_.replace(
+            gravity=weight,
+            tip_force=force,
+            tip_moment=moment,
+            disk_forces=disk_forces,
+            disk_moments=disk_moments,
+        ),
         model=RodModel(theory, elements=elements),
         history=before,
     )
@@ -244,6 +257,8 @@ def solve(
                 gravity_m_per_s2=weight,
                 tip_force_N=force,
                 tip_moment_Nm=moment,
+                disk_forces_N=disk_forces,
+                disk_moments_Nm=disk_moments,
                 elements=solution.model.elements,
             ),
             "warnings": [*model.warnings, *warnings],

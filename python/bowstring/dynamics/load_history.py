@@ -16,12 +16,23 @@ from bowstring import validation
 from bowstring.errors import InputError
 from bowstring.formatting import plain
 from bowstring.statics import actuation
-from bowstring.statics.load import InstantLoad, Load
+from bowstring.statics.load import ON_DISKS, InstantLoad, Load, disk_shape
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["CLOSEST", "Actuation", "Loads", "OverTime", "Table", "over_time", "ramp", "step"]
+__all__ = [
+    "CLOSEST",
+    "Actuation",
+    "Loads",
+    "OverTime",
+    "Table",
+    "disk_row",
+    "on_disks",
+    "over_time",
+    "ramp",
+    "step",
+]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -30,6 +41,7 @@ _LOOK: Final = 0.1  # s of work between two checks for interrupts
 _WORK: Final = 3e-6  # s of work per step and module, estimated for the first chunk
 _MOST_AT_FIRST: Final = 250  # output times in the first chunk, in case the estimate is wrong
 _LONGEST_WHY: Final = 300  # characters of the error of a user's function
+_WORDS: Final = {"disk_forces": "force", "disk_moments": "moment"}
 CLOSEST: Final = 1e-11  # s between two times; a step of 1e-13 is below numerical resolution
 
 
@@ -42,7 +54,7 @@ class Table:
         Times in s, not decreasing; the same time twice is a jump.
     values : array_like (K, C)
         One row per time: the tension of each tendon in N, its displacement in m, or a vector. A
-        column of NaN is a tendon with a command of another kind.
+        column of NaN is a tendon with a command of another kind. Vectors on disks are (K, N, 3).
 
     Raises
     ------
@@ -57,6 +69,8 @@ class Table:
             self.values = validation.floats(values)
         except TypeError:
             raise InputError("a table over time takes numbers: times (K,), values (K, C)") from None
+        if self.values.ndim == 3:
+            self.values = self.values.reshape(len(self.values), -1)
         if self.times.ndim != 1 or self.values.ndim != 2 or len(self.times) == 0:
             raise InputError(
                 f"a table over time takes times (K,) and values (K, C), got shapes "
@@ -130,8 +144,8 @@ def ramp(values: ArrayLike, rise: float, start: float = 0.0) -> Table:
 
     Parameters
     ----------
-    values : array_like (T,)
-        Values after the rise, for example tensions in N.
+    values : array_like (T,) or (N, 3)
+        Values after the rise, for example tensions in N, or vectors on disks.
     rise : float
         Duration of the rise, s; 0 is a jump.
     start : float
@@ -150,6 +164,8 @@ def ramp(values: ArrayLike, rise: float, start: float = 0.0) -> Table:
         ) from None
     rise = validation.number("rise", rise, "s", zero=True)
     start = validation.number("start", start, "s", zero=True)
+    if end.ndim == 2:
+        end = end.ravel()
     return Table([start, start + rise], [0.0 * end, end])
 
 
@@ -158,8 +174,8 @@ def step(values: ArrayLike, start: float = 0.0) -> Table:
 
     Parameters
     ----------
-    values : array_like (T,)
-        Values after the jump, for example tensions in N.
+    values : array_like (T,) or (N, 3)
+        Values after the jump, for example tensions in N, or vectors on disks.
     start : float
         Time of the jump, s.
 
@@ -180,9 +196,14 @@ class _Function:
     is_sampled = True
 
     def __init__(
-        self, name: str, function: Callable[[float], ArrayLike], count: int, *, loose: bool = False
+        self,
+        name: str,
+        function: Callable[[float], ArrayLike],
+        shape: tuple[int, ...],
+        *,
+        loose: bool = False,
     ) -> None:
-        self.name, self.function, self.count, self.loose = name, function, count, loose
+        self.name, self.function, self.shape, self.loose = name, function, shape, loose
 
     def rows(self, times: Floats, *, before: bool = False) -> Floats:
         return np.array([self.at(t) for t in times.tolist()])
@@ -200,13 +221,14 @@ class _Function:
         except TypeError:
             raise InputError(
                 f"the function for {self.name} returned {validation.shown(given)} at {time:.6g} s, "
-                f"it must be {self.count} numbers"
+                f"it must be {_numbers_of(self.shape)}"
             ) from None
-        if value.shape != (self.count,):
+        if value.shape != self.shape:
             raise InputError(
                 f"the function for {self.name} returned shape {value.shape} at {time:.6g} s, "
-                f"it must be ({self.count},)"
+                f"it must be {self.shape}"
             )
+        value = value.ravel()
         said = value[~np.isnan(value)] if self.loose else value
         validation.check_values(self.name, said, f" at {time:.6g} s")
         return value
@@ -328,11 +350,13 @@ _History = Table | _Function
 
 
 class Loads(NamedTuple):
-    """All loads over time."""
+    """All loads over time; those on disks have 3 N columns, or none."""
 
     actuation: Actuation
     tip_force: _History
     tip_moment: _History
+    disk_forces: _History
+    disk_moments: _History
 
     def at(self, time: float, *, before: bool = False) -> InstantLoad:
         """Loads at a time; at a jump, those after it or, with `before`, those before it."""
@@ -348,6 +372,8 @@ class Loads(NamedTuple):
             **self.actuation.to_dict(),
             "tip_force_N": self.tip_force.to_dict(),
             "tip_moment_Nm": self.tip_moment.to_dict(),
+            "disk_forces_N": _given(self.disk_forces),
+            "disk_moments_Nm": _given(self.disk_moments),
         }
 
     def chunks(
@@ -376,7 +402,7 @@ class Loads(NamedTuple):
             yield from self._sampled(simulator, ends, record, longest)
             return
         durations = np.diff(ends, prepend=0.0)
-        commands, force, moment = (c.rows(ends, before=True) for c in self)
+        rows = [c.rows(ends, before=True) for c in self]
         jumps = np.array(sorted(self.jumps()))
         jumped = np.searchsorted(jumps, ends + CLOSEST) > np.searchsorted(jumps, ends - CLOSEST)
         stops = np.flatnonzero(jumped) + 1
@@ -387,7 +413,7 @@ class Loads(NamedTuple):
             next_stop = stops[np.searchsorted(stops, first, side="right") :]
             last = min([first + size, len(ends), *next_stop[:1].tolist()])
             part = slice(first, last)
-            yield durations[part], commands[part], force[part], moment[part], record[part]
+            yield durations[part], InstantLoad(*(row[part] for row in rows)), record[part]
             spent = max(clock.perf_counter() - begun, 1e-9)
             size = int(np.clip((last - first) * _LOOK / spent, 1, min(4 * size, 1000)))
             first = last
@@ -402,14 +428,55 @@ class Loads(NamedTuple):
                 reach = min(simulator.next_step, longest)
                 left = max(1, int(np.ceil((end - now) / reach - 1e-6)))
                 then = end if left == 1 else now + (end - now) / left
-                commands, force, moment = (row[None, :] for row in self.at(then, before=True))
                 recorded = np.array([wanted and left == 1])
-                yield np.array([then - now]), commands, force, moment, recorded
+                yield np.array([then - now]), self.at(then, before=True).row, recorded
                 now = then
 
 
-Stretches = tuple[Floats, Floats, Floats, Floats, NDArray[np.bool_]]
-"""Durations, loads at their ends (three arrays of rows), and whether each end is recorded."""
+Stretches = tuple[Floats, InstantLoad, NDArray[np.bool_]]
+"""Durations, loads at their ends (rows of each), and whether each end is recorded."""
+
+
+def _given(history: _History) -> Any:
+    """Values of a load on disks for a file; None if there is none."""
+    return None if isinstance(history, Table) and not history.values.size else history.to_dict()
+
+
+def _numbers_of(shape: tuple[int, ...]) -> str:
+    return f"{shape[0]} numbers" if len(shape) == 1 else f"numbers of shape {shape}"
+
+
+def on_disks(name: str, value: Any, disks: int) -> _History:
+    """Convert a user's load on disks to a load history, of no columns if it is None."""
+    if value is None:
+        return Table([0.0], np.zeros((1, 0)))
+    if callable(value):
+        return _Function(name, value, (disks, 3))
+    if isinstance(value, Table):
+        if value.values.shape[1] != 3 * disks:
+            raise InputError(
+                f"the table for {name} has {value.values.shape[1]} columns, it must have "
+                f"{3 * disks}: x, y and z of each of {disks} disks"
+            )
+        return over_time(name, value, 3 * disks, ON_DISKS[name])
+    return Table([0.0], disk_row(name, value, disks)[None, :])
+
+
+def disk_row(name: str, value: Any, disks: int) -> Floats:
+    """Check a load on disks (N, 3); components of all disks (3 N,)."""
+    what = f"{disk_shape(name, disks)}, a table or a function"
+    array = validation.read(name, value, f"numbers of shape {what}")
+    if array.shape != (disks, 3):
+        raise InputError(f"{name} has shape {array.shape}, it must have {what}")
+    if not np.isfinite(array).all():
+        k = int(np.argwhere(~np.isfinite(array))[0][0])
+        raise InputError(
+            f"dead {_WORDS[name]} of disk {k + 1} is {array[k].tolist()} {ON_DISKS[name]}, it "
+            "must be finite",
+            argument=name,
+            index=k,
+        )
+    return array.ravel()
 
 
 def over_time(name: str, value: Any, count: int, unit: str, *, loose: bool = False) -> _History:
@@ -423,7 +490,7 @@ def over_time(name: str, value: Any, count: int, unit: str, *, loose: bool = Fal
             validation.check_values(name, row[~np.isnan(row)] if loose else row)
         return value
     if callable(value):
-        return _Function(name, value, count, loose=loose)
+        return _Function(name, value, (count,), loose=loose)
     if loose:
         what = (
             f"{count} numbers in {unit} (None where a tendon has a command of another kind), "

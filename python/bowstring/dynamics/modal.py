@@ -20,7 +20,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
 from bowstring.statics.actuation import Given
-from bowstring.statics.load import Load, as_load
+from bowstring.statics.load import Load, as_load, with_arrays
 from bowstring.statics.model import as_model
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def modes(
         Tensions in N, short for ``load=Load(tensions)``; zero by default. They stay constant in the
         oscillation.
     load : Load, optional
-        As in `bowstring.solve`, without a tip moment. A displacement-controlled tendon keeps its
+        As in `bowstring.solve`, without a moment. A displacement-controlled tendon keeps its
         length in the oscillation except for its own elasticity; a slack one has no effect.
     model : RodModel, optional
         As in `bowstring.solve`.
@@ -170,15 +170,20 @@ def modes(
     if load.tensions is None and load.is_tension_controlled:
         load = load.replace(tensions=np.zeros(robot.core.tendon_count))
     commands = actuation.commands(robot, load)
+    load = with_arrays(load)
     moment, force = load.tip_moment, load.tip_force
     if moment is not None and validation.row("tip_moment", moment, 3, "N m").any():
         raise InputError("a load with a tip moment has no modes, as a moment has no potential")
+    if load.disk_moments is not None and load.disk_moments.any():
+        raise InputError("a load with disk_moments has no modes, as a moment has no potential")
     if not validation.is_whole(count) or count < 1:
         raise InputError(f"count is {validation.shown(count)}, it must be a positive whole number")
     gravity = load.gravity
     load = Load(
         gravity=None if gravity is None else validation.row("gravity", gravity, 3, "m/s^2"),
         tip_force=None if force is None else validation.row("tip_force", force, 3, "N"),
+        disk_forces=load.disk_forces,
+        disk_moments=load.disk_moments,
     )
     path = None
     if commands[0].any() or robot.has_friction or history is not None:
@@ -199,8 +204,8 @@ def about(
 ) -> Modes:
     """Compute modes about the next step of a path or, without a path, about tensions.
 
-    ``commands`` are those of `bowstring.statics.actuation.commands`, ``load`` has gravity and tip
-    loads.
+    ``commands`` are those of `bowstring.statics.actuation.commands`, ``load`` has gravity and
+    the loads at the tip and on disks.
     """
     status: str
     if path is not None:

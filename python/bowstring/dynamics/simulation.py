@@ -20,7 +20,14 @@ from bowstring import interrupts, validation
 from bowstring._core import check_memory
 from bowstring.display import html_table, millimetres, sampled_rows
 from bowstring.dynamics.integrator import DEFAULT_INTERVAL, Integrator
-from bowstring.dynamics.load_history import Actuation, Loads, OverTime, over_time
+from bowstring.dynamics.load_history import (
+    Actuation,
+    Loads,
+    OverTime,
+    disk_row,
+    on_disks,
+    over_time,
+)
 from bowstring.dynamics.modal import about
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent
@@ -387,10 +394,13 @@ def simulate(
     gravity = load.gravity
     if gravity is not None:
         gravity = validation.row("gravity", gravity, 3, "m/s^2").tolist()
+    disks = robot.core.disk_count
     loads = Loads(
         Actuation(robot, load, duration),
         over_time("tip_force", _or_zero(load.tip_force), 3, "N"),
         over_time("tip_moment", _or_zero(load.tip_moment), 3, "N m"),
+        on_disks("disk_forces", load.disk_forces, disks),
+        on_disks("disk_moments", load.disk_moments, disks),
     )
     actuated = loads.actuation
     before = loads.at(0.0, before=True)
@@ -398,6 +408,8 @@ def simulate(
         _initial(robot, actuated, before.actuation, given),
         _tip_load("tip_force", start.load, before.tip_force),
         _tip_load("tip_moment", start.load, before.tip_moment),
+        _disk_load("disk_forces", start.load, before.disk_forces, disks),
+        _disk_load("disk_moments", start.load, before.disk_moments, disks),
     )
     holding = None
     if start.disk_forces is not None:
@@ -431,6 +443,8 @@ def simulate(
         "initial_tip_force_N": initial.tip_force.tolist(),
         "initial_tip_moment_Nm": initial.tip_moment.tolist(),
         "initial_disk_forces_N": None if holding is None else holding.tolist(),
+        "initial_load_disk_forces_N": initial.disk_forces.tolist() or None,
+        "initial_load_disk_moments_Nm": initial.disk_moments.tolist() or None,
         "modal_damping": integrator.modal_damping,
         "history": None,
     }
@@ -483,10 +497,10 @@ def simulate(
     try:
         status = "converged"
         if path is None:
-            status = simulator.rest(*initial)
+            status = simulator.rest(initial)
         else:
-            tip = initial.at_tip.replace(gravity=gravity)
-            status = path.core.step(actuated.by_displacement, initial.actuation, tip).status
+            dead = initial.dead.replace(gravity=gravity)
+            status = path.core.step(actuated.by_displacement, initial.actuation, dead).status
             if status == "converged" and not simulator.rest_at(path.core):
                 status = "unsettled"
         if status != "converged":
@@ -504,7 +518,7 @@ def simulate(
         keep_start(simulator, initial)
         if holding is not None:
             simulator.release()
-        simulator.jump(*after)
+        simulator.jump(after)
         jumps = sorted(loads.jumps())
         reached = 0.0
         longest = dt if dt is not None else min(every, DEFAULT_INTERVAL)
@@ -517,7 +531,7 @@ def simulate(
             reached += float(stretches[0].sum())
             for jump in jumps:
                 if abs(jump - reached) <= 1e-9 * (1 + reached) and jump < duration:
-                    simulator.jump(*loads.at(jump))
+                    simulator.jump(loads.at(jump))
             if output.progress is not None and duration > 0:
                 asked = clock.perf_counter()
                 try:
@@ -594,6 +608,11 @@ def _tip_load(name: str, given: Load | None, otherwise: Floats) -> Floats:
     if value is None:
         return otherwise
     return validation.row(f"start.load.{name}", value, len(otherwise), unit)
+
+
+def _disk_load(name: str, given: Load | None, otherwise: Floats, disks: int) -> Floats:
+    value = None if given is None else getattr(given, name)
+    return otherwise if value is None else disk_row(name, value, disks)
 
 
 def _initial(robot: Robot, actuated: Actuation, otherwise: Floats, given: Load) -> Floats:
@@ -685,12 +704,12 @@ def _with_modal_damping(
     gravity: Sequence[float] | None,
 ) -> Scheme:
     """Return the scheme with mass and material damping for a modal damping ratio."""
-    if initial.tip_moment.any():
-        raise InputError("modal_damping needs modes, and a tip moment leaves none: give the others")
+    if initial.has_moment:
+        raise InputError("modal_damping needs modes, and a moment leaves none: give the others")
     # sticking holes would lock spans that slip as soon as the robot moves
     by_displacement = actuated.by_displacement
     path = actuation.Path(robot, model, friction=False) if by_displacement.any() else None
-    load = initial.at_tip.replace(gravity=gravity)
+    load = initial.dead.replace(gravity=gravity)
     found = about(robot, (by_displacement, initial.actuation), load, model, path, count=12)
     slow = 2.0 * np.pi * float(found.frequency_hz[0])
     faster = found.frequency_hz[found.frequency_hz >= 2.0 * found.frequency_hz[0]]

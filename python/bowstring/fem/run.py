@@ -516,7 +516,8 @@ def _run(
     if not isinstance(settings, Settings):
         raise InputError(f"settings is {validation.shown(settings)}, it must be Settings")
     settings.check()
-    if not load.is_tension_controlled or load.tip_moment is not None:
+    others = (load.tip_moment, load.disk_forces, load.disk_moments)
+    if not load.is_tension_controlled or any(value is not None for value in others):
         raise InputError("finite elements take tensions, gravity and a tip force only")
     keep = None if keep is None else check_keep(keep)
     notify = progress or (lambda what, share: None)

@@ -240,6 +240,8 @@ class Path:
             "gravity_m_per_s2": now["gravity"].tolist(),
             "tip_force_N": now["tip_force"].tolist(),
             "tip_moment_Nm": now["tip_moment"].tolist(),
+            "disk_forces_N": now["disk_forces"].tolist(),
+            "disk_moments_Nm": now["disk_moments"].tolist(),
             "tensions_N": now["tensions"].tolist(),
             "log_tension_drops": now["drops"].tolist(),
             "unstretched_spans_m": now["spans"].tolist(),
@@ -287,6 +289,8 @@ class Path:
                     "gravity": _numbers(history, "gravity_m_per_s2", 1),
                     "tip_force": _numbers(history, "tip_force_N", 1),
                     "tip_moment": _numbers(history, "tip_moment_Nm", 1),
+                    "disk_forces": _on_disks(history, "disk_forces_N"),
+                    "disk_moments": _on_disks(history, "disk_moments_Nm"),
                     "strain": _numbers(history, "arcs_rad", 2),
                     "slips": np.sign(_numbers(history, "slips", 2)).astype(np.int8),
                 }
@@ -304,6 +308,11 @@ def _order(item: Mapping[str, float]) -> tuple[bool, float]:
     if name not in ("displacement_m", "tension_N") or not np.isfinite(float(value)):
         raise ValueError(f"a command is {name}: {value}")
     return name == "displacement_m", float(value)
+
+
+def _on_disks(history: Mapping[str, Any], name: str) -> Floats:
+    """Vectors on the disks (N, 3), or (0, 3): earlier versions have none."""
+    return _numbers(history, name, 2) if history.get(name) else np.zeros((0, 3))
 
 
 def _numbers(history: Mapping[str, Any], name: str, dimensions: int) -> Floats:

@@ -11,7 +11,7 @@ from bowstring._core import follow_designs
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
-from bowstring.statics.load import Load
+from bowstring.statics.load import ON_DISKS, Load, disk_shape, with_arrays
 from bowstring.statics.model import RodModel, as_model
 from bowstring.validation import floats, shown
 
@@ -70,7 +70,7 @@ def sweep_designs(
         Tendon displacements from the home pose in m; NaN where a tendon has a tension.
     load : Load, optional
         Gravity, tip force and tip moment, (3,) or (D, 3) or (D, L, 3); gravity is that of the
-        robots if left out.
+        robots if left out. Loads on disks (N, 3), the same for all.
     model : RodModel, optional
         As for `bowstring.solve`.
     threads : int
@@ -107,6 +107,7 @@ def sweep_designs(
         gravity=_wide(rows, "gravity", load.gravity, designs.gravity if varies else None),
         tip_force=_wide(rows, "tip_force", load.tip_force, None),
         tip_moment=_wide(rows, "tip_moment", load.tip_moment, None),
+        **_on_disks(designs, load),
     )
     values = rows.values.reshape(-1, tendons)
     if rows.by_displacement.any() or designs.arrays.tendons.friction.any():
@@ -170,6 +171,19 @@ def _commands(
         raise InputError("each tendon must have a tension or a displacement, NaN in the other")
     values = np.where(by_displacement, wide["displacements"], wide["tensions"])
     return _Commands(values, by_displacement)
+
+
+def _on_disks(designs: Designs, load: Load) -> dict[str, Floats]:
+    """Loads on disks (N, 3)."""
+    load = with_arrays(load)
+    disks = designs.robot.core.disk_count
+    given = {name: getattr(load, name) for name in ON_DISKS if getattr(load, name) is not None}
+    for name, value in given.items():
+        if value.shape != (disks, 3):
+            raise InputError(
+                f"{name} has shape {value.shape}, it must have {disk_shape(name, disks)}"
+            )
+    return given
 
 
 def _wide(

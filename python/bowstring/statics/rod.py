@@ -16,7 +16,7 @@ from bowstring import validation
 from bowstring.errors import InputError
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
-from bowstring.statics.load import Load, as_load
+from bowstring.statics.load import Load, as_load, with_arrays
 from bowstring.statics.model import as_model
 from bowstring.statics.solution import Solution, Sweep, solution
 
@@ -104,7 +104,7 @@ def sweep(
         Tensions in N, short for ``load=Load(tensions)``.
     load : Load, optional
         Actuation (n, T), NaN where a tendon has a command of another kind; gravity and tip loads
-        (3,) or (n, 3).
+        (3,) or (n, 3); loads on disks (N, 3) or (n, N, 3).
     model : RodModel, optional
         As for `solve`.
     history : dict, optional
@@ -230,6 +230,7 @@ def _tensions(robot: Robot, load: Load) -> Floats:
 
 def _rows(load: Load) -> Load:
     """Return the load with gravity, tip force and tip moment as arrays (3,) or (n, 3)."""
+    load = with_arrays(load, " or (n, N, 3)")
     names = ("gravity", "tip_force", "tip_moment")
     given = {name: getattr(load, name) for name in names}
     if all(value is None or _is_plain_vector(value) for value in given.values()):

@@ -64,8 +64,7 @@ def stations(robot: Robot, points: int) -> tuple[Floats, Ints]:
 
 def keep_start(simulator: Simulator, load: InstantLoad) -> None:
     """Record the fields of the equilibrium of a load as time 0."""
-    row = (load.actuation[None], load.tip_force[None], load.tip_moment[None])
-    simulator.run(np.zeros(1), *row, np.array([True]))
+    simulator.run(np.zeros(1), load.row, np.array([True]))
 
 
 def frames(simulator: Simulator, where: tuple[Floats, Ints]) -> Frames:
@@ -82,9 +81,10 @@ def at_rest(
     """
     simulator = make(robot, model, load.gravity, points)
     tip = [np.zeros(3) if v is None else v for v in (load.tip_force, load.tip_moment)]
-    start = InstantLoad(*(np.asarray(row, dtype=float) for row in (load.tensions, *tip)))
+    disks = [() if v is None else np.ravel(v) for v in (load.disk_forces, load.disk_moments)]
+    start = InstantLoad(*(np.asarray(row, dtype=float) for row in (load.tensions, *tip, *disks)))
     if path is None:
-        status = simulator.rest(*start)
+        status = simulator.rest(start)
     else:
         status = "converged" if simulator.rest_at(path.core) else "max_iterations"
         start = start._replace(actuation=path.core.history()["commands"])

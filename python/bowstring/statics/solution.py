@@ -22,7 +22,7 @@ from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.formatting import plain
 from bowstring.robot.plausibility import load_advice
 from bowstring.statics import actuation, messages
-from bowstring.statics.load import Load
+from bowstring.statics.load import ON_DISKS, Load, with_arrays
 from bowstring.validation import whole
 
 if TYPE_CHECKING:
@@ -93,11 +93,11 @@ class Solution:
         conflict).
     converged : bool
     stable : bool or None
-        Whether the potential energy has a minimum, given the commands of the tendons. Under a tip
+        Whether the potential energy has a minimum, given the commands of the tendons. Under a
         moment, which has no potential: whether small oscillations decay at a damping ratio of 1 %.
         False with the status ``"converged"`` where increasing the moment leads from a stable
         equilibrium to one with growing oscillations, such as a moment that rolls up a rod.
-        None where the decay needs more damping, where a tip moment acts on displacement-controlled
+        None where the decay needs more damping, where a moment acts on displacement-controlled
         tendons or on a robot without mass, with friction, and where there are too few elements to
         decide.
     iterations : int
@@ -190,6 +190,8 @@ class Solution:
             gravity=core.gravity,
             tip_force=core.tip_force,
             tip_moment=core.tip_moment,
+            disk_forces=core.disk_forces,
+            disk_moments=core.disk_moments,
         )
 
     @property
@@ -345,6 +347,11 @@ class Solution:
         settings = {
             "tip_force": core.tip_force.tolist(),
             "tip_moment": core.tip_moment.tolist(),
+            **{
+                name: value.tolist()
+                for name in ON_DISKS
+                if (value := getattr(core, name)) is not None
+            },
             "gravity": core.gravity.tolist(),
             "theory": model.theory,
             "tendon": model.tendon_path,
@@ -643,6 +650,7 @@ def solution(
     robot: Robot, load: Load, model: RodModel, before: Mapping[str, Any] | None = None
 ) -> Solution:
     """Solve one load; `bowstring.solve` without its checks and defaults."""
+    load = with_arrays(load)
     if actuation.is_by_tensions(robot, load, before):
         if load.tensions is None:
             actuation.commands(robot, load)  # raises an error that names what is missing

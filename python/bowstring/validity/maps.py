@@ -437,7 +437,7 @@ def space_of(
     Raises
     ------
     InputError
-        If the load has an actuation or a tip moment.
+        If the load has an actuation, a tip moment or loads on disks.
     """
     check_robot(robot)
     paths = [axis.path for axis in axes]
@@ -458,6 +458,8 @@ def space_of(
         raise InputError("load has an actuation; of a map it is that of loading and of the axes")
     if load.tip_moment is not None:
         raise InputError("load has a tip moment; a map takes gravity and tip force only")
+    if load.disk_forces is not None or load.disk_moments is not None:
+        raise InputError("load has loads on disks; a map takes gravity and tip force only")
     shares = np.array(loading.shares(robot))
     top = float("nan") if "bend" in paths else end_of_ramp(robot, loading)
     return Space(robot, axes, shares, top, RodModel(), load, loading.points)
