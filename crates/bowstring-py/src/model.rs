@@ -233,8 +233,9 @@ fn on_disks(
     let shape = array.shape();
     if shape != [n, 3] && rows.is_none_or(|rows| shape != [rows, n, 3]) {
         let shape: Vec<_> = shape.iter().map(usize::to_string).collect();
+        let comma = if shape.len() == 1 { "," } else { "" };
         return Err(refused(format!(
-            "{name} has shape ({}), it must have {rule}",
+            "{name} has shape ({}{comma}), it must have {rule}",
             shape.join(", ")
         )));
     }

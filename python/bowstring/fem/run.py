@@ -333,7 +333,7 @@ def sweep(
     tensions : array_like (K, T)
         Tensions in N in the order of loading, short for ``load=Load(tensions)``.
     load : Load, optional
-        Tensions, gravity and tip force (3,); no other actuation and no tip moment.
+        Tensions, gravity and tip force (3,); no other actuation and no moment, no load on disks.
     settings : Settings, optional
         Fineness of the mesh and solver settings.
     keep : str or Path, optional

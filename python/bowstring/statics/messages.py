@@ -63,12 +63,12 @@ def of_tensions(found: Any, advice: str = "") -> str:
                 )
             if stable is False:
                 return (
-                    "An equilibrium, but not a stable one: the tip moment, which keeps its "
+                    "An equilibrium, but not a stable one: a dead moment, which keeps its "
                     "direction, leads to it from a stable one, and small motions about it grow."
                 )
             if stable is None:
                 return (
-                    "An equilibrium; whether it is stable is not known: a tip moment has no "
+                    "An equilibrium; whether it is stable is not known: a dead moment has no "
                     "potential and lets small oscillations grow unless they are damped by more "
                     "than 1 %, or there are too few elements to decide."
                 )
@@ -115,7 +115,7 @@ def of_actuation(
             if found.stable:
                 said = "A stable equilibrium."
             else:
-                why = "friction has" if friction > 0 else "a tip moment has"
+                why = "friction has" if friction > 0 else "a dead moment has"
                 said = (
                     "An equilibrium; whether it is stable is not known, because "
                     f"{why} no potential."

@@ -77,7 +77,7 @@ pub(crate) struct State<T, const A: usize> {
     pub lambda: Vec3<T>,
     /// Residual of `rho = rho0 + D N` (m).
     pub miss: T,
-    /// Potential energy, without the tip moment (J).
+    /// Potential energy, without dead moments (J).
     pub energy: T,
 }
 

@@ -41,7 +41,7 @@ impl Status {
 pub struct Outcome {
     /// How the solve ended.
     pub status: Status,
-    /// Whether the equilibrium is a minimum of the energy. Under a tip moment, which has no
+    /// Whether the equilibrium is a minimum of the energy. Under a moment, which has no
     /// potential: whether small motions with a damping ratio of 0.01 decay. It is false with
     /// [`Status::Converged`] where the moment leads from a stable equilibrium to one where they do
     /// not decay, as it does beyond a rotation of pi. `None` where decay needs more damping, where
