@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -150,6 +152,46 @@ def test_bad_input(amouri: bs.Robot) -> None:
         bs.validity_chart(Groups(9, 0.045), tip_force=[1, 0, 0])
     with pytest.raises(InputError, match="no robot was given"):
         bs.validity_chart()["cc_from_force"]
+
+
+def test_a_tolerance_is_a_number_or_in_percent(amouri: bs.Robot) -> None:
+    own = bs.validity_chart(amouri, 0.02)["cc_from_force"]
+    for text in ("2 %", "2%", "0.02"):
+        chart = bs.validity_chart(amouri, tolerance=text)
+        assert chart.tolerance == 0.02
+        assert chart["cc_from_force"] == own
+
+
+FUNCTIONS: dict[str, Callable[[Any], object]] = {
+    "validity_chart": lambda it: bs.validity_chart(bs.load_robot("amouri2019"), it),
+    "chart without a robot": lambda it: bs.validity_chart(tolerance=it),
+    "validity_map": lambda it: bs.validity_map(
+        bs.load_robot("amouri2019"), ["tension=0:8 N:2"], tolerance=it
+    ),
+    "validity_grid": lambda it: bs.validity_grid(
+        bs.load_robot("amouri2019"), ["tension=0:8 N:2"], tolerance=it
+    ),
+    "workspace_map": lambda it: bs.workspace_map(
+        bs.load_robot("amouri2019"), 8.0, poses=2, tolerance=it
+    ),
+    "validity_spread": lambda it: bs.validity_spread(
+        bs.load_robot("amouri2019"), {"E": "35 +- 1 GPa"}, tolerance=it
+    ),
+    "run_study": lambda it: bs.run_study(bs.load_robot("amouri2019"), tolerance=it),
+}
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+@pytest.mark.parametrize("value", [0.0, 1, 1.5, np.float64(2.0), "100 %", "2 mm", "", True, None])
+def test_a_tolerance_beyond_the_length_is_refused(function: str, value: object) -> None:
+    with pytest.raises(InputError, match=r"^tolerance is .*, it must be [^;:]*$"):
+        FUNCTIONS[function](value)
+
+
+@pytest.mark.parametrize("function", ["validity_map", "validity_grid", "workspace_map"])
+def test_maps_take_a_tolerance_in_percent(function: str) -> None:
+    found: Any = FUNCTIONS[function]("2 %")
+    assert found.tolerance == 0.02
 
 
 @pytest.mark.parametrize("kind", ["plain", "friction"])

@@ -149,6 +149,14 @@ def read_number(text: str, si: str) -> float:
     return values[0]
 
 
+def read_share(text: str) -> float:
+    """Read a share such as "0.01" or "1 %"; ValueError as by `read_number`."""
+    text = text.strip()
+    if text.endswith("%"):
+        return read_number(text[:-1], "") / 100.0
+    return read_number(text, "")
+
+
 @cache
 def _limit(text: str, si: str) -> float:
     return _parse_quantities(text, si)[0]
@@ -379,12 +387,9 @@ class Share(_Marker):
 
     def read(self, value: object) -> float:
         share = math.nan
-        if isinstance(value, str) and value.strip().endswith("%"):
+        if isinstance(value, str):
             with suppress(ValueError):
-                share = read_number(value.strip()[:-1], "") / 100.0
-        elif isinstance(value, str):
-            with suppress(ValueError):
-                share = read_number(value, "")
+                share = read_share(value)
         elif isinstance(value, (int, float)) and not isinstance(value, bool):
             share = float(value)
         if not 0.0 < share <= self.high:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from os import PathLike
 from typing import Any, TypeVar
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
+from bowstring.units import read_share
 
 __all__ = [
     "check_is_read",
@@ -23,6 +25,7 @@ __all__ = [
     "numbers",
     "read",
     "row",
+    "share_of_length",
     "shown",
     "truth",
     "vectors",
@@ -102,6 +105,21 @@ def number(name: str, value: Any, unit: str = "", *, zero: bool = False) -> floa
         raise InputError.of(name, text, "a finite number")
     if found < 0 or (found == 0 and not zero):
         raise InputError.of(name, text, "zero or more" if zero else "positive")
+    return found
+
+
+def share_of_length(name: str, value: Any) -> float:
+    """Check a share of the length: a number above 0 and below 1, or text such as "1 %"."""
+    found, text = math.nan, shown(value)
+    if isinstance(value, str):
+        with suppress(ValueError):
+            found = read_share(value)
+    else:
+        found = number(name, value)
+        text = f"{found:g}"
+    if not 0.0 < found < 1.0:
+        rule = 'a share of the length above 0 and below 1, such as 0.01 or "1 %"'
+        raise InputError.of(name, text, rule)
     return found
 
 

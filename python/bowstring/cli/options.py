@@ -16,7 +16,7 @@ import typer
 from bowstring.cli import completion
 from bowstring.cli.output import counted, say
 from bowstring.errors import InputError
-from bowstring.units import has_no_unit, number_with_unit, quote, read_number
+from bowstring.units import has_no_unit, number_with_unit, quote, read_number, read_share
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
@@ -202,10 +202,9 @@ def number_of(flag: str, text: str, si: str) -> float:
 
 def share_of(flag: str, text: str, rule: str, accepts: Callable[[float], bool]) -> float:
     """Read a share such as "0.01" or "1 %"; ``rule`` has its meaning and range for the error."""
-    percent = text.strip().endswith("%")
     value = math.nan
     with suppress(ValueError):
-        value = read_number(text.strip().removesuffix("%"), "") / (100.0 if percent else 1.0)
+        value = read_share(text)
     if not accepts(value):
         raise InputError(
             f"{flag}: got {quote(text.strip())}; must be {rule}, "

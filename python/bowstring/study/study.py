@@ -58,7 +58,7 @@ from bowstring.study.ramp_response import (
 )
 from bowstring.study.settings import Extras, Ramp, Settings
 from bowstring.study.verdict import Verdict, judge
-from bowstring.validation import choice, instance, number, shown
+from bowstring.validation import choice, instance, share_of_length, shown
 from bowstring.validity.axes import Axis
 from bowstring.validity.loading import FARTHEST, MAX_BEND, TRIED, Loading, largest_load, turned
 from bowstring.validity.maps import ValidityMap, map_space
@@ -597,7 +597,7 @@ class Study:
 def run_study(
     robot: Robot,
     *,
-    tolerance: float = 0.01,
+    tolerance: float | str = 0.01,
     theory: Theory = "cosserat",
     loading: Loading | None = None,
     ramp: Ramp | None = None,
@@ -611,8 +611,8 @@ def run_study(
     ----------
     robot : Robot
         The robot.
-    tolerance : float
-        Tolerated tip error as a share of the robot's length.
+    tolerance : float or str
+        Tolerated tip error as a share of the robot's length: 0.01 or "1 %".
     theory : {"cosserat", "kirchhoff"}
         Rod theory of the main sweep and of dynamics. The budget uses both.
     loading : Loading, optional
@@ -813,10 +813,9 @@ def _read(robot: Robot, measurements: Measurements | str | Path) -> Measurements
 
 
 def _settings(
-    robot: Robot, tolerance: float, theory: Theory, loading: Loading, ramp: Ramp
+    robot: Robot, tolerance: float | str, theory: Theory, loading: Loading, ramp: Ramp
 ) -> Settings:
-    if not 0.0 < number("tolerance", tolerance) < 1.0:
-        raise InputError.of("tolerance", f"{tolerance:g}", "above 0 and below 1")
+    tolerance = share_of_length("tolerance", tolerance)
     choice("theory", theory, ("cosserat", "kirchhoff"))
     shares = loading.shares(robot)
     leading = int(np.argmax(shares))

@@ -123,7 +123,7 @@ class ValidityChart:
 
 def validity_chart(
     robot: Robot | Groups | None = None,
-    tolerance: float = 0.01,
+    tolerance: float | str = 0.01,
     *,
     tendon: int = 0,
     tip_force: Sequence[float] = (0.0, 0.0, 0.0),
@@ -138,8 +138,8 @@ def validity_chart(
     robot : Robot or Groups, optional
         Robot with one segment and equally spaced disks, with its gravity and friction; or its
         groups. Without one the chart has a figure only.
-    tolerance : float
-        Tolerated tip error as a share of the length.
+    tolerance : float or str
+        Tolerated tip error as a share of the length: 0.01 or "1 %".
     tendon : int
         Index of the actuated tendon, from 0; the other tendons have no tension.
     tip_force : array_like (3,)
@@ -162,7 +162,7 @@ def validity_chart(
     >>> print(chart["cc_from_force"].text)
     From force through the linear law, constant curvature holds to 1 % of length up to 56.1 N ...
     """
-    tolerance = validation.number("tolerance", tolerance)
+    tolerance = validation.share_of_length("tolerance", tolerance)
     if robot is None:
         return ValidityChart(tolerance, None, (), np.zeros(0), {})
     per_tension = None

@@ -299,7 +299,7 @@ def validity_grid(
     robot: Robot,
     over: Sequence[str | Axis],
     *,
-    tolerance: float = 0.01,
+    tolerance: float | str = 0.01,
     metric: Metric | None = None,
     models: Sequence[str] | None = None,
     loading: Loading | None = None,
@@ -314,8 +314,8 @@ def validity_grid(
         As for `bowstring.validity_map`.
     over : sequence of str or Axis
         Axes as for `bowstring.validity_map`, at least one.
-    tolerance : float
-        Tolerated tip error as a share of the length.
+    tolerance : float or str
+        Tolerated tip error as a share of the length: 0.01 or "1 %".
     metric : {"largest_error", "mean_error", "error", "valid_to"}, optional
         As for `bowstring.validity_map`.
     models : sequence of str, optional

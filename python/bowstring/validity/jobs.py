@@ -15,6 +15,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
+from bowstring.validation import share_of_length
 from bowstring.validity.axes import Axis, axes_of
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
@@ -62,7 +63,7 @@ def map_job(
     robot: Robot,
     over: Sequence[str | Axis],
     *,
-    tolerance: float = 0.01,
+    tolerance: float | str = 0.01,
     metric: Metric | None = None,
     models: Sequence[str] | None = None,
     loading: Loading | None = None,
@@ -77,8 +78,8 @@ def map_job(
         As for `bowstring.validity_map`.
     over : sequence of str or Axis
         Any number of axes.
-    tolerance : float
-        Tolerated tip error as a share of the length.
+    tolerance : float or str
+        Tolerated tip error as a share of the length: 0.01 or "1 %".
     metric : {"largest_error", "mean_error", "error", "valid_to"}, optional
         As for `bowstring.validity_map`.
     models : sequence of str, optional
@@ -114,8 +115,9 @@ def map_job(
     if not axes:
         raise InputError("over has no axis; a job has one or more")
     space = space_of(robot, axes, loading, load)
+    tolerance = share_of_length("tolerance", tolerance)
     models = map_models(space, models)
-    chosen = map_metric(space, metric, models, tolerance)
+    chosen = map_metric(space, metric)
     count = math.prod(len(axis.values) for axis in axes)
     unit = "N" if chosen == "valid_to" else "1"
     shown = {"gravity": space.load.gravity, "tip_force": space.load.tip_force}

@@ -17,7 +17,7 @@ from bowstring.formatting import in_newtons, listed
 from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
-from bowstring.validation import choice, instance, number
+from bowstring.validation import choice, instance, share_of_length
 from bowstring.validity.axes import BY_DISPLACEMENT, RAMPS, Axis, axes_of
 from bowstring.validity.contour import Line, Refined, contours
 from bowstring.validity.effects import EFFECTS, acting
@@ -269,7 +269,7 @@ def validity_map(
     robot: Robot,
     over: Sequence[str | Axis] | None = None,
     *,
-    tolerance: float = 0.01,
+    tolerance: float | str = 0.01,
     metric: Metric | None = None,
     models: Sequence[str] | None = None,
     loading: Loading | None = None,
@@ -291,8 +291,8 @@ def validity_map(
         One or two axes, such as ``"tension=0:80 N:41"`` or ``"segments.*.disks.count=3:15"``. The
         default is the tension of the sweep and the number of disks. With ``"bend=0:90 deg"`` the
         motors command the displacements of that bend by constant curvature.
-    tolerance : float
-        Tolerated tip error as a share of the length.
+    tolerance : float or str
+        Tolerated tip error as a share of the length: 0.01 or "1 %".
     metric : {"largest_error", "mean_error", "error", "valid_to"}, optional
         What is mapped. The default is the error at the tension of the axis, or, where no axis is
         the tension, the largest error over the ramp.
@@ -338,7 +338,7 @@ def validity_map(
 
 def map_space(
     space: Space,
-    tolerance: float,
+    tolerance: float | str,
     metric: Metric | None = None,
     models: Sequence[str] | None = None,
     progress: Progress | None = None,
@@ -356,8 +356,9 @@ def map_space(
     ValidityMap
     """
     axes = space.axes
+    tolerance = share_of_length("tolerance", tolerance)
     models = map_models(space, models)
-    chosen = map_metric(space, metric, models, tolerance)
+    chosen = map_metric(space, metric)
     notify = progress or (lambda what, done: None)
 
     grid = np.meshgrid(*[axis.values for axis in axes], indexing="xy")
@@ -509,15 +510,13 @@ def end_of_ramp(robot: Robot, loading: Loading) -> float:
     return largest_load(robot, np.array(loading.shares(robot)), RodModel())
 
 
-def map_metric(
-    space: Space, metric: Metric | None, models: Sequence[str], tolerance: float
-) -> Metric:
-    """Choose the metric of a map, and check its settings.
+def map_metric(space: Space, metric: Metric | None) -> Metric:
+    """Choose the metric of a map.
 
     Parameters
     ----------
     space : Space
-    metric, models, tolerance
+    metric : str, optional
         As for `validity_map`.
 
     Returns
@@ -528,10 +527,8 @@ def map_metric(
     Raises
     ------
     InputError
-        If they are wrong or do not fit the axes.
+        If the metric is unknown or does not fit the axes.
     """
-    if not 0.0 < number("tolerance", tolerance) < 1.0:
-        raise InputError.of("tolerance", f"{tolerance:g}", "above 0 and below 1")
     axes = (*space.axes, *(axis for axis, _ in space.fixed))
     ramp = next((axis.path for axis in axes if axis.path in RAMPS), None)
     chosen: Metric = metric or ("largest_error" if ramp is None else "error")

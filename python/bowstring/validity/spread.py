@@ -30,7 +30,7 @@ from bowstring.uncertainty import (
     spread_text,
     summarise,
 )
-from bowstring.validation import choice, instance, number
+from bowstring.validation import choice, instance, share_of_length
 from bowstring.validity.axes import BY_DISPLACEMENT
 from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS, LAWS, Ramps, arc_tips, follow
@@ -166,7 +166,7 @@ def validity_spread(
     distributions: Distributions | str | Path | Mapping[str, Any],
     *,
     name: str = "cc_from_force",
-    tolerance: float = 0.01,
+    tolerance: float | str = 0.01,
     points: int = 1024,
     loading: Loading | None = None,
     load: Load | None = None,
@@ -187,8 +187,8 @@ def validity_spread(
         `bowstring.uncertainty.read_distributions` takes them.
     name : str
         Model of constant curvature, of `bowstring.validity.errors.LAWS`.
-    tolerance : float
-        Tolerated tip error as a share of the length.
+    tolerance : float or str
+        Tolerated tip error as a share of the length: 0.01 or "1 %".
     points : int
         Base points of the design, a power of two; with d factors it has ``points (d + 2)`` samples.
     loading : Loading, optional
@@ -215,8 +215,7 @@ def validity_spread(
     """
     check_robot(robot)
     choice("name", name, list(LAWS))
-    if not 0.0 < number("tolerance", tolerance) < 1.0:
-        raise InputError.of("tolerance", f"{tolerance:g}", "above 0 and below 1")
+    tolerance = share_of_length("tolerance", tolerance)
     loading, load = instance("loading", loading, Loading), instance("load", load, Load)
     joint = distributions
     if not isinstance(joint, Distributions):

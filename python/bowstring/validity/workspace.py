@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.display import short_repr
-from bowstring.errors import InputError
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
-from bowstring.validation import choice, instance, number, whole
+from bowstring.validation import choice, instance, number, share_of_length, whole
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
 from bowstring.viz.style import LIGHT, check_figure_file, subplots, write_figure
 
@@ -195,7 +194,7 @@ def workspace_map(
     max_tension: float,
     *,
     poses: int = 4096,
-    tolerance: float = 0.01,
+    tolerance: float | str = 0.01,
     models: Sequence[str] | None = None,
     load: Load | None = None,
     progress: Callable[[str, float], None] | None = None,
@@ -210,8 +209,8 @@ def workspace_map(
         Largest tension of each tendon, N.
     poses : int
         Number of poses: points of a Sobol' sequence over the tensions of all tendons.
-    tolerance : float
-        Tolerated tip error as a share of the length.
+    tolerance : float or str
+        Tolerated tip error as a share of the length: 0.01 or "1 %".
     models : sequence of str
         Models of constant curvature, of `bowstring.validity.errors.LAWS`.
     load : Load, optional
@@ -241,8 +240,7 @@ def workspace_map(
     check_robot(robot)
     number("max_tension", max_tension, "N")
     whole("poses", poses, 1, 1_000_000)
-    if not 0.0 < number("tolerance", tolerance) < 1.0:
-        raise InputError.of("tolerance", f"{tolerance:g}", "above 0 and below 1")
+    tolerance = share_of_length("tolerance", tolerance)
     models = ("cc_from_lengths", "cc_from_force") if models is None else tuple(models)
     for name in models:
         choice("models", name, list(LAWS))
