@@ -442,6 +442,18 @@ def test_the_command_maps_the_workspace(shell: Shell, tmp_path: Path) -> None:
     wrong = ("map", "amouri2019", "--workspace")
     assert ".png" in shell.error(*wrong, "--out", str(tmp_path / "map.nc"))
     assert "--metric" in shell.error(*wrong, "--metric", "valid_to")
+    assert "all tendons" in shell.error(*wrong, "--tendon", "2")
+
+
+def test_the_command_has_as_many_poses_as_points(shell: Shell, tmp_path: Path) -> None:
+    args = ("map", "amouri2019", "--workspace", "--max-tension", "40", "--points")
+    content = shell.json(*args, "33", "--out", str(tmp_path / "map.svg"))
+    assert len(content["tip_position_m"]) == len(content["tensions_N"]) == 33
+    assert content["provenance"]["settings"]["points"] == 33
+    (one,) = shell.json(*args, "1", "--out", str(tmp_path / "map.svg"))["tip_position_m"]
+    assert one == pytest.approx([0.0, 0.0, 0.641])
+    says = "--points: got 0; must be a whole number from 1 to 1000000."
+    assert shell.error(*args, "0") == says
 
 
 def test_hexagons_of_the_workspace_lie_within_the_figure() -> None:

@@ -139,6 +139,7 @@ _FLAGS: Final = {
     "angles": ("--angle",),
     "parameters": ("--parameter",),
     "count": ("--samples",),
+    "poses": ("--points",),
 }
 # Flags from which an argument is made.
 _MADE_OF: Final = {

@@ -66,7 +66,14 @@ def map_(
     max_tension: Annotated[
         str | None, option("T", "Largest tension of the sweep.  [default: chosen for the robot]")
     ] = None,
-    points: Annotated[int, option("N", "Number of loads in the sweep.")] = 17,
+    points: Annotated[
+        int | None,
+        option(
+            "N",
+            "Number of loads in the sweep; with --workspace, of poses.  [default: 17; with "
+            "--workspace 4096]",
+        ),
+    ] = None,
     tendon: Annotated[
         str | None,
         option(
@@ -136,13 +143,17 @@ def map_(
         read_axes,
         validity_map,
     )
-    from bowstring.validity.workspace import check_workspace_file, workspace_map
+    from bowstring.validity.workspace import POSES, check_workspace_file, workspace_map
 
     if workspace and over:
         raise InputError("--over and --workspace are two kinds of map; give one of them.")
     if workspace and metric is not None:
         raise InputError("--metric is of a map over axes; with --workspace the error is mapped.")
-    loading = Loading(limit, points, shares)
+    if workspace and tendon is not None:
+        raise InputError("--tendon is of a sweep; with --workspace all tendons are actuated.")
+    if points is None:
+        points = POSES if workspace else Loading.points
+    loading = Loading(limit) if workspace else Loading(limit, points, shares)
     dead = Load(gravity=acting, tip_force=force)
     names = None
     if models is not None:
@@ -182,6 +193,7 @@ def map_(
             poses = workspace_map(
                 model,
                 end_of_ramp(model, loading),
+                poses=points,
                 tolerance=tolerated,
                 models=names,
                 load=dead,

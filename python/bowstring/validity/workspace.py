@@ -26,10 +26,12 @@ if TYPE_CHECKING:
 
     from bowstring.schemas import maps as schema
 
-__all__ = ["WorkspaceMap", "check_workspace_file", "workspace_map"]
+__all__ = ["POSES", "WorkspaceMap", "check_workspace_file", "workspace_map"]
 
 Floats = NDArray[np.float64]
 
+POSES: Final = 4096
+"""Number of poses by default."""
 _PART: Final = 16384
 _CELLS: Final = 30  # hexagons along an axis
 _SHARES: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # of length
@@ -193,7 +195,7 @@ def workspace_map(
     robot: Robot,
     max_tension: float,
     *,
-    poses: int = 4096,
+    poses: int = POSES,
     tolerance: float | str = 0.01,
     models: Sequence[str] | None = None,
     load: Load | None = None,
