@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import math
 import os
+import pickle
 import shutil
 import signal
 import subprocess
@@ -374,8 +375,11 @@ def test_ctrl_c_while_a_block_is_written_keeps_it(
         return whole(path, data)
 
     monkeypatch.setattr(Path, "write_bytes", write)
-    with pytest.raises(RunInterrupted, match="1 of 11 blocks are kept"):
+    with pytest.raises(RunInterrupted, match="1 of 11 blocks are kept") as caught:
         run(made(), tmp_path / "job")
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert type(again) is RunInterrupted and str(again) == str(caught.value)
+    assert again.store.missing == caught.value.store.missing
 
 
 def slowly(first: int, count: int) -> dict[str, Any]:

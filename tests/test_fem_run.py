@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import pickle
 import re
 import shutil
 import signal
@@ -34,7 +35,7 @@ from bowstring.fem import (
     sweep,
 )
 from bowstring.fem.comparison import beside_rod
-from bowstring.fem.mesh import Fineness
+from bowstring.fem.mesh import Fineness, brick_mesh
 from bowstring.robot.writer import to_yaml
 from bowstring.statics import rod
 from bowstring.study import finite_elements as third
@@ -265,6 +266,24 @@ def test_kept_results_are_not_recomputed(monkeypatch: pytest.MonkeyPatch) -> Non
     np.testing.assert_array_equal(again.span_tensions, first.span_tensions)
     (kept,) = fem.cache_folder().iterdir()
     assert sorted(p.name for p in kept.iterdir()) == ["step_0001.npz", "step_0002.npz"]
+
+
+def test_an_interruption_can_be_pickled() -> None:
+    robot = small_robot()
+    made = {"rise_s": None, "gravity": [0.0] * 3, "tip_force": [0.0] * 3}
+    why = "it was interrupted"
+    run = BrickRun(
+        robot,
+        brick_mesh(robot, COARSE.fineness),
+        made,
+        np.arange(3.0),
+        np.array(LOADS),
+        status="interrupted",
+        reason=why,
+    )
+    stopped = pickle.loads(pickle.dumps(RunInterrupted(run)))
+    assert type(stopped) is RunInterrupted
+    assert str(stopped) == stopped.run.message == run.message and why in run.message
 
 
 @needs_ccx

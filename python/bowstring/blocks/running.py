@@ -25,6 +25,9 @@ class RunInterrupted(KeyboardInterrupt):
         super().__init__(store.kept)
         self.store = store
 
+    def __reduce__(self) -> tuple[type[RunInterrupted], tuple[Store]]:
+        return RunInterrupted, (self.store,)  # pickled in a pool of processes
+
 
 def run(
     job: Job,

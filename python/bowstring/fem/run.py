@@ -117,6 +117,9 @@ class RunInterrupted(KeyboardInterrupt):
         super().__init__(run.message)
         self.run = run
 
+    def __reduce__(self) -> tuple[type[RunInterrupted], tuple[BrickRun]]:
+        return RunInterrupted, (self.run,)  # pickled in a pool of processes
+
 
 @dataclass(eq=False)
 class BrickRun:
