@@ -335,7 +335,8 @@ def legend_of(panel: Axes) -> list[str]:
 def test_a_curve_names_its_tendon_and_its_crossing() -> None:
     found = validity_map(ROBOT, ["tension=0:80 N:9"], loading=Loading(80.0, tendon=2))
     (panel,) = found.figure().axes
-    assert panel.get_xlabel() == found.to_dict()["axes"][0]["label"] == "tension of tendon 2 (N)"
+    assert panel.get_xlabel() == "tension of tendon 2 (N)"
+    assert found.to_dict()["axes"][0]["label"] == "tension of tendon 2"
     assert "from force: 1 % at 56.1 N" in legend_of(panel)
     assert not panel.texts  # nothing that could cover a curve
 
@@ -389,6 +390,19 @@ def test_the_command_writes_numbers(shell: Shell, tmp_path: Path) -> None:
     with xr.open_dataset(file) as data:
         shown = next(m for m in content["maps"] if m["name"] == FORCE)
         np.testing.assert_allclose(100.0 * data[FORCE].values, shown["values"])
+
+
+@pytest.mark.parametrize("more", [(), ("--over", "gravity.z=-1:1:2")], ids=["map", "grid"])
+def test_the_unit_of_an_axis_is_that_of_its_values(
+    shell: Shell, tmp_path: Path, more: tuple[str, ...]
+) -> None:
+    axes = ("--over", "bend=0:30 deg:2", "--over", "clamped_length=0:2 mm:3", *more)
+    out = ("--models", LENGTHS, "--points", "3", "--out", str(tmp_path / "map.nc"))
+    bend, clamps, *_ = shell.json("map", "amouri2019", *axes, *out)["axes"]
+    assert (bend["label"], bend["unit"]) == ("commanded bend", "rad")
+    assert bend["values"] == pytest.approx([0.0, np.radians(30.0)])
+    assert (clamps["label"], clamps["unit"]) == ("clamped length", "m")
+    assert clamps["values"] == pytest.approx([0.0, 0.001, 0.002])
 
 
 @pytest.mark.parametrize(

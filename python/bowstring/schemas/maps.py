@@ -11,9 +11,9 @@ class MapAxis(Object):
     """An axis of a map."""
 
     path: Annotated[str, about("Number of the robot file, or a load, as `--over` takes it.")]
-    label: Annotated[str, about("Label with the usual unit.")]
-    unit: Annotated[str, about("SI unit of the values; empty for a plain number.")]
-    values: Annotated[list[float], about("Points in SI.")]
+    label: Annotated[str, about("The number in words, without a unit.")]
+    unit: Annotated[str, about("SI unit; empty for a plain number.")]
+    values: Annotated[list[float], about("Points.", "`unit`")]
 
 
 class MapOfModel(Object):
@@ -32,7 +32,7 @@ class MapOfModel(Object):
     ]
     contour: Annotated[
         list[list[list[float]]],
-        about("Lines on which the metric has the tolerance: points in the units of the axes."),
+        about("Lines on which the metric has the tolerance: points, as the axes.", "`unit`"),
     ]
     causes: Annotated[
         Any,
@@ -55,7 +55,9 @@ class MapValues(Object):
     ]
     axes: Annotated[list[MapAxis], about("One or two axes, the first along x.")]
     maps: Annotated[list[MapOfModel], about("Map of each model.")]
-    cause_points: Annotated[Any, about("Values of each axis at the points of the causes.")]
+    cause_points: Annotated[
+        Any, about("Values of each axis at the points of the causes.", "`unit`")
+    ]
     states: Annotated[
         list[Literal["solved", "two equilibria", "no stable equilibrium", "a tendon is slack"]],
         about("State of each point, row by row."),

@@ -132,15 +132,19 @@ class Axis:
         return read_number(f"1 {usual}", si) if usual else 1.0
 
     @property
+    def words(self) -> str:
+        """The number in words."""
+        name = self.path.rpartition(".")[2]
+        return LOADS[self.path][2] if self.is_load else _LABELS.get(name, name.replace("_", " "))
+
+    @property
     def label(self) -> str:
         """Label with the usual unit, as of a figure."""
-        name = self.path.rpartition(".")[2]
-        words = LOADS[self.path][2] if self.is_load else _LABELS.get(name, name.replace("_", " "))
         unit = self.units[1]
-        return f"{words} ({unit})" if unit else words
+        return f"{self.words} ({unit})" if unit else self.words
 
     def to_dict(self, label: str) -> schema.MapAxis:
-        """Return plain values in SI, with the label of a map."""
+        """Return plain values in SI, with a label that names no unit."""
         return {
             "path": self.path,
             "label": label,

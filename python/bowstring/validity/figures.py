@@ -84,9 +84,8 @@ def title_of(
 
 def in_words(axis: Axis, value: float) -> str:
     """A value of an axis, such as ``tip force along x 0.5 N``."""
-    words = axis.label.removesuffix(f" ({axis.units[1]})")
     unit = f" {axis.units[1]}" if axis.units[1] else ""
-    return f"{words} {significant(value / axis.factor)}{unit}"
+    return f"{axis.words} {significant(value / axis.factor)}{unit}"
 
 
 def _limit_label(found: ValidityMap) -> str:

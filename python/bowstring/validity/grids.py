@@ -241,7 +241,7 @@ class ValidityGrid:
             "tolerance_percent": 100.0 * self.tolerance,
             "metric": self.metric,
             "max_tension_N": None if self.space.by_displacement else self.space.max_tension,
-            "axes": [axis.to_dict(self.label(i)) for i, axis in enumerate(self.axes)],
+            "axes": [axis.to_dict(named(axis.words, self.space.shares)) for axis in self.axes],
             "maps": [
                 {"name": name, "values": (scale * value).tolist()}
                 for name, value in self.value.items()

@@ -217,7 +217,7 @@ class ValidityMap:
             "tolerance_percent": 100.0 * self.tolerance,
             "metric": self.metric,
             "max_tension_N": None if self.by_displacement else self.max_tension,
-            "axes": [axis.to_dict(self.label(i)) for i, axis in enumerate(self.axes)],
+            "axes": [axis.to_dict(named(axis.words, self.shares)) for axis in self.axes],
             "maps": [
                 {
                     "name": name,
