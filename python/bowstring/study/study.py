@@ -47,6 +47,7 @@ from bowstring.robot.reader import load_robot
 from bowstring.statics import limits
 from bowstring.statics.model import RodModel
 from bowstring.study.comparison import COMPARISONS, MEANINGS, Model, Theory
+from bowstring.study.design_map import caption_of, design_map, without_map
 from bowstring.study.error_budget import Budget, error_budget
 from bowstring.study.ramp_response import (
     Surface,
@@ -59,10 +60,8 @@ from bowstring.study.ramp_response import (
 from bowstring.study.settings import Extras, Ramp, Settings
 from bowstring.study.verdict import Verdict, judge
 from bowstring.validation import choice, instance, share_of_length, shown
-from bowstring.validity.axes import Axis
 from bowstring.validity.loading import FARTHEST, MAX_BEND, TRIED, Loading, largest_load, turned
-from bowstring.validity.maps import ValidityMap, map_space
-from bowstring.validity.space import Space
+from bowstring.validity.maps import ValidityMap
 from bowstring.validity.spread import Spread, assumed_distributions, validity_spread
 
 if TYPE_CHECKING:
@@ -89,8 +88,6 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 SCHEMA_VERSION: Final = 1
-_MAP_DISKS: Final = 60  # most disks of a robot with a map
-_MAP_LOADS, _MAP_COUNTS = 21, 12  # points of its axes
 _ASSUMED_POINTS, _GIVEN_POINTS = 256, 1024  # base points of the samples
 _BACKBONE_POINTS: Final = 25  # points per segment
 
@@ -194,10 +191,7 @@ FIGURES: Final = (
     Figure(
         "validity_map",
         "Map of validity",
-        "Tip error of constant curvature by the number of disks of each segment and the tension, "
-        "all other numbers as they are; the study has no such figure. On the black line the error "
-        "has the tolerance; colours name the effect that makes more than half of it. Dashed: this "
-        "robot.",
+        "Tip error of constant curvature by a number of the design and the tension.",
     ),
     Figure(
         "validity_spread",
@@ -380,7 +374,7 @@ class Study:
     bricks: FiniteElements | None = None
     """Sweep by finite elements, if requested."""
     map: ValidityMap | None = None
-    """Validity over the tension and the number of disks; None of a robot with single positions."""
+    """Validity over the tension and a number of the design; None where `notes` say why."""
     spreads: tuple[Spread, ...] = ()
     """Validity limits with uncertain numbers, from lengths and from force."""
     uncertainty_assumed: bool = True
@@ -430,6 +424,9 @@ class Study:
         missing += ["validity_map"] * (self.map is None)
         missing += ["validity_spread"] * (not self.spreads)
         found = [f for f in FIGURES if f.stem not in missing]
+        if self.map is not None:
+            of_map = caption_of(self.map)
+            found = [replace(f, caption=of_map) if f.stem == "validity_map" else f for f in found]
         if self.bricks is not None:
             found = [replace(f, caption=f.caption + _BRICKS_IN.get(f.stem, "")) for f in found]
         found = [*(SOLID_FIGURES if self.solid else ()), *found]
@@ -705,7 +702,7 @@ def run_study(
     verdict = judge(model, settings.tolerance, settings.max_tension, comparisons, budget)
 
     notify("map and uncertainty", 0.9)
-    shown_map = _map(robot, settings)
+    of_design = design_map(with_tendons(robot, {"friction": 0.0}), settings)
     spreads = _spreads(robot, settings, extras.uncertainty)
 
     bricks, by_bricks = None, {}
@@ -743,32 +740,16 @@ def run_study(
         claim=_claim(robot, settings, comparisons, in_time, by_bricks),
         notes=(
             *_notes(robot, settings, geometry, statics, comparisons, in_time, data),
+            *([without_map(robot)] if of_design is None else ()),
             *(spreads[0].distributions.warnings if spreads else ()),
         ),
         data=data,
         solid=solid,
         bricks=bricks,
-        map=shown_map,
+        map=of_design,
         spreads=spreads,
         uncertainty_assumed=extras.uncertainty is None,
     )
-
-
-def _map(robot: Robot, settings: Settings) -> ValidityMap | None:
-    """Map over tension and number of disks, around that of the robot."""
-    counts = {segment.disks.count for segment in robot.segments}
-    own = counts.pop() if len(counts) == 1 else None
-    if own is None or own * len(robot.segments) > _MAP_DISKS:
-        return None
-    top = own + max(3, own // 2)
-    axes = (
-        Axis("tension", 0.0, settings.max_tension, _MAP_LOADS),
-        Axis("segments.*.disks.count", max(2, own // 3), top, min(_MAP_COUNTS, top)),
-    )
-    free = with_tendons(robot, {"friction": 0.0})
-    model = RodModel(settings.theory)
-    shares = np.array(settings.shares)
-    return map_space(Space(free, axes, shares, settings.max_tension, model), settings.tolerance)
 
 
 def _spreads(robot: Robot, settings: Settings, given: Any) -> tuple[Spread, ...]:
