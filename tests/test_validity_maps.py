@@ -25,7 +25,8 @@ from bowstring.validity.contour import contours
 from bowstring.validity.errors import displacement_per_bend
 from bowstring.validity.jobs import map_job
 from bowstring.validity.loading import Loading
-from bowstring.validity.maps import STATES, described, validity_map
+from bowstring.validity.maps import STATES, validity_map
+from bowstring.validity.sentences import described
 
 ROBOT = bs.load_robot("amouri2019")
 TENSIONS = np.outer(np.linspace(0.0, 80.0, 9), [1.0, 0.0, 0.0])

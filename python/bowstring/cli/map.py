@@ -136,13 +136,9 @@ def map_(
     from bowstring.statics.load import Load
     from bowstring.validity.jobs import map_job
     from bowstring.validity.loading import Loading
-    from bowstring.validity.maps import (
-        check_map_file,
-        described,
-        end_of_ramp,
-        read_axes,
-        validity_map,
-    )
+    from bowstring.validity.maps import check_map_file, validity_map
+    from bowstring.validity.question import end_of_ramp, read_axes
+    from bowstring.validity.sentences import described
     from bowstring.validity.workspace import POSES, check_workspace_file, workspace_map
 
     if workspace and over:

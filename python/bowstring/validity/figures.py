@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from bowstring.formatting import in_percent, listed, significant
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import INPUTS, LABELS
-from bowstring.validity.maps import STATES, Metric, ValidityMap
+from bowstring.validity.maps import STATES, ValidityMap
+from bowstring.validity.question import Metric
 from bowstring.viz.style import LIGHT, legend_above, subplots
 
 if TYPE_CHECKING:

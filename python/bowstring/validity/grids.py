@@ -20,19 +20,13 @@ from bowstring.statics.load import Load
 from bowstring.units import quote, read_number
 from bowstring.validation import numbers
 from bowstring.validity.axes import Axis
+from bowstring.validity.causes import causes_of, coarse_step, coarser
 from bowstring.validity.errors import LABELS
 from bowstring.validity.jobs import Points, map_job
 from bowstring.validity.loading import Loading, named
-from bowstring.validity.maps import (
-    Metric,
-    ValidityMap,
-    causes_of,
-    coarse_step,
-    coarser,
-    in_causes,
-    limits_in_words,
-    map_space,
-)
+from bowstring.validity.maps import ValidityMap, map_space
+from bowstring.validity.question import Metric
+from bowstring.validity.sentences import in_causes, limits_in_words
 from bowstring.validity.space import Space
 from bowstring.viz.style import check_figure_file, write_figure
 
@@ -101,7 +95,7 @@ class ValidityGrid:
 
     @property
     def metric(self) -> Metric:
-        """What `value` is, one of `bowstring.validity.maps.METRICS`."""
+        """What `value` is, one of `bowstring.validity.question.METRICS`."""
         return _points(self.job).metric
 
     def label(self, axis: int) -> str:

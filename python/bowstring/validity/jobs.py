@@ -19,7 +19,7 @@ from bowstring.validation import share_of_length
 from bowstring.validity.axes import Axis, axes_of
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
-from bowstring.validity.maps import METRICS, Metric, map_metric, map_models, space_of
+from bowstring.validity.question import METRICS, Metric, map_metric, map_models, space_of
 from bowstring.validity.space import Space
 
 __all__ = ["Points", "map_job"]

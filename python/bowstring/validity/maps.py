@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +13,21 @@ from numpy.typing import NDArray
 from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.display import short_repr
 from bowstring.errors import InputError
-from bowstring.formatting import in_newtons, listed
-from bowstring.robot.model import Robot, check_robot, with_tendons
+from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
-from bowstring.statics.model import RodModel
-from bowstring.validation import choice, instance, share_of_length
-from bowstring.validity.axes import BY_DISPLACEMENT, RAMPS, Axis, axes_of
+from bowstring.validation import instance, share_of_length
+from bowstring.validity.axes import Axis
+from bowstring.validity.causes import causes_of, coarser
 from bowstring.validity.contour import Line, Refined, contours
-from bowstring.validity.effects import EFFECTS, acting
-from bowstring.validity.errors import LABELS
-from bowstring.validity.loading import Loading, largest_load, named
+from bowstring.validity.loading import Loading, named
+from bowstring.validity.question import (
+    METRICS,
+    Metric,
+    map_metric,
+    map_models,
+    read_axes,
+    space_of,
+)
 from bowstring.validity.space import Errors, Space
 from bowstring.viz.style import check_figure_file, write_figure
 
@@ -33,35 +38,17 @@ if TYPE_CHECKING:
     from bowstring.schemas import maps as schema
 
 __all__ = [
-    "METRICS",
     "MOST_SOLVES",
     "STATES",
-    "Metric",
     "ValidityMap",
-    "causes_of",
     "check_map_file",
-    "coarser",
-    "described",
-    "end_of_ramp",
-    "map_metric",
-    "map_models",
     "map_space",
-    "read_axes",
-    "space_of",
     "validity_map",
 ]
 
 Floats = NDArray[np.float64]
-Metric = Literal["largest_error", "mean_error", "error", "valid_to"]
 Progress = Callable[[str, float], None]
 
-METRICS: Final[dict[str, str]] = {
-    "largest_error": "largest tip error over the sweep, share of length",
-    "mean_error": "mean tip error over the sweep, share of length",
-    "error": "tip error at the tension or bend of the axis, share of length",
-    "valid_to": "tension up to which the tolerance holds, N",
-}
-"""Metrics of a map, and what they are."""
 
 STATES: Final = ("solved", "two equilibria", "no stable equilibrium", "a tendon is slack")
 """States of a point: solved; another stable equilibrium exists at the end of the ramp, so that the
@@ -72,8 +59,6 @@ MOST_SOLVES: Final = 100_000_000
 """Most equilibria of one map in memory."""
 
 _APART: Final = 1e-3  # least distance of two equilibria over the length
-_DOMINANT: Final = 0.5  # share of the error above which an effect dominates
-_MOST_CAUSES: Final = 1681  # points at which the causes are computed: 41 x 41
 
 
 @short_repr
@@ -88,7 +73,7 @@ class ValidityMap:
     tolerance: float
     """Tolerated tip error as a share of the length."""
     metric: Metric
-    """What `value` is, one of `METRICS`."""
+    """What `value` is, one of `bowstring.validity.question.METRICS`."""
     max_tension: float
     """End of the ramp of tension where no axis is the tension, N; NaN with an axis bend."""
     shares: tuple[float, ...]
@@ -418,163 +403,6 @@ def map_space(
     )
 
 
-def space_of(
-    robot: Robot, axes: tuple[Axis, ...], loading: Loading | None, load: Load | None
-) -> Space:
-    """Make the space of a map.
-
-    Parameters
-    ----------
-    robot : Robot
-        Its friction is left out, except with an axis friction or ``bend``.
-    axes : tuple of Axis
-    loading, load
-        As for `validity_map`.
-
-    Returns
-    -------
-    Space
-
-    Raises
-    ------
-    InputError
-        If the load has an actuation, a tip moment or loads on disks.
-    """
-    check_robot(robot)
-    paths = [axis.path for axis in axes]
-    if "tension" in paths and "bend" in paths:
-        raise InputError("over has tension and bend; motors command one of them")
-    for path in paths:
-        if "bend" not in paths and path.rpartition(".")[2] in BY_DISPLACEMENT:
-            raise InputError(
-                f"axis {path}: with given tensions it changes nothing; add an axis bend, such as "
-                "bend=0:90 deg"
-            )
-    if "bend" in paths and instance("loading", loading, Loading).max_tension is not None:
-        raise InputError("max_tension is the end of a sweep of the tension; leave it out with bend")
-    if "bend" not in paths and not any(path.endswith(".friction") for path in paths):
-        robot = with_tendons(robot, {"friction": 0.0})
-    loading, load = instance("loading", loading, Loading), instance("load", load, Load)
-    if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
-        raise InputError("load has an actuation; of a map it is that of loading and of the axes")
-    if load.tip_moment is not None:
-        raise InputError("load has a tip moment; a map takes gravity and tip force only")
-    if load.disk_forces is not None or load.disk_moments is not None:
-        raise InputError("load has loads on disks; a map takes gravity and tip force only")
-    shares = np.array(loading.shares(robot))
-    top = float("nan") if "bend" in paths else end_of_ramp(robot, loading)
-    return Space(robot, axes, shares, top, RodModel(), load, loading.points)
-
-
-def read_axes(
-    robot: Robot, over: Sequence[str | Axis] | str | Axis | None, loading: Loading
-) -> tuple[Axis, ...]:
-    """Read the one or two axes of a map.
-
-    Parameters
-    ----------
-    robot : Robot
-    over : sequence of str or Axis
-        Axes as for `validity_map`; None takes the default.
-    loading : Loading
-        End of the ramp of the default.
-
-    Returns
-    -------
-    tuple of Axis
-
-    Raises
-    ------
-    InputError
-        If an axis is wrong.
-    """
-    if over is None:
-        top = end_of_ramp(robot, loading)
-        over = [f"tension=0:{top:g} N:41"]
-        if all(segment.disks.count is not None for segment in robot.segments):
-            over.append("segments.*.disks.count=3:20")
-    if isinstance(over, str | Axis):
-        over = [over]
-    axes = axes_of(robot, over)
-    if not 1 <= len(axes) <= 2:
-        raise InputError(
-            f"got {len(axes)} axes; a map has one or two, and bowstring.validity_grid more"
-        )
-    return axes
-
-
-def end_of_ramp(robot: Robot, loading: Loading) -> float:
-    """End of the ramp of tension in N, as given or chosen for the robot."""
-    if loading.max_tension is not None:
-        return loading.max_tension
-    return largest_load(robot, np.array(loading.shares(robot)), RodModel())
-
-
-def map_metric(space: Space, metric: Metric | None) -> Metric:
-    """Choose the metric of a map.
-
-    Parameters
-    ----------
-    space : Space
-    metric : str, optional
-        As for `validity_map`.
-
-    Returns
-    -------
-    str
-        One of `METRICS`.
-
-    Raises
-    ------
-    InputError
-        If the metric is unknown or does not fit the axes.
-    """
-    axes = (*space.axes, *(axis for axis, _ in space.fixed))
-    ramp = next((axis.path for axis in axes if axis.path in RAMPS), None)
-    chosen: Metric = metric or ("largest_error" if ramp is None else "error")
-    choice("metric", chosen, list(METRICS))
-    if ramp is not None and chosen != "error":
-        raise InputError(
-            f"metric {chosen} is over a sweep of the {ramp}, which is an axis here; give other "
-            "axes, such as E=30:40 GPa"
-        )
-    if chosen == "error" and ramp is None:
-        raise InputError(
-            "metric error is at the tension or the bend of an axis; give an axis tension or bend"
-        )
-    return chosen
-
-
-def map_models(space: Space, models: Sequence[str] | None) -> tuple[str, ...]:
-    """Models of a map, as given or chosen for its axes.
-
-    Parameters
-    ----------
-    space : Space
-    models : sequence of str, optional
-        As for `validity_map`.
-
-    Returns
-    -------
-    tuple of str
-
-    Raises
-    ------
-    InputError
-        If a model is unknown or does not fit the axes.
-    """
-    commanded = "cc_from_displacements"
-    if models is None:
-        if space.by_displacement:
-            return (commanded, "cc_from_lengths")
-        return ("cc_from_lengths", "cc_from_force")
-    for name in models:
-        choice("models", name, list(LABELS))
-        if name == commanded and not space.by_displacement:
-            raise InputError(f"{commanded} needs commanded displacements; give an axis bend")
-    return tuple(models)
-
-
 def _check_size(points: Floats, space: Space) -> None:
     solves = len(points) * space.loads
     if solves > MOST_SOLVES:
@@ -612,37 +440,6 @@ def _in_parts(
     )
 
 
-def coarse_step(shape: tuple[int, ...], axes: int) -> int:
-    """Step along each axis between points for which causes are computed."""
-    return max(1, int(np.ceil((np.prod(shape) / _MOST_CAUSES) ** (1.0 / axes))))
-
-
-def limits_in_words(limit: Floats, end: float) -> str:
-    """Range of the validity limits of a map (N), some of them known; `end` is that of the sweep."""
-    known = limit[np.isfinite(limit)]
-    low, high = float(known.min()), float(known.max())
-    return f"{in_newtons(low, high)} on this map; the sweep ends at {end:.4g} N"
-
-
-def in_causes(value: Floats, cause: NDArray[np.str_], step: int, tolerance: float) -> str:
-    """Main causes of a map where its error is above the tolerance, as the end of a sentence."""
-    coarse = value[(slice(None, None, step),) * value.ndim]
-    effects = cause[coarse > tolerance]
-    counts = {effect: int((effects == effect).sum()) for effect in EFFECTS}
-    acting = sorted((e for e in EFFECTS if counts[e]), key=lambda e: -counts[e])
-    if not acting:
-        return ""
-    many = ", each in its part of the map" if len(acting) > 1 else ""
-    return f"; main cause of the error: {listed([EFFECTS[e] for e in acting])}{many}"
-
-
-def coarser(shape: tuple[int, ...], axes: int) -> NDArray[np.intp]:
-    """Indices of the points of a coarser grid, for causes and second equilibria."""
-    index = np.arange(int(np.prod(shape))).reshape(shape)
-    step = coarse_step(shape, axes)
-    return index[(slice(None, None, step),) * axes]
-
-
 def _two_equilibria(
     space: Space, points: Floats, errors: Errors, part: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
@@ -663,32 +460,6 @@ def _two_equilibria(
     return np.asarray(two)
 
 
-def causes_of(
-    space: Space,
-    axes: tuple[Axis, ...],
-    points: Floats,
-    models: Sequence[str],
-    measure: Callable[[Errors, str], Floats],
-) -> tuple[dict[str, NDArray[np.str_]], tuple[Floats, ...]]:
-    """Effect with more than half of the metric at points (P, A), by model, and their values."""
-    whole = space.errors(points, models)
-    effects = sorted(
-        {effect for rods in space.rods(points) for effect in acting(rods)}, key=list(EFFECTS).index
-    )
-    best = {name: np.zeros(len(points)) for name in models}
-    cause = {name: np.full(len(points), "", dtype="U16") for name in models}
-    total = {name: measure(whole, name) for name in models}
-    for effect in effects:
-        rest = space.errors(points, models, effect)
-        for name in models:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                share = (total[name] - measure(rest, name)) / total[name]
-            more = (share > _DOMINANT) & (share > best[name])
-            best[name] = np.where(more, share, best[name])
-            cause[name] = np.where(more, effect, cause[name])
-    return cause, tuple(points[:, i] for i in range(len(axes)))
-
-
 def _refined(
     axes: tuple[Axis, ...],
     values: list[Floats],
@@ -706,38 +477,3 @@ def _refined(
     strips = [np.stack([value[ahead]] * 2) for value in values]
     found = contours(x[ahead], np.array([0.0, 1.0]), strips, level, at, (axes[0].is_whole, True))
     return found._replace(lines=[[line[:1, :1] for line in lines] for lines in found.lines])
-
-
-def described(found: ValidityMap) -> list[str]:
-    """What a map says, in sentences."""
-    out = list(found.notes)
-    percent = f"{100 * found.tolerance:g} % of length"
-    for name, value in found.value.items():
-        label = LABELS[name]
-        known = np.isfinite(value)
-        if not known.any():
-            out.append(f"Constant curvature {label} has no arc anywhere on the map.")
-            continue
-        first = f"Constant curvature {label} holds to {percent}"
-        if found.metric == "valid_to":
-            out.append(f"{first} up to {limits_in_words(value, found.max_tension)}.")
-            continue
-        inside = (value <= found.tolerance) & known
-        lines = found.contour[name]
-        solved = bool((found.state != 2).all())
-        where = "everywhere" if solved else "at all loads with an equilibrium"
-        if not inside[known].all() or lines:
-            where = "nowhere" if not inside.any() and not lines else "on a part of the map"
-        words = f"{first} {where}"
-        if len(found.axes) == 1 and lines:
-            axis = found.axes[0]
-            unit = f" {axis.units[1]}" if axis.units[1] else ""
-            marks = [f"{mark:.4g}{unit}" for mark in sorted(x[0, 0] / axis.factor for x in lines)]
-            words = f"{first} at some values: it crosses at {listed(marks)}"
-        step = coarse_step(value.shape, value.ndim)
-        out.append(words + in_causes(value, found.cause[name], step, found.tolerance) + ".")
-    counts = {STATES[i]: int((found.state == i).sum()) for i in (1, 2, 3)}
-    for state, count in counts.items():
-        if count:
-            out.append(f"{count} of {found.state.size} points: {state}.")
-    return out

@@ -44,7 +44,7 @@ class Errors:
     """Whether a tendon is slack at the end of a ramp of bends (P,)."""
 
     def metric(self, metric: str, name: str, tolerance: float) -> Floats:
-        """A metric of a model (P,), one of `bowstring.validity.maps.METRICS`."""
+        """A metric of a model (P,), one of `bowstring.validity.question.METRICS`."""
         if metric == "valid_to":
             return self.valid_to(name, tolerance)
         of = {"largest_error": self.worst, "mean_error": self.mean, "error": self.last}

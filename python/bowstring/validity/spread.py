@@ -35,7 +35,7 @@ from bowstring.validity.axes import BY_DISPLACEMENT
 from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS, LAWS, Ramps, arc_tips, follow
 from bowstring.validity.loading import Loading
-from bowstring.validity.maps import end_of_ramp
+from bowstring.validity.question import end_of_ramp
 from bowstring.validity.space import Errors
 
 if TYPE_CHECKING:

@@ -1,0 +1,58 @@
+"""Main cause of the error of constant curvature at points of a map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.validity.axes import Axis
+from bowstring.validity.effects import EFFECTS, acting
+from bowstring.validity.space import Errors, Space
+
+__all__ = ["causes_of", "coarse_step", "coarser"]
+
+Floats = NDArray[np.float64]
+
+_DOMINANT: Final = 0.5  # share of the error above which an effect dominates
+_MOST_CAUSES: Final = 1681  # points at which the causes are computed: 41 x 41
+
+
+def causes_of(
+    space: Space,
+    axes: tuple[Axis, ...],
+    points: Floats,
+    models: Sequence[str],
+    measure: Callable[[Errors, str], Floats],
+) -> tuple[dict[str, NDArray[np.str_]], tuple[Floats, ...]]:
+    """Effect with more than half of the metric at points (P, A), by model, and their values."""
+    whole = space.errors(points, models)
+    effects = sorted(
+        {effect for rods in space.rods(points) for effect in acting(rods)}, key=list(EFFECTS).index
+    )
+    best = {name: np.zeros(len(points)) for name in models}
+    cause = {name: np.full(len(points), "", dtype="U16") for name in models}
+    total = {name: measure(whole, name) for name in models}
+    for effect in effects:
+        rest = space.errors(points, models, effect)
+        for name in models:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = (total[name] - measure(rest, name)) / total[name]
+            more = (share > _DOMINANT) & (share > best[name])
+            best[name] = np.where(more, share, best[name])
+            cause[name] = np.where(more, effect, cause[name])
+    return cause, tuple(points[:, i] for i in range(len(axes)))
+
+
+def coarser(shape: tuple[int, ...], axes: int) -> NDArray[np.intp]:
+    """Indices of the points of a coarser grid, for causes and second equilibria."""
+    index = np.arange(int(np.prod(shape))).reshape(shape)
+    step = coarse_step(shape, axes)
+    return index[(slice(None, None, step),) * axes]
+
+
+def coarse_step(shape: tuple[int, ...], axes: int) -> int:
+    """Step along each axis between points for which causes are computed."""
+    return max(1, int(np.ceil((np.prod(shape) / _MOST_CAUSES) ** (1.0 / axes))))

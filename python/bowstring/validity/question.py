@@ -1,0 +1,195 @@
+"""What a map asks: its axes and their space, its metric and its models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, Literal
+
+import numpy as np
+
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot, check_robot, with_tendons
+from bowstring.statics.load import Load
+from bowstring.statics.model import RodModel
+from bowstring.validation import choice, instance
+from bowstring.validity.axes import BY_DISPLACEMENT, RAMPS, Axis, axes_of
+from bowstring.validity.errors import LABELS
+from bowstring.validity.loading import Loading, largest_load
+from bowstring.validity.space import Space
+
+__all__ = [
+    "METRICS",
+    "Metric",
+    "end_of_ramp",
+    "map_metric",
+    "map_models",
+    "read_axes",
+    "space_of",
+]
+
+Metric = Literal["largest_error", "mean_error", "error", "valid_to"]
+
+METRICS: Final[dict[str, str]] = {
+    "largest_error": "largest tip error over the sweep, share of length",
+    "mean_error": "mean tip error over the sweep, share of length",
+    "error": "tip error at the tension or bend of the axis, share of length",
+    "valid_to": "tension up to which the tolerance holds, N",
+}
+"""Metrics of a map, and what they are."""
+
+
+def read_axes(
+    robot: Robot, over: Sequence[str | Axis] | str | Axis | None, loading: Loading
+) -> tuple[Axis, ...]:
+    """Read the one or two axes of a map.
+
+    Parameters
+    ----------
+    robot : Robot
+    over : sequence of str or Axis
+        Axes as for `validity_map`; None takes the default.
+    loading : Loading
+        End of the ramp of the default.
+
+    Returns
+    -------
+    tuple of Axis
+
+    Raises
+    ------
+    InputError
+        If an axis is wrong.
+    """
+    if over is None:
+        top = end_of_ramp(robot, loading)
+        over = [f"tension=0:{top:g} N:41"]
+        if all(segment.disks.count is not None for segment in robot.segments):
+            over.append("segments.*.disks.count=3:20")
+    if isinstance(over, str | Axis):
+        over = [over]
+    axes = axes_of(robot, over)
+    if not 1 <= len(axes) <= 2:
+        raise InputError(
+            f"got {len(axes)} axes; a map has one or two, and bowstring.validity_grid more"
+        )
+    return axes
+
+
+def space_of(
+    robot: Robot, axes: tuple[Axis, ...], loading: Loading | None, load: Load | None
+) -> Space:
+    """Make the space of a map.
+
+    Parameters
+    ----------
+    robot : Robot
+        Its friction is left out, except with an axis friction or ``bend``.
+    axes : tuple of Axis
+    loading, load
+        As for `validity_map`.
+
+    Returns
+    -------
+    Space
+
+    Raises
+    ------
+    InputError
+        If the load has an actuation, a tip moment or loads on disks.
+    """
+    check_robot(robot)
+    paths = [axis.path for axis in axes]
+    if "tension" in paths and "bend" in paths:
+        raise InputError("over has tension and bend; motors command one of them")
+    for path in paths:
+        if "bend" not in paths and path.rpartition(".")[2] in BY_DISPLACEMENT:
+            raise InputError(
+                f"axis {path}: with given tensions it changes nothing; add an axis bend, such as "
+                "bend=0:90 deg"
+            )
+    if "bend" in paths and instance("loading", loading, Loading).max_tension is not None:
+        raise InputError("max_tension is the end of a sweep of the tension; leave it out with bend")
+    if "bend" not in paths and not any(path.endswith(".friction") for path in paths):
+        robot = with_tendons(robot, {"friction": 0.0})
+    loading, load = instance("loading", loading, Loading), instance("load", load, Load)
+    if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
+        raise InputError("load has an actuation; of a map it is that of loading and of the axes")
+    if load.tip_moment is not None:
+        raise InputError("load has a tip moment; a map takes gravity and tip force only")
+    if load.disk_forces is not None or load.disk_moments is not None:
+        raise InputError("load has loads on disks; a map takes gravity and tip force only")
+    shares = np.array(loading.shares(robot))
+    top = float("nan") if "bend" in paths else end_of_ramp(robot, loading)
+    return Space(robot, axes, shares, top, RodModel(), load, loading.points)
+
+
+def end_of_ramp(robot: Robot, loading: Loading) -> float:
+    """End of the ramp of tension in N, as given or chosen for the robot."""
+    if loading.max_tension is not None:
+        return loading.max_tension
+    return largest_load(robot, np.array(loading.shares(robot)), RodModel())
+
+
+def map_metric(space: Space, metric: Metric | None) -> Metric:
+    """Choose the metric of a map.
+
+    Parameters
+    ----------
+    space : Space
+    metric : str, optional
+        As for `validity_map`.
+
+    Returns
+    -------
+    str
+        One of `METRICS`.
+
+    Raises
+    ------
+    InputError
+        If the metric is unknown or does not fit the axes.
+    """
+    axes = (*space.axes, *(axis for axis, _ in space.fixed))
+    ramp = next((axis.path for axis in axes if axis.path in RAMPS), None)
+    chosen: Metric = metric or ("largest_error" if ramp is None else "error")
+    choice("metric", chosen, list(METRICS))
+    if ramp is not None and chosen != "error":
+        raise InputError(
+            f"metric {chosen} is over a sweep of the {ramp}, which is an axis here; give other "
+            "axes, such as E=30:40 GPa"
+        )
+    if chosen == "error" and ramp is None:
+        raise InputError(
+            "metric error is at the tension or the bend of an axis; give an axis tension or bend"
+        )
+    return chosen
+
+
+def map_models(space: Space, models: Sequence[str] | None) -> tuple[str, ...]:
+    """Models of a map, as given or chosen for its axes.
+
+    Parameters
+    ----------
+    space : Space
+    models : sequence of str, optional
+        As for `validity_map`.
+
+    Returns
+    -------
+    tuple of str
+
+    Raises
+    ------
+    InputError
+        If a model is unknown or does not fit the axes.
+    """
+    commanded = "cc_from_displacements"
+    if models is None:
+        if space.by_displacement:
+            return (commanded, "cc_from_lengths")
+        return ("cc_from_lengths", "cc_from_force")
+    for name in models:
+        choice("models", name, list(LABELS))
+        if name == commanded and not space.by_displacement:
+            raise InputError(f"{commanded} needs commanded displacements; give an axis bend")
+    return tuple(models)
