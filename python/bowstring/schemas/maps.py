@@ -42,8 +42,8 @@ class MapOfModel(Object):
     ]
 
 
-class MapValues(Object):
-    """Values of a map."""
+class QuestionValues(Object):
+    """What a map asks."""
 
     tolerance_percent: Annotated[float, about("Tolerated tip error in percent of the length.")]
     metric: Annotated[
@@ -53,7 +53,12 @@ class MapValues(Object):
         float | None,
         about("End of the sweep where no axis is the tension; null with an axis bend."),
     ]
-    axes: Annotated[list[MapAxis], about("One or two axes, the first along x.")]
+    axes: Annotated[list[MapAxis], about("Axes in their order; of two, the first is along x.")]
+
+
+class MapValues(QuestionValues):
+    """Values of a map."""
+
     maps: Annotated[list[MapOfModel], about("Map of each model.")]
     cause_points: Annotated[
         Any, about("Values of each axis at the points of the causes.", "`unit`")
@@ -80,18 +85,9 @@ class GridOfModel(Object):
     ]
 
 
-class GridValues(Object):
+class GridValues(QuestionValues):
     """Values of a map over more than two axes."""
 
-    tolerance_percent: Annotated[float, about("Tolerated tip error in percent of the length.")]
-    metric: Annotated[
-        Literal["largest_error", "mean_error", "error", "valid_to"], about("What is mapped.")
-    ]
-    max_tension_N: Annotated[
-        float | None,
-        about("End of the sweep where no axis is the tension; null with an axis bend."),
-    ]
-    axes: Annotated[list[MapAxis], about("Axes in their order.")]
     maps: Annotated[list[GridOfModel], about("Map of each model.")]
     solved: Annotated[
         Any, about("Whether all loads have a stable equilibrium, nested lists as of the values.")

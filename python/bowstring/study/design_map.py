@@ -12,7 +12,8 @@ from bowstring.errors import InputError
 from bowstring.robot.paths import find
 from bowstring.statics.model import RodModel
 from bowstring.validity.axes import Axis
-from bowstring.validity.maps import ValidityMap, map_space
+from bowstring.validity.maps import ValidityMap, compute_map
+from bowstring.validity.question import Question
 from bowstring.validity.space import Space
 
 if TYPE_CHECKING:
@@ -46,7 +47,8 @@ def design_map(robot: Robot, settings: Settings) -> ValidityMap | None:
         return None
     axes = (Axis("tension", 0.0, settings.max_tension, _LOADS), axis)
     model, shares = RodModel(settings.theory), np.array(settings.shares)
-    return map_space(Space(robot, axes, shares, settings.max_tension, model), settings.tolerance)
+    space = Space(robot, axes, shares, settings.max_tension, model)
+    return compute_map(Question.of(space, settings.tolerance))
 
 
 def without_map(robot: Robot) -> str:

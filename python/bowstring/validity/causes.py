@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.validity.axes import Axis
 from bowstring.validity.effects import EFFECTS, acting
-from bowstring.validity.space import Errors, Space
+from bowstring.validity.question import Question
 
 __all__ = ["causes_of", "coarse_step", "coarser"]
 
@@ -20,30 +18,24 @@ _DOMINANT: Final = 0.5  # share of the error above which an effect dominates
 _MOST_CAUSES: Final = 1681  # points at which the causes are computed: 41 x 41
 
 
-def causes_of(
-    space: Space,
-    axes: tuple[Axis, ...],
-    points: Floats,
-    models: Sequence[str],
-    measure: Callable[[Errors, str], Floats],
-) -> tuple[dict[str, NDArray[np.str_]], tuple[Floats, ...]]:
-    """Effect with more than half of the metric at points (P, A), by model, and their values."""
-    whole = space.errors(points, models)
+def causes_of(question: Question, points: Floats) -> dict[str, NDArray[np.str_]]:
+    """Effect with more than half of the metric at points (P, A), by model."""
+    total = question.measure(question.errors(points))
     effects = sorted(
-        {effect for rods in space.rods(points) for effect in acting(rods)}, key=list(EFFECTS).index
+        {effect for rods in question.space.rods(points) for effect in acting(rods)},
+        key=list(EFFECTS).index,
     )
-    best = {name: np.zeros(len(points)) for name in models}
-    cause = {name: np.full(len(points), "", dtype="U16") for name in models}
-    total = {name: measure(whole, name) for name in models}
+    best = {name: np.zeros(len(points)) for name in total}
+    cause = {name: np.full(len(points), "", dtype="U16") for name in total}
     for effect in effects:
-        rest = space.errors(points, models, effect)
-        for name in models:
+        rest = question.measure(question.errors(points, effect))
+        for name in total:
             with np.errstate(divide="ignore", invalid="ignore"):
-                share = (total[name] - measure(rest, name)) / total[name]
+                share = (total[name] - rest[name]) / total[name]
             more = (share > _DOMINANT) & (share > best[name])
             best[name] = np.where(more, share, best[name])
             cause[name] = np.where(more, effect, cause[name])
-    return cause, tuple(points[:, i] for i in range(len(axes)))
+    return cause
 
 
 def coarser(shape: tuple[int, ...], axes: int) -> NDArray[np.intp]:

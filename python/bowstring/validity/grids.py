@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -23,9 +23,9 @@ from bowstring.validity.axes import Axis
 from bowstring.validity.causes import causes_of, coarse_step, coarser
 from bowstring.validity.errors import LABELS
 from bowstring.validity.jobs import Points, map_job
-from bowstring.validity.loading import Loading, named
-from bowstring.validity.maps import ValidityMap, map_space
-from bowstring.validity.question import Metric
+from bowstring.validity.loading import Loading
+from bowstring.validity.maps import ValidityMap, compute_map
+from bowstring.validity.question import Metric, Question
 from bowstring.validity.sentences import in_causes, limits_in_words
 from bowstring.validity.space import Space
 from bowstring.viz.style import check_figure_file, write_figure
@@ -79,9 +79,14 @@ class ValidityGrid:
     """Whether a tendon is slack at the end of a ramp of bends, with the same dimensions."""
 
     @property
+    def question(self) -> Question:
+        """What the map asks."""
+        return question_of(self.job)
+
+    @property
     def space(self) -> Space:
         """Robot, axes, loads and sweep."""
-        return _points(self.job).space
+        return self.question.space
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -91,16 +96,16 @@ class ValidityGrid:
     @property
     def tolerance(self) -> float:
         """Tolerated tip error as a share of the length."""
-        return _points(self.job).tolerance
+        return self.question.tolerance
 
     @property
     def metric(self) -> Metric:
         """What `value` is, one of `bowstring.validity.question.METRICS`."""
-        return _points(self.job).metric
+        return self.question.metric
 
     def label(self, axis: int) -> str:
         """Label of an axis with its unit; that of the tension names the tendon."""
-        return named(self.axes[axis].label, self.space.shares)
+        return self.question.label(axis)
 
     def slice(
         self, at: Mapping[str, float | str] | None = None, /, **values: float | str
@@ -148,9 +153,7 @@ class ValidityGrid:
             raise InputError(
                 f"slice leaves {left} axes of {paths}; give values for all but one or two of them"
             )
-        return map_space(
-            self.space.at(fixed), self.tolerance, self.metric, _points(self.job).models
-        )
+        return compute_map(replace(self.question, space=self.space.at(fixed)))
 
     def _index(self, path: str) -> int:
         paths = [axis.path for axis in self.axes]
@@ -232,10 +235,7 @@ class ValidityGrid:
         """Return plain values: axes in SI, errors in percent of the length, tensions in N."""
         scale = 1.0 if self.metric == "valid_to" else 100.0
         return {
-            "tolerance_percent": 100.0 * self.tolerance,
-            "metric": self.metric,
-            "max_tension_N": None if self.space.by_displacement else self.space.max_tension,
-            "axes": [axis.to_dict(named(axis.words, self.space.shares)) for axis in self.axes],
+            **self.question.to_dict(),
             "maps": [
                 {"name": name, "values": (scale * value).tolist()}
                 for name, value in self.value.items()
@@ -244,10 +244,11 @@ class ValidityGrid:
         }
 
 
-def _points(job: Job) -> Points:
+def question_of(job: Job) -> Question:
+    """What a job of `bowstring.validity.jobs.map_job` asks."""
     if not isinstance(job.evaluate, Points):
         raise InputError("the job is no map; make it by bowstring.validity.jobs.map_job")
-    return job.evaluate
+    return job.evaluate.question
 
 
 def _value_on(axis: Axis, value: float | str) -> float:
@@ -408,7 +409,7 @@ def read_grid(store: Store) -> ValidityGrid:
 
 def check_drawn(job: Job) -> None:
     """Refuse a map that is too large for a figure."""
-    _points(job)
+    question_of(job)
     if job.points > MOST_DRAWN:
         raise InputError(
             f"the map has {job.points:.3g} points, a figure has at most {MOST_DRAWN:.0e}; write a "
@@ -418,7 +419,7 @@ def check_drawn(job: Job) -> None:
 
 def _grid(job: Job, flat: Mapping[str, NDArray[Any]]) -> ValidityGrid:
     """Give flat arrays their dimensions, and find the causes."""
-    asked = _points(job)
+    asked = question_of(job)
     axes, shape = asked.space.axes, tuple(job.axes.values())
     value = {name: np.asarray(flat[name]).reshape(shape) for name in asked.models}
     part = coarser(shape, len(shape))
@@ -426,13 +427,7 @@ def _grid(job: Job, flat: Mapping[str, NDArray[Any]]) -> ValidityGrid:
     if asked.metric != "valid_to":
         places = np.unravel_index(part.ravel(), shape)
         points = [axis.values[place] for axis, place in zip(axes, places, strict=True)]
-        found, _ = causes_of(
-            asked.space,
-            axes,
-            np.stack(points, axis=1),
-            asked.models,
-            lambda errors, name: errors.metric(asked.metric, name, asked.tolerance),
-        )
+        found = causes_of(asked, np.stack(points, axis=1))
         cause = {name: effects.reshape(part.shape) for name, effects in found.items()}
     step = coarse_step(shape, len(shape))
     slack = flat["slack"].reshape(shape) == 1 if "slack" in flat else None

@@ -15,12 +15,10 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
-from bowstring.validation import share_of_length
 from bowstring.validity.axes import Axis, axes_of
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
-from bowstring.validity.question import METRICS, Metric, map_metric, map_models, space_of
-from bowstring.validity.space import Space
+from bowstring.validity.question import METRICS, Metric, Question, space_of
 
 __all__ = ["Points", "map_job"]
 
@@ -36,25 +34,18 @@ _SLACK: Final = Variable("1", "1 where a tendon is slack at the bend", dtype="in
 class Points:
     """What a worker calls: the metric at some points of the grid of the axes."""
 
-    space: Space
-    """Robot, axes, loads and sweep."""
-    models: tuple[str, ...]
-    """Models of constant curvature."""
-    metric: Metric
+    question: Question
     """What is mapped."""
-    tolerance: float
-    """Tolerated tip error as a share of the length."""
 
     def __call__(self, first: int, count: int) -> dict[str, NDArray[Any]]:
-        values = [axis.values for axis in self.space.axes]
+        space = self.question.space
+        values = [axis.values for axis in space.axes]
         places = np.unravel_index(np.arange(first, first + count), [len(v) for v in values])
         points = np.stack([v[place] for v, place in zip(values, places, strict=True)], axis=1)
-        errors = self.space.errors(points, self.models)
-        out: dict[str, NDArray[Any]] = {
-            name: errors.metric(self.metric, name, self.tolerance) for name in self.models
-        }
+        errors = self.question.errors(points)
+        out: dict[str, NDArray[Any]] = {**self.question.measure(errors)}
         out["solved"] = np.asarray(errors.converged.all(axis=1), dtype=np.int8)
-        if self.space.by_displacement:
+        if space.by_displacement:
             out["slack"] = errors.slack.astype(np.int8)
         return out
 
@@ -115,19 +106,19 @@ def map_job(
     if not axes:
         raise InputError("over has no axis; a job has one or more")
     space = space_of(robot, axes, loading, load)
-    tolerance = share_of_length("tolerance", tolerance)
-    models = map_models(space, models)
-    chosen = map_metric(space, metric)
+    question = Question.of(space, tolerance, metric, models)
     count = math.prod(len(axis.values) for axis in axes)
-    unit = "N" if chosen == "valid_to" else "1"
+    unit = "N" if question.metric == "valid_to" else "1"
     shown = {"gravity": space.load.gravity, "tip_force": space.load.tip_force}
     return Job(
-        Points(space, models, chosen, tolerance),
+        Points(question),
         {f"axis_{i}": len(axis.values) for i, axis in enumerate(axes, 1)},
         {
             **{
-                name: Variable(unit, f"{METRICS[chosen]}: constant curvature {LABELS[name]}")
-                for name in models
+                name: Variable(
+                    unit, f"{METRICS[question.metric]}: constant curvature {LABELS[name]}"
+                )
+                for name in question.models
             },
             "solved": Variable("1", "1 where all loads have a stable equilibrium", dtype="int8"),
             **({"slack": _SLACK} if space.by_displacement else {}),
@@ -136,8 +127,8 @@ def map_job(
             "robot": robot.name,
             "robot_hash": robot.hash,
             "source": "simulated: constant curvature against statics of the rod",
-            "metric": chosen,
-            "tolerance": tolerance,
+            "metric": question.metric,
+            "tolerance": question.tolerance,
             **({} if space.by_displacement else {"max_tension_N": space.max_tension}),
             "loads": space.loads,
             "shares": space.shares.tolist(),

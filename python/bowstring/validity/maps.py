@@ -15,19 +15,12 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
-from bowstring.validation import instance, share_of_length
+from bowstring.validation import instance
 from bowstring.validity.axes import Axis
 from bowstring.validity.causes import causes_of, coarser
 from bowstring.validity.contour import Line, Refined, contours
-from bowstring.validity.loading import Loading, named
-from bowstring.validity.question import (
-    METRICS,
-    Metric,
-    map_metric,
-    map_models,
-    read_axes,
-    space_of,
-)
+from bowstring.validity.loading import Loading
+from bowstring.validity.question import METRICS, Metric, Question, read_axes, space_of
 from bowstring.validity.space import Errors, Space
 from bowstring.viz.style import check_figure_file, write_figure
 
@@ -42,7 +35,7 @@ __all__ = [
     "STATES",
     "ValidityMap",
     "check_map_file",
-    "map_space",
+    "compute_map",
     "validity_map",
 ]
 
@@ -66,18 +59,8 @@ _APART: Final = 1e-3  # least distance of two equilibria over the length
 class ValidityMap:
     """Validity of constant curvature over one or two axes; made by `validity_map`."""
 
-    robot: Robot
-    """Robot of all numbers that no axis changes."""
-    axes: tuple[Axis, ...]
-    """One or two axes, the first along x."""
-    tolerance: float
-    """Tolerated tip error as a share of the length."""
-    metric: Metric
-    """What `value` is, one of `bowstring.validity.question.METRICS`."""
-    max_tension: float
-    """End of the ramp of tension where no axis is the tension, N; NaN with an axis bend."""
-    shares: tuple[float, ...]
-    """Share (T,) of the ramp's tension in each tendon."""
+    question: Question
+    """What the map asks."""
     value: dict[str, Floats]
     """Metric by model, (Y, X) or (X,); NaN without a value."""
     contour: dict[str, list[Line]]
@@ -97,19 +80,52 @@ class ValidityMap:
     """Index in `STATES`, (Y, X) or (X,)."""
     statics_error: float
     """Largest estimated error of the tips by statics, as a share of the length."""
-    fixed: tuple[tuple[Axis, float], ...] = ()
-    """Of a slice: the other axes and their values, SI."""
     notes: tuple[str, ...] = ()
     """Sentences on the choice of the axes."""
 
     @property
+    def robot(self) -> Robot:
+        """Robot of all numbers that no axis changes."""
+        return self.question.space.robot
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """One or two axes, the first along x."""
+        return self.question.space.axes
+
+    @property
+    def fixed(self) -> tuple[tuple[Axis, float], ...]:
+        """Of a slice: the other axes and their values, SI."""
+        return self.question.space.fixed
+
+    @property
+    def tolerance(self) -> float:
+        """Tolerated tip error as a share of the length."""
+        return self.question.tolerance
+
+    @property
+    def metric(self) -> Metric:
+        """What `value` is, one of `bowstring.validity.question.METRICS`."""
+        return self.question.metric
+
+    @property
+    def max_tension(self) -> float:
+        """End of the ramp of tension where no axis is the tension, N; NaN with an axis bend."""
+        return self.question.space.max_tension
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Share (T,) of the ramp's tension in each tendon."""
+        return tuple(float(share) for share in self.question.space.shares)
+
+    @property
     def by_displacement(self) -> bool:
         """Whether motors command bends, so that there is no sweep of tension."""
-        return any(axis.path == "bend" for axis in (*self.axes, *(one for one, _ in self.fixed)))
+        return self.question.space.by_displacement
 
     def label(self, axis: int) -> str:
         """Label of an axis with its unit; that of the tension names the tendon."""
-        return named(self.axes[axis].label, self.shares)
+        return self.question.label(axis)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -199,10 +215,7 @@ class ValidityMap:
         """Return plain values: axes in SI, errors in percent of the length, tensions in N."""
         scale = 1.0 if self.metric == "valid_to" else 100.0
         return {
-            "tolerance_percent": 100.0 * self.tolerance,
-            "metric": self.metric,
-            "max_tension_N": None if self.by_displacement else self.max_tension,
-            "axes": [axis.to_dict(named(axis.words, self.shares)) for axis in self.axes],
+            **self.question.to_dict(),
             "maps": [
                 {
                     "name": name,
@@ -312,7 +325,7 @@ def validity_map(
     """
     axes = read_axes(robot, over, instance("loading", loading, Loading))
     space = space_of(robot, axes, loading, load)
-    found = map_space(space, tolerance, metric, models, progress)
+    found = compute_map(Question.of(space, tolerance, metric, models), progress)
     notes = []
     if over is None and len(axes) == 1:
         notes.append(_LISTED)
@@ -321,85 +334,57 @@ def validity_map(
     return replace(found, notes=tuple(notes))
 
 
-def map_space(
-    space: Space,
-    tolerance: float | str,
-    metric: Metric | None = None,
-    models: Sequence[str] | None = None,
-    progress: Progress | None = None,
-) -> ValidityMap:
-    """Map a space with one or two axes; `validity_map` makes the space.
+def compute_map(question: Question, progress: Progress | None = None) -> ValidityMap:
+    """Compute a map over one or two axes; `validity_map` makes its question.
 
     Parameters
     ----------
-    space : Space
-    tolerance, metric, models, progress
+    question : Question
+    progress : callable, optional
         As for `validity_map`.
 
     Returns
     -------
     ValidityMap
     """
+    space, notify = question.space, progress or (lambda what, done: None)
     axes = space.axes
-    tolerance = share_of_length("tolerance", tolerance)
-    models = map_models(space, models)
-    chosen = map_metric(space, metric)
-    notify = progress or (lambda what, done: None)
-
     grid = np.meshgrid(*[axis.values for axis in axes], indexing="xy")
     shape = grid[0].shape
     points = np.stack([values.ravel() for values in grid], axis=1)
     _check_size(points, space)
-
-    def measure(errors: Errors, name: str) -> Floats:
-        return errors.metric(chosen, name, tolerance)
-
-    found = _in_parts(space, points, models, lambda share: notify("errors", 0.7 * share))
-    value = {name: measure(found, name).reshape(shape) for name in models}
+    found = _in_parts(question, points, lambda share: notify("errors", 0.7 * share))
+    value = {name: v.reshape(shape) for name, v in question.measure(found).items()}
     notify("causes", 0.7)
     part = coarser(shape, len(axes))
     state = np.where(found.converged.all(axis=1), 0, 2).reshape(shape)
     if not space.has_friction:  # with friction, a pose depends on the path to it
         state = np.where(_two_equilibria(space, points, found, part), np.maximum(state, 1), state)
     state = np.where((state == 0) & found.slack.reshape(shape), 3, state)
-    cause, cause_points = causes_of(space, axes, points[part.ravel()], models, measure)
-    cause = {name: where.reshape(part.shape) for name, where in cause.items()}
-    cause_points = tuple(places.reshape(part.shape) for places in cause_points)
+    cause = causes_of(question, points[part.ravel()])
     notify("contour", 0.9)
-    level = tolerance
-    contour: dict[str, list[Line]] = {name: [] for name in models}
+    contour: dict[str, list[Line]] = {name: [] for name in value}
     fine_axes: tuple[Floats, ...] = ()
     fine: dict[str, Floats] = {}
-    if chosen != "valid_to":
-
-        def at(new: Floats) -> list[Floats]:
-            errors = space.errors(new[:, : len(axes)], models)
-            return [measure(errors, name) for name in models]
-
-        refined = _refined(axes, [value[name] for name in models], level, at)
-        contour = dict(zip(models, refined.lines, strict=True))
+    if question.metric != "valid_to":
+        refined = _refined(question, list(value.values()))
+        contour = dict(zip(value, refined.lines, strict=True))
         if len(axes) == 2:
-            fine_axes, fine = refined[:2], dict(zip(models, refined.values, strict=True))
+            fine_axes, fine = refined[:2], dict(zip(value, refined.values, strict=True))
     notify("done", 1.0)
     with np.errstate(invalid="ignore"):
         accuracy = found.tip_error / found.length[:, None]
     known = accuracy[np.isfinite(accuracy)]
     return ValidityMap(
-        space.robot,
-        axes,
-        tolerance,
-        chosen,
-        space.max_tension,
-        tuple(float(share) for share in space.shares),
-        value,
-        contour,
-        fine_axes,
-        fine,
-        cause,
-        cause_points,
-        state,
-        float(known.max()) if known.size else float("nan"),
-        space.fixed,
+        question=question,
+        value=value,
+        contour=contour,
+        fine_axes=fine_axes,
+        fine=fine,
+        cause={name: effects.reshape(part.shape) for name, effects in cause.items()},
+        cause_points=tuple(values.ravel()[part] for values in grid),
+        state=state,
+        statics_error=float(known.max()) if known.size else float("nan"),
     )
 
 
@@ -416,12 +401,10 @@ def _check_size(points: Floats, space: Space) -> None:
 _PART: Final = 4096  # points solved at a time, between two reports of progress
 
 
-def _in_parts(
-    space: Space, points: Floats, models: Sequence[str], notify: Callable[[float], None]
-) -> Errors:
+def _in_parts(question: Question, points: Floats, notify: Callable[[float], None]) -> Errors:
     parts = []
     for first in range(0, len(points), _PART):
-        parts.append(space.errors(points[first : first + _PART], models))
+        parts.append(question.errors(points[first : first + _PART]))
         notify(min(1.0, (first + _PART) / len(points)))
     if len(parts) == 1:
         return parts[0]
@@ -435,7 +418,7 @@ def _in_parts(
         joined(lambda e: e.converged),
         joined(lambda e: e.tip),
         joined(lambda e: e.tip_error),
-        {name: joined(lambda e, name=name: e.error[name]) for name in models},  # type: ignore[misc]
+        {name: joined(lambda e, name=name: e.error[name]) for name in parts[0].error},  # type: ignore[misc]
         joined(lambda e: e.slack),
     )
 
@@ -460,12 +443,13 @@ def _two_equilibria(
     return np.asarray(two)
 
 
-def _refined(
-    axes: tuple[Axis, ...],
-    values: list[Floats],
-    level: float,
-    at: Callable[[Floats], Sequence[Floats]],
-) -> Refined:
+def _refined(question: Question, values: list[Floats]) -> Refined:
+    """Lines on which the values (Y, X) or (X,) of each model have the tolerance."""
+    axes, level = question.space.axes, question.tolerance
+
+    def at(new: Floats) -> list[Floats]:
+        return list(question.measure(question.errors(new[:, : len(axes)])).values())
+
     x = axes[0].values
     if len(axes) == 2:
         order = [np.argsort(axis.values) for axis in axes]

@@ -1,32 +1,31 @@
-"""What a map asks: its axes and their space, its metric and its models."""
+"""What a map asks: its space, models, metric and tolerance."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
-from bowstring.validation import choice, instance
+from bowstring.validation import choice, instance, share_of_length
 from bowstring.validity.axes import BY_DISPLACEMENT, RAMPS, Axis, axes_of
 from bowstring.validity.errors import LABELS
-from bowstring.validity.loading import Loading, largest_load
-from bowstring.validity.space import Space
+from bowstring.validity.loading import Loading, largest_load, named
+from bowstring.validity.space import Errors, Space
 
-__all__ = [
-    "METRICS",
-    "Metric",
-    "end_of_ramp",
-    "map_metric",
-    "map_models",
-    "read_axes",
-    "space_of",
-]
+if TYPE_CHECKING:
+    from bowstring.schemas import maps as schema
 
+__all__ = ["METRICS", "Metric", "Question", "end_of_ramp", "read_axes", "space_of"]
+
+Floats = NDArray[np.float64]
 Metric = Literal["largest_error", "mean_error", "error", "valid_to"]
 
 METRICS: Final[dict[str, str]] = {
@@ -36,6 +35,71 @@ METRICS: Final[dict[str, str]] = {
     "valid_to": "tension up to which the tolerance holds, N",
 }
 """Metrics of a map, and what they are."""
+
+
+@short_repr
+@dataclass(frozen=True)
+class Question:
+    """What a map asks, of two axes or of many; made by `Question.of`, which checks it."""
+
+    space: Space
+    """Robot, axes, loads and sweep."""
+    models: tuple[str, ...]
+    """Models of constant curvature, of `bowstring.validity.errors.LABELS`."""
+    metric: Metric
+    """What is mapped, one of `METRICS`."""
+    tolerance: float
+    """Tolerated tip error as a share of the length."""
+
+    @classmethod
+    def of(
+        cls,
+        space: Space,
+        tolerance: float | str,
+        metric: Metric | None = None,
+        models: Sequence[str] | None = None,
+    ) -> Question:
+        """Choose what is left out, and check all.
+
+        Parameters
+        ----------
+        space : Space
+        tolerance, metric, models
+            As for `bowstring.validity_map`.
+
+        Returns
+        -------
+        Question
+
+        Raises
+        ------
+        InputError
+            If a value is wrong or does not fit the axes.
+        """
+        tolerance = share_of_length("tolerance", tolerance)
+        return cls(space, _models(space, models), _metric(space, metric), tolerance)
+
+    def label(self, axis: int) -> str:
+        """Label of an axis with its unit; that of the tension names the tendon."""
+        return named(self.space.axes[axis].label, self.space.shares)
+
+    def errors(self, points: Floats, effect: str | None = None) -> Errors:
+        """Errors of its models at points (P, A), as of `Space.errors`."""
+        return self.space.errors(points, self.models, effect)
+
+    def measure(self, errors: Errors) -> dict[str, Floats]:
+        """Metric (P,) by model."""
+        return {name: errors.metric(self.metric, name, self.tolerance) for name in self.models}
+
+    def to_dict(self) -> schema.QuestionValues:
+        """Return plain values: axes in SI, tolerance in percent of the length, tensions in N."""
+        space = self.space
+        return {
+            "tolerance_percent": 100.0 * self.tolerance,
+            "metric": self.metric,
+            "max_tension_N": None if space.by_displacement else space.max_tension,
+            "axes": [axis.to_dict(named(axis.words, space.shares)) for axis in space.axes],
+        }
 
 
 def read_axes(
@@ -130,27 +194,9 @@ def end_of_ramp(robot: Robot, loading: Loading) -> float:
     return largest_load(robot, np.array(loading.shares(robot)), RodModel())
 
 
-def map_metric(space: Space, metric: Metric | None) -> Metric:
-    """Choose the metric of a map.
-
-    Parameters
-    ----------
-    space : Space
-    metric : str, optional
-        As for `validity_map`.
-
-    Returns
-    -------
-    str
-        One of `METRICS`.
-
-    Raises
-    ------
-    InputError
-        If the metric is unknown or does not fit the axes.
-    """
-    axes = (*space.axes, *(axis for axis, _ in space.fixed))
-    ramp = next((axis.path for axis in axes if axis.path in RAMPS), None)
+def _metric(space: Space, metric: Metric | None) -> Metric:
+    """Metric of a map, as given or chosen for its axes."""
+    ramp = next((axis.path for axis in space.all_axes if axis.path in RAMPS), None)
     chosen: Metric = metric or ("largest_error" if ramp is None else "error")
     choice("metric", chosen, list(METRICS))
     if ramp is not None and chosen != "error":
@@ -165,24 +211,8 @@ def map_metric(space: Space, metric: Metric | None) -> Metric:
     return chosen
 
 
-def map_models(space: Space, models: Sequence[str] | None) -> tuple[str, ...]:
-    """Models of a map, as given or chosen for its axes.
-
-    Parameters
-    ----------
-    space : Space
-    models : sequence of str, optional
-        As for `validity_map`.
-
-    Returns
-    -------
-    tuple of str
-
-    Raises
-    ------
-    InputError
-        If a model is unknown or does not fit the axes.
-    """
+def _models(space: Space, models: Sequence[str] | None) -> tuple[str, ...]:
+    """Models of a map, as given or chosen for its axes."""
     commanded = "cc_from_displacements"
     if models is None:
         if space.by_displacement:
