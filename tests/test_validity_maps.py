@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import time
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +22,11 @@ from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.robot.paths import full_paths
 from bowstring.statics.designs import sweep_designs
+from bowstring.validity import space
 from bowstring.validity.axes import Axis, axes_of, read_axis
 from bowstring.validity.contour import contours
-from bowstring.validity.errors import displacement_per_bend
+from bowstring.validity.effects import Rods
+from bowstring.validity.errors import Ramps, displacement_per_bend
 from bowstring.validity.jobs import map_job
 from bowstring.validity.loading import Loading
 from bowstring.validity.maps import STATES, validity_map
@@ -575,6 +579,42 @@ def test_a_map_over_friction_follows_paths() -> None:
     assert found.cause[LENGTHS][2, 2] == "friction"
     assert found.cause[FORCE][0, 2] == "straight_spans"
     assert set(np.unique(found.state)) == {0}
+
+
+@pytest.mark.parametrize("friction", [False, True], ids=["free", "friction"])
+@pytest.mark.parametrize(
+    ("make", "metric"),
+    [(validity_map, "valid_to"), (bs.validity_grid, "largest_error")],  # neither refines a line
+    ids=["map", "grid"],
+)
+def test_causes_need_no_rod_twice(
+    make: Callable[..., object], metric: str, friction: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With friction, straight spans need the tips of the whole rods too, which maps leave out."""
+    solved: Counter[tuple[object, ...]] = Counter()
+    follow = space.follow
+
+    def counted(rods: Rods, ramp: np.ndarray, shares: np.ndarray) -> Ramps:
+        if ramp.shape[1] > 1:  # no search of a second equilibrium
+            tendons, disks = rods.designs.arrays.tendons, rods.designs.arrays.disks
+            rubs, clamps = (np.any(a) for a in (tendons.friction, disks.clamped_length_m))
+            solved[rods.model, rods.load.gravity is None, bool(rubs), bool(clamps)] += len(ramp)
+        return follow(rods, ramp, shares)
+
+    monkeypatch.setattr(space, "follow", counted)
+    robot = ROBOT.with_({"gravity": [0.0, 0.0, -1.0]})
+    axis = "friction=0.1:0.2:2" if friction else "clamped_length=1:2 mm:2"
+    make(robot, [axis], loading=Loading(20.0, 5), metric=metric, models=[FORCE])
+    assert len(solved) == 6  # whole, and without each of five effects
+    assert solved.total() == 2 * (7 if friction else 6)
+
+
+def test_an_error_below_numerical_resolution_has_no_cause() -> None:
+    rough = ELASTIC.with_({"segments.0.tendons.friction": 0.1})
+    found = validity_map(rough, ["bend=0:60 deg:3", "pretension=1:20 N:5"])
+    assert 0.0 < found.value[LENGTHS][:, 0].max() < 1e-12
+    assert (found.cause[LENGTHS][:, 0] == "").all()
+    assert (found.cause["cc_from_displacements"][:, 0] != "").any()
 
 
 def test_commanded_bends_are_displacements_of_all_tendons() -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.validity.effects import EFFECTS, acting
 from bowstring.validity.question import Question
 
 __all__ = ["causes_of", "coarse_step", "coarser"]
@@ -15,24 +15,36 @@ __all__ = ["causes_of", "coarse_step", "coarser"]
 Floats = NDArray[np.float64]
 
 _DOMINANT: Final = 0.5  # share of the error above which an effect dominates
+_ROUNDING: Final = 1e-9  # metric that is below numerical resolution
 _MOST_CAUSES: Final = 1681  # points at which the causes are computed: 41 x 41
 
 
-def causes_of(question: Question, points: Floats) -> dict[str, NDArray[np.str_]]:
-    """Effect with more than half of the metric at points (P, A), by model."""
-    total = question.measure(question.errors(points))
-    effects = sorted(
-        {effect for rods in question.space.rods(points) for effect in acting(rods)},
-        key=list(EFFECTS).index,
-    )
+def causes_of(
+    question: Question, points: Floats, total: Mapping[str, Floats]
+) -> dict[str, NDArray[np.str_]]:
+    """Effect with more than half of the metric at points (P, A), by model.
+
+    Parameters
+    ----------
+    question : Question
+    points : ndarray (P, A)
+        Values of the axes in SI.
+    total : mapping from str to ndarray (P,)
+        Metric there by model.
+
+    Returns
+    -------
+    dict from str to ndarray (P,)
+        Keys of `bowstring.validity.effects.EFFECTS`; empty text where no effect has more than half.
+    """
     best = {name: np.zeros(len(points)) for name in total}
     cause = {name: np.full(len(points), "", dtype="U16") for name in total}
-    for effect in effects:
-        rest = question.measure(question.errors(points, effect))
+    for effect, errors in question.space.errors_without(points, question.models).items():
+        rest = question.measure(errors)
         for name in total:
             with np.errstate(divide="ignore", invalid="ignore"):
                 share = (total[name] - rest[name]) / total[name]
-            more = (share > _DOMINANT) & (share > best[name])
+            more = (total[name] > _ROUNDING) & (share > _DOMINANT) & (share > best[name])
             best[name] = np.where(more, share, best[name])
             cause[name] = np.where(more, effect, cause[name])
     return cause

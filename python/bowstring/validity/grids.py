@@ -427,7 +427,8 @@ def _grid(job: Job, flat: Mapping[str, NDArray[Any]]) -> ValidityGrid:
     if asked.metric != "valid_to":
         places = np.unravel_index(part.ravel(), shape)
         points = [axis.values[place] for axis, place in zip(axes, places, strict=True)]
-        found = causes_of(asked, np.stack(points, axis=1))
+        total = {name: v[places] for name, v in value.items()}
+        found = causes_of(asked, np.stack(points, axis=1), total)
         cause = {name: effects.reshape(part.shape) for name, effects in found.items()}
     step = coarse_step(shape, len(shape))
     slack = flat["slack"].reshape(shape) == 1 if "slack" in flat else None

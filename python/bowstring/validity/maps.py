@@ -361,7 +361,8 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
     if not space.has_friction:  # with friction, a pose depends on the path to it
         state = np.where(_two_equilibria(space, points, found, part), np.maximum(state, 1), state)
     state = np.where((state == 0) & found.slack.reshape(shape), 3, state)
-    cause = causes_of(question, points[part.ravel()])
+    total = {name: v.ravel()[part.ravel()] for name, v in value.items()}
+    cause = causes_of(question, points[part.ravel()], total)
     notify("contour", 0.9)
     contour: dict[str, list[Line]] = {name: [] for name in value}
     fine_axes: tuple[Floats, ...] = ()

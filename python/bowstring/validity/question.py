@@ -83,9 +83,9 @@ class Question:
         """Label of an axis with its unit; that of the tension names the tendon."""
         return named(self.space.axes[axis].label, self.space.shares)
 
-    def errors(self, points: Floats, effect: str | None = None) -> Errors:
-        """Errors of its models at points (P, A), as of `Space.errors`."""
-        return self.space.errors(points, self.models, effect)
+    def errors(self, points: Floats) -> Errors:
+        """Errors of its models at points (P, A)."""
+        return self.space.errors(points, self.models)
 
     def measure(self, errors: Errors) -> dict[str, Floats]:
         """Metric (P,) by model."""

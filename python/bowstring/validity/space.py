@@ -15,8 +15,8 @@ from bowstring.robot.paths import full_paths
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validity.axes import RAMPS, Axis
-from bowstring.validity.effects import Rods, acting, without
-from bowstring.validity.errors import follow, tip_offsets
+from bowstring.validity.effects import EFFECTS, Rods, acting, without
+from bowstring.validity.errors import Ramps, follow, tip_offsets
 
 __all__ = ["Errors", "Space"]
 
@@ -42,6 +42,34 @@ class Errors:
     """Tip errors by model (P, L), m."""
     slack: NDArray[np.bool_]
     """Whether a tendon is slack at the end of a ramp of bends (P,)."""
+
+    @classmethod
+    def empty(cls, points: int, loads: int, names: Sequence[str]) -> Errors:
+        """Errors of no point yet, for `put`."""
+        shape = (points, loads)
+        return cls(
+            np.zeros(shape),
+            np.zeros(points),
+            np.zeros(shape, bool),
+            np.full((*shape, 3), np.nan),
+            np.full(shape, np.nan),
+            {name: np.full(shape, np.nan) for name in names},
+            np.zeros(points, bool),
+        )
+
+    def put(
+        self, rows: NDArray[np.intp], known: Designs, ramps: Ramps, offsets: Mapping[str, Floats]
+    ) -> None:
+        """Set some points: robots, their ramps by statics, and offsets (D, L, 3) by model, m."""
+        self.ramp[rows] = ramps.ramp
+        if ramps.slack is not None:
+            self.slack[rows] = ramps.slack[:, -1]
+        self.length[rows] = known.length
+        self.converged[rows] = ramps.converged
+        self.tip[rows] = ramps.tip
+        self.tip_error[rows] = ramps.tip_error
+        for name, offset in offsets.items():
+            self.error[name][rows] = np.linalg.norm(offset, axis=-1)
 
     def metric(self, metric: str, name: str, tolerance: float) -> Floats:
         """A metric of a model (P,), one of `bowstring.validity.question.METRICS`."""
@@ -180,7 +208,7 @@ class Space:
         left = tuple(axis for i, axis in enumerate(self.axes) if i not in values)
         return replace(self, axes=left, fixed=(*self.fixed, *fixed))
 
-    def errors(self, points: Floats, names: Sequence[str], effect: str | None = None) -> Errors:
+    def errors(self, points: Floats, names: Sequence[str]) -> Errors:
         """Errors of constant curvature at points (P, A).
 
         Parameters
@@ -189,51 +217,50 @@ class Space:
             Values of the axes in SI.
         names : sequence of str
             Models of constant curvature, of `bowstring.validity.errors.LABELS`.
-        effect : str, optional
-            Effect that is removed from the rods, one of `bowstring.validity.effects.EFFECTS`;
-            constant curvature keeps the robots as they are. With friction, the change that straight
-            spans make is that without friction.
 
         Returns
         -------
         Errors
         """
         points = np.asarray(points, dtype=float).reshape(-1, len(self.axes))
-        count, shape = len(points), (len(points), self.loads)
-        out = Errors(
-            np.zeros(shape),
-            np.zeros(count),
-            np.zeros(shape, bool),
-            np.full((*shape, 3), np.nan),
-            np.full(shape, np.nan),
-            {name: np.full(shape, np.nan) for name in names},
-            np.zeros(count, bool),
-        )
+        out = Errors.empty(len(points), self.loads, names)
         for rows, rods, ramp in self._groups(points):
-            known = rods.designs
-            ramps = follow(rods if effect is None else without(rods, effect), ramp, self.shares)
-            offsets = tip_offsets(known, ramps, names)
-            if effect == "straight_spans" and "friction" in acting(rods):
-                # both rods without friction, which a continuous tendon cannot have
-                whole, free = (
-                    tip_offsets(known, follow(each, ramp, self.shares), names)
-                    for each in (rods, without(rods, "friction"))
-                )
-                offsets = {name: whole[name] - free[name] + offsets[name] for name in names}
-            out.ramp[rows] = ramp
-            if ramps.slack is not None:
-                out.slack[rows] = ramps.slack[:, -1]
-            out.length[rows] = known.length
-            out.converged[rows] = ramps.converged
-            out.tip[rows] = ramps.tip
-            out.tip_error[rows] = ramps.tip_error
-            for name, offset in offsets.items():
-                out.error[name][rows] = np.linalg.norm(offset, axis=-1)
+            ramps = follow(rods, ramp, self.shares)
+            out.put(rows, rods.designs, ramps, tip_offsets(rods.designs, ramps, names))
         return out
 
-    def rods(self, points: Floats) -> list[Rods]:
-        """Rods of points (P, A), in groups with the same disks."""
-        return [rods for _, rods, _ in self._groups(np.asarray(points, dtype=float))]
+    def errors_without(self, points: Floats, names: Sequence[str]) -> dict[str, Errors]:
+        """Errors at points (P, A) with rods that lack one effect.
+
+        Constant curvature keeps the robots as they are. With friction, the change that straight
+        spans make is that without friction, because a continuous tendon has none.
+
+        Parameters
+        ----------
+        points, names
+            As for `errors`.
+
+        Returns
+        -------
+        dict from str to Errors
+            By effect that acts at some point, in the order of `bowstring.validity.effects.EFFECTS`;
+            NaN at points where it does not act.
+        """
+        out: dict[str, Errors] = {}
+        for rows, rods, ramp in self._groups(points):
+            known, effects = rods.designs, acting(rods)
+            rest = {effect: follow(without(rods, effect), ramp, self.shares) for effect in effects}
+            offsets = {effect: tip_offsets(known, ramps, names) for effect, ramps in rest.items()}
+            if {"straight_spans", "friction"} <= rest.keys():
+                whole = tip_offsets(known, follow(rods, ramp, self.shares), names)
+                continuous, free = offsets["straight_spans"], offsets["friction"]
+                offsets["straight_spans"] = {
+                    name: whole[name] - free[name] + continuous[name] for name in names
+                }
+            for effect in effects:
+                errors = out.setdefault(effect, Errors.empty(len(points), self.loads, names))
+                errors.put(rows, known, rest[effect], offsets[effect])
+        return {effect: out[effect] for effect in EFFECTS if effect in out}
 
     def cold_tip(self, points: Floats) -> Floats:
         """Tips (P, 3) at the ends of the ramps, solved from the straight robot at once, m."""
