@@ -30,6 +30,8 @@ pub struct RobotArcs {
 struct Segment {
     length: f64,
     bending_stiffness: f64,
+    /// Bend of the unloaded segment along x and y (rad).
+    rest: [f64; 2],
     modules: usize,
     /// First tendon anchored to its end disk; it and all later ones pass the segment.
     first: usize,
@@ -98,6 +100,7 @@ impl RobotArcs {
             segments.push(Segment {
                 length,
                 bending_stiffness: section.bending,
+                rest: [section.rest_curvature[1], -section.rest_curvature[0]].map(|u| u * length),
                 modules: disks.len(),
                 first,
                 next,
@@ -136,7 +139,16 @@ impl Segment {
     fn arc(&self, law: Law, rest: &mut [f64]) -> Result<Arc, Error> {
         let (length, stiffness) = (self.length, self.bending_stiffness);
         match law {
-            Law::Linear => linear_law(&rest[self.first..], &self.holes, length, stiffness),
+            Law::Linear => {
+                let mut arc = linear_law(&rest[self.first..], &self.holes, length, stiffness)?;
+                for (bend, unloaded) in arc.bend.iter_mut().zip(self.rest) {
+                    *bend += unloaded;
+                }
+                Ok(arc)
+            }
+            Law::LeverArm if self.rest != [0.0; 2] => Err(Error::NoSolution(
+                "the lever-arm law is for a backbone that is straight without load".into(),
+            )),
             Law::LeverArm => {
                 let tensions = &rest[self.first..];
                 lever_arm_law(tensions, &self.holes, length, stiffness, self.modules)

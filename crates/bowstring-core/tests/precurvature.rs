@@ -272,6 +272,7 @@ fn batches_equal_one_by_one() {
             gravity: &case.spec.gravity,
             tip_force: &case.tip_force.0,
             tip_moment: &[0.0; 3],
+            ..Loads::default()
         };
         let settings = RodModel {
             model: case.model(),

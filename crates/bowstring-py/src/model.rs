@@ -291,6 +291,7 @@ pub struct RobotArrays<'py> {
     shear_stiffness: PyReadonlyArray1<'py, f64>,
     mass_per_length: PyReadonlyArray1<'py, f64>,
     rotary_inertia: PyReadonlyArray1<'py, f64>,
+    rest_curvature: PyReadonlyArray2<'py, f64>,
     gravity: [f64; 3],
 }
 
@@ -322,6 +323,13 @@ impl RobotArrays<'_> {
                 )));
             }
         }
+        if self.rest_curvature.shape() != [segments, 3] {
+            return Err(refused(format!(
+                "rest_curvature has shape {:?}, it must have [{segments}, 3]",
+                self.rest_curvature.shape()
+            )));
+        }
+        let rest = self.rest_curvature.as_array();
         let (shape, count) = (tendons.holes_m.shape(), tendons.end_disk.len());
         if ![[count, 1, 2], [count, n + 1, 2]]
             .iter()
@@ -346,6 +354,7 @@ impl RobotArrays<'_> {
                     shear: at(&self.shear_stiffness, i),
                     mass_per_length: at(&self.mass_per_length, i),
                     rotary_inertia: at(&self.rotary_inertia, i),
+                    rest_curvature: [0, 1, 2].map(|q| rest[[i, q]]),
                 })
                 .collect(),
             disks: (0..n)
@@ -373,8 +382,8 @@ impl RobotArrays<'_> {
 /// Arrays of Python's `Designs`: robots that differ from one robot in these numbers, row by row.
 #[derive(FromPyObject)]
 pub struct DesignArrays<'py> {
-    /// Bending, torsional, axial and shear stiffness, mass per length and rotary inertia of each
-    /// segment, (D, 6 S).
+    /// Bending, torsional, axial and shear stiffness, mass per length, rotary inertia and rest
+    /// curvature of each segment, (D, 9 S).
     sections: PyReadonlyArray2<'py, f64>,
     /// Station, clamped length and mass of each disk, and its two moments of inertia, (D, 5 N).
     disks: PyReadonlyArray2<'py, f64>,
@@ -390,7 +399,7 @@ impl DesignArrays<'_> {
         let spec = like.spec();
         let count = self.sections.shape()[0];
         for (name, shape, columns) in [
-            ("sections", self.sections.shape(), 6 * spec.sections.len()),
+            ("sections", self.sections.shape(), 9 * spec.sections.len()),
             ("disks", self.disks.shape(), 5 * spec.disks.len()),
             ("lines", self.lines.shape(), 5 * spec.tendons.len()),
         ] {
@@ -419,7 +428,7 @@ impl DesignArrays<'_> {
         let robot = |i: usize| {
             let mut spec = spec.clone();
             for (k, section) in spec.sections.iter_mut().enumerate() {
-                let at = |q: usize| sections[[i, 6 * k + q]];
+                let at = |q: usize| sections[[i, 9 * k + q]];
                 *section = Section {
                     bending: at(0),
                     torsion: at(1),
@@ -427,6 +436,7 @@ impl DesignArrays<'_> {
                     shear: at(3),
                     mass_per_length: at(4),
                     rotary_inertia: at(5),
+                    rest_curvature: [at(6), at(7), at(8)],
                 };
             }
             for (k, disk) in spec.disks.iter_mut().enumerate() {

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 from bowstring.formatting import listed, significant
 from bowstring.optional import load_extra
-from bowstring.robot.model import Robot, check_robot
+from bowstring.robot.model import Robot, check_robot, check_straight
 from bowstring.robot.sizes import Sizes, sizes_of
 from bowstring.validation import shown
 from bowstring.viz.vtk import check_data, holes
@@ -210,6 +210,8 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
         If the solution did not converge.
     """
     check_robot(robot)
+    if pose is None:
+        check_straight(robot, "the solid of a robot without a pose")
     check_cad()
     sizes = sizes_of(robot)
     data = None if pose is None else _one_time(robot, pose)

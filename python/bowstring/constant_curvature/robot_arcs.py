@@ -178,17 +178,25 @@ class RobotArcs:
         if bad.any():
             at = tuple(np.argwhere(bad)[0])
             raise InputError(f"tension {at[-1] + 1} is {given[at]:g} N; tensions must be >= 0 N")
+        rest = robot.rest_curvature
+        if law == "arm" and rest[:, :2].any():
+            raise InputError(
+                "the lever-arm law is for a backbone that is straight without load; use linear"
+            )
         arcs = []
         for segment in segments:
             passing = np.union1d(segment.own, segment.further)
             modules = segment.places.size if law == "arm" else None
             routing = Routing.from_holes(robot.tendons.mean_hole_m[segment.index, passing], modules)
             with segment.named():
-                arcs.append(
-                    Arc.from_tensions(
-                        given[..., passing], routing, segment.length, segment.bending_stiffness
-                    )
+                arc = Arc.from_tensions(
+                    given[..., passing], routing, segment.length, segment.bending_stiffness
                 )
+            x, y = rest[segment.index, 1], -rest[segment.index, 0]
+            if x or y:  # the linear law adds to the curvature without load
+                x, y = x + arc.kappa * np.cos(arc.phi), y + arc.kappa * np.sin(arc.phi)
+                arc = Arc(np.hypot(x, y), np.arctan2(y, x), arc.length)
+            arcs.append(arc)
         return cls(robot, _stacked(arcs), "chord" if law == "arm" else None)
 
     @classmethod

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.fem.elements import MASS_POINTS, POINTS, brick_shape, quad_shape
-from bowstring.robot.model import Robot
+from bowstring.robot.model import Robot, check_straight
 from bowstring.validation import is_whole, shown
 
 __all__ = ["BrickMesh", "Fineness", "brick_mesh", "check_meshable"]
@@ -151,6 +151,7 @@ def brick_mesh(robot: Robot, fineness: Fineness, *, mass_arms: bool = False) -> 
 
 def check_meshable(robot: Robot) -> None:
     """Raise `InputError` where a robot cannot be meshed; see `brick_mesh`."""
+    check_straight(robot, f"{robot.name}: a mesh")
     loose = [k for k, s in enumerate(robot.segments) if s.disks.clamped_length == 0]
     if loose:
         flags = [

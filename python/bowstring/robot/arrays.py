@@ -16,7 +16,7 @@ from pydantic_core import PydanticCustomError
 from bowstring.display import short_repr
 from bowstring.robot.consistency import bores, problems
 from bowstring.robot.disk import distinct_holes, drilled_disk, stacked
-from bowstring.robot.parts import MAX_SEGMENTS, Part, Segment, Tendon
+from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Part, Segment, Tendon
 from bowstring.units import Quantity, Text
 
 __all__ = ["RobotArrays", "RobotDisks", "RobotTendons", "frozen"]
@@ -319,6 +319,23 @@ class RobotArrays(Part):
     def bending_stiffness(self) -> Floats:
         """E I of each segment in N m^2."""
         return self._by_segment(lambda s: s.backbone.E * s.backbone.second_moment)
+
+    @cached_property
+    def rest_curvature(self) -> Floats:
+        """Curvature about x and y and twist about z (S, 3) of the unloaded backbone, 1/m.
+
+        In the frame of the backbone, one row for each segment.
+        """
+
+        def rows(of: Callable[[Backbone], Any]) -> Floats:
+            return stacked([of(s.backbone) / s.length for s in self.segments])
+
+        parts = (
+            rows(lambda b: -b.rest_bend * np.sin(b.rest_direction)),
+            rows(lambda b: b.rest_bend * np.cos(b.rest_direction)),
+            rows(lambda b: b.rest_twist),
+        )
+        return frozen(np.stack(np.broadcast_arrays(*parts), axis=-1))
 
     @cached_property
     def torsion_stiffness(self) -> Floats:

@@ -144,8 +144,10 @@ class Designs:
 
     @cached_property
     def sections(self) -> Floats:
-        """Stiffness, mass and inertia per length of the segments (D, 6 S), for the core."""
-        return self._interleaved([getattr(self.arrays, name) for name in _SECTION])
+        """Stiffness, mass and inertia per length, rest curvature of the segments (D, 9 S)."""
+        rest = self.arrays.rest_curvature
+        parts = [getattr(self.arrays, name) for name in _SECTION]
+        return self._interleaved([*parts, *(rest[..., q] for q in range(3))])
 
     @cached_property
     def disks(self) -> Floats:

@@ -16,7 +16,7 @@ from bowstring.errors import InputError
 from bowstring.robot.arrays import RobotArrays
 from bowstring.robot.messages import build, build_changed
 from bowstring.robot.overrides import check_mapping, expand_all, fill, override
-from bowstring.robot.parts import Disks, Tendon, TendonProperties, TendonRing
+from bowstring.robot.parts import Backbone, Disks, Tendon, TendonProperties, TendonRing
 from bowstring.robot.plausibility import implausible
 from bowstring.units import number_with_unit
 from bowstring.validation import shown
@@ -152,6 +152,12 @@ class Robot(RobotArrays):
             density, hole = exact(disks.density), exact(disks.hole_diameter)
             return {"disk_density": density, "hole_diameter": hole}
 
+        def rest(backbone: Backbone) -> dict[str, str]:
+            names = ("rest_bend", "rest_direction", "rest_twist")
+            if not any(getattr(backbone, name) for name in names):
+                return {}
+            return {name: exact(getattr(backbone, name)) for name in names}
+
         content = {
             "format": 1,
             "gravity": [exact(g) for g in self.gravity],
@@ -163,6 +169,7 @@ class Robot(RobotArrays):
                     "E": exact(s.backbone.E),
                     "G": exact(s.backbone.shear_modulus),
                     "density": exact(s.backbone.density),
+                    **rest(s.backbone),
                     "disk_positions": [exact(p) for p in s.disk_positions],
                     **weight(s.disks),
                     "disk_radius": exact(s.disks.radius),
@@ -209,6 +216,15 @@ def check_parallel(robot: Robot, what: str) -> None:
         raise InputError(
             f"{what} takes tendons parallel to the backbone only; set turns, end_pitch_radius, "
             "angles and pitch_radii of the tendons aside"
+        )
+
+
+def check_straight(robot: Robot, what: str) -> None:
+    """Refuse a robot whose backbone is curved or twisted without load."""
+    if robot.rest_curvature.any():
+        raise InputError(
+            f"{what} takes a backbone that is straight without load only; leave rest_bend and "
+            "rest_twist out"
         )
 
 

@@ -59,6 +59,10 @@ def _one_of(first: str, second: str) -> Any:
     return {"oneOf": [{"required": [first]}, {"required": [second]}]}
 
 
+_PITCH = Quantity("m", "29 mm", "1 um", "100 m")
+_ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
+
+
 class Backbone(Part):
     """Elastic rod in the middle of a segment, a solid round bar or a tube.
 
@@ -74,6 +78,9 @@ class Backbone(Part):
         Density in kg/m^3.
     yield_strength, strain_limit : float or None
         Largest allowed von Mises stress in Pa and strain; exceeding one gives a warning.
+    rest_bend, rest_direction, rest_twist : float
+        Bend and twist of the unloaded segment from its start to its end, and the direction of that
+        bend from x, in rad.
     """
 
     model_config = ConfigDict(json_schema_extra=_one_of("G", "nu"))
@@ -101,6 +108,15 @@ class Backbone(Part):
     )
     strain_limit: Annotated[float | None, Share("1 %", 10.0)] = Field(
         None, description="Strain along the surface that the material can take, for warnings."
+    )
+    rest_bend: Annotated[float, Quantity("rad", "40 deg", "-3600 deg", "3600 deg")] = Field(
+        0.0, description="Bend of the unloaded segment from start to end; 0 if left out, straight."
+    )
+    rest_direction: Annotated[float, _ANGLE] = Field(
+        0.0, description="Direction of rest_bend, angle from x, counter-clockwise; 0 if left out."
+    )
+    rest_twist: Annotated[float, Quantity("rad", "30 deg", "-3600 deg", "3600 deg")] = Field(
+        0.0, description="Twist of the unloaded segment from start to end; 0 if left out."
     )
 
     @model_validator(mode="after")
@@ -194,10 +210,6 @@ class Disks(Part):
                 'holes, write for example "hole_diameter: 2 mm"'
             )
         return self
-
-
-_PITCH = Quantity("m", "29 mm", "1 um", "100 m")
-_ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
 
 
 class TendonProperties(Part):

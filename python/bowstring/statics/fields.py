@@ -202,6 +202,7 @@ class Section:
         depth = 0.5 * d.clamped_length_m[beside] - abs(station - d.station_m[beside])
         free = np.all(depth <= 1e-9 * robot.length, axis=0)[:, None]
         self.bending_compliance: Floats = np.stack([bend, bend, turn], axis=1)[segment] * free
+        self.rest_curvature: Floats = robot.rest_curvature[segment] * free
         force_compliance = np.stack([slide, slide, stretch], axis=1)[segment] * free
         # as the core takes them, one row a section
         self.columns: Floats = np.hstack([sizes, self.bending_compliance, force_compliance])
@@ -286,6 +287,8 @@ def derive(robot: Robot, frames: Frames, sec: Section) -> dict[str, Floats]:
     """
     vectors = (frames.position, frames.rotation, frames.force, frames.moment)
     out = _core.derive(sec.columns, *map(_floats, vectors))
+    # the moments give the change from the unloaded backbone
+    out["curvature"] = out["curvature"] + sec.rest_curvature
     value, place = out["von_mises"], out["von_mises_place"]
     times, top = np.arange(len(frames.time)), value.argmax(axis=1)
     out["von_mises_max"] = value[times, top]

@@ -84,7 +84,8 @@ def by_segment(
 
     `found` is the result of `bowstring.statics.fields.derive`.
     """
-    bend = np.hypot(found["curvature"][..., 0], found["curvature"][..., 1])
+    change = found["curvature"] - section.rest_curvature
+    bend = np.hypot(change[..., 0], change[..., 1])
     strain = bend * section.radius + np.abs(found["strain"][..., 2])
     segment = robot.disks.segment[frames.module]
     each = range(len(robot.segments))

@@ -13,7 +13,7 @@ from bowstring import validation
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import listed, significant
-from bowstring.robot.model import check_parallel, check_robot
+from bowstring.robot.model import check_parallel, check_robot, check_straight
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -102,6 +102,7 @@ class Groups:
                 f"{len(robot.segments)}; use bowstring.run_study for it"
             )
         check_parallel(robot, "the validity chart")
+        check_straight(robot, "the validity chart")
         segment, disks = robot.segments[0], robot.disks
         length, n = robot.length, len(disks.station_m)
         if not np.allclose(disks.station_m, np.arange(1, n + 1) * length / n, atol=1e-6 * length):

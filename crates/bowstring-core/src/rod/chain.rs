@@ -339,6 +339,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             },
         };
         rod.set_robots(std::slice::from_ref(robot), model);
+        // idle lanes too: they stay as they are, and must have no imbalance
+        rod.make_unloaded();
         rod
     }
 

@@ -1,0 +1,119 @@
+"""Backbones that are curved and twisted without load."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import bowstring as bs
+from bowstring.constant_curvature import RobotArcs
+from bowstring.dynamics.load_history import ramp
+from bowstring.errors import InputError
+from bowstring.fem.mesh import check_meshable
+from bowstring.robot.designs import Designs
+from bowstring.statics.designs import sweep_designs
+
+BEND, DIRECTION, TWIST = math.radians(50.0), math.radians(35.0), math.radians(40.0)
+
+
+def precurved(twist: float = 0.0, **changes: object) -> bs.Robot:
+    rest = {"rest_bend": BEND, "rest_direction": DIRECTION, "rest_twist": twist}
+    paths = {f"segments.0.backbone.{name}": value for name, value in rest.items()}
+    return bs.load_robot("amouri2019", {**paths, **changes})
+
+
+def test_the_unloaded_robot_is_an_arc_of_its_rest_bend() -> None:
+    robot = precurved()
+    found = bs.solve(robot, [0.0, 0.0, 0.0])
+    radius = robot.length / BEND
+    towards = np.array([math.cos(DIRECTION), math.sin(DIRECTION), 0.0])
+    expected = radius * (1 - math.cos(BEND)) * towards + [0.0, 0.0, radius * math.sin(BEND)]
+    np.testing.assert_allclose(found.tip.position, expected, atol=1e-13)
+    assert found.stable is True
+
+
+def test_curvature_and_twist_are_one_helix() -> None:
+    robot = precurved(TWIST)
+    turned = Rotation.from_rotvec(robot.rest_curvature[0] * robot.length).as_matrix()
+    np.testing.assert_allclose(bs.solve(robot, [0.0, 0.0, 0.0]).tip.rotation, turned, atol=1e-13)
+    assert robot.rest_curvature[0, 2] == pytest.approx(TWIST / robot.length)
+
+
+def test_fields_are_those_of_the_change_of_curvature() -> None:
+    """Without load a precurved backbone has its curvature, and no stress."""
+    robot = precurved(TWIST)
+    data = bs.solve(robot, [0.0, 0.0, 0.0]).to_dataset()
+    np.testing.assert_allclose(
+        data["curvature"][0], np.tile(robot.rest_curvature, (data.sizes["station"], 1)), atol=1e-9
+    )
+    assert float(abs(data["von_mises"]).max()) < 1.0
+    assert float(data["elastic_energy"][0]) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_motion_starts_at_rest_conserves_energy_and_ends_in_the_equilibrium() -> None:
+    robot = precurved(TWIST)
+    still = bs.simulate(robot, [0.0, 0.0, 0.0], 0.2)
+    assert np.abs(still.tip_position - still.tip_position[0]).max() < 1e-12
+    run = bs.simulate(
+        robot, ramp([15.0, 0.0, 0.0], 0.3), 3.0, integrator=bs.Integrator(mass_damping=8.0)
+    )
+    rest = bs.solve(robot, [15.0, 0.0, 0.0]).tip.position
+    np.testing.assert_allclose(run.tip_position[-1], rest, atol=2e-5)
+    free = bs.simulate(robot, ramp([15.0, 0.0, 0.0], 0.1), 0.5).to_dataset()
+    total = free["kinetic_energy"] + free["elastic_energy"] + free["gravity_energy"]
+    lost = np.abs(total - total[0] - (free["work"] - free["work"][0])).max()
+    assert float(lost) < 1e-6 * float(free["elastic_energy"].max())
+    damped = bs.simulate(
+        robot,
+        ramp([15.0, 0.0, 0.0], 0.3),
+        3.0,
+        integrator=bs.Integrator(mass_damping=4.0, material_damping=5e-3),
+    )
+    np.testing.assert_allclose(damped.tip_position[-1], rest, atol=2e-4)
+
+
+def test_designs_of_rest_bend_equal_single_robots() -> None:
+    bends = np.radians([0.0, 20.0, -70.0])
+    designs = Designs(precurved(), {"segments.0.backbone.rest_bend": bends})
+    tensions = np.array([[10.0, 0.0, 0.0], [20.0, 0.0, 3.0]])
+    found = sweep_designs(designs, tensions)
+    for i, bend in enumerate(bends):
+        robot = precurved(**{"segments.0.backbone.rest_bend": float(bend)})
+        one = bs.sweep(robot, tensions)
+        np.testing.assert_allclose(found.tip_position[i], one.tip_position, atol=1e-10)
+
+
+def test_the_linear_law_adds_to_the_rest_bend() -> None:
+    robot = precurved()
+    tension = np.array([8.0, 0.0, 2.0])
+    arcs = RobotArcs.from_tensions(robot, tension)
+    by_tension = robot.length / robot.bending_stiffness[0] * tension @ robot.tendons.hole_m
+    bend = by_tension + BEND * np.array([math.cos(DIRECTION), math.sin(DIRECTION)])
+    assert float(arcs.theta.ravel()[0]) == pytest.approx(np.linalg.norm(bend), rel=1e-12)
+    np.testing.assert_allclose(
+        [np.cos(arcs.phi.ravel()[0]), np.sin(arcs.phi.ravel()[0])], bend / np.linalg.norm(bend), rtol=1e-12
+    )
+    # lengths are lengths, whatever the unloaded shape
+    found = bs.solve(robot, tension)
+    by_lengths = RobotArcs.from_lengths(robot, found.tendon_lengths)
+    gap = np.linalg.norm(by_lengths.tip.position - found.tip.position) / robot.length
+    assert gap < 0.01
+
+
+def test_what_takes_straight_backbones_only_refuses() -> None:
+    robot = precurved()
+    with pytest.raises(InputError, match="straight without load"):
+        RobotArcs.from_tensions(robot, [1.0, 0.0, 0.0], "arm")
+    with pytest.raises(InputError, match="straight without load"):
+        check_meshable(robot)
+    with pytest.raises(InputError, match="straight without load"):
+        bs.validity_chart(robot)
+
+
+def test_hash_and_file_keep_the_rest_shape() -> None:
+    robot, plain = precurved(TWIST), bs.load_robot("amouri2019")
+    assert robot.hash != plain.hash
+    assert not plain.rest_curvature.any()
