@@ -75,7 +75,7 @@ class Frames:
         Tension of each span, in motion at the instant of the last step where forces balance. NaN
         where a tendon does not pass.
     kinetic_energy, elastic_energy, gravity_energy, work, dissipated_energy : ndarray (T,)
-        Energies; work is that of tendons and tip load since the start.
+        Energies; work is that of tendons and loads on tip and disks since the start.
     """
 
     time: Floats
@@ -155,7 +155,7 @@ FIELDS: Final[tuple[Field, ...]] = (
     Field("kinetic_energy", (), "J", "", "kinetic energy"),
     Field("elastic_energy", (), "J", "", "elastic energy, that of actuated tendons too"),
     Field("gravity_energy", (), "J", "", "potential energy in gravity"),
-    Field("work", (), "J", "", "work of motors and tip load since the start"),
+    Field("work", (), "J", "", "work of motors and loads since the start"),
     Field(
         "dissipated_energy", (), "J", "", "energy that damping and friction took since the start"
     ),
