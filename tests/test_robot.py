@@ -697,7 +697,7 @@ def test_positions_forms(load):
             'write for example "diameter: 5 mm" (and 1 more).\n'
             "  segments[0].backbone.outer_diameter: unknown field; did you mean diameter? "
             "Known here: diameter, inner_diameter, E, G, nu, density, yield_strength, "
-            "strain_limit.",
+            "strain_limit, rest_bend, rest_direction, rest_twist.",
         ),
     ],
 )

@@ -339,7 +339,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             },
         };
         rod.set_robots(std::slice::from_ref(robot), model);
-        // idle lanes too: they stay as they are, and must have no imbalance
         rod.make_unloaded();
         rod
     }
@@ -360,8 +359,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         self.constants.extend((0..self.states.len()).map(|g| {
             Constants::gather(|i| match L::WIDTH {
                 1 => modules[g].of_lane(i),
-                // idle lanes repeat the last module
-                width => modules[(g * width + i).min(n - 1)].of_lane(0),
+                width if g * width + i < n => modules[g * width + i].of_lane(0),
+                // idle lanes repeat the last module; straight, they stay without imbalance
+                _ => Constants {
+                    rest: Vec3::zero(),
+                    ..modules[n - 1].of_lane(0)
+                },
             })
         }));
         let masses = (0..n).map(|k| L::Chain::from_fn(|lane| of(lane).spec().disks[k].mass));
