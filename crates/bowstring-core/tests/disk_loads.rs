@@ -476,11 +476,11 @@ fn stability_is_determined() {
             assert_eq!(tip[0].hypot(tip[1]) > 1e-2, buckles);
         }
     }
-    let mut load = loaded(true);
+    // large moments need more damping than 1 %
     for (share, stable) in [(0.1, Some(true)), (1.0, None)] {
+        let mut load = loaded(true);
         let moments = load.disk_moments.iter_mut().chain([&mut load.tip_moment]);
-        let size = if share < 1.0 { share } else { 10.0 };
-        moments.flatten().for_each(|m| *m *= size);
+        moments.flatten().for_each(|m| *m *= share);
         let outcome = solved(&mut solver, &load.borrow());
         assert_eq!(outcome.stable, stable, "{share} of the moments");
     }
