@@ -696,6 +696,7 @@ def one_segment(stations=None):
         segments=(SimpleNamespace(length=LENGTH),),
         bending_stiffness=np.array([STIFFNESS]),
         rest_curvature=np.zeros((1, 3)),
+        is_round=True,
         tendons=SimpleNamespace(
             mean_hole_m=RADIUS * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)[None],
             segment=np.zeros(3, int),
@@ -711,6 +712,7 @@ def two_segments():
         segments=(SimpleNamespace(length=0.2), SimpleNamespace(length=0.2)),
         bending_stiffness=np.array([0.0102, 0.0102]),
         rest_curvature=np.zeros((2, 3)),
+        is_round=True,
         tendons=SimpleNamespace(
             mean_hole_m=np.tile(hole, (2, 2, 1)), segment=np.array([0, 0, 0, 1, 1, 1])
         ),

@@ -16,7 +16,7 @@ fn segments(segments: usize, disks: usize) -> Robot {
     let count = segments * disks;
     let length = 0.0622;
     Robot::new(RobotSpec {
-        sections: vec![section(0.001, 50e9, 0.3, 6450.0); segments],
+        backbone: vec![section(0.001, 50e9, 0.3, 6450.0).into(); segments],
         disks: (1..=count)
             .map(|k| Disk {
                 station: length * k as f64 / disks as f64,

@@ -206,10 +206,10 @@ fn trial(number: usize) -> Counts {
     };
     let tendons = robot.tendon_count();
     if !hard && draw.often(0.05) {
-        let [first, ..] = &case.spec.sections[..] else {
+        let [first, ..] = &case.spec.backbone[..] else {
             unreachable!("a robot has a section")
         };
-        let size = first.bending / robot.length() * draw.within(0.0, 1.0);
+        let size = first.sections()[0].bending[0] / robot.length() * draw.within(0.0, 1.0);
         case.tip_moment = draw.direction() * size;
     }
     // each tension, tip force and moment a fraction of the drawn value
@@ -372,7 +372,8 @@ fn compare(
 /// integration amplifies differences too much, or where a section is so soft that the remaining
 /// residual rotates it far.
 fn largest_gap(case: &Case, robot: &Robot, solver: &Solver) -> Option<f64> {
-    let soft = (robot.spec().sections.iter()).any(|s| s.torsion < 1e-4 * s.bending);
+    let soft = (robot.spec().backbone.iter().flat_map(|p| p.sections()))
+        .any(|s| s.torsion < 1e-4 * s.bending[0]);
     let mut gap = None;
     if soft {
         return gap;

@@ -29,7 +29,8 @@ pub struct RobotArcs {
 
 struct Segment {
     length: f64,
-    bending_stiffness: f64,
+    /// Mean bending flexibility about x and y, and their product (1/(N m^2)).
+    flexibility: [f64; 3],
     /// Bend of the unloaded segment along x and y (rad).
     rest: [f64; 2],
     modules: usize,
@@ -72,8 +73,9 @@ impl RobotArcs {
     pub fn new(robot: &Robot, law: Law) -> Result<Self, Error> {
         let spec = robot.spec();
         let mut start = 0.0;
-        let mut segments = Vec::with_capacity(spec.sections.len());
-        for (i, section) in spec.sections.iter().enumerate() {
+        let mut segments = Vec::with_capacity(spec.backbone.len());
+        for (i, profile) in spec.backbone.iter().enumerate() {
+            let rest = profile.sections()[0].rest_curvature;
             let disks: Vec<_> = (0..spec.disks.len())
                 .filter(|&k| spec.disks[k].segment == i)
                 .collect();
@@ -99,8 +101,8 @@ impl RobotArcs {
             let fit = TendonFit::new(&holes[..next - first], spans.clone(), false);
             segments.push(Segment {
                 length,
-                bending_stiffness: section.bending,
-                rest: [section.rest_curvature[1], -section.rest_curvature[0]].map(|u| u * length),
+                flexibility: profile.bending_flexibility(),
+                rest: [rest[1], -rest[0]].map(|u| u * length),
                 modules: disks.len(),
                 first,
                 next,
@@ -137,22 +139,35 @@ impl RobotArcs {
 impl Segment {
     /// The arc; of tendon lengths, what the tendons beyond have used of theirs is taken away.
     fn arc(&self, law: Law, rest: &mut [f64]) -> Result<Arc, Error> {
-        let (length, stiffness) = (self.length, self.bending_stiffness);
+        let length = self.length;
+        let [about_x, about_y, product] = self.flexibility;
         match law {
             Law::Linear => {
-                let mut arc = linear_law(&rest[self.first..], &self.holes, length, stiffness)?;
-                for (bend, unloaded) in arc.bend.iter_mut().zip(self.rest) {
-                    *bend += unloaded;
-                }
+                let mut arc = linear_law(&rest[self.first..], &self.holes, length, 1.0)?;
+                // a bend towards x is a rotation about y
+                let [x, y] = arc.bend;
+                arc.bend = [
+                    about_y * x - product * y + self.rest[0],
+                    about_x * y - product * x + self.rest[1],
+                ];
                 Ok(arc)
             }
             Law::LeverArm if self.rest != [0.0; 2] => Err(Error::NoSolution(
                 "the lever-arm law is for a backbone that is straight without load".into(),
             )),
+            Law::LeverArm if product != 0.0 || about_x != about_y => Err(Error::NoSolution(
+                "the lever-arm law is for a backbone with equal bending stiffness about all axes"
+                    .into(),
+            )),
             Law::LeverArm => {
-                let tensions = &rest[self.first..];
+                let (tensions, stiffness) = (&rest[self.first..], 1.0 / about_x);
                 lever_arm_law(tensions, &self.holes, length, stiffness, self.modules)
             }
+            // no tendon passes: as without load
+            Law::Lengths | Law::Chords if self.holes.is_empty() => Ok(Arc {
+                bend: self.rest,
+                length,
+            }),
             Law::Lengths | Law::Chords => {
                 let fit = self.fit.as_ref().map_err(Clone::clone)?;
                 let (arc, _) = fit.fit(&rest[self.first..self.next], None)?;

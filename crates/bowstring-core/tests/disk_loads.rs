@@ -31,7 +31,7 @@ fn weightless(n: usize) -> Robot {
     spec.disks.truncate(n);
     spec.disks.iter_mut().for_each(|d| d.mass = 0.0);
     spec.tendons.iter_mut().for_each(|t| t.end_disk = n - 1);
-    spec.sections[0].mass_per_length = 0.0;
+    spec.backbone[0].sections_mut()[0].mass_per_length = 0.0;
     Robot::new(spec).unwrap()
 }
 
@@ -113,7 +113,7 @@ fn a_load_on_the_last_disk_is_one_on_the_tip() {
 #[test]
 fn a_cantilever_follows_the_beam() {
     let robot = study_robot(9, 0.0);
-    let bending = robot.spec().sections[0].bending;
+    let bending = robot.spec().backbone[0].sections()[0].bending[0];
     let mut solver = Solver::new(&robot, kirchhoff(), 1).unwrap();
     let (f, m) = (1e-4, 1e-5);
     for k in [0, 3, 8] {
@@ -459,7 +459,7 @@ fn the_error_estimate_covers_the_error() {
 #[test]
 fn stability_is_determined() {
     let robot = study_robot(9, 0.0);
-    let bending = robot.spec().sections[0].bending;
+    let bending = robot.spec().backbone[0].sections()[0].bending[0];
     let mut solver = Solver::new(&robot, kirchhoff(), 4).unwrap();
     for k in [3, 6] {
         let a = robot.spec().disks[k].station;

@@ -323,7 +323,7 @@ fn soft_robot_under_gravity_gains_no_energy() {
         segment: 0,
     });
     let robot = Robot::new(RobotSpec {
-        sections: vec![section(0.02, 0.5e6, 0.49, 1100.0)],
+        backbone: vec![section(0.02, 0.5e6, 0.49, 1100.0).into()],
         disks: disks.collect(),
         tendons: vec![],
         gravity: [0.0; 3],

@@ -7,7 +7,7 @@ mod common;
 use bowstring_core::math::lie::exp;
 use bowstring_core::math::linalg::{Mat3, Vec3};
 use bowstring_core::model::load::{Load, Model, RodModel, Theory};
-use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section};
+use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Section};
 use bowstring_core::statics::batch::{solve_batch, sweep, Loads};
 use bowstring_core::statics::solver::{Solver, Status};
 use cases::{Case, Draw};
@@ -31,7 +31,7 @@ fn rod(section: Section, length: f64, modules: usize) -> Robot {
         segment: 0,
     };
     Robot::new(RobotSpec {
-        sections: vec![section],
+        backbone: vec![section.into()],
         disks: (1..=modules).map(disk).collect(),
         tendons: vec![],
         gravity: [0.0; 3],
@@ -143,7 +143,7 @@ fn an_arc_under_an_end_moment_is_an_arc() {
             ..Load::default()
         };
         assert_eq!(solver.solve(&load).unwrap().status, Status::Converged);
-        let curvature = rest + moment / curved.bending;
+        let curvature = rest + moment / curved.bending[0];
         let turn: f64 = curvature * length;
         let expected = Vec3([1.0 - turn.cos(), 0.0, turn.sin()]) * (1.0 / curvature);
         let gap = (solver.tip().unwrap().position - expected).norm() / length;
@@ -158,7 +158,8 @@ fn bend_of_45_degrees() {
         let (modulus, shear, area, inertia) = (1e7, 5e6, 1.0, 1.0 / 12.0);
         let robot = rod(
             Section {
-                bending: modulus * inertia,
+                bending: [modulus * inertia; 2],
+                principal_angle: 0.0,
                 torsion: shear * torsion_constant,
                 axial: modulus * area,
                 shear: shear * area,
@@ -213,7 +214,12 @@ fn the_answer_turns_with_the_robot() {
                 *hole = [x, y];
             }
         }
-        for section in &mut other.spec.sections {
+        for section in other
+            .spec
+            .backbone
+            .iter_mut()
+            .flat_map(Profile::sections_mut)
+        {
             section.rest_curvature = turn(section.rest_curvature);
         }
         other.spec.gravity = turn(case.spec.gravity);
@@ -239,8 +245,9 @@ fn derivative_with_respect_to_stiffness() {
     let load = case.at(0.6, &mut tensions);
     let solved = |factor: f64| {
         let mut spec = case.spec.clone();
-        let s = &mut spec.sections[0];
-        for v in [&mut s.bending, &mut s.torsion, &mut s.axial, &mut s.shear] {
+        let s = &mut spec.backbone[0].sections_mut()[0];
+        let [x, y] = &mut s.bending;
+        for v in [x, y, &mut s.torsion, &mut s.axial, &mut s.shear] {
             *v *= factor;
         }
         let robot = Robot::new(spec).unwrap();
@@ -294,7 +301,7 @@ fn batches_equal_one_by_one() {
 fn a_curvature_that_is_no_number_is_refused() {
     let (case, _) = precurved(0);
     let mut spec = case.spec;
-    spec.sections[0].rest_curvature[1] = f64::NAN;
+    spec.backbone[0].sections_mut()[0].rest_curvature[1] = f64::NAN;
     let refused = Robot::new(spec).unwrap_err().to_string();
     assert!(refused.contains("curvature without load"), "{refused}");
 }

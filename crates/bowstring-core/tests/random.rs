@@ -8,7 +8,7 @@
 mod cases;
 
 use bowstring_core::model::load::{Load, Theory};
-use bowstring_core::model::robot::Robot;
+use bowstring_core::model::robot::{Profile, Robot};
 use bowstring_core::statics::solver::{Outcome, Solver, Status, TOLERANCE};
 use cases::{hostile, Case, Draw};
 use std::time::{Duration, Instant};
@@ -177,7 +177,12 @@ fn stated_error_covers_the_error() {
                 let mut case = Case::realistic(&mut Draw::new(7, drawn));
                 drawn += 1;
                 case.theory = theory;
-                for section in &mut case.spec.sections {
+                for section in case
+                    .spec
+                    .backbone
+                    .iter_mut()
+                    .flat_map(Profile::sections_mut)
+                {
                     section.torsion *= torsion;
                 }
                 let robot = Robot::new(case.spec.clone()).unwrap();

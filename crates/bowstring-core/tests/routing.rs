@@ -172,7 +172,7 @@ fn the_answer_turns_with_the_robot() {
 fn helical(disks: usize) -> Robot {
     let mut spec = RobotSpec {
         gravity: [0.0; 3],
-        sections: vec![section(0.002, 60e9, 0.3, 0.0)],
+        backbone: vec![section(0.002, 60e9, 0.3, 0.0).into()],
         ..study_robot(disks, 0.0).spec().clone()
     };
     for disk in &mut spec.disks {

@@ -45,8 +45,9 @@ fn solution(
 
 fn stiffer(clamp: f64, factor: f64) -> Robot {
     let mut spec = study_robot(9, clamp).spec().clone();
-    let s = &mut spec.sections[0];
-    for v in [&mut s.bending, &mut s.torsion, &mut s.axial, &mut s.shear] {
+    let s = &mut spec.backbone[0].sections_mut()[0];
+    let [x, y] = &mut s.bending;
+    for v in [x, y, &mut s.torsion, &mut s.axial, &mut s.shear] {
         *v *= factor;
     }
     Robot::new(spec).unwrap()

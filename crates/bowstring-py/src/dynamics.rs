@@ -75,7 +75,7 @@ impl Simulator {
         home: &Bound<'_, PyAny>,
         compliance: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
-        let robot = &robot.inner;
+        let (robot, chosen) = (&robot.inner, robot.settings(model));
         if points == 1 {
             return Err(refused(
                 "points is 1, it must be 2 or more, or 0 for no fields",
@@ -96,7 +96,7 @@ impl Simulator {
                 },
             },
         };
-        let (model, elements) = (model.0.model, model.elements_or_one());
+        let (model, elements) = (chosen.model, model.elements_or_one());
         let tendons = robot.tendon_count();
         let inner =
             integrator::Simulator::new(robot, model, elements, settings).map_err(input_error)?;
@@ -497,10 +497,10 @@ pub fn flexibility<'py>(
     load: DeadLoad<'py>,
     model: &RodModel,
 ) -> PyResult<(&'static str, Option<Flexibility>)> {
-    let robot = &robot.inner;
+    let (robot, chosen) = (&robot.inner, robot.settings(model));
     let tensions = numbers(tensions, "tensions", "N", robot.tendon_count())?;
     let load = load.with(robot, tensions)?;
-    let (model, elements) = (model.0.model, model.elements_or_one());
+    let (model, elements) = (chosen.model, model.elements_or_one());
     let (outcome, found) = interruptible(py, || {
         modal::flexibility(robot, model, elements, &load.borrow())
     })?

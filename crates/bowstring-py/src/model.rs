@@ -4,7 +4,7 @@ use crate::input::{brief, input_error, numbers, refused, three};
 use bowstring_core::memory;
 use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::model::load::{OwnedLoad, TendonPath, Theory};
-use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Section, Tendon};
 use bowstring_core::statics::batch::Loads;
 use bowstring_core::statics::path::Line;
 use numpy::{
@@ -280,35 +280,54 @@ struct Tendons<'py> {
     end_disk: PyReadonlyArray1<'py, i64>,
 }
 
-/// Arrays of Python's `Robot` for the mechanics; stiffness has one entry for each segment.
+/// Arrays of Python's `Robot` for the mechanics.
 #[derive(FromPyObject)]
 pub struct RobotArrays<'py> {
     disks: Disks<'py>,
     tendons: Tendons<'py>,
-    bending_stiffness: PyReadonlyArray1<'py, f64>,
-    torsion_stiffness: PyReadonlyArray1<'py, f64>,
-    axial_stiffness: PyReadonlyArray1<'py, f64>,
-    shear_stiffness: PyReadonlyArray1<'py, f64>,
-    mass_per_length: PyReadonlyArray1<'py, f64>,
-    rotary_inertia: PyReadonlyArray1<'py, f64>,
-    rest_curvature: PyReadonlyArray2<'py, f64>,
+    /// Sections of each segment, (S, 1, 11), or (S, 5, 11) with a taper; see `section`.
+    sections: PyReadonlyArray3<'py, f64>,
     gravity: [f64; 3],
+    /// Whether the tendons are embedded in the body.
+    pub is_embedded: bool,
+}
+
+/// Numbers of a section.
+const SECTION: usize = 11;
+
+/// A section from its numbers: two bending stiffnesses, angle of the principal axes, torsional, axial
+/// and shear stiffness, mass per length, rotary inertia, and rest curvature.
+fn section(at: impl Fn(usize) -> f64) -> Section {
+    Section {
+        bending: [at(0), at(1)],
+        principal_angle: at(2),
+        torsion: at(3),
+        axial: at(4),
+        shear: at(5),
+        mass_per_length: at(6),
+        rotary_inertia: at(7),
+        rest_curvature: [at(8), at(9), at(10)],
+    }
+}
+
+/// Sections along a segment: one, or five.
+fn profile(count: usize, at: impl Fn(usize, usize) -> f64) -> Profile {
+    let section = |i: usize| section(|q| at(i, q));
+    match count {
+        1 => section(0).into(),
+        _ => Profile::Tapered(Box::new(std::array::from_fn(section))),
+    }
 }
 
 impl RobotArrays<'_> {
     /// Description for the core, which checks it.
     pub fn spec(&self) -> PyResult<RobotSpec> {
         let (disks, tendons) = (&self.disks, &self.tendons);
-        let (n, segments) = (disks.station_m.len(), self.bending_stiffness.len());
+        let n = disks.station_m.len();
         for (name, len, expected) in [
             ("clamped_length_m", disks.clamped_length_m.len(), n),
             ("mass_kg", disks.mass_kg.len(), n),
             ("segment", disks.segment.len(), n),
-            ("torsion_stiffness", self.torsion_stiffness.len(), segments),
-            ("axial_stiffness", self.axial_stiffness.len(), segments),
-            ("shear_stiffness", self.shear_stiffness.len(), segments),
-            ("mass_per_length", self.mass_per_length.len(), segments),
-            ("rotary_inertia", self.rotary_inertia.len(), segments),
         ] {
             if len != expected {
                 return Err(refused(format!(
@@ -323,13 +342,16 @@ impl RobotArrays<'_> {
                 )));
             }
         }
-        if self.rest_curvature.shape() != [segments, 3] {
-            return Err(refused(format!(
-                "rest_curvature has shape {:?}, it must have [{segments}, 3]",
-                self.rest_curvature.shape()
-            )));
-        }
-        let rest = self.rest_curvature.as_array();
+        let (segments, places) = match self.sections.shape() {
+            &[segments, places @ (1 | 5), SECTION] => (segments, places),
+            shape => {
+                return Err(refused(format!(
+                    "sections has shape {shape:?}, it must have [S, 1, {SECTION}] or [S, 5, \
+                     {SECTION}]"
+                )))
+            }
+        };
+        let sections = self.sections.as_array();
         let (shape, count) = (tendons.holes_m.shape(), tendons.end_disk.len());
         if ![[count, 1, 2], [count, n + 1, 2]]
             .iter()
@@ -346,16 +368,8 @@ impl RobotArrays<'_> {
         let inertia = disks.inertia_kg_m2.as_array();
         let holes = tendons.holes_m.as_array();
         Ok(RobotSpec {
-            sections: (0..segments)
-                .map(|i| Section {
-                    bending: at(&self.bending_stiffness, i),
-                    torsion: at(&self.torsion_stiffness, i),
-                    axial: at(&self.axial_stiffness, i),
-                    shear: at(&self.shear_stiffness, i),
-                    mass_per_length: at(&self.mass_per_length, i),
-                    rotary_inertia: at(&self.rotary_inertia, i),
-                    rest_curvature: [0, 1, 2].map(|q| rest[[i, q]]),
-                })
+            backbone: (0..segments)
+                .map(|i| profile(places, |k, q| sections[[i, k, q]]))
                 .collect(),
             disks: (0..n)
                 .map(|i| Disk {
@@ -382,8 +396,7 @@ impl RobotArrays<'_> {
 /// Arrays of Python's `Designs`: robots that differ from one robot in these numbers, row by row.
 #[derive(FromPyObject)]
 pub struct DesignArrays<'py> {
-    /// Bending, torsional, axial and shear stiffness, mass per length, rotary inertia and rest
-    /// curvature of each segment, (D, 9 S).
+    /// Numbers of the sections of each segment, (D, 11 S), or (D, 55 S) with a taper.
     sections: PyReadonlyArray2<'py, f64>,
     /// Station, clamped length and mass of each disk, and its two moments of inertia, (D, 5 N).
     disks: PyReadonlyArray2<'py, f64>,
@@ -399,7 +412,6 @@ impl DesignArrays<'_> {
         let spec = like.spec();
         let count = self.sections.shape()[0];
         for (name, shape, columns) in [
-            ("sections", self.sections.shape(), 9 * spec.sections.len()),
             ("disks", self.disks.shape(), 5 * spec.disks.len()),
             ("lines", self.lines.shape(), 5 * spec.tendons.len()),
         ] {
@@ -408,6 +420,15 @@ impl DesignArrays<'_> {
                     "{name} has shape {shape:?}, it must have [{count}, {columns}]"
                 )));
             }
+        }
+        let per_section = SECTION * spec.backbone.len();
+        let places = self.sections.shape()[1] / per_section;
+        if ![1, 5].contains(&places) || self.sections.shape()[1] % per_section != 0 {
+            return Err(refused(format!(
+                "sections has {} columns, it must have {per_section} or {}",
+                self.sections.shape()[1],
+                5 * per_section
+            )));
         }
         // x and y of each tendon's hole: one for all disks, or those in base and disks
         let (per_hole, planes) = (2 * spec.tendons.len(), spec.disks.len() + 1);
@@ -427,17 +448,8 @@ impl DesignArrays<'_> {
         let holes = self.holes.as_array();
         let robot = |i: usize| {
             let mut spec = spec.clone();
-            for (k, section) in spec.sections.iter_mut().enumerate() {
-                let at = |q: usize| sections[[i, 9 * k + q]];
-                *section = Section {
-                    bending: at(0),
-                    torsion: at(1),
-                    axial: at(2),
-                    shear: at(3),
-                    mass_per_length: at(4),
-                    rotary_inertia: at(5),
-                    rest_curvature: [at(6), at(7), at(8)],
-                };
+            for (k, own) in spec.backbone.iter_mut().enumerate() {
+                *own = profile(places, |p, q| sections[[i, SECTION * (places * k + p) + q]]);
             }
             for (k, disk) in spec.disks.iter_mut().enumerate() {
                 let at = |q: usize| disks[[i, 5 * k + q]];

@@ -38,7 +38,7 @@ impl PathSolver {
         tendons: Lines<'_>,
         friction: bool,
     ) -> PyResult<Self> {
-        let settings = model.0;
+        let settings = robot.get().settings(model);
         let inner = &robot.get().inner;
         let lines = tendons.lines(inner.tendon_count(), friction)?;
         let path = interruptible(robot.py(), || {
@@ -254,7 +254,7 @@ pub fn follow_designs<'py>(
         lines: &lines,
     };
     let found = interruptible(py, || {
-        path_batch::follow_designs(&designs, &model.0, &steps, threads)
+        path_batch::follow_designs(&designs, &robot.settings(model), &steps, threads)
     })?;
     arrays(py, robot, found.map_err(input_error)?, false)
 }

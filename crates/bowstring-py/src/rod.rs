@@ -5,8 +5,8 @@ use crate::interrupt::interruptible;
 use crate::model::{DeadLoad, DesignArrays, OwnLoads, RobotArrays, RodModel};
 use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
-use bowstring_core::model::load::OwnedLoad;
 use bowstring_core::model::load::RodModel as Settings;
+use bowstring_core::model::load::{OwnedLoad, TendonPath};
 use bowstring_core::robot_arcs::{self, Law};
 use bowstring_core::rod::sensitivity::Derivative;
 use bowstring_core::statics::adaptive::Adaptive;
@@ -24,6 +24,8 @@ use std::sync::{Mutex, PoisonError};
 #[pyclass(frozen, module = "bowstring._core")]
 pub struct Robot {
     pub(crate) inner: bowstring_core::model::robot::Robot,
+    /// Whether the tendons are embedded in the body, which they touch everywhere.
+    embedded: bool,
     /// Solvers of the last calls, reused for the same settings.
     solvers: Mutex<Vec<(Settings, Adaptive)>>,
 }
@@ -36,6 +38,7 @@ impl Robot {
         let spec = arrays.spec()?;
         Ok(Robot {
             inner: bowstring_core::model::robot::Robot::new(spec).map_err(input_error)?,
+            embedded: arrays.is_embedded,
             solvers: Mutex::default(),
         })
     }
@@ -61,7 +64,7 @@ impl Robot {
     ) -> PyResult<Solution> {
         let this = slf.get();
         let robot = &this.inner;
-        let settings = model.0;
+        let settings = this.settings(model);
         let tensions = numbers(tensions, "tensions", "N", robot.tendon_count())?;
         let load = load.with(robot, tensions)?;
         let found = interruptible(slf.py(), || {
@@ -100,7 +103,7 @@ impl Robot {
     ) -> PyResult<Bound<'py, PyDict>> {
         let loads = self.loads(tensions, load, disks)?;
         let found = interruptible(py, || {
-            self.with_solver(model.0, |solver| {
+            self.with_solver(self.settings(model), |solver| {
                 batch::sweep_with(&self.inner, solver, &loads.borrow(), warm, disks)
             })
         })?;
@@ -119,7 +122,13 @@ impl Robot {
     ) -> PyResult<Bound<'py, PyDict>> {
         let loads = self.loads(tensions, load, disks)?;
         let found = interruptible(py, || {
-            batch::solve_batch(&self.inner, &model.0, &loads.borrow(), threads, disks)
+            batch::solve_batch(
+                &self.inner,
+                &self.settings(model),
+                &loads.borrow(),
+                threads,
+                disks,
+            )
         })?;
         self.arrays(py, found.map_err(input_error)?, disks)
     }
@@ -138,7 +147,7 @@ impl Robot {
         let loads = self.loads(tensions, load, false)?;
         let robots = designs.robots(&self.inner)?;
         let found = interruptible(py, || {
-            designs::sweep_designs(&robots, &model.0, &loads.borrow(), threads)
+            designs::sweep_designs(&robots, &self.settings(model), &loads.borrow(), threads)
         })?;
         self.arrays(py, found.map_err(input_error)?, false)
     }
@@ -168,6 +177,15 @@ impl Robot {
 }
 
 impl Robot {
+    /// Settings of a model; embedded tendons follow the body whatever it says.
+    pub(crate) fn settings(&self, model: &RodModel) -> Settings {
+        let mut settings = model.0;
+        if self.embedded {
+            settings.model.tendon = TendonPath::Continuous;
+        }
+        settings
+    }
+
     /// Largest robot whose solvers are kept, and most kept solvers, for chosen and for given
     /// elements.
     const MOST_DISKS: usize = 500;
@@ -565,7 +583,7 @@ impl Solution {
             return Ok(None);
         }
         let robot = &self.robot.get().inner;
-        let columns = robot.tendon_count() + robot.spec().sections.len() + 6;
+        let columns = robot.tendon_count() + robot.spec().backbone.len() + 6;
         // twice: as columns and as arrays
         let bytes = 16.0 * columns as f64 * (robot.tendon_count() + 6) as f64;
         memory::check(bytes, || "derivatives".into(), "use fewer tendons").map_err(input_error)?;

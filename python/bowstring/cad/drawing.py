@@ -208,15 +208,16 @@ def _draw(axes: Any, kind: _Kind) -> None:
     _leader(axes, rim, (-1.2 * r, 1.02 * r), f"Ø{_size(2 * r)}")
     bore = kind.bore / 2
     _leader(axes, (-bore * 0.7, -bore * 0.7), (-1.2 * r, -0.75 * r), f"Ø{_size(kind.bore)}")
-    x, y = kind.places[kind.places.sum(axis=1).argmax()]  # the hole nearest its text
-    count = f"{len(kind.places)} x " if len(kind.places) > 1 else ""
-    on = " / ".join(f"Ø{_size(2 * pitch)}" for pitch in pitches[:3]) + (
-        " ..." if pitches[3:] else ""
-    )
-    label = f"{count}Ø{_size(kind.hole)}{star}\non {on}"
-    _leader(axes, (x, y), (1.22 * r, 0.85 * r), label)
-    write = _angles if _evenly_spaced(kind.places) else _places
-    write(axes, kind)
+    if len(kind.places):
+        x, y = kind.places[kind.places.sum(axis=1).argmax()]  # the hole nearest its text
+        count = f"{len(kind.places)} x " if len(kind.places) > 1 else ""
+        on = " / ".join(f"Ø{_size(2 * pitch)}" for pitch in pitches[:3]) + (
+            " ..." if pitches[3:] else ""
+        )
+        label = f"{count}Ø{_size(kind.hole)}{star}\non {on}"
+        _leader(axes, (x, y), (1.22 * r, 0.85 * r), label)
+        write = _angles if _evenly_spaced(kind.places) else _places
+        write(axes, kind)
 
     # section at x = 0, seen along x
     half = kind.thickness / 2

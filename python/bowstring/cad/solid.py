@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 from bowstring.formatting import listed, significant
 from bowstring.optional import load_extra
-from bowstring.robot.model import Robot, check_robot, check_straight
+from bowstring.robot.model import Robot, check_disks, check_robot, check_round, check_straight
+from bowstring.robot.parts import Backbone
 from bowstring.robot.sizes import Sizes, sizes_of
 from bowstring.validation import shown
 from bowstring.viz.vtk import check_data, holes
@@ -210,6 +211,8 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
         If the solution did not converge.
     """
     check_robot(robot)
+    check_round(robot, "the solid")
+    check_disks(robot, "the solid")
     if pose is None:
         check_straight(robot, "the solid of a robot without a pose")
     check_cad()
@@ -396,14 +399,12 @@ def _backbones(robot: Robot, data: xr.Dataset | None) -> Iterator[Part]:
     bd, start = check_cad(), 0.0
     for k, s in enumerate(robot.segments):
         rod = s.backbone
-        diameters = [d for d in (rod.diameter, rod.inner_diameter) if d]
         if data is None:
-            shape = _rod(bd, s.length, diameters).moved(bd.Location((0, 0, _MM * start)))
+            shape = _straight(bd, s.length, rod).moved(bd.Location((0, 0, _MM * start)))
         else:
             frames = list(_pieces(robot, data, k))
-            shape = _tube(
-                [[_rings(piece, _circle(0.5 * d)) for piece in frames] for d in diameters]
-            )
+            walls = ["diameter", *(["inner_diameter"] if _bored(rod) else [])]
+            shape = _tube([[_rings(piece, rod, wall) for piece in frames] for wall in walls])
         start += s.length
         name = "backbone" if len(robot.segments) == 1 else f"backbone_{k + 1}"
         if data is not None and not shape.is_valid:
@@ -420,27 +421,53 @@ def _rod(bd: Any, length: float, diameters: list[float]) -> Any:
     return bd.Solid.extrude(bd.Face(outer, inner), (0.0, 0.0, _MM * length))
 
 
-def _rings(piece: tuple[Floats, Floats], circle: Floats) -> Floats:
-    position, rotation = piece
-    arms: Floats = np.einsum("nij,qcj->nqci", rotation, circle)
+def _bored(rod: Backbone) -> bool:
+    return rod.inner_diameter > 0 or bool(rod.end_inner_diameter)
+
+
+def _straight(bd: Any, length: float, rod: Backbone) -> Any:
+    """Straight backbone of a segment."""
+    start, end = rod.at(0.0), rod.at(1.0)
+    if not rod.is_tapered:
+        assert rod.diameter is not None
+        return _rod(bd, length, [d for d in (rod.diameter, rod.inner_diameter) if d])
+
+    def cone(first: Any, last: Any) -> Any:
+        return bd.Solid.make_cone(0.5 * _MM * float(first), 0.5 * _MM * float(last), _MM * length)
+
+    whole = cone(start.diameter, end.diameter)
+    return whole - cone(start.inner_diameter, end.inner_diameter) if _bored(rod) else whole
+
+
+def _rings(piece: _Piece, rod: Backbone, wall: str) -> Floats:
+    position, rotation, fraction = piece
+    radius = np.broadcast_to(0.5 * getattr(rod.at(fraction), wall), fraction.shape)
+    arms: Floats = np.einsum("n,nij,qcj->nqci", radius, rotation, _circle(1.0))
     return position[:, None, None] + arms
 
 
-def _pieces(robot: Robot, data: xr.Dataset, segment: int) -> Iterator[tuple[Floats, Floats]]:
+_Piece = tuple[Floats, Floats, Floats]
+"""Positions, rotations and fractions of the segment of frames along a piece of backbone."""
+
+
+def _pieces(robot: Robot, data: xr.Dataset, segment: int) -> Iterator[_Piece]:
     """Yield frames of a segment's backbone piece by piece, flexible and clamped ones."""
     module = data["module"].to_numpy() - 1
     position, rotation = data["position"].to_numpy()[0], data["rotation"].to_numpy()[0]
     disk_position = data["disk_position"].to_numpy()[0]
     disk_rotation = data["disk_rotation"].to_numpy()[0]
     mine = np.flatnonzero(robot.disks.segment == segment).tolist()
-    here, turned = np.zeros(3), np.eye(3)
+    length = robot.segments[segment].length
+    end_station = float(robot.disks.station_m[mine[-1]])
+    fractions = 1.0 + (data["arc_length"].to_numpy() - end_station) / length
+    here, turned, at = np.zeros(3), np.eye(3), 0.0
     if mine[0]:
         here, turned = disk_position[mine[0] - 1], disk_rotation[mine[0] - 1]
     short = 1e-9 * robot.length
     for d in mine:
-        p, r = position[module == d], rotation[module == d]
+        p, r, f = position[module == d], rotation[module == d], fractions[module == d]
         if np.linalg.norm(p[0] - here) > short:
-            yield np.stack([here, p[0]]), np.stack([turned, r[0]])
+            yield np.stack([here, p[0]]), np.stack([turned, r[0]]), np.array([at, f[0]])
         else:
             p, r = np.array([here, *p[1:]]), np.array([turned, *r[1:]])
         end = disk_position[d]
@@ -448,10 +475,13 @@ def _pieces(robot: Robot, data: xr.Dataset, segment: int) -> Iterator[tuple[Floa
         if not clamped:
             p, r = np.array([*p[:-1], end]), np.array([*r[:-1], disk_rotation[d]])
         for first in range(0, len(p) - 1, _SECTIONS):
-            yield p[first : first + _SECTIONS + 1], r[first : first + _SECTIONS + 1]
+            last = first + _SECTIONS + 1
+            yield p[first:last], r[first:last], f[first:last]
+        beyond = 1.0 + (float(robot.disks.station_m[d]) - end_station) / length
         if clamped:
-            yield np.stack([p[-1], end]), np.stack([r[-1], disk_rotation[d]])
-        here, turned = end, disk_rotation[d]
+            turns = np.stack([r[-1], disk_rotation[d]])
+            yield np.stack([p[-1], end]), turns, np.array([f[-1], beyond])
+        here, turned, at = end, disk_rotation[d], beyond
 
 
 def _paths(robot: Robot, data: xr.Dataset | None) -> tuple[Floats, ...]:

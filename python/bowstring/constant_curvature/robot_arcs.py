@@ -100,7 +100,8 @@ class RobotArcs:
         """Fit arcs to a robot's tendon lengths.
 
         The arc of a segment follows from the tendons anchored to its end disk. Their lengths within
-        the inner segments follow from the arcs of those and are subtracted first.
+        the inner segments follow from the arcs of those and are subtracted first. A segment that no
+        tendon passes is as without load.
 
         Parameters
         ----------
@@ -137,6 +138,9 @@ class RobotArcs:
             )
         arcs = []
         for segment in segments:
+            if not segment.own.size:
+                arcs.append(_unactuated(robot, segment, rest.shape[:-1]))
+                continue
             own = rest[..., segment.own]
             if np.any(own <= 0):
                 t = segment.own[np.argwhere(own <= 0)[0, -1]]
@@ -183,19 +187,22 @@ class RobotArcs:
             raise InputError(
                 "the lever-arm law is for a backbone that is straight without load; use linear"
             )
+        if law == "arm" and not robot.is_round:
+            raise InputError("the lever-arm law is for round backbones; use linear")
         arcs = []
         for segment in segments:
             passing = np.union1d(segment.own, segment.further)
             modules = segment.places.size if law == "arm" else None
+            if not passing.size:
+                arcs.append(_unactuated(robot, segment, given.shape[:-1]))
+                continue
             routing = Routing.from_holes(robot.tendons.mean_hole_m[segment.index, passing], modules)
             with segment.named():
                 arc = Arc.from_tensions(
                     given[..., passing], routing, segment.length, segment.bending_stiffness
                 )
-            x, y = rest[segment.index, 1], -rest[segment.index, 0]
-            if x or y:  # the linear law adds to the curvature without load
-                x, y = x + arc.kappa * np.cos(arc.phi), y + arc.kappa * np.sin(arc.phi)
-                arc = Arc(np.hypot(x, y), np.arctan2(y, x), arc.length)
+            if law == "linear":
+                arc = _general(robot, segment, arc)
             arcs.append(arc)
         return cls(robot, _stacked(arcs), "chord" if law == "arm" else None)
 
@@ -311,6 +318,8 @@ class RobotArcs:
         out = np.zeros((*self.kappa.shape[:-1], len(self.robot.tendons.segment)))
         for segment in _segments(self.robot, self.correction):
             passing = np.union1d(segment.own, segment.further)
+            if not passing.size:
+                continue
             with segment.named():
                 out[..., passing] += self.arc[..., segment.index].lengths(segment.routing[passing])
         return out
@@ -329,6 +338,8 @@ class RobotArcs:
         by_length = np.zeros((*shape, 3, count))
         for segment in _segments(self.robot, self.correction):
             arc, routing = self.arc[..., segment.index], segment.routing
+            if not segment.own.size:
+                continue
             with segment.named():
                 own = routing[segment.own]
                 fitted = arc.from_lengths_jacobian(own, hold_length=self.hold_length)
@@ -337,6 +348,35 @@ class RobotArcs:
             rest[..., segment.further, :] -= spent @ by_length[..., segment.index, :, :]
         _, by_arcs = series_jacobian(self.arc.bend, np.ones(shape))
         return np.asarray(by_arcs @ by_length.reshape(*shape[:-1], 3 * shape[-1], count))
+
+
+def _unactuated(robot: Robot, segment: _Segment, shape: tuple[int, ...]) -> Arc:
+    """Arc (...) of a segment that no tendon passes: that without load."""
+    if segment.further.size:
+        raise InputError(
+            f"segment {segment.index + 1} has no tendon that ends at it, so tendon lengths do not "
+            "determine its arc; use tensions, or make it one segment with the next one"
+        )
+    x, y = robot.rest_curvature[segment.index, 1], -robot.rest_curvature[segment.index, 0]
+    every = np.ones(shape)
+    return Arc(np.hypot(x, y) * every, np.arctan2(y, x) * every, segment.length * every)
+
+
+def _general(robot: Robot, segment: _Segment, arc: Arc) -> Arc:
+    """Arc by the linear law, from that of a backbone that is straight and bends alike all round.
+
+    The law adds to the curvature without load (theory Eq. 1.7).
+    """
+    rest = robot.rest_curvature[segment.index, 1::-1] * (1.0, -1.0)
+    x, y = arc.kappa * np.cos(arc.phi), arc.kappa * np.sin(arc.phi)
+    if not robot.is_round:
+        by_moment = robot.bend_by_moment[segment.index]
+        bend = np.stack([x, y], axis=-1) @ by_moment * (segment.bending_stiffness / segment.length)
+        x, y = bend[..., 0], bend[..., 1]
+    elif not rest.any():
+        return arc
+    x, y = x + rest[0], y + rest[1]
+    return Arc(np.hypot(x, y), np.arctan2(y, x), arc.length)
 
 
 @dataclass(frozen=True)

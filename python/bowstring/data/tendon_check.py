@@ -467,10 +467,9 @@ def _by_tension(robot: Robot) -> Floats:
     """Bends of the segments by tensions (2 S, T), linear law (theory Eq. 1.7)."""
     tendons = robot.tendons
     out = np.zeros((2 * len(robot.segments), len(tendons.angle_rad)))
-    for j, segment in enumerate(robot.segments):
+    for j, by_moment in enumerate(robot.bend_by_moment):
         passes = tendons.segment >= j
-        law = segment.length / robot.bending_stiffness[j]
-        out[2 * j : 2 * j + 2, passes] = law * tendons.mean_hole_m[j, passes].T
+        out[2 * j : 2 * j + 2, passes] = by_moment @ tendons.mean_hole_m[j, passes].T
     return out
 
 

@@ -161,7 +161,7 @@ def field(run: BrickRun) -> Figure:
     disks = run.frames.disk_position[-1]
     disk = disks[max(len(disks) // 2 - 1, 0)]
     middle = 1e3 * np.array([disk @ towards, disk @ up])
-    reach = 2e3 * max(s.backbone.diameter for s in run.robot.segments)
+    reach = 2e3 * max(s.backbone.outer_diameter for s in run.robot.segments)
     close.set_xlim(middle[0] - reach, middle[0] + reach)
     close.set_ylim(middle[1] - 1.5 * reach, middle[1] + 1.5 * reach)
     close.set(title="At a disk", xlabel="mm")
@@ -182,8 +182,12 @@ def _surface(run: BrickRun) -> tuple[Floats, Floats, Ints]:
     free = mesh.bricks[~mesh.stiff]
     sides = np.concatenate([free[:, [a, b, b + 4, a + 4]] for a, b in _SIDES])
     part = np.tile(mesh.part[~mesh.stiff], len(_SIDES))
-    outer = np.array([0.49 * s.backbone.diameter for s in run.robot.segments])
-    quads = sides[(reach[sides] > outer[part][:, None]).all(axis=1)]
+    outer, end = np.empty(sides.shape), 0.0
+    for k, segment in enumerate(run.robot.segments):
+        end += segment.length
+        fraction = 1.0 + (mesh.nodes[sides[part == k], 2] - end) / segment.length
+        outer[part == k] = segment.backbone.at(fraction).diameter
+    quads = sides[(reach[sides] > 0.49 * outer).all(axis=1)]
     place = mesh.nodes + displacement
     # each face is split along its own upright edges
     along = np.zeros_like(place)

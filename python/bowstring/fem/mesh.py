@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Final
 
 import numpy as np
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.fem.elements import MASS_POINTS, POINTS, brick_shape, quad_shape
-from bowstring.robot.model import Robot, check_straight
+from bowstring.robot.model import Robot, check_disks, check_round, check_straight
 from bowstring.validation import is_whole, shown
 
 __all__ = ["BrickMesh", "Fineness", "brick_mesh", "check_meshable"]
@@ -152,6 +152,8 @@ def brick_mesh(robot: Robot, fineness: Fineness, *, mass_arms: bool = False) -> 
 def check_meshable(robot: Robot) -> None:
     """Raise `InputError` where a robot cannot be meshed; see `brick_mesh`."""
     check_straight(robot, f"{robot.name}: a mesh")
+    check_round(robot, f"{robot.name}: a mesh")
+    check_disks(robot, f"{robot.name}: a mesh")
     loose = [k for k, s in enumerate(robot.segments) if s.disks.clamped_length == 0]
     if loose:
         flags = [
@@ -169,9 +171,10 @@ def check_meshable(robot: Robot) -> None:
                 f"{here}.backbone: E and G make Poisson's ratio {nu:.3g}; for finite elements it "
                 f"must be from -0.9 to {_NEAR_HALF:g}"
             )
-        if (s.backbone.inner_diameter > 0) != (robot.segments[0].backbone.inner_diameter > 0):
+        bored = [s.backbone.at(place).inner_diameter > 0 for place in (0.0, 1.0)]
+        if bored != 2 * [robot.segments[0].backbone.inner_diameter > 0]:
             raise InputError(
-                f"{here}.backbone.inner_diameter: some segments are tubes and others solid; "
+                f"{here}.backbone.inner_diameter: some pieces are tubes and others solid; "
                 "finite elements need all of one kind"
             )
     if robot.has_friction:
@@ -184,7 +187,7 @@ def check_meshable(robot: Robot) -> None:
 def _hold(robot: Robot, segment: int) -> float:
     """Clamped length of glued disks of a segment: their thickness, if given."""
     thickness = robot.segments[segment].disks.thickness
-    return thickness or 0.6 * robot.segments[segment].backbone.diameter
+    return thickness or 0.6 * robot.segments[segment].backbone.outer_diameter
 
 
 # -- one section -------------------------------------------------------------------------------
@@ -209,6 +212,7 @@ class _Section:
         return np.concatenate([self.corners, self.edges])
 
 
+@lru_cache(maxsize=256)
 def _section(fineness: Fineness, bore: float, towards: float) -> _Section:
     """Make a section with the middle of an outline edge at an angle from x towards y."""
     around, rings = fineness.around, fineness.rings
@@ -304,22 +308,16 @@ class _Builder:
         levels, module = self._levels()
         x, y = robot.tendons.hole_m[0]
         towards = math.atan2(y, x)
-        sections = [
-            _section(self.fineness, s.backbone.inner_diameter / s.backbone.diameter, towards)
-            for s in robot.segments
-        ]
-        scale = [
-            (s.backbone.second_moment / section.second_moment) ** 0.25
-            for s, section in zip(robot.segments, sections, strict=True)
-        ]
-        one = sections[0]
+        one, _ = self._scaled(0, 0.0, towards)
         n_corner, n_plane = len(one.corners), len(one.points)
         start = []  # first node of each row
         ends = np.cumsum([s.length for s in robot.segments])
         for i in range(2 * len(levels) - 1):
             z = levels[i // 2] if i % 2 == 0 else 0.5 * (levels[i // 2] + levels[i // 2 + 1])
             k = min(int(np.searchsorted(ends * (1 + 1e-12), z)), len(ends) - 1)
-            points = scale[k] * (sections[k].points if i % 2 == 0 else sections[k].corners)
+            segment = robot.segments[k]
+            section, scale = self._scaled(k, 1.0 + (z - ends[k]) / segment.length, towards)
+            points = scale * (section.points if i % 2 == 0 else section.corners)
             start.append(len(self.nodes))
             self.nodes += [np.array([x, y, z]) for x, y in points]
         beyond = len(levels) - 2  # the slice beyond the last station
@@ -357,12 +355,19 @@ class _Builder:
             mass_height=height,
         )
 
+    def _scaled(self, k: int, fraction: float, towards: float) -> tuple[_Section, float]:
+        """Section at a fraction of a segment, and its size: it has the backbone's second moment."""
+        rod = self.robot.segments[k].backbone.at(fraction)
+        assert rod.diameter is not None
+        section = _section(self.fineness, float(rod.inner_diameter / rod.diameter), towards)
+        return section, float(rod.second_moment / section.second_moment) ** 0.25
+
     def _levels(self) -> tuple[Floats, list[int]]:
         """Arc lengths between slices, and the module of each slice."""
         disks, segments = self.robot.disks, self.robot.segments
         levels, module = [0.0], []
         for i, (z, c) in enumerate(zip(disks.station_m, disks.clamped_length_m, strict=True)):
-            diameter = segments[disks.segment[i]].backbone.diameter
+            diameter = segments[disks.segment[i]].backbone.outer_diameter
             free = z - c / 2 - levels[-1]
             levels += (levels[-1] + free * _graded(self.fineness.module, free / diameter)).tolist()
             levels += [z, z + c / 2]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,28 @@ class RobotTendons:
     """Tensions (T,) in the home pose, where the tendon displacements are zero, N."""
     spool_radius_m: Floats
     diameter_m: Floats
+
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+_GAUSS: Final = tuple(zip(0.5 + 0.5 * _NODES, 0.5 * _WEIGHTS, strict=True))
+"""Places in the unit interval, each with its weight."""
+
+
+def _section(backbone: Backbone) -> Floats:
+    """Numbers (..., 8) of a section, in the order of `RobotArrays.sections`."""
+    first, second = backbone.second_moments
+    shear = backbone.shear_modulus
+    numbers = (
+        backbone.E * first,
+        backbone.E * second,
+        backbone.width_direction,
+        shear * backbone.torsion_constant,
+        backbone.E * backbone.area,
+        shear * backbone.area,
+        backbone.density * backbone.area,
+        backbone.density * backbone.second_moment,
+    )
+    return stacked(numbers)
 
 
 def frozen(values: object, dtype: type = float) -> NDArray[Any]:
@@ -312,13 +334,77 @@ class RobotArrays(Part):
         """Whether any tendon has friction at its holes."""
         return bool(self.tendons.friction.any())
 
-    def _by_segment(self, value: Callable[[Segment], Any]) -> Floats:
-        return frozen(stacked([value(s) for s in self.segments]))
+    def _by_segment(self, value: Callable[[Backbone], Any]) -> Floats:
+        """Means (S,) of a number over the length of each segment."""
+
+        def mean(backbone: Backbone) -> Any:
+            if not backbone.is_tapered:
+                return value(backbone)
+            return sum(w * value(backbone.at(x)) for x, w in _GAUSS)
+
+        return frozen(stacked([mean(s.backbone) for s in self.segments]))
+
+    @cached_property
+    def sections(self) -> Floats:
+        """Sections (S, P, 11) of the backbone along each segment, in SI.
+
+        At P equal distances from the start to the end of a segment: 1 where nothing is tapered,
+        otherwise 5. Columns: bending stiffness about both principal axes, angle of the first one
+        from x, torsional, axial and shear stiffness (shear factor 1), mass per length, rotary
+        inertia per length, and the curvature about x and y and twist without load.
+        """
+        tapered = any(s.backbone.is_tapered for s in self.segments)
+        places = np.linspace(0.0, 1.0, 5) if tapered else [0.0]
+        rows = [
+            np.stack([_section(s.backbone.at(float(x))) for x in places], axis=-2)
+            for s in self.segments
+        ]
+        lead = np.broadcast_shapes(*(row.shape[:-2] for row in rows))
+        sections = np.stack([np.broadcast_to(r, (*lead, *r.shape[-2:])) for r in rows], axis=-3)
+        rest = self.rest_curvature[..., :, None, :]
+        shape = np.broadcast_shapes(sections.shape[:-1], (*rest.shape[:-2], len(places)))
+        parts = [np.broadcast_to(p, (*shape, p.shape[-1])) for p in (sections, rest)]
+        return frozen(np.concatenate(parts, axis=-1))
+
+    @cached_property
+    def is_embedded(self) -> bool:
+        """Whether the tendons run in the body itself, which they touch everywhere."""
+        return self.segments[0].tendons_in == "body"
+
+    @cached_property
+    def is_round(self) -> bool:
+        """Whether all sections are circles or rings."""
+        return all(s.backbone.is_round for s in self.segments)
+
+    @cached_property
+    def bend_by_moment(self) -> Floats:
+        """Bend (S, 2, 2) of each segment towards x and y by a moment that bends it so, rad/(N m).
+
+        By the flexibility 1/(E I), its mean over the length.
+        """
+        flexibility = []
+        for principal in (0, 1):
+
+            def own(backbone: Backbone, axis: int = principal) -> Any:
+                return 1.0 / (backbone.E * backbone.second_moments[axis])
+
+            flexibility.append(self._by_segment(own))
+        angle = stacked([s.backbone.width_direction for s in self.segments])
+        length = stacked([s.length for s in self.segments])
+        cos, sin = np.cos(angle), np.sin(angle)
+        first, second = (f * length for f in flexibility)
+        # a bend towards x is a rotation about y
+        towards_x = first * sin**2 + second * cos**2
+        towards_y = first * cos**2 + second * sin**2
+        both = np.broadcast_arrays(towards_x, (second - first) * sin * cos, towards_y)
+        return frozen(np.stack([np.stack(both[:2], -1), np.stack(both[1:], -1)], axis=-2))
 
     @cached_property
     def bending_stiffness(self) -> Floats:
-        """E I of each segment in N m^2."""
-        return self._by_segment(lambda s: s.backbone.E * s.backbone.second_moment)
+        """E I of each segment in N m^2: the inverse of the mean flexibility 1/(E I)."""
+        return frozen(
+            1.0 / self._by_segment(lambda b: sum(1.0 / (b.E * i) for i in b.second_moments) / 2.0)
+        )
 
     @cached_property
     def rest_curvature(self) -> Floats:
@@ -339,25 +425,27 @@ class RobotArrays(Part):
 
     @cached_property
     def torsion_stiffness(self) -> Floats:
-        """G J of each segment in N m^2; J is the polar second moment of the round section."""
-        return self._by_segment(lambda s: s.backbone.shear_modulus * 2.0 * s.backbone.second_moment)
+        """G J of each segment in N m^2: the inverse of the mean flexibility 1/(G J)."""
+        return frozen(
+            1.0 / self._by_segment(lambda b: 1.0 / (b.shear_modulus * b.torsion_constant))
+        )
 
     @cached_property
     def axial_stiffness(self) -> Floats:
-        """E A of each segment in N."""
-        return self._by_segment(lambda s: s.backbone.E * s.backbone.area)
+        """E A of each segment in N: the inverse of the mean of 1/(E A)."""
+        return frozen(1.0 / self._by_segment(lambda b: 1.0 / (b.E * b.area)))
 
     @cached_property
     def shear_stiffness(self) -> Floats:
-        """G A of each segment in N (shear factor 1)."""
-        return self._by_segment(lambda s: s.backbone.shear_modulus * s.backbone.area)
+        """G A of each segment in N (shear factor 1): the inverse of the mean of 1/(G A)."""
+        return frozen(1.0 / self._by_segment(lambda b: 1.0 / (b.shear_modulus * b.area)))
 
     @cached_property
     def mass_per_length(self) -> Floats:
-        """Backbone mass per length of each segment in kg/m."""
-        return self._by_segment(lambda s: s.backbone.density * s.backbone.area)
+        """Mean mass per length of each segment's backbone in kg/m."""
+        return self._by_segment(lambda b: b.density * b.area)
 
     @cached_property
     def rotary_inertia(self) -> Floats:
-        """Density times second moment of area of each segment's backbone, in kg m."""
-        return self._by_segment(lambda s: s.backbone.density * s.backbone.second_moment)
+        """Density times second moment of area of each segment's backbone, its mean, in kg m."""
+        return self._by_segment(lambda b: b.density * b.second_moment)

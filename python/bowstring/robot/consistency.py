@@ -13,6 +13,7 @@ from bowstring.robot.disk import distinct_holes, room_for_holes, stacked
 from bowstring.robot.parts import (
     MAX_DISKS,
     MAX_TENDONS,
+    Backbone,
     Segment,
     Tendon,
     TendonRing,
@@ -29,12 +30,7 @@ def problems(parts: tuple[Segment, ...]) -> Iterator[str]:
     """Yield "path: sentence" for each inconsistency between fields."""
     for k, s in enumerate(parts):
         here = f"segments[{k}]"
-        if s.backbone.inner_diameter >= s.backbone.diameter:
-            yield (
-                f"{here}.backbone.inner_diameter: "
-                f"got {number_with_unit(s.backbone.inner_diameter, 'm')}; must be smaller than "
-                f"the diameter, {number_with_unit(s.backbone.diameter, 'm')}"
-            )
+        yield from _bore_problems(s.backbone, here)
         if s.disks.positions is not None:
             yield from _position_problems(s, here)
     disks = sum(s.disks.count or len(s.disks.positions or ()) for s in parts)
@@ -44,9 +40,38 @@ def problems(parts: tuple[Segment, ...]) -> Iterator[str]:
         if count > most:
             yield f"segments: got {count} {what} in all; must be at most {most}"
             return
+    if tendons == 0:
+        yield "segments[0].tendons: got an empty list; a robot needs at least one tendon"
+        return
+    if len({s.tendons_in for s in parts}) > 1:
+        k = next(k for k, s in enumerate(parts) if s.tendons_in != parts[0].tendons_in)
+        yield (
+            f"segments[{k}].tendons_in: got {parts[k].tendons_in} after {parts[0].tendons_in}; all "
+            "segments must have the same"
+        )
+    for k, s in enumerate(parts):
+        for i, tendon in enumerate(s.tendon_list if s.tendons_in == "body" else ()):
+            if tendon.friction:
+                where = tendon_field(k, s.tendons, i, "friction")
+                yield f"{where}: got {tendon.friction:g}; must be 0 with tendons_in body"
+                break
     yield from _hole_problems(parts)
     yield from _drill_problems(parts)
     yield from _clamp_problems(parts)
+
+
+def _bore_problems(backbone: Backbone, here: str) -> Iterator[str]:
+    """Check that the bore of a tube is smaller than the tube, at both ends of the segment."""
+    for name, place in (("inner_diameter", 0.0), ("end_inner_diameter", 1.0)):
+        section = backbone.at(place)
+        if section.diameter is not None and section.inner_diameter >= section.diameter:
+            yield (
+                f"{here}.backbone.{name}: "
+                f"got {number_with_unit(section.inner_diameter, 'm')}; must be smaller than "
+                f"the diameter{' there' if place else ''}, "
+                f"{number_with_unit(section.diameter, 'm')}"
+            )
+            return
 
 
 def _position_problems(s: Segment, here: str) -> Iterator[str]:
@@ -83,7 +108,8 @@ def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
                     low, high = float(route[j].min()), float(route[j].max())
                     name = "end_pitch_radius" if tendon.end_pitch_radius else name
                     name = "pitch_radii" if tendon.pitch_radii else name
-                if inner.backbone.diameter / 2 < low and high < inner.disks.radius:
+                apart = inner.backbone.outer_diameter / 2 < low or inner.tendons_in == "body"
+                if apart and high < inner.disks.radius:
                     continue
                 r = high if high >= inner.disks.radius else low
                 where = tendon_field(k, s.tendons, i, name)
@@ -91,7 +117,7 @@ def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
                     limit = number_with_unit(inner.disks.radius, "m")
                     fault = f"outside {whose}; must be smaller than the disk's radius, {limit}"
                 else:
-                    limit = number_with_unit(inner.backbone.diameter / 2, "m")
+                    limit = number_with_unit(inner.backbone.outer_diameter / 2, "m")
                     fault = f"inside {rod}; must be larger than the backbone's radius, {limit}"
                 yield f"{where}: got {number_with_unit(r, 'm')}, a hole {fault}"
                 if isinstance(s.tendons, TendonRing):
@@ -129,7 +155,7 @@ def _radii(parts: tuple[Segment, ...], k: int, tendon: Tendon) -> list[Floats]:
 
 def bores(parts: tuple[Segment, ...]) -> Floats:
     """Diameter of the hole for the backbone in the disks of each segment, m."""
-    return stacked([s.backbone.diameter for s in parts])
+    return stacked([s.backbone.outer_diameter for s in parts])
 
 
 def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
@@ -151,6 +177,8 @@ def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
                     f"{number_with_unit(width, 'm')}"
                 )
                 break
+        if not passing:
+            continue
         for places in _places(parts, k, [(j, t) for j, _, t in passing]):
             away = np.hypot(*places.T)
             if not np.all((away > bore[k] / 2) & (away < radius)):

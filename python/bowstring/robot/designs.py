@@ -25,14 +25,6 @@ __all__ = ["Designs"]
 Floats = NDArray[np.float64]
 
 _SHAPING: Final = ("count", "positions")  # fields that change the number of disks or tendons
-_SECTION: Final = (
-    "bending_stiffness",
-    "torsion_stiffness",
-    "axial_stiffness",
-    "shear_stiffness",
-    "mass_per_length",
-    "rotary_inertia",
-)
 _LINE: Final = (
     "axial_stiffness_N",
     "free_length_m",
@@ -144,10 +136,10 @@ class Designs:
 
     @cached_property
     def sections(self) -> Floats:
-        """Stiffness, mass and inertia per length, rest curvature of the segments (D, 9 S)."""
-        rest = self.arrays.rest_curvature
-        parts = [getattr(self.arrays, name) for name in _SECTION]
-        return self._interleaved([*parts, *(rest[..., q] for q in range(3))])
+        """Numbers of the sections of the segments (D, 11 P S)."""
+        sections = self.arrays.sections
+        flat = sections.reshape(*sections.shape[:-3], -1)
+        return np.ascontiguousarray(np.broadcast_to(flat, (len(self), flat.shape[-1])))
 
     @cached_property
     def disks(self) -> Floats:

@@ -46,7 +46,7 @@ class Robot(RobotArrays):
             (
                 segment.name or f"segment {j}",
                 number_with_unit(segment.length, "m"),
-                number_with_unit(segment.backbone.diameter, "m"),
+                number_with_unit(segment.backbone.outer_diameter, "m"),
                 number_with_unit(segment.backbone.E, "Pa"),
                 int((self.disks.segment == j - 1).sum()),
                 int((self.tendons.segment == j - 1).sum()),
@@ -152,6 +152,14 @@ class Robot(RobotArrays):
             density, hole = exact(disks.density), exact(disks.hole_diameter)
             return {"disk_density": density, "hole_diameter": hole}
 
+        def section(backbone: Backbone) -> dict[str, str]:
+            names = [name for name in Backbone.model_fields if name.startswith("end_")]
+            names += ["diameter", "width", "height"]
+            sizes = {name: getattr(backbone, name) for name in names}
+            if backbone.width is not None:
+                sizes["width_direction"] = backbone.width_direction
+            return {name: exact(size) for name, size in sizes.items() if size is not None}
+
         def rest(backbone: Backbone) -> dict[str, str]:
             names = ("rest_bend", "rest_direction", "rest_twist")
             if not any(getattr(backbone, name) for name in names):
@@ -164,7 +172,8 @@ class Robot(RobotArrays):
             "segments": [
                 {
                     "length": exact(s.length),
-                    "diameter": exact(s.backbone.diameter),
+                    **({} if s.tendons_in == "disks" else {"tendons_in": s.tendons_in}),
+                    **section(s.backbone),
                     "inner_diameter": exact(s.backbone.inner_diameter),
                     "E": exact(s.backbone.E),
                     "G": exact(s.backbone.shear_modulus),
@@ -226,6 +235,18 @@ def check_straight(robot: Robot, what: str) -> None:
             f"{what} takes a backbone that is straight without load only; leave rest_bend and "
             "rest_twist out"
         )
+
+
+def check_round(robot: Robot, what: str) -> None:
+    """Refuse a robot with a backbone that is not round."""
+    if not robot.is_round:
+        raise InputError(f"{what} takes round backbones only; give diameter, not width and height")
+
+
+def check_disks(robot: Robot, what: str) -> None:
+    """Refuse a robot whose tendons run in its body."""
+    if robot.is_embedded:
+        raise InputError(f"{what} takes tendons in disks only, not tendons_in body")
 
 
 def check_robot(robot: object) -> None:

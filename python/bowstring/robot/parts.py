@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from functools import cached_property
 from typing import Annotated, Any, Final
@@ -61,15 +62,61 @@ def _one_of(first: str, second: str) -> Any:
 
 _PITCH = Quantity("m", "29 mm", "1 um", "100 m")
 _ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
+_SIZE = Quantity("m", "5 mm", "1 um", "10 m")
+
+
+def _rest_of_section(backbone: Backbone) -> None:
+    """Refuse fields of a round and of a rectangular section side by side, and parts of one."""
+    given = {
+        name: getattr(backbone, name) is not None
+        for name in ("diameter", "width", "height", "end_diameter", "end_width", "end_height")
+    }
+    given["end_inner_diameter"] = backbone.end_inner_diameter is not None
+    rectangular = given["width"] or given["height"]
+    if given["diameter"] and rectangular:
+        raise wrong(
+            "diameter and width: both given; write diameter of a round backbone, or width and "
+            "height of a rectangular one"
+        )
+    if rectangular:
+        for name in ("width", "height"):
+            if not given[name]:
+                raise wrong(f"{name}: missing; a rectangular backbone needs width and height")
+        for name in ("end_diameter", "end_inner_diameter"):
+            if given[name]:
+                raise wrong(f"{name}: given with width; it is for a round backbone")
+        if np.any(backbone.inner_diameter):
+            raise wrong("inner_diameter: given with width; it is for a round backbone")
+        return
+    if not given["diameter"]:
+        raise wrong(
+            'diameter: missing; write for example "diameter: 5 mm", or width and height of a '
+            "rectangular backbone"
+        )
+    for name in ("end_width", "end_height"):
+        if given[name]:
+            raise wrong(f"{name}: given with diameter; it is for a rectangular backbone")
 
 
 class Backbone(Part):
-    """Elastic rod in the middle of a segment, a solid round bar or a tube.
+    """Elastic rod in the middle of a segment: a round bar, a tube, or a rectangular bar.
+
+    It is tapered where a size at the end of the segment is given: sizes then change in proportion
+    to arc length.
 
     Attributes
     ----------
     diameter, inner_diameter : float
-        Outer diameter and diameter of the bore (0 for a solid rod) in m.
+        Outer diameter and diameter of the bore (0 for a solid rod) in m; ``diameter`` is None for
+        a rectangular backbone.
+    end_diameter, end_inner_diameter : float or None
+        The same at the segment's end; None where they do not change.
+    width, height : float or None
+        Sides of a rectangular section in m; None for a round one.
+    end_width, end_height : float or None
+        The same at the segment's end; None where they do not change.
+    width_direction : float
+        Direction of the width, angle from x in rad.
     E, G : float
         Young's and shear modulus in Pa; ``G`` is None where ``nu`` is given.
     nu : float
@@ -83,13 +130,41 @@ class Backbone(Part):
         bend from x, in rad.
     """
 
-    model_config = ConfigDict(json_schema_extra=_one_of("G", "nu"))
+    model_config = ConfigDict(
+        json_schema_extra={
+            "allOf": [
+                _one_of("G", "nu"),
+                {"oneOf": [{"required": ["diameter"]}, {"required": ["width", "height"]}]},
+            ]
+        }
+    )
 
-    diameter: Annotated[float, Quantity("m", "5 mm", "1 um", "10 m")] = Field(
-        description="Outer diameter."
+    diameter: Annotated[float | None, _SIZE] = Field(
+        None, description="Outer diameter of a round backbone; give this, or width and height."
     )
     inner_diameter: Annotated[float, Quantity("m", "3 mm", "0 mm", "10 m")] = Field(
         0.0, description="Diameter of the bore of a tube; leave out for a solid rod."
+    )
+    end_diameter: Annotated[float | None, _SIZE] = Field(
+        None, description="Outer diameter at the segment's end; diameter if left out."
+    )
+    end_inner_diameter: Annotated[float | None, Quantity("m", "3 mm", "0 mm", "10 m")] = Field(
+        None, description="Diameter of the bore at the segment's end; inner_diameter if left out."
+    )
+    width: Annotated[float | None, _SIZE] = Field(
+        None, description="Width of a rectangular backbone; give height as well."
+    )
+    height: Annotated[float | None, _SIZE] = Field(
+        None, description="Height of a rectangular backbone, perpendicular to its width."
+    )
+    end_width: Annotated[float | None, _SIZE] = Field(
+        None, description="Width at the segment's end; width if left out."
+    )
+    end_height: Annotated[float | None, _SIZE] = Field(
+        None, description="Height at the segment's end; height if left out."
+    )
+    width_direction: Annotated[float, _ANGLE] = Field(
+        0.0, description="Direction of the width, angle from x, counter-clockwise; 0 if left out."
     )
     E: Annotated[float, Quantity("Pa", "35 GPa", "1 Pa", "10 TPa")] = Field(
         description="Young's modulus."
@@ -122,7 +197,53 @@ class Backbone(Part):
     @model_validator(mode="after")
     def _check(self) -> Backbone:
         _exactly_one(self, "G", "nu")
+        _rest_of_section(self)
         return self
+
+    @property
+    def is_round(self) -> bool:
+        """Whether the section is a circle or a ring, not a rectangle."""
+        return self.width is None
+
+    @property
+    def is_tapered(self) -> bool:
+        """Whether the section changes along the segment."""
+        ends = (self.end_diameter, self.end_inner_diameter, self.end_width, self.end_height)
+        return any(end is not None for end in ends)
+
+    def at(self, fraction: ArrayLike) -> Backbone:
+        """Backbone with the section at a fraction of the segment everywhere.
+
+        Parameters
+        ----------
+        fraction : array_like (...)
+            0 at the start of the segment, 1 at its end; of several, the sizes are arrays.
+
+        Returns
+        -------
+        Backbone
+        """
+        if not self.is_tapered:
+            return self
+        sizes: dict[str, Any] = {}
+        for name in ("diameter", "inner_diameter", "width", "height"):
+            start, end = getattr(self, name), getattr(self, f"end_{name}")
+            if end is not None:
+                start = (start + np.asarray(fraction) * (np.asarray(end) - start))[()]
+            sizes |= {name: start, f"end_{name}": None}
+        return self.model_copy(update=sizes)
+
+    @property
+    def outer_diameter(self) -> Any:
+        """Diameter of the circle around the largest section in m."""
+        if self.width is not None and self.height is not None:
+            sides = (self.width, self.height), (self.end_width, self.end_height)
+            ends = [0.0 if s is None else s for s in (*sides[0], *sides[1])]
+            width, height = np.maximum(ends[0], ends[2]), np.maximum(ends[1], ends[3])
+            return np.hypot(width, height)[()]
+        if self.diameter is None or self.end_diameter is None:
+            return self.diameter
+        return np.maximum(self.diameter, self.end_diameter)[()]
 
     @property
     def shear_modulus(self) -> float:
@@ -134,13 +255,43 @@ class Backbone(Part):
 
     @property
     def area(self) -> float:
-        """Area of the section in m^2."""
+        """Area of the section at the segment's start in m^2."""
+        if self.width is not None and self.height is not None:
+            return self.width * self.height
+        assert self.diameter is not None
         return math.pi / 4.0 * (self.diameter**2 - self.inner_diameter**2)
 
     @property
+    def second_moments(self) -> tuple[float, float]:
+        """Second moments of area at the segment's start about both principal axes in m^4.
+
+        The first axis of a rectangle is along its width.
+        """
+        if self.width is not None and self.height is not None:
+            return self.width * self.height**3 / 12.0, self.height * self.width**3 / 12.0
+        assert self.diameter is not None
+        round_one = math.pi / 64.0 * (self.diameter**4 - self.inner_diameter**4)
+        return round_one, round_one
+
+    @property
     def second_moment(self) -> float:
-        """Second moment of area about a diameter in m^4; the polar one is twice this."""
-        return math.pi / 64.0 * (self.diameter**4 - self.inner_diameter**4)
+        """Mean second moment of area at the segment's start in m^4; the polar one is twice this."""
+        return sum(self.second_moments) / 2.0
+
+    @property
+    def torsion_constant(self) -> Any:
+        """Torsion constant J of the section at the segment's start in m^4.
+
+        The polar second moment of a round section; of a rectangle by Saint-Venant's series
+        (Timoshenko and Goodier, Theory of Elasticity, art. 109).
+        """
+        if self.width is None or self.height is None:
+            return 2.0 * self.second_moment
+        long = np.maximum(self.width, self.height)
+        short = np.minimum(self.width, self.height)
+        odd = np.arange(1, 40, 2).reshape(-1, *(1,) * np.ndim(long))
+        series = (np.tanh(odd * math.pi / 2.0 * long / short) / odd.astype(float) ** 5).sum(axis=0)
+        return (long * short**3 / 3.0 * (1.0 - 192.0 / math.pi**5 * short / long * series))[()]
 
 
 class Disks(Part):
@@ -400,6 +551,16 @@ def _tendon_form(value: object) -> str:
     return "list" if isinstance(value, (list, tuple)) else "ring"
 
 
+def _disks_of_a_body(schema: dict[str, Any]) -> None:
+    """A body with tendons in it needs no disks."""
+    schema["required"].remove("disks")
+    body = {"properties": {"tendons_in": {"const": "body"}}, "required": ["tendons_in"]}
+    schema["anyOf"] = [{"required": ["disks"]}, body]
+
+
+_PLACES: Final = 10  # of a body without disks, where it is divided into modules
+
+
 class Segment(Part):
     """One segment: backbone, disks, and the tendons anchored to its end disk.
 
@@ -409,21 +570,47 @@ class Segment(Part):
     length : float
         Length of the straight backbone in m.
     backbone : Backbone
+    tendons_in : str
+        "disks", or "body" where the tendons run in channels of the backbone itself, as in a soft
+        robot: they touch it everywhere, and may lie inside its radius.
     disks : Disks
+        Without disks in the file (only with ``tendons_in`` "body"), ten places without mass.
     tendons : TendonRing or tuple of Tendon
+        Empty where no tendon ends at the segment.
     """
+
+    model_config = ConfigDict(json_schema_extra=_disks_of_a_body)
 
     name: Annotated[str | None, Text(100, "inner")] = Field(None, description="For reports.")
     length: Annotated[float, Quantity("m", "641 mm", "1 um", "1 km")] = Field(
         description="Length of the segment's backbone, base or last end disk to its end disk."
     )
     backbone: Backbone
+    tendons_in: Annotated[str, Choice(("disks", "body"), "body")] = Field(
+        "disks",
+        description="Where the tendons run: in holes of disks, or in channels of the body itself, "
+        "a soft robot that needs no disks.",
+    )
     disks: Disks
     tendons: Annotated[
         Annotated[TendonRing, Tag("ring")]
-        | Annotated[tuple[Tendon, ...], Field(min_length=1, max_length=MAX_TENDONS), Tag("list")],
+        | Annotated[tuple[Tendon, ...], Field(max_length=MAX_TENDONS), Tag("list")],
         Discriminator(_tendon_form),
     ]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_disks(cls, given: Any) -> Any:
+        if not isinstance(given, dict) or given.get("tendons_in") != "body" or "disks" in given:
+            return given
+        backbone = given.get("backbone")
+        sizes = [0.0]
+        for name in ("diameter", "end_diameter", "width", "end_width", "height", "end_height"):
+            size = backbone.get(name) if isinstance(backbone, dict) else None
+            with contextlib.suppress(ValueError, TypeError):  # reported with the backbone
+                sizes.append(float(np.asarray(_SIZE.read(size))))
+        places = {"count": _PLACES, "mass": 0.0, "thickness": 0.0, "clamped_length": 0.0}
+        return {**given, "disks": {**places, "radius": max(max(sizes) / 2.0, 1e-6)}}
 
     @cached_property
     def disk_positions(self) -> tuple[float, ...]:

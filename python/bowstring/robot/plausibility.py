@@ -13,6 +13,7 @@ from bowstring.units import number_with_unit, rounded
 
 if TYPE_CHECKING:
     from bowstring.robot.arrays import RobotArrays
+    from bowstring.robot.parts import Backbone
 
 _STANDARD_GRAVITY: Final = 9.80665  # m/s^2
 
@@ -46,14 +47,16 @@ def implausible(robot: RobotArrays) -> Iterator[str]:
     disks, weight = robot.disks, _weight(robot)
     for k, s in enumerate(robot.segments):
         here = f"segments[{k}]"
-        yield from _implausible_stiffness(robot, k, weight)
+        if np.any(robot.tendons.segment >= k):
+            yield from _implausible_stiffness(robot, k, weight)
 
-        slenderness = s.length / s.backbone.diameter
-        if not _SLENDERNESS[0] <= slenderness <= _SLENDERNESS[1]:
+        slenderness = s.length / s.backbone.outer_diameter
+        soft = s.tendons_in == "body"  # soft bodies are thick
+        if not soft and not _SLENDERNESS[0] <= slenderness <= _SLENDERNESS[1]:
             kind = "too thick for a rod" if slenderness < _SLENDERNESS[0] else "thinner than a hair"
             yield (
-                f"{here}.length = {number_with_unit(s.length, 'm')} with backbone.diameter = "
-                f"{number_with_unit(s.backbone.diameter, 'm')}: length/diameter = "
+                f"{here}.length = {number_with_unit(s.length, 'm')} with backbone."
+                f"{_size(s.backbone)}: length/diameter = "
                 f"{rounded(slenderness)} is {kind}; is one of the two in the wrong unit (m, mm)?"
             )
         for part, density, (low, high), material in (
@@ -111,6 +114,13 @@ def implausible(robot: RobotArrays) -> Iterator[str]:
     yield from _buckling(robot)
 
 
+def _size(backbone: Backbone) -> str:
+    """Size of the section at the segment's start, as its fields give it."""
+    sizes = {name: getattr(backbone, name) for name in ("diameter", "width", "height")}
+    given = [f"{name} = {number_with_unit(v, 'm')}" for name, v in sizes.items() if v is not None]
+    return ", ".join(given)
+
+
 def _weight(robot: RobotArrays) -> float:
     """Weight of disks and backbone in N under standard gravity, not that of the file."""
     lengths = np.array([s.length for s in robot.segments])
@@ -133,7 +143,7 @@ def _bend_by_newton(robot: RobotArrays, k: int) -> float:
 def _implausible_stiffness(robot: RobotArrays, k: int, weight: float) -> Iterator[str]:
     s = robot.segments[k]
     where = f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}"
-    diameter = f"diameter = {number_with_unit(s.backbone.diameter, 'm')}"
+    diameter = _size(s.backbone)
     turns = _turns(robot, k, weight)
     if s.backbone.E > _MAX_E:
         yield f"{where}: stiffer than diamond; is the unit right (MPa, GPa)?"
@@ -177,7 +187,7 @@ def load_advice(robot: RobotArrays, tensions: ArrayLike, tip_force: ArrayLike = 
         by the linear law; empty if both are plausible.
     """
     weight = _weight(robot)
-    for k in range(len(robot.segments)):
+    for k in range(int(robot.tendons.segment.max()) + 1):
         if _turns(robot, k, weight) > _MAX_TURNS:
             modulus = number_with_unit(robot.segments[k].backbone.E, "Pa")
             return (
@@ -235,6 +245,6 @@ def _buckling(robot: RobotArrays) -> Iterator[str]:
             f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}: the upright "
             f"backbone buckles under its own weight, {rounded(ratio)} times what it can carry; "
             "check the unit of E (MPa, GPa), "
-            f"diameter = {number_with_unit(s.backbone.diameter, 'm')}, "
+            f"{_size(s.backbone)}, "
             f"disks.mass = {number_with_unit(mass, 'kg')} and the sign of gravity"
         )

@@ -85,12 +85,15 @@ def sizes_of(robot: Robot) -> Sizes:
                 f'for example --set segments.{k}.disks.thickness="3 mm"'
             )
     tendons, assumed = robot.tendons, []
-    rods = np.array([s.backbone.diameter for s in robot.segments])
+    rods = np.array([s.backbone.outer_diameter for s in robot.segments])
     thin = np.array([_TENDON * rods[: k + 1].min() for k in range(len(rods))])[tendons.segment]
     wanted = np.where(np.isnan(tendons.diameter_m), thin, tendons.diameter_m)
     holes = np.empty(len(rods))
     for k, s in enumerate(robot.segments):
         passing = np.flatnonzero(tendons.segment >= k)
+        if not passing.size:
+            holes[k] = holes[k - 1]  # no tendon passes, and the disks have no holes
+            continue
         thick = int(passing[wanted[passing].argmax()])
         bore = float(robot.disks.bore_m[robot.disks.segment == k].max())
         own = np.flatnonzero(robot.disks.segment == k)

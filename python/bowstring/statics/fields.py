@@ -181,29 +181,37 @@ class Section:
     """
 
     def __init__(self, robot: Robot, station: Floats, module: Ints, model: RodModel) -> None:
+        if not robot.is_round:
+            raise InputError(f"{robot.name}: stress and strain are for round backbones only")
         segment = robot.disks.segment[module]
-        rods = [s.backbone for s in robot.segments]
-        outer = np.array([0.5 * rod.diameter for rod in rods])
-        inner = np.array([0.5 * rod.inner_diameter for rod in rods])
-        second = np.array([rod.second_moment for rod in rods])
-        area = np.array([rod.area for rod in rods])
+        ends = np.cumsum([s.length for s in robot.segments])
+        numbers = np.empty((8, len(station)))
+        for k, part in enumerate(robot.segments):
+            here = segment == k
+            rod = part.backbone.at(1.0 + (station[here] - ends[k]) / part.length)
+            area, second, shear = rod.area, rod.second_moment, rod.shear_modulus
+            assert rod.diameter is not None
+            each = (rod.diameter, rod.inner_diameter, area, second)
+            stiff = (rod.E * second, 2.0 * shear * second, shear * area, rod.E * area)
+            numbers[:, here] = np.stack(np.broadcast_arrays(station[here], *each, *stiff))[1:]
+        outer, inner, area, second = 0.5 * numbers[0], 0.5 * numbers[1], *numbers[2:4]
+        bend, turn, slide, stretch = 1.0 / numbers[4:]
         # the parabolic law V Q / (I b) at the neutral axis: 4/3 for a solid rod, 2 for a thin tube
         shear_factor = 4.0 / 3.0 * (outer**2 + outer * inner + inner**2) / (outer**2 + inner**2)
-        self.radius: Floats = outer[segment]
-        sizes = np.column_stack([outer, area, second / outer, shear_factor / area])[segment]
-        bend = 1.0 / robot.bending_stiffness
-        turn = float(model.twist) / robot.torsion_stiffness
+        self.radius: Floats = outer
+        sizes = np.column_stack([outer, area, second / outer, shear_factor / area])
+        turn = turn * float(model.twist)
         soft = float(model.theory != "kirchhoff")
-        slide, stretch = soft / robot.shear_stiffness, soft / robot.axial_stiffness
+        slide, stretch = soft * slide, soft * stretch
         # Clamped lengths are rigid; only the disks before and after a station can clamp it.
         d = robot.disks
         after = np.searchsorted(d.station_m, station)
         beside = np.clip([after - 1, after], 0, len(d.station_m) - 1)
         depth = 0.5 * d.clamped_length_m[beside] - abs(station - d.station_m[beside])
         free = np.all(depth <= 1e-9 * robot.length, axis=0)[:, None]
-        self.bending_compliance: Floats = np.stack([bend, bend, turn], axis=1)[segment] * free
+        self.bending_compliance: Floats = np.stack([bend, bend, turn], axis=1) * free
         self.rest_curvature: Floats = robot.rest_curvature[segment] * free
-        force_compliance = np.stack([slide, slide, stretch], axis=1)[segment] * free
+        force_compliance = np.stack([slide, slide, stretch], axis=1) * free
         # as the core takes them, one row a section
         self.columns: Floats = np.hstack([sizes, self.bending_compliance, force_compliance])
 

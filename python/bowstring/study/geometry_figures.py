@@ -136,7 +136,7 @@ def _base_from_above(axes: Axes, study: Study, segment: FirstSegment) -> None:
     robot = study.robot
     disk = robot.segments[0].disks.radius * _MM
     axes.add_patch(Circle((0, 0), disk, facecolor="none", edgecolor=LIGHT["muted"], linewidth=1.0))
-    rod = 0.5 * robot.segments[0].backbone.diameter * _MM
+    rod = 0.5 * robot.segments[0].backbone.outer_diameter * _MM
     axes.add_patch(Circle((0, 0), rod, facecolor=LIGHT["grid"], edgecolor=LIGHT["ink"], lw=0.8))
     for way, name in ((np.array([1.0, 0.0]), "x"), (np.array([0.0, 1.0]), "y")):
         _arrow(axes, np.zeros(2), 1.25 * disk * way, "ink")
@@ -208,7 +208,7 @@ def draw_module(study: Study) -> Figure:
         ("a", f"bend angle of the module\n{significant(math.degrees(turn))}°", "red"),
         ("R", f"disk radius\n{in_mm(radius / _MM)}", "muted"),
         ("t", f"disk thickness\n{in_mm(high / _MM)}", "muted"),
-        ("ø", f"backbone, diameter\n{in_mm(part.backbone.diameter)}", "ink"),
+        ("ø", f"backbone, diameter\n{in_mm(part.backbone.outer_diameter)}", "ink"),
     ]
     if part.disks.hole_diameter is not None:
         rows.append(("", f"holes, diameter\n{in_mm(part.disks.hole_diameter)}", "muted"))

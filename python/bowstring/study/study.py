@@ -42,7 +42,7 @@ from bowstring.data.tip_errors import Comparison
 from bowstring.display import html_table, short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, listed, plain, significant
-from bowstring.robot.model import Robot, check_robot, with_tendons
+from bowstring.robot.model import Robot, check_disks, check_robot, check_round, with_tendons
 from bowstring.robot.reader import load_robot
 from bowstring.statics import limits
 from bowstring.statics.model import RodModel
@@ -639,6 +639,8 @@ def run_study(
         If no load of the sweep has an equilibrium.
     """
     check_robot(robot)
+    check_round(robot, "the study")
+    check_disks(robot, "the study")
     notify = progress or (lambda what, share: None)
     loading, extras = instance("loading", loading, Loading), instance("extras", extras, Extras)
     settings = _settings(robot, tolerance, theory, loading, instance("ramp", ramp, Ramp))

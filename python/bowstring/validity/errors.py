@@ -182,7 +182,8 @@ def displacement_per_bend(designs: Designs, shares: Floats) -> Floats:
         passing = arrays.tendons.segment >= k
         moment = np.einsum("t,dtq->dq", shares * passing, holes)
         compliance = np.asarray(arrays.segments[k].length / arrays.bending_stiffness[..., k])
-        bends.append(moment * np.reshape(compliance, (-1, 1)))
+        by_moment = arrays.bend_by_moment[..., k, :, :]
+        bends.append((moment[:, None] @ by_moment)[:, 0])
         sizes.append(radius @ np.abs(shares * passing) * compliance)
     whole = sum(np.linalg.norm(bend, axis=-1) for bend in bends)
     if not np.all(whole > _BALANCED * sum(sizes)):

@@ -80,7 +80,8 @@ class Loading:
         count = len(robot.tendons.segment)
         out = [0.0] * count
         if self.tendon is None:
-            out[int(np.flatnonzero(robot.tendons.segment == len(robot.segments) - 1)[0])] = 1.0
+            of = robot.tendons.segment
+            out[int(np.flatnonzero(of == of.max())[0])] = 1.0
             return tuple(out)
         given = self.tendon if isinstance(self.tendon, Mapping) else {self.tendon: 1.0}
         for tendon, share in given.items():
@@ -142,12 +143,12 @@ def linear_bend(robot: Robot, shares: Floats) -> Floats:
     ndarray (S, 2)
     """
     out = np.zeros((len(robot.segments), 2))
-    for k, segment in enumerate(robot.segments):
+    for k in range(len(robot.segments)):
         passing = robot.tendons.segment >= k
         moment = shares[passing] @ robot.tendons.mean_hole_m[k, passing]
         size = float(np.abs(shares[passing]) @ robot.tendons.pitch_radius_m[passing])
         if np.linalg.norm(moment) > 1e-9 * size:  # otherwise the tendons balance each other
-            out[k] = moment * segment.length / float(robot.bending_stiffness[k])
+            out[k] = robot.bend_by_moment[k] @ moment
     return out
 
 

@@ -4,11 +4,13 @@
 
 use crate::model::error::{Argument, InputError, Rule};
 
-/// Elastic section of the backbone in one segment; SI units.
+/// Elastic section of the backbone; SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
-    /// Bending stiffness E I (N m^2), equal about both axes.
-    pub bending: f64,
+    /// Bending stiffness E I about the first and the second principal axis (N m^2).
+    pub bending: [f64; 2],
+    /// Angle of the first principal axis from x, counter-clockwise about z (rad).
+    pub principal_angle: f64,
     /// Torsional stiffness G J (N m^2).
     pub torsion: f64,
     /// Axial stiffness E A (N).
@@ -17,11 +19,108 @@ pub struct Section {
     pub shear: f64,
     /// Mass per length rho A (kg/m).
     pub mass_per_length: f64,
-    /// Rotary inertia per length rho I about a diameter (kg m), twice that about the axis. Used
-    /// in dynamics only.
+    /// Rotary inertia per length rho I (kg m): the mean about the principal axes, which is half of
+    /// that about the axis of the backbone. Used in dynamics only.
     pub rotary_inertia: f64,
     /// Curvature about x and y and twist about z of the unloaded backbone, in its own frame (1/m).
     pub rest_curvature: [f64; 3],
+}
+
+/// Sections of the backbone along one segment.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Profile {
+    /// The same section everywhere.
+    Uniform(Section),
+    /// Sections at equal distances from the start to the end of the segment. Between them
+    /// stiffness, mass and inertia are polynomials of the fourth degree, as in a tapered rod;
+    /// angle of the principal axes and unloaded curvature are those of the first one.
+    Tapered(Box<[Section; 5]>),
+}
+
+impl From<Section> for Profile {
+    fn from(section: Section) -> Self {
+        Profile::Uniform(section)
+    }
+}
+
+impl Profile {
+    /// The given sections.
+    pub fn sections(&self) -> &[Section] {
+        match self {
+            Profile::Uniform(section) => std::slice::from_ref(section),
+            Profile::Tapered(sections) => &sections[..],
+        }
+    }
+
+    /// The given sections, to be changed.
+    pub fn sections_mut(&mut self) -> &mut [Section] {
+        match self {
+            Profile::Uniform(section) => std::slice::from_mut(section),
+            Profile::Tapered(sections) => &mut sections[..],
+        }
+    }
+
+    /// Section at a fraction of the segment.
+    pub fn at(&self, fraction: f64) -> Section {
+        let sections = match self {
+            Profile::Uniform(section) => return *section,
+            Profile::Tapered(sections) => sections,
+        };
+        // Lagrange's polynomials of the five places
+        let weights: [f64; 5] = std::array::from_fn(|i| {
+            let others = (0..5).filter(|&j| j != i);
+            others
+                .map(|j| (4.0 * fraction - j as f64) / (i as f64 - j as f64))
+                .product()
+        });
+        let mix = |of: &dyn Fn(&Section) -> f64| -> f64 {
+            sections.iter().zip(weights).map(|(s, w)| w * of(s)).sum()
+        };
+        Section {
+            bending: [mix(&|s| s.bending[0]), mix(&|s| s.bending[1])],
+            torsion: mix(&|s| s.torsion),
+            axial: mix(&|s| s.axial),
+            shear: mix(&|s| s.shear),
+            mass_per_length: mix(&|s| s.mass_per_length),
+            rotary_inertia: mix(&|s| s.rotary_inertia),
+            ..sections[0]
+        }
+    }
+
+    /// Mean of a number between two fractions of the segment.
+    pub fn mean(&self, from: f64, to: f64, of: impl Fn(&Section) -> f64) -> f64 {
+        let Profile::Tapered(_) = self else {
+            return of(&self.at(from));
+        };
+        // three Gauss points on each part, of a thirty-second of the segment or less
+        let parts = (32.0 * (to - from)).ceil().max(2.0);
+        let (out, half) = (0.6_f64.sqrt(), 0.5 * (to - from) / parts);
+        let mut sum = 0.0;
+        for part in 0..parts as usize {
+            let centre = from + half * (2 * part + 1) as f64;
+            for (x, weight) in [(-out, 5.0), (0.0, 8.0), (out, 5.0)] {
+                sum += weight * of(&self.at(centre + x * half));
+            }
+        }
+        sum / (18.0 * parts)
+    }
+
+    /// Mean bending flexibility over the segment (1/(N m^2)): about x, about y, and their product.
+    pub fn bending_flexibility(&self) -> [f64; 3] {
+        let by = |q: usize| self.mean(0.0, 1.0, |s| 1.0 / s.bending[q]);
+        in_axes([by(0), by(1)], self.sections()[0].principal_angle)
+    }
+}
+
+/// Components about x and y, and their product, of a tensor with these principal values.
+pub(crate) fn in_axes([first, second]: [f64; 2], angle: f64) -> [f64; 3] {
+    let (sin, cos) = angle.sin_cos();
+    let difference = first - second;
+    [
+        second + difference * cos * cos,
+        second + difference * sin * sin,
+        difference * sin * cos,
+    ]
 }
 
 /// A spacer disk.
@@ -76,8 +175,8 @@ impl Tendon {
 /// Description of a [`Robot`]; SI units, base frame with z along the straight backbone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotSpec {
-    /// Sections of the backbone, one for each segment.
-    pub sections: Vec<Section>,
+    /// Sections of the backbone along each segment.
+    pub backbone: Vec<Profile>,
     /// Disks from base to tip; the last one is the tip.
     pub disks: Vec<Disk>,
     /// Tendons, those of inner segments first.
@@ -93,8 +192,10 @@ pub(crate) struct Module {
     pub flexible: f64,
     /// Rigid lengths next to the start and to the end disk (m).
     pub clamp: [f64; 2],
-    /// Index of the section.
+    /// Index of the segment.
     pub segment: usize,
+    /// Fractions of the segment where the flexible length begins and ends.
+    pub part: [f64; 2],
     /// Index of the first tendon that passes through; all later tendons do too.
     pub first_tendon: usize,
 }
@@ -109,27 +210,21 @@ pub struct Robot {
 impl Robot {
     /// Checks a description; the error names the argument, its value and the allowed range.
     pub fn new(spec: RobotSpec) -> Result<Self, InputError> {
-        if spec.disks.is_empty() || spec.sections.is_empty() {
+        if spec.disks.is_empty() || spec.backbone.is_empty() {
             return Err(InputError::other(
                 "a robot needs at least one segment with one disk at its end",
             ));
         }
-        for (i, s) in spec.sections.iter().enumerate() {
-            for (argument, value, rule) in [
-                (Argument::BendingStiffness, s.bending, Rule::Positive),
-                (Argument::TorsionStiffness, s.torsion, Rule::Positive),
-                (Argument::AxialStiffness, s.axial, Rule::Positive),
-                (Argument::ShearStiffness, s.shear, Rule::Positive),
-                (
-                    Argument::MassPerLength,
-                    s.mass_per_length,
-                    Rule::NotNegative,
-                ),
-                (Argument::RotaryInertia, s.rotary_inertia, Rule::NotNegative),
-            ] {
-                InputError::check_number(argument, i, value, rule)?;
+        for (i, profile) in spec.backbone.iter().enumerate() {
+            for s in profile.sections() {
+                Self::check_section(i, s)?;
             }
-            InputError::check_finite(Argument::RestCurvature, i, &s.rest_curvature)?;
+            if let Profile::Tapered(_) = profile {
+                // between the given sections the polynomials may fall below zero
+                for k in 1..64 {
+                    Self::check_section(i, &profile.at(k as f64 / 64.0))?;
+                }
+            }
         }
         let mut modules = Vec::with_capacity(spec.disks.len());
         let (mut station, mut clamp_before, mut segment) = (0.0, 0.0, 0);
@@ -139,7 +234,7 @@ impl Robot {
                 return Err(InputError::number(Argument::Station, i, d.station, rule));
             }
             let next = if i == 0 { 0 } else { segment + 1 };
-            if d.segment >= spec.sections.len() || d.segment < segment || d.segment > next {
+            if d.segment >= spec.backbone.len() || d.segment < segment || d.segment > next {
                 let rule = Rule::Other("follow that of the disk before it");
                 return Err(InputError::number(Argument::Segment, i, d.segment, rule));
             }
@@ -164,6 +259,7 @@ impl Robot {
                 return Err(InputError::number(argument, i, flexible, rule));
             }
             modules.push(Module {
+                part: [0.0; 2],
                 flexible,
                 clamp,
                 segment: d.segment,
@@ -171,13 +267,14 @@ impl Robot {
             });
             (station, clamp_before, segment) = (d.station, clamp[1], d.segment);
         }
-        if segment + 1 != spec.sections.len() {
+        if segment + 1 != spec.backbone.len() {
             return Err(InputError::other(format!(
                 "there are {} segments, but disks for {} only",
-                spec.sections.len(),
+                spec.backbone.len(),
                 segment + 1
             )));
         }
+        Self::place_in_segments(&spec.disks, &mut modules);
         let mut end = 0;
         for (i, t) in spec.tendons.iter().enumerate() {
             for hole in &t.holes {
@@ -228,24 +325,76 @@ impl Robot {
     }
     /// Total mass of disks and backbone (kg).
     pub fn mass(&self) -> f64 {
-        let (mut mass, mut from) = (0.0, 0.0);
+        let mut mass = 0.0;
         for (k, disk) in self.spec.disks.iter().enumerate() {
-            mass += disk.mass + self.section(k).mass_per_length * (disk.station - from);
-            from = disk.station;
+            let [from, to] = self.modules[k].clamp;
+            mass += disk.mass + self.mass_per_length(k) * (from + self.modules[k].flexible + to);
         }
         mass
     }
-    pub(crate) fn section(&self, module: usize) -> &Section {
-        &self.spec.sections[self.modules[module].segment]
+    /// Mean mass per length of a module (kg/m).
+    pub(crate) fn mass_per_length(&self, module: usize) -> f64 {
+        let [from, to] = self.modules[module].part;
+        self.profile(module).mean(from, to, |s| s.mass_per_length)
+    }
+    /// Whether any segment is tapered.
+    pub(crate) fn has_taper(&self) -> bool {
+        let tapered = |p: &Profile| matches!(p, Profile::Tapered(_));
+        self.spec.backbone.iter().any(tapered)
+    }
+    pub(crate) fn profile(&self, module: usize) -> &Profile {
+        &self.spec.backbone[self.modules[module].segment]
+    }
+    /// Section at a fraction of a module's flexible length.
+    pub(crate) fn section(&self, module: usize, fraction: f64) -> Section {
+        let [from, to] = self.modules[module].part;
+        self.profile(module).at(from + fraction * (to - from))
+    }
+    /// Fractions of its segment where the flexible length of each module begins and ends.
+    fn place_in_segments(disks: &[Disk], modules: &mut [Module]) {
+        let mut first = 0;
+        let mut start = 0.0;
+        while first < disks.len() {
+            let segment = disks[first].segment;
+            let next = first + disks[first..].partition_point(|d| d.segment == segment);
+            let length = disks[next - 1].station - start;
+            let mut station = start;
+            for (module, disk) in modules[first..next].iter_mut().zip(&disks[first..next]) {
+                let [from, to] = module.clamp;
+                module.part = [station + from, disk.station - to].map(|s| (s - start) / length);
+                station = disk.station;
+            }
+            (first, start) = (next, station);
+        }
+    }
+    fn check_section(segment: usize, s: &Section) -> Result<(), InputError> {
+        for (argument, value, rule) in [
+            (Argument::BendingStiffness, s.bending[0], Rule::Positive),
+            (Argument::BendingStiffness, s.bending[1], Rule::Positive),
+            (Argument::TorsionStiffness, s.torsion, Rule::Positive),
+            (Argument::AxialStiffness, s.axial, Rule::Positive),
+            (Argument::ShearStiffness, s.shear, Rule::Positive),
+            (
+                Argument::MassPerLength,
+                s.mass_per_length,
+                Rule::NotNegative,
+            ),
+            (Argument::RotaryInertia, s.rotary_inertia, Rule::NotNegative),
+        ] {
+            InputError::check_number(argument, segment, value, rule)?;
+        }
+        InputError::check_finite(Argument::PrincipalAngle, segment, &[s.principal_angle])?;
+        InputError::check_finite(Argument::RestCurvature, segment, &s.rest_curvature)
     }
     /// Scale of moments (N m): bending stiffness over length, of the segment with the lowest
     /// stiffness.
     pub fn moment_scale(&self) -> f64 {
         let softest = self
             .spec
-            .sections
+            .backbone
             .iter()
-            .map(|s| s.bending)
+            .flat_map(Profile::sections)
+            .flat_map(|s| s.bending)
             .fold(f64::INFINITY, f64::min);
         softest / self.length()
     }

@@ -4,7 +4,7 @@
 
 use super::mass::LumpedMass;
 use super::scheme::{Damping, Scheme};
-use crate::math::real::{Layout, Real};
+use crate::math::real::Layout;
 use crate::model::load::{Model, Theory};
 use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
@@ -19,7 +19,7 @@ pub(super) struct Body<L: Layout, const A: usize> {
     /// Rod at the strain where forces balance.
     pub rod: Rod<L, A>,
     /// Constants with the stiffness of this step, material damping included.
-    pub constants: Vec<Constants<L::Module>>,
+    pub constants: Vec<Constants<L::Module, A>>,
     pub mass: LumpedMass<L, A>,
     pub scheme: Scheme,
 }
@@ -42,12 +42,8 @@ impl<L: Layout, const A: usize> Body<L, A> {
     /// Scales the stiffness by the material damping of this step.
     #[inline(always)]
     pub fn stiffen(&mut self) {
-        let factor = L::Module::splat(self.scheme.strain_factor());
-        let per_factor = L::Module::splat(1.0 / self.scheme.strain_factor());
         for (c, elastic) in self.constants.iter_mut().zip(&self.rod.constants) {
-            c.stiffness = [elastic.stiffness[0] * factor, elastic.stiffness[1] * factor];
-            // the moment of the unloaded strain is not damped
-            c.rest = elastic.rest * per_factor;
+            c.stiffen(elastic, self.scheme.strain_factor());
         }
     }
 }

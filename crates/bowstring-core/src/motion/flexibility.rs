@@ -56,7 +56,7 @@ impl<const A: usize> Motion<Scalar, A> {
     pub fn settle(&mut self) -> bool {
         self.begin_at_rest();
         for _ in 0..30 {
-            if self.residual() < 1e-10 * self.body.constants[0].stiffness[0] {
+            if self.residual() < 1e-10 * self.body.constants[0].own[0].bending[0] {
                 self.commit_at_rest(0.0);
                 return true;
             }

@@ -69,27 +69,33 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
         let mut points = vec![0.0; n * A];
         let mut directors = vec![[0.0; 2]; n];
         for k in 0..n {
-            let (module, section) = (robot.modules[k], robot.section(k));
+            let module = robot.modules[k];
             let arc = module.flexible / A as f64;
-            let lump = section.mass_per_length * arc / 3.0;
-            for a in 0..A {
-                points[k * A + a] += lump * if a % 2 == 0 { 4.0 } else { 2.0 };
+            let section = |a: usize| robot.section(k, a as f64 / A as f64);
+            let lump = |a: usize| section(a).mass_per_length * arc / 3.0;
+            for a in 1..=A {
+                let weight = match a {
+                    _ if a == A => 1.0,
+                    _ if a % 2 == 0 => 2.0,
+                    _ => 4.0,
+                };
+                points[k * A + a - 1] += lump(a) * weight;
             }
-            points[k * A + A - 1] -= lump;
             let disk = &robot.spec().disks[k];
             let held = module.flexible / 2.0 + module.clamp[1];
             let [across, along] = disk.inertia;
-            let rotary = section.rotary_inertia * held;
+            let rotary = section(A).rotary_inertia * held;
             directors[k][0] += along / 2.0 + rotary;
-            let second =
-                |clamp: f64| section.mass_per_length * clamp.powi(3) / 3.0 + lump * clamp.powi(2);
-            directors[k][1] += f64::max(across - along / 2.0, 0.0) + second(module.clamp[1]);
-            points[k * A + A - 1] += disk.mass + section.mass_per_length * module.clamp[1];
+            let second = |a: usize, clamp: f64| {
+                section(a).mass_per_length * clamp.powi(3) / 3.0 + lump(a) * clamp.powi(2)
+            };
+            directors[k][1] += f64::max(across - along / 2.0, 0.0) + second(A, module.clamp[1]);
+            points[k * A + A - 1] += disk.mass + section(A).mass_per_length * module.clamp[1];
             if k > 0 {
                 let held = module.flexible / 2.0 + module.clamp[0];
-                directors[k - 1][0] += section.rotary_inertia * held;
-                directors[k - 1][1] += second(module.clamp[0]);
-                points[k * A - 1] += lump + section.mass_per_length * module.clamp[0];
+                directors[k - 1][0] += section(0).rotary_inertia * held;
+                directors[k - 1][1] += second(0, module.clamp[0]);
+                points[k * A - 1] += lump(0) + section(0).mass_per_length * module.clamp[0];
             }
         }
         let group = |g| std::array::from_fn(|a| lanes::<L>(n, g, |k| points[k * A + a]));

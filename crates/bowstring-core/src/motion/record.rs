@@ -205,7 +205,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     fn pieces(
         &self,
         g: usize,
-        c: &Constants<L::Module>,
+        c: &Constants<L::Module, A>,
         t: &Tendons<L::Module>,
     ) -> Pieces<L::Module, A> {
         let (now, rate) = (&self.strain.start()[g], &self.strain.rate[g]);
@@ -289,7 +289,7 @@ impl<T: Real, const A: usize> Pieces<T, A> {
     #[inline(always)]
     fn record(
         &self,
-        c: &Constants<T>,
+        c: &Constants<T, A>,
         points: usize,
         sections: std::ops::Range<usize>,
         out: &mut SectionFields,
@@ -306,8 +306,9 @@ impl<T: Real, const A: usize> Pieces<T, A> {
                 let xi = 0.5 + side;
                 let (a, b) = (self.strain[2 * element], self.strain[2 * element + 1]);
                 let curved = (b - a).scaled_add(T::splat(3.0 * side), a + b - c.rest);
+                let stiffness = &c.at_gauss_points(element)[usize::from(side > 0.0)];
                 let (place, turn) = state.section((element as f64 + xi) / elements);
-                moment += (turn * c.moment(curved)) * weight;
+                moment += (turn * stiffness.times(curved)) * weight;
                 centre += place * weight;
             }
         }

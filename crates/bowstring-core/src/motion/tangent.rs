@@ -281,7 +281,7 @@ impl<T: Real, const A: usize> ContactBlocks<T, A> {
     #[inline(always)]
     fn add_nodes(
         &mut self,
-        c: &Constants<T>,
+        c: &Constants<T, A>,
         state: &State<T, A>,
         gradient: &Gradient<T, A>,
         hessian: &mut Hessian<T, A>,

@@ -15,7 +15,8 @@ fn vector(draw: &mut Draw, size: f64) -> Vec3 {
 /// Four modules with enough shear and extension to affect the results.
 fn robot() -> Robot {
     let section = Section {
-        bending: 1.1,
+        bending: [1.1; 2],
+        principal_angle: 0.0,
         torsion: 0.8,
         axial: 900.0,
         shear: 400.0,
@@ -35,7 +36,7 @@ fn robot() -> Robot {
         end_disk: if i == 0 { 2 } else { 3 },
     });
     Robot::new(RobotSpec {
-        sections: vec![section],
+        backbone: vec![section.into()],
         disks: disks.collect(),
         tendons: tendons.collect(),
         gravity: [0.0; 3],
@@ -80,7 +81,7 @@ fn loads() -> Vec<(&'static str, Robot, Load<'static>)> {
         ),
         (
             "disk weight",
-            with(&|s| s.sections[0].mass_per_length = 0.0),
+            with(&|s| s.backbone[0].sections_mut()[0].mass_per_length = 0.0),
             Load { gravity, ..none },
         ),
         (

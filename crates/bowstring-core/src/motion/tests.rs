@@ -8,7 +8,8 @@ use crate::model::load::{Load, Model};
 use crate::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
 
 const SECTION: Section = Section {
-    bending: 1.1,
+    bending: [1.1; 2],
+    principal_angle: 0.0,
     torsion: 0.8,
     axial: 7e5,
     shear: 2.6e5,
@@ -19,7 +20,7 @@ const SECTION: Section = Section {
 
 fn robot(disks: Vec<Disk>, tendons: Vec<Tendon>) -> Robot {
     Robot::new(RobotSpec {
-        sections: vec![SECTION],
+        backbone: vec![SECTION.into()],
         disks,
         tendons,
         gravity: [0.0; 3],

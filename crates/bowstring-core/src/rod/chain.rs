@@ -11,7 +11,7 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::Robot;
-use crate::rod::constants::Constants;
+use crate::rod::constants::{Constants, Taper};
 use crate::rod::defect::Defect;
 use crate::rod::elimination::{Blocks, Eliminated};
 use crate::rod::module::{Gradient, Hessian, Response, Span, State, Tendons};
@@ -24,7 +24,9 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub layout: L,
     /// Constants by groups of `L::WIDTH` modules, as states and gradients; the last group may hold
     /// idle lanes.
-    pub constants: Vec<Constants<L::Module>>,
+    pub constants: Vec<Constants<L::Module, A>>,
+    /// Course of the backbone in the same groups; empty for robots without a taper.
+    pub tapers: Vec<Taper<L::Module>>,
     pub states: Vec<State<L::Module, A>>,
     pub gradients: Vec<Gradient<L::Module, A>>,
     /// Rotations of the disks, base included.
@@ -33,7 +35,7 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub path: TendonPath,
     /// Tension of every tendon in every group (N); zero where it does not pass.
     pub tensions: Vec<L::Module>,
-    pub fixed: Fixed<L>,
+    pub fixed: Fixed<L, A>,
     pub dead: DeadLoads<L::Chain>,
     pub newton: Newton<L, A>,
     pub spans: Spans<L, A>,
@@ -43,8 +45,10 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
 
 /// Properties of the robot beside the constants of its modules.
 #[derive(Clone)]
-pub(crate) struct Fixed<L: Layout> {
-    pub modules: Vec<Constants<L::Chain>>,
+pub(crate) struct Fixed<L: Layout, const A: usize> {
+    pub modules: Vec<Constants<L::Chain, A>>,
+    /// By modules; empty for robots without a taper.
+    tapers: Vec<Taper<L::Chain>>,
     /// Masses of the disks (kg).
     masses: Vec<L::Chain>,
     /// First tendon that passes each module.
@@ -296,6 +300,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let mut rod = Rod {
             layout,
             constants: vec![],
+            tapers: vec![],
             states: vec![State::straight(); groups],
             gradients: vec![Gradient::empty(); groups],
             rotations: vec![Mat3::identity(); n + 1],
@@ -307,6 +312,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 first_tendon: robot.modules.iter().map(|m| m.first_tendon).collect(),
                 passes: passes.collect(),
                 modules: vec![],
+                tapers: vec![],
             },
             dead: DeadLoads {
                 modules: vec![[Vec3::zero(); 4]; n],
@@ -351,13 +357,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let modules = &mut self.fixed.modules;
         modules.clear();
         modules.extend((0..n).map(|k| {
-            let each = robots.iter().map(|r| Constants::new(r, k, model, A / 2));
-            let each: Vec<_> = each.collect();
-            Constants::gather(|lane| each[lane.min(each.len() - 1)])
+            let each = robots.iter().map(|r| Constants::new(r, k, model));
+            Constants::gather(&each.collect::<Vec<_>>())
         }));
         self.constants.clear();
         self.constants.extend((0..self.states.len()).map(|g| {
-            Constants::gather(|i| match L::WIDTH {
+            let lanes = (0..L::Module::LANES).map(|i| match L::WIDTH {
                 1 => modules[g].of_lane(i),
                 width if g * width + i < n => modules[g * width + i].of_lane(0),
                 // idle lanes repeat the last module; straight, they stay without imbalance
@@ -365,19 +370,42 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                     rest: Vec3::zero(),
                     ..modules[n - 1].of_lane(0)
                 },
-            })
+            });
+            Constants::gather(&lanes.collect::<Vec<_>>())
         }));
+        self.set_tapers(robots, model);
         let masses = (0..n).map(|k| L::Chain::from_fn(|lane| of(lane).spec().disks[k].mass));
         self.fixed.masses.clear();
         self.fixed.masses.extend(masses);
         self.tendons.set::<L>(robots);
     }
 
+    fn set_tapers(&mut self, robots: &[Robot], model: Model) {
+        let n = self.module_count();
+        self.tapers.clear();
+        self.fixed.tapers.clear();
+        if !robots.iter().any(Robot::has_taper) {
+            return;
+        }
+        let of = |lane: usize| &robots[lane.min(robots.len() - 1)];
+        self.fixed.tapers.extend((0..n).map(|k| {
+            let each = robots.iter().map(|r| Taper::new(r, k, model));
+            Taper::gather(&each.collect::<Vec<_>>())
+        }));
+        self.tapers.extend((0..self.states.len()).map(|g| {
+            let lanes = (0..L::Module::LANES).map(|i| match L::WIDTH {
+                1 => Taper::new(of(i), g, model),
+                width => Taper::new(of(0), (g * width + i).min(n - 1), model),
+            });
+            Taper::gather(&lanes.collect::<Vec<_>>())
+        }));
+    }
+
     /// Memory of a rod (bytes) and of the responses to `columns` single tensions.
     pub fn bytes(robot: &Robot, columns: usize) -> f64 {
         let tendons = robot.tendon_count();
-        let module = size_of::<Constants<L::Module>>()
-            + size_of::<Constants<f64>>()
+        let module = size_of::<Constants<L::Module, A>>()
+            + size_of::<Constants<f64, A>>()
             + size_of::<State<L::Module, A>>()
             + size_of::<Gradient<L::Module, A>>()
             + size_of::<Hessian<L::Module, A>>()
@@ -439,10 +467,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let half = splat(0.5);
             let element = h * splat(2.0 / A as f64);
             let couple = element * element / splat(12.0);
+            let (mut shift, mut turns) = (Vec3::zero(), [Vec3::zero(); 2]);
+            if let Some(taper) = self.fixed.tapers.get(k) {
+                (shift, turns) = taper.lumped(h, gravity);
+            }
             self.dead.modules[k] = [
-                force + weight * (element * half + end),
-                force * end + weight * (end * end * half - couple),
-                force * start + weight * (start * (start * half + h + end) + couple),
+                force + weight * (element * half + end) + shift,
+                force * end + weight * (end * end * half - couple) + turns[1],
+                force * start + weight * (start * (start * half + h + end) + couple) + turns[0],
                 weight * element,
             ];
             force += weight * (h + start + end);

@@ -2,24 +2,140 @@
 //!
 //! Theory: docs/theory/rod.md (Energy).
 
-use crate::math::linalg::Vec3;
+use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
 use crate::model::load::{Model, Theory};
-use crate::model::robot::Robot;
+use crate::model::robot::{in_axes, Robot, Section};
+
+/// Torsional stiffness of a model without twist, relative to that of the backbone.
+const RIGID_IN_TORSION: f64 = 1e6;
+
+/// Stiffness of an element against bending and torsion: moment by rotation (N m), or by curvature
+/// (N m^2).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stiffness<T> {
+    /// About x and y, and their product.
+    pub bending: [T; 3],
+    pub torsion: T,
+}
+
+impl<T: Real> Stiffness<T> {
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Stiffness {
+            bending: [T::zero(); 3],
+            torsion: T::zero(),
+        }
+    }
+
+    #[inline(always)]
+    pub fn times(&self, w: Vec3<T>) -> Vec3<T> {
+        let [x, y, xy] = self.bending;
+        Vec3([
+            x.mul_add(w[0], xy * w[1]),
+            y.mul_add(w[1], xy * w[0]),
+            self.torsion * w[2],
+        ])
+    }
+
+    /// Product with a matrix.
+    #[inline(always)]
+    pub fn times_mat(&self, m: Mat3<T>) -> Mat3<T> {
+        let [x, y, xy] = self.bending;
+        let mut out = m.scale_rows([x, y, self.torsion]);
+        for q in 0..3 {
+            out.0[0][q] = xy.mul_add(m.0[1][q], out.0[0][q]);
+            out.0[1][q] = xy.mul_add(m.0[0][q], out.0[1][q]);
+        }
+        out
+    }
+
+    /// Sum with a matrix.
+    #[inline(always)]
+    pub fn plus_mat(&self, m: Mat3<T>) -> Mat3<T> {
+        let [x, y, xy] = self.bending;
+        let mut out = m.add_diagonal([x, y, self.torsion]);
+        out.0[0][1] += xy;
+        out.0[1][0] += xy;
+        out
+    }
+
+    // loops, not closures: one that is not inlined is compiled without the processor's SIMD
+    // instructions
+
+    /// `self * s + o * t`
+    #[inline(always)]
+    pub fn combined(&self, s: T, o: &Self, t: T) -> Self {
+        let mut out = o.scaled(t);
+        for q in 0..3 {
+            out.bending[q] = self.bending[q].mul_add(s, out.bending[q]);
+        }
+        out.torsion = self.torsion.mul_add(s, out.torsion);
+        out
+    }
+
+    #[inline(always)]
+    pub fn scaled(&self, s: T) -> Self {
+        let mut out = *self;
+        for q in 0..3 {
+            out.bending[q] = out.bending[q] * s;
+        }
+        out.torsion = out.torsion * s;
+        out
+    }
+
+    #[inline(always)]
+    pub fn inverse(&self) -> Self {
+        let [x, y, xy] = self.bending;
+        let one = T::splat(1.0);
+        let per = one / (x * y - xy * xy);
+        Stiffness {
+            bending: [y * per, x * per, -(xy * per)],
+            torsion: one / self.torsion,
+        }
+    }
+
+    fn of_lane(&self, lane: usize) -> Stiffness<f64> {
+        Stiffness {
+            bending: self.bending.map(|x| x.lane(lane)),
+            torsion: self.torsion.lane(lane),
+        }
+    }
+
+    fn gather<'a>(of: impl Fn(usize) -> &'a Stiffness<f64>) -> Self {
+        Stiffness {
+            bending: std::array::from_fn(|q| T::from_fn(|i| of(i).bending[q])),
+            torsion: T::from_fn(|i| of(i).torsion),
+        }
+    }
+}
+
+impl Stiffness<f64> {
+    /// Moment by curvature of a section (N m^2).
+    fn of(section: &Section, model: Model) -> Self {
+        let rigid = if model.twist { 1.0 } else { RIGID_IN_TORSION };
+        Stiffness {
+            bending: in_axes(section.bending, section.principal_angle),
+            torsion: section.torsion * rigid,
+        }
+    }
+}
 
 /// Constants of a module that do not depend on its load.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Constants<T> {
+pub(crate) struct Constants<T, const A: usize> {
     /// Flexible length (m).
     pub flexible: T,
     /// Inverse of the flexible length (1/m).
     pub per_flexible: T,
     /// Rigid lengths at start and end (m).
     pub clamp: [T; 2],
-    /// Mass per length rho A (kg/m).
+    /// Mean mass per length rho A (kg/m).
     pub mass_per_length: T,
-    /// Bending and torsional stiffness over the length of an element (N m).
-    pub stiffness: [T; 2],
+    /// Second derivative of the elastic energy with respect to the rotation vector of each arc (N
+    /// m). Those with respect to both arcs of an element, and the stiffness at its Gauss points,
+    /// follow from these; solvers in lanes are slower with more numbers here.
+    pub own: [Stiffness<T>; A],
     /// Axial compliance 1 / EA where the theory has extension (1/N).
     pub axial_compliance: T,
     /// Rotation of an unloaded element (rad).
@@ -28,29 +144,48 @@ pub(crate) struct Constants<T> {
     pub d: [T; 4],
 }
 
-impl Constants<f64> {
-    pub fn new(robot: &Robot, k: usize, model: Model, elements: usize) -> Self {
+/// Derivatives of the curvature at a Gauss point with respect to the rotation vectors of the nearer
+/// and the farther arc of its element, times half the element's length: 1 plus and minus
+/// sqrt(3)/2.
+const NEAR: f64 = 1.866_025_403_784_438_6;
+const FAR: f64 = 0.133_974_596_215_561_36;
+
+impl<const A: usize> Constants<f64, A> {
+    pub fn new(robot: &Robot, k: usize, model: Model) -> Self {
+        let elements = A as f64 / 2.0;
         let m = robot.modules[k];
-        let s = robot.section(k);
-        let h = m.flexible / elements as f64;
+        let length = m.flexible;
+        let h = length / elements;
+        let profile = robot.profile(k);
+        let [from, to] = m.part;
+        let mean = |of: &dyn Fn(&Section) -> f64| profile.mean(from, to, of);
         let (shear, axial) = match model.theory {
-            Theory::Cosserat => (1.0 / s.shear, 1.0 / s.axial),
+            Theory::Cosserat => (mean(&|s| 1.0 / s.shear), mean(&|s| 1.0 / s.axial)),
             Theory::Kirchhoff => (0.0, 0.0),
         };
-        let torsion = s.torsion * if model.twist { 1.0 } else { 1e6 };
         // d3 of theory Eq. 2.5: a force N bends an element by a quadratic strain that the two arcs
         // lack; its energy is h^3 |s x N|^2 / (1440 EI), s the element's share of the change of
         // tangent
-        let bubble = h.powi(3) / (720.0 * s.bending * elements as f64);
-        let length = m.flexible;
+        let flexibility = mean(&|s| 0.5 / s.bending[0] + 0.5 / s.bending[1]);
+        let bubble = h.powi(3) * flexibility / (720.0 * elements);
+        let gauss = 0.5 / 3f64.sqrt();
+        let at_gauss_point = |a: usize| {
+            let side = if a.is_multiple_of(2) { -gauss } else { gauss };
+            let fraction = ((a / 2) as f64 + 0.5 + side) / elements;
+            Stiffness::of(&robot.section(k, fraction), model).scaled(1.0 / h)
+        };
+        let own = |a: usize| {
+            let [near, far] = [NEAR, FAR].map(|slope| 0.5 * slope * slope);
+            at_gauss_point(a).combined(near, &at_gauss_point(a ^ 1), far)
+        };
         Constants {
             flexible: length,
             per_flexible: 1.0 / length,
             clamp: m.clamp,
-            mass_per_length: s.mass_per_length,
-            stiffness: [s.bending / h, torsion / h],
+            mass_per_length: robot.mass_per_length(k),
+            own: std::array::from_fn(own),
             axial_compliance: axial,
-            rest: Vec3(s.rest_curvature) * h,
+            rest: Vec3(profile.sections()[0].rest_curvature) * h,
             d: [
                 length * shear,
                 length * (axial - shear),
@@ -61,48 +196,185 @@ impl Constants<f64> {
     }
 }
 
-impl<T: Real> Constants<T> {
+impl<T: Real, const A: usize> Constants<T, A> {
     /// Constants of one lane.
-    pub fn of_lane(&self, lane: usize) -> Constants<f64> {
+    pub fn of_lane(&self, lane: usize) -> Constants<f64, A> {
         Constants {
             flexible: self.flexible.lane(lane),
             per_flexible: self.per_flexible.lane(lane),
             clamp: self.clamp.map(|x| x.lane(lane)),
             mass_per_length: self.mass_per_length.lane(lane),
-            stiffness: self.stiffness.map(|x| x.lane(lane)),
+            own: self.own.map(|x| x.of_lane(lane)),
             axial_compliance: self.axial_compliance.lane(lane),
             rest: self.rest.of_lane(lane),
             d: self.d.map(|x| x.lane(lane)),
         }
     }
 
-    /// Constants of modules in SIMD lanes.
-    pub fn gather(of: impl Fn(usize) -> Constants<f64>) -> Self {
-        let pick = |f: &dyn Fn(&Constants<f64>) -> f64| T::from_fn(|i| f(&of(i)));
+    /// Constants of modules in SIMD lanes; the last one also in the lanes beyond.
+    pub fn gather(of: &[Constants<f64, A>]) -> Self {
+        let at = |lane: usize| &of[lane.min(of.len() - 1)];
         Constants {
-            flexible: pick(&|c| c.flexible),
-            per_flexible: pick(&|c| c.per_flexible),
-            clamp: [pick(&|c| c.clamp[0]), pick(&|c| c.clamp[1])],
-            mass_per_length: pick(&|c| c.mass_per_length),
-            stiffness: [pick(&|c| c.stiffness[0]), pick(&|c| c.stiffness[1])],
-            axial_compliance: pick(&|c| c.axial_compliance),
-            rest: Vec3([0, 1, 2].map(|q| pick(&|c| c.rest[q]))),
-            d: [0, 1, 2, 3].map(|q| pick(&|c| c.d[q])),
+            flexible: T::from_fn(|i| at(i).flexible),
+            per_flexible: T::from_fn(|i| at(i).per_flexible),
+            clamp: std::array::from_fn(|q| T::from_fn(|i| at(i).clamp[q])),
+            mass_per_length: T::from_fn(|i| at(i).mass_per_length),
+            own: std::array::from_fn(|a| Stiffness::gather(|i| &at(i).own[a])),
+            axial_compliance: T::from_fn(|i| at(i).axial_compliance),
+            rest: Vec3(std::array::from_fn(|q| T::from_fn(|i| at(i).rest[q]))),
+            d: std::array::from_fn(|q| T::from_fn(|i| at(i).d[q])),
         }
     }
 
-    /// Fraction of an element's stiffness about the axes (N m).
+    /// Largest bending flexibility times length of an element (1/(N m)).
     #[inline(always)]
-    pub fn share_of_stiffness(&self, share: f64) -> [T; 3] {
-        let [bending, torsion] = self.stiffness;
-        let (b, t) = (bending * T::splat(share), torsion * T::splat(share));
-        [b, b, t]
+    pub fn largest_flexibility(&self) -> T {
+        let mut largest = T::zero();
+        for e in 0..A / 2 {
+            let [first, second] = self.at_gauss_points(e);
+            let ([a, b, _], [c, d, _]) = (first.inverse().bending, second.inverse().bending);
+            largest = largest.max(a).max(b).max(c).max(d);
+        }
+        largest
     }
 
-    /// Stiffness of an element times a rotation vector (N m).
+    /// Stiffness over the length of an element (N m), at its Gauss points.
     #[inline(always)]
-    pub fn moment(&self, w: Vec3<T>) -> Vec3<T> {
-        let [bending, torsion] = self.stiffness;
-        Vec3([w[0] * bending, w[1] * bending, w[2] * torsion])
+    pub fn at_gauss_points(&self, e: usize) -> [Stiffness<T>; 2] {
+        let (a, b) = (&self.own[2 * e], &self.own[2 * e + 1]);
+        let (near, far) = (NEAR * NEAR, FAR * FAR);
+        let per = 2.0 / (near * near - far * far);
+        let (near, far) = (T::splat(per * near), T::splat(-per * far));
+        [a.combined(near, b, far), b.combined(near, a, far)]
+    }
+
+    /// Second derivative of the elastic energy with respect to both arcs of an element (N m).
+    #[inline(always)]
+    pub fn mutual(&self, e: usize) -> Stiffness<T> {
+        let share = T::splat(NEAR * FAR / (NEAR * NEAR + FAR * FAR));
+        self.own[2 * e].combined(share, &self.own[2 * e + 1], share)
+    }
+
+    /// Scales the stiffness, but not the moment of the unloaded strain.
+    #[inline(always)]
+    pub fn stiffen(&mut self, elastic: &Self, factor: f64) {
+        for a in 0..A {
+            self.own[a] = elastic.own[a].scaled(T::splat(factor));
+        }
+        self.rest = elastic.rest * T::splat(1.0 / factor);
+    }
+
+    /// Derivatives of the bending energy (theory Eq. 2.4) with respect to each arc's rotation
+    /// vector.
+    #[inline(always)]
+    pub fn elastic_moments(&self, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
+        self.moments_beyond(self.rest, w)
+    }
+
+    /// The same for a change of strain.
+    #[inline(always)]
+    pub fn bending_moments(&self, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
+        self.moments_beyond(Vec3::zero(), w)
+    }
+
+    /// Moments of elements that are unloaded with the rotation `rest`.
+    #[inline(always)]
+    fn moments_beyond(&self, rest: Vec3<T>, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
+        let half = rest * T::splat(0.5);
+        let mut g = [Vec3::zero(); A];
+        for e in 0..A / 2 {
+            let i = 2 * e;
+            let pair = self.moments_of_element(e, [w[i] - half, w[i + 1] - half]);
+            (g[i], g[i + 1]) = (pair[0], pair[1]);
+        }
+        g
+    }
+
+    /// Moments of an element by the elastic rotation vectors of its arcs.
+    #[inline(always)]
+    pub fn moments_of_element(&self, e: usize, [a, b]: [Vec3<T>; 2]) -> [Vec3<T>; 2] {
+        let i = 2 * e;
+        let mutual = self.mutual(e);
+        [
+            self.own[i].times(a) + mutual.times(b),
+            self.own[i + 1].times(b) + mutual.times(a),
+        ]
+    }
+}
+
+/// Course of a tapered backbone along a module, at five places at equal distances.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Taper<T> {
+    /// Moment by curvature (N m^2).
+    stiffness: [Stiffness<T>; 5],
+    /// Shear and axial compliance (1/N); zero where the theory has none.
+    shear: [T; 5],
+    axial: [T; 5],
+    /// Change of the mass per length (kg/m): coefficients `a` and `b` of `a x + b (x^2 - 1/12)`,
+    /// `x` the distance from the middle of the module over its length.
+    pub mass: [T; 2],
+}
+
+impl Taper<f64> {
+    pub fn new(robot: &Robot, k: usize, model: Model) -> Self {
+        let sections: [Section; 5] = std::array::from_fn(|i| robot.section(k, i as f64 / 4.0));
+        let (mut shear, mut axial) = ([0.0; 5], [0.0; 5]);
+        if model.theory == Theory::Cosserat {
+            shear = sections.map(|s| 1.0 / s.shear);
+            axial = sections.map(|s| 1.0 / s.axial);
+        }
+        // with the same first and second moment; Boole's rule is exact for them
+        let [a, b, c, d, e] = sections.map(|s| s.mass_per_length);
+        let first = 3.5 * (e - a) + 8.0 * (d - b);
+        let second = 7.0 * (a + e) / 6.0 - 32.0 * (b + d) / 48.0 - c;
+        Taper {
+            stiffness: sections.map(|s| Stiffness::of(&s, model)),
+            shear,
+            axial,
+            mass: [12.0 / 90.0 * first, 180.0 / 90.0 * second],
+        }
+    }
+}
+
+impl<T: Real> Taper<T> {
+    pub fn gather(of: &[Taper<f64>]) -> Self {
+        let at = |lane: usize| &of[lane.min(of.len() - 1)];
+        Taper {
+            stiffness: std::array::from_fn(|p| Stiffness::gather(|i| &at(i).stiffness[p])),
+            shear: std::array::from_fn(|p| T::from_fn(|i| at(i).shear[p])),
+            axial: std::array::from_fn(|p| T::from_fn(|i| at(i).axial[p])),
+            mass: std::array::from_fn(|p| T::from_fn(|i| at(i).mass[p])),
+        }
+    }
+
+    /// What the change of the weight along a tapered module adds to the force on its end (N), and to
+    /// the couples on the tangents of its start and its end (N m), by Hermite's rule.
+    #[inline(always)]
+    pub fn lumped(&self, flexible: T, gravity: Vec3<T>) -> (Vec3<T>, [Vec3<T>; 2]) {
+        let line = gravity * (self.mass[0] * flexible);
+        let parabola = gravity * (self.mass[1] * flexible);
+        let turn = line * (flexible * T::splat(-1.0 / 120.0));
+        let bend = parabola * (flexible * T::splat(1.0 / 360.0));
+        (line * T::splat(0.1), [turn - bend, turn + bend])
+    }
+
+    /// Stiffness, shear and axial compliance at a fraction of the module.
+    #[inline(always)]
+    pub fn at(&self, fraction: T) -> (Stiffness<T>, T, T) {
+        let mut stiffness = Stiffness::zero();
+        let (mut shear, mut axial) = (T::zero(), T::zero());
+        let place = fraction * T::splat(4.0);
+        for i in 0..5 {
+            // Lagrange's polynomial of the place
+            let mut weight = T::splat(1.0);
+            for j in (0..5).filter(|&j| j != i) {
+                weight =
+                    weight * (place - T::splat(j as f64)) * T::splat(1.0 / (i as f64 - j as f64));
+            }
+            stiffness = self.stiffness[i].combined(weight, &stiffness, T::splat(1.0));
+            shear = self.shear[i].mul_add(weight, shear);
+            axial = self.axial[i].mul_add(weight, axial);
+        }
+        (stiffness, shear, axial)
     }
 }

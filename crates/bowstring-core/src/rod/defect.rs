@@ -10,7 +10,7 @@
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
 use crate::model::load::TendonPath;
-use crate::rod::constants::Constants;
+use crate::rod::constants::{Constants, Stiffness, Taper};
 use crate::rod::module::{Gradient, State, Tendons};
 
 /// Distance of the ends of a module, over its length, below which it counts as folded.
@@ -77,38 +77,105 @@ impl<T: Real> Section<T> {
     }
 }
 
-/// Properties and loads of one element.
-struct Element<'a, T> {
-    length: T,
-    /// Inverse bending and torsional stiffness (1/(N m^2)).
-    flexibility: Vec3<T>,
-    /// Curvature and twist without load (1/m).
-    rest: Vec3<T>,
+/// Weight of a module, and how its backbone is tapered.
+#[derive(Clone, Copy)]
+pub(crate) struct Weight<'a, T> {
+    /// Mean weight per length (N/m), that of `mass_per_length`.
+    mean: Vec3<T>,
+    /// Gravity (m/s^2), for the change of the weight along a tapered module.
+    gravity: Vec3<T>,
+    taper: Option<&'a Taper<T>>,
+}
+
+impl<'a, T: Real> Weight<'a, T> {
+    pub fn new<const A: usize>(
+        c: &Constants<T, A>,
+        mean: Vec3<T>,
+        taper: Option<&'a Taper<T>>,
+    ) -> Self {
+        let mut gravity = Vec3::zero();
+        if taper.is_some() {
+            // without mass there is no weight either
+            let mass = c.mass_per_length.max(T::splat(f64::MIN_POSITIVE));
+            gravity = mean * (T::splat(1.0) / mass);
+        }
+        Weight {
+            mean,
+            gravity,
+            taper,
+        }
+    }
+}
+
+/// What a section of the backbone is made of.
+#[derive(Clone, Copy)]
+struct Material<T> {
+    /// Moment by curvature (N m^2), and its inverse.
+    stiffness: Stiffness<T>,
+    flexibility: Stiffness<T>,
     /// Shear and extension by force (1/N).
     shear: T,
     axial: T,
-    stretch: T,
-    tendons: &'a Tendons<'a, T>,
-    constants: &'a Constants<T>,
-    /// Weight per length (N/m).
-    weight: Vec3<T>,
 }
 
-impl<T: Real> Element<'_, T> {
+/// Properties and loads of one element.
+struct Element<'a, T, const A: usize, const TAPERED: bool> {
+    length: T,
+    /// Mean of the module.
+    material: Material<T>,
+    taper: Option<&'a Taper<T>>,
+    /// Curvature and twist without load (1/m).
+    rest: Vec3<T>,
+    stretch: T,
+    tendons: &'a Tendons<'a, T>,
+    constants: &'a Constants<T, A>,
+    /// Mean weight per length (N/m).
+    weight: Vec3<T>,
+    /// Gravity (m/s^2).
+    gravity: Vec3<T>,
+}
+
+impl<T: Real, const A: usize, const TAPERED: bool> Element<'_, T, A, TAPERED> {
+    /// Material at a distance from the start of the module (m).
+    #[inline(always)]
+    fn material(&self, at: T) -> Material<T> {
+        let (true, Some(taper)) = (TAPERED, self.taper) else {
+            return self.material;
+        };
+        let (stiffness, shear, axial) = taper.at(at * self.constants.per_flexible);
+        Material {
+            stiffness,
+            flexibility: stiffness.inverse(),
+            shear,
+            axial,
+        }
+    }
+
+    /// Force of the weight between two distances from the start of the module (N).
+    #[inline(always)]
+    fn weight_between(&self, from: T, to: T) -> Vec3<T> {
+        let (c, mut weight) = (self.constants, self.weight);
+        if let (true, Some(taper)) = (TAPERED, self.taper) {
+            let [line, parabola] = taper.mass;
+            let middle = (from + to) * T::splat(0.5) * c.per_flexible - T::splat(0.5);
+            let part = (to - from) * c.per_flexible;
+            let square = middle * middle + (part * part - T::splat(1.0)) * T::splat(1.0 / 12.0);
+            weight = self
+                .gravity
+                .scaled_add(line * middle + parabola * square, weight);
+        }
+        weight * (to - from)
+    }
+
     /// Curvature and twist under a moment in body axes.
     #[inline(always)]
-    fn curvature(&self, moment: Vec3<T>, at: T) -> Vec3<T> {
-        let f = self.flexibility;
-        let mut u = self.rest + Vec3([moment[0] * f[0], moment[1] * f[1], moment[2] * f[2]]);
+    fn curvature(&self, material: &Material<T>, moment: Vec3<T>, at: T) -> Vec3<T> {
+        let mut u = self.rest + material.flexibility.times(moment);
         if self.tendons.path == TendonPath::Continuous {
             // continuous tendons carry part of the moment, which depends on the curvature
             for _ in 0..NEWTON_ROUNDS {
-                let mut residual = moment;
-                let mut stiffness = Mat3::zero();
-                for q in 0..3 {
-                    residual.0[q] -= (u[q] - self.rest[q]) * (T::splat(1.0) / self.flexibility[q]);
-                    stiffness.0[q][q] = T::splat(1.0) / self.flexibility[q];
-                }
+                let mut residual = moment - material.stiffness.times(u - self.rest);
+                let mut stiffness = material.stiffness.plus_mat(Mat3::zero());
                 for (holes, &tension) in self.tendons.holes.iter().zip(self.tendons.tensions) {
                     let (hole, slope) = holes.between(self.constants, at);
                     let mut along = slope + u.cross(hole);
@@ -129,13 +196,14 @@ impl<T: Real> Element<'_, T> {
     #[inline(always)]
     fn rate(&self, at: &Section<T>, force: Vec3<T>, from_start: T) -> Section<T> {
         let r = &at.rotation;
-        let curvature = self.curvature(r.tr_mul(at.moment), from_start);
+        let material = self.material(from_start);
+        let curvature = self.curvature(&material, r.tr_mul(at.moment), from_start);
         let n = r.tr_mul(force);
         let along = *r
             * Vec3([
-                n[0] * self.shear,
-                n[1] * self.shear,
-                n[2].mul_add(self.axial, self.stretch),
+                n[0] * material.shear,
+                n[1] * material.shear,
+                n[2].mul_add(material.axial, self.stretch),
             ]);
         Section {
             rotation: r.mul_skew(curvature),
@@ -162,7 +230,7 @@ impl<T: Real> Element<'_, T> {
             rates[5] = self.stage::<5>(&at, &rates, (force, from_start), h);
             rates[6] = self.stage::<6>(&at, &rates, (force, from_start), h);
             at = at.plus_weighted(&rates, WEIGHTS, h);
-            force = self.weight.scaled_add(-h, force);
+            force += self.weight_between(from_start + h, from_start);
             from_start += h;
         }
         at
@@ -178,8 +246,8 @@ impl<T: Real> Element<'_, T> {
     ) -> Section<T> {
         let (place, weights) = STAGES[I];
         let here = at.plus_weighted(rates, weights, h);
-        let force = self.weight.scaled_add(h * T::splat(-place), force);
-        self.rate(&here, force, h.mul_add(T::splat(place), from_start))
+        let there = h.mul_add(T::splat(place), from_start);
+        self.rate(&here, force + self.weight_between(there, from_start), there)
     }
 }
 
@@ -219,14 +287,11 @@ const WEIGHTS: [f64; 7] = [
     11.0 / 120.0,
 ];
 
-/// Rotation of an element along `along` due to a mean moment; `spring`: bending flexibility,
-/// torsional flexibility in excess of it, and the length. Not a closure: one that is not inlined is
-/// compiled without the processor's SIMD instructions.
+/// Rotation of an element, at whose middle the section has this orientation, due to a mean moment.
+/// Not a closure: one that is not inlined is compiled without the processor's SIMD instructions.
 #[inline(always)]
-fn bent<T: Real>(moment: Vec3<T>, along: Vec3<T>, spring: [T; 3]) -> Vec3<T> {
-    let [bending, excess, length] = spring;
-    let twist = along * (along.dot(moment) * excess);
-    moment.scaled_add(bending, twist) * length
+fn bent<T: Real>(moment: Vec3<T>, at: &Mat3<T>, spring: &Stiffness<T>) -> Vec3<T> {
+    *at * spring.times(at.tr_mul(moment))
 }
 
 /// Newton iterations for the curvature under continuous tendons.
@@ -236,36 +301,46 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Computes the defect. `rhs` becomes the imbalance of the arcs whose Newton step removes the
     /// defects of their strain and their own residual.
     #[inline(always)]
-    pub fn defect(
+    pub fn defect<const TAPERED: bool>(
         &self,
-        c: &Constants<T>,
+        c: &Constants<T, A>,
         t: &Tendons<T>,
         gradient: &Gradient<T, A>,
-        weight: Vec3<T>,
+        load: &Weight<T>,
         rhs: &mut [Vec3<T>; A],
     ) -> Defect<T> {
         let elements = A / 2;
         let length = c.flexible * T::splat(1.0 / elements as f64);
-        let one = T::splat(1.0);
-        let per = one / length;
-        let [bending, torsion] = c.stiffness;
-        let [bending, torsion] = [one / (bending * length), one / (torsion * length)];
+        let per = T::splat(1.0) / length;
+        let weight = load.mean;
         let shear = c.d[0] * c.per_flexible;
-        let element = Element {
+        let stiffness = c.mutual(0).scaled(T::splat(4.0) * length);
+        let element = Element::<T, A, TAPERED> {
             length,
-            flexibility: Vec3([bending, bending, torsion]),
+            material: Material {
+                stiffness,
+                flexibility: stiffness.inverse(),
+                shear,
+                axial: shear + c.d[1] * c.per_flexible,
+            },
+            taper: load.taper,
             rest: c.rest * per,
-            shear,
-            axial: shear + c.d[1] * c.per_flexible,
             stretch: c.stretch(t),
             tendons: t,
             constants: c,
             weight,
+            gravity: load.gravity,
+        };
+        // force and couples by which the change of the weight was replaced
+        let (shift, turns) = match load.taper {
+            Some(taper) if TAPERED => taper.lumped(c.flexible, load.gravity),
+            _ => (Vec3::zero(), [Vec3::zero(); 2]),
         };
         let tangent = self.s.column(2);
         // exact moment and force of the weight, instead of Hermite's rule
-        let couple = weight.scaled_add(length * length * T::splat(1.0 / 12.0), self.f[1]);
-        let mut force = weight.scaled_add(length * T::splat(-0.5), self.end_force);
+        let couple =
+            weight.scaled_add(length * length * T::splat(1.0 / 12.0), self.f[1]) - turns[1];
+        let mut force = weight.scaled_add(length * T::splat(-0.5), self.end_force) - shift;
         let mut section = Section {
             rotation: self.s,
             place: self.rho,
@@ -298,10 +373,12 @@ impl<T: Real, const A: usize> State<T, A> {
             ];
             let middle = weight.scaled_add(length * T::splat(0.5), force);
             let moment = section.moment - along.cross(middle) * (length * T::splat(0.5));
-            let spring = [bending, torsion - bending, length];
-            let turn = turn - bent(mean.cross(middle) + turned[0].cross(moment), along, spring);
+            let at = self.arcs[2 * e + 1].prefix;
+            // mean stiffness of the Gauss points
+            let spring = c.mutual(e).scaled(T::splat(4.0)).inverse();
+            let turn = turn - bent(mean.cross(middle) + turned[0].cross(moment), &at, &spring);
             let gap = gap
-                - bent(first.cross(middle) + turned[1].cross(moment), along, spring).cross(along)
+                - bent(first.cross(middle) + turned[1].cross(moment), &at, &spring).cross(along)
                     * length;
             // rotations of the two arcs that produce it
             let bend = turn - along * along.dot(turn);
@@ -315,11 +392,12 @@ impl<T: Real, const A: usize> State<T, A> {
                 place -= gradient.r[arc] * u + beyond.cross(u);
             }
             let (a, b) = (gradient.to_strain[i] * u[0], gradient.to_strain[j] * u[1]);
-            let (sum, difference) = (a + b, (a - b) * T::splat(0.75));
-            rhs[i] = gradient.g[i] - gradient.to_strain[i].tr_mul(c.moment(sum + difference));
-            rhs[j] = gradient.g[j] - gradient.to_strain[j].tr_mul(c.moment(sum - difference));
+            let moments = c.moments_of_element(e, [a, b]);
+            rhs[i] = gradient.g[i] - gradient.to_strain[i].tr_mul(moments[0]);
+            rhs[j] = gradient.g[j] - gradient.to_strain[j].tr_mul(moments[1]);
             // continue from the solver's pose
-            force = weight.scaled_add(length, force);
+            let (from, to) = (T::splat(e as f64), T::splat((e + 1) as f64));
+            force += element.weight_between(length * from, length * to);
             section.moment += (section.place - start).cross(force);
             section.rotation = rotation;
             section.place = start;
@@ -328,12 +406,13 @@ impl<T: Real, const A: usize> State<T, A> {
         let exact = section.moment + self.rho.cross(force) + self.span_torque;
         let mut assumed = self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) - self.lambda;
         // Hermite's couple at the start is stored with the clamp's weight
-        assumed += Vec3::ez().cross(weight * (length * length * T::splat(1.0 / 12.0)));
+        assumed += Vec3::ez().cross(weight * (length * length * T::splat(1.0 / 12.0)) + turns[0]);
         for node in 1..elements {
             assumed += self.inside(2 * node - 1).cross(self.f[3]);
         }
         // from the force on the end; its component along a chord falls as the module folds
-        let compression = -self.n.dot(self.rho) * c.flexible * bending;
+        let flexibility = c.largest_flexibility() * per;
+        let compression = -self.n.dot(self.rho) * c.flexible * flexibility;
         let chord = T::splat(FOLDED * FOLDED) * c.flexible * c.flexible - self.rho.norm2();
         Defect {
             place,

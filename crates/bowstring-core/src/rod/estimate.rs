@@ -9,6 +9,7 @@
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::rod::chain::{get, get_mat, in_group, put, Rod};
+use crate::rod::defect::Weight;
 use crate::rod::module::Span;
 
 /// Estimated discretisation error of an equilibrium.
@@ -153,7 +154,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let weight = weight * (c.per_flexible * L::Module::splat((A / 2) as f64));
             let t = in_group(&self.tendons, &self.tensions, self.path(), g);
             let mut rhs = [Vec3::zero(); A];
-            let defect = self.states[g].defect(c, &t, &self.gradients[g], weight, &mut rhs);
+            let load = Weight::new(c, weight, self.tapers.get(g));
+            let (state, gradient) = (&self.states[g], &self.gradients[g]);
+            let defect = match self.tapers.is_empty() {
+                true => state.defect::<false>(c, &t, gradient, &load, &mut rhs),
+                false => state.defect::<true>(c, &t, gradient, &load, &mut rhs),
+            };
             self.gradients[g].g = rhs;
             for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
                 compression = compression.max(L::get(&defect.compression, i));

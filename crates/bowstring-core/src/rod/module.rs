@@ -178,7 +178,7 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// First half of the forward pass: the shape for the present strain (theory Eq. 2.2).
     #[inline(always)]
-    pub fn shape(&mut self, c: &Constants<T>, t: &Tendons<T>) {
+    pub fn shape(&mut self, c: &Constants<T, A>, t: &Tendons<T>) {
         let arc_length = c.flexible * T::splat(1.0 / A as f64) * c.stretch(t);
         // by pairs: the compiler then knows the arcs of one element by number
         for e in 0..A / 2 {
@@ -210,7 +210,7 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Second half: contact force, end and energy (theory Eq. 3.1) under the dead loads in `f`.
     #[inline(always)]
-    pub fn balance(&mut self, c: &Constants<T>, t: &Tendons<T>) {
+    pub fn balance(&mut self, c: &Constants<T, A>, t: &Tendons<T>) {
         let tangent = self.s.column(2);
         let cable = match t.path {
             TendonPath::Continuous => self.balance_continuous(c, t),
@@ -237,7 +237,7 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Contact force and end with continuous tendons; returns the sum of tension times length
     /// (theory Eq. 2.7).
     #[inline(always)]
-    fn balance_continuous(&mut self, c: &Constants<T>, t: &Tendons<T>) -> T {
+    fn balance_continuous(&mut self, c: &Constants<T, A>, t: &Tendons<T>) -> T {
         self.span_torque = Vec3::zero();
         self.n = self.stretching_load();
         self.rho = self.rho0 + self.compliance(c) * self.n;
@@ -246,8 +246,7 @@ impl<T: Real, const A: usize> State<T, A> {
         for e in 0..A / 2 {
             let i = 2 * e;
             for (holes, &tension) in t.holes.iter().zip(t.tensions) {
-                let path =
-                    ParallelPath::new::<A>(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
+                let path = ParallelPath::new(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
                 cable += tension * path.length;
             }
         }
@@ -256,7 +255,7 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Contact force and end with straight spans; returns the sum of tension times length.
     #[inline(always)]
-    fn balance_straight(&mut self, c: &Constants<T>, t: &Tendons<T>) -> T {
+    fn balance_straight(&mut self, c: &Constants<T, A>, t: &Tendons<T>) -> T {
         let compliance = self.compliance(c);
         let stretching = self.stretching_load();
         // Newton's method for rho and N; the compliance is small, so it converges at once
@@ -299,7 +298,7 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Sums over all straight spans: tension times length, force and moment on the end, and
     /// stiffness with respect to the displacement of the end (theory Eq. 2.6 and 3.3).
     #[inline(always)]
-    pub fn spans(&self, c: &Constants<T>, t: &Tendons<T>) -> (T, Vec3<T>, Vec3<T>, Mat3<T>) {
+    pub fn spans(&self, c: &Constants<T, A>, t: &Tendons<T>) -> (T, Vec3<T>, Vec3<T>, Mat3<T>) {
         let (mut cable, mut stiffness) = (T::zero(), Mat3::zero());
         let (mut pull, mut torque) = (Vec3::zero(), Vec3::zero());
         for (holes, &tension) in t.holes.iter().zip(t.tensions) {
@@ -315,15 +314,15 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Elastic energy of the backbone (theory Eq. 2.4, and the contact force's part of Eq. 3.1).
     #[inline(always)]
-    pub fn elastic_energy(&self, c: &Constants<T>) -> T {
+    pub fn elastic_energy(&self, c: &Constants<T, A>) -> T {
         let half = T::splat(0.5);
         let mut elastic = half * self.n.dot(self.rho - self.rho0);
         for e in 0..A / 2 {
             let i = 2 * e;
-            let sum = self.w[i] + self.w[i + 1] - c.rest;
-            let difference = self.w[i] - self.w[i + 1];
-            elastic += sum.dot(c.moment(sum)) * half
-                + difference.dot(c.moment(difference)) * T::splat(0.375);
+            let unloaded = c.rest * half;
+            let (a, b) = (self.w[i] - unloaded, self.w[i + 1] - unloaded);
+            let moments = c.moments_of_element(e, [a, b]);
+            elastic += (a.dot(moments[0]) + b.dot(moments[1])) * half;
         }
         elastic
     }
@@ -336,7 +335,7 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Vector from the start disk to the end disk (m).
     #[inline(always)]
-    pub fn offset(&self, c: &Constants<T>) -> Vec3<T> {
+    pub fn offset(&self, c: &Constants<T, A>) -> Vec3<T> {
         let mut offset = self.rho + self.s.column(2) * c.clamp[1];
         offset.0[2] += c.clamp[0];
         offset
@@ -344,13 +343,13 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Length of a continuous tendon in this module (theory Eq. 2.7).
     #[inline(always)]
-    pub fn parallel_length(&self, c: &Constants<T>, t: &Tendons<T>, tendon: usize) -> T {
+    pub fn parallel_length(&self, c: &Constants<T, A>, t: &Tendons<T>, tendon: usize) -> T {
         let holes = &t.holes[tendon];
         let mut length = holes.beside_clamps(c);
         for e in 0..A / 2 {
             let i = 2 * e;
             let (a, b) = (self.w[i], self.w[i + 1]);
-            length += ParallelPath::new::<A>(c, holes, c.stretch(t), e, [a, b]).length;
+            length += ParallelPath::new(c, holes, c.stretch(t), e, [a, b]).length;
         }
         // dead loads extend the backbone, and the tendon with it
         let along = self.rho0 * (T::splat(1.0) / self.rho0.norm());
@@ -359,12 +358,12 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Mean tangent t, and change s of the tangent from start to end (theory Eq. 2.5).
     #[inline(always)]
-    fn tangents(&self, c: &Constants<T>) -> (Vec3<T>, Vec3<T>) {
+    fn tangents(&self, c: &Constants<T, A>) -> (Vec3<T>, Vec3<T>) {
         (self.rho0 * c.per_flexible, self.s.column(2) - Vec3::ez())
     }
 
     #[inline(always)]
-    pub fn compliance(&self, c: &Constants<T>) -> Mat3<T> {
+    pub fn compliance(&self, c: &Constants<T, A>) -> Mat3<T> {
         let (mean, change) = self.tangents(c);
         let [d0, d1, d2, d3] = c.d;
         let diagonal = d3.mul_add(change.norm2(), d0);
@@ -376,7 +375,7 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Force on `rho0` and moment on the end tangent due to the compliance at constant `N`.
     #[inline(always)]
-    pub fn compliance_forces(&self, c: &Constants<T>) -> (Vec3<T>, Vec3<T>) {
+    pub fn compliance_forces(&self, c: &Constants<T, A>) -> (Vec3<T>, Vec3<T>) {
         let (mean, change) = self.tangents(c);
         let [_, d1, d2, d3] = c.d;
         let n = self.n;
@@ -388,7 +387,7 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Moment imbalance of each arc, with the costate in `lambda` (theory Eq. 3.2).
     #[inline(always)]
-    pub fn gradient(&self, c: &Constants<T>, t: &Tendons<T>, out: &mut Gradient<T, A>) {
+    pub fn gradient(&self, c: &Constants<T, A>, t: &Tendons<T>, out: &mut Gradient<T, A>) {
         let tangent = self.s.column(2);
         let (on_end, on_tangent) = self.compliance_forces(c);
         out.torque = self.span_torque - tangent.cross(self.f[1] + on_tangent) + self.lambda;
@@ -423,20 +422,15 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Derivatives of elastic energy and continuous tendons with respect to each arc's rotation
     /// vector.
     #[inline(always)]
-    fn elastic_gradient(&self, c: &Constants<T>, t: &Tendons<T>) -> [Vec3<T>; A] {
+    fn elastic_gradient(&self, c: &Constants<T, A>, t: &Tendons<T>) -> [Vec3<T>; A] {
         let mut g = c.elastic_moments(&self.w);
         if t.path == TendonPath::Continuous {
             let stretch = c.stretch(t);
             for e in 0..A / 2 {
                 let i = 2 * e;
                 for (holes, &tension) in t.holes.iter().zip(t.tensions) {
-                    let path = ParallelPath::new::<A>(
-                        c,
-                        holes,
-                        stretch,
-                        i / 2,
-                        [self.w[i], self.w[i + 1]],
-                    );
+                    let path =
+                        ParallelPath::new(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
                     for (j, v) in path.gradient().into_iter().enumerate() {
                         g[i + j] += v * tension;
                     }
@@ -451,7 +445,7 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     pub fn hessian<const CONDENSED: bool>(
         &self,
-        c: &Constants<T>,
+        c: &Constants<T, A>,
         t: &Tendons<T>,
         grad: &Gradient<T, A>,
         out: &mut Hessian<T, A>,
@@ -524,7 +518,7 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Sums of theory Eq. 3.3 over the spans: translation-translation (`g`), rotation-translation
     /// (`k`) and rotation-rotation (`e`).
     #[inline(always)]
-    fn span_stiffness(&self, c: &Constants<T>, t: &Tendons<T>) -> (Mat3<T>, Mat3<T>, Mat3<T>) {
+    fn span_stiffness(&self, c: &Constants<T, A>, t: &Tendons<T>) -> (Mat3<T>, Mat3<T>, Mat3<T>) {
         let half = T::splat(0.5);
         let (mut g, mut k, mut e) = (Mat3::zero(), Mat3::zero(), Mat3::zero());
         if t.path == TendonPath::Straight {
@@ -550,7 +544,7 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Stiffness of the dead loads and the compliance that act on the end tangent.
     #[inline(always)]
-    fn tangent_stiffness(&self, c: &Constants<T>) -> Mat3<T> {
+    fn tangent_stiffness(&self, c: &Constants<T, A>) -> Mat3<T> {
         let tangent = self.s.column(2);
         let [_, _, d2, d3] = c.d;
         let (_, on_tangent) = self.compliance_forces(c);
@@ -577,7 +571,7 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     fn end_motions(
         &self,
-        c: &Constants<T>,
+        c: &Constants<T, A>,
         grad: &Gradient<T, A>,
         along: &[Vec3<T>; A],
     ) -> [Mat3<T>; A] {
@@ -603,7 +597,7 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     fn stiffness_between(
         &self,
-        c: &Constants<T>,
+        c: &Constants<T, A>,
         t: &Tendons<T>,
         grad: &Gradient<T, A>,
         through: &ThroughEnd<T, A>,
@@ -614,7 +608,7 @@ impl<T: Real, const A: usize> State<T, A> {
         block = block.add_skew(grad.torque * T::splat(0.5));
         if i % 2 == 0 && b == i + 1 {
             let strain = &grad.to_strain[i];
-            let mut moment = strain.scale_rows(c.share_of_stiffness(0.25));
+            let mut moment = c.mutual(i / 2).times_mat(*strain);
             if t.path == TendonPath::Continuous {
                 moment = self.continuous_blocks(c, t, i)[1].mul_add(*strain, moment);
             }
@@ -627,7 +621,7 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     fn own_stiffness(
         &self,
-        c: &Constants<T>,
+        c: &Constants<T, A>,
         t: &Tendons<T>,
         grad: &Gradient<T, A>,
         through: &ThroughEnd<T, A>,
@@ -635,9 +629,8 @@ impl<T: Real, const A: usize> State<T, A> {
     ) -> Mat3<T> {
         let (nu, tail) = (-grad.nu, self.tail[i]);
         let Arc { map, prefix: p } = &self.arcs[i];
-        let mut local = map
-            .hessian(p.tr_mul(nu), p.tr_mul(grad.torque + tail.cross(nu)))
-            .add_diagonal(c.share_of_stiffness(1.75));
+        let turned = map.hessian(p.tr_mul(nu), p.tr_mul(grad.torque + tail.cross(nu)));
+        let mut local = c.own[i].plus_mat(turned);
         if t.path == TendonPath::Continuous {
             local += self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)];
         }
@@ -657,7 +650,7 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     fn stiffness_through_end(
         &self,
-        c: &Constants<T>,
+        c: &Constants<T, A>,
         through: &ThroughEnd<T, A>,
         [i, b]: [usize; 2],
     ) -> Mat3<T> {
@@ -742,11 +735,11 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Continuous tendons: second derivatives with respect to the rotation vectors of the two arcs
     /// of an element: first-first, second-first, second-second.
     #[inline(always)]
-    fn continuous_blocks(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> [Mat3<T>; 3] {
+    fn continuous_blocks(&self, c: &Constants<T, A>, t: &Tendons<T>, i: usize) -> [Mat3<T>; 3] {
         let mut blocks = [Mat3::zero(); 3];
         let stretch = c.stretch(t);
         for (holes, &tension) in t.holes.iter().zip(t.tensions) {
-            let path = ParallelPath::new::<A>(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
+            let path = ParallelPath::new(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
             for (block, h) in blocks.iter_mut().zip(path.hessian()) {
                 *block += h * tension;
             }
@@ -757,7 +750,7 @@ impl<T: Real, const A: usize> State<T, A> {
 
 impl<const A: usize> State<f64, A> {
     /// A point of the backbone at a fraction of the distance to the end disk.
-    pub fn point(&self, c: &Constants<f64>, fraction: f64) -> Vec3 {
+    pub fn point(&self, c: &Constants<f64, A>, fraction: f64) -> Vec3 {
         let [start, end] = c.clamp;
         let along = fraction * (start + c.flexible + end) - start;
         let (place, turn) = self.section(along / c.flexible);
@@ -786,34 +779,7 @@ impl<T: Real, const A: usize> State<T, A> {
     }
 }
 
-impl<T: Real> Constants<T> {
-    /// Derivatives of the bending energy (theory Eq. 2.4) with respect to each arc's rotation
-    /// vector.
-    #[inline(always)]
-    pub fn elastic_moments<const A: usize>(&self, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
-        self.moments_beyond(self.rest, w)
-    }
-
-    /// The same for a change of strain.
-    #[inline(always)]
-    pub fn bending_moments<const A: usize>(&self, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
-        self.moments_beyond(Vec3::zero(), w)
-    }
-
-    /// Moments of elements that are unloaded with the rotation `rest`.
-    #[inline(always)]
-    fn moments_beyond<const A: usize>(&self, rest: Vec3<T>, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
-        let mut g = [Vec3::zero(); A];
-        for e in 0..A / 2 {
-            let i = 2 * e;
-            let sum = w[i] + w[i + 1] - rest;
-            let difference = (w[i] - w[i + 1]) * T::splat(0.75);
-            g[i] = self.moment(sum + difference);
-            g[i + 1] = self.moment(sum - difference);
-        }
-        g
-    }
-
+impl<T: Real, const A: usize> Constants<T, A> {
     /// Energy of the extension due to continuous tendons, in addition to that of the contact force,
     /// which alone lengthens the backbone by `longer`.
     #[inline(always)]

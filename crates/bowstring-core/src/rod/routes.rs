@@ -19,7 +19,7 @@ impl<T: Real> Holes<T> {
     /// Place in the cross-section of a continuous tendon, at a distance from the start of the
     /// flexible part (m), and its derivative along the backbone: a straight line from hole to hole.
     #[inline(always)]
-    pub fn between(&self, c: &Constants<T>, at: T) -> (Vec3<T>, Vec3<T>) {
+    pub fn between<const A: usize>(&self, c: &Constants<T, A>, at: T) -> (Vec3<T>, Vec3<T>) {
         let slope = self.slope(c);
         let [x, y] = self.start;
         let start = Vec3([x, y, T::zero()]);
@@ -28,7 +28,7 @@ impl<T: Real> Holes<T> {
 
     /// Change of the hole over the length of the module.
     #[inline(always)]
-    fn slope(&self, c: &Constants<T>) -> Vec3<T> {
+    fn slope<const A: usize>(&self, c: &Constants<T, A>) -> Vec3<T> {
         let per_length = T::splat(1.0) / (c.clamp[0] + c.flexible + c.clamp[1]);
         let by = |q: usize| (self.end[q] - self.start[q]) * per_length;
         Vec3([by(0), by(1), T::zero()])
@@ -36,7 +36,7 @@ impl<T: Real> Holes<T> {
 
     /// Length of a continuous tendon beside both clamped parts (m).
     #[inline(always)]
-    pub fn beside_clamps(&self, c: &Constants<T>) -> T {
+    pub fn beside_clamps<const A: usize>(&self, c: &Constants<T, A>) -> T {
         let mut along = self.slope(c);
         along.0[2] = T::splat(1.0);
         (c.clamp[0] + c.clamp[1]) * along.norm()

@@ -169,7 +169,7 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
         Lanes {
             rod: Rod::new(layout, robot, model),
             model,
-            settings: [Settings::new(robot, model, Self::ELEMENTS); MOST_LANES],
+            settings: [Settings::new(robot, Self::ELEMENTS); MOST_LANES],
             automatic,
             history: [straight.clone(), straight.clone(), straight],
             known: [0; MOST_LANES],
@@ -271,7 +271,7 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> SideBySide for Lanes<S, CO
         self.rod.set_robots(robots, self.model);
         for (lane, settings) in self.settings.iter_mut().enumerate() {
             let robot = &robots[lane.min(robots.len() - 1)];
-            *settings = Settings::new(robot, self.model, Self::ELEMENTS);
+            *settings = Settings::new(robot, Self::ELEMENTS);
         }
         self.restart();
     }

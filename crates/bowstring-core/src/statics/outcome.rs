@@ -2,9 +2,7 @@
 //!
 //! Theory: docs/theory/statics.md (Globalisation, Stability).
 
-use crate::model::load::Model;
 use crate::model::robot::Robot;
-use crate::rod::constants::Constants;
 use crate::rod::estimate::ErrorEstimate;
 
 /// Largest moment imbalance over (bending stiffness / length) of a converged solution.
@@ -91,9 +89,13 @@ pub(crate) struct Settings {
 }
 
 impl Settings {
-    pub fn new(robot: &Robot, model: Model, elements: usize) -> Self {
+    pub fn new(robot: &Robot, elements: usize) -> Self {
         let stiffness = (0..robot.module_count())
-            .map(|k| Constants::new(robot, k, model, elements).stiffness[0])
+            .flat_map(|k| {
+                let arc = robot.modules[k].flexible / elements as f64;
+                [0.0, 1.0].map(|x| robot.section(k, x).bending.map(|b| b / arc))
+            })
+            .flatten()
             .fold(0.0, f64::max);
         Settings {
             moment_scale: robot.moment_scale(),

@@ -142,7 +142,7 @@ impl<S: Simd> PathLanes<S> {
         };
         let mut lanes = PathLanes {
             rod: Rod::new(Robots(simd), robot, model),
-            settings: [Settings::new(robot, model, 1); MOST_LANES],
+            settings: [Settings::new(robot, 1); MOST_LANES],
             automatic: [true; MOST_LANES],
             home: of_tendons.clone(),
             compliance: of_tendons.clone(),
@@ -171,7 +171,7 @@ impl<S: Simd> PathsSideBySide for PathLanes<S> {
         let model = paths[0].solver().model();
         self.rod.set_robots(&robots, model);
         for lane in 0..MOST_LANES {
-            self.settings[lane] = Settings::new(of(lane).robot(), model, 1);
+            self.settings[lane] = Settings::new(of(lane).robot(), 1);
             self.automatic[lane] = of(lane).is_automatic();
         }
         let vector =

@@ -37,10 +37,10 @@ pub(super) const MAX_EXTRAPOLATION: f64 = 0.3;
 ///
 /// ```
 /// use bowstring_core::{model::load::{Load, Model}, model::robot::*, statics::solver::{Solver, Status}};
-/// let section = Section { bending: 1.07, torsion: 0.83, axial: 6.9e5, shear: 2.6e5, mass_per_length: 0.035, rotary_inertia: 5.5e-8, rest_curvature: [0.0; 3] };
+/// let section = Section { bending: [1.07; 2], principal_angle: 0.0, torsion: 0.83, axial: 6.9e5, shear: 2.6e5, mass_per_length: 0.035, rotary_inertia: 5.5e-8, rest_curvature: [0.0; 3] };
 /// let disks = (1..=9).map(|k| Disk { station: 0.641 * k as f64 / 9.0, clamped_length: 0.0, mass: 0.02, inertia: [5.1e-6, 1.02e-5], segment: 0 });
 /// let robot = Robot::new(RobotSpec {
-///     sections: vec![section],
+///     backbone: vec![section.into()],
 ///     disks: disks.collect(),
 ///     tendons: vec![Tendon::parallel([0.029, 0.0], 8)],
 ///     gravity: [0.0; 3],
@@ -76,7 +76,7 @@ impl Solver {
         let straight = vec![Vec3::zero(); 2 * elements * robot.module_count()];
         Ok(Solver {
             engine,
-            settings: Settings::new(robot, model, elements),
+            settings: Settings::new(robot, elements),
             robot: robot.clone(),
             model,
             elements,
@@ -425,7 +425,8 @@ mod tests {
 
     fn robot() -> Robot {
         let section = |bending: f64| Section {
-            bending,
+            bending: [bending; 2],
+            principal_angle: 0.0,
             torsion: 0.8 * bending,
             axial: 7e5,
             shear: 2.6e5,
@@ -445,7 +446,7 @@ mod tests {
             end_disk: if i < 2 { 5 } else { 10 },
         });
         Robot::new(RobotSpec {
-            sections: vec![section(1.1), section(0.7)],
+            backbone: vec![section(1.1).into(), section(0.7).into()],
             disks: disks.collect(),
             tendons: tendons.collect(),
             gravity: [0.0, 0.0, -9.81],

@@ -6,7 +6,7 @@ mod random;
 
 use bowstring_core::math::linalg::{Mat3, Vec3};
 use bowstring_core::model::load::{Load, Model, TendonPath, Theory};
-use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Section, Tendon};
 use bowstring_core::statics::solver::{Pose, Solver, Status};
 pub use random::Draw;
 
@@ -40,7 +40,7 @@ impl Case {
         let density = draw.within(1000.0, 8000.0);
         let slenderness = draw.decades(40.0, 200.0);
         let poisson = draw.within(0.2, 0.45);
-        let (mut sections, mut disks, mut tendons) = (vec![], vec![], vec![]);
+        let (mut backbone, mut disks, mut tendons) = (vec![], vec![], vec![]);
         let (mut station, mut tensions, mut softest) = (0.0, vec![], f64::INFINITY);
         for segment in 0..segments {
             let d = diameter * draw.within(0.7, 1.0).powi(segment as i32);
@@ -49,15 +49,16 @@ impl Case {
                 std::f64::consts::PI * d.powi(4) / 64.0,
             );
             let shear = young / (2.0 * (1.0 + poisson));
-            sections.push(Section {
-                bending: young * inertia,
+            backbone.push(Profile::from(Section {
+                bending: [young * inertia; 2],
+                principal_angle: 0.0,
                 torsion: shear * 2.0 * inertia,
                 axial: young * area,
                 shear: shear * area,
                 mass_per_length: density * area,
                 rotary_inertia: density * inertia,
                 rest_curvature: [0.0; 3],
-            });
+            }));
             let length = d * slenderness * draw.within(0.7, 1.0);
             let count = draw.count(2, 20);
             // half of it is also subtracted from the next segment's first module
@@ -101,7 +102,7 @@ impl Case {
         let force = draw.within(0.0, 3.0) * softest / (station * station);
         Case {
             spec: RobotSpec {
-                sections,
+                backbone,
                 disks,
                 tendons,
                 gravity: (draw.direction() * if draw.often(0.7) { 9.81 } else { 0.0 }).0,
@@ -143,7 +144,12 @@ impl Case {
     pub fn precurved(mut self, draw: &mut Draw) -> Self {
         let disks = &self.spec.disks;
         let length = disks[disks.len() - 1].station;
-        for section in &mut self.spec.sections {
+        for section in self
+            .spec
+            .backbone
+            .iter_mut()
+            .flat_map(Profile::sections_mut)
+        {
             section.rest_curvature = (draw.direction() * (draw.within(0.0, 2.0) / length)).0;
         }
         self
@@ -245,11 +251,29 @@ impl Case {
                 force,
                 moment,
             };
-            let s = &spec.sections[disk.segment];
-            let stiff = |section: &mut Station, length: f64| section.rigid(s, gravity, length);
-            stiff(&mut section, disk.clamped_length / 2.0);
+            let profile = &spec.backbone[disk.segment];
+            let ends = |segment: usize| {
+                let last = spec.disks.iter().rfind(|d| d.segment == segment);
+                last.map_or(0.0, |d| d.station)
+            };
+            let start_of_segment = match disk.segment {
+                0 => 0.0,
+                segment => ends(segment - 1),
+            };
+            let along = ends(disk.segment) - start_of_segment;
             let flexible = pitch - disk.clamped_length / 2.0 - before.1;
-            section.integrate(s, self.theory, gravity, flexible, steps);
+            let from = (before.0 + before.1 - start_of_segment) / along;
+            let to = from + flexible / along;
+            let s = profile.at(0.5 * (from + to));
+            // clamped backbone weighs as much as the mean of its module
+            let clamp = Section {
+                mass_per_length: profile.mean(from, to, |s| s.mass_per_length),
+                ..s
+            };
+            let stiff = |section: &mut Station, length: f64| section.rigid(&clamp, gravity, length);
+            stiff(&mut section, disk.clamped_length / 2.0);
+            let at = |x: f64| profile.at(from + x * (to - from));
+            section.integrate(at, self.theory, gravity, flexible, steps);
             stiff(&mut section, before.1);
             // positions are rounded to the size of the robot, however short the module
             let unit = f64::max(pitch, 1e-6 * robot.length());
@@ -259,7 +283,7 @@ impl Case {
                 force.dot(end.rotation.column(2)),
                 section.force.dot(start.rotation.column(2)),
             );
-            let growth = (pitch * (pull.max(0.0) / s.bending).sqrt()).cosh();
+            let growth = (pitch * (pull.max(0.0) / s.bending[0]).sqrt()).cosh();
             if growth > 1e3 {
                 return None;
             }
@@ -295,13 +319,30 @@ impl Station {
         self.pose.position -= back;
     }
 
-    /// Integrates backward along the elastic rod, by the classical Runge-Kutta method.
-    fn integrate(&mut self, s: &Section, theory: Theory, gravity: Vec3, length: f64, steps: usize) {
-        let rate = |x: &Station| {
+    /// Integrates backward along the elastic rod, by the classical Runge-Kutta method; `at` is the
+    /// section at a fraction of it.
+    fn integrate(
+        &mut self,
+        at: impl Fn(f64) -> Section,
+        theory: Theory,
+        gravity: Vec3,
+        length: f64,
+        steps: usize,
+    ) {
+        let rate = |x: &Station, fraction: f64| {
+            let s = at(fraction);
             let r = &x.pose.rotation;
             let m = r.tr_mul(x.moment);
             let n = r.tr_mul(x.force);
-            let bent = Vec3([m[0] / s.bending, m[1] / s.bending, m[2] / s.torsion]);
+            // in the principal axes and back
+            let (sin, cos) = s.principal_angle.sin_cos();
+            let first = (cos * m[0] + sin * m[1]) / s.bending[0];
+            let second = (cos * m[1] - sin * m[0]) / s.bending[1];
+            let bent = Vec3([
+                cos * first - sin * second,
+                sin * first + cos * second,
+                m[2] / s.torsion,
+            ]);
             let u = Vec3(s.rest_curvature) + bent;
             let mut v = Vec3([0.0, 0.0, 1.0]);
             if theory == Theory::Cosserat {
@@ -326,11 +367,12 @@ impl Station {
             moment: x.moment + d.moment * h,
         };
         let h = -length / steps as f64;
-        for _ in 0..steps {
-            let a = rate(self);
-            let b = rate(&plus(self, &a, h / 2.0));
-            let c = rate(&plus(self, &b, h / 2.0));
-            let d = rate(&plus(self, &c, h));
+        for step in 0..steps {
+            let here = |half: f64| 1.0 - (step as f64 + half) / steps as f64;
+            let a = rate(self, here(0.0));
+            let b = rate(&plus(self, &a, h / 2.0), here(0.5));
+            let c = rate(&plus(self, &b, h / 2.0), here(0.5));
+            let d = rate(&plus(self, &c, h), here(1.0));
             for (k, weight) in [(a, 1.0), (b, 2.0), (c, 2.0), (d, 1.0)] {
                 *self = plus(self, &k, h * weight / 6.0);
             }
@@ -355,7 +397,7 @@ pub fn hostile(draw: &mut Draw) -> Case {
     let mut case = Case::realistic(draw);
     if draw.often(0.2) {
         case.spec.disks.truncate(1);
-        case.spec.sections.truncate(1);
+        case.spec.backbone.truncate(1);
         case.spec.tendons.iter_mut().for_each(|t| t.end_disk = 0);
     }
     if draw.often(0.1) {
@@ -371,13 +413,13 @@ pub fn hostile(draw: &mut Draw) -> Case {
     for _ in 0..draw.count(1, 4) {
         let value = extreme(draw);
         let spec = &mut case.spec;
-        let section = draw.count(0, spec.sections.len() - 1);
-        let s = &mut spec.sections[section];
+        let section = draw.count(0, spec.backbone.len() - 1);
+        let s = &mut spec.backbone[section].sections_mut()[0];
         let disk = draw.count(0, spec.disks.len() - 1);
         let d = &mut spec.disks[disk];
         let axis = draw.count(0, 2);
         match draw.count(0, 15) {
-            0 => s.bending = value,
+            0 => s.bending = [value; 2],
             1 => s.torsion = value,
             2 => s.axial = value,
             3 => s.shear = value,

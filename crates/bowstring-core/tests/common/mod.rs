@@ -11,7 +11,8 @@ pub fn section(diameter: f64, young: f64, poisson: f64, density: f64) -> Section
     let inertia = std::f64::consts::PI * diameter.powi(4) / 64.0;
     let shear = young / (2.0 * (1.0 + poisson));
     Section {
-        bending: young * inertia,
+        bending: [young * inertia; 2],
+        principal_angle: 0.0,
         torsion: shear * 2.0 * inertia,
         axial: young * area,
         shear: shear * area,
@@ -38,7 +39,7 @@ pub fn study_robot(n: usize, clamped_length: f64) -> Robot {
         end_disk: n - 1,
     });
     Robot::new(RobotSpec {
-        sections: vec![section(0.005, 35e9, 0.3, 1800.0)],
+        backbone: vec![section(0.005, 35e9, 0.3, 1800.0).into()],
         disks: disks.collect(),
         tendons: tendons.to_vec(),
         gravity: [0.0; 3],
@@ -70,7 +71,7 @@ pub fn rao_robot() -> Robot {
     });
     let backbone = section(0.0014, 54e9, 0.3, 6450.0);
     Robot::new(RobotSpec {
-        sections: vec![backbone, backbone],
+        backbone: vec![backbone.into(), backbone.into()],
         disks: disks.collect(),
         tendons: tendons.collect(),
         gravity: [0.0; 3],

@@ -1,0 +1,123 @@
+"""Segments without tendons, and a bare rod under loads on disks against another group's solver."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring.constant_curvature import RobotArcs
+from bowstring.errors import InputError
+
+DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+TWO = """
+name: with_tail
+segments:
+  - length: 200 mm
+    backbone: {diameter: 2 mm, E: 60 GPa, nu: 0.3, density: 6000 kg/m^3}
+    disks: {count: 8, mass: 2 g, radius: 12 mm, thickness: 2 mm, clamped_length: 0 mm}
+    tendons: {count: 3, pitch_radius: 9 mm}
+  - length: 80 mm
+    backbone: {diameter: 1.5 mm, E: 60 GPa, nu: 0.3, density: 6000 kg/m^3}
+    disks: {count: 3, mass: 1 g, radius: 12 mm, thickness: 2 mm, clamped_length: 0 mm}
+    tendons: []
+"""
+
+STEEL = """
+name: steel
+segments:
+  - length: 600 mm
+    backbone: {diameter: 1.6 mm, E: 200 GPa, nu: 0.33, density: 7870 kg/m^3}
+    disks: {count: 2, mass: 0 g, radius: 2 mm, thickness: 0 mm}
+    tendons: {count: 3, pitch_radius: 1.5 mm}
+"""
+
+
+def from_text(path: Path, text: str) -> bs.Robot:
+    path.write_text(text)
+    return bs.load_robot(path)
+
+
+def test_a_tail_without_load_continues_along_the_tangent(tmp_path: Path) -> None:
+    robot = from_text(tmp_path / "tail.yaml", TWO)
+    found = bs.solve(robot, [6.0, 0.0, 0.0])
+    assert robot.tendons.segment.tolist() == [0, 0, 0]
+    expected = found.disk_positions[7] + 0.08 * found.disk_rotations[7][:, 2]
+    np.testing.assert_allclose(found.tip.position, expected, atol=1e-12)
+    arcs = RobotArcs.from_tensions(robot, [6.0, 0.0, 0.0])
+    assert float(arcs.theta[1]) == 0.0
+    by_lengths = RobotArcs.from_lengths(robot, found.tendon_lengths)
+    assert np.linalg.norm(by_lengths.tip.position - found.tip.position) < 1e-3 * robot.length
+    np.testing.assert_allclose(by_lengths.lengths(), found.tendon_lengths, atol=1e-9)
+
+
+def test_a_tail_bends_under_its_weight(tmp_path: Path) -> None:
+    robot = from_text(tmp_path / "tail.yaml", TWO)
+    across = robot.with_({"gravity": [9.81, 0.0, 0.0]})
+    found = bs.solve(across, [0.0, 0.0, 0.0]).raise_for_status()
+    ends = (found.disk_rotations[7], found.tip.rotation)
+    held, tip = (math.atan2(r[0, 2], r[2, 2]) for r in ends)
+    assert tip > held > 0.0
+
+
+def test_arcs_of_inner_segments_without_tendons_are_refused(tmp_path: Path) -> None:
+    first, second = TWO.split("tendons: {count: 3, pitch_radius: 9 mm}")
+    swapped = (
+        first
+        + "tendons: []"
+        + second.replace("tendons: []", "tendons: {count: 3, pitch_radius: 9 mm}")
+    )
+    robot = from_text(tmp_path / "swapped.yaml", swapped)
+    found = bs.solve(robot, [3.0, 0.0, 0.0])
+    with pytest.raises(InputError, match="segment 1 has no tendon that ends at it"):
+        RobotArcs.from_lengths(robot, found.tendon_lengths)
+    arcs = RobotArcs.from_tensions(robot, [3.0, 0.0, 0.0])
+    assert (np.asarray(arcs.theta) > 0).all()
+
+
+def test_a_robot_needs_a_tendon(tmp_path: Path) -> None:
+    text = STEEL.replace("{count: 3, pitch_radius: 1.5 mm}", "[]")
+    with pytest.raises(InputError, match="a robot needs at least one tendon"):
+        from_text(tmp_path / "none.yaml", text)
+
+
+@pytest.mark.data
+def test_shapes_of_another_groups_steel_rod(tmp_path: Path) -> None:
+    """500 shapes under wrenches in the middle and at the tip and gravity: all converge, and the tip
+    is within 0.3 mm in the median and 1 mm at most (simulated by their Cosserat solver)."""
+    path = DATA / "sorosim-rods" / "SpringSteel_statics.csv"
+    if not path.exists():
+        pytest.skip(f"needs the data of others, sorosim-rods, in {DATA}")
+    with path.open() as file:
+        rows = list(csv.reader(file))
+    labels, numbers = rows[0], [[float(x) for x in row[1:]] for row in rows[2:]]
+    shapes = np.array(numbers).reshape(-1, 6, len(labels) - 1)
+    assert len(shapes) == 500
+    column = {name: i - 1 for i, name in enumerate(labels)}
+    to_base = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+
+    def vectors(name: str) -> tuple[np.ndarray, np.ndarray]:
+        whole = shapes[:, :, column[name]]
+        return whole[:, :3] @ to_base.T, whole[:, 3:] @ to_base.T
+
+    gravity, tip = vectors("gravity")[1], vectors("seg2_s07")[1]
+    (mid_moment, mid_force), (tip_moment, tip_force) = vectors("mid_wrench"), vectors("tip_wrench")
+    load = bs.Load(
+        gravity=gravity,
+        disk_forces=np.stack([mid_force, tip_force], axis=1),
+        disk_moments=np.stack([mid_moment, tip_moment], axis=1),
+    )
+    robot = from_text(tmp_path / "steel.yaml", STEEL)
+    found = bs.solve_batch(robot, np.zeros((500, 3)), load=load)
+    assert found.converged.all()
+    error = np.linalg.norm(found.tip_position - tip, axis=1)
+    print(f"median {1e3 * np.median(error):.3f} mm, largest {1e3 * error.max():.3f} mm")
+    assert np.median(error) < 0.3e-3
+    assert error.max() < 1e-3
+    assert math.isfinite(float(error.sum()))

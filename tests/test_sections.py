@@ -1,0 +1,256 @@
+"""Backbones that are tapered, or rectangular."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import bowstring as bs
+from bowstring.cad.solid import make_solid
+from bowstring.constant_curvature import RobotArcs
+from bowstring.dynamics.load_history import ramp
+from bowstring.errors import InputError
+from bowstring.robot.designs import Designs
+from bowstring.statics.designs import sweep_designs
+from fem_robots import needs_ccx
+
+CONE = {"segments.0.backbone.diameter": "6 mm", "segments.0.backbone.end_diameter": "3.5 mm"}
+TUBE = CONE | {
+    "segments.0.backbone.inner_diameter": "3 mm",
+    "segments.0.backbone.end_inner_diameter": "1.5 mm",
+}
+FLAT = {
+    "segments.0.backbone": {
+        "width": "10 mm",
+        "height": "4 mm",
+        "width_direction": "30 deg",
+        "E": "35 GPa",
+        "nu": 0.3,
+        "density": "1800 kg/m^3",
+    }
+}
+WEIGHT = {"gravity": "3 0 -9 m/s^2"}
+LOADS = [np.array([12.0, 0.0, 3.0]), np.array([0.0, 25.0, 0.0])]
+
+
+def robot_with(*changes: dict[str, object]) -> bs.Robot:
+    together: dict[str, object] = {}
+    for change in changes:
+        together |= change
+    return bs.load_robot("amouri2019", together)
+
+
+def test_mean_stiffness_is_that_of_the_mean_flexibility() -> None:
+    robot = robot_with(TUBE)
+    length, modulus = robot.length, 35e9
+
+    def second(s: float) -> float:
+        outer, inner = 6e-3 - 2.5e-3 * s / length, 3e-3 - 1.5e-3 * s / length
+        return math.pi / 64.0 * (outer**4 - inner**4)
+
+    flexibility = quad(lambda s: 1.0 / (modulus * second(s)), 0.0, length, epsrel=1e-12)[0]
+    assert robot.bending_stiffness[0] == pytest.approx(length / flexibility, rel=1e-10)
+    assert robot.bend_by_moment[0] == pytest.approx(np.eye(2) * flexibility, rel=1e-10)
+    # the volume of two cones
+    volume = (
+        math.pi
+        / 12.0
+        * length
+        * sum(
+            sign * (a * a + a * b + b * b) for sign, a, b in ((1, 6e-3, 3.5e-3), (-1, 3e-3, 1.5e-3))
+        )
+    )
+    assert robot.mass_per_length[0] * length == pytest.approx(1800.0 * volume, rel=1e-12)
+
+
+@pytest.mark.parametrize("changes", [CONE, TUBE, FLAT])
+def test_the_linear_law_is_the_limit_of_small_tensions(changes: dict[str, object]) -> None:
+    """Of a rod whose tendons run beside it everywhere; an arc differs in place, not in angle."""
+    robot = robot_with(changes)
+    tensions = 1e-3 * LOADS[0]
+    arcs = RobotArcs.from_tensions(robot, tensions)
+    rod = bs.solve(robot, tensions, model=bs.RodModel("kirchhoff", tendon_path="continuous"))
+    tangent, found = rod.tip.rotation[:2, 2], arcs.tip.rotation[..., :2, 2].ravel()
+    np.testing.assert_allclose(found, tangent, atol=2e-4 * np.linalg.norm(tangent))
+    core = robot.core.arc_tips(Designs(robot, {}), "linear", tensions[None])
+    np.testing.assert_allclose(np.ravel(core), arcs.tip.position.ravel(), atol=1e-12)
+
+
+def test_a_rectangle_bends_to_its_thin_side() -> None:
+    """Without the direction of the section, the bend would be towards tendon 1, along x."""
+    arcs = RobotArcs.from_tensions(robot_with(FLAT), [10.0, 0.0, 0.0])
+    ratio = (10.0 / 4.0) ** 2
+    # a moment towards x, in the axes of the section; it bends ratio times more across the width
+    along, across = math.cos(math.radians(30.0)), -math.sin(math.radians(30.0)) * ratio
+    expected = math.radians(30.0) + math.atan2(across, along)
+    assert float(np.ravel(arcs.phi)[0]) == pytest.approx(expected, abs=1e-9)
+
+
+def test_torsion_constants_of_rectangles() -> None:
+    """Timoshenko and Goodier, table of art. 109: J / (long short^3)."""
+    for ratio, constant in [(1.0, 0.1406), (2.0, 0.229), (5.0, 0.291), (10.0, 0.312)]:
+        sides = {"width": f"{ratio} mm", "height": "1 mm"}
+        backbone = robot_with({"segments.0.backbone": FLAT["segments.0.backbone"] | sides})  # type: ignore[operator]
+        found = backbone.segments[0].backbone.torsion_constant
+        assert found / (ratio * 1e-12) == pytest.approx(constant, abs=6e-4)
+
+
+def test_princeton_beam() -> None:
+    """Experiment of Dowell and Traybar; figures of another geometrically exact code and ANSYS."""
+    beam = robot_with(
+        {
+            "segments.0.length": 0.508,
+            "segments.0.disks.mass": 0.0,
+            "segments.0.backbone": {
+                "width": 12.377e-3,
+                "height": 3.2024e-3,
+                "width_direction": math.radians(45.0),
+                "E": 71.7e9,
+                "nu": 0.31,
+                "density": 0.0,
+            },
+        }
+    )
+    load = bs.Load([0.0, 0.0, 0.0], tip_force=[8.896, 0.0, 0.0])
+    x, y, z = bs.solve(beam, load=load).tip.position - [0.0, 0.0, 0.508]
+    across, stiff = (x - y) / math.sqrt(2.0), (x + y) / math.sqrt(2.0)
+    assert [z, stiff, across] == pytest.approx([-0.0143664, 0.0089529, 0.1089703], abs=1e-4)
+    assert [stiff, across] == pytest.approx([0.0088372, 0.1089879], abs=1e-4)
+
+
+@pytest.mark.parametrize("changes", [CONE, FLAT])
+def test_motion_conserves_energy_and_ends_in_the_equilibrium(changes: dict[str, object]) -> None:
+    robot = robot_with(changes, WEIGHT)
+    tensions = LOADS[0]
+    damped = bs.Integrator(mass_damping=8.0)
+    run = bs.simulate(robot, ramp(tensions, 0.3), 3.0, integrator=damped)
+    rest = bs.solve(robot, tensions).tip.position
+    np.testing.assert_allclose(run.tip_position[-1], rest, atol=5e-5)
+
+
+def test_energy_of_a_tapered_robot_is_conserved() -> None:
+    """As that of a uniform one, by the steps' own damping."""
+    lost = []
+    for robot in (robot_with(CONE, WEIGHT), robot_with(WEIGHT)):
+        data = bs.simulate(robot, ramp(LOADS[0], 0.1), 0.4).raise_for_status().to_dataset()
+        total = data["kinetic_energy"] + data["elastic_energy"] + data["gravity_energy"]
+        gap = np.abs(total - total[0] - (data["work"] - data["work"][0])).max()
+        lost.append(float(gap / data["elastic_energy"].max()))
+    assert lost[0] < 2.0 * lost[1] < 2e-3
+
+
+def test_stress_is_that_of_the_local_diameter() -> None:
+    robot = robot_with(CONE)
+    data = bs.solve(robot, LOADS[0]).to_dataset(points=9)
+    fraction = data["arc_length"].to_numpy() / robot.length
+    diameter = 6e-3 - 2.5e-3 * fraction
+    moment = np.linalg.norm(data["moment"][0, :, :2], axis=-1)
+    force = data["force"][0, :, 2].to_numpy()
+    expected = 32.0 * moment / (math.pi * diameter**3) + abs(force) * 4 / (math.pi * diameter**2)
+    np.testing.assert_allclose(data["normal_stress"][0], expected, rtol=1e-9)
+    curvature = np.linalg.norm(data["curvature"][0, :, :2], axis=-1)
+    np.testing.assert_allclose(curvature, moment / (35e9 * math.pi / 64.0 * diameter**4), rtol=1e-9)
+
+
+def test_designs_equal_single_robots() -> None:
+    path, ends = "segments.0.backbone.end_diameter", [6e-3, 4e-3, 3e-3]
+    found = sweep_designs(Designs(robot_with(CONE, WEIGHT), {path: ends}), np.array(LOADS))
+    for i, end in enumerate(ends):
+        one = bs.sweep(robot_with(CONE, WEIGHT, {path: end}), np.array(LOADS))
+        np.testing.assert_allclose(found.tip_position[i], one.tip_position, atol=1e-9)
+    path, turns = "segments.0.backbone.width_direction", np.radians([0.0, 20.0, 90.0])
+    found = sweep_designs(Designs(robot_with(FLAT, WEIGHT), {path: turns}), np.array(LOADS))
+    for i, turn in enumerate(turns):
+        one = bs.sweep(robot_with(FLAT, WEIGHT).with_({path: float(turn)}), np.array(LOADS))
+        np.testing.assert_allclose(found.tip_position[i], one.tip_position, atol=1e-9)
+
+
+def test_a_taper_to_the_same_size_is_none() -> None:
+    plain = robot_with(WEIGHT)
+    same = robot_with(WEIGHT, {"segments.0.backbone.end_diameter": "5 mm"})
+    for tensions in LOADS:
+        a, b = (bs.solve(r, tensions) for r in (plain, same))
+        np.testing.assert_allclose(a.tip.position, b.tip.position, atol=1e-12)
+        assert a.error_estimate.tip == pytest.approx(b.error_estimate.tip, rel=1e-6)
+    assert plain.hash != same.hash
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"segments.0.backbone.width": "3 mm"}, "diameter and width: both given"),
+        ({"segments.0.backbone.end_width": "3 mm"}, "end_width: given with diameter"),
+        ({"segments.0.backbone.inner_diameter": "6 mm"}, "must be smaller than the diameter"),
+        (
+            CONE | {"segments.0.backbone.inner_diameter": "4 mm"},
+            "end_inner_diameter: got 4 mm; must be smaller than the diameter there, 3.5 mm",
+        ),
+        ({"segments.0.backbone.end_diameter": "80 mm"}, "inside its backbone"),
+        (
+            {"segments.0.backbone": {"width": 0.01, "E": 1e9, "nu": 0.3, "density": 0.0}},
+            "height: missing",
+        ),
+        ({"segments.0.backbone": {"E": 1e9, "nu": 0.3, "density": 0.0}}, "diameter: missing"),
+    ],
+)
+def test_impossible_sections_are_refused(changes: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        robot_with(changes)
+    assert said in str(caught.value)
+
+
+def test_what_takes_round_backbones_only_says_so() -> None:
+    robot = robot_with(FLAT)
+    with pytest.raises(InputError, match="round backbones only"):
+        bs.run_study(robot)
+    with pytest.raises(InputError, match="round backbones only"):
+        bs.solve(robot, LOADS[0]).to_dataset()
+    with pytest.raises(InputError, match="lever-arm law is for round backbones"):
+        RobotArcs.from_tensions(robot, LOADS[0], "arm")
+
+
+@pytest.mark.cad
+@pytest.mark.parametrize("changes", [CONE, TUBE])
+def test_the_solid_of_a_tapered_backbone_has_its_volume(changes: dict[str, object]) -> None:
+    robot = robot_with(changes)
+    sections = [robot.segments[0].backbone.at(x) for x in np.linspace(0.0, 1.0, 3)]
+    mean = np.array([s.area for s in sections]) @ [1.0, 4.0, 1.0] / 6.0
+    for pose in (None, bs.solve(robot, LOADS[0])):
+        (rod,) = (p for p in make_solid(robot, pose).parts if p.kind == "backbone")
+        assert rod.shape.is_valid
+        assert rod.shape.volume == pytest.approx(
+            1e9 * mean * robot.length, rel=1e-4
+        )  # the tensions compress it
+
+
+@pytest.mark.fem
+@needs_ccx
+def test_finite_elements_of_a_tapered_robot_with_oblique_tendons(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Within 1 % of the displacement of the tip, and not of a uniform backbone."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    size = {
+        "segments.0.disks.count": 5,
+        "segments.0.length": "250 mm",
+        "segments.0.disks.clamped_length": "3 mm",
+        "segments.0.tendons.turns": 0.25,
+        "segments.0.tendons.end_pitch_radius": "18 mm",
+    }
+    robot, uniform = (
+        robot_with(size, CONE),
+        robot_with(size, {"segments.0.backbone.diameter": 6e-3}),
+    )
+    tensions = np.array([[20.0, 0.0, 0.0], [40.0, 5.0, 0.0]])
+    straight = np.array([0.0, 0.0, robot.length])
+    solid = bs.fem.sweep(robot, tensions).raise_for_status().tip_position - straight
+    rod = bs.sweep(robot, tensions).tip_position - straight
+    other = bs.sweep(uniform, tensions).tip_position - straight
+    gap, moved = np.linalg.norm(solid - rod, axis=1), np.linalg.norm(rod, axis=1)
+    print(gap / moved)
+    assert np.all(gap < 0.01 * moved)
+    assert np.all(np.linalg.norm(solid - other, axis=1) > 0.2 * moved)
