@@ -39,8 +39,8 @@ def map_(
         option(
             "PATH=FROM:TO[:N]",
             "An axis; give it again for more. A number of the robot file (E, pitch_radius, "
-            "friction, disks.count), tension, bend=0:90 deg, tip_force.x or gravity.z.  "
-            "[default: tension and number of disks]",
+            "friction, disks.count), tension, bend=0:90 deg, payload, tilt, tip_force.x or "
+            "gravity.z.  [default: tension and number of disks]",
         ),
     ] = None,
     tolerance: Annotated[

@@ -30,6 +30,10 @@ LOADS: Final = {
     "bend": ("rad", "deg", "commanded bend"),
     **{f"tip_force.{q}": ("N", "N", f"tip force along {q}") for q in "xyz"},
     **{f"gravity.{q}": ("m/s^2", "m/s^2", f"gravity along {q}") for q in "xyz"},
+    "tip_force": ("N", "N", "tip force"),
+    "payload": ("kg", "g", "payload at the tip"),
+    "tilt": ("rad", "deg", "tilt of the base"),
+    "tilt_towards": ("rad", "deg", "direction of the tilt"),
 }
 """Axes that are not numbers of the robot file: SI unit, usual unit and label."""
 
@@ -43,6 +47,8 @@ MOST_POINTS: Final = 1001
 _POINTS: Final = 21
 _WHOLE_POINTS: Final = 41
 _COUNT: Final = "count"
+_WHOLE: Final = ("tip_force", "payload", "tilt", "tilt_towards")  # loads without components
+_ANGLES: Final = ("bend", "tilt", "tilt_towards")
 _FAR: Final = 100.0  # ratio of a range to the robot's own value that suggests another unit
 _LABELS: Final = {
     "E": "Young's modulus",
@@ -101,6 +107,8 @@ class Axis:
             raise InputError("axis tension: got a negative tension; a tendon can only pull")
         if self.path == "bend" and min(self.start, self.stop) < 0.0:
             raise InputError("axis bend: got a negative bend; actuate a tendon of the other side")
+        if self.path == "payload" and min(self.start, self.stop) < 0.0:
+            raise InputError("axis payload: got a negative mass; a payload is 0 g or more")
 
     @property
     def is_whole(self) -> bool:
@@ -157,7 +165,7 @@ class Axis:
         name, _, along = self.path.partition(".")
         if self.path in RAMPS:
             return None
-        if name == "tip_force":
+        if name in _WHOLE:
             return 0.0
         if name == "gravity":
             return float(robot.gravity["xyz".index(along)])
@@ -227,8 +235,8 @@ def read_axis(text: str, robot: Robot) -> Axis:
 
 def _means_usual_unit(axis: Axis, robot: Robot) -> bool:
     """Whether numbers without a unit are far from the robot's own in SI, but not in usual units."""
-    if axis.path == "bend":
-        return max(axis.start, axis.stop) > 2.0 * np.pi
+    if axis.path in _ANGLES:
+        return max(abs(axis.start), abs(axis.stop)) > 2.0 * np.pi
     own = axis.own_value(robot)
     if not own or axis.factor == 1.0:
         return False

@@ -16,6 +16,7 @@ from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, share_of_length
 from bowstring.validity.axes import BY_DISPLACEMENT, RAMPS, Axis, axes_of
+from bowstring.validity.dead_loads import check_dead_loads
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading, largest_load, named
 from bowstring.validity.space import Errors, Space
@@ -80,8 +81,15 @@ class Question:
         return cls(space, _models(space, models), _metric(space, metric), tolerance)
 
     def label(self, axis: int) -> str:
-        """Label of an axis with its unit; that of the tension names the tendon."""
-        return named(self.space.axes[axis].label, self.space.shares)
+        """Label of an axis with its unit; of tension and tip force also the tendon or direction."""
+        return self._named(self.space.axes[axis], self.space.axes[axis].label)
+
+    def _named(self, axis: Axis, label: str) -> str:
+        if axis.path != "tip_force":
+            return named(label, self.space.shares)
+        force = np.array(self.space.load.tip_force, dtype=float)
+        along = ", ".join(f"{v + 0.0:.3g}" for v in force / np.linalg.norm(force))
+        return label.replace(axis.words, f"{axis.words} along ({along})")
 
     def errors(self, points: Floats) -> Errors:
         """Errors of its models at points (P, A)."""
@@ -98,7 +106,7 @@ class Question:
             "tolerance_percent": 100.0 * self.tolerance,
             "metric": self.metric,
             "max_tension_N": None if space.by_displacement else space.max_tension,
-            "axes": [axis.to_dict(named(axis.words, space.shares)) for axis in space.axes],
+            "axes": [axis.to_dict(self._named(axis, axis.words)) for axis in space.axes],
         }
 
 
@@ -182,6 +190,7 @@ def space_of(
         raise InputError("load has a tip moment; a map takes gravity and tip force only")
     if load.disk_forces is not None or load.disk_moments is not None:
         raise InputError("load has loads on disks; a map takes gravity and tip force only")
+    check_dead_loads(robot, paths, load)
     shares = np.array(loading.shares(robot))
     top = float("nan") if "bend" in paths else end_of_ramp(robot, loading)
     return Space(robot, axes, shares, top, RodModel(), load, loading.points)

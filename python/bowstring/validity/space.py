@@ -15,6 +15,7 @@ from bowstring.robot.paths import full_paths
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validity.axes import RAMPS, Axis
+from bowstring.validity.dead_loads import dead_loads
 from bowstring.validity.effects import EFFECTS, Rods, acting, without
 from bowstring.validity.errors import Ramps, follow, tip_offsets
 
@@ -287,22 +288,17 @@ class Space:
 
     def _rods(self, robot: Robot, points: Floats) -> tuple[Rods, Floats]:
         values: dict[str, Floats] = {}
-        vectors: dict[str, Floats] = {}
+        loads: dict[str, Floats] = {}
         end = np.full(len(points), self.max_tension)
         for i, axis in enumerate(self.all_axes):
             if axis.path in RAMPS:
                 end = points[:, i]
             elif axis.is_load:
-                name, _, along = axis.path.partition(".")
-                if name not in vectors:
-                    given = getattr(self.load, name)
-                    base = robot.gravity if name == "gravity" and given is None else given
-                    vectors[name] = np.tile(np.zeros(3) if base is None else base, (len(points), 1))
-                vectors[name][:, "xyz".index(along)] = points[:, i]
+                loads[axis.path] = points[:, i]
             elif not axis.is_whole:
                 values[axis.path] = points[:, i]
         if not values:  # one number stands for all, so that there is a robot for each point
             values = {"segments.0.length": np.full(len(points), robot.segments[0].length)}
-        load = self.load.replace(**vectors)
+        load = self.load.replace(**dead_loads(robot, self.load, loads, len(points)))
         rods = Rods(Designs(robot, values), self.model, load, self.by_displacement)
         return rods, end[:, None] * np.linspace(0.0, 1.0, self.loads)
