@@ -64,9 +64,11 @@ def test_a_study_has_a_map_of_any_robot(robot: bs.Robot, words: str) -> None:
 
 def test_a_study_without_a_map_says_why() -> None:
     found = bs.run_study(ROBOT.with_({COUNT: 61}), loading=Loading(points=2))
-    assert found.map is None and "validity_map" not in [f.stem for f in found.figures]
+    assert found.map is None and found.load_map is None
+    assert not {"validity_map", "load_map"} & {f.stem for f in found.figures}
     (why,) = [note for note in found.notes if "map" in note]
-    assert why.startswith("The map of validity is left out: amouri2019 has 61 disks")
+    assert why.startswith("The maps of validity are left out: amouri2019 has 61 disks")
+    assert found.to_dict()["maps"] == {"design": None, "load": None, "text": []}
     mixed = {
         f"segments.0.{path}": value
         for path, value in {

@@ -90,6 +90,14 @@ def study(
             "1 %, assumed]",
         ),
     ] = None,
+    over: Annotated[
+        str | None,
+        option(
+            "PATH=FROM:TO[:N]",
+            "Load beside the tension in the map over loads: payload=0:100 g, tilt=0:90 deg, "
+            "tip_force=0:1 N, gravity.z.  [default: payload, or tip_force without gravity]",
+        ),
+    ] = None,
     overrides: Overrides = None,
     verbose: Annotated[
         bool, typer.Option("--verbose", help="Print all tables and the whole verdict as well.")
@@ -136,7 +144,7 @@ def study(
         joint = of_flag("--uncertainty", lambda file: read_distributions(file, model), uncertainty)
         for sentence in joint.warnings:
             say("Warning", sentence)
-    extras = Extras(solid, Settings(grip=grip or Settings.grip) if fe else None, joint)
+    extras = Extras(solid, Settings(grip=grip or Settings.grip) if fe else None, joint, over)
     folder = of_flag("--out", check_folder, report.default_folder(model) if out is None else out)
     try:
         with progress_bar("CAD kernel" if solid else "geometric sweep") as notify:

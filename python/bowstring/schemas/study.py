@@ -23,7 +23,7 @@ from bowstring.schemas.basic import (
     about,
 )
 from bowstring.schemas.fit import EndOfFit
-from bowstring.schemas.maps import SpreadValues
+from bowstring.schemas.maps import MapValues, SpreadValues
 
 # -- comparisons -----------------------------------------------------------------------------------
 
@@ -680,6 +680,20 @@ class UncertainNumbers(Object):
     ]
 
 
+class StudyMaps(Object):
+    """Maps of validity of a study: errors at the tension of the first axis."""
+
+    design: Annotated[
+        MapValues | None,
+        about("Over the tension and a number of the design; `null` where `notes` say why."),
+    ]
+    load: Annotated[
+        MapValues | None,
+        about("Over the tension and a load (`--over`); `null` where `notes` say why."),
+    ]
+    text: Annotated[list[str], about("Loads up to which the tolerance holds, in sentences.")]
+
+
 class StudyResults(Object):
     """Result of `Study.to_dict`."""
 
@@ -704,6 +718,7 @@ class StudyResults(Object):
     ]
     sweep: Annotated[StudySweep, about("Sweep by statics.")]
     dynamics: Annotated[Motion | NoMotion, about("Dynamics, or why they were left out.")]
+    maps: Annotated[StudyMaps, about("Maps of validity.")]
     uncertainty: Annotated[
         UncertainNumbers, about("Validity limits with uncertain numbers of the robot.")
     ]

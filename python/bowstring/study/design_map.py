@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.study.settings import Settings
 
-__all__ = ["caption_of", "design_axis", "design_map", "without_map"]
+__all__ = ["caption_of", "design_axis", "design_map", "has_too_many_disks", "without_map"]
 
 _MOST_DISKS: Final = 60  # of a robot with a map
 _LOADS, _POINTS = 21, 12  # points of the axes
@@ -51,13 +51,17 @@ def design_map(robot: Robot, settings: Settings) -> ValidityMap | None:
     return compute_map(Question.of(space, settings.tolerance))
 
 
+def has_too_many_disks(robot: Robot) -> bool:
+    """Whether a robot has too many disks for the maps of a study."""
+    return len(robot.disks.station_m) > _MOST_DISKS
+
+
 def without_map(robot: Robot) -> str:
     """Why a robot has no map, in a sentence; empty if it has one."""
-    count = len(robot.disks.station_m)
-    if count > _MOST_DISKS:
+    if has_too_many_disks(robot):
         return (
-            f"The map of validity is left out: {robot.name} has {count} disks, and the map is for "
-            f"at most {_MOST_DISKS}; bowstring map computes it."
+            f"The maps of validity are left out: {robot.name} has {len(robot.disks.station_m)} "
+            f"disks, and they are for at most {_MOST_DISKS}; bowstring map computes them."
         )
     if design_axis(robot) is None:
         return (

@@ -332,7 +332,7 @@ class _Effect:
 
 def _effects(model: Model) -> list[_Effect]:
     clamps = sorted({f"{c * 1e3:.4g}" for c in model.budget_clamps})
-    force = _tip_force(model.robot)
+    force = transverse_force(model.robot, _MAX_SIDEWAYS)
     spans = "straight spans, not a continuous tendon"
     horizontal, across = _times(model.towards, -GRAVITY), _times(model.across, force)
     return [
@@ -349,14 +349,28 @@ def _effects(model: Model) -> list[_Effect]:
     ]
 
 
-def _tip_force(robot: Robot) -> float:
-    """Tip force of the budget, N: 1 N for the study's robot, else one with a similar effect."""
+def transverse_force(robot: Robot, share: float, unit: float = 1.0) -> float:
+    """Largest round force that moves the straight robot's tip by at most a share of its length.
+
+    Parameters
+    ----------
+    robot : Robot
+    share : float
+        Deflection over the length, by linear theory.
+    unit : float
+        What is round is the force over this, such as a mass: the force over gravity.
+
+    Returns
+    -------
+    float
+        The force in N, over `unit`.
+    """
     compliance, beyond = 0.0, robot.length
     for segment, stiffness in zip(robot.segments, robot.bending_stiffness, strict=True):
         inner = beyond - segment.length
         compliance += (beyond**3 - inner**3) / (3.0 * float(stiffness))
         beyond = inner
-    return round_down(_MAX_SIDEWAYS * robot.length / compliance)
+    return round_down(share * robot.length / compliance / unit)
 
 
 def _without(physics: Physics, effect: _Effect) -> Physics:

@@ -660,6 +660,11 @@ def _map(study: Study) -> Figure:
     return study.map.figure()
 
 
+def _load_map(study: Study) -> Figure:
+    assert study.load_map is not None
+    return study.load_map.figure()
+
+
 def _spread(study: Study) -> Figure:
     return study.spreads[-1].figure()  # from force, which knows less than from lengths
 
@@ -681,6 +686,7 @@ _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fe_stress": _fe_stress,
     "fe_field": _fe_field,
     "validity_map": _map,
+    "load_map": _load_map,
     "validity_spread": _spread,
     "error_budget": _error_budget,
     "hysteresis": _hysteresis,

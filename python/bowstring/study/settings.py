@@ -64,11 +64,17 @@ class Extras:
         Distributions of the robot's numbers, as `bowstring.uncertainty.read_distributions` takes
         them. By default a standard deviation of 5 % of Young's modulus and of 1 % of the pitch
         radius, which the report calls assumed.
+    over : str, optional
+        Axis beside the tension of the map over loads: ``"payload=0:100 g"``, ``"tilt=0:90 deg"``,
+        ``"tip_force=0:1 N"`` (perpendicular to the bending plane), a component such as
+        ``tip_force.x`` or ``gravity.z``. By default a payload, or a tip force where the robot has
+        no gravity.
     """
 
     solid: bool = False
     fe: FeSettings | None = None
     uncertainty: Distributions | str | Path | Mapping[str, Any] | None = None
+    over: str | None = None
 
 
 @short_repr

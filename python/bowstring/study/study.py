@@ -49,6 +49,7 @@ from bowstring.statics.model import RodModel
 from bowstring.study.comparison import COMPARISONS, MEANINGS, Model, Theory
 from bowstring.study.design_map import caption_of, design_map, without_map
 from bowstring.study.error_budget import Budget, error_budget
+from bowstring.study.load_map import caption_of_loads, check_load_axis, load_map, load_sentence
 from bowstring.study.ramp_response import (
     Surface,
     Transient,
@@ -192,6 +193,11 @@ FIGURES: Final = (
         "validity_map",
         "Map of validity",
         "Tip error of constant curvature by a number of the design and the tension.",
+    ),
+    Figure(
+        "load_map",
+        "Map of validity under load",
+        "Tip error of constant curvature by a load and the tension.",
     ),
     Figure(
         "validity_spread",
@@ -375,6 +381,8 @@ class Study:
     """Sweep by finite elements, if requested."""
     map: ValidityMap | None = None
     """Validity over the tension and a number of the design; None where `notes` say why."""
+    load_map: ValidityMap | None = None
+    """Validity over the tension and a load; None where `notes` say why."""
     spreads: tuple[Spread, ...] = ()
     """Validity limits with uncertain numbers, from lengths and from force."""
     uncertainty_assumed: bool = True
@@ -422,11 +430,14 @@ class Study:
         missing = ["fig05_over_time"] * (self.dynamics is None)
         missing += ["fig02_disk"] * bool(self.without_disks)
         missing += ["validity_map"] * (self.map is None)
+        missing += ["load_map"] * (self.load_map is None)
         missing += ["validity_spread"] * (not self.spreads)
         found = [f for f in FIGURES if f.stem not in missing]
-        if self.map is not None:
-            of_map = caption_of(self.map)
-            found = [replace(f, caption=of_map) if f.stem == "validity_map" else f for f in found]
+        captions = {
+            **({} if self.map is None else {"validity_map": caption_of(self.map)}),
+            **({} if self.load_map is None else {"load_map": caption_of_loads(self.load_map)}),
+        }
+        found = [replace(f, caption=captions.get(f.stem, f.caption)) for f in found]
         if self.bricks is not None:
             found = [replace(f, caption=f.caption + _BRICKS_IN.get(f.stem, "")) for f in found]
         found = [*(SOLID_FIGURES if self.solid else ()), *found]
@@ -554,6 +565,11 @@ class Study:
             "dynamics": {"status": "left_out", "text": list(self.dynamics_text)}
             if self.dynamics is None
             else {**self.dynamics.to_dict(), "errors_mm": self._errors_mm("dynamics")},
+            "maps": {
+                "design": None if self.map is None else self.map.to_dict(),
+                "load": None if self.load_map is None else self.load_map.to_dict(),
+                "text": [] if self.load_map is None else [load_sentence(self.load_map)],
+            },
             "uncertainty": {
                 "assumed": self.uncertainty_assumed,
                 "models": [spread.to_dict() for spread in self.spreads],
@@ -644,6 +660,8 @@ def run_study(
     notify = progress or (lambda what, share: None)
     loading, extras = instance("loading", loading, Loading), instance("extras", extras, Extras)
     settings = _settings(robot, tolerance, theory, loading, instance("ramp", ramp, Ramp))
+    model = Model(robot, settings.tendon, settings.theory, settings.shares)
+    over = check_load_axis(robot, model, extras.over)
     solid, fe = extras.solid, extras.fe
     if solid:
         from bowstring.cad.solid import check_cad
@@ -672,7 +690,6 @@ def run_study(
     notify = _between(
         whole, 0.0, 1.0 if fe is None else 0.2
     )  # finite elements take most of the time
-    model = Model(robot, settings.tendon, settings.theory, settings.shares)
     model.arc_scale = _arc_scale(model, settings)
 
     notify("geometric sweep", 0.0)
@@ -705,6 +722,7 @@ def run_study(
 
     notify("map and uncertainty", 0.9)
     of_design = design_map(with_tendons(robot, {"friction": 0.0}), settings)
+    of_load = load_map(model, settings, over)
     spreads = _spreads(robot, settings, extras.uncertainty)
 
     bricks, by_bricks = None, {}
@@ -749,6 +767,7 @@ def run_study(
         solid=solid,
         bricks=bricks,
         map=of_design,
+        load_map=of_load,
         spreads=spreads,
         uncertainty_assumed=extras.uncertainty is None,
     )

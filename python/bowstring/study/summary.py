@@ -12,6 +12,7 @@ import numpy as np
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, number, significant
 from bowstring.study.comparison import MEANINGS
+from bowstring.study.load_map import load_text
 from bowstring.study.study import Study
 from bowstring.study.verdict import Meaning, corrections
 from bowstring.validity.errors import LABELS
@@ -121,17 +122,18 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         known = [s for s in study.spreads if s.limit_indices is not None] or study.spreads
         limits = [f"{LABELS[s.name]} to {s.limit_text}" for s in known]
         yield f"Valid with {study.uncertain_numbers} ({how}), median", "; ".join(limits)
+    if study.load_map is not None:
+        yield load_text(study.load_map)
     yield from _largest_effect(study)
     yield from _actuation(study)
     if study.limits_text:
         yield "Backbone", study.limits_text[0].rstrip(".")
     if study.dynamics is not None and math.isfinite(study.dynamics.max_difference[0]):
-        largest, at = study.dynamics.max_difference
+        largest, _ = study.dynamics.max_difference
         yield (
             "Dynamics",
-            f"the tension rises within {significant(study.dynamics.rise)} s; the tip is then at "
-            f"most {in_mm(largest)} from its static equilibrium (at a tension of "
-            f"{significant(at)} N)",
+            f"the tip is within {in_mm(largest)} of its static equilibrium (rise in "
+            f"{significant(study.dynamics.rise)} s)",
         )
     elif study.dynamics is None:
         yield "Dynamics", study.dynamics_text[0].rstrip(".")
@@ -176,5 +178,5 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     for row in elastic:
         if _enough(study, row.moved_n):
             over = _over(study, row.moved_n, ", over ")
-            moved = f"move the tip by {in_mm(row.moved)} on average, at the same displacement{over}"
+            moved = f"move the tip by {in_mm(row.moved)} in the mean{over}"
             yield f"Elastic tendons{assumed}", moved

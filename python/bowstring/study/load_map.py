@@ -1,0 +1,198 @@
+"""Map of validity of a study over the tension and a load: payload, tip force, tilt or gravity."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.errors import InputError
+from bowstring.formatting import in_percent, listed, significant
+from bowstring.statics.load import Load
+from bowstring.statics.model import RodModel
+from bowstring.study.design_map import has_too_many_disks
+from bowstring.study.error_budget import transverse_force
+from bowstring.validity.axes import Axis, axes_of
+from bowstring.validity.dead_loads import check_dead_loads
+from bowstring.validity.errors import LABELS
+from bowstring.validity.maps import ValidityMap, compute_map
+from bowstring.validity.question import Question
+from bowstring.validity.space import Space
+
+if TYPE_CHECKING:
+    from bowstring.robot.model import Robot
+    from bowstring.study.comparison import Model
+    from bowstring.study.settings import Settings
+
+__all__ = [
+    "LOAD_AXES",
+    "caption_of_loads",
+    "check_load_axis",
+    "load_map",
+    "load_sentence",
+    "load_text",
+]
+
+Floats = NDArray[np.float64]
+
+LOAD_AXES: Final = ("payload", "tilt", "tip_force", "tip_force.x", "gravity.x")
+"""Kinds of the second axis of this map."""
+
+_TENSIONS, _POINTS = 13, 9  # points of the axes
+_RAMP: Final = 9  # loads on the way to a point
+_MOST_MOVED: Final = 0.065  # tip of the straight robot over its length, by linear theory
+
+
+def check_load_axis(robot: Robot, model: Model, over: str | None) -> Axis:
+    """Read the second axis of the map, or choose it for the robot.
+
+    Parameters
+    ----------
+    robot : Robot
+    model : Model
+        Robot and actuated tendons.
+    over : str, optional
+        Axis as for `bowstring.validity_map`, of the kinds `LOAD_AXES`. By default a payload, or,
+        where the robot has no gravity, a tip force.
+
+    Returns
+    -------
+    Axis
+        The chosen one ends at the largest round load that moves the straight robot's tip by at most
+        6.5 % of its length by linear theory, perpendicular to it.
+
+    Raises
+    ------
+    InputError
+        If the axis is wrong, or no load.
+    """
+    if over is not None:
+        (axis,) = axes_of(robot, [over])
+        kinds = {path.partition(".")[0] for path in LOAD_AXES}
+        if axis.path.partition(".")[0] not in kinds:
+            raise InputError(
+                f"axis {axis.path} is no load of this map; take payload, tilt, tip_force, "
+                "tip_force.x or gravity.z, and bowstring map for other numbers"
+            )
+        check_dead_loads(robot, [axis.path], _load(model, axis))
+        return axis
+    gravity = float(np.linalg.norm(robot.gravity))
+    force = transverse_force(robot, _MOST_MOVED)
+    if gravity > 0.0:
+        return Axis("payload", 0.0, transverse_force(robot, _MOST_MOVED, gravity), _POINTS)
+    return Axis("tip_force", 0.0, force, _POINTS)
+
+
+def load_map(model: Model, settings: Settings, axis: Axis) -> ValidityMap | None:
+    """Map over the tension and a load.
+
+    Parameters
+    ----------
+    model : Model
+        Robot, without friction, and actuated tendons.
+    settings : Settings
+    axis : Axis
+        Of `check_load_axis`.
+
+    Returns
+    -------
+    ValidityMap or None
+        None where the robot has too many disks for a map.
+    """
+    if has_too_many_disks(model.robot):
+        return None
+    space = Space(
+        model.robot,
+        (Axis("tension", 0.0, settings.max_tension, _TENSIONS), axis),
+        np.array(settings.shares),
+        settings.max_tension,
+        RodModel(settings.theory),
+        _load(model, axis),
+        _RAMP,
+    )
+    return compute_map(Question.of(space, settings.tolerance))
+
+
+def _load(model: Model, axis: Axis) -> Load:
+    """Load of all points: the direction of a tip force, perpendicular to the bending plane."""
+    return Load(tip_force=model.across) if axis.path == "tip_force" else Load()
+
+
+def _assumption(found: ValidityMap) -> str:
+    """Which gravity or direction the load of a map has, in words."""
+    axis = found.axes[1]
+    if axis.path == "tip_force":
+        return "dead, perpendicular to the bending plane"
+    if axis.path.startswith("tip_force."):
+        return "dead, in base axes"
+    gravity = ", ".join(f"{g:g}" for g in found.robot.gravity)
+    along = f"gravity ({gravity}) m/s2 of the robot file"
+    return {"payload": f"{along}", "tilt": f"the base leans towards x; {along}"}.get(axis.path, "")
+
+
+def caption_of_loads(found: ValidityMap) -> str:
+    """Caption of the map's figure."""
+    axis, why = found.axes[1], _assumption(found)
+    return (
+        f"Tip error of constant curvature by the {axis.words} and the tension, the robot as it is"
+        f"{f' ({why})' if why else ''}; the study has no such figure. Constant curvature does not "
+        "know the load. On the black line the error has the tolerance; colours name the effect "
+        "that makes more than half of it, and the weight of a payload counts as tip force."
+    )
+
+
+def load_text(found: ValidityMap) -> tuple[str, str]:
+    """Where the tolerance holds at half of the sweep's tension: a heading, and a sentence.
+
+    Parameters
+    ----------
+    found : ValidityMap
+        Of `load_map`.
+
+    Returns
+    -------
+    tuple of (str, str)
+    """
+    words, tension = found.axes[1].words, 0.5 * found.axes[0].stop
+    heading = f"{words[0].upper()}{words[1:]} at tension {significant(tension)} N"
+    parts = [
+        f"{_ranges(found, name, tension)} ({LABELS[name].removeprefix('from ')})"
+        for name in found.value
+    ]
+    return heading, f"{in_percent(found.tolerance, 3)} holds {', '.join(parts)}"
+
+
+def load_sentence(found: ValidityMap) -> str:
+    """The same as one sentence with its gravity or direction."""
+    (heading, sentence), why = load_text(found), _assumption(found)
+    return f"{heading}{f' ({why})' if why else ''}, {sentence}."
+
+
+def _ranges(found: ValidityMap, name: str, tension: float) -> str:
+    """Ranges of the load in which the tolerance holds at one tension, in words."""
+    axis, (x, y) = found.axes[1], found.fine_axes
+    values = found.fine[name][:, int(np.argmin(np.abs(x - tension)))]
+    unit = f" {axis.units[1]}" if axis.units[1] else ""
+    inside = np.isfinite(values) & (np.nan_to_num(values) <= found.tolerance)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    ranges = []
+    for first, last in edges.reshape(-1, 2).tolist():
+        ends = (
+            _crossing(y, values, first, first - 1, found.tolerance),
+            _crossing(y, values, last - 1, last, found.tolerance),
+        )
+        ranges.append(tuple(significant(end / axis.factor) for end in ends))
+    if not ranges:
+        return "nowhere"
+    if len(ranges) == 1 and ranges[0][0] == "0":
+        return f"to {ranges[0][1]}{unit}"
+    return f"at {listed([f'{low} to {high}{unit}' for low, high in ranges])}"
+
+
+def _crossing(y: Floats, values: Floats, inside: int, outside: int, level: float) -> float:
+    """Where the values reach a level between two neighbours; the inner one without the other."""
+    if not 0 <= outside < len(y) or not np.isfinite(values[outside]):
+        return float(y[inside])
+    share = (level - values[inside]) / (values[outside] - values[inside])
+    return float(y[inside] + share * (y[outside] - y[inside]))
