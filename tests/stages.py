@@ -13,6 +13,7 @@ from bowstring.study.comparison import COMPARISONS, Model, Theory
 from bowstring.study.error_budget import Budget, error_budget
 from bowstring.study.ramp_response import MODAL_DAMPING, Transient
 from bowstring.study.settings import Ramp
+from bowstring.study.shape_models import ShapeModels, compare_shapes
 from bowstring.study.study import GeometricSweep, Statics, Study
 from bowstring.study.verdict import Verdict, judge
 from bowstring.validity.loading import Loading
@@ -56,6 +57,11 @@ class Stages:
         return self.model.compare(s.tension, s.tip_position, s.tendon_lengths, tuple(COMPARISONS))
 
     @cached_property
+    def shapes(self) -> ShapeModels:
+        """Constant and variable curvature against statics."""
+        return compare_shapes(self.model, self.statics, self.comparisons)
+
+    @cached_property
     def ramp(self) -> tuple[Transient | None, str]:
         """The motion, or the reason why there is none."""
         return study._dynamics(self.model, self.settings, self.statics, lambda share: None)
@@ -85,7 +91,14 @@ class Stages:
     def judged(self, budget: Budget) -> Verdict:
         """The verdict for any budget, of which only the sentences on other effects are used."""
         chosen = self.settings
-        return judge(self.model, chosen.tolerance, chosen.max_tension, self.comparisons, budget)
+        return judge(
+            self.model,
+            chosen.tolerance,
+            chosen.max_tension,
+            self.comparisons,
+            budget,
+            self.shapes.text,
+        )
 
     def notes(self, in_time: dict[str, Comparison] | None = None) -> tuple[str, ...]:
         return study._notes(
@@ -115,7 +128,8 @@ class Stages:
             statics=self.statics,
             dynamics=None,
             without_dynamics="Dynamics is left out: it was not requested.",
-            comparisons=tuple(self.comparisons.values()),
+            comparisons=(*self.comparisons.values(), *self.shapes.comparisons),
+            shapes=self.shapes,
             claim=self.claim(),
             notes=self.notes(),
         )

@@ -235,6 +235,9 @@ def test_study(studied: tuple[Path, dict[str, Any]]) -> None:
         ("dynamics", "cc_from_force", 4.35),
         ("dynamics", "cc_from_lengths_chord", 0.13),
         ("dynamics", "cc_from_force_arm", 0.46),
+        ("statics", "constant_curvature_fit", 0.04),
+        ("statics", "linear_curvature_fit", 0.03),
+        ("statics", "quadratic_curvature_fit", 0.03),
     ]
     for comparison in found["comparisons"]:
         keys = "name against n mean_mm max_mm rms_mm mean_percent mean_by_axis_mm"

@@ -15,7 +15,7 @@ from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.statics import rod
 from bowstring.study.actuation_budget import actuation_budget
-from bowstring.study.comparison import COMPARISONS
+from bowstring.study.comparison import COMPARISONS, FITS
 from bowstring.study.settings import Ramp
 from bowstring.study.shapes import backbones
 from bowstring.study.study import Study, run_study
@@ -279,7 +279,10 @@ def test_the_contract(paper: Study) -> None:
         assert list(c) == [*fields, "mean_by_axis_mm"]
         assert len(c["mean_by_axis_mm"]) == 3
     order = [(c["against"], c["name"]) for c in got["comparisons"]]
-    assert order == [(a, n) for a in ("statics", "dynamics") for n in COMPARISONS]
+    assert order == [
+        *((a, n) for a in ("statics", "dynamics") for n in COMPARISONS),
+        *(("statics", name) for name in FITS),
+    ]
     assert all(c["n"] == 17 for c in got["comparisons"])
     for against, errors in (
         ("statics", got["sweep"]["errors_mm"]),
@@ -309,7 +312,11 @@ def test_a_study_runs_its_stages_and_reports_progress() -> None:
         alone.over(found),
         dynamics=motion,
         without_dynamics=without,
-        comparisons=(*alone.comparisons.values(), *alone.in_time.values()),
+        comparisons=(
+            *alone.comparisons.values(),
+            *alone.in_time.values(),
+            *alone.shapes.comparisons,
+        ),
         budget=alone.budget,
         verdict=alone.verdict,
         notes=alone.notes(alone.in_time),

@@ -181,7 +181,7 @@ def test_names_from_a_robot_file_are_escaped(paper: Study, tmp_path: Path) -> No
 def test_the_folder_contains_the_listed_files(written: Path) -> None:
     content = json.loads((written / "study.json").read_text(encoding="utf-8"))
     assert set(contents(written)) == set(content["files"])
-    assert len(content["figures"]) == len(FIGURES) == 17
+    assert len(content["figures"]) == len(FIGURES) == 18
     for figure in content["figures"]:
         assert (written / figure["png"]).read_bytes().startswith(b"\x89PNG")
         assert (written / figure["pdf"]).read_bytes().startswith(b"%PDF")
@@ -201,7 +201,7 @@ def test_study_json_matches_the_study(written: Path, paper: Study) -> None:
 
 def test_tables_have_units_and_numbers(written: Path, paper: Study) -> None:
     plain = {"name", "against", "n", "status", "disk", "effect", "case", "problem"}
-    plain |= {"control", "assumed"}
+    plain |= {"control", "assumed", "kind", "degree"}
     unit = re.compile(r"_(mm|N|s|MPa|deg|percent|n)$")  # n: a count
     names = set()
     for path in (written / "tables").glob("*.csv"):
@@ -218,6 +218,7 @@ def test_tables_have_units_and_numbers(written: Path, paper: Study) -> None:
         "comparisons",
         "errors",
         "backbones",
+        "shapes",
         "budget",
         "actuation",
     } <= names

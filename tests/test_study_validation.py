@@ -571,7 +571,12 @@ def test_the_json_has_the_comparisons_and_the_block(written: Path, whole: Study)
     # the simulated part equals that of the study without measurements
     alone = Stages(whole.robot, points=5)
     assert [c for c in content["comparisons"] if c["against"] != "measurement"] == [
-        c.to_dict() for c in (*alone.comparisons.values(), *alone.in_time.values())
+        c.to_dict()
+        for c in (
+            *alone.comparisons.values(),
+            *alone.in_time.values(),
+            *alone.shapes.comparisons,
+        )
     ]
 
 

@@ -197,6 +197,10 @@ class _Loads(NamedTuple):
     force: Array
     """Dead forces on the disks (N, 3), N."""
 
+    def part(self, rows: NDArray[np.intp], share: float = 1.0) -> _Loads:
+        """Some of the loads, with a share of the dead forces."""
+        return _Loads(self.free[rows], self.compliance, share * self.force)
+
 
 def curvature_from_loads(
     robot: Robot,
@@ -205,6 +209,7 @@ def curvature_from_loads(
     *,
     gravity: ArrayLike | None = None,
     tip_force: ArrayLike = (0.0, 0.0, 0.0),
+    start: VariableCurvature | None = None,
 ) -> VariableCurvature:
     """Predict polynomial curvatures from tensions, weight and tip force.
 
@@ -225,6 +230,9 @@ def curvature_from_loads(
         acts on each of its ends.
     tip_force : array_like (3,)
         Dead force at the tip, base axes, N.
+    start : VariableCurvature, optional
+        Result of a lower degree for the same loads, to start from. Without it, and where it is NaN,
+        dead loads are applied in parts.
 
     Returns
     -------
@@ -247,7 +255,12 @@ def curvature_from_loads(
     force = np.outer(_masses(robot), pull)
     force[-1] += np.asarray(tip_force, dtype=float)
     loads = _Loads(_by_tendons(robot, rows, order), _compliance(robot, order), force)
-    bend = _equilibria(robot, loads) if force.any() else loads.free
+    if start is not None and (start.bend.shape[:-3] != lead or start.degree > order):
+        raise InputError("start is of other loads, or of a higher degree")
+    bend = loads.free
+    if force.any():
+        below = None if start is None else start.bend.reshape(-1, *start.bend.shape[-3:])
+        bend = _equilibria(robot, loads, below)
     return VariableCurvature(robot, bend.reshape(*lead, *bend.shape[1:]))
 
 
@@ -306,21 +319,29 @@ def _by_tendons(robot: Robot, tensions: Array, degree: int) -> Array:
     return out
 
 
-def _equilibria(robot: Robot, loads: _Loads) -> Array:
-    """Newton iteration for some loads at once, with the dead loads in parts."""
-    out = np.empty_like(loads.free)
-    for first in range(0, len(out), _LOADS):
-        rows = slice(first, first + _LOADS)
-        bend = loads.free[rows]
+def _equilibria(robot: Robot, loads: _Loads, below: Array | None) -> Array:
+    """Newton iteration for some loads at once, from a result of lower degree or in parts."""
+    out = np.full_like(loads.free, np.nan)
+    if below is not None:
+        rows = np.flatnonzero(np.isfinite(below).all(axis=(1, 2, 3)))
+        bend = np.zeros((len(rows), *out.shape[1:]))
+        bend[:, :, : below.shape[2]] = below[rows]
+        for some in _groups(np.arange(len(rows))):
+            out[rows[some]] = _newton(robot, loads.part(rows[some]), bend[some])
+    for some in _groups(np.flatnonzero(np.isnan(out).any(axis=(1, 2, 3)))):
+        bend = loads.free[some]
         for share in _SHARES:
-            part = _Loads(loads.free[rows], loads.compliance, share * loads.force)
-            bend, stable = _newton(robot, part, bend)
-        out[rows] = np.where(stable[:, None, None, None], bend, np.nan)
+            bend = _newton(robot, loads.part(some, share), bend)
+        out[some] = bend
     return out
 
 
-def _newton(robot: Robot, loads: _Loads, start: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Solve for one part of the dead loads; also return where the equilibrium is stable."""
+def _groups(rows: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    return [rows[first : first + _LOADS] for first in range(0, len(rows), _LOADS)]
+
+
+def _newton(robot: Robot, loads: _Loads, start: Array) -> Array:
+    """Solve for one part of the dead loads; NaN where no stable equilibrium is found."""
     count, size = len(start), start[0].size
     inverse = np.repeat(1.0 / loads.compliance.ravel(), 2)
     ways = _STEP * np.concatenate([np.zeros((1, size)), np.eye(size)])
@@ -335,7 +356,9 @@ def _newton(robot: Robot, loads: _Loads, start: Array) -> tuple[Array, NDArray[n
         all_of = inverse * (moved - rest) - work
         return all_of[0], np.moveaxis(all_of[1:] - all_of[0], 0, -1) / _STEP
 
-    bend, change, hessian = start, np.full(count, np.inf), np.zeros((count, size, size))
+    known = np.asarray(np.isfinite(start).all(axis=(1, 2, 3)))
+    bend = np.where(known[:, None, None, None], start, loads.free)  # all rows have numbers
+    change, hessian = np.full(count, np.inf), np.zeros((count, size, size))
     for _ in range(_ITERATIONS):
         gradient, hessian = derivatives(bend)
         step = np.linalg.solve(hessian, -gradient[..., None])[..., 0]
@@ -346,8 +369,9 @@ def _newton(robot: Robot, loads: _Loads, start: Array) -> tuple[Array, NDArray[n
             break
     # congruent to the Hessian, and of one unit
     scaled = 0.5 * (hessian + np.swapaxes(hessian, 1, 2)) / np.sqrt(np.outer(inverse, inverse))
-    stable = (change < _CONVERGED) & (np.linalg.eigvalsh(scaled)[:, 0] > 0.0)
-    return bend, stable
+    scaled[~np.isfinite(scaled).all(axis=(1, 2))] = -np.eye(size)
+    stable = known & (change < _CONVERGED) & (np.linalg.eigvalsh(scaled)[:, 0] > 0.0)
+    return np.asarray(np.where(stable[:, None, None, None], bend, np.nan))
 
 
 def _degree(degree: int) -> int:

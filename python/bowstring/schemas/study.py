@@ -33,6 +33,12 @@ ModelName = Literal[
     "cc_from_force",
     "cc_from_lengths_chord",
     "cc_from_force_arm",
+    "constant_curvature_fit",
+    "linear_curvature_fit",
+    "quadratic_curvature_fit",
+    "constant_curvature_from_loads",
+    "linear_curvature_from_loads",
+    "quadratic_curvature_from_loads",
     "cc_calibrated",
     "rod",
     "rod_calibrated",
@@ -48,7 +54,10 @@ class Comparison(Object):
         about(
             "Model: `cc_from_lengths`, `cc_from_force`, and corrected `cc_from_lengths_chord`, "
             "`cc_from_force_arm`; against measurements also `cc_calibrated`, `rod`, "
-            "`rod_calibrated`. They come in this order."
+            "`rod_calibrated`. They come in this order. Last, against statics, come polynomials of "
+            "arc length as curvature: fitted to the shape by statics (`linear_curvature_fit` and "
+            "so on), or predicted from tensions and weight (`linear_curvature_from_loads`) where "
+            "that differs from the linear law."
         ),
     ]
     against: Annotated[
@@ -89,6 +98,41 @@ class DataComparison(Comparison):
         ),
     ]
     interval_95: Annotated[ComparisonIntervals, about("95 % intervals.")]
+
+
+# -- shapes ----------------------------------------------------------------------------------------
+
+
+class ShapeErrors(Object):
+    """Errors of one model at the tip and over the disks, against statics."""
+
+    name: Annotated[ModelName, about("Model, as of `comparisons`.")]
+    kind: Annotated[
+        Literal["constant_curvature", "fit", "prediction"],
+        about(
+            "`constant_curvature` from lengths or force; `fit`: curvature fitted to the disks by "
+            "statics; `prediction`: from tensions and weight."
+        ),
+    ]
+    degree: Annotated[int, about("Degree of the curvature in arc length; 0: constant.")]
+    n: Annotated[int, about("Number of loads.")]
+    tip_mean_mm: Annotated[OrNull, about("Mean error of the tip.")]
+    tip_max_mm: Annotated[OrNull, about("Largest error of the tip.")]
+    tip_mean_percent: Annotated[OrNull, about("Mean error of the tip in percent of the length.")]
+    shape_mean_mm: Annotated[
+        OrNull, about("Mean over the loads of the root mean square error over the disks.")
+    ]
+    shape_max_mm: Annotated[OrNull, about("Largest error of a disk.")]
+    shape_mean_percent: Annotated[OrNull, about("`shape_mean_mm` in percent of the length.")]
+
+
+class StudyShapes(Object):
+    """Constant curvature, and curvature that varies along the robot."""
+
+    models: Annotated[
+        list[ShapeErrors], about("Constant curvature, then fits and predictions by degree.")
+    ]
+    text: Annotated[list[str], about("Results, and why models are left out, in sentences.")]
 
 
 # -- verdict ---------------------------------------------------------------------------------------
@@ -718,6 +762,7 @@ class StudyResults(Object):
     ]
     sweep: Annotated[StudySweep, about("Sweep by statics.")]
     dynamics: Annotated[Motion | NoMotion, about("Dynamics, or why they were left out.")]
+    shapes: Annotated[StudyShapes, about("Models over the whole backbone.")]
     maps: Annotated[StudyMaps, about("Maps of validity.")]
     uncertainty: Annotated[
         UncertainNumbers, about("Validity limits with uncertain numbers of the robot.")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -33,13 +33,17 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COMPARISONS",
+    "FITS",
     "FROM_FORCE",
+    "LABELS",
     "MEANINGS",
+    "PREDICTIONS",
     "Case",
     "Model",
     "Physics",
     "Theory",
     "arcs_of",
+    "disks_by_arcs",
     "points_by_arcs",
     "short",
 ]
@@ -54,6 +58,24 @@ COMPARISONS: Final = {
     "cc_from_force_arm": "from force, mean arm",
 }
 """Names of the comparisons and their labels."""
+
+
+FITS: Final = {
+    "constant_curvature_fit": "constant curvature, fitted",
+    "linear_curvature_fit": "linear curvature, fitted",
+    "quadratic_curvature_fit": "quadratic curvature, fitted",
+}
+"""Comparisons of curvature fitted to the shape by statics, by degree, and their labels."""
+
+PREDICTIONS: Final = {
+    "constant_curvature_from_loads": "constant curvature, from loads",
+    "linear_curvature_from_loads": "linear curvature, from loads",
+    "quadratic_curvature_from_loads": "quadratic curvature, from loads",
+}
+"""Comparisons of curvature predicted from tensions and weight, by degree, and their labels."""
+
+LABELS: Final = {**COMPARISONS, **FITS, **PREDICTIONS}
+"""Labels of all comparisons with simulations."""
 
 
 def short(label: str) -> str:
@@ -165,19 +187,36 @@ def points_by_arcs(
 
     Rows without an arc are NaN; also returned is the reason of the last of them.
     """
-    out, reason = np.full((len(commands), 3), math.nan), ""
 
-    def points(rows: Any) -> Array:
-        tip = arcs_of(robot, name, commands[rows]).tip
+    def points(arcs: RobotArcs) -> Array:
+        tip = arcs.tip
         return tip.position if tool is None else np.asarray(tip.position + tip.rotation @ tool)
 
+    return _by_arcs(robot, name, commands, points, (3,))
+
+
+def disks_by_arcs(robot: Robot, name: str, commands: Array) -> Array:
+    """Disk centres (n, N, 3) by constant curvature, m; NaN in rows without an arc."""
+    shape = (len(robot.disks.station_m), 3)
+    return _by_arcs(robot, name, commands, lambda arcs: arcs.disk_positions, shape)[0]
+
+
+def _by_arcs(
+    robot: Robot,
+    name: str,
+    commands: Array,
+    of: Callable[[RobotArcs], Array],
+    shape: tuple[int, ...],
+) -> tuple[Array, str]:
+    """What arcs give (n, *shape), NaN in rows without one, and the reason of the last of them."""
+    out, reason = np.full((len(commands), *shape), math.nan), ""
     good = np.flatnonzero(np.isfinite(commands).all(axis=1))
     try:
-        out[good] = points(good)
+        out[good] = of(arcs_of(robot, name, commands[good]))
     except BowstringError:
         for i in good:
             try:
-                out[i] = points(i)
+                out[i] = of(arcs_of(robot, name, commands[i]))
             except BowstringError as error:
                 reason = str(error)
     return out, reason

@@ -25,6 +25,7 @@ from bowstring.study.data_figures import (
 )
 from bowstring.study.error_budget import SIDES, Budget, Side
 from bowstring.study.geometry_figures import draw_arc, draw_module
+from bowstring.study.shape_figures import draw_shapes
 from bowstring.study.shapes import backbones
 from bowstring.study.study import Study
 from bowstring.viz.style import AXES, LIGHT, TINY, WIDTH, legend_above, subplots
@@ -682,6 +683,7 @@ _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig07_configurations": _configurations,
     "fig10_overlay": _overlay,
     "backbones": _backbones,
+    "variable_curvature": draw_shapes,
     "fig11_errors": _errors,
     "fe_stress": _fe_stress,
     "fe_field": _fe_field,

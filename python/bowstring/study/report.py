@@ -140,7 +140,13 @@ def _html(study: Study, content: Mapping[str, Any], drawn: dict[str, str]) -> st
     page = environment.get_template("report.html.j2").render(
         study=study,
         content=content,
-        comparisons=[(COMPARISONS[c.name], c.to_dict()) for c in simulated(study)],
+        comparisons=[
+            (COMPARISONS[c.name], c.to_dict()) for c in simulated(study) if c.name in COMPARISONS
+        ],
+        shapes=[
+            (f"CC {m.label}" if m.name in COMPARISONS else m.label, m.to_dict())
+            for m in study.shapes.models
+        ],
         data=None if study.data is None else _data_page(study.data),
         sweep=_sweep_rows(study),
         budget=[_budget_page(study, side, title) for side, title in SIDES.items()],

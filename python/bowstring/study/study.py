@@ -8,7 +8,8 @@
    (`bowstring.study.ramp_response`);
 4. constant curvature compared with both, from the tendon *lengths* of the rod (Eq. 2-5 of the
    study) and from the *force* by the linear law, each plain and corrected
-   (`bowstring.study.comparison`);
+   (`bowstring.study.comparison`), and curvature that varies along the robot
+   (`bowstring.study.shape_models`);
 5. an error budget: physical effects one at a time, in this sweep, added to a baseline and removed
    from a full model (`bowstring.study.error_budget`); friction, elastic tendons and displacement
    control along a path of loading and unloading (`bowstring.study.actuation_budget`);
@@ -59,6 +60,7 @@ from bowstring.study.ramp_response import (
     transient,
 )
 from bowstring.study.settings import Extras, Ramp, Settings
+from bowstring.study.shape_models import ShapeModels, compare_shapes
 from bowstring.study.verdict import Verdict, judge
 from bowstring.validation import choice, instance, share_of_length, shown
 from bowstring.validity.loading import FARTHEST, MAX_BEND, TRIED, Loading, largest_load, turned
@@ -182,6 +184,15 @@ FIGURES: Final = (
         "The backbone in the bending plane at the largest load: the rod by statics, and constant "
         "curvature from lengths and from force, markers at the disks. Below, how far each disk by "
         "constant curvature is from the same disk by statics.",
+    ),
+    Figure(
+        "variable_curvature",
+        "Constant and variable curvature",
+        "Errors of constant curvature (CC), and of curvature that is a polynomial of arc length in "
+        "each segment, against statics: at the tip, and the RMS over the disks. Solid: fitted to "
+        "the shape by statics, the best that such a model can do. Dotted, where they differ from "
+        "the linear law: predicted from tensions, routing and weight. Below, the curvature in the "
+        "bending direction at the largest load, with that of the rod between its disks.",
     ),
     Figure(
         "fig11_errors",
@@ -369,6 +380,8 @@ class Study:
     """Error budget of constant curvature."""
     verdict: Verdict
     """Validity limits of constant curvature and their causes."""
+    shapes: ShapeModels
+    """Constant and variable curvature over the whole backbone."""
     claim: PublishedClaim | None
     """Published result; None for another robot, load range or actuation than the source study's."""
     notes: tuple[str, ...] = field(default=())
@@ -429,6 +442,7 @@ class Study:
         """Figures of the study: `SOLID_FIGURES`, `FIGURES`, `FE_FIGURES`, `DATA_FIGURES`."""
         missing = ["fig05_over_time"] * (self.dynamics is None)
         missing += ["fig02_disk"] * bool(self.without_disks)
+        missing += ["variable_curvature"] * (not self.shapes.curves)
         missing += ["validity_map"] * (self.map is None)
         missing += ["load_map"] * (self.load_map is None)
         missing += ["validity_spread"] * (not self.spreads)
@@ -565,6 +579,7 @@ class Study:
             "dynamics": {"status": "left_out", "text": list(self.dynamics_text)}
             if self.dynamics is None
             else {**self.dynamics.to_dict(), "errors_mm": self._errors_mm("dynamics")},
+            "shapes": self.shapes.to_dict(),
             "maps": {
                 "design": None if self.map is None else self.map.to_dict(),
                 "load": None if self.load_map is None else self.load_map.to_dict(),
@@ -698,6 +713,7 @@ def run_study(
     notify("statics", 0.05)
     statics = _statics(model, settings)
     comparisons = model.compare(statics.tension, statics.tip_position, statics.tendon_lengths)
+    shapes = compare_shapes(model, statics, comparisons)
 
     notify("dynamics", 0.1)
     motion, without = _dynamics(
@@ -718,7 +734,9 @@ def run_study(
     )
 
     notify("verdict", 0.8)
-    verdict = judge(model, settings.tolerance, settings.max_tension, comparisons, budget)
+    verdict = judge(
+        model, settings.tolerance, settings.max_tension, comparisons, budget, shapes.text
+    )
 
     notify("map and uncertainty", 0.9)
     of_design = design_map(with_tendons(robot, {"friction": 0.0}), settings)
@@ -754,9 +772,11 @@ def run_study(
             *in_time.values(),
             *by_bricks.values(),
             *(() if data is None else data.comparisons),
+            *shapes.comparisons,
         ),
         budget=budget,
         verdict=verdict,
+        shapes=shapes,
         claim=_claim(robot, settings, comparisons, in_time, by_bricks),
         notes=(
             *_notes(robot, settings, geometry, statics, comparisons, in_time, data),

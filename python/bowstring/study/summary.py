@@ -11,7 +11,7 @@ import numpy as np
 
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, number, significant
-from bowstring.study.comparison import MEANINGS
+from bowstring.study.comparison import FITS, MEANINGS
 from bowstring.study.load_map import load_text
 from bowstring.study.study import Study
 from bowstring.study.verdict import Meaning, corrections
@@ -122,6 +122,10 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         known = [s for s in study.spreads if s.limit_indices is not None] or study.spreads
         limits = [f"{LABELS[s.name]} to {s.limit_text}" for s in known]
         yield f"Valid with {study.uncertain_numbers} ({how}), median", "; ".join(limits)
+    fits = [model for model in study.shapes.models if model.kind == "fit"]
+    if fits:
+        means = [f"{FITS[m.name].partition(' ')[0]} {in_mm(m.comparison.mean)}" for m in fits]
+        yield "Fitted curvature", ", ".join(means)
     if study.load_map is not None:
         yield load_text(study.load_map)
     yield from _largest_effect(study)

@@ -117,6 +117,8 @@ def study_tables(study: Study) -> Iterable[Table]:
         ("error_mm", np.concatenate([c.error for c in comparisons]) * 1e3),
         ("error_percent", np.concatenate([c.error / c.length for c in comparisons]) * 100.0),
     )
+    shapes: list[Mapping[str, Any]] = [model.to_dict() for model in study.shapes.models]
+    yield _table("shapes", *((key, [row[key] for row in shapes]) for key in shapes[0]))
     if study.data is not None:
         yield from _data_tables(study.data)
     v = study.verdict

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rich import box
 from rich.console import Console
@@ -14,7 +14,7 @@ from rich.text import Text
 
 from bowstring.formatting import in_percent, number, signed
 from bowstring.study.actuation_budget import COMMANDED
-from bowstring.study.comparison import COMPARISONS, MEANINGS, Case, short
+from bowstring.study.comparison import COMPARISONS, LABELS, MEANINGS, Case, short
 from bowstring.study.error_budget import Side
 from bowstring.study.study import Study
 from bowstring.study.summary import COLUMNS, summarise
@@ -70,7 +70,8 @@ def _print_details(study: Study, console: Console) -> None:
         ("CC from", "mean mm", "max mm", "RMS mm", "mean %", *_BY_AXIS),
     )
     for physics, called in (("statics", ""), ("dynamics", ""), ("fe", "finite elements")):
-        for i, c in enumerate(study.against(physics)):
+        of_arcs = [c for c in study.against(physics) if c.name in COMPARISONS]
+        for i, c in enumerate(of_arcs):
             if i == 0:
                 errors.add_row(Text(f"vs {called or physics}", style="italic"))
             d = c.to_dict()
@@ -81,11 +82,12 @@ def _print_details(study: Study, console: Console) -> None:
             )
     console.print(errors)
     fewer = [
-        f"{short(COMPARISONS[c.name])}, against {c.against}: {c.n} of {loads} loads"
+        f"{short(LABELS[c.name])}, against {c.against}: {c.n} of {loads} loads"
         for c in simulated(study)
         if c.n < loads
     ]
     _print_notes(console, fewer)
+    _print_shapes(study, console)
     _print_section(console, "Dynamics", (*study.dynamics_text, *study.limits_text))
     if study.bricks is not None:
         _print_section(console, "Finite elements", study.bricks.text)
@@ -157,6 +159,20 @@ def _print_details(study: Study, console: Console) -> None:
     _print_section(console, f"Verdict at {percent}", study.verdict.text)
     if study.claim is not None:
         _print_section(console, "", [study.claim.text], "dim")
+
+
+def _print_shapes(study: Study, console: Console) -> None:
+    """Print errors of constant and variable curvature at the tip and over the disks."""
+    errors = _table(
+        "Constant and variable curvature against statics: tip, and RMS over the disks",
+        ("model", "tip mean mm", "tip max mm", "tip mean %", "disks mean mm", "disks mean %"),
+    )
+    keys = ("tip_mean_mm", "tip_max_mm", "tip_mean_percent", "shape_mean_mm", "shape_mean_percent")
+    for model in study.shapes.models:
+        label = f"CC {short(model.label)}" if model.name in COMPARISONS else model.label
+        d: Mapping[str, Any] = model.to_dict()
+        errors.add_row(label, *(number(d[key]) for key in keys))
+    console.print(errors)
 
 
 def _print_data(found: AgainstData, console: Console) -> None:

@@ -112,7 +112,7 @@ class Verdict:
     fine_error: dict[str, Array]
     """Errors on the fine sweep, m."""
     text: tuple[str, ...]
-    """Verdict, corrections and effects outside the sweep in sentences."""
+    """Verdict, corrections, variable curvature and effects outside the sweep in sentences."""
 
     def to_dict(self) -> schema.Verdict:
         """Return plain values in mm, N and percent."""
@@ -156,6 +156,7 @@ def judge(
     max_tension: float,
     comparisons: dict[str, Comparison],
     budget: Budget,
+    on_shapes: Sequence[str] = (),
 ) -> Verdict:
     """Find the validity limit of constant curvature, its cause, and effects outside the sweep.
 
@@ -170,6 +171,8 @@ def judge(
         Comparisons of the study by name, for the sentence on corrections.
     budget : Budget
         Error budget, for the sentence on effects outside the sweep.
+    on_shapes : sequence of str
+        Sentences on curvature that varies along the robot.
 
     Returns
     -------
@@ -188,6 +191,7 @@ def judge(
         text=(
             *(m.text for m in meanings),
             *_on_corrections(comparisons),
+            *on_shapes,
             *_on_left_out(budget),
             *budget.actuation.text,
             *_on_friction(budget, case_tension, tolerance, model.length),
