@@ -59,6 +59,7 @@ def draw_shapes(study: Study) -> Figure:
             axes.plot(tension, percent, label=_label(model.name), **look)
     for axes, what in ((tip, "tip error"), (disks, "RMS error over\nthe disks")):
         axes.set_yscale("log")
+        axes.minorticks_off()
         axes.set_ylabel(f"{what} (% of length)")
     disks.set_xlabel(f"tension of {study.settings.actuated} (N)")
     legend_above(tip, 2)
