@@ -72,8 +72,11 @@ def test_ranges_of_a_tilt_may_be_several_or_none() -> None:
     heading, sentence = load_text(mapped(UPRIGHT, "tilt=0:180 deg:13", 60.0))
     assert heading == "Tilt of the base at tension 30 N"
     first, rest = sentence.split(" (lengths)")
-    assert first.count(" to ") == 2 and first.endswith("to 180 deg")
+    assert first.count(" to ") == 2 and first.endswith("to at least 180 deg")
     assert rest.endswith("deg (force)")
+    # nothing is beyond the end of the axis
+    few = load_text(mapped(ROBOT, "tip_force.y=0:0.01 N", 20.0))[1]
+    assert few == "1 % holds to at least 0.01 N (lengths), to at least 0.01 N (force)"
     horizontal = ROBOT.with_({"gravity": "-9.81 0 0 m/s^2"})
     assert "holds nowhere (lengths)" in load_text(mapped(horizontal))[1]
 

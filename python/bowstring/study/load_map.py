@@ -41,6 +41,7 @@ LOAD_AXES: Final = ("payload", "tilt", "tip_force", "tip_force.x", "gravity.x")
 
 _TENSIONS, _POINTS = 13, 9  # points of the axes
 _RAMP: Final = 9  # loads on the way to a point
+_EDGE: Final = 1e-3  # share of the axis that is its end
 _MOST_MOVED: Final = 0.065  # tip of the straight robot over its length, by linear theory
 
 
@@ -176,18 +177,20 @@ def _ranges(found: ValidityMap, name: str, tension: float) -> str:
     unit = f" {axis.units[1]}" if axis.units[1] else ""
     inside = np.isfinite(values) & (np.nan_to_num(values) <= found.tolerance)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
-    ranges = []
+    span = axis.stop - axis.start
+    parts = []
     for first, last in edges.reshape(-1, 2).tolist():
-        ends = (
-            _crossing(y, values, first, first - 1, found.tolerance),
-            _crossing(y, values, last - 1, last, found.tolerance),
-        )
-        ranges.append(tuple(significant(end / axis.factor) for end in ends))
-    if not ranges:
+        low = _crossing(y, values, first, first - 1, found.tolerance)
+        high = _crossing(y, values, last - 1, last, found.tolerance)
+        from_start = abs(low - axis.start) < _EDGE * abs(span) and axis.start == 0.0
+        to_end = abs(high - axis.stop) < _EDGE * abs(span)
+        end = f"{'at least ' if to_end else ''}{significant(high / axis.factor)}{unit}"
+        parts.append(f"{'' if from_start else significant(low / axis.factor) + ' '}to {end}")
+    if not parts:
         return "nowhere"
-    if len(ranges) == 1 and ranges[0][0] == "0":
-        return f"to {ranges[0][1]}{unit}"
-    return f"at {listed([f'{low} to {high}{unit}' for low, high in ranges])}"
+    if len(parts) == 1 and parts[0].startswith("to "):
+        return parts[0]
+    return f"at {listed([f'0 {part}' if part.startswith('to ') else part for part in parts])}"
 
 
 def _crossing(y: Floats, values: Floats, inside: int, outside: int, level: float) -> float:
