@@ -21,7 +21,7 @@ from bowstring.validation import is_whole, shown
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["curvature_from_loads", "fewest_disks", "fit_curvature", "polyline_curvature"]
+__all__ = ["curvature_from_loads", "fit_curvature", "polyline_curvature"]
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ _SHARES: Final = (0.3, 0.65, 1.0)  # of weight and tip force
 # -- fit -------------------------------------------------------------------------------------------
 
 
-def fewest_disks(robot: Robot) -> int:
+def _fewest_disks(robot: Robot) -> int:
     """Number of disks in the segment that has the fewest."""
     return int(np.bincount(robot.disks.segment).min())
 
@@ -78,7 +78,7 @@ def fit_curvature(robot: Robot, disks: ArrayLike, degree: int) -> VariableCurvat
         raise InputError(f"disks has shape {rows.shape}, it must be (..., {count}, 3)")
     if not np.isfinite(rows).all():
         raise InputError("disks has a position that is not finite")
-    fewest = fewest_disks(robot)
+    fewest = _fewest_disks(robot)
     if fewest < order + 2:
         raise InputError(
             f"a segment of {robot.name} has {fewest} disks; a curvature of degree {order} needs "
