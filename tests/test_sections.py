@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 import bowstring as bs
 from bowstring.cad.solid import make_solid
-from bowstring.constant_curvature import RobotArcs
+from bowstring.constant_curvature import RobotArcs, curvature_from_loads
 from bowstring.dynamics.load_history import ramp
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
@@ -254,3 +254,19 @@ def test_finite_elements_of_a_tapered_robot_with_oblique_tendons(
     print(gap / moved)
     assert np.all(gap < 0.01 * moved)
     assert np.all(np.linalg.norm(solid - other, axis=1) > 0.2 * moved)
+
+
+@pytest.mark.parametrize("changes", [CONE, FLAT])
+def test_predicted_curvature_knows_the_section(changes: dict[str, object]) -> None:
+    """Small tensions: the angle is that of the rod's flexibility as the degree grows."""
+    robot = robot_with(changes)
+    tensions = 1e-3 * LOADS[0]
+    rod = bs.solve(robot, tensions, model=bs.RodModel("kirchhoff", tendon_path="continuous"))
+    straight = [0.0, 0.0, robot.length]
+    gaps = []
+    for degree in range(3):
+        found = curvature_from_loads(robot, tensions, degree).tip.position.ravel()
+        gaps.append(np.linalg.norm(found - rod.tip.position))
+    moved = np.linalg.norm(rod.tip.position - straight)
+    assert gaps[2] <= gaps[1] * 1.01 <= gaps[0] * 1.03
+    assert gaps[2] < 6e-3 * moved

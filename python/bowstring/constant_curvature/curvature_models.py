@@ -192,14 +192,14 @@ class _Loads(NamedTuple):
 
     free: Array
     """Coefficients (K, S, degree + 1, 2) by rest curvature and tensions alone."""
-    compliance: Array
-    """Coefficient by its generalised moment (S, degree + 1), rad/(N m)."""
+    stiffness: Array
+    """Stiffness of each segment (S, n, n) against its n coefficients, N m."""
     force: Array
     """Dead forces on the disks (N, 3), N."""
 
     def part(self, rows: NDArray[np.intp], share: float = 1.0) -> _Loads:
         """Some of the loads, with a share of the dead forces."""
-        return _Loads(self.free[rows], self.compliance, share * self.force)
+        return _Loads(self.free[rows], self.stiffness, share * self.force)
 
 
 def curvature_from_loads(
@@ -215,8 +215,8 @@ def curvature_from_loads(
 
     The coefficients make the potential energy stationary, and a minimum: bending, tendons at the
     distance of their holes from the backbone, dead loads (Ritz method, theory Eq. 1.11). Without
-    dead loads, and with parallel tendons on a backbone without rest twist, the result is the arc of
-    the linear law.
+    dead loads, and with parallel tendons on a uniform backbone without rest twist, the result is
+    the arc of the linear law.
 
     Parameters
     ----------
@@ -254,7 +254,8 @@ def curvature_from_loads(
     pull = np.asarray(robot.gravity if gravity is None else gravity, dtype=float)
     force = np.outer(_masses(robot), pull)
     force[-1] += np.asarray(tip_force, dtype=float)
-    loads = _Loads(_by_tendons(robot, rows, order), _compliance(robot, order), force)
+    stiffness = _stiffness(robot, order)
+    loads = _Loads(_by_tendons(robot, rows, stiffness), stiffness, force)
     if start is not None and (start.bend.shape[:-3] != lead or start.degree > order):
         raise InputError("start is of other loads, or of a higher degree")
     bend = loads.free
@@ -264,11 +265,30 @@ def curvature_from_loads(
     return VariableCurvature(robot, bend.reshape(*lead, *bend.shape[1:]))
 
 
-def _compliance(robot: Robot, degree: int) -> Array:
-    """Theory Eq. 1.11: ℓ (2 j + 1) / EI of each segment and polynomial."""
-    length = np.array([segment.length for segment in robot.segments])
-    stiffness = np.asarray(robot.bending_stiffness)
-    return np.asarray((length / stiffness)[:, None] * (2.0 * np.arange(degree + 1) + 1.0))
+def _stiffness(robot: Robot, degree: int) -> Array:
+    """Stiffness (S, n, n) of each segment against its n coefficients, N m.
+
+    Theory Eq. 1.11: the integral of E I times two polynomials, over the length; E I (2, 2) is that
+    against a bend towards x and y.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(degree + 4)
+    at = 0.5 + 0.5 * nodes
+    part = legendre(at, degree)
+    out = []
+    for segment in robot.segments:
+        backbone = segment.backbone.at(at)
+        first, second = (np.broadcast_to(backbone.E * i, at.shape) for i in backbone.second_moments)
+        sin, cos = np.sin(backbone.width_direction), np.cos(backbone.width_direction)
+        between = (second - first) * sin * cos
+        bending = np.array(
+            [
+                [first * sin**2 + second * cos**2, between],
+                [between, first * cos**2 + second * sin**2],
+            ]
+        )
+        each = np.einsum("n,ni,nj,pqn->ipjq", 0.5 * weights, part, part, bending)
+        out.append(each.reshape(2 * degree + 2, -1) / segment.length)
+    return np.array(out)
 
 
 def _masses(robot: Robot) -> Array:
@@ -279,13 +299,14 @@ def _masses(robot: Robot) -> Array:
     return np.asarray(robot.disks.mass_kg + 0.5 * (module + np.append(module[1:], 0.0)))
 
 
-def _by_tendons(robot: Robot, tensions: Array, degree: int) -> Array:
+def _by_tendons(robot: Robot, tensions: Array, stiffness: Array) -> Array:
     """Coefficients (K, S, degree + 1, 2) by rest curvature and tensions.
 
     The moment of a tendon is its tension times the place of its hole, which varies evenly between
     two disks; it is projected on the polynomials. A backbone that is twisted without load turns
     holes and rest curvature against the frame without torsion.
     """
+    degree = stiffness.shape[-1] // 2 - 1
     tendons, rest = robot.tendons, robot.rest_curvature
     stations = np.concatenate([[0.0], robot.disks.station_m])
     nodes, weights = np.polynomial.legendre.leggauss(degree + 3)
@@ -312,9 +333,10 @@ def _by_tendons(robot: Robot, tensions: Array, degree: int) -> Array:
             )
             moment += np.einsum("nj,npq,ntq->jtp", part, turn, place)
             free += np.einsum("nj,npq,q->jp", part, turn, own)
-        compliance = segment.length / float(robot.bending_stiffness[k])
-        by_tension = compliance * np.einsum("kt,jtq->kjq", tensions[:, passing], moment)
-        out[:, k] = (2.0 * np.arange(degree + 1) + 1.0)[:, None] * (by_tension + free)
+        total = np.einsum("kt,jtq->kjq", tensions[:, passing], moment)
+        by_tension = np.linalg.solve(stiffness[k], total.reshape(len(total), -1, 1))
+        out[:, k] = by_tension.reshape(total.shape)
+        out[:, k] += (2.0 * np.arange(degree + 1) + 1.0)[:, None] * free
         start, angle = end, angle + rest[k, 2] * segment.length
     return out
 
@@ -343,7 +365,9 @@ def _groups(rows: NDArray[np.intp]) -> list[NDArray[np.intp]]:
 def _newton(robot: Robot, loads: _Loads, start: Array) -> Array:
     """Solve for one part of the dead loads; NaN where no stable equilibrium is found."""
     count, size = len(start), start[0].size
-    inverse = np.repeat(1.0 / loads.compliance.ravel(), 2)
+    from scipy.linalg import block_diag  # only predictions need it
+
+    stiffness = block_diag(*loads.stiffness)
     ways = _STEP * np.concatenate([np.zeros((1, size)), np.eye(size)])
 
     def derivatives(bend: Array) -> tuple[Array, Array]:
@@ -353,7 +377,7 @@ def _newton(robot: Robot, loads: _Loads, start: Array) -> Array:
         by = shapes.disk_jacobian().reshape(size + 1, count, -1, 3, size)
         work = np.einsum("mkdcn,dc->mkn", by, loads.force)
         rest = loads.free.reshape(count, size)
-        all_of = inverse * (moved - rest) - work
+        all_of = (moved - rest) @ stiffness - work
         return all_of[0], np.moveaxis(all_of[1:] - all_of[0], 0, -1) / _STEP
 
     known = np.asarray(np.isfinite(start).all(axis=(1, 2, 3)))
@@ -368,7 +392,8 @@ def _newton(robot: Robot, loads: _Loads, start: Array) -> Array:
         if (change < _CONVERGED).all():
             break
     # congruent to the Hessian, and of one unit
-    scaled = 0.5 * (hessian + np.swapaxes(hessian, 1, 2)) / np.sqrt(np.outer(inverse, inverse))
+    units = np.diag(stiffness)
+    scaled = 0.5 * (hessian + np.swapaxes(hessian, 1, 2)) / np.sqrt(np.outer(units, units))
     scaled[~np.isfinite(scaled).all(axis=(1, 2))] = -np.eye(size)
     stable = known & (change < _CONVERGED) & (np.linalg.eigvalsh(scaled)[:, 0] > 0.0)
     return np.asarray(np.where(stable[:, None, None, None], bend, np.nan))
