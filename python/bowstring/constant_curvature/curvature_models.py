@@ -53,6 +53,7 @@ def fit_curvature(robot: Robot, disks: ArrayLike, degree: int) -> VariableCurvat
     Parameters
     ----------
     robot : Robot
+        The robot.
     disks : array_like (..., N, 3)
         Disk centres from base to tip, base excluded, m, base frame.
     degree : int
@@ -139,6 +140,7 @@ def polyline_curvature(robot: Robot, disks: Array) -> tuple[Array, Array]:
     Parameters
     ----------
     robot : Robot
+        The robot.
     disks : ndarray (K, N, 3)
         Disk centres, m.
 
@@ -221,6 +223,7 @@ def curvature_from_loads(
     Parameters
     ----------
     robot : Robot
+        The robot.
     tensions : array_like (..., T)
         Tensions, N, not negative.
     degree : int
