@@ -38,6 +38,10 @@ pub(crate) trait Passes: RoutedRod + Send + Sync {
     /// Contact force of every module (N), in the frame of its start disk.
     fn contact_forces(&self, visit: &mut dyn FnMut(usize, Vec3));
     fn set_gradient(&mut self, value: &dyn Fn(usize) -> Vec3);
+    /// Right-hand side of the next step, arc by arc from base to tip.
+    fn gradients(&self, visit: &mut dyn FnMut(usize, Vec3));
+    /// The last step, arc by arc from base to tip.
+    fn steps(&self, visit: &mut dyn FnMut(usize, Vec3));
     /// Copies the step to the right-hand side, for inverse iteration.
     fn step_to_gradient(&mut self, scale: f64);
     fn save(&mut self);
@@ -170,6 +174,12 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
     }
     fn set_gradient(&mut self, value: &dyn Fn(usize) -> Vec3) {
         Rod::set_gradient(self, value);
+    }
+    fn gradients(&self, visit: &mut dyn FnMut(usize, Vec3)) {
+        self.each_arc(|g| &self.gradients[g].g, visit);
+    }
+    fn steps(&self, visit: &mut dyn FnMut(usize, Vec3)) {
+        self.each_arc(|g| &self.newton.step[g], visit);
     }
     fn step_to_gradient(&mut self, scale: f64) {
         for (gradient, step) in self.gradients.iter_mut().zip(&self.newton.step) {

@@ -1207,11 +1207,19 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Strains of all arcs from base to tip, of one robot.
-    pub fn strains(&self, mut visit: impl FnMut(usize, Vec3)) {
+    pub fn strains(&self, visit: impl FnMut(usize, Vec3)) {
+        self.each_arc(|g| &self.states[g].w, visit);
+    }
+
+    /// Visits a vector of every arc from base to tip, of one robot; `of` is that of a group.
+    pub fn each_arc<'a>(
+        &'a self,
+        of: impl Fn(usize) -> &'a [Vec3<L::Module>; A],
+        mut visit: impl FnMut(usize, Vec3),
+    ) {
         for k in 0..self.module_count() {
-            for (a, v) in self.states[k / L::WIDTH].w.iter().enumerate() {
-                let w = get::<L>(v, k % L::WIDTH);
-                visit(k * A + a, Vec3([w[0].lane(0), w[1].lane(0), w[2].lane(0)]));
+            for (a, v) in of(k / L::WIDTH).iter().enumerate() {
+                visit(k * A + a, get::<L>(v, k % L::WIDTH).of_lane(0));
             }
         }
     }

@@ -4,7 +4,11 @@
 
 pub mod adaptive;
 pub mod batch;
+pub mod branches;
+mod continuation;
+mod deflation;
 pub mod designs;
+mod events;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod lanes;
 mod nearest;

@@ -41,7 +41,7 @@ impl Solver {
     /// perpendicular to the moment, squared frequencies lie within an angle of `|moment| sqrt(det
     /// C) / 2` of the real axis, or within the sum of these over the disks. This decides small
     /// moments. Larger ones need the frequencies.
-    fn stability(&mut self, load: &Load) -> Option<bool> {
+    pub(super) fn stability(&mut self, load: &Load) -> Option<bool> {
         self.engine.linearise();
         let pivot = self.engine.eliminate(true, 0.0);
         let unit = self.settings.shift_unit;

@@ -1,0 +1,484 @@
+//! Pseudo-arclength continuation of equilibria in a load factor.
+//!
+//! Theory: docs/theory/statics.md (Continuation).
+//!
+//! A point is the strain of all arcs and the load factor. Newton's method solves the equations of
+//! equilibrium beside that of a plane, by one elimination of the tangent and two right-hand sides.
+
+use crate::interrupt;
+use crate::math::lie::Pose;
+use crate::math::linalg::{Mat3, Vec3};
+use crate::model::load::OwnedLoad;
+use crate::model::robot::Robot;
+use crate::rod::estimate::Verdict;
+use crate::statics::outcome::TOLERANCE;
+use crate::statics::solver::Solver;
+
+/// Most Newton steps of a correction.
+const MAX_CORRECTIONS: usize = 10;
+/// Largest change of an arc's rotation vector in a step of a correction (rad).
+const MAX_CHANGE: f64 = 0.5;
+/// Diagonal shift of corrections over the unit of the shift: it keeps them finite where the tangent
+/// is singular.
+const REGULARISING_SHIFT: f64 = 1e-9;
+/// The same on a branch of a family, where the tangent is singular along the whole branch, as for a
+/// round rod that buckles in any plane.
+const FAMILY_SHIFT: f64 = 1e-6;
+/// Eigenvalue over the unit of the shift that counts as zero.
+const ZERO_EIGENVALUE: f64 = 1e-7;
+/// Residual below which a correction ends at once; a neutral direction needs it to be recognised.
+const FINE_RESIDUAL: f64 = 1e-13;
+/// Ratio of successive residuals above which rounding prevents a smaller one.
+const STAGNATION: f64 = 0.1;
+/// Increment of the scaled load for its derivative.
+const LOAD_INCREMENT: f64 = 1e-5;
+/// Component of the load in a unit tangent below which its sign is noise.
+const LEVEL: f64 = 1e-9;
+
+/// Loads whose linear interpolation by the load factor is followed: factor 0 and factor 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadPath {
+    /// Load at factor 0.
+    pub from: OwnedLoad,
+    /// Load at factor 1.
+    pub to: OwnedLoad,
+}
+
+impl LoadPath {
+    /// Load at a factor.
+    pub fn at(&self, factor: f64, out: &mut OwnedLoad) {
+        out.tensions.resize(self.from.tensions.len(), 0.0);
+        out.between(&self.from, &self.to, factor);
+        out.between_dead(&self.from, &self.to.borrow(), factor);
+    }
+
+    /// Load factor that belongs to a moment of (bending stiffness / length) at the base.
+    pub(super) fn scale(&self, robot: &Robot) -> f64 {
+        let spec = robot.spec();
+        let apart = |a: [f64; 3], b: [f64; 3]| (Vec3(b) - Vec3(a)).norm();
+        let (from, to) = (&self.from, &self.to);
+        let mut moment = apart(from.tip_force, to.tip_force) * robot.length()
+            + apart(from.gravity, to.gravity) * robot.mass() * robot.length()
+            + apart(from.tip_moment, to.tip_moment);
+        for (tendon, (a, b)) in spec
+            .tendons
+            .iter()
+            .zip(from.tensions.iter().zip(&to.tensions))
+        {
+            let arms = tendon.holes.iter().map(|h| h[0].hypot(h[1]));
+            moment += (b - a).abs() * arms.fold(0.0, f64::max);
+        }
+        let on = |rows: &[[f64; 3]], k: usize| rows.get(k).copied().unwrap_or_default();
+        for (k, disk) in spec.disks.iter().enumerate() {
+            let force = apart(on(&from.disk_forces, k), on(&to.disk_forces, k));
+            moment += force * disk.station;
+            moment += apart(on(&from.disk_moments, k), on(&to.disk_moments, k));
+        }
+        robot.moment_scale() / moment
+    }
+}
+
+/// A point or a direction: strain of all arcs, and load factor over its scale.
+#[derive(Clone, Debug)]
+pub(super) struct Vector {
+    pub strain: Vec<Vec3>,
+    pub load: f64,
+}
+
+impl Vector {
+    pub fn zero(arcs: usize) -> Self {
+        Vector {
+            strain: vec![Vec3::zero(); arcs],
+            load: 0.0,
+        }
+    }
+
+    /// Inner product: of rotations, the sum over arcs times their number, so that it does not
+    /// depend on the number of arcs.
+    pub fn dot(&self, o: &Self) -> f64 {
+        let strain = self.strain.iter().zip(&o.strain);
+        let strain: f64 = strain.map(|(a, b)| a.dot(*b)).sum();
+        strain * self.strain.len() as f64 + self.load * o.load
+    }
+
+    pub fn norm(&self) -> f64 {
+        self.dot(self).sqrt()
+    }
+
+    /// `self = a + factor * b`
+    pub fn set_sum(&mut self, a: &Self, factor: f64, b: &Self) {
+        for (to, (a, b)) in self.strain.iter_mut().zip(a.strain.iter().zip(&b.strain)) {
+            *to = b.scaled_add(factor, *a);
+        }
+        self.load = a.load + factor * b.load;
+    }
+
+    /// `self += factor * o`
+    pub fn add(&mut self, factor: f64, o: &Self) {
+        for (to, from) in self.strain.iter_mut().zip(&o.strain) {
+            *to = from.scaled_add(factor, *to);
+        }
+        self.load += factor * o.load;
+    }
+
+    pub fn scale(&mut self, factor: f64) {
+        self.strain.iter_mut().for_each(|v| *v = *v * factor);
+        self.load *= factor;
+    }
+
+    pub fn distance(&self, o: &Self) -> f64 {
+        let strain = self.strain.iter().zip(&o.strain);
+        let strain: f64 = strain.map(|(a, b)| (*a - *b).norm2()).sum();
+        let load = self.load - o.load;
+        (strain * self.strain.len() as f64 + load * load).sqrt()
+    }
+}
+
+/// Plane on which a correction ends (theory Eq. 3.6): `normal . (point - origin) = offset`.
+pub(super) struct Plane<'a> {
+    pub origin: &'a Vector,
+    pub normal: &'a Vector,
+    pub offset: f64,
+}
+
+/// What changes at a limit point or a bifurcation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Signature {
+    /// Number of negative eigenvalues, as in [`State::unstable`]; zero on a branch of a family.
+    pub unstable: usize,
+    /// Whether the load rises along the tangent.
+    pub rising: bool,
+}
+
+/// An equilibrium with all that is known about it.
+#[derive(Clone, Debug)]
+pub(super) struct State {
+    pub at: Vector,
+    /// Unit tangent of the branch.
+    pub tangent: Vector,
+    pub signature: Signature,
+    /// Number of negative eigenvalues of the second variation; under a moment only its parity.
+    pub unstable: usize,
+    /// Number of eigenvalues that are zero within rounding.
+    pub neutral: usize,
+    pub stable: Option<bool>,
+    pub residual: f64,
+    /// Elements that the error estimate or the compression of a module asks for.
+    pub needed: usize,
+    pub collision: Option<usize>,
+    /// Poses of all disks from base to tip.
+    pub disks: Vec<Pose>,
+}
+
+impl State {
+    pub fn empty(curve: &Curve) -> Self {
+        let arcs = curve.arcs();
+        let pose = Pose {
+            rotation: Mat3::identity(),
+            position: Vec3::zero(),
+        };
+        State {
+            at: Vector::zero(arcs),
+            tangent: Vector::zero(arcs),
+            signature: Signature {
+                unstable: 0,
+                rising: true,
+            },
+            unstable: 0,
+            neutral: 0,
+            stable: None,
+            residual: f64::INFINITY,
+            needed: 0,
+            collision: None,
+            disks: vec![pose; curve.solver.robot.module_count()],
+        }
+    }
+}
+
+/// Equations of the equilibria along a load path, with scratch memory.
+pub(super) struct Curve {
+    solver: Solver,
+    path: LoadPath,
+    /// Load at the present factor.
+    load: OwnedLoad,
+    /// Load factor of a unit of the scaled load.
+    pub scale: f64,
+    /// Whether the tangent is symmetric: no moments.
+    pub symmetric: bool,
+    /// Whether the branch is one of a family of equal ones, on which the zero eigenvalue hides those
+    /// that change their sign.
+    pub family: bool,
+    /// Present point.
+    pub at: Vector,
+    /// Largest moment imbalance of the last `residual`, over (bending stiffness / length).
+    imbalance: f64,
+    /// Derivative of the imbalance with respect to the scaled load.
+    by_load: Vec<Vec3>,
+    /// Newton step at constant load, and motion by the scaled load.
+    to_root: Vec<Vec3>,
+    motion: Vec<Vec3>,
+    /// Strain that removes the discretisation error.
+    error: Vector,
+}
+
+impl Curve {
+    /// Curve through the last equilibrium of the solver, which is that at factor 0.
+    pub fn new(solver: Solver, path: &LoadPath, scale: f64) -> Self {
+        let mut at = Vector::zero(2 * solver.elements * solver.robot.module_count());
+        solver.engine.strains(&mut |i, w| at.strain[i] = w);
+        let arcs = at.strain.len();
+        Curve {
+            solver,
+            path: path.clone(),
+            load: OwnedLoad::default(),
+            scale,
+            symmetric: !path.from.borrow().has_moment() && !path.to.borrow().has_moment(),
+            family: false,
+            at,
+            imbalance: f64::INFINITY,
+            by_load: vec![Vec3::zero(); arcs],
+            to_root: vec![Vec3::zero(); arcs],
+            motion: vec![Vec3::zero(); arcs],
+            error: Vector::zero(arcs),
+        }
+    }
+
+    pub fn arcs(&self) -> usize {
+        self.at.strain.len()
+    }
+
+    /// Load factor of a scaled load.
+    pub fn factor(&self, load: f64) -> f64 {
+        load * self.scale
+    }
+
+    fn evaluate(&mut self, load: f64) -> f64 {
+        self.path.at(load * self.scale, &mut self.load);
+        let engine = &mut self.solver.engine;
+        engine.load(&self.load.borrow());
+        engine.evaluate();
+        engine.gradient() / self.solver.settings.moment_scale
+    }
+
+    /// Imbalance at the present point, and its derivative with respect to the load.
+    pub fn residual(&mut self) -> f64 {
+        let at = &self.at;
+        self.solver.engine.set_strains(&|i| at.strain[i]);
+        let load = self.at.load;
+        self.evaluate(load + LOAD_INCREMENT);
+        let by_load = &mut self.by_load;
+        self.solver
+            .engine
+            .gradients(&mut |i, g| by_load[i] = g * (1.0 / LOAD_INCREMENT));
+        self.imbalance = self.evaluate(load);
+        let by_load = &mut self.by_load;
+        self.solver
+            .engine
+            .gradients(&mut |i, g| by_load[i] -= g * (1.0 / LOAD_INCREMENT));
+        self.imbalance
+    }
+
+    /// Eliminates the tangent at the present point, after `residual`.
+    fn eliminate(&mut self, shift: f64) {
+        let shift = shift * self.solver.settings.shift_unit;
+        self.solver.engine.eliminate(self.symmetric, shift);
+    }
+
+    /// Motion by the scaled load, for the last elimination.
+    fn solve_for_load(&mut self) {
+        let engine = &mut self.solver.engine;
+        let (by_load, motion) = (&self.by_load, &mut self.motion);
+        engine.set_gradient(&|i| by_load[i]);
+        engine.newton_step(self.symmetric);
+        engine.steps(&mut |i, s| motion[i] = s);
+    }
+
+    /// Newton step at constant load and motion by the load (theory Eq. 3.7), after `residual`.
+    pub fn solve_both(&mut self) {
+        self.solver.engine.linearise();
+        self.eliminate(match self.family {
+            true => FAMILY_SHIFT,
+            false => REGULARISING_SHIFT,
+        });
+        let engine = &mut self.solver.engine;
+        engine.newton_step(self.symmetric);
+        let to_root = &mut self.to_root;
+        engine.steps(&mut |i, s| to_root[i] = s);
+        self.solve_for_load();
+    }
+
+    /// Newton step at constant load, after `residual`.
+    pub fn newton_step(&mut self, step: &mut Vector) {
+        self.solver.engine.linearise();
+        self.eliminate(REGULARISING_SHIFT);
+        self.solver.engine.newton_step(self.symmetric);
+        self.solver.engine.steps(&mut |i, s| step.strain[i] = s);
+        step.load = 0.0;
+    }
+
+    /// Newton's method from the present point to the equilibrium on a plane; returns its steps.
+    pub fn correct(&mut self, plane: &Plane) -> Option<usize> {
+        let mut before = f64::INFINITY;
+        for step in 0..=MAX_CORRECTIONS {
+            if interrupt::work(4 * self.solver.settings.work) {
+                return None;
+            }
+            let residual = self.residual();
+            let stagnates = residual > STAGNATION * before;
+            if residual <= FINE_RESIDUAL || residual <= TOLERANCE && stagnates {
+                return Some(step);
+            }
+            before = residual;
+            if !residual.is_finite() || step == MAX_CORRECTIONS {
+                return None;
+            }
+            self.solve_both();
+            let arcs = self.arcs() as f64;
+            let normal = plane.normal;
+            let along = |v: &[Vec3]| {
+                let pairs = normal.strain.iter().zip(v);
+                pairs.map(|(n, v)| n.dot(*v)).sum::<f64>() * arcs
+            };
+            let place = self.at.dot(normal) - plane.origin.dot(normal);
+            let missing = plane.offset - place - along(&self.to_root);
+            let load = missing / (along(&self.motion) + normal.load);
+            let mut largest = 0.0;
+            for (i, w) in self.at.strain.iter_mut().enumerate() {
+                let change = self.motion[i].scaled_add(load, self.to_root[i]);
+                largest = f64::max(largest, change.max_abs());
+                *w += change;
+            }
+            self.at.load += load;
+            // a NaN is not small
+            if !(largest <= MAX_CHANGE) || !load.is_finite() {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// Sets the unit tangent at a corrected point, oriented `along` another direction, and returns
+    /// the number of negative eigenvalues and that of zero ones.
+    fn linearised(&mut self, along: &Vector, tangent: &mut Vector) -> (usize, usize) {
+        self.solver.engine.linearise();
+        let counts = if self.symmetric {
+            self.eliminate(-ZERO_EIGENVALUE);
+            let not_positive = self.solver.engine.negative_pivots();
+            let mut negative = 0;
+            if not_positive > 0 {
+                self.eliminate(ZERO_EIGENVALUE);
+                negative = self.solver.engine.negative_pivots();
+            }
+            (negative, not_positive.saturating_sub(negative))
+        } else {
+            self.eliminate(0.0);
+            (self.solver.engine.negative_pivots() % 2, 0)
+        };
+        self.solve_for_load();
+        tangent.strain.copy_from_slice(&self.motion);
+        tangent.load = 1.0;
+        let norm = tangent.norm();
+        let side = if tangent.dot(along) < 0.0 { -1.0 } else { 1.0 };
+        tangent.scale(side / norm);
+        counts
+    }
+
+    fn signature(&self, unstable: usize, tangent: &Vector, before: bool) -> Signature {
+        Signature {
+            unstable: if self.family { 0 } else { unstable },
+            rising: if tangent.load.abs() < LEVEL {
+                before
+            } else {
+                tangent.load > 0.0
+            },
+        }
+    }
+
+    /// Signature at the present corrected point, beside `from`; `tangent` is scratch memory.
+    pub fn probe(&mut self, from: &State, tangent: &mut Vector) -> Signature {
+        let (negative, _) = self.linearised(&from.tangent, tangent);
+        self.signature(negative, tangent, from.signature.rising)
+    }
+
+    /// Determines all about the present point, after `residual` or `correct`; `along` orients its tangent.
+    pub fn settle(&mut self, along: &Vector, rising: bool, out: &mut State) {
+        out.residual = self.imbalance;
+        let (mut negative, mut neutral) = self.linearised(along, &mut out.tangent);
+        if self.family {
+            // the eigenvalue of the family has either sign by rounding
+            (negative, neutral) = ((negative + neutral).saturating_sub(1), 1);
+        }
+        out.signature = self.signature(negative, &out.tangent, rising);
+        (out.unstable, out.neutral) = (negative, neutral);
+        out.at.strain.copy_from_slice(&self.at.strain);
+        out.at.load = self.at.load;
+        let stable = match (self.symmetric, negative, neutral) {
+            (true, 0, 0) => Some(true),
+            (true, 0, _) => None,
+            (true, _, _) => Some(false),
+            (false, _, _) => self.solver.stability(&self.load.borrow()),
+        };
+        let engine = &mut self.solver.engine;
+        let mut found = engine.estimate();
+        if self.family {
+            // the estimate is lost in motion along the family
+            found.motion = 0.0;
+        }
+        // near a limit point the error at constant load is large, that across the branch is not
+        engine.newton_step(self.symmetric);
+        let error = &mut self.error;
+        engine.steps(&mut |i, s| error.strain[i] = s);
+        error.load = 0.0;
+        let all = error.norm();
+        if all > 0.0 {
+            let along = error.dot(&out.tangent);
+            error.add(-along, &out.tangent);
+            found.motion *= error.norm() / all;
+        }
+        let length = self.solver.settings.length;
+        let verdict = Verdict::new(&found, [0.0; 2], stable, length, self.solver.elements);
+        out.stable = verdict.stable;
+        out.needed = verdict.needed;
+        engine.finish();
+        out.collision = engine.collision();
+        for (k, pose) in out.disks.iter_mut().enumerate() {
+            *pose = engine.disk(k);
+        }
+    }
+
+    /// Vectors near the null space of the tangent at a point, orthonormal, and orthogonal to some
+    /// others: inverse iteration.
+    pub fn null_vectors(&mut self, at: &Vector, count: usize, others: &[&Vector]) -> Vec<Vector> {
+        self.at.clone_from(at);
+        self.residual();
+        self.solver.engine.linearise();
+        self.eliminate(1e3 * REGULARISING_SHIFT);
+        let mut found: Vec<Vector> = vec![];
+        for number in 0..count {
+            let mut x = Vector::zero(self.arcs());
+            for (i, v) in x.strain.iter_mut().enumerate() {
+                let phase = (i * (number + 1)) as f64 + 0.7 * number as f64;
+                *v = Vec3([phase.cos(), 0.6 - (0.5 * phase).sin(), 0.1 * phase.sin()]);
+            }
+            for _ in 0..4 {
+                for other in others.iter().copied().chain(&found) {
+                    let part = x.dot(other);
+                    x.add(-part, other);
+                }
+                x.load = 0.0;
+                x.scale(1.0 / x.norm());
+                let engine = &mut self.solver.engine;
+                engine.set_gradient(&|i| x.strain[i]);
+                engine.newton_step(self.symmetric);
+                engine.steps(&mut |i, s| x.strain[i] = s);
+            }
+            for other in others.iter().copied().chain(&found) {
+                let part = x.dot(other);
+                x.add(-part, other);
+            }
+            x.scale(1.0 / x.norm());
+            found.push(x);
+        }
+        found
+    }
+}
