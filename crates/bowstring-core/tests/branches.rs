@@ -151,10 +151,10 @@ fn a_column_buckles_under_its_own_weight() {
 fn a_disturbed_column_has_a_limit_point_that_deflation_finds() {
     let euler = PI * PI * BENDING / (4.0 * LENGTH * LENGTH);
     let to = Load {
-        tip_force: [0.1, 0.0, -2.0 * euler],
+        tip_force: [0.05 * euler, 0.0, -1.9 * euler],
         ..compressed(0.0)
     };
-    let robot = column(4, 0.0);
+    let robot = column(9, 0.0);
     let all = found(&robot, to, Search::default());
     assert!(all.deflated && all.complete);
     assert!(all.branches[0]

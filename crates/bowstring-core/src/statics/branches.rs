@@ -18,7 +18,7 @@ use crate::statics::solver::{Solver, Status};
 use std::collections::VecDeque;
 
 /// Least length of a step, and first length over the largest one.
-const LEAST_STEP: f64 = 1e-6;
+pub(super) const LEAST_STEP: f64 = 1e-6;
 const FIRST_STEP: f64 = 0.2;
 /// Newton steps of a correction up to which the next step is longer, or from which it is shorter.
 const FEW_CORRECTIONS: usize = 3;
@@ -29,9 +29,9 @@ const SHORTER: f64 = 0.6;
 const FAILED: f64 = 0.4;
 /// Least cosine of the angle between tangents at the ends of a step: beyond it, the step may have
 /// gone to another branch.
-const STRAIGHT: f64 = 0.93;
+pub(super) const STRAIGHT: f64 = 0.93;
 /// Largest distance of the ends of a step over its length.
-const STRETCH: f64 = 1.1;
+pub(super) const STRETCH: f64 = 1.1;
 /// Distance within which two points are the same.
 const SAME: f64 = 1e-4;
 /// Distance from a chord of a branch within which a point may be on it, over the chord.
@@ -289,11 +289,13 @@ impl Following {
         {
             return false;
         }
-        let mut tried = 0;
+        let (mut tried, mut pushed) = (0, 0);
         loop {
             self.curve.family = false;
             let known = self.at_load(one);
-            let Some(state) = deflation::another(&mut self.curve, &known, one, &mut tried) else {
+            let state = deflation::another(&mut self.curve, &known, one, &mut tried)
+                .or_else(|| deflation::pushed(&mut self.curve, &known, one, &mut pushed));
+            let Some(state) = state else {
                 return true;
             };
             if self.branches.len() == self.search.branches {

@@ -252,6 +252,26 @@ impl Curve {
         load * self.scale
     }
 
+    /// Replaces the load path by one from the load at a scaled load of the present one, along a
+    /// transverse force at the tip, in units of bending stiffness over length squared.
+    pub fn push(&mut self, load: f64, direction: [f64; 3]) -> (LoadPath, f64) {
+        let mut from = OwnedLoad::default();
+        self.path.at(load * self.scale, &mut from);
+        let mut to = from.clone();
+        let settings = &self.solver.settings;
+        let unit = settings.moment_scale / settings.length;
+        for q in 0..3 {
+            to.tip_force[q] += unit * direction[q];
+        }
+        let before = std::mem::replace(&mut self.path, LoadPath { from, to });
+        (before, std::mem::replace(&mut self.scale, 1.0))
+    }
+
+    /// Takes back the load path that `push` replaced.
+    pub fn restore(&mut self, (path, scale): (LoadPath, f64)) {
+        (self.path, self.scale) = (path, scale);
+    }
+
     fn evaluate(&mut self, load: f64) -> f64 {
         self.path.at(load * self.scale, &mut self.load);
         let engine = &mut self.solver.engine;
@@ -419,6 +439,8 @@ impl Curve {
             (false, _, _) => self.solver.stability(&self.load.borrow()),
         };
         let engine = &mut self.solver.engine;
+        // the estimate adds the imbalance, in whose place the derivative by the load is
+        engine.gradient();
         let mut found = engine.estimate();
         if self.family {
             // the estimate is lost in motion along the family

@@ -1,4 +1,4 @@
-//! Further equilibria at a load, by deflation of those that are known.
+//! Further equilibria at a load, by deflation of those that are known and by a force across them.
 //!
 //! Theory: docs/theory/statics.md (Search for all equilibria).
 //!
@@ -6,7 +6,8 @@
 //! the known equilibria `q_i`: its step is Newton's own times `1 / (1 - grad M . step / M)`.
 
 use crate::interrupt;
-use crate::statics::continuation::{Curve, State, Vector};
+use crate::statics::branches::{LEAST_STEP, STRAIGHT, STRETCH};
+use crate::statics::continuation::{Curve, Plane, State, Vector};
 use crate::statics::outcome::TOLERANCE;
 
 /// Most steps from one start.
@@ -16,6 +17,18 @@ const LONGEST: f64 = 0.6;
 /// Starts near every known equilibrium: modes, each to both sides, and their amounts.
 const MODES: usize = 3;
 const AMOUNTS: [f64; 2] = [0.3, 1.5];
+/// Transverse forces along which the known equilibria are pushed, and the largest force in units of
+/// bending stiffness over length squared.
+const PUSHES: [[f64; 3]; 4] = [
+    [1.0, 0.0, 0.0],
+    [-1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, -1.0, 0.0],
+];
+const MOST_FORCE: f64 = 12.0;
+/// Longest step and most points of a push.
+const PUSH_STEP: f64 = 0.2;
+const PUSH_POINTS: usize = 400;
 /// Distance within which two equilibria are the same.
 const SAME: f64 = 1e-4;
 
@@ -91,6 +104,106 @@ fn deflated(curve: &mut Curve, known: &[Vector]) -> bool {
             return false;
         }
         curve.at.add(factor, &step);
+    }
+    false
+}
+
+/// An equilibrium at a load beside those that are known, by continuation in a transverse force from
+/// each of them: where the force is zero again, there is an equilibrium. `tried` is as in
+/// [`another`].
+pub(super) fn pushed(
+    curve: &mut Curve,
+    known: &[Vector],
+    load: f64,
+    tried: &mut usize,
+) -> Option<State> {
+    for number in *tried..known.len() * PUSHES.len() {
+        *tried = number + 1;
+        if interrupt::interrupted() {
+            return None;
+        }
+        let before = curve.push(load, PUSHES[number % PUSHES.len()]);
+        let found = push(curve, known, &known[number / PUSHES.len()]);
+        curve.restore(before);
+        if !found {
+            continue;
+        }
+        curve.at.load = load;
+        let mut along = Vector::zero(curve.arcs());
+        along.load = 1.0;
+        let mut state = State::empty(curve);
+        if curve.residual() <= TOLERANCE {
+            curve.settle(&along, true, &mut state);
+            if state.collision.is_none() {
+                return Some(state);
+            }
+        }
+    }
+    None
+}
+
+/// Continuation in the force; whether it ends at an equilibrium without force that is not known.
+fn push(curve: &mut Curve, known: &[Vector], from: &Vector) -> bool {
+    let mut normal = Vector::zero(curve.arcs());
+    normal.load = 1.0;
+    let (mut base, mut next) = (State::empty(curve), State::empty(curve));
+    curve.at.clone_from(from);
+    curve.at.load = 0.0;
+    if curve.residual() > TOLERANCE {
+        let origin = curve.at.clone();
+        let plane = Plane {
+            origin: &origin,
+            normal: &normal,
+            offset: 0.0,
+        };
+        if curve.correct(&plane).is_none() {
+            return false;
+        }
+    }
+    curve.settle(&normal, true, &mut base);
+    let mut step = PUSH_STEP;
+    for point in 0..PUSH_POINTS {
+        if step < LEAST_STEP || interrupt::interrupted() {
+            return false;
+        }
+        curve.at.set_sum(&base.at, step, &base.tangent);
+        let plane = Plane {
+            origin: &base.at,
+            normal: &base.tangent,
+            offset: step,
+        };
+        let corrected = curve.correct(&plane).is_some();
+        if corrected {
+            curve.settle(&base.tangent, base.signature.rising, &mut next);
+        }
+        let turned = next.tangent.dot(&base.tangent);
+        if !corrected || !(turned > STRAIGHT) || next.at.distance(&base.at) > STRETCH * step {
+            step *= 0.4;
+            continue;
+        }
+        if next.at.load.abs() > MOST_FORCE || next.collision.is_some() {
+            return false;
+        }
+        if point > 0 && base.at.load * next.at.load < 0.0 {
+            let share = base.at.load / (base.at.load - next.at.load);
+            curve.at.set_sum(&base.at, share, &next.at);
+            curve.at.add(-share, &base.at);
+            let plane = Plane {
+                origin: &base.at,
+                normal: &normal,
+                offset: -base.at.load,
+            };
+            let free = curve.correct(&plane).is_some();
+            let place = |k: &Vector| {
+                let strain = k.strain.iter().zip(&curve.at.strain);
+                strain.map(|(a, b)| (*a - *b).norm2()).sum::<f64>() * k.strain.len() as f64
+            };
+            if free && !known.iter().any(|k| place(k) < SAME * SAME) {
+                return true;
+            }
+        }
+        step = f64::min(1.5 * step, PUSH_STEP);
+        std::mem::swap(&mut base, &mut next);
     }
     false
 }
