@@ -43,6 +43,15 @@ if TYPE_CHECKING:
     from bowstring.dynamics.simulation import Output, Run, Start, simulate
     from bowstring.robot.model import Robot
     from bowstring.robot.reader import load_robot, robot_names, robot_schema
+    from bowstring.statics.branches import (
+        Branch,
+        BranchDiagram,
+        BranchEvent,
+        BranchSearch,
+        CriticalLoad,
+        branch_diagram,
+        critical_load,
+    )
     from bowstring.statics.derivatives import (
         DisplacementJacobian,
         Jacobians,
@@ -62,7 +71,12 @@ if TYPE_CHECKING:
     from bowstring.validity.workspace import WorkspaceMap, workspace_map
 
 __all__ = [
+    "Branch",
+    "BranchDiagram",
+    "BranchEvent",
+    "BranchSearch",
     "Calibration",
+    "CriticalLoad",
     "DisplacementJacobian",
     "Extras",
     "Fit",
@@ -87,11 +101,13 @@ __all__ = [
     "ValidityMap",
     "WorkspaceMap",
     "__version__",
+    "branch_diagram",
     "cad",
     "calibrate",
     "calibration",
     "check_tendons",
     "constant_curvature",
+    "critical_load",
     "data",
     "displacement_jacobian",
     "dynamics",
@@ -138,6 +154,10 @@ _HOME = {
         "dynamics.simulation": "Output Run Start simulate",
         "robot.model": "Robot",
         "robot.reader": "load_robot robot_names robot_schema",
+        "statics.branches": (
+            "Branch BranchDiagram BranchEvent BranchSearch CriticalLoad branch_diagram "
+            "critical_load"
+        ),
         "statics.derivatives": "DisplacementJacobian Jacobians displacement_jacobian jacobians",
         "statics.load": "Load",
         "statics.rod": "solve solve_batch sweep",

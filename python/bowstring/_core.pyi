@@ -116,6 +116,13 @@ def follow_designs(
     model: RodModel,
     threads: int,
 ) -> dict[str, Any]: ...
+def follow_branches(
+    robot: Robot,
+    start: tuple[Floats, _DeadLoad],
+    end: tuple[Floats, _DeadLoad],
+    model: RodModel,
+    search: Any,
+) -> dict[str, Any]: ...
 
 @final
 class Simulator:

@@ -5,6 +5,7 @@ use pyo3::exceptions::PyImportError;
 use pyo3::prelude::*;
 
 mod arc;
+mod branches;
 mod dynamics;
 mod fields;
 mod input;
@@ -23,6 +24,8 @@ mod _core {
         arc_fit_jacobian, arc_from_tensions, arc_lengths, arc_lengths_jacobian, arc_nearest,
         arc_part, arc_pose, arc_pose_jacobian, arc_through,
     };
+    #[pymodule_export]
+    use crate::branches::follow_branches;
     #[pymodule_export]
     use crate::dynamics::{flexibility, flexibility_at, Flexibility, Simulator};
     #[pymodule_export]

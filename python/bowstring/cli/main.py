@@ -21,6 +21,7 @@ import typer
 from bowstring import interrupts
 from bowstring.cli import (
     bench,
+    branches,
     cad,
     data,
     doctor,
@@ -79,6 +80,7 @@ for _command in (
     statics.fk,
     statics.ik,
     statics.solve,
+    branches.branches,
     study.study,
     dynamics.simulate,
     dynamics.modes,

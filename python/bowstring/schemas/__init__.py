@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from bowstring.schemas import bench, dynamics, fit, maps, program, solids, statics, study
+from bowstring.schemas import bench, branches, dynamics, fit, maps, program, solids, statics, study
 
 #: The object that each command prints; that of `schema` is a JSON Schema itself.
 COMMANDS: Final[dict[str, Any]] = {
@@ -18,6 +18,7 @@ COMMANDS: Final[dict[str, Any]] = {
     "fk": statics.Fk,
     "ik": statics.Ik,
     "solve": statics.Solve,
+    "branches": branches.Branches,
     "simulate": dynamics.Simulate,
     "modes": dynamics.Modes,
     "study": study.Study,
