@@ -12,7 +12,8 @@ const LENGTH: f64 = 0.7;
 
 fn column(disks: usize, mass_per_length: f64) -> Robot {
     let section = Section {
-        bending: BENDING,
+        bending: [BENDING; 2],
+        principal_angle: 0.0,
         torsion: 0.8 * BENDING,
         axial: 1e6,
         shear: 1e6,
@@ -31,7 +32,7 @@ fn column(disks: usize, mass_per_length: f64) -> Robot {
     let last = disks.len() - 1;
     let hole = |a: f64| [0.01 * a.cos(), 0.01 * a.sin()];
     Robot::new(RobotSpec {
-        sections: vec![section],
+        backbone: vec![section.into()],
         disks,
         tendons: (0..3)
             .map(|i| Tendon::parallel(hole(2.0 * PI * i as f64 / 3.0), last))

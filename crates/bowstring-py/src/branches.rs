@@ -49,7 +49,7 @@ pub fn follow_branches<'py>(
         first_loss: search.first_loss,
     };
     let found = interruptible(py, || {
-        branches::diagram(&robot.inner, &model.0, &path, &search)
+        branches::diagram(&robot.inner, &robot.settings(model), &path, &search)
     })?
     .map_err(input_error)?;
     let out = PyDict::new(py);
