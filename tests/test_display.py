@@ -62,7 +62,7 @@ def test_reprs_are_short(objects: dict[str, Any]) -> None:
 
 def test_reprs_name_the_object(objects: dict[str, Any]) -> None:
     assert repr(objects["robot"]) == "<Robot rao2021: 400 mm, 2 segments, 20 disks, 6 tendons>"
-    assert repr(objects["study"]) == "<Study of amouri2019 to 80 N: 8 comparisons>"
+    assert repr(objects["study"]) == "<Study of amouri2019 to 80 N: 11 comparisons>"
     assert repr(objects["data"]).startswith("Measurements(source='synthetic', name='bench', ten")
     assert "tensions=array (33, 3)" in repr(objects["data"])
 

@@ -18,6 +18,7 @@ from bowstring.robot.designs import Designs
 from bowstring.statics.designs import sweep_designs
 from fem_robots import needs_ccx
 
+ROOT = Path(__file__).parents[1]
 CONE = {"segments.0.backbone.diameter": "6 mm", "segments.0.backbone.end_diameter": "3.5 mm"}
 TUBE = CONE | {
     "segments.0.backbone.inner_diameter": "3 mm",
@@ -270,3 +271,32 @@ def test_predicted_curvature_knows_the_section(changes: dict[str, object]) -> No
     moved = np.linalg.norm(rod.tip.position - straight)
     assert gaps[2] <= gaps[1] * 1.01 <= gaps[0] * 1.03
     assert gaps[2] < 6e-3 * moved
+
+
+def test_limits_of_a_rectangle_are_refused_and_others_are_checked(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "reference" / "robot-file.md").read_text(encoding="utf-8")
+    path = tmp_path / "complete.yaml"
+    path.write_text(text.partition("```yaml\n")[2].partition("```")[0], encoding="utf-8")
+    robot = bs.load_robot(path)  # a round segment with limits, and a rectangular one
+    found = bs.solve(robot, [4.0, 0.0, 0.0, 0.0, 0.0, 0.0]).raise_for_status()
+    assert [use.segment for use in found.limits()[1]] == [1, 1]
+    with pytest.raises(InputError, match="limits are for a round backbone"):
+        robot.with_({"segments.1.backbone.yield_strength": "500 MPa"})
+
+
+def test_displacements_of_the_home_pose_are_zero() -> None:
+    """Also of tendons that wind about a backbone that is curved without load."""
+    robot = robot_with({"segments.0.tendons.turns": 0.3, "segments.0.backbone.rest_bend": "30 deg"})
+    home = bs.solve(robot, [0.0, 0.0, 0.0])
+    np.testing.assert_allclose(home.displacements(), 0.0, atol=1e-12)
+    bent = bs.solve(robot, [20.0, 3.0, 0.0])
+    again = bs.solve(robot, load=bs.Load(displacements=bent.displacements()))
+    np.testing.assert_allclose(again.tip.position, bent.tip.position, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("turns", "said"), [(9.0, "1 of a turn between two disks"), (4.4, "passes through the")]
+)
+def test_tendons_that_wind_too_fast_are_refused(turns: float, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        robot_with({"segments.0.tendons.turns": turns})

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.formatting import listed
-from bowstring.robot.model import Robot
+from bowstring.robot.model import Robot, check_round
 from bowstring.robot.sizes import Sizes, sizes_of
 from bowstring.units import rounded
 from bowstring.viz.style import LIGHT, check_figure_file, write_figure
@@ -81,6 +81,7 @@ def write_drawing(robot: Robot, path: str | Path) -> Path:
 
 def check_drawing(robot: Robot) -> None:
     """Say before any work whether the disks can be drawn; raises what `write_drawing` raises."""
+    check_round(robot, "a drawing of disks")
     _drawn_kinds(robot)
 
 
@@ -88,6 +89,7 @@ def draw_disks(robot: Robot) -> Figure:
     """Draw the disks as a matplotlib figure; see `write_drawing`."""
     from matplotlib.figure import Figure
 
+    check_round(robot, "a drawing of disks")
     kinds = _drawn_kinds(robot)
     title = textwrap.wrap(f"{robot.name}: spacer disks, in mm", 65)
     row, head, foot = 3.3, 0.28 + 0.17 * len(title), 0.25  # inches

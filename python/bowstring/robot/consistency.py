@@ -97,6 +97,10 @@ def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
         if problem:
             yield problem
             continue
+        winding = _winding_problem(parts, k)
+        if winding:
+            yield winding
+            continue
         routes = [None if t.is_parallel else _radii(parts, k, t) for t in s.tendon_list]
         for j, inner in enumerate(parts[: k + 1]):
             whose = "its disk" if j == k else f"the disks of segments[{j}], which it passes"
@@ -142,6 +146,44 @@ def _routing_problem(parts: tuple[Segment, ...], k: int) -> str:
                     f"{tendon_field(k, s.tendons, i, name)}: got {len(values)} numbers; must have "
                     f"{count}, one for each disk from the first to its end disk"
                 )
+    return ""
+
+
+def _winding_problem(parts: tuple[Segment, ...], k: int) -> str:
+    """Check that tendons do not wind too fast for the places where they are held."""
+    s = parts[k]
+    station = np.concatenate(_stations(parts, k))
+    if np.any(np.diff(station, prepend=0.0) <= 0):
+        return ""  # reported with the positions
+    of = np.repeat(np.arange(k + 1), [len(part.disk_positions) for part in parts[: k + 1]])
+    rod = np.array([part.backbone.outer_diameter / 2.0 for part in parts[: k + 1]])[of]
+    body = s.tendons_in == "body"
+    most, what = (0.125, "modules of the body") if body else (0.5, "disks")
+    for i, tendon in enumerate(s.tendon_list):
+        if tendon.is_parallel:
+            continue
+        fastest = abs(tendon.turns) * np.diff(station, prepend=0.0).max() / station[-1]
+        if fastest > most:
+            return (
+                f"{tendon_field(k, s.tendons, i, 'turns')}: got {tendon.turns:g}, which is "
+                f"{fastest:.3g} of a turn between two {what}; must be at most {most:g} there: "
+                "write fewer turns, or a larger disks.count"
+            )
+        if body:
+            continue
+        hole = tendon.holes(station)
+        along = np.diff(hole, axis=0)
+        square = np.maximum((along**2).sum(axis=1), 1e-300)
+        share = np.clip(-(hole[:-1] * along).sum(axis=1) / square, 0.0, 1.0)
+        nearest = np.hypot(*(hole[:-1] + share[:, None] * along).T)
+        held = np.minimum(np.hypot(*hole[:-1].T), np.hypot(*hole[1:].T)) > rod
+        through = np.flatnonzero((nearest < rod) & held)
+        if through.size:
+            name = "turns" if tendon.turns else "angles"
+            return (
+                f"{tendon_field(k, s.tendons, i, name)}: the tendon passes through the backbone "
+                f"on the way to disk {through[0] + 1}; write fewer turns, or more disks"
+            )
     return ""
 
 

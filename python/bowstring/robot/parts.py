@@ -85,6 +85,9 @@ def _rest_of_section(backbone: Backbone) -> None:
         for name in ("end_diameter", "end_inner_diameter"):
             if given[name]:
                 raise wrong(f"{name}: given with width; it is for a round backbone")
+        for name in ("yield_strength", "strain_limit"):
+            if getattr(backbone, name) is not None:
+                raise wrong(f"{name}: given with width; limits are for a round backbone")
         if np.any(backbone.inner_diameter):
             raise wrong("inner_diameter: given with width; it is for a round backbone")
         return
@@ -93,7 +96,8 @@ def _rest_of_section(backbone: Backbone) -> None:
             'diameter: missing; write for example "diameter: 5 mm", or width and height of a '
             "rectangular backbone"
         )
-    for name in ("end_width", "end_height"):
+    given["width_direction"] = bool(np.any(backbone.width_direction))
+    for name in ("end_width", "end_height", "width_direction"):
         if given[name]:
             raise wrong(f"{name}: given with diameter; it is for a rectangular backbone")
 
@@ -601,7 +605,10 @@ class Segment(Part):
     @model_validator(mode="before")
     @classmethod
     def _without_disks(cls, given: Any) -> Any:
-        if not isinstance(given, dict) or given.get("tendons_in") != "body" or "disks" in given:
+        if not isinstance(given, dict) or given.get("tendons_in") != "body":
+            return given
+        disks = given.get("disks", {})
+        if not isinstance(disks, dict):
             return given
         backbone = given.get("backbone")
         sizes = [0.0]
@@ -609,8 +616,13 @@ class Segment(Part):
             size = backbone.get(name) if isinstance(backbone, dict) else None
             with contextlib.suppress(ValueError, TypeError):  # reported with the backbone
                 sizes.append(float(np.asarray(_SIZE.read(size))))
-        places = {"count": _PLACES, "mass": 0.0, "thickness": 0.0, "clamped_length": 0.0}
-        return {**given, "disks": {**places, "radius": max(max(sizes) / 2.0, 1e-6)}}
+        places: dict[str, Any] = {"thickness": 0.0, "clamped_length": 0.0}
+        places["radius"] = max(max(sizes) / 2.0, 1e-6)
+        if "positions" not in disks:
+            places["count"] = _PLACES
+        if "density" not in disks:
+            places["mass"] = 0.0
+        return {**given, "disks": places | disks}
 
     @cached_property
     def disk_positions(self) -> tuple[float, ...]:

@@ -78,6 +78,10 @@ def sizes_of(robot: Robot) -> Sizes:
     InputError
         If the disks have no thickness, or do not hold holes for a tendon of the given diameter.
     """
+    if robot.is_embedded:
+        raise InputError(
+            f"{robot.name}: drawings and solids take tendons in disks only, not tendons_in body"
+        )
     for k, s in enumerate(robot.segments):
         if s.disks.thickness == 0:
             raise InputError(

@@ -59,7 +59,8 @@ def home_lengths(robot: Robot, model: RodModel) -> Floats | None:
     hence no home pose.
     """
     tendons = robot.tendons
-    if not tendons.pretension_N.any():
+    straight = robot.is_parallel and not robot.rest_curvature.any()
+    if straight and not tendons.pretension_N.any():
         return np.array(robot.disks.station_m[tendons.end_disk])
     home = robot.core.solve(tendons.pretension_N, Load(gravity=(0.0, 0.0, 0.0)), model)
     if home.tendon_lengths is None:

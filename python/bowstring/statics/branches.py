@@ -205,6 +205,8 @@ class BranchDiagram:
         Whether all bifurcations were followed: fewer branches were found than allowed.
     deflated : bool
         Whether deflation was used; it is not on a family of equal branches.
+    max_factor : float
+        Largest load factor, at which `equilibria` are given.
     """
 
     robot: Robot
@@ -214,6 +216,7 @@ class BranchDiagram:
     branches: tuple[Branch, ...]
     complete: bool
     deflated: bool
+    max_factor: float = 1.0
 
     def __len__(self) -> int:
         return len(self.branches)
@@ -224,11 +227,11 @@ class BranchDiagram:
         return tuple((i, e) for i, b in enumerate(self.branches) for e in b.events)
 
     def equilibria(self) -> tuple[tuple[int, int], ...]:
-        """Equilibria found at load factor 1, each once: branch and point."""
+        """Equilibria found at the largest load factor, each once: branch and point."""
         found: list[tuple[int, int]] = []
         nearest = _SAME * self.robot.length
         for i, branch in enumerate(self.branches):
-            for k in branch.at(1.0):
+            for k in branch.at(self.max_factor):
                 here = branch.disk_positions[k]
                 before = (self.branches[j].disk_positions[m] for j, m in found)
                 if all(np.abs(here - other).max() > nearest for other in before):
@@ -251,9 +254,12 @@ class BranchDiagram:
         out = [f"{len(self)} branch{plural}: {counts}.", self.critical().text]
         at_load = self.equilibria()
         if at_load:
-            stable = sum(self.branches[i].stable[k] is True for i, k in at_load)
+            known = [self.branches[i].stable[k] for i, k in at_load]
+            stable, open_ = sum(s is True for s in known), sum(s is None for s in known)
+            rest = f", {open_} undetermined" if open_ else ""
             out.append(
-                f"At load factor 1: {_counted(len(at_load), 'equilibrium')}, {stable} stable."
+                f"At load factor {self.max_factor:g}: {_counted(len(at_load), 'equilibrium')}, "
+                f"{stable} stable{rest}."
             )
         else:
             first = self.branches[0]
@@ -261,8 +267,8 @@ class BranchDiagram:
             what = next((_words(e.kind) for e in first.events if e.point == most), None)
             reached = what or _ENDS[first.end]
             out.append(
-                f"No equilibrium was found at load factor 1; the first branch reaches "
-                f"{first.factor[most]:.6g}: {reached}."
+                f"No equilibrium was found at load factor {self.max_factor:g}; the first branch "
+                f"reaches {first.factor[most]:.6g}: {reached}."
             )
         if not self.complete:
             out.append("More branches were not followed: the largest number was reached.")
@@ -343,7 +349,7 @@ class CriticalLoad:
             "oscillation": "small oscillations grow",
             None: "",
         }[self.kind]
-        return f"At {' and '.join(self.more)} more, {what}: load factor {self.factor:.6g}."
+        return f"At {' and '.join(self.more)}, {what}: load factor {self.factor:.6g}."
 
     def to_dict(self) -> schema.CriticalValues:
         """Plain values."""
@@ -510,6 +516,7 @@ def _followed(
         branches=tuple(_branch(b) for b in found["branches"]),
         complete=found["complete"],
         deflated=found["deflated"],
+        max_factor=float(search.max_factor),
     )
 
 
@@ -579,19 +586,21 @@ def _differences(start: Load, load: Load, factor: float) -> tuple[str, ...]:
     out = []
     for i, (a, b) in enumerate(zip(start.tensions, load.tensions, strict=True)):
         if a != b:
-            out.append(f"{factor * (b - a):.4g} N on tendon {i + 1}")
+            word = "more" if b > a else "less"
+            out.append(f"{factor * abs(b - a):.4g} N on tendon {i + 1} {word}")
     for name, unit, words in (
         ("tip_force", "N", "at the tip"),
         ("tip_moment", "N m", "of moment at the tip"),
         ("gravity", "m/s^2", "of gravity"),
-        ("disk_forces", "N", "on the disks"),
-        ("disk_moments", "N m", "of moment on the disks"),
+        ("disk_forces", "N", "in all on the disks"),
+        ("disk_moments", "N m", "of moment in all on the disks"),
     ):
         a, b = (getattr(of, name) for of in (start, load))
-        change = (0.0 if b is None else np.asarray(b)) - (0.0 if a is None else np.asarray(a))
-        size = float(np.linalg.norm(change))
+        first, last = (np.zeros(3) if v is None else np.asarray(v) for v in (a, b))
+        size, *ends = (np.linalg.norm(v, axis=-1).sum() for v in (last - first, first, last))
         if size > 0:
-            out.append(f"{factor * size:.4g} {unit} {words}")
+            word = "more" if ends[1] >= ends[0] else "less"
+            out.append(f"{factor * size:.4g} {unit} {words} {word}")
     return tuple(out)
 
 

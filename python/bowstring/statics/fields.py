@@ -178,16 +178,28 @@ class Section:
         Module of each station, from 0.
     model : RodModel
         A Kirchhoff rod has no shear and no extension; one without twist does not twist.
+    partly : bool
+        Whether segments may be rectangular; stress and strain there are NaN.
     """
 
-    def __init__(self, robot: Robot, station: Floats, module: Ints, model: RodModel) -> None:
-        if not robot.is_round:
+    def __init__(
+        self,
+        robot: Robot,
+        station: Floats,
+        module: Ints,
+        model: RodModel,
+        *,
+        partly: bool = False,
+    ) -> None:
+        if not (robot.is_round or partly):
             raise InputError(f"{robot.name}: stress and strain are for round backbones only")
         segment = robot.disks.segment[module]
         ends = np.cumsum([s.length for s in robot.segments])
-        numbers = np.empty((8, len(station)))
+        numbers = np.full((8, len(station)), np.nan)
         for k, part in enumerate(robot.segments):
             here = segment == k
+            if not part.backbone.is_round:
+                continue
             rod = part.backbone.at(1.0 + (station[here] - ends[k]) / part.length)
             area, second, shear = rod.area, rod.second_moment, rod.shear_modulus
             assert rod.diameter is not None

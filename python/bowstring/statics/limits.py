@@ -138,7 +138,7 @@ def of_pose(
         frames = frames_of()
     except NoSolutionError as error:
         return (*out, f"limits of the backbone were not checked: {error}"), ()
-    section = fields.Section(robot, frames.station, frames.module, model)
+    section = fields.Section(robot, frames.station, frames.module, model, partly=True)
     found = fields.derive(robot, frames, section)
     von_mises, strain = by_segment(robot, frames, section, found)
     uses = used(robot, von_mises[0], strain[0])
