@@ -451,6 +451,7 @@ def critical_load(
     Returns
     -------
     CriticalLoad
+        The point of lost stability, or the highest load factor reached without one.
 
     Raises
     ------
