@@ -55,7 +55,7 @@ pub(crate) trait Passes: RoutedRod + Send + Sync {
     fn length_error(&self, i: usize) -> f64;
     fn disk(&self, k: usize) -> Pose;
     fn collision(&self) -> Option<usize>;
-    fn has_moment(&self) -> bool;
+    fn has_potential(&self) -> bool;
     fn module_count(&self) -> usize;
     fn energy_scale(&self, length: f64) -> f64;
     fn boxed_clone(&self) -> Box<dyn Passes>;
@@ -214,8 +214,8 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
     fn module_count(&self) -> usize {
         Rod::module_count(self)
     }
-    fn has_moment(&self) -> bool {
-        Rod::has_moment(self)
+    fn has_potential(&self) -> bool {
+        Rod::has_potential(self)
     }
     fn energy_scale(&self, length: f64) -> f64 {
         Rod::energy_scale(self, length, 0)

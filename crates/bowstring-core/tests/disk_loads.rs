@@ -257,6 +257,7 @@ fn loaded(moments: bool) -> OwnedLoad {
             true => drawn(&mut draw, 9, 0.06),
             false => vec![],
         },
+        ..OwnedLoad::default()
     }
 }
 
@@ -338,6 +339,7 @@ fn solutions_turn_with_the_loads() {
             tip_moment: turn(load.tip_moment),
             disk_forces: load.disk_forces.iter().copied().map(turn).collect(),
             disk_moments: load.disk_moments.iter().copied().map(turn).collect(),
+            ..OwnedLoad::default()
         };
         let mut solver = Solver::new(&robot, Model::default(), 1).unwrap();
         let first = solved(&mut solver, &load.borrow());
@@ -542,6 +544,7 @@ impl Rows {
             disks: 9,
             disk_forces: &self.forces,
             disk_moments: &self.moments,
+            ..Loads::default()
         }
     }
 }
@@ -671,6 +674,7 @@ fn paths_take_loads_on_disks() {
                 disks: 9,
                 disk_forces: &rows,
                 disk_moments: if moments { &other } else { &[] },
+                ..Loads::default()
             },
             by_displacement: &[true; 6],
         };

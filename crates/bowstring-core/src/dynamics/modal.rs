@@ -23,7 +23,7 @@ pub fn flexibility(
     let mut solver = Solver::new(robot, model, elements)?;
     dispatch::check_moving(robot, elements)?;
     let mut outcome = solver.solve(load)?;
-    let has_potential = !load.has_moment();
+    let has_potential = load.has_potential();
     if outcome.status != Status::Converged || outcome.stable != Some(true) || !has_potential {
         return Ok((outcome, None));
     }
@@ -47,7 +47,7 @@ pub fn flexibility_at(path: &PathSolver) -> Result<Option<Flexibility>, InputErr
         tensions: &history.tensions,
         ..history.load.borrow()
     };
-    if solver.tip().is_none() || load.has_moment() {
+    if solver.tip().is_none() || !load.has_potential() {
         return Ok(None); // no potential
     }
     let (modules, tendons) = (solver.robot().module_count(), history.tensions.len());

@@ -55,6 +55,34 @@ pub struct RodModel {
     pub elements: Option<usize>,
 }
 
+/// A force and a moment at a point fixed to a disk; SI units.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointLoad {
+    /// The disk, from base to tip.
+    pub disk: usize,
+    /// Point at which the force acts, from the centre of the disk, in the disk's frame (m).
+    pub point: [f64; 3],
+    /// Force (N).
+    pub force: [f64; 3],
+    /// Moment (N m).
+    pub moment: [f64; 3],
+    /// Whether force and moment turn with the disk, their components then being in its frame;
+    /// otherwise they are dead loads in the base frame.
+    pub follower: bool,
+}
+
+impl PointLoad {
+    /// Whether the load has a potential: a dead force has, wherever it acts.
+    pub(crate) fn has_potential(&self) -> bool {
+        self.moment == [0.0; 3] && !(self.follower && self.force != [0.0; 3])
+    }
+
+    /// Moment of force and moment about the centre of the disk, in the disk's frame (N m).
+    pub(crate) fn own_moment(&self) -> Vec3 {
+        Vec3(self.point).cross(Vec3(self.force)) + Vec3(self.moment)
+    }
+}
+
 /// Dead loads in the base frame and the tension of each tendon; SI units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load<'a> {
@@ -70,6 +98,10 @@ pub struct Load<'a> {
     pub disk_forces: &'a [[f64; 3]],
     /// Moments on the disks (N m), in the same form.
     pub disk_moments: &'a [[f64; 3]],
+    /// Loads at points fixed to disks, in addition.
+    pub point_loads: &'a [PointLoad],
+    /// Forces per length on the backbone (N/m) before each disk; empty if there are none.
+    pub line_forces: &'a [[f64; 3]],
 }
 
 /// A [`Load`] that owns its tensions and the loads on its disks.
@@ -87,6 +119,10 @@ pub struct OwnedLoad {
     pub disk_forces: Vec<[f64; 3]>,
     /// Moments on the disks (N m), in the same form.
     pub disk_moments: Vec<[f64; 3]>,
+    /// Loads at points fixed to disks, in addition.
+    pub point_loads: Vec<PointLoad>,
+    /// Forces per length on the backbone (N/m) before each disk; empty if there are none.
+    pub line_forces: Vec<[f64; 3]>,
 }
 
 /// Linear interpolation; the end is met exactly.
@@ -110,6 +146,29 @@ fn mix_disks(out: &mut Vec<[f64; 3]>, from: &[[f64; 3]], to: &[[f64; 3]], share:
     out.extend(disks.map(|k| mix_vectors(on(from, k), on(to, k), share)));
 }
 
+/// Interpolates between point loads; those that act in one of the lists only fade in or out.
+fn mix_points(out: &mut Vec<PointLoad>, from: &[PointLoad], to: &[PointLoad], share: f64) {
+    let place = |load: &PointLoad| (load.disk, load.point, load.follower);
+    let none = |load: &PointLoad| PointLoad {
+        force: [0.0; 3],
+        moment: [0.0; 3],
+        ..*load
+    };
+    let mixed = |a: &PointLoad, b: &PointLoad| PointLoad {
+        force: mix_vectors(a.force, b.force, share),
+        moment: mix_vectors(a.moment, b.moment, share),
+        ..*a
+    };
+    out.clear();
+    let alike = from.len() == to.len() && from.iter().map(place).eq(to.iter().map(place));
+    if alike {
+        out.extend(from.iter().zip(to).map(|(a, b)| mixed(a, b)));
+        return;
+    }
+    out.extend(from.iter().map(|a| mixed(a, &none(a))));
+    out.extend(to.iter().map(|b| mixed(&none(b), b)));
+}
+
 impl OwnedLoad {
     /// Copies a load; allocates nothing if it has as many tensions and loaded disks.
     pub fn set(&mut self, load: &Load) {
@@ -125,10 +184,13 @@ impl OwnedLoad {
         for (to, from) in [
             (&mut self.disk_forces, load.disk_forces),
             (&mut self.disk_moments, load.disk_moments),
+            (&mut self.line_forces, load.line_forces),
         ] {
             to.clear();
             to.extend_from_slice(from);
         }
+        self.point_loads.clear();
+        self.point_loads.extend_from_slice(load.point_loads);
     }
 
     /// Borrows it as a [`Load`].
@@ -140,6 +202,8 @@ impl OwnedLoad {
             tip_moment: self.tip_moment,
             disk_forces: &self.disk_forces,
             disk_moments: &self.disk_moments,
+            point_loads: &self.point_loads,
+            line_forces: &self.line_forces,
         }
     }
 
@@ -163,25 +227,40 @@ impl OwnedLoad {
         let Self {
             disk_forces,
             disk_moments,
+            line_forces,
             ..
         } = self;
         mix_disks(disk_forces, &from.disk_forces, to.disk_forces, share);
         mix_disks(disk_moments, &from.disk_moments, to.disk_moments, share);
+        mix_disks(line_forces, &from.line_forces, to.line_forces, share);
+        mix_points(
+            &mut self.point_loads,
+            &from.point_loads,
+            to.point_loads,
+            share,
+        );
     }
 
-    /// Multiplies forces, gravity and tensions by one factor and moments by another.
+    /// Multiplies tensions, gravity and dead forces by one factor, moments and followers by
+    /// another.
     pub(crate) fn scale(&mut self, forces: f64, moments: f64) {
         self.tensions.iter_mut().for_each(|t| *t *= forces);
         let with_forces = [&mut self.gravity, &mut self.tip_force];
         let with_forces = with_forces.into_iter().chain(&mut self.disk_forces);
+        let with_forces = with_forces.chain(&mut self.line_forces);
         with_forces.flatten().for_each(|x| *x *= forces);
         let with_moments = std::iter::once(&mut self.tip_moment).chain(&mut self.disk_moments);
         with_moments.flatten().for_each(|x| *x *= moments);
+        for load in &mut self.point_loads {
+            let of_force = if load.follower { moments } else { forces };
+            load.force = load.force.map(|x| x * of_force);
+            load.moment = load.moment.map(|x| x * moments);
+        }
     }
 }
 
 impl Load<'_> {
-    /// Moment on a disk of a robot with `n` disks, that on the tip included (N m).
+    /// Dead moment on a disk of a robot with `n` disks, that on the tip included (N m).
     #[inline(always)]
     pub(crate) fn moment_on(&self, k: usize, n: usize) -> [f64; 3] {
         let own = self.disk_moments.get(k).copied().unwrap_or_default();
@@ -191,32 +270,44 @@ impl Load<'_> {
         }
     }
 
-    /// Whether there is a moment on the tip or on a disk: it has no potential.
+    /// Whether all loads have a potential: moments and followers have none.
     #[inline(always)]
-    pub fn has_moment(&self) -> bool {
-        self.tip_moment != [0.0; 3] || self.disk_moments.iter().any(|m| *m != [0.0; 3])
+    pub fn has_potential(&self) -> bool {
+        self.tip_moment == [0.0; 3]
+            && self.disk_moments.iter().all(|m| *m == [0.0; 3])
+            && self.point_loads.iter().all(PointLoad::has_potential)
     }
 
-    /// Sum of the moments' magnitudes (N m).
-    pub(crate) fn moment_size(&self) -> f64 {
+    /// Whether it can be solved in lanes: dead forces on disks alone.
+    #[inline(always)]
+    pub(crate) fn fits_lanes(&self) -> bool {
+        self.point_loads.is_empty() && self.line_forces.is_empty() && self.has_potential()
+    }
+
+    /// Whether a point load has no potential: a follower or a moment.
+    pub(crate) fn has_follower(&self) -> bool {
+        !self.point_loads.iter().all(PointLoad::has_potential)
+    }
+
+    /// Sum of the magnitudes of all moments, and of follower forces times a length (N m).
+    pub(crate) fn size_without_potential(&self, length: f64) -> f64 {
+        let of_points = self.point_loads.iter().map(|load| {
+            let force = if load.follower { length } else { 0.0 };
+            Vec3(load.moment).norm() + force * Vec3(load.force).norm()
+        });
         let all = self.disk_moments.iter().chain([&self.tip_moment]);
-        all.map(|m| Vec3(*m).norm()).sum()
-    }
-
-    /// The same load without its moments.
-    pub(crate) fn without_moments(&self) -> Self {
-        Load {
-            tip_moment: [0.0; 3],
-            disk_moments: &[],
-            ..*self
-        }
+        all.map(|m| Vec3(*m).norm()).sum::<f64>() + of_points.sum::<f64>()
     }
 
     /// The same load with moments below `least` (N m) in sum removed: they are below the residual,
     /// but as they have no potential they would change how stability is determined.
-    pub(crate) fn without_moment_below(&self, least: f64) -> Self {
-        match self.moment_size() <= least {
-            true => self.without_moments(),
+    pub(crate) fn without_negligible(&self, least: f64) -> Self {
+        match self.point_loads.is_empty() && self.size_without_potential(0.0) <= least {
+            true => Load {
+                tip_moment: [0.0; 3],
+                disk_moments: &[],
+                ..*self
+            },
             false => *self,
         }
     }
@@ -253,12 +344,25 @@ impl Load<'_> {
         for (argument, rows) in [
             (Argument::DiskForces, self.disk_forces),
             (Argument::DiskMoments, self.disk_moments),
+            (Argument::LineForces, self.line_forces),
         ] {
             if !rows.is_empty() && rows.len() != disks {
                 return Err(InputError::count(argument, rows.len(), disks, "disk"));
             }
             for (k, row) in rows.iter().enumerate() {
                 InputError::check_finite(argument, k, row)?;
+            }
+        }
+        for (i, load) in self.point_loads.iter().enumerate() {
+            if load.disk >= disks {
+                return Err(InputError::other(format!(
+                    "point load {} acts on disk {}, and the robot has {disks} disks",
+                    i + 1,
+                    load.disk.saturating_add(1)
+                )));
+            }
+            for v in [&load.point, &load.force, &load.moment] {
+                InputError::check_finite(Argument::PointLoads, i, v)?;
             }
         }
         Ok(())

@@ -169,13 +169,14 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
                 let tendon_work = self.work_of_tendons();
                 // that of forces on disks is in `step`
                 let tip_work = Vec3(load.tip_force).dot(self.tip_displacement());
-                let moment_work = self.work_of_moments(load);
+                let work_on_disks = self.work_on_disks();
                 let before = self.energies.now;
                 self.energies = EnergyBalance {
                     now: before,
                     next: Energies {
                         kinetic: step.kinetic,
-                        work: before.work + (step.disk_work + tendon_work + tip_work + moment_work),
+                        work: before.work
+                            + (step.disk_work + tendon_work + tip_work + work_on_disks),
                         dissipated: before.dissipated + dissipated,
                         ..self.stored_energies()
                     },
@@ -258,9 +259,10 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
     fn set_load(&mut self, load: &Load) {
         let rod = &mut self.body.rod;
         rod.set_tensions(|i| L::Chain::splat(load.tensions[i]));
-        rod.set_moments(load);
+        rod.set_attached(load);
         self.residual.tip_force = Vec3::splat(load.tip_force);
         self.residual.load_disks(load.disk_forces);
+        self.residual.load_lines(load.line_forces, &self.body.rod);
     }
 
     fn set_disk_force(&mut self, disk: usize, force: Vec3) {
@@ -327,7 +329,9 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
         let tension: f64 = tensions.iter().sum();
         let weight = self.residual.gravity.norm().lane(0) * self.body.mass.total;
         let inertia = self.effort(1.0);
-        let on_disks = self.residual.disk_force.iter().map(|f| f.norm().lane(0));
+        let (on_disks, own) = (&self.residual.disk_force, &self.residual.point_force);
+        let on_disks = on_disks.iter().chain(own).chain(&self.residual.lines);
+        let on_disks = on_disks.map(|f| f.norm().lane(0));
         let dead = on_disks.sum::<f64>() + self.residual.tip_force.norm().lane(0);
         let force = tension + weight + inertia + dead;
         ROUNDING * force * self.length

@@ -19,12 +19,16 @@ pub(super) struct Residual<L: Layout, const A: usize> {
     /// Forces on points at the end of the step before (N).
     pub last_force: Vec<Vec3<L::Chain>>,
     pub gravity: Vec3<L::Chain>,
+    /// Forces per length on the backbone, lumped into points (N); empty if there are none.
+    pub lines: Vec<Vec3<L::Chain>>,
     /// Dead forces on the disks (N): those of the load and those held.
     pub disk_force: Vec<Vec3<L::Chain>>,
     /// The two parts; that of the load is empty if there is none.
     loaded: Vec<[f64; 3]>,
     held: Vec<[f64; 3]>,
     pub tip_force: Vec3<L::Chain>,
+    /// Forces of point loads on the disks where forces balance (N).
+    pub point_force: Vec<Vec3<L::Chain>>,
     pub modules: Vec<ModuleForces<L::Module, A>>,
 }
 
@@ -48,10 +52,12 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             moment: vec![Vec3::zero(); modules],
             last_force: vec![Vec3::zero(); modules * A],
             gravity: Vec3::splat(gravity),
+            lines: vec![],
             disk_force: vec![Vec3::zero(); modules],
             loaded: vec![],
             held: vec![[0.0; 3]; modules],
             tip_force: Vec3::zero(),
+            point_force: vec![Vec3::zero(); modules],
             modules: vec![none; modules.div_ceil(L::WIDTH)],
         }
     }
@@ -62,6 +68,32 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             self.loaded.clear();
             self.loaded.extend_from_slice(forces);
             (0..self.held.len()).for_each(|k| self.add_parts(k));
+        }
+    }
+
+    /// Lumps forces per length on the backbone before each disk by Simpson's rule, as its mass.
+    pub fn load_lines(&mut self, lines: &[[f64; 3]], rod: &Rod<L, A>) {
+        self.lines.clear();
+        if lines.is_empty() {
+            return;
+        }
+        self.lines.resize(self.force.len(), Vec3::zero());
+        for (k, line) in lines.iter().enumerate() {
+            let (c, line) = (&rod.fixed.modules[k], Vec3::splat(*line));
+            let [start, end] = c.clamp;
+            let sixth = c.flexible * L::Chain::splat(1.0 / (3.0 * A as f64));
+            for a in 1..=A {
+                let weight = match a {
+                    _ if a == A => 1.0,
+                    _ if a % 2 == 0 => 2.0,
+                    _ => 4.0,
+                };
+                self.lines[k * A + a - 1] += line * (sixth * L::Chain::splat(weight));
+            }
+            self.lines[k * A + A - 1] += line * end;
+            if k > 0 {
+                self.lines[k * A - 1] += line * (sixth + start);
+            }
         }
     }
 
@@ -85,6 +117,9 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             for a in 0..A {
                 let m = splat(body.mass.points[k * A + a]);
                 self.force[k * A + a] = (self.gravity - acceleration.points[a]) * m;
+                if let Some(line) = self.lines.get(k * A + a) {
+                    self.force[k * A + a] += *line;
+                }
             }
             let [e1, e3] = body.mass.directors[k].map(splat);
             let mut push = acceleration.frame;
@@ -121,6 +156,10 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             let [start, end] = rod.fixed.modules[k].clamp;
             let rotation = rod.rotations[k];
             total += self.force[k * A + A - 1] + self.disk_force[k];
+            if rod.attached.has_forces() {
+                self.point_force[k] = rod.attached.force(k, &rod.rotations[k + 1]);
+                total += self.point_force[k];
+            }
             let state = &mut rod.states[g];
             let here = rotation.tr_mul(total);
             put::<L>(&mut state.f[0], i, here);
@@ -164,11 +203,10 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         let mut lambda = Vec3::zero();
         for k in (0..self.moment.len()).rev() {
             let (state, i) = (&mut rod.states[k / L::WIDTH], k % L::WIDTH);
-            let mut moment = self.moment[k];
-            if let Some(dead) = rod.dead.moment(k) {
-                moment += dead;
+            lambda -= rod.rotations[k + 1].tr_mul(self.moment[k]);
+            if rod.attached.acts() {
+                lambda -= rod.attached.moment(k, &rod.rotations[k + 1]);
             }
-            lambda -= rod.rotations[k + 1].tr_mul(moment);
             lambda = get_mat::<L>(&state.s, i) * lambda;
             put::<L>(&mut state.lambda, i, lambda);
             lambda -= get::<L>(&state.load_moment, i);

@@ -15,8 +15,8 @@ use crate::rod::module::State;
 /// Solutions for the present tangent.
 pub(super) struct Response<L: Layout, const A: usize> {
     pub columns: Vec<Column<L, A>>,
-    /// Correction for dead moments, for the present tangent at rest.
-    pub moments: Option<Box<MomentCorrection<L, A>>>,
+    /// Correction for loads without a potential, for the present tangent at rest.
+    pub turning: Option<Box<TurningLoads<L, A>>>,
 }
 
 /// One solution: all arcs, contact forces and spans, by groups.
@@ -33,17 +33,17 @@ pub(super) struct Column<L: Layout, const A: usize> {
     pub rates: Vec<f64>,
 }
 
-/// Correction of solutions at rest for dead moments on disks, which have no potential: in the frames
-/// of their disks they are a skew stiffness `S` against the rotations of these disks. With `C` the
-/// rotations due to unit moments, a solution of the symmetric elimination becomes exact by adding
-/// the solution for moments `-(I + S C)^-1 S` times its rotations.
-pub(super) struct MomentCorrection<L: Layout, const A: usize> {
-    /// Disks with a moment.
-    disks: Vec<usize>,
-    /// Moments by rotations, three rows and columns for each of the disks.
-    moment: Vec<f64>,
-    /// Moments on all disks, in their frames, and the solution for them.
-    on_disks: Vec<Vec3<L::Chain>>,
+/// Correction of solutions at rest for loads on disks that have no potential: where a disk turns,
+/// they act on it as a further moment and force `W`, in its frame. With `C` the rotations due to
+/// these, a solution of the symmetric elimination becomes exact by adding the solution for `W (I -
+/// C)^-1` times its rotations.
+pub(super) struct TurningLoads<L: Layout, const A: usize> {
+    /// Disks with such loads, and the moment and force by rotation of each.
+    disks: Vec<(usize, [Mat3<L::Chain>; 2])>,
+    /// Rotations by those of a solution without the correction, three rows and columns a disk.
+    turns: Vec<f64>,
+    /// Moments and forces on all disks, in their frames, and the solution for them.
+    on_disks: Vec<[Vec3<L::Chain>; 2]>,
     column: Column<L, A>,
 }
 
@@ -51,7 +51,7 @@ impl<L: Layout, const A: usize> Response<L, A> {
     pub fn new() -> Self {
         Response {
             columns: vec![],
-            moments: None,
+            turning: None,
         }
     }
 
@@ -114,7 +114,7 @@ impl<L: Layout, const A: usize> Response<L, A> {
     fn solve(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>, column: usize) {
         let out = &mut self.columns[column];
         out.substitute(rod, tangent, &[]);
-        if let Some(correction) = &mut self.moments {
+        if let Some(correction) = &mut self.turning {
             correction.apply(rod, tangent, out);
         }
     }
@@ -168,53 +168,49 @@ impl<L: Layout, const A: usize> Response<L, A> {
 
     /// Prepares the correction for this tangent.
     #[cold]
-    pub fn prepare_moments(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>) {
+    pub fn prepare_turning(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>) {
         let n = rod.module_count();
-        let given = |k: usize| rod.dead.moment(k).unwrap_or(Vec3::zero());
-        let loaded = |k: &usize| given(*k).max_abs().largest() != 0.0;
-        let disks: Vec<usize> = (0..n).filter(loaded).collect();
+        let of = |k: usize| {
+            let (attached, rotation) = (&rod.attached, &rod.rotations[k + 1]);
+            let whole = attached.stiffness::<false>(k, rotation);
+            let skew = whole - attached.stiffness::<true>(k, rotation);
+            (k, [-skew, rod.attached.by_own_turn(k)])
+        };
+        let acts = |(_, parts): &(usize, [Mat3<L::Chain>; 2])| {
+            let numbers = parts.iter().flat_map(|m| m.0).flatten();
+            numbers.into_iter().any(|x| x.lane(0) != 0.0)
+        };
+        let disks: Vec<_> = (0..n).map(of).filter(acts).collect();
         let size = 3 * disks.len();
-        let mut correction = MomentCorrection {
-            moment: vec![],
-            on_disks: vec![Vec3::zero(); n],
+        let mut correction = TurningLoads {
+            turns: vec![],
+            on_disks: vec![[Vec3::zero(); 2]; n],
             column: Column::of(rod),
             disks,
         };
-        // I + S C, and -S beside it
+        // I - C, and I beside it
         let mut problem = vec![0.0; size * 2 * size];
-        let disks = correction.disks.iter();
-        let stiffness: Vec<Mat3<L::Chain>> =
-            disks.map(|&k| rod.skew_stiffness(k, given(k))).collect();
         for at in 0..size {
             if interrupt::work(n * 16) {
                 return;
             }
-            let mut unit = Vec3::zero();
-            unit[at % 3] = L::Chain::splat(1.0);
-            correction.solve(
-                rod,
-                tangent,
-                |i| if i == at / 3 { unit } else { Vec3::zero() },
-            );
-            for (i, (&k, stiffness)) in correction.disks.iter().zip(&stiffness).enumerate() {
-                let back = *stiffness * correction.column.disks[k][0];
-                for row in 0..3 {
-                    let place = (3 * i + row) * 2 * size;
-                    problem[place + at] = back[row].lane(0);
-                    if i == at / 3 {
-                        problem[place + size + at] = -stiffness.0[row][at % 3].lane(0);
-                    }
-                }
+            let mut turn = Vec3::zero();
+            turn[at % 3] = L::Chain::splat(1.0);
+            let unit = |i: usize| if i == at / 3 { turn } else { Vec3::zero() };
+            correction.solve(rod, tangent, unit);
+            for (i, turn) in correction.turns_of(&correction.column).iter().enumerate() {
+                problem[i * 2 * size + at] = -turn;
             }
             problem[at * 2 * size + at] += 1.0;
+            problem[at * 2 * size + size + at] = 1.0;
         }
         let solved = eliminate(&mut problem, size);
         let rows = problem.chunks_exact(2 * size);
-        correction.moment = rows.flat_map(|row| &row[size..]).copied().collect();
+        correction.turns = rows.flat_map(|row| &row[size..]).copied().collect();
         if !solved {
-            correction.moment.fill(f64::NAN);
+            correction.turns.fill(f64::NAN);
         }
-        self.moments = Some(Box::new(correction));
+        self.turning = Some(Box::new(correction));
     }
 }
 
@@ -229,16 +225,16 @@ impl<L: Layout, const A: usize> Column<L, A> {
         }
     }
 
-    /// Substitution from tip to base and back; `moments` act on the disks, in their frames, if there
-    /// are any.
+    /// Substitution from tip to base and back; moments and forces `on_disks` act in their frames, if
+    /// there are any.
     #[inline(always)]
     fn substitute(
         &mut self,
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
-        moments: &[Vec3<L::Chain>],
+        on_disks: &[[Vec3<L::Chain>; 2]],
     ) {
-        self.substitute_to_base(rod, tangent, moments);
+        self.substitute_to_base(rod, tangent, on_disks);
         self.substitute_to_tip(rod, tangent);
     }
 
@@ -248,7 +244,7 @@ impl<L: Layout, const A: usize> Column<L, A> {
         &mut self,
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
-        moments: &[Vec3<L::Chain>],
+        on_disks: &[[Vec3<L::Chain>; 2]],
     ) {
         let mut p = [Vec3::zero(); 2];
         for k in (0..rod.module_count()).rev() {
@@ -256,8 +252,9 @@ impl<L: Layout, const A: usize> Column<L, A> {
             let contact = &tangent.contact[g];
             let module = &mut tangent.eliminated[k];
             let ModulePose { s, o, b } = ModulePose::of(rod, k);
-            if let Some(moment) = moments.get(k) {
+            if let Some([moment, force]) = on_disks.get(k) {
                 p[0] -= *moment;
+                p[1] -= *force;
             }
             let push = s * p[1];
             let turn = s * p[0] + b.cross(push);
@@ -310,35 +307,42 @@ impl<L: Layout, const A: usize> Column<L, A> {
     }
 }
 
-impl<L: Layout, const A: usize> MomentCorrection<L, A> {
-    /// Solves for moments on the loaded disks, in their frames.
+impl<L: Layout, const A: usize> TurningLoads<L, A> {
+    /// Solves for the moments and forces by rotations of the loaded disks.
     #[inline(always)]
     fn solve(
         &mut self,
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
-        moment: impl Fn(usize) -> Vec3<L::Chain>,
+        turn: impl Fn(usize) -> Vec3<L::Chain>,
     ) {
-        for (i, &k) in self.disks.iter().enumerate() {
-            self.on_disks[k] = moment(i);
+        for (i, (k, by_turn)) in self.disks.iter().enumerate() {
+            self.on_disks[*k] = by_turn.map(|part| part * turn(i));
         }
         self.column.u.fill([Vec3::zero(); A]);
         self.column.delta.fill(Vec3::zero());
         self.column.substitute(rod, tangent, &self.on_disks);
     }
 
+    /// Rotations of the loaded disks in a solution.
+    fn turns_of(&self, of: &Column<L, A>) -> Vec<f64> {
+        let disks = self.disks.iter();
+        disks
+            .flat_map(|(k, _)| of.disks[*k][0].of_lane(0).0)
+            .collect()
+    }
+
     /// Corrects a solution.
     #[inline(always)]
     fn apply(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>, out: &mut Column<L, A>) {
-        let turns = self
-            .disks
-            .iter()
-            .flat_map(|&k| out.disks[k][0].of_lane(0).0);
-        let turns: Vec<f64> = turns.collect();
-        let rows = self.moment.chunks_exact(turns.len());
-        let moments: Vec<f64> = rows.map(|row| dot(row, &turns)).collect();
+        let without = self.turns_of(out);
+        if without.is_empty() {
+            return;
+        }
+        let rows = self.turns.chunks_exact(without.len());
+        let turns: Vec<f64> = rows.map(|row| dot(row, &without)).collect();
         self.solve(rod, tangent, |i| {
-            Vec3::splat([moments[3 * i], moments[3 * i + 1], moments[3 * i + 2]])
+            Vec3::splat([turns[3 * i], turns[3 * i + 1], turns[3 * i + 2]])
         });
         let part = &self.column;
         for g in 0..out.delta.len() {

@@ -15,7 +15,7 @@ use super::tangent::Tangent;
 use crate::math::lie::log;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::model::load::{Load, Model};
+use crate::model::load::Model;
 use crate::model::robot::Robot;
 use crate::rod::chain::{get, get_mat, in_group};
 use crate::rod::module::State;
@@ -120,10 +120,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     #[inline(always)]
     pub(super) fn linearise(&mut self) {
         self.tangent.make(&mut self.body, &self.residual);
-        self.response.moments = None;
+        self.response.turning = None;
         let rod = &self.body.rod;
-        if self.body.scheme.duration.is_infinite() && rod.has_moment() {
-            self.response.prepare_moments(rod, &mut self.tangent);
+        if self.body.scheme.duration.is_infinite() && !rod.has_potential() {
+            self.response.prepare_turning(rod, &mut self.tangent);
         }
     }
 
@@ -152,19 +152,27 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         (next.disk() - now.disk()).of_lane(0)
     }
 
-    /// Work of the moments on the disks in this step (J).
+    /// Work in this step of moments on the disks, point loads, and forces per length (J).
     #[inline(always)]
-    pub(super) fn work_of_moments(&self, load: &Load) -> f64 {
-        if !load.has_moment() {
-            return 0.0;
+    pub(super) fn work_on_disks(&self) -> f64 {
+        let rod = &self.body.rod;
+        let mut work_of_lines = 0.0;
+        for (at, line) in self.residual.lines.iter().enumerate() {
+            let [now, next] = self.ends(at / A).map(|place| place.points[at % A]);
+            work_of_lines += line.dot(next - now).lane(0);
         }
-        let n = self.module_count();
+        if !rod.attached.acts() {
+            return work_of_lines;
+        }
         let work = |k: usize| {
+            let rotation = &rod.rotations[k + 1];
+            let moment = *rotation * rod.attached.moment(k, rotation);
             let [now, next] = self.ends(k);
             let turned = of_lane(&(next.frame * now.frame.transpose()));
-            Vec3(load.moment_on(k, n)).dot(log(&turned))
+            let moved = (next.disk() - now.disk()).of_lane(0);
+            moment.of_lane(0).dot(log(&turned)) + self.residual.point_force[k].of_lane(0).dot(moved)
         };
-        (0..n).map(work).sum()
+        work_of_lines + (0..self.module_count()).map(work).sum::<f64>()
     }
 
     /// Place of a module's mass at both ends of this step.

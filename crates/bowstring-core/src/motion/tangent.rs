@@ -193,6 +193,9 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             value[0][0] = value[0][0].add_diagonal([across, across, along]);
             let disk = splat(inertia * mass.points[k * A + A - 1]);
             value[1][1] = value[1][1].add_diagonal([disk; 3]);
+            if rod.attached.has_forces() {
+                value[0][0] += rod.attached.stiffness::<true>(k, &rod.rotations[k + 1]);
+            }
             let blocks = self.condense(rod, k, value);
             let module = &mut self.eliminated[k];
             value = module.arcs.eliminate::<true>(blocks, &mut least_pivot);

@@ -2,7 +2,7 @@
 
 use crate::math::linalg::Vec3;
 use crate::math::real::Scalar;
-use crate::model::load::{Load, Model, TendonPath, Theory};
+use crate::model::load::{Load, Model, PointLoad, TendonPath, Theory};
 use crate::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
 use crate::motion::{Damping, Motion, Moving};
 use crate::random::Draw;
@@ -56,6 +56,48 @@ const DISK_MOMENTS: [[f64; 3]; 4] = [
     [0.0; 3],
     [0.1, 0.2, 0.2],
 ];
+
+const LINE_FORCES: [[f64; 3]; 4] = [
+    [10.0, -30.0, 50.0],
+    [0.0; 3],
+    [-40.0, 10.0, -90.0],
+    [10.0, 20.0, 30.0],
+];
+const DEAD_AT_POINT: PointLoad = PointLoad {
+    disk: 1,
+    point: [0.02, -0.01, 0.03],
+    force: [3.0, -5.0, 8.0],
+    moment: [0.0; 3],
+    follower: false,
+};
+const FOLLOWER_FORCE: PointLoad = PointLoad {
+    disk: 3,
+    point: [0.0; 3],
+    force: [2.0, 3.0, -6.0],
+    moment: [0.0; 3],
+    follower: true,
+};
+const FOLLOWER_MOMENT: PointLoad = PointLoad {
+    disk: 2,
+    point: [0.0; 3],
+    force: [0.0; 3],
+    moment: [0.2, -0.4, 0.3],
+    follower: true,
+};
+const FOLLOWER_AT_POINT: PointLoad = PointLoad {
+    disk: 1,
+    point: [0.03, 0.01, -0.02],
+    force: [-4.0, 2.0, 5.0],
+    moment: [0.3, 0.1, -0.2],
+    follower: true,
+};
+const DEAD_MOMENT_AT_POINT: PointLoad = PointLoad {
+    disk: 3,
+    point: [-0.02, 0.03, 0.01],
+    force: [1.0, 2.0, -3.0],
+    moment: [0.1, -0.2, 0.4],
+    follower: false,
+};
 
 /// Loads of one kind each, and all together.
 fn loads() -> Vec<(&'static str, Robot, Load<'static>)> {
@@ -142,6 +184,54 @@ fn loads() -> Vec<(&'static str, Robot, Load<'static>)> {
                 tip_moment: [0.5, -0.3, 0.4],
                 disk_forces: &DISK_FORCES,
                 disk_moments: &DISK_MOMENTS,
+                point_loads: &[
+                    FOLLOWER_FORCE,
+                    DEAD_AT_POINT,
+                    FOLLOWER_AT_POINT,
+                    FOLLOWER_MOMENT,
+                    DEAD_MOMENT_AT_POINT,
+                ],
+                line_forces: &LINE_FORCES,
+            },
+        ),
+        (
+            "forces per length",
+            robot(),
+            Load {
+                line_forces: &LINE_FORCES,
+                ..none
+            },
+        ),
+        (
+            "dead force off the centre",
+            robot(),
+            Load {
+                point_loads: &[DEAD_AT_POINT],
+                ..none
+            },
+        ),
+        (
+            "follower force",
+            robot(),
+            Load {
+                point_loads: &[FOLLOWER_FORCE],
+                ..none
+            },
+        ),
+        (
+            "follower moment",
+            robot(),
+            Load {
+                point_loads: &[FOLLOWER_MOMENT],
+                ..none
+            },
+        ),
+        (
+            "two followers",
+            robot(),
+            Load {
+                point_loads: &[FOLLOWER_FORCE, FOLLOWER_AT_POINT],
+                ..none
             },
         ),
     ]
@@ -191,7 +281,7 @@ fn statics<const A: usize>() {
             let h = 1e-5;
             let (up, down) = (gradient(&mut rod, h), gradient(&mut rod, -h));
             let here = gradient(&mut rod, 0.0).1;
-            let symmetric = !load.has_moment();
+            let symmetric = load.has_potential();
             if symmetric {
                 let slope: f64 = here.iter().zip(&ahead).map(|(g, d)| g.dot(*d)).sum();
                 let found = (up.0 - down.0) / (2.0 * h);

@@ -11,6 +11,7 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::Robot;
+use crate::rod::attached::Attached;
 use crate::rod::constants::{Constants, Taper};
 use crate::rod::defect::Defect;
 use crate::rod::elimination::{Blocks, Eliminated};
@@ -37,6 +38,7 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub tensions: Vec<L::Module>,
     pub fixed: Fixed<L, A>,
     pub dead: DeadLoads<L::Chain>,
+    pub attached: Attached<L::Chain, A>,
     pub newton: Newton<L, A>,
     pub spans: Spans<L, A>,
     pub placed: Placed<L::Chain>,
@@ -62,18 +64,10 @@ pub(crate) struct Fixed<L: Layout, const A: usize> {
 pub(crate) struct DeadLoads<C> {
     /// Forces (N) and moments (N m) by modules; see [`State::f`].
     pub modules: Vec<[Vec3<C>; 4]>,
-    /// Moments on the disks (N m), that on the tip included; empty if there are none.
-    pub moments: Vec<Vec3<C>>,
+    /// Gravity (m/s^2).
+    pub gravity: Vec3<C>,
     /// Whether forces act on disks other than the tip: they may nearly cancel at the base.
     on_disks: bool,
-}
-
-impl<T: Real> DeadLoads<T> {
-    /// Moment on disk `k` (N m); `None` without moments.
-    #[inline(always)]
-    pub fn moment(&self, k: usize) -> Option<Vec3<T>> {
-        self.moments.get(k).copied()
-    }
 }
 
 /// Data of a Newton step.
@@ -252,6 +246,27 @@ pub(crate) fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) ->
     })
 }
 
+/// Loads on a module (see [`State::f`]) by a force per length on its backbone, whose flexible part
+/// has some length between two clamps, and a force on its end disk. Hermite's rule: half of the
+/// force on an element at each end, and a couple.
+#[inline(always)]
+pub(crate) fn lumped<T: Real, const A: usize>(
+    line: Vec3<T>,
+    force: Vec3<T>,
+    flexible: T,
+    [start, end]: [T; 2],
+) -> [Vec3<T>; 4] {
+    let half = T::splat(0.5);
+    let element = flexible * T::splat(2.0 / A as f64);
+    let couple = element * element / T::splat(12.0);
+    [
+        force + line * (element * half + end),
+        force * end + line * (end * end * half - couple),
+        force * start + line * (start * (start * half + flexible + end) + couple),
+        line * element,
+    ]
+}
+
 /// Second variation of module `i` of a group and of the distal part, whose own is `value` in the
 /// frame of the end disk; `s` is the rotation of the end.
 #[inline(always)]
@@ -316,9 +331,10 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             },
             dead: DeadLoads {
                 modules: vec![[Vec3::zero(); 4]; n],
-                moments: vec![],
+                gravity: Vec3::zero(),
                 on_disks: false,
             },
+            attached: Attached::none(),
             newton: Newton {
                 hessians: vec![Hessian::empty(); groups],
                 responses: vec![Response::empty(); groups],
@@ -454,7 +470,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     ) {
         self.set_tensions(tension);
         self.dead.on_disks = on_disks.is_some();
-        let splat = L::Chain::splat;
+        self.dead.gravity = gravity;
         let mut force = tip_force;
         for (k, c) in self.fixed.modules.iter().enumerate().rev() {
             let (h, [start, end]) = (c.flexible, c.clamp);
@@ -463,32 +479,22 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 force += on_disk(k);
             }
             force += gravity * self.fixed.masses[k];
-            // an element's weight by Hermite's rule: half at each end, and a couple
-            let half = splat(0.5);
-            let element = h * splat(2.0 / A as f64);
-            let couple = element * element / splat(12.0);
-            let (mut shift, mut turns) = (Vec3::zero(), [Vec3::zero(); 2]);
+            let mut loads = lumped::<_, A>(weight, force, h, [start, end]);
             if let Some(taper) = self.fixed.tapers.get(k) {
-                (shift, turns) = taper.lumped(h, gravity);
+                let (shift, turns) = taper.lumped(h, gravity);
+                loads[0] += shift;
+                loads[1] += turns[1];
+                loads[2] += turns[0];
             }
-            self.dead.modules[k] = [
-                force + weight * (element * half + end) + shift,
-                force * end + weight * (end * end * half - couple) + turns[1],
-                force * start + weight * (start * (start * half + h + end) + couple) + turns[0],
-                weight * element,
-            ];
+            self.dead.modules[k] = loads;
             force += weight * (h + start + end);
         }
     }
 
-    /// Sets dead moments.
-    pub fn set_moments(&mut self, load: &Load) {
+    /// Sets dead moments and point loads, after the dead forces.
+    pub fn set_attached(&mut self, load: &Load) {
         let n = self.module_count();
-        let moments = &mut self.dead.moments;
-        moments.clear();
-        if load.has_moment() {
-            moments.extend((0..n).map(|k| Vec3::splat(load.moment_on(k, n))));
-        }
+        self.attached.set(load, n);
     }
 
     /// Sets a load that has been checked.
@@ -500,7 +506,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             Vec3::splat(load.tip_force),
             (!load.disk_forces.is_empty()).then_some(on_disks),
         );
-        self.set_moments(load);
+        self.set_attached(load);
+        self.add_forces(load.line_forces);
     }
 
     /// Increases the compliance of all module ends by this fraction of their bending compliance, so
@@ -521,9 +528,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Whether a moment acts on a disk.
-    pub fn has_moment(&self) -> bool {
-        !self.dead.moments.is_empty()
+    /// Whether all loads have a potential.
+    pub fn has_potential(&self) -> bool {
+        self.attached.has_potential()
     }
 
     /// The shape without loads and tensions.
@@ -535,9 +542,36 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Forward pass: shapes, rotations (theory Eq. 2.3) and forces; returns the potential energy
-    /// (theory Eq. 3.1, without the dead moments).
+    /// (theory Eq. 3.1, without loads that have no potential).
     #[inline(always)]
     pub fn evaluate(&mut self) -> L::Chain {
+        if self.attached.has_forces() {
+            return self.evaluate_attached();
+        }
+        self.evaluate_module_loads()
+    }
+
+    /// Shapes and rotations of the disks.
+    pub(crate) fn turn_disks(&mut self) {
+        let (path, n) = (self.path(), self.module_count());
+        let mut rotation = Mat3::identity();
+        for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
+            state.shape(c, &in_group(&self.tendons, &self.tensions, path, g));
+            for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
+                rotation = rotation * get_mat::<L>(&state.s, i);
+                self.rotations[g * L::WIDTH + i + 1] = rotation;
+            }
+        }
+    }
+
+    /// Notes that forces act on disks other than the tip.
+    pub(crate) fn has_forces_on_disks(&mut self) {
+        self.dead.on_disks = true;
+    }
+
+    /// `evaluate` with the loads on modules as they are.
+    #[inline(always)]
+    pub(crate) fn evaluate_module_loads(&mut self) -> L::Chain {
         let path = self.path();
         let n = self.module_count();
         let mut rotation = Mat3::identity();
@@ -596,8 +630,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         {
             for i in (0..L::WIDTH.min(n - g * L::WIDTH)).rev() {
                 let k = g * L::WIDTH + i;
-                if let Some(moment) = self.dead.moment(k) {
-                    lambda -= self.rotations[k + 1].tr_mul(moment);
+                if self.attached.acts() {
+                    lambda -= self.attached.moment(k, &self.rotations[k + 1]);
                 }
                 lambda = get_mat::<L>(&state.s, i) * lambda;
                 put::<L>(&mut state.lambda, i, lambda);
@@ -642,21 +676,22 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let s = get_mat::<L>(&self.states[g].s, i);
-            if let (false, Some(moment)) = (SYMMETRIC, self.dead.moment(k)) {
-                value += self.skew_stiffness(k, moment);
+            if self.attached.acts() {
+                value += self
+                    .attached
+                    .stiffness::<SYMMETRIC>(k, &self.rotations[k + 1]);
             }
-            let blocks = blocks::<L, A, SYMMETRIC>(&self.newton.hessians[g], i, &s, value, shift);
+            let mut blocks =
+                blocks::<L, A, SYMMETRIC>(&self.newton.hessians[g], i, &s, value, shift);
+            if !SYMMETRIC {
+                self.couple_followers(k, &mut blocks);
+            }
             [[value]] = self.newton.eliminated[k].eliminate::<SYMMETRIC>(blocks, &mut least_pivot);
+            if !SYMMETRIC {
+                self.eliminate_followers(k);
+            }
         }
         least_pivot
-    }
-
-    /// Stiffness of a dead moment against the rotation of disk `k`, in the disk's frame: skew in
-    /// rotation-vector coordinates.
-    #[inline(always)]
-    pub fn skew_stiffness(&self, k: usize, moment: Vec3<L::Chain>) -> Mat3<L::Chain> {
-        let own = self.rotations[k + 1].tr_mul(moment);
-        (own * L::Chain::splat(-0.5)).skew()
     }
 
     /// `linearise` and `eliminate` in one pass, without shift, for a symmetric tangent: keeps the
@@ -674,6 +709,10 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             state.hessian::<true>(&self.constants[g], &t, gradient, &mut hessian);
             for i in (0..L::WIDTH.min(n - g * L::WIDTH)).rev() {
                 let s = get_mat::<L>(&state.s, i);
+                if self.attached.acts() {
+                    let k = g * L::WIDTH + i;
+                    value += self.attached.stiffness::<true>(k, &self.rotations[k + 1]);
+                }
                 let blocks = blocks::<L, A, true>(&hessian, i, &s, value, L::Chain::zero());
                 let eliminated = &mut self.newton.eliminated[g * L::WIDTH + i];
                 [[value]] = eliminated.eliminate::<true>(blocks, &mut least_pivot);
@@ -717,17 +756,26 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         &mut self,
         mut visit: impl FnMut(usize, &[Vec3<L::Chain>; A]),
     ) {
-        let mut p = Vec3::zero();
+        let (mut p, mut force) = (Vec3::zero(), Vec3::zero());
         for k in (0..self.module_count()).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            p = get_mat::<L>(&self.states[g].s, i) * p;
+            let s = get_mat::<L>(&self.states[g].s, i);
+            p = s * p;
             let mut solution = [Vec3::zero(); A];
             for a in 0..A {
                 solution[a] = get::<L>(&self.gradients[g].g[a], i) + p;
             }
-            visit(k, &solution);
             let mut start = [p];
+            let follower = (!SYMMETRIC).then(|| self.attached.coupling(k)).flatten();
+            if let Some(coupling) = follower {
+                force = s * force;
+                coupling.add_force(force, &mut solution, &mut start[0]);
+            }
+            visit(k, &solution);
             self.newton.eliminated[k].backward::<SYMMETRIC>(&mut solution, &mut start);
+            if let Some(coupling) = follower {
+                force = coupling.force_beyond(force, &solution);
+            }
             for a in 0..A {
                 put::<L>(&mut self.newton.step[g][a], i, solution[a]);
             }
@@ -955,6 +1003,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         sources: &Sources,
     ) {
         let mut p = Vec3::<L::Module>::zero();
+        let mut following = Vec3::<L::Module>::zero();
         for k in (0..self.module_count()).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let [force, arm] = self.source_force(k, columns.clone(), sources);
@@ -979,7 +1028,15 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             if self.newton.symmetric {
                 eliminated.backward_as::<_, true>(widen::<L>, &mut solution, &mut start);
             } else {
+                let follower = self.attached.coupling(k).map(|c| c.each(widen::<L>));
+                if let Some(coupling) = &follower {
+                    following = same_mat::<L>(&state.s, i) * following;
+                    coupling.add_force(following, &mut solution, &mut start[0]);
+                }
                 eliminated.backward_as::<_, false>(widen::<L>, &mut solution, &mut start);
+                if let Some(coupling) = &follower {
+                    following = coupling.force_beyond(following, &solution);
+                }
             }
             p = start[0] + same::<L>(&state.stretching_load(), i).cross(moved);
             let out = &mut self.spans.responses[part];

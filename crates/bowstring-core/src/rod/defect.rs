@@ -80,7 +80,7 @@ impl<T: Real> Section<T> {
 /// Weight of a module, and how its backbone is tapered.
 #[derive(Clone, Copy)]
 pub(crate) struct Weight<'a, T> {
-    /// Mean weight per length (N/m), that of `mass_per_length`.
+    /// Mean weight per length (N/m), that of `mass_per_length`, and other forces per length.
     mean: Vec3<T>,
     /// Gravity (m/s^2), for the change of the weight along a tapered module.
     gravity: Vec3<T>,
@@ -88,17 +88,7 @@ pub(crate) struct Weight<'a, T> {
 }
 
 impl<'a, T: Real> Weight<'a, T> {
-    pub fn new<const A: usize>(
-        c: &Constants<T, A>,
-        mean: Vec3<T>,
-        taper: Option<&'a Taper<T>>,
-    ) -> Self {
-        let mut gravity = Vec3::zero();
-        if taper.is_some() {
-            // without mass there is no weight either
-            let mass = c.mass_per_length.max(T::splat(f64::MIN_POSITIVE));
-            gravity = mean * (T::splat(1.0) / mass);
-        }
+    pub fn new(mean: Vec3<T>, gravity: Vec3<T>, taper: Option<&'a Taper<T>>) -> Self {
         Weight {
             mean,
             gravity,

@@ -159,6 +159,16 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         xx
     }
 
+    /// Rotation taken back by all arcs where the start disk turns.
+    #[inline(always)]
+    pub fn turn_by_start(&self) -> Mat3<T> {
+        let mut sum = Mat3::zero();
+        for gain in &self.gain {
+            sum += gain[0];
+        }
+        sum
+    }
+
     /// Number of negative eigenvalues of the arcs' pivots.
     pub fn negative_pivots(&self) -> usize {
         self.inverse.iter().map(negative_pivots).sum()

@@ -142,7 +142,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let mut folded = L::Chain::splat(-1.0);
         for g in 0..self.states.len() {
             let c = &self.constants[g];
-            let mut weight = Vec3::zero();
+            let (mut weight, mut gravity) = (Vec3::zero(), Vec3::zero());
             for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
                 let k = g * L::WIDTH + i;
                 put::<L>(
@@ -150,11 +150,15 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                     i,
                     self.rotations[k].tr_mul(self.dead.modules[k][3]),
                 );
+                if !self.tapers.is_empty() {
+                    let here = self.rotations[k].tr_mul(self.dead.gravity);
+                    put::<L>(&mut gravity, i, here);
+                }
             }
             let weight = weight * (c.per_flexible * L::Module::splat((A / 2) as f64));
             let t = in_group(&self.tendons, &self.tensions, self.path(), g);
             let mut rhs = [Vec3::zero(); A];
-            let load = Weight::new(c, weight, self.tapers.get(g));
+            let load = Weight::new(weight, gravity, self.tapers.get(g));
             let (state, gradient) = (&self.states[g], &self.gradients[g]);
             let defect = match self.tapers.is_empty() {
                 true => state.defect::<false>(c, &t, gradient, &load, &mut rhs),

@@ -70,12 +70,12 @@ pub(crate) fn jacobians<const A: usize>(
     rod.gradient();
     rod.linearise();
     let responses = rod.newton.responses.clone();
-    let jacobians = if rod.has_moment() {
-        rod.eliminate::<false>(0.0);
-        all::<A, false>(rod, &responses, segments)
-    } else {
+    let jacobians = if rod.has_potential() {
         rod.eliminate::<true>(0.0);
         all::<A, true>(rod, &responses, segments)
+    } else {
+        rod.eliminate::<false>(0.0);
+        all::<A, false>(rod, &responses, segments)
     };
     jacobians.is_finite().then_some(jacobians)
 }
@@ -199,11 +199,23 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
         _ => Vec3::zero(),
     };
     let mut solutions = vec![[Vec3::zero(); A]; n];
+    // change of the force beyond each module by followers, where its disks do not turn further
+    let mut followers = vec![Vec3::zero(); n];
+    let mut beyond = Vec3::zero();
     for k in (0..n).rev() {
         let at_start = rod.states[k].s * p;
         let mut start = [at_start];
         solutions[k] = sources[k].moment.map(|m| m + at_start);
+        let follower = rod.attached.coupling(k);
+        if let Some(coupling) = follower {
+            beyond = rod.states[k].s * beyond;
+            followers[k] = beyond;
+            coupling.add_force(beyond, &mut solutions[k], &mut start[0]);
+        }
         rod.newton.eliminated[k].backward::<SYMMETRIC>(&mut solutions[k], &mut start);
+        if let Some(coupling) = follower {
+            beyond = coupling.force_beyond(beyond, &solutions[k]);
+        }
         p = start[0] + sources[k].start;
     }
     let mut x = Vec3::zero();
@@ -218,7 +230,11 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
             turn += u[i];
             moved += response.j[i] * u[i];
         }
-        let force = sources[k].force + state.stretching_load().cross(x) - response.k.tr_mul(turn);
+        let mut force =
+            sources[k].force + state.stretching_load().cross(x) - response.k.tr_mul(turn);
+        if let Some(coupling) = rod.attached.coupling(k) {
+            force += followers[k] + coupling.by_turn(x + turn);
+        }
         let rho = response.m * moved + response.d_hat * force;
         let offset = x.cross(state.offset(c)) + rho + turn.cross(state.s.column(2)) * c.clamp[1];
         position += rod.rotations[k] * offset;

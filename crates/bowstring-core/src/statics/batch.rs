@@ -8,7 +8,7 @@ use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::memory::{filled, unknown};
 use crate::model::error::InputError;
-use crate::model::load::{Load, RodModel};
+use crate::model::load::{Load, PointLoad, RodModel};
 use crate::model::robot::Robot;
 #[cfg(target_arch = "x86_64")]
 use crate::statics::adaptive::refine_to;
@@ -45,6 +45,10 @@ pub struct Loads<'a> {
     pub disk_forces: &'a [[f64; 3]],
     /// Moments on the disks (N m), in the same form.
     pub disk_moments: &'a [[f64; 3]],
+    /// Loads at points fixed to disks, those of all rows.
+    pub point_loads: &'a [PointLoad],
+    /// Forces per length on the backbone (N/m), those of all rows.
+    pub line_forces: &'a [[f64; 3]],
 }
 
 impl<'a> Loads<'a> {
@@ -65,6 +69,8 @@ impl<'a> Loads<'a> {
             tip_moment: three(self.tip_moment),
             disk_forces: on_disks(self.disk_forces),
             disk_moments: on_disks(self.disk_moments),
+            point_loads: self.point_loads,
+            line_forces: self.line_forces,
         }
     }
 
@@ -203,12 +209,11 @@ fn start_polynomial(
     loads: &Loads,
     threads: usize,
 ) -> Option<StartPolynomial> {
-    // lanes do not solve moments
+    // lanes solve dead forces on disks alone
     let moments = loads.tip_moment.iter();
-    if moments
-        .chain(loads.disk_moments.as_flattened())
-        .any(|m| *m != 0.0)
-    {
+    let mut moments = moments.chain(loads.disk_moments.as_flattened());
+    let others = !loads.point_loads.is_empty() || !loads.line_forces.is_empty();
+    if others || moments.any(|m| *m != 0.0) {
         return None;
     }
     let tendons = robot.tendon_count();

@@ -56,7 +56,10 @@ impl LoadPath {
     pub(super) fn scale(&self, robot: &Robot) -> f64 {
         let spec = robot.spec();
         let apart = |a: [f64; 3], b: [f64; 3]| (Vec3(b) - Vec3(a)).norm();
-        let (from, to) = (&self.from, &self.to);
+        // with the same point loads
+        let (mut from, mut to) = (OwnedLoad::default(), OwnedLoad::default());
+        self.at(0.0, &mut from);
+        self.at(1.0, &mut to);
         let mut moment = apart(from.tip_force, to.tip_force) * robot.length()
             + apart(from.gravity, to.gravity) * robot.mass() * robot.length()
             + apart(from.tip_moment, to.tip_moment);
@@ -73,6 +76,17 @@ impl LoadPath {
             let force = apart(on(&from.disk_forces, k), on(&to.disk_forces, k));
             moment += force * disk.station;
             moment += apart(on(&from.disk_moments, k), on(&to.disk_moments, k));
+            let line = apart(on(&from.line_forces, k), on(&to.line_forces, k));
+            let start = if k == 0 {
+                0.0
+            } else {
+                spec.disks[k - 1].station
+            };
+            moment += line * (disk.station - start) * disk.station;
+        }
+        for (a, b) in from.point_loads.iter().zip(&to.point_loads) {
+            let arm = spec.disks[b.disk].station + Vec3(b.point).norm();
+            moment += apart(a.force, b.force) * arm + apart(a.moment, b.moment);
         }
         robot.moment_scale() / moment
     }
@@ -232,7 +246,7 @@ impl Curve {
             path: path.clone(),
             load: OwnedLoad::default(),
             scale,
-            symmetric: !path.from.borrow().has_moment() && !path.to.borrow().has_moment(),
+            symmetric: path.from.borrow().has_potential() && path.to.borrow().has_potential(),
             family: false,
             at,
             imbalance: f64::INFINITY,

@@ -392,7 +392,7 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
         let mut noise = S::Vector::zero();
         let mut stiffening = [0.0; MOST_LANES];
         for lane in 0..S::Vector::LANES {
-            plain[lane] = !self.left[lane] && !of(lane).has_moment();
+            plain[lane] = !self.left[lane] && of(lane).fits_lanes();
             let scale = rod.energy_scale(settings[lane].length, lane);
             stiffening[lane] = scale / rod.module_count() as f64;
             noise.set_lane(lane, ENERGY_NOISE * (scale + energy.lane(lane).abs()));

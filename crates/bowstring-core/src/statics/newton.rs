@@ -64,10 +64,10 @@ fn converged(rod: &mut dyn Passes, stable: Option<bool>) -> Attempt {
 
 /// Newton's method from the present strain of the rod.
 pub(super) fn newton(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
-    if rod.has_moment() {
-        newton_on_residual(rod, settings, outcome)
-    } else {
+    if rod.has_potential() {
         newton_on_energy(rod, settings, outcome)
+    } else {
+        newton_on_residual(rod, settings, outcome)
     }
 }
 

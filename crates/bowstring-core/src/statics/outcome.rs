@@ -2,6 +2,7 @@
 //!
 //! Theory: docs/theory/statics.md (Globalisation, Stability).
 
+use crate::model::load::Load;
 use crate::model::robot::Robot;
 use crate::rod::estimate::ErrorEstimate;
 
@@ -105,8 +106,8 @@ impl Settings {
         }
     }
 
-    /// Tip moment below which it is not resolved by the tolerance of the residual (N m).
-    pub fn least_moment(&self) -> f64 {
-        TOLERANCE * self.moment_scale
+    /// The load without the moments that the tolerance of the residual does not resolve.
+    pub fn without_negligible<'a>(&self, load: &Load<'a>) -> Load<'a> {
+        load.without_negligible(TOLERANCE * self.moment_scale)
     }
 }

@@ -216,7 +216,7 @@ impl PathSolver {
     /// If a number does not fit the robot.
     pub fn step(&mut self, commands: &[Command], load: &Load) -> Result<PathOutcome, InputError> {
         self.check(commands, load)?;
-        let load = &load.without_moment_below(self.solver().settings.least_moment());
+        let load = &self.solver().settings.without_negligible(load);
         let mut iterations = 0;
         loop {
             let old = self.history().clone();

@@ -317,7 +317,7 @@ impl<S: Simd> PathLanes<S> {
         };
         for lane in 0..S::Vector::LANES {
             // a moment has no energy to minimise
-            progress.plain[lane] = !self.left[lane] && !of(lane).load.has_moment();
+            progress.plain[lane] = !self.left[lane] && of(lane).load.fits_lanes();
         }
         let per_scale = S::Vector::from_fn(|lane| 1.0 / self.settings[lane].moment_scale);
         self.rod.evaluate();

@@ -234,7 +234,7 @@ impl PathStep {
         let friction = self.transmission.friction.enabled;
         let fresh = friction && old.drops.iter().all(|y| *y == 0.0);
         let mut state = Iteration {
-            symmetric: !load.has_moment(),
+            symmetric: load.has_potential(),
             rigid: self.transmission.tendons.is_rigid(),
             unit: self.solver.settings.shift_unit,
             shift: 0.0,

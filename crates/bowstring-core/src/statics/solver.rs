@@ -149,7 +149,7 @@ impl Solver {
     /// Equilibrium from the straight backbone.
     pub fn solve(&mut self, load: &Load) -> Result<Outcome, InputError> {
         load.check(&self.robot)?;
-        let load = &load.without_moment_below(self.settings.least_moment());
+        let load = &self.settings.without_negligible(load);
         let outcome = self.solve_from_straight(load);
         self.known = 0;
         self.remember(&outcome);
@@ -165,7 +165,7 @@ impl Solver {
         if self.known == 0 {
             return self.solve(load);
         }
-        let load = &load.without_moment_below(self.settings.least_moment());
+        let load = &self.settings.without_negligible(load);
         self.load.set(load);
         let [a, b, c] = &self.history;
         let ahead = |i: usize| match self.known {
@@ -192,7 +192,7 @@ impl Solver {
     /// Equilibrium from a strain, or from the straight backbone, by Newton's method alone, without
     /// another start or load stepping.
     pub(crate) fn solve_from(&mut self, strain: Option<&[Vec3]>, load: &Load) -> Outcome {
-        let load = &load.without_moment_below(self.settings.least_moment());
+        let load = &self.settings.without_negligible(load);
         self.load.set(load);
         self.engine.load(load);
         // also discards the contact forces of other loads
@@ -284,13 +284,17 @@ impl Solver {
         outcome
     }
 
-    /// Load stepping after a failed attempt: of the moments alone, then of the whole load.
+    /// Load stepping after a failed attempt: of the loads without a potential alone, then of the
+    /// whole load.
     fn continued(&mut self, attempt: Attempt, load: &Load, outcome: &mut Outcome) -> Attempt {
         // if load stepping fails too, the first outcome is kept
         let first = *outcome;
         let mut continued = Attempt::Stuck;
-        if load.has_moment() {
-            let rest = self.equilibrium(&load.without_moments(), true);
+        if !load.has_potential() {
+            let mut rest = OwnedLoad::default();
+            rest.set(load);
+            rest.scale(1.0, 0.0);
+            let rest = self.solve_from_straight(&rest.borrow());
             outcome.iterations += rest.iterations;
             if rest.status == Status::Converged {
                 continued = self.continuation(load, false, outcome);
@@ -315,7 +319,8 @@ impl Solver {
     }
 
     /// Raises the load from zero by adaptive increments: the whole load or, from the engine's
-    /// equilibrium under the other loads, the moments alone. Reports the fraction reached.
+    /// equilibrium under the other loads, those without a potential alone. Reports the fraction
+    /// reached.
     fn continuation(&mut self, load: &Load, all: bool, outcome: &mut Outcome) -> Attempt {
         let mut part = OwnedLoad::default();
         let mut start = vec![Vec3::zero(); self.history[0].len()];
@@ -331,8 +336,8 @@ impl Solver {
             part.scale(share, fraction);
             let mut attempt = self.attempt_from(&start, &part.borrow(), outcome);
             if fraction == 1.0 {
-                let leads =
-                    !all && load.moment_size() > LEAST_LEADING_MOMENT * self.settings.moment_scale;
+                let size = load.size_without_potential(self.settings.length);
+                let leads = !all && size > LEAST_LEADING_MOMENT * self.settings.moment_scale;
                 attempt = self.judged(attempt, load, leads);
             }
             let sound = attempt.is_sound();
@@ -348,7 +353,7 @@ impl Solver {
                 increment *= SHORTER;
             }
             outcome.fraction = reached;
-            if fraction == 1.0 && matches!(attempt, Attempt::Saddle) && load.has_moment() {
+            if fraction == 1.0 && matches!(attempt, Attempt::Saddle) && !load.has_potential() {
                 // converged to an unstable equilibrium: smaller increments lead to the same
                 return attempt;
             }

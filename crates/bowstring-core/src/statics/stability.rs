@@ -1,4 +1,4 @@
-//! Stability of an equilibrium under dead moments, which have no potential.
+//! Stability of an equilibrium under dead moments and followers, which have no potential.
 //!
 //! Theory: docs/theory/statics.md (Stability).
 
@@ -18,10 +18,21 @@ const FLUTTER_DAMPING: f64 = 0.01;
 /// Growth above which damping does not stabilise: the motion hardly oscillates.
 const STRONG_GROWTH: f64 = 0.5;
 
+/// What is known of the tangent before the frequencies.
+enum Tangent {
+    /// Its symmetric part is positive definite: divergence is excluded.
+    Positive,
+    /// Its symmetric part is not.
+    Indefinite,
+    /// Followers have an unsymmetric part that may be large.
+    Unsymmetric,
+}
+
 impl Solver {
-    /// Determines the stability of an equilibrium under moments, which Newton's method does
-    /// not. An unstable one is accepted where the moment alone `leads` to it from a stable one.
-    pub(super) fn judged(&mut self, attempt: Attempt, load: &Load, leads: bool) -> Attempt {
+    /// Determines the stability of an equilibrium under loads without a potential, which Newton's
+    /// method does not. An unstable one is accepted where these loads alone `lead` to it from a
+    /// stable one.
+    pub(super) fn judged(&mut self, attempt: Attempt, load: &Load, lead: bool) -> Attempt {
         let Attempt::Converged {
             stable: None,
             collision,
@@ -30,7 +41,7 @@ impl Solver {
             return attempt;
         };
         match self.stability(load) {
-            Some(false) if !leads => Attempt::Saddle,
+            Some(false) if !lead => Attempt::Saddle,
             stable => Attempt::Converged { stable, collision },
         }
     }
@@ -40,8 +51,11 @@ impl Solver {
     /// definite, divergence is excluded; and with the disk's flexibility `C` in the plane
     /// perpendicular to the moment, squared frequencies lie within an angle of `|moment| sqrt(det
     /// C) / 2` of the real axis, or within the sum of these over the disks. This decides small
-    /// moments. Larger ones need the frequencies.
+    /// moments. Larger ones and followers need the frequencies.
     pub(super) fn stability(&mut self, load: &Load) -> Option<bool> {
+        if load.has_follower() {
+            return self.stability_of_motion(load, Tangent::Unsymmetric);
+        }
         self.engine.linearise();
         let pivot = self.engine.eliminate(true, 0.0);
         let unit = self.settings.shift_unit;
@@ -53,10 +67,10 @@ impl Solver {
         };
         // a NaN is not small
         if stable == Some(true) && !(self.flutter_angle(load) <= 2.0 * FLUTTER_DAMPING) {
-            stable = self.stability_of_motion(load, true);
+            stable = self.stability_of_motion(load, Tangent::Positive);
         }
         if stable == Some(false) {
-            stable = self.stability_of_motion(load, false);
+            stable = self.stability_of_motion(load, Tangent::Indefinite);
         }
         // restore the tangent of Newton's last step for later queries
         self.engine.gradient();
@@ -104,15 +118,16 @@ impl Solver {
         0.5 * size * determinant.sqrt()
     }
 
-    /// Stability from the frequencies; `oscillates` as in [`oscillation::growth`].
-    fn stability_of_motion(&self, load: &Load, oscillates: bool) -> Option<bool> {
+    /// Stability from the frequencies, given the symmetric part of the tangent.
+    fn stability_of_motion(&self, load: &Load, tangent: Tangent) -> Option<bool> {
+        let oscillates = matches!(tangent, Tangent::Positive);
         let growth = dispatch::check_moving(&self.robot, self.elements)
             .ok()
             .and_then(|()| oscillation::growth(&self.at_rest(), load, oscillates));
         match growth {
             Some(growth) if growth <= FLUTTER_DAMPING => Some(true),
             Some(growth) if growth >= STRONG_GROWTH => Some(false),
-            None if !oscillates => Some(false),
+            None if matches!(tangent, Tangent::Indefinite) => Some(false),
             _ => None,
         }
     }
