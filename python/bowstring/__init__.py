@@ -58,7 +58,7 @@ if TYPE_CHECKING:
         displacement_jacobian,
         jacobians,
     )
-    from bowstring.statics.load import Load
+    from bowstring.statics.load import Load, PointLoad
     from bowstring.statics.rod import solve, solve_batch, sweep
     from bowstring.statics.solution import Solution, Sweep
     from bowstring.study.settings import Extras, Ramp
@@ -87,6 +87,7 @@ __all__ = [
     "Measurements",
     "Modes",
     "Output",
+    "PointLoad",
     "Ramp",
     "Robot",
     "RodModel",
@@ -159,7 +160,7 @@ _HOME = {
             "critical_load"
         ),
         "statics.derivatives": "DisplacementJacobian Jacobians displacement_jacobian jacobians",
-        "statics.load": "Load",
+        "statics.load": "Load PointLoad",
         "statics.rod": "solve solve_batch sweep",
         "statics.solution": "Solution Sweep",
         "study.settings": "Extras Ramp",

@@ -3,7 +3,7 @@
 use crate::fields::Records;
 use crate::input::{array, copied, input_error, numbers, refused, three, Array, Rows};
 use crate::interrupt::interruptible;
-use crate::model::{self, vectors, DeadLoad, RodModel};
+use crate::model::{self, point_loads, vectors, DeadLoad, RodModel, POINT_LOAD};
 use crate::path::PathSolver;
 use crate::rod::Robot;
 use bowstring_core::dynamics::integrator::{
@@ -19,9 +19,12 @@ use pyo3::types::PyDict;
 use std::time::{Duration, Instant};
 
 /// Loads at one time, a tuple: actuation of each tendon; force and moment on the tip; forces and
-/// moments on the disks, (3 N,), or empty if there are none.
+/// moments on the disks, (3 N,), numbers of P point loads, (11 P,), and forces per length before each
+/// disk, (3 N,), or empty if there are none.
 #[derive(FromPyObject)]
 struct InstantLoad<'py>(
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
     Bound<'py, PyAny>,
     Bound<'py, PyAny>,
     Bound<'py, PyAny>,
@@ -32,6 +35,8 @@ struct InstantLoad<'py>(
 /// The same at several times, row by row.
 #[derive(FromPyObject)]
 struct LoadRows<'py>(
+    PyReadonlyArray2<'py, f64>,
+    PyReadonlyArray2<'py, f64>,
     PyReadonlyArray2<'py, f64>,
     PyReadonlyArray2<'py, f64>,
     PyReadonlyArray2<'py, f64>,
@@ -194,7 +199,8 @@ impl Simulator {
     ) -> PyResult<Option<&'static str>> {
         let rows = duration.len();
         let tendons = self.inner.robot().tendon_count();
-        let LoadRows(tensions, tip_force, tip_moment, disk_forces, disk_moments) = loads;
+        let LoadRows(tensions, tip_force, tip_moment, disk_forces, disk_moments, points, lines) =
+            loads;
         let on_disks = 3 * self.inner.robot().module_count();
         for (name, shape, expected) in [
             ("tensions", tensions.shape(), [rows, tendons]),
@@ -202,13 +208,20 @@ impl Simulator {
             ("tip_moment", tip_moment.shape(), [rows, 3]),
             ("disk_forces", disk_forces.shape(), [rows, on_disks]),
             ("disk_moments", disk_moments.shape(), [rows, on_disks]),
+            ("line_forces", lines.shape(), [rows, on_disks]),
         ] {
-            let none = name.starts_with("disk") && shape[1] == 0;
+            let none = !name.starts_with("t") && shape[1] == 0;
             if shape != expected && !(none && shape[0] == rows) {
                 return Err(refused(format!(
                     "{name} has shape {shape:?}, it must have {expected:?}"
                 )));
             }
+        }
+        if points.shape()[0] != rows || points.shape()[1] % POINT_LOAD != 0 {
+            return Err(refused(format!(
+                "point_loads has shape {:?}, it must have {rows} rows of {POINT_LOAD} numbers each",
+                points.shape()
+            )));
         }
         if record.len() != rows {
             return Err(refused(format!(
@@ -220,6 +233,8 @@ impl Simulator {
         let (force, moment) = (tip_force.as_array(), tip_moment.as_array());
         let tensions = tensions.as_array();
         let (disk_forces, disk_moments) = (disk_forces.as_array(), disk_moments.as_array());
+        let (points, lines) = (points.as_array(), lines.as_array());
+        let disks = self.inner.robot().module_count();
         let mut own = vec![0.0; tendons];
         let mut stop = None;
         let done = interruptible(py, || {
@@ -235,6 +250,8 @@ impl Simulator {
                     tip_moment: [0, 1, 2].map(|i| moment[[row, i]]),
                     disk_forces: &on_disks(disk_forces),
                     disk_moments: &on_disks(disk_moments),
+                    point_loads: &point_loads(&points.row(row).to_vec(), disks),
+                    line_forces: &on_disks(lines),
                 };
                 let count;
                 (stop, count) = self
@@ -364,13 +381,16 @@ impl Simulator {
 
 impl Simulator {
     fn load(&self, load: &InstantLoad<'_>) -> PyResult<OwnedLoad> {
-        let InstantLoad(tensions, tip_force, tip_moment, disk_forces, disk_moments) = load;
+        let InstantLoad(tensions, tip_force, tip_moment, disk_forces, disk_moments, points, lines) =
+            load;
         let count = self.inner.robot().tendon_count();
+        let disks = self.inner.robot().module_count();
         let on_disks = |given: &Bound<'_, PyAny>, name, unit| match given.len()? {
             0 => Ok(vec![]),
-            _ => numbers(given, name, unit, 3 * self.inner.robot().module_count())
-                .map(|numbers| vectors(&numbers)),
+            _ => numbers(given, name, unit, 3 * disks).map(|numbers| vectors(&numbers)),
         };
+        let of_points = points.len()? / POINT_LOAD * POINT_LOAD;
+        let of_points = numbers(points, "point_loads", "SI", of_points)?;
         Ok(OwnedLoad {
             tensions: numbers(tensions, "tensions", "N", count)?,
             gravity: [0.0; 3],
@@ -378,6 +398,8 @@ impl Simulator {
             tip_moment: three(tip_moment, "tip_moment", "N m")?,
             disk_forces: on_disks(disk_forces, "disk_forces", "N")?,
             disk_moments: on_disks(disk_moments, "disk_moments", "N m")?,
+            point_loads: point_loads(&of_points, disks),
+            line_forces: on_disks(lines, "line_forces", "N/m")?,
         })
     }
 

@@ -3,7 +3,7 @@
 use crate::input::{brief, input_error, numbers, refused, three};
 use bowstring_core::memory;
 use bowstring_core::model::load::RodModel as Settings;
-use bowstring_core::model::load::{OwnedLoad, TendonPath, Theory};
+use bowstring_core::model::load::{OwnedLoad, PointLoad, TendonPath, Theory};
 use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Section, Tendon};
 use bowstring_core::statics::batch::Loads;
 use bowstring_core::statics::path::Line;
@@ -176,7 +176,8 @@ impl RodModel {
 }
 
 /// Loads beside the tendons, attributes of Python's `Load`: gravity (the robot's own if None),
-/// force and moment at the tip and on each disk (zero if None).
+/// force and moment at the tip and on each disk, numbers of point loads (see `point_loads`), and
+/// force per length before each disk (zero if None).
 #[derive(FromPyObject)]
 pub struct DeadLoad<'py> {
     gravity: Option<Bound<'py, PyAny>>,
@@ -184,6 +185,8 @@ pub struct DeadLoad<'py> {
     tip_moment: Option<Bound<'py, PyAny>>,
     disk_forces: Option<Bound<'py, PyAny>>,
     disk_moments: Option<Bound<'py, PyAny>>,
+    point_loads: Option<Bound<'py, PyAny>>,
+    line_forces: Option<Bound<'py, PyAny>>,
 }
 
 impl DeadLoad<'_> {
@@ -203,7 +206,74 @@ impl DeadLoad<'_> {
                 "N m",
                 None,
             )?,
+            point_loads: given_points(robot, self.point_loads.as_ref())?,
+            line_forces: line_forces(robot, self.line_forces.as_ref())?,
         })
+    }
+}
+
+/// Numbers of a point load.
+pub const POINT_LOAD: usize = 11;
+
+/// Point loads of a robot with `disks` disks, from their numbers one after the other: disk, below
+/// zero counted from the tip; point; force; moment; 1 for a follower. The core checks them.
+pub fn point_loads(numbers: &[f64], disks: usize) -> Vec<PointLoad> {
+    let load = |v: &[f64]| {
+        let disk = if v[0] < 0.0 {
+            v[0] + disks as f64
+        } else {
+            v[0]
+        };
+        let three = |at: usize| [v[at], v[at + 1], v[at + 2]];
+        PointLoad {
+            disk: if disk >= 0.0 {
+                disk as usize
+            } else {
+                usize::MAX
+            },
+            point: three(1),
+            force: three(4),
+            moment: three(7),
+            follower: v[10] != 0.0,
+        }
+    };
+    numbers.chunks_exact(POINT_LOAD).map(load).collect()
+}
+
+/// The numbers of [`point_loads`].
+pub fn numbers_of_points(loads: &[PointLoad]) -> Vec<f64> {
+    let numbers = |load: &PointLoad| {
+        let place = [load.disk as f64].into_iter().chain(load.point);
+        let wrench = load.force.into_iter().chain(load.moment);
+        place
+            .chain(wrench)
+            .chain([f64::from(u8::from(load.follower))])
+    };
+    loads.iter().flat_map(numbers).collect()
+}
+
+fn given_points(robot: &Robot, given: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<PointLoad>> {
+    let Some(given) = given else {
+        return Ok(vec![]);
+    };
+    match given.extract::<PyReadonlyArray2<f64>>() {
+        Ok(array) if array.shape()[1] == POINT_LOAD => {
+            let numbers: Vec<f64> = array.as_array().iter().copied().collect();
+            Ok(point_loads(&numbers, robot.module_count()))
+        }
+        _ => Err(refused(format!(
+            "point_loads is {}, it must be a sequence of PointLoad",
+            brief(given)
+        ))),
+    }
+}
+
+/// Forces per length before each disk: one for all, (3,), or (N, 3).
+fn line_forces(robot: &Robot, given: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<[f64; 3]>> {
+    let one = given.and_then(|given| given.extract::<PyReadonlyArray1<f64>>().ok());
+    match one.as_ref().map(|v| v.as_array()) {
+        Some(v) if v.len() == 3 => Ok(vec![[v[0], v[1], v[2]]; robot.module_count()]),
+        _ => on_disks(robot, given, "line_forces", "N/m", None),
     }
 }
 
@@ -529,6 +599,8 @@ pub(crate) struct OwnLoads {
     disks: usize,
     disk_forces: Vec<[f64; 3]>,
     disk_moments: Vec<[f64; 3]>,
+    point_loads: Vec<PointLoad>,
+    line_forces: Vec<[f64; 3]>,
 }
 
 impl OwnLoads {
@@ -587,6 +659,8 @@ impl OwnLoads {
             disks,
             disk_forces: disk_rows(&load.disk_forces, "disk_forces", "N")?,
             disk_moments: disk_rows(&load.disk_moments, "disk_moments", "N m")?,
+            point_loads: given_points(robot, load.point_loads.as_ref())?,
+            line_forces: line_forces(robot, load.line_forces.as_ref())?,
         })
     }
 
@@ -600,6 +674,8 @@ impl OwnLoads {
             disks: self.disks,
             disk_forces: &self.disk_forces,
             disk_moments: &self.disk_moments,
+            point_loads: &self.point_loads,
+            line_forces: &self.line_forces,
         }
     }
 }

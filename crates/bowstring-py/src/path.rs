@@ -2,6 +2,7 @@
 
 use crate::input::{array, copied, input_error, numbers, refused, three, Rows};
 use crate::interrupt::interruptible;
+use crate::model::{numbers_of_points, point_loads, POINT_LOAD};
 use crate::model::{DeadLoad, DesignArrays, Lines, OwnLoads, RodModel};
 use crate::rod::{check_rows, column, Answer, PathResult, Robot, Solution, State};
 use bowstring_core::model::load::Load;
@@ -174,6 +175,11 @@ impl PathSolver {
             ("tip_moment", floats(&load.tip_moment, &[3])),
             ("disk_forces", on_disks(&load.disk_forces)),
             ("disk_moments", on_disks(&load.disk_moments)),
+            ("point_loads", {
+                let shape = [load.point_loads.len(), POINT_LOAD];
+                array(py, numbers_of_points(&load.point_loads), &shape).into_any()
+            }),
+            ("line_forces", on_disks(&load.line_forces)),
             ("slips", array(py, self.inner.slips(), &[n, m]).into_any()),
             ("strain", floats(strain.as_flattened(), &[strain.len(), 3])),
         ] {
@@ -194,6 +200,9 @@ impl PathSolver {
         };
         let disk_forces = history.disk_forces.extract::<Rows<3>>()?;
         let disk_moments = history.disk_moments.extract::<Rows<3>>()?;
+        let line_forces = history.line_forces.extract::<Rows<3>>()?;
+        let disks = self.inner.robot().module_count();
+        let point_loads = point_loads(&flat(&history.point_loads), disks);
         let load = Load {
             tensions: &[],
             gravity: three(&history.gravity, "gravity", "m/s^2")?,
@@ -201,6 +210,8 @@ impl PathSolver {
             tip_moment: three(&history.tip_moment, "tip_moment", "N m")?,
             disk_forces: &disk_forces,
             disk_moments: &disk_moments,
+            point_loads: &point_loads,
+            line_forces: &line_forces,
         };
         let given = path_batch::commands(&by_displacement, &commands);
         self.inner
@@ -273,6 +284,8 @@ struct History<'py> {
     tip_moment: Bound<'py, PyAny>,
     disk_forces: PyReadonlyArray2<'py, f64>,
     disk_moments: PyReadonlyArray2<'py, f64>,
+    point_loads: PyReadonlyArray2<'py, f64>,
+    line_forces: PyReadonlyArray2<'py, f64>,
     strain: Bound<'py, PyAny>,
     slips: PyReadonlyArray2<'py, i8>,
 }

@@ -2,6 +2,7 @@
 
 use crate::input::{array, copied, input_error, numbers, refused, Array};
 use crate::interrupt::interruptible;
+use crate::model::{numbers_of_points, POINT_LOAD};
 use crate::model::{DeadLoad, DesignArrays, OwnLoads, RobotArrays, RodModel};
 use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
@@ -479,6 +480,18 @@ impl Solution {
     #[getter]
     fn disk_moments<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
         on_disks(py, &self.load.disk_moments)
+    }
+    /// Numbers (P, 11) of the point loads; `None` if there are none.
+    #[getter]
+    fn point_loads<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        let loads = &self.load.point_loads;
+        let shape = [loads.len(), POINT_LOAD];
+        (!loads.is_empty()).then(|| array(py, numbers_of_points(loads), &shape))
+    }
+    /// Forces per length before each disk (N, 3); `None` if there are none.
+    #[getter]
+    fn line_forces<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        on_disks(py, &self.load.line_forces)
     }
     #[getter]
     fn tip_position<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {

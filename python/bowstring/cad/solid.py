@@ -267,7 +267,10 @@ def _load(data: xr.Dataset) -> str:
     kinds = {
         "gravity": ("gravity", "gravity_m_per_s2"),
         "a load at the tip": ("tip_force", "tip_moment", "tip_force_N", "tip_moment_Nm"),
-        "loads on disks": ("disk_forces", "disk_moments", "disk_forces_N", "disk_moments_Nm"),
+        "loads on disks": (
+            *("disk_forces", "disk_moments", "disk_forces_N", "disk_moments_Nm"),
+            *("point_loads", "line_forces", "line_forces_N_per_m"),
+        ),
     }
     acting = [
         kind

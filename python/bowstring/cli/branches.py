@@ -12,11 +12,15 @@ from bowstring.cli.options import (
     AutomaticElements,
     DiskForces,
     DiskMoments,
+    FollowerForces,
     Gravity,
+    LineForce,
     Overrides,
+    PointForces,
     RobotSource,
     Theory,
     TipForce,
+    at_points,
     check_elements,
     load,
     number_of,
@@ -47,6 +51,9 @@ def branches(
     ] = "0,0,0",
     disk_force: DiskForces = None,
     disk_moment: DiskMoments = None,
+    point_force: PointForces = None,
+    follower_force: FollowerForces = None,
+    line_force: LineForce = None,
     from_tension: Annotated[
         str | None, option("T1,T2,...", "Tension of each tendon at load factor 0.  [default: 0]")
     ] = None,
@@ -104,6 +111,8 @@ def branches(
         tip_moment=moment,
         disk_forces=on_disks("--disk-force", disk_force, "N", model),
         disk_moments=on_disks("--disk-moment", disk_moment, "N*m", model),
+        point_loads=at_points(point_force, follower_force, model),
+        line_forces=None if line_force is None else vector("--line-force", line_force, "N/m"),
     )
     begin_force = vector("--from-tip-force", from_tip_force, "N")
     begin = None
@@ -138,6 +147,8 @@ def branches(
                 tip_moment_Nm=moment,
                 disk_forces_N=end.disk_forces,
                 disk_moments_Nm=end.disk_moments,
+                point_loads=[each.to_dict() for each in end.point_loads or ()] or None,
+                line_force_N_per_m=end.line_forces,
                 from_tensions_N=found.start.tensions,
                 from_gravity_m_per_s2=found.start.gravity,
                 from_tip_force_N=begin_force,

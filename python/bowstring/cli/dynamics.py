@@ -22,12 +22,16 @@ from bowstring.cli.options import (
     DiskForces,
     DiskMoments,
     Elements,
+    FollowerForces,
     Gravity,
     HistoryFile,
+    LineForce,
     Overrides,
+    PointForces,
     RobotSource,
     Theory,
     TipForce,
+    at_points,
     check_elements,
     load,
     not_negative,
@@ -109,6 +113,9 @@ def simulate(
     ] = "0,0,0",
     disk_force: DiskForces = None,
     disk_moment: DiskMoments = None,
+    point_force: PointForces = None,
+    follower_force: FollowerForces = None,
+    line_force: LineForce = None,
     mass_damping: Annotated[
         str, option("1/s", "Mass-proportional damping: force per mass and velocity.")
     ] = "0",
@@ -163,7 +170,12 @@ def simulate(
         )
     moment = vector("--tip-moment", tip_moment, "N*m")
     disk_moments = on_disks("--disk-moment", disk_moment, "N*m", model)
-    moments = {"--tip-moment": [moment], "--disk-moment": disk_moments or []}
+    at_disks = at_points(point_force, follower_force, model)
+    moments = {
+        "--tip-moment": [moment],
+        "--disk-moment": disk_moments or [],
+        "--follower-force": [load.force for load in at_disks or () if load.follower],
+    }
     for flag, vectors in moments.items():
         if modal_damping is not None and any(map(any, vectors)):
             raise InputError(
@@ -186,6 +198,8 @@ def simulate(
         tip_moment=moment,
         disk_forces=on_disks("--disk-force", disk_force, "N", model),
         disk_moments=disk_moments,
+        point_loads=at_disks,
+        line_forces=None if line_force is None else vector("--line-force", line_force, "N/m"),
         gravity=None if gravity is None else vector("--gravity", gravity, "m/s^2"),
     )
     modal = ratio("--modal-damping", modal_damping)
@@ -274,6 +288,8 @@ def modes(
     gravity: Gravity = None,
     tip_force: TipForce = "0,0,0",
     disk_force: DiskForces = None,
+    point_force: PointForces = None,
+    line_force: LineForce = None,
     elements: AutomaticElements = None,
     history: HistoryFile = None,
     out: Annotated[Path | None, option("DIR", "Folder for pictures of the mode shapes.")] = None,
@@ -297,6 +313,8 @@ def modes(
     weight = vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
     force = vector("--tip-force", tip_force, "N")
     disk_forces = on_disks("--disk-force", disk_force, "N", model)
+    points = at_points(point_force, None, model)
+    line = None if line_force is None else vector("--line-force", line_force, "N/m")
 
     from bowstring._core import RodModel
     from bowstring.dynamics import modal
@@ -314,6 +332,8 @@ def modes(
         gravity_m_per_s2=weight,
         tip_force_N=force,
         disk_forces_N=disk_forces,
+        point_loads=None if points is None else [each.to_dict() for each in points],
+        line_force_N_per_m=line,
         elements=elements,
         **{name: given for name, given in actuation.items() if given is not None},
     )
@@ -321,7 +341,13 @@ def modes(
         with progress_bar("modes"):
             found = modal.modes(
                 model,
-                load=acting.replace(tip_force=force, disk_forces=disk_forces, gravity=weight),
+                load=acting.replace(
+                    tip_force=force,
+                    disk_forces=disk_forces,
+                    point_loads=points,
+                    line_forces=line,
+                    gravity=weight,
+                ),
                 model=RodModel(theory, elements=elements),
                 history=path,
                 count=count,

@@ -21,6 +21,7 @@ from bowstring.units import has_no_unit, number_with_unit, quote, read_number, r
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
+    from bowstring.statics.load import PointLoad
 
 MOST_LOADS: Final = 100_000  # loads of a range
 _EARTH_IN_MM: Final = (9700.0, 9900.0)  # Earth's gravity in mm/s^2
@@ -92,6 +93,27 @@ DiskMoments = Annotated[
         "--disk-moment",
     ),
 ]
+PointForces = Annotated[
+    list[str] | None,
+    option(
+        "N:x,y,z@px,py,pz",
+        "Dead load: force at a point of disk N, which is given in the disk's axes from its centre. "
+        "Repeatable.",
+        "--point-force",
+    ),
+]
+FollowerForces = Annotated[
+    list[str] | None,
+    option(
+        "N:x,y,z[@px,py,pz]",
+        "Follower load: force on disk N, or at a point of it, in the disk's axes. Repeatable.",
+        "--follower-force",
+    ),
+]
+LineForce = Annotated[
+    str | None,
+    option("x,y,z", "Dead load: force per length of backbone in N/m, base axes.", "--line-force"),
+]
 MappingFile = Annotated[
     str | None,
     option(
@@ -134,6 +156,9 @@ _EXAMPLES: Final = {
     "--mass-damping": "0.5",
     "--material-damping": '"1 ms"',
     "--modal-damping": '"1 %"',
+    "--point-force": '4:0,1,0@0,0,"20 mm"',
+    "--follower-force": "4:0,1,0",
+    "--line-force": "0,0,-2",
     "--tendon": "1,2:0.5",
     "--g": "9.81",
     "--masses": '0:"500 g":8',
@@ -282,20 +307,52 @@ def on_disks(
     vectors = [[0.0, 0.0, 0.0] for _ in range(count)]
     seen = set()
     for text in texts:
-        number, colon, components = text.partition(":")
-        number = number.strip()
-        short = number.isdecimal() and len(number) < 10
-        if not (colon and short and 1 <= int(number) <= count):
-            raise InputError(
-                f"{flag}: got {quote(text)}; must be a disk of {robot.name} from 1 to {count} and, "
-                f"after a colon, x, y and z, for example {flag} {min(4, count)}:0,1,0."
-            )
-        disk = int(number)
+        disk, components = _disk_of(flag, text, robot)
         if disk in seen:
             raise InputError(f"{flag}: disk {disk} is there twice; name each one once.")
         seen.add(disk)
         vectors[disk - 1] = vector(flag, components, si)
     return vectors
+
+
+def _disk_of(flag: str, text: str, robot: Robot) -> tuple[int, str]:
+    """Disk, counted from 1, before a colon, and the text after it."""
+    count = len(robot.disks.station_m)
+    number, colon, components = text.partition(":")
+    number = number.strip()
+    short = number.isdecimal() and len(number) < 10
+    if not (colon and short and 1 <= int(number) <= count):
+        raise InputError(
+            f"{flag}: got {quote(text)}; must be a disk of {robot.name} from 1 to {count} and, "
+            f"after a colon, x, y and z, for example {flag} {min(4, count)}:0,1,0."
+        )
+    return int(number), components
+
+
+def at_points(
+    dead: Sequence[str] | None, followers: Sequence[str] | None, robot: Robot
+) -> tuple[PointLoad, ...] | None:
+    """Parse --point-force and --follower-force; None without any."""
+    from bowstring.statics.load import PointLoad
+
+    loads = []
+    for flag, texts in (("--point-force", dead), ("--follower-force", followers)):
+        for text in texts or ():
+            disk, components = _disk_of(flag, text, robot)
+            force, at, point = components.partition("@")
+            if not at and flag == "--point-force":
+                raise InputError(
+                    f"{flag}: got {quote(text)}; a point of the disk must follow the force after "
+                    f"an @, for example {flag} {_EXAMPLES[flag]}; --disk-force takes a force on "
+                    "the centre."
+                )
+            place: Sequence[float] = (0.0, 0.0, 0.0)
+            if at:
+                place = vector(flag, point, "m")
+                check_bare(flag, point, "m", robot, 10.0 * robot.length, "mm")
+            values = vector(flag, force, "N")
+            loads.append(PointLoad(disk - 1, values, point=place, follower="follower" in flag))
+    return tuple(loads) or None
 
 
 def check_bare(

@@ -25,11 +25,15 @@ from bowstring.cli.options import (
     Chord,
     DiskForces,
     DiskMoments,
+    FollowerForces,
     Gravity,
     HistoryFile,
+    LineForce,
     Overrides,
+    PointForces,
     RobotSource,
     Theory,
+    at_points,
     check_bare,
     check_elements,
     load,
@@ -209,6 +213,9 @@ def solve(
     ] = "0,0,0",
     disk_force: DiskForces = None,
     disk_moment: DiskMoments = None,
+    point_force: PointForces = None,
+    follower_force: FollowerForces = None,
+    line_force: LineForce = None,
     elements: AutomaticElements = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
@@ -225,6 +232,8 @@ def solve(
     moment = vector("--tip-moment", tip_moment, "N*m")
     disk_forces = on_disks("--disk-force", disk_force, "N", model)
     disk_moments = on_disks("--disk-moment", disk_moment, "N*m", model)
+    points = at_points(point_force, follower_force, model)
+    line = None if line_force is None else vector("--line-force", line_force, "N/m")
     before = None if history is None else read_history(history)
     if save_history is not None:
         save_history = of_flag("--save-history", check_history_file, save_history)
@@ -236,6 +245,8 @@ def solve(
             tip_moment=moment,
             disk_forces=disk_forces,
             disk_moments=disk_moments,
+            point_loads=points,
+            line_forces=line,
         ),
         model=RodModel(theory, elements=elements),
         history=before,
@@ -259,6 +270,8 @@ def solve(
                 tip_moment_Nm=moment,
                 disk_forces_N=disk_forces,
                 disk_moments_Nm=disk_moments,
+                point_loads=None if points is None else [each.to_dict() for each in points],
+                line_force_N_per_m=line,
                 elements=solution.model.elements,
             ),
             "warnings": [*model.warnings, *warnings],

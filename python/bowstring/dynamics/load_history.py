@@ -16,7 +16,14 @@ from bowstring import validation
 from bowstring.errors import InputError
 from bowstring.formatting import plain
 from bowstring.statics import actuation
-from bowstring.statics.load import ON_DISKS, InstantLoad, Load, disk_shape
+from bowstring.statics.load import (
+    ON_DISKS,
+    InstantLoad,
+    Load,
+    PointLoad,
+    disk_shape,
+    point_loads,
+)
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -29,6 +36,7 @@ __all__ = [
     "Table",
     "disk_row",
     "on_disks",
+    "on_points",
     "over_time",
     "ramp",
     "step",
@@ -41,7 +49,11 @@ _LOOK: Final = 0.1  # s of work between two checks for interrupts
 _WORK: Final = 3e-6  # s of work per step and module, estimated for the first chunk
 _MOST_AT_FIRST: Final = 250  # output times in the first chunk, in case the estimate is wrong
 _LONGEST_WHY: Final = 300  # characters of the error of a user's function
-_WORDS: Final = {"disk_forces": "force", "disk_moments": "moment"}
+_WORDS: Final = {
+    "disk_forces": "dead force of disk",
+    "disk_moments": "dead moment of disk",
+    "line_forces": "force per length before disk",
+}
 CLOSEST: Final = 1e-11  # s between two times; a step of 1e-13 is below numerical resolution
 
 
@@ -349,6 +361,51 @@ class Actuation:
 _History = Table | _Function
 
 
+class _PointHistory:
+    """Point loads over time: their numbers side by side, 11 columns each."""
+
+    def __init__(self, loads: tuple[PointLoad, ...]) -> None:
+        self.loads = loads
+        self.wrenches = [
+            (
+                over_time(f"the force of point load {i}", load.force, 3, "N"),
+                over_time(f"the moment of point load {i}", load.moment, 3, "N m"),
+            )
+            for i, load in enumerate(loads, 1)
+        ]
+        self._each = [history for pair in self.wrenches for history in pair]
+
+    @property
+    def is_sampled(self) -> bool:
+        return any(history.is_sampled for history in self._each)
+
+    def rows(self, times: Floats, *, before: bool = False) -> Floats:
+        parts = []
+        for load, (force, moment) in zip(self.loads, self.wrenches, strict=True):
+            columns = np.tile(load.numbers((0, 0, 0), (0, 0, 0)), (len(times), 1))
+            columns[:, 4:7] = force.rows(times, before=before)
+            columns[:, 7:10] = moment.rows(times, before=before)
+            parts.append(columns)
+        return np.concatenate(parts, axis=1)
+
+    def at(self, time: float, *, before: bool = False) -> Floats:
+        return np.concatenate(
+            [
+                load.numbers(force.at(time, before=before), moment.at(time, before=before))
+                for load, (force, moment) in zip(self.loads, self.wrenches, strict=True)
+            ]
+        )
+
+    def knots(self) -> set[float]:
+        return set().union(*(history.knots() for history in self._each))
+
+    def jumps(self) -> set[float]:
+        return set().union(*(history.jumps() for history in self._each))
+
+    def to_dict(self) -> Any:
+        return [load.to_dict() for load in self.loads]
+
+
 class Loads(NamedTuple):
     """All loads over time; those on disks have 3 N columns, or none."""
 
@@ -357,6 +414,8 @@ class Loads(NamedTuple):
     tip_moment: _History
     disk_forces: _History
     disk_moments: _History
+    point_loads: _History | _PointHistory
+    line_forces: _History
 
     def at(self, time: float, *, before: bool = False) -> InstantLoad:
         """Loads at a time; at a jump, those after it or, with `before`, those before it."""
@@ -374,6 +433,8 @@ class Loads(NamedTuple):
             "tip_moment_Nm": self.tip_moment.to_dict(),
             "disk_forces_N": _given(self.disk_forces),
             "disk_moments_Nm": _given(self.disk_moments),
+            "point_loads": _given(self.point_loads),
+            "line_forces_N_per_m": _given(self.line_forces),
         }
 
     def chunks(
@@ -437,7 +498,7 @@ Stretches = tuple[Floats, InstantLoad, NDArray[np.bool_]]
 """Durations, loads at their ends (rows of each), and whether each end is recorded."""
 
 
-def _given(history: _History) -> Any:
+def _given(history: _History | _PointHistory) -> Any:
     """Values of a load on disks for a file; None if there is none."""
     return None if isinstance(history, Table) and not history.values.size else history.to_dict()
 
@@ -453,6 +514,8 @@ def on_disks(name: str, value: Any, disks: int) -> _History:
     if callable(value):
         return _Function(name, value, (disks, 3))
     if isinstance(value, Table):
+        if name == "line_forces" and value.values.shape[1] == 3:
+            value = Table(value.times, np.tile(value.values, (1, disks)))
         if value.values.shape[1] != 3 * disks:
             raise InputError(
                 f"the table for {name} has {value.values.shape[1]} columns, it must have "
@@ -462,17 +525,24 @@ def on_disks(name: str, value: Any, disks: int) -> _History:
     return Table([0.0], disk_row(name, value, disks)[None, :])
 
 
+def on_points(given: Any) -> _History | _PointHistory:
+    """Convert a user's point loads to load histories, of no columns if there are none."""
+    loads = point_loads(given)
+    return _PointHistory(loads) if loads else Table([0.0], np.zeros((1, 0)))
+
+
 def disk_row(name: str, value: Any, disks: int) -> Floats:
     """Check a load on disks (N, 3); components of all disks (3 N,)."""
     what = f"{disk_shape(name, disks)}, a table or a function"
     array = validation.read(name, value, f"numbers of shape {what}")
+    if name == "line_forces" and array.shape == (3,):
+        array = np.tile(array, (disks, 1))
     if array.shape != (disks, 3):
         raise InputError(f"{name} has shape {array.shape}, it must have {what}")
     if not np.isfinite(array).all():
         k = int(np.argwhere(~np.isfinite(array))[0][0])
         raise InputError(
-            f"dead {_WORDS[name]} of disk {k + 1} is {array[k].tolist()} {ON_DISKS[name]}, it "
-            "must be finite",
+            f"{_WORDS[name]} {k + 1} is {array[k].tolist()} {ON_DISKS[name]}, it must be finite",
             argument=name,
             index=k,
         )

@@ -20,7 +20,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
 from bowstring.statics.actuation import Given
-from bowstring.statics.load import Load, as_load, with_arrays
+from bowstring.statics.load import Load, as_load, points_have_potential, with_arrays
 from bowstring.statics.model import as_model
 
 if TYPE_CHECKING:
@@ -176,6 +176,10 @@ def modes(
         raise InputError("a load with a tip moment has no modes, as a moment has no potential")
     if load.disk_moments is not None and load.disk_moments.any():
         raise InputError("a load with disk_moments has no modes, as a moment has no potential")
+    if not points_have_potential(load.point_loads):
+        raise InputError(
+            "a load with moments or followers in point_loads has no modes: these have no potential"
+        )
     if not validation.is_whole(count) or count < 1:
         raise InputError(f"count is {validation.shown(count)}, it must be a positive whole number")
     gravity = load.gravity
@@ -184,6 +188,8 @@ def modes(
         tip_force=None if force is None else validation.row("tip_force", force, 3, "N"),
         disk_forces=load.disk_forces,
         disk_moments=load.disk_moments,
+        point_loads=load.point_loads,
+        line_forces=load.line_forces,
     )
     path = None
     if commands[0].any() or robot.has_friction or history is not None:

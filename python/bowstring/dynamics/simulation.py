@@ -26,6 +26,7 @@ from bowstring.dynamics.load_history import (
     OverTime,
     disk_row,
     on_disks,
+    on_points,
     over_time,
 )
 from bowstring.dynamics.modal import about
@@ -34,7 +35,7 @@ from bowstring.formatting import in_mm, in_percent
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
 from bowstring.statics.fields import Frames, Section, to_dataset
-from bowstring.statics.load import InstantLoad, Load, as_load
+from bowstring.statics.load import InstantLoad, Load, as_load, with_arrays
 from bowstring.statics.model import as_model
 from bowstring.statics.simulator import Scheme, frames, keep_start, make, stations
 
@@ -401,6 +402,8 @@ def simulate(
         over_time("tip_moment", _or_zero(load.tip_moment), 3, "N m"),
         on_disks("disk_forces", load.disk_forces, disks),
         on_disks("disk_moments", load.disk_moments, disks),
+        on_points(load.point_loads),
+        on_disks("line_forces", load.line_forces, disks),
     )
     actuated = loads.actuation
     before = loads.at(0.0, before=True)
@@ -410,6 +413,8 @@ def simulate(
         _tip_load("tip_moment", start.load, before.tip_moment),
         _disk_load("disk_forces", start.load, before.disk_forces, disks),
         _disk_load("disk_moments", start.load, before.disk_moments, disks),
+        _point_loads(start.load, before.point_loads),
+        _disk_load("line_forces", start.load, before.line_forces, disks),
     )
     holding = None
     if start.disk_forces is not None:
@@ -445,6 +450,7 @@ def simulate(
         "initial_disk_forces_N": None if holding is None else holding.tolist(),
         "initial_load_disk_forces_N": initial.disk_forces.tolist() or None,
         "initial_load_disk_moments_Nm": initial.disk_moments.tolist() or None,
+        "initial_load_line_forces_N_per_m": initial.line_forces.tolist() or None,
         "modal_damping": integrator.modal_damping,
         "history": None,
     }
@@ -615,6 +621,24 @@ def _disk_load(name: str, given: Load | None, otherwise: Floats, disks: int) -> 
     return otherwise if value is None else disk_row(name, value, disks)
 
 
+def _point_loads(given: Load | None, otherwise: Floats) -> Floats:
+    """Numbers of the point loads at the start: on the points of the load, with other values."""
+    if given is None or given.point_loads is None:
+        return otherwise
+    array = with_arrays(given).point_loads
+    numbers = np.zeros(0) if array is None else array.ravel()
+    wrench = np.isin(np.arange(11), range(4, 10))
+    if len(numbers) == 0:
+        return np.where(np.resize(wrench, otherwise.shape), 0.0, otherwise)
+    fixed = ~np.resize(wrench, otherwise.shape)
+    if numbers.shape != otherwise.shape or (numbers[fixed] != otherwise[fixed]).any():
+        raise InputError(
+            "the point loads of the start must act on the same disks and points as those of the "
+            "load, in the same order; give one that does not act a force of zero"
+        )
+    return numbers
+
+
 def _initial(robot: Robot, actuated: Actuation, otherwise: Floats, given: Load) -> Floats:
     """Initial actuation of the tendons (T,)."""
     if given.is_tension_controlled:
@@ -704,8 +728,11 @@ def _with_modal_damping(
     gravity: Sequence[float] | None,
 ) -> Scheme:
     """Return the scheme with mass and material damping for a modal damping ratio."""
-    if initial.has_moment:
-        raise InputError("modal_damping needs modes, and a moment leaves none: give the others")
+    if not initial.has_potential:
+        raise InputError(
+            "modal_damping needs modes, and a moment leaves none, nor does a follower: give the "
+            "others"
+        )
     # sticking holes would lock spans that slip as soon as the robot moves
     by_displacement = actuated.by_displacement
     path = actuation.Path(robot, model, friction=False) if by_displacement.any() else None

@@ -519,7 +519,13 @@ def _run(
     if not isinstance(settings, Settings):
         raise InputError(f"settings is {validation.shown(settings)}, it must be Settings")
     settings.check()
-    others = (load.tip_moment, load.disk_forces, load.disk_moments)
+    others = (
+        load.tip_moment,
+        load.disk_forces,
+        load.disk_moments,
+        load.point_loads,
+        load.line_forces,
+    )
     if not load.is_tension_controlled or any(value is not None for value in others):
         raise InputError("finite elements take tensions, gravity and a tip force only")
     keep = None if keep is None else check_keep(keep)

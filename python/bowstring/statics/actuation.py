@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import validation
 from bowstring._core import PathSolver, check_memory
 from bowstring.errors import InputError
-from bowstring.statics.load import Load
+from bowstring.statics.load import Load, PointLoad
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel
@@ -243,6 +243,8 @@ class Path:
             "tip_moment_Nm": now["tip_moment"].tolist(),
             "disk_forces_N": now["disk_forces"].tolist(),
             "disk_moments_Nm": now["disk_moments"].tolist(),
+            "point_loads": [PointLoad.of_numbers(row).to_dict() for row in now["point_loads"]],
+            "line_forces_N_per_m": now["line_forces"].tolist(),
             "tensions_N": now["tensions"].tolist(),
             "log_tension_drops": now["drops"].tolist(),
             "unstretched_spans_m": now["spans"].tolist(),
@@ -292,6 +294,8 @@ class Path:
                     "tip_moment": _numbers(history, "tip_moment_Nm", 1),
                     "disk_forces": _on_disks(history, "disk_forces_N"),
                     "disk_moments": _on_disks(history, "disk_moments_Nm"),
+                    "point_loads": _points(history),
+                    "line_forces": _on_disks(history, "line_forces_N_per_m"),
                     "strain": _numbers(history, "arcs_rad", 2),
                     "slips": np.sign(_numbers(history, "slips", 2)).astype(np.int8),
                 }
@@ -314,6 +318,18 @@ def _order(item: Mapping[str, float]) -> tuple[bool, float]:
 def _on_disks(history: Mapping[str, Any], name: str) -> Floats:
     """Vectors on the disks (N, 3), or (0, 3): earlier versions have none."""
     return _numbers(history, name, 2) if history.get(name) else np.zeros((0, 3))
+
+
+def _points(history: Mapping[str, Any]) -> Floats:
+    """Numbers (P, 11) of the point loads: earlier versions have none."""
+    loads = history.get("point_loads") or []
+    rows = [
+        PointLoad(
+            item["disk"] - 1, item["force_N"], item["moment_Nm"], item["point_m"], item["follower"]
+        ).numbers()
+        for item in loads
+    ]
+    return np.array(rows, dtype=float).reshape(-1, 11)
 
 
 def _numbers(history: Mapping[str, Any], name: str, dimensions: int) -> Floats:

@@ -539,7 +539,10 @@ def _complete(robot: Robot, load: Load, name: str) -> Load:
 
 
 def _acts(load: Load) -> bool:
-    given = (load.tip_force, load.tip_moment, load.disk_forces, load.disk_moments)
+    names = ("tip_force", "tip_moment", "disk_forces", "disk_moments", "line_forces")
+    given = [getattr(load, name) for name in names]
+    if load.point_loads is not None:
+        given.append(load.point_loads[:, 4:10])
     return any(value is not None and bool(np.any(value)) for value in given)
 
 
@@ -595,6 +598,7 @@ def _differences(start: Load, load: Load, factor: float) -> tuple[str, ...]:
         ("gravity", "m/s^2", "of gravity"),
         ("disk_forces", "N", "in all on the disks"),
         ("disk_moments", "N m", "of moment in all on the disks"),
+        ("line_forces", "N/m", "in all along the backbone"),
     ):
         a, b = (getattr(of, name) for of in (start, load))
         first, last = (np.zeros(3) if v is None else np.asarray(v) for v in (a, b))
@@ -602,7 +606,19 @@ def _differences(start: Load, load: Load, factor: float) -> tuple[str, ...]:
         if size > 0:
             word = "more" if ends[1] >= ends[0] else "less"
             out.append(f"{factor * size:.4g} {unit} {words} {word}")
+    size = _size_of_points(start, load)
+    if size > 0:
+        out.append(f"{factor * size:.4g} N in all on the points of disks")
     return tuple(out)
+
+
+def _size_of_points(start: Load, load: Load) -> float:
+    """Sum of the differences of the forces of point loads in N."""
+    tables = [load.point_loads, start.point_loads]
+    a, b = (np.zeros((0, 11)) if table is None else table for table in tables)
+    if a.shape == b.shape:
+        return float(np.linalg.norm((a - b)[:, 4:7], axis=1).sum())
+    return float(np.linalg.norm(np.concatenate([a, b])[:, 4:7], axis=1).sum())
 
 
 def _words(kind: str) -> str:

@@ -174,15 +174,19 @@ def _commands(
 
 
 def _on_disks(designs: Designs, load: Load) -> dict[str, Floats]:
-    """Loads on disks (N, 3)."""
+    """Loads on disks (N, 3) and numbers of point loads (P, 11)."""
     load = with_arrays(load)
     disks = designs.robot.core.disk_count
     given = {name: getattr(load, name) for name in ON_DISKS if getattr(load, name) is not None}
+    if "line_forces" in given and given["line_forces"].shape == (3,):
+        given["line_forces"] = np.tile(given["line_forces"], (disks, 1))
     for name, value in given.items():
         if value.shape != (disks, 3):
             raise InputError(
                 f"{name} has shape {value.shape}, it must have {disk_shape(name, disks)}"
             )
+    if load.point_loads is not None:
+        given["point_loads"] = load.point_loads
     return given
 
 

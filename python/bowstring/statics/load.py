@@ -1,7 +1,8 @@
-"""Loads on a robot: actuation, gravity, forces and moments on the tip and on disks."""
+"""Loads on a robot: actuation, gravity, forces and moments on tip, disks and backbone."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, NamedTuple
 
@@ -10,17 +11,112 @@ from numpy.typing import NDArray
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError
-from bowstring.validation import read, shown
+from bowstring.validation import is_whole, read, row, shown, truth
 
-__all__ = ["ON_DISKS", "InstantLoad", "Load", "as_load", "disk_shape", "with_arrays"]
+__all__ = [
+    "ON_DISKS",
+    "InstantLoad",
+    "Load",
+    "PointLoad",
+    "as_load",
+    "disk_shape",
+    "point_loads",
+    "points_have_potential",
+    "with_arrays",
+]
 
 Floats = NDArray[np.float64]
 
 
 @short_repr
+@dataclass(frozen=True)
+class PointLoad:
+    """A force and a moment on a point that is fixed to a disk.
+
+    Parameters
+    ----------
+    disk : int
+        Disk, index from 0 at the base; -1, the tip, if left out.
+    force, moment : array_like (3,)
+        Force in N and moment in N m. In `bowstring.simulate` they may depend on time as all loads.
+    point : array_like (3,)
+        Point at which the force acts, from the centre of the disk in the axes of the disk, in m.
+    follower : bool
+        Whether force and moment turn with the disk (follower loads): their components are then in
+        the axes of the disk. Otherwise they are dead loads in base axes.
+
+    Raises
+    ------
+    InputError
+        If a value is not one of these.
+
+    Examples
+    --------
+    A jet at the tip that pushes 0.5 N to the side of the last disk:
+
+    >>> import bowstring as bs
+    >>> robot = bs.load_robot("amouri2019")
+    >>> jet = bs.PointLoad(force=[0.5, 0, 0], follower=True)
+    >>> bs.solve(robot, [0, 0, 0], load=bs.Load(point_loads=[jet])).tip.position.round(4)
+    array([0.0394, 0.    , 0.6395])
+    """
+
+    disk: int = -1
+    force: Any = (0.0, 0.0, 0.0)
+    moment: Any = (0.0, 0.0, 0.0)
+    point: Any = (0.0, 0.0, 0.0)
+    follower: bool = False
+
+    def __post_init__(self) -> None:
+        if not is_whole(self.disk):
+            raise InputError.of("disk", shown(self.disk), "a whole number, the index of a disk")
+        object.__setattr__(self, "disk", int(self.disk))
+        for name, unit in (("force", "N"), ("moment", "N m"), ("point", "m")):
+            value = getattr(self, name)
+            if name != "point" and _depends_on_time(value):
+                continue
+            numbers = row(name, value, 3, unit)
+            object.__setattr__(self, name, tuple(numbers.tolist()))
+        truth("follower", self.follower)
+
+    def numbers(self, force: Any = None, moment: Any = None) -> list[float]:
+        """Disk, point, force, moment, and 1 for a follower; force and moment may be replaced."""
+        force = self.force if force is None else force
+        moment = self.moment if moment is None else moment
+        return [float(self.disk), *self.point, *force, *moment, float(self.follower)]
+
+    @classmethod
+    def of_numbers(cls, numbers: Iterable[float]) -> PointLoad:
+        """Make a point load of its `numbers`."""
+        disk, *rest, follower = numbers
+        point, force, moment = (tuple(rest[at : at + 3]) for at in (0, 3, 6))
+        return cls(int(disk), force, moment, point, bool(follower))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for a file, SI; the disk counts from 1."""
+        return {
+            "disk": self.disk + 1,
+            "point_m": list(self.point),
+            "force_N": _plain(self.force),
+            "moment_Nm": _plain(self.moment),
+            "follower": self.follower,
+        }
+
+
+def _depends_on_time(value: object) -> bool:
+    return callable(value) or hasattr(value, "knots")
+
+
+def _plain(value: Any) -> Any:
+    if _depends_on_time(value):
+        return "function of time" if callable(value) else value.to_dict()
+    return list(value)
+
+
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Load:
-    """Actuation of the tendons, gravity, and forces and moments at the tip and on disks.
+    """Actuation of the tendons, gravity, and loads at the tip, on disks and on the backbone.
 
     Each tendon has exactly one of tension, displacement and angle, and None (or NaN) in the others.
     Values are checked against the robot where the load is used.
@@ -42,11 +138,17 @@ class Load:
         Dead loads on the N disks from base to tip in base axes, N and N m. The last disk is the
         tip, and its row adds to the load there. A force acts at the centre of its disk. None if
         left out.
+    point_loads : sequence of PointLoad, optional
+        Loads beside the centres of disks, and loads that turn with their disks (followers).
+    line_forces : array_like (3,) or (N, 3), optional
+        Dead force per length of backbone in base axes, N/m: on all of it, or on each of the N parts
+        that end at a disk. None if left out.
 
     Notes
     -----
     `bowstring.sweep` and `bowstring.solve_batch` take rows: actuation (n, T), loads on disks (N, 3)
-    or (n, N, 3), the others (3,) or (n, 3). In `bowstring.simulate` all but gravity may depend on
+    or (n, N, 3), the others (3,) or (n, 3); point loads and forces per length are the same in all
+    rows. In `bowstring.simulate` all but gravity may depend on
     time: a table (`bowstring.dynamics.ramp`, ``step``, ``Table``) or a function of time in s.
 
     Examples
@@ -74,6 +176,8 @@ class Load:
     tip_moment: Any = None
     disk_forces: Any = None
     disk_moments: Any = None
+    point_loads: Any = None
+    line_forces: Any = None
 
     @property
     def is_tension_controlled(self) -> bool:
@@ -89,8 +193,8 @@ class Load:
 
 
 _NO_LOAD = Load()
-ON_DISKS: Final = {"disk_forces": "N", "disk_moments": "N m"}
-"""Loads on disks, with their units."""
+ON_DISKS: Final = {"disk_forces": "N", "disk_moments": "N m", "line_forces": "N/m"}
+"""Loads with a vector for each disk, with their units."""
 
 
 def as_load(tensions: object, load: Load | None) -> Load:
@@ -108,11 +212,38 @@ def as_load(tensions: object, load: Load | None) -> Load:
 
 def disk_shape(name: str, disks: int | str = "N", rows: str = "") -> str:
     """Write the shape of a load on disks for a message; `rows` is a further one."""
+    if name == "line_forces":
+        rows = " or (3,)"
     return f"({disks}, 3){rows}: one vector for each disk, in {ON_DISKS[name]}"
 
 
+def point_loads(given: Any) -> tuple[PointLoad, ...]:
+    """Check a sequence of point loads."""
+    loads = () if given is None else given
+    if isinstance(loads, PointLoad):
+        loads = (loads,)
+    try:
+        loads = tuple(loads)
+    except TypeError:
+        loads = (None,)
+    if not all(isinstance(load, PointLoad) for load in loads):
+        raise InputError(f"point_loads is {shown(given)}, it must be a sequence of PointLoad")
+    return loads
+
+
+def _numbers_of(loads: tuple[PointLoad, ...]) -> Floats:
+    for i, load in enumerate(loads):
+        for name in ("force", "moment"):
+            if _depends_on_time(getattr(load, name)):
+                raise InputError(
+                    f"the {name} of point load {i + 1} depends on time, which only "
+                    "bowstring.simulate takes"
+                )
+    return np.array([load.numbers() for load in loads], dtype=float)
+
+
 def with_arrays(load: Load, rows: str = "") -> Load:
-    """Return a load with the loads on its disks as arrays, whose shapes the core checks.
+    """Return a load with the loads on its disks as arrays, as the core takes them.
 
     `rows` is a shape beside (N, 3) for messages.
     """
@@ -122,6 +253,9 @@ def with_arrays(load: Load, rows: str = "") -> Load:
         for name, value in given.items()
         if value is not None and not _is_array(value)
     }
+    if load.point_loads is not None and not _is_array(load.point_loads):
+        loads = point_loads(load.point_loads)
+        load = replace(load, point_loads=_numbers_of(loads) if loads else None)
     return replace(load, **arrays) if arrays else load
 
 
@@ -139,6 +273,10 @@ class InstantLoad(NamedTuple):
     disk_forces: Floats
     """Components of all disks, one after the other (3 N,); empty if there are none."""
     disk_moments: Floats
+    point_loads: Floats
+    """Numbers of all point loads, one after the other (11 P,); empty if there are none."""
+    line_forces: Floats
+    """Components before all disks (3 N,); empty if there are none."""
 
     @property
     def dead(self) -> Load:
@@ -148,17 +286,29 @@ class InstantLoad(NamedTuple):
             tip_moment=self.tip_moment,
             disk_forces=_by_disks(self.disk_forces),
             disk_moments=_by_disks(self.disk_moments),
+            point_loads=self.point_loads.reshape(-1, 11) if len(self.point_loads) else None,
+            line_forces=_by_disks(self.line_forces),
         )
 
     @property
-    def has_moment(self) -> bool:
-        """Whether a moment acts on the tip or on a disk."""
-        return bool(self.tip_moment.any() or self.disk_moments.any())
+    def has_potential(self) -> bool:
+        """Whether all loads have a potential: moments and followers have none."""
+        return not (self.tip_moment.any() or self.disk_moments.any()) and points_have_potential(
+            self.point_loads.reshape(-1, 11)
+        )
 
     @property
     def row(self) -> InstantLoad:
         """Each array as one row of a table."""
         return InstantLoad(*(array[None] for array in self))
+
+
+def points_have_potential(numbers: Floats | None) -> bool:
+    """Whether point loads, as numbers (P, 11), have a potential: no moment and no follower."""
+    if numbers is None:
+        return True
+    follows = numbers[:, 10:] * numbers[:, 4:7]
+    return not (numbers[:, 7:10].any() or follows.any())
 
 
 def _by_disks(components: Floats) -> Floats | None:

@@ -11,7 +11,7 @@ from bowstring._core import Simulator
 from bowstring.errors import NoSolutionError
 from bowstring.statics import actuation
 from bowstring.statics.fields import Frames
-from bowstring.statics.load import InstantLoad, Load
+from bowstring.statics.load import InstantLoad, Load, with_arrays
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel
@@ -81,7 +81,9 @@ def at_rest(
     """
     simulator = make(robot, model, load.gravity, points)
     tip = [np.zeros(3) if v is None else v for v in (load.tip_force, load.tip_moment)]
-    disks = [() if v is None else np.ravel(v) for v in (load.disk_forces, load.disk_moments)]
+    load = with_arrays(load)
+    names = ("disk_forces", "disk_moments", "point_loads", "line_forces")
+    disks = [() if (v := getattr(load, name)) is None else np.ravel(v) for name in names]
     start = InstantLoad(*(np.asarray(row, dtype=float) for row in (load.tensions, *tip, *disks)))
     if path is None:
         status = simulator.rest(start)

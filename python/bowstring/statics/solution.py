@@ -22,7 +22,7 @@ from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.formatting import plain
 from bowstring.robot.plausibility import load_advice
 from bowstring.statics import actuation, messages
-from bowstring.statics.load import ON_DISKS, Load, with_arrays
+from bowstring.statics.load import ON_DISKS, Load, PointLoad, with_arrays
 from bowstring.validation import whole
 
 if TYPE_CHECKING:
@@ -192,6 +192,8 @@ class Solution:
             tip_moment=core.tip_moment,
             disk_forces=core.disk_forces,
             disk_moments=core.disk_moments,
+            point_loads=_point_loads(core.point_loads),
+            line_forces=core.line_forces,
         )
 
     @property
@@ -352,6 +354,7 @@ class Solution:
                 for name in ON_DISKS
                 if (value := getattr(core, name)) is not None
             },
+            **_settings_of(self.load.point_loads),
             "gravity": core.gravity.tolist(),
             "theory": model.theory,
             "tendon": model.tendon_path,
@@ -662,6 +665,14 @@ def solution(
     given, commands = actuation.commands(robot, load)
     path = actuation.Path(robot, model, before)
     return Solution(robot, path.core.step(given, commands, load), path, before)
+
+
+def _point_loads(numbers: Floats | None) -> tuple[PointLoad, ...] | None:
+    return None if numbers is None else tuple(map(PointLoad.of_numbers, numbers.tolist()))
+
+
+def _settings_of(loads: tuple[PointLoad, ...] | None) -> dict[str, Any]:
+    return {} if loads is None else {"point_loads": [load.to_dict() for load in loads]}
 
 
 def joined(parts: Sequence[tuple[NDArray[np.int64], Sweep]]) -> Sweep:
