@@ -688,7 +688,7 @@ def test_positions_forms(load):
             "thickness: 3 mm, clamped: 1 mm",
             "segments[0].disks.clamped: unknown field; did you mean clamped_length? Known here: "
             "count, positions, mass, density, radius, thickness, hole_diameter, "
-            "clamped_length.",
+            "clamped_length, hole_length.",
         ),
         (
             "diameter:",
@@ -925,13 +925,13 @@ def test_overrides_of_whole_parts():
             1,
             "amouri2019: segments[0].disks.clamp: unknown field; did you mean clamped_length? "
             "Known here: count, positions, mass, density, radius, thickness, hole_diameter, "
-            "clamped_length.",
+            "clamped_length, hole_length.",
         ),
         (
             "segment.0.length",
             1,
             "amouri2019: segment: unknown field; did you mean segments? "
-            "Known here: name, description, gravity, segments.",
+            "Known here: name, description, gravity, segments, payloads.",
         ),
         (
             "segments.3.length",

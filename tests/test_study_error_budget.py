@@ -38,6 +38,7 @@ def test_every_effect_has_a_row(paper: Study) -> None:
     assert [r.effect for r in paper.budget.rows] == [
         "straight_spans",
         "clamps",
+        "hole_planes",
         "shear_extension",
         "torsion",
         "gravity_upright",

@@ -16,9 +16,11 @@ fn segments(segments: usize, disks: usize) -> Robot {
     let count = segments * disks;
     let length = 0.0622;
     Robot::new(RobotSpec {
+        payloads: vec![],
         backbone: vec![section(0.001, 50e9, 0.3, 6450.0).into(); segments],
         disks: (1..=count)
             .map(|k| Disk {
+                hole_length: 0.0,
                 station: length * k as f64 / disks as f64,
                 clamped_length: 0.0,
                 mass: 1.5e-4,

@@ -22,6 +22,7 @@ fn column(disks: usize, mass_per_length: f64) -> Robot {
         rest_curvature: [0.0; 3],
     };
     let disks = (1..=disks).map(|k| Disk {
+        hole_length: 0.0,
         station: LENGTH * k as f64 / disks as f64,
         clamped_length: 0.0,
         mass: 0.0,
@@ -32,6 +33,7 @@ fn column(disks: usize, mass_per_length: f64) -> Robot {
     let last = disks.len() - 1;
     let hole = |a: f64| [0.01 * a.cos(), 0.01 * a.sin()];
     Robot::new(RobotSpec {
+        payloads: vec![],
         backbone: vec![section.into()],
         disks,
         tendons: (0..3)

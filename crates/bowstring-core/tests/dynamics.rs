@@ -316,6 +316,7 @@ fn equilibrium_is_preserved() {
 fn soft_robot_under_gravity_gains_no_energy() {
     let length = 0.2;
     let disks = (1..=8).map(|k| Disk {
+        hole_length: 0.0,
         station: length * k as f64 / 8.0,
         clamped_length: 0.002,
         mass: 0.002,
@@ -323,6 +324,7 @@ fn soft_robot_under_gravity_gains_no_energy() {
         segment: 0,
     });
     let robot = Robot::new(RobotSpec {
+        payloads: vec![],
         backbone: vec![section(0.02, 0.5e6, 0.49, 1100.0).into()],
         disks: disks.collect(),
         tendons: vec![],

@@ -60,6 +60,7 @@ fn beam(modules: usize, torsion: f64, mass: f64) -> Robot {
         rest_curvature: [0.0; 3],
     };
     let disks = (1..=modules).map(|k| Disk {
+        hole_length: 0.0,
         station: k as f64 / modules as f64,
         clamped_length: 0.0,
         mass: 0.0,
@@ -67,6 +68,7 @@ fn beam(modules: usize, torsion: f64, mass: f64) -> Robot {
         segment: 0,
     });
     Robot::new(RobotSpec {
+        payloads: vec![],
         backbone: vec![section.into()],
         disks: disks.collect(),
         tendons: vec![Tendon::parallel([0.01, 0.0], modules - 1)],

@@ -24,6 +24,7 @@ fn precurved(number: usize) -> (Case, Robot) {
 /// A backbone without mass or tendons, in equal modules.
 fn rod(section: Section, length: f64, modules: usize) -> Robot {
     let disk = |k: usize| Disk {
+        hole_length: 0.0,
         station: length * k as f64 / modules as f64,
         clamped_length: 0.0,
         mass: 0.0,
@@ -31,6 +32,7 @@ fn rod(section: Section, length: f64, modules: usize) -> Robot {
         segment: 0,
     };
     Robot::new(RobotSpec {
+        payloads: vec![],
         backbone: vec![section.into()],
         disks: (1..=modules).map(disk).collect(),
         tendons: vec![],

@@ -171,6 +171,7 @@ fn the_answer_turns_with_the_robot() {
 /// converges to 60 % of its pitch radius.
 fn helical(disks: usize) -> Robot {
     let mut spec = RobotSpec {
+        payloads: vec![],
         gravity: [0.0; 3],
         backbone: vec![section(0.002, 60e9, 0.3, 0.0).into()],
         ..study_robot(disks, 0.0).spec().clone()

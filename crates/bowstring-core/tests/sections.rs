@@ -40,6 +40,7 @@ fn tapered(start: f64, end: f64, young: f64, density: f64) -> Profile {
 /// A backbone without tendons, in equal modules.
 fn rod(profile: Profile, length: f64, modules: usize, gravity: [f64; 3]) -> Robot {
     let disk = |k: usize| Disk {
+        hole_length: 0.0,
         station: length * k as f64 / modules as f64,
         clamped_length: 0.0,
         mass: 0.0,
@@ -47,6 +48,7 @@ fn rod(profile: Profile, length: f64, modules: usize, gravity: [f64; 3]) -> Robo
         segment: 0,
     };
     Robot::new(RobotSpec {
+        payloads: vec![],
         backbone: vec![profile],
         disks: (1..=modules).map(disk).collect(),
         tendons: vec![],
@@ -421,6 +423,7 @@ fn impossible_sections_are_refused() {
     let robot = |profile: Profile| {
         let good = rod(section(0.004, 60e9, 0.3, 0.0).into(), 0.5, 5, [0.0; 3]);
         Robot::new(RobotSpec {
+            payloads: vec![],
             backbone: vec![profile],
             ..good.spec().clone()
         })

@@ -473,6 +473,14 @@ impl Flexibility {
         self.inner.points
     }
 
+    /// Disks with payloads, and their motion by their degrees of freedom (6, 6): displacement in the
+    /// base frame and rotation in the frame of the disk.
+    #[getter]
+    fn loaded_disks<'py>(&self, py: Python<'py>) -> Vec<(usize, Array<'py>)> {
+        let of = |(k, m): &(usize, [[f64; 6]; 6])| (*k, copied(py, m.as_flattened(), &[6, 6]));
+        self.inner.loaded_disks.iter().map(of).collect()
+    }
+
     /// Displacement (K,) of all degrees of freedom by forces (K,).
     fn apply<'py>(
         &mut self,

@@ -1,10 +1,10 @@
 //! Model objects from Python: arrays of a robot, rod model, load, history.
 
-use crate::input::{brief, input_error, numbers, refused, three};
+use crate::input::{brief, input_error, numbers, refused, three, Rows};
 use bowstring_core::memory;
 use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::model::load::{OwnedLoad, PointLoad, TendonPath, Theory};
-use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Section, Tendon};
+use bowstring_core::model::robot::{Disk, Payload, Profile, Robot, RobotSpec, Section, Tendon};
 use bowstring_core::statics::batch::Loads;
 use bowstring_core::statics::path::Line;
 use numpy::{
@@ -340,6 +340,7 @@ struct Disks<'py> {
     clamped_length_m: PyReadonlyArray1<'py, f64>,
     mass_kg: PyReadonlyArray1<'py, f64>,
     inertia_kg_m2: PyReadonlyArray2<'py, f64>,
+    hole_length_m: PyReadonlyArray1<'py, f64>,
     segment: PyReadonlyArray1<'py, i64>,
 }
 
@@ -357,6 +358,8 @@ pub struct RobotArrays<'py> {
     tendons: Tendons<'py>,
     /// Sections of each segment, (S, 1, 11), or (S, 5, 11) with a taper; see `section`.
     sections: PyReadonlyArray3<'py, f64>,
+    /// Disk, mass, centre and moments of inertia of each payload, (P, 8).
+    payload_numbers: PyReadonlyArray2<'py, f64>,
     gravity: [f64; 3],
     /// Whether the tendons are embedded in the body.
     pub is_embedded: bool,
@@ -390,6 +393,17 @@ fn profile(count: usize, at: impl Fn(usize, usize) -> f64) -> Profile {
 }
 
 impl RobotArrays<'_> {
+    fn payloads(&self) -> PyResult<Vec<Payload>> {
+        let rows: Rows<8> = self.payload_numbers.extract()?;
+        let payload = |v: &[f64; 8]| Payload {
+            disk: v[0] as usize,
+            mass: v[1],
+            centre: [v[2], v[3], v[4]],
+            inertia: [v[5], v[6], v[7]],
+        };
+        Ok(rows.iter().map(payload).collect())
+    }
+
     /// Description for the core, which checks it.
     pub fn spec(&self) -> PyResult<RobotSpec> {
         let (disks, tendons) = (&self.disks, &self.tendons);
@@ -397,6 +411,7 @@ impl RobotArrays<'_> {
         for (name, len, expected) in [
             ("clamped_length_m", disks.clamped_length_m.len(), n),
             ("mass_kg", disks.mass_kg.len(), n),
+            ("hole_length_m", disks.hole_length_m.len(), n),
             ("segment", disks.segment.len(), n),
         ] {
             if len != expected {
@@ -438,11 +453,13 @@ impl RobotArrays<'_> {
         let inertia = disks.inertia_kg_m2.as_array();
         let holes = tendons.holes_m.as_array();
         Ok(RobotSpec {
+            payloads: self.payloads()?,
             backbone: (0..segments)
                 .map(|i| profile(places, |k, q| sections[[i, k, q]]))
                 .collect(),
             disks: (0..n)
                 .map(|i| Disk {
+                    hole_length: at(&disks.hole_length_m, i),
                     station: at(&disks.station_m, i),
                     clamped_length: at(&disks.clamped_length_m, i),
                     mass: at(&disks.mass_kg, i),
@@ -468,7 +485,8 @@ impl RobotArrays<'_> {
 pub struct DesignArrays<'py> {
     /// Numbers of the sections of each segment, (D, 11 S), or (D, 55 S) with a taper.
     sections: PyReadonlyArray2<'py, f64>,
-    /// Station, clamped length and mass of each disk, and its two moments of inertia, (D, 5 N).
+    /// Station, clamped length and mass of each disk, its two moments of inertia, and the length of
+    /// its holes, (D, 6 N).
     disks: PyReadonlyArray2<'py, f64>,
     /// x and y of the holes of each tendon, (D, 2 T), or of those in base and disks, (D, 2 T (N + 1)).
     holes: PyReadonlyArray2<'py, f64>,
@@ -482,7 +500,7 @@ impl DesignArrays<'_> {
         let spec = like.spec();
         let count = self.sections.shape()[0];
         for (name, shape, columns) in [
-            ("disks", self.disks.shape(), 5 * spec.disks.len()),
+            ("disks", self.disks.shape(), 6 * spec.disks.len()),
             ("lines", self.lines.shape(), 5 * spec.tendons.len()),
         ] {
             if shape != [count, columns] {
@@ -522,8 +540,9 @@ impl DesignArrays<'_> {
                 *own = profile(places, |p, q| sections[[i, SECTION * (places * k + p) + q]]);
             }
             for (k, disk) in spec.disks.iter_mut().enumerate() {
-                let at = |q: usize| disks[[i, 5 * k + q]];
+                let at = |q: usize| disks[[i, 6 * k + q]];
                 *disk = Disk {
+                    hole_length: at(5),
                     station: at(0),
                     clamped_length: at(1),
                     mass: at(2),

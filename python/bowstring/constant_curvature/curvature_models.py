@@ -295,11 +295,12 @@ def _stiffness(robot: Robot, degree: int) -> Array:
 
 
 def _masses(robot: Robot) -> Array:
-    """Mass at each disk (N,): its own, and half of the backbone of the modules beside it, kg."""
+    """Mass at each disk (N,): its own, payloads, and half of the modules beside it, kg."""
     stations = np.concatenate([[0.0], robot.disks.station_m])
     per_length = np.asarray(robot.mass_per_length)[robot.disks.segment]
     module = per_length * np.diff(stations)
-    return np.asarray(robot.disks.mass_kg + 0.5 * (module + np.append(module[1:], 0.0)))
+    carried = robot.disks.mass_kg + robot.carried_kg
+    return np.asarray(carried + 0.5 * (module + np.append(module[1:], 0.0)))
 
 
 def _by_tendons(robot: Robot, tensions: Array, stiffness: Array) -> Array:

@@ -247,7 +247,7 @@ def about(
     assert positions is not None and frames is not None
     found = shapes.reshape(len(values), len(positions), points + 1, 3)
     weights = masses.reshape(len(positions), points + 1, 3)
-    moved, turned = found[:, :, -2], found[:, :, -1]
+    moved, turned = found[:, :, -2].copy(), found[:, :, -1].copy()
     # share of the energy along and about the axis
     own = np.einsum("nji,knj->kni", frames, moved)
     sliding = own**2 * weights[:, -2]
@@ -261,6 +261,10 @@ def about(
         next((name for name, share in shares.items() if share[k] > 0.5), "bending")
         for k in range(len(values))
     ]
+    for disk, motion in answer.loaded_disks:
+        # from the motion of the common centre of mass to that of the disk
+        both = np.concatenate([moved[:, disk], turned[:, disk]], axis=1) @ motion.T
+        moved[:, disk], turned[:, disk] = both[:, :3], both[:, 3:]
     size = np.linalg.norm(moved, axis=2).max(axis=1)
     spin = np.linalg.norm(turned, axis=2).max(axis=1)
     scale = np.where(size > 1e-9 * spin, size, spin)

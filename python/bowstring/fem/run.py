@@ -526,6 +526,12 @@ def _run(
         load.point_loads,
         load.line_forces,
     )
+    if robot.payloads:
+        raise InputError(f"finite elements take no payloads; leave out those of {robot.name}")
+    if robot.disks.hole_length_m.any():
+        raise InputError(
+            "finite elements take holes in the mid-plane of the disks; set disks.hole_length to 0"
+        )
     if not load.is_tension_controlled or any(value is not None for value in others):
         raise InputError("finite elements take tensions, gravity and a tip force only")
     keep = None if keep is None else check_keep(keep)

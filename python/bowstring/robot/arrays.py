@@ -16,7 +16,7 @@ from pydantic_core import PydanticCustomError
 from bowstring.display import short_repr
 from bowstring.robot.consistency import bores, problems
 from bowstring.robot.disk import distinct_holes, drilled_disk, stacked
-from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Part, Segment, Tendon
+from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Part, Payload, Segment, Tendon
 from bowstring.units import Quantity, Text
 
 __all__ = ["RobotArrays", "RobotDisks", "RobotTendons", "frozen"]
@@ -46,6 +46,8 @@ class RobotDisks:
     thickness_m: Floats
     """Thicknesses (N,), m."""
     bore_m: Floats
+    hole_length_m: Floats
+    """Lengths (N,) of the tendons' holes along the axis, centred on the disks, m."""
     segment: Ints
     """Segments (N,) of the disks, as indices from 0."""
 
@@ -156,12 +158,37 @@ class RobotArrays(Part):
         description="From base to tip."
     )
 
+    payloads: Annotated[tuple[Payload, ...], Field(max_length=MAX_SEGMENTS)] = Field(
+        (), description="Rigid bodies fixed to disks."
+    )
+
     @model_validator(mode="after")
     def _check(self) -> RobotArrays:
         found = list(problems(self.segments))
+        if not found:
+            disks = sum(len(s.disk_positions) for s in self.segments)
+            for i, payload in enumerate(self.payloads):
+                if payload.disk is not None and payload.disk > disks:
+                    found.append(
+                        f"payloads[{i}].disk: got {payload.disk}; the robot has {disks} disks"
+                    )
         if found:
             raise PydanticCustomError("bowstring_many", "", {"problems": found})
         return self
+
+    @cached_property
+    def payload_numbers(self) -> Floats:
+        """Disk, counted from 0, mass, centre and moments of inertia (P, 8) of payloads, SI."""
+        last = sum(len(s.disk_positions) for s in self.segments)
+        rows = [[float((p.disk or last) - 1), p.mass, *p.centre, *p.inertia] for p in self.payloads]
+        return frozen(np.array(rows, dtype=float).reshape(-1, 8))
+
+    @cached_property
+    def carried_kg(self) -> Floats:
+        """Mass (N,) of the payloads of each disk, kg."""
+        numbers = self.payload_numbers
+        disks = sum(len(s.disk_positions) for s in self.segments)
+        return frozen(np.bincount(numbers[:, 0].astype(int), numbers[:, 1], minlength=disks))
 
     @property
     def length(self) -> float:
@@ -218,6 +245,7 @@ class RobotArrays(Part):
             radius_m=frozen(radius),
             thickness_m=frozen(thickness),
             bore_m=frozen(bore),
+            hole_length_m=frozen(each("hole_length")),
             segment=frozen(index, np.int64),
         )
 

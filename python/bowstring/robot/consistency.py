@@ -58,6 +58,7 @@ def problems(parts: tuple[Segment, ...]) -> Iterator[str]:
     yield from _hole_problems(parts)
     yield from _drill_problems(parts)
     yield from _clamp_problems(parts)
+    yield from _hole_length_problems(parts)
 
 
 def _bore_problems(backbone: Backbone, here: str) -> Iterator[str]:
@@ -251,6 +252,32 @@ def _places(
     routes = [t.holes(np.concatenate(_stations(parts, j))) for j, t in passing]
     for i in range(len(parts[k].disk_positions)):
         yield np.array([route[before + i + 1] for route in routes])
+
+
+def _hole_length_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
+    """Check that each tendon is free between the holes of neighbouring disks."""
+    before = 0.0
+    for k, s in enumerate(parts):
+        own = s.disks.hole_length
+        if np.any(own) and s.tendons_in == "body":
+            yield (
+                f"segments[{k}].disks.hole_length: got {number_with_unit(own, 'm')}; must be 0 "
+                "with tendons_in body"
+            )
+            return
+        spacing = np.diff((0.0, *s.disk_positions))
+        if np.any(spacing <= 0):
+            return  # reported with the positions
+        held = np.concatenate(([before], np.full(len(spacing) - 1, own / 2))) + own / 2
+        before = own / 2
+        if np.any(spacing <= held * (1 + 1e-9)):
+            i = int(np.argmax(spacing <= held * (1 + 1e-9)))
+            yield (
+                f"segments[{k}].disks.hole_length: got {number_with_unit(own, 'm')}; the holes "
+                f"leave no tendon free in the {number_with_unit(float(spacing[i]), 'm')} before "
+                f"disk {i + 1}"
+            )
+            return
 
 
 def _clamp_problems(parts: tuple[Segment, ...]) -> Iterator[str]:

@@ -81,6 +81,8 @@ class Designs:
                     raise InputError(
                         f"{path} changes the number of disks or tendons; make a robot for each"
                     )
+                if each.startswith("payloads."):
+                    raise InputError(f"{path} is of a payload; make a robot for each")
                 wide[each] = array
         object.__setattr__(self, "values", wide)
         self._check_extremes()
@@ -143,7 +145,7 @@ class Designs:
 
     @cached_property
     def disks(self) -> Floats:
-        """Station, clamped length, mass and two moments of inertia of the disks (D, 5 N)."""
+        """Station, clamped length, mass, two moments of inertia, hole length of disks (D, 6 N)."""
         disks = self.arrays.disks
         return self._interleaved(
             [
@@ -152,6 +154,7 @@ class Designs:
                 disks.mass_kg,
                 disks.inertia_kg_m2[..., 0],
                 disks.inertia_kg_m2[..., 1],
+                disks.hole_length_m,
             ]
         )
 

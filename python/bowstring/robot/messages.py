@@ -10,7 +10,15 @@ from typing import Any, Final, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from bowstring.errors import InputError
-from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Disks, Segment, Tendon, TendonRing
+from bowstring.robot.parts import (
+    MAX_SEGMENTS,
+    Backbone,
+    Disks,
+    Payload,
+    Segment,
+    Tendon,
+    TendonRing,
+)
 from bowstring.units import Quantity, has_no_unit, quote
 
 __all__ = ["SYNONYMS", "build", "build_changed", "paths_of_field", "units_of_field"]
@@ -42,6 +50,7 @@ _PARTS: Final[dict[tuple[str, ...], type[BaseModel]]] = {
     ("segments", "disks"): Disks,
     ("segments", "tendons", "ring"): TendonRing,
     ("segments", "tendons", "list"): Tendon,
+    ("payloads",): Payload,
 }
 
 

@@ -166,7 +166,7 @@ class Robot(RobotArrays):
                 return {}
             return {name: exact(getattr(backbone, name)) for name in names}
 
-        content = {
+        content: dict[str, Any] = {
             "format": 1,
             "gravity": [exact(g) for g in self.gravity],
             "segments": [
@@ -184,11 +184,15 @@ class Robot(RobotArrays):
                     "disk_radius": exact(s.disks.radius),
                     "disk_thickness": exact(s.disks.thickness),
                     "clamped_length": exact(s.disks.clamped_length),
+                    **({"hole_length": exact(hole)} if (hole := s.disks.hole_length) else {}),
                     "tendons": [tendon(t) for t in s.tendon_list],
                 }
                 for s in self.segments
             ],
         }
+        if self.payloads:
+            rows = self.payload_numbers.tolist()
+            content["payloads"] = [[exact(number) for number in row] for row in rows]
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode("ascii")).hexdigest()
 

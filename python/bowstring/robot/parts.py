@@ -22,6 +22,7 @@ __all__ = [
     "Backbone",
     "Disks",
     "Part",
+    "Payload",
     "Segment",
     "Tendon",
     "TendonProperties",
@@ -355,6 +356,12 @@ class Disks(Part):
         0.0, description="Length of backbone that each disk holds rigid; 0 if left out."
     )
 
+    hole_length: Annotated[float, Quantity("m", "3 mm", "0 mm", "100 m")] = Field(
+        0.0,
+        description="Length of the tendons' holes along the axis, centred on the disk: tendons "
+        "bend at their entry and exit planes; 0 if left out, points in the mid-plane.",
+    )
+
     @model_validator(mode="after")
     def _check(self) -> Disks:
         _exactly_one(self, "count", "positions")
@@ -363,6 +370,53 @@ class Disks(Part):
             raise wrong(
                 "hole_diameter: missing; with density the mass is that of the disk without its "
                 'holes, write for example "hole_diameter: 2 mm"'
+            )
+        return self
+
+
+class Payload(Part):
+    """Rigid body fixed to a disk: a tool, a camera, a mass.
+
+    Attributes
+    ----------
+    disk : int or None
+        Disk of the robot, counted from 1 at the base; None for the last one, the tip.
+    mass : float
+        Mass in kg.
+    centre : tuple of float (3,)
+        Centre of mass from the centre of the disk, in the axes of the disk, in m.
+    inertia : tuple of float (3,)
+        Moments of inertia about axes through the centre of mass parallel to those of the disk, in
+        kg m^2.
+    """
+
+    disk: Annotated[int | None, Count(MAX_DISKS, "9")] = Field(
+        None, description="Disk, counted from 1 at the base; the last one if left out."
+    )
+    mass: Annotated[float, Quantity("kg", "50 g", "0 g", "10000 kg")] = Field(description="Mass.")
+    centre: Annotated[
+        tuple[float, float, float], Quantity("m", "0 0 20 mm", "-100 m", "100 m", vector=3)
+    ] = Field(
+        (0.0, 0.0, 0.0),
+        description="Centre of mass from the centre of the disk, x y z in the axes of the disk; "
+        "0 if left out.",
+    )
+    inertia: Annotated[
+        tuple[float, float, float],
+        Quantity("kg*m^2", "12 12 8 kg*mm^2", "0 kg*m^2", "1e6 kg*m^2", vector=3),
+    ] = Field(
+        (0.0, 0.0, 0.0),
+        description="Moments of inertia about its centre of mass and the axes of the disk; 0 if "
+        "left out, a point.",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Payload:
+        a, b, c = self.inertia
+        if 2.0 * max(a, b, c) > (a + b + c) * (1.0 + 1e-12):
+            raise wrong(
+                f"inertia: got {a:g} {b:g} {c:g} kg*m^2; the largest moment of inertia of a body "
+                "is at most the sum of the other two"
             )
         return self
 

@@ -124,7 +124,7 @@ def _size(backbone: Backbone) -> str:
 def _weight(robot: RobotArrays) -> float:
     """Weight of disks and backbone in N under standard gravity, not that of the file."""
     lengths = np.array([s.length for s in robot.segments])
-    mass = robot.disks.mass_kg.sum() + robot.mass_per_length @ lengths
+    mass = robot.disks.mass_kg.sum() + robot.carried_kg.sum() + robot.mass_per_length @ lengths
     return float(mass) * _STANDARD_GRAVITY
 
 
@@ -227,7 +227,7 @@ def _buckling(robot: RobotArrays) -> Iterator[str]:
     def sunk(s: Floats) -> Floats:  # how far the point s sinks, per amplitude squared / 2
         return s / 2 - np.sin(2 * wave * s) / (4 * wave)
 
-    work = float(disks.mass_kg @ sunk(disks.station_m))
+    work = float((disks.mass_kg + robot.carried_kg) @ sunk(disks.station_m))
     energy, start = 0.0, 0.0
     for k, segment in enumerate(robot.segments):
         ends = np.array([start, start + segment.length])

@@ -107,6 +107,8 @@ class Physics:
     """Whether the backbone twists."""
     clamped: Literal["none", "file", "budget"] = "none"
     """Clamped length: none, that of the file, or the assumption of the budget."""
+    holes: Literal["none", "file", "budget"] = "none"
+    """Length of the holes of the disks, between entry and exit plane: likewise."""
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Gravity in base axes, m/s^2."""
     tip_force: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -261,10 +263,11 @@ class Model:
             theory=theory,
             twist=True,
             clamped="file",
+            holes="file",
             gravity=robot.gravity,
         )
         """Assumptions of the main sweep."""
-        self._variants: dict[tuple[str, float], Robot] = {}
+        self._variants: dict[tuple[str, str, float], Robot] = {}
 
     def tensions(self, tension: Array) -> Array:
         """Tensions of all tendons (n, T), N."""
@@ -299,19 +302,27 @@ class Model:
         """Clamped length that the budget assumes in each segment, m."""
         return [s.disks.clamped_length or s.disks.thickness or 3e-3 for s in self.robot.segments]
 
+    @cached_property
+    def budget_holes(self) -> list[float]:
+        """Length of the holes that the budget assumes in each segment, m."""
+        spacing = 0.8 * float(np.diff(self.robot.disks.station_m, prepend=0.0).min())
+        disks = [s.disks for s in self.robot.segments]
+        return [d.hole_length or min(d.thickness or 3e-3, spacing) for d in disks]
+
     def variant(self, physics: Physics) -> Robot:
-        """Robot with the clamped length and the stiffness of given assumptions."""
-        key = (physics.clamped, physics.stiffness)
+        """Robot with the clamped length, holes and stiffness of given assumptions."""
+        key = (physics.clamped, physics.holes, physics.stiffness)
         if key not in self._variants:
             changes: dict[str, float] = {}
             for k, segment in enumerate(self.robot.segments):
-                clamps = {
-                    "none": 0.0,
-                    "file": segment.disks.clamped_length,
-                    "budget": self.budget_clamps[k],
-                }[physics.clamped]
-                if clamps != segment.disks.clamped_length:
-                    changes[f"segments.{k}.disks.clamped_length"] = clamps
+                disks = segment.disks
+                for name, choice, now, assumed in (
+                    ("clamped_length", physics.clamped, disks.clamped_length, self.budget_clamps),
+                    ("hole_length", physics.holes, disks.hole_length, self.budget_holes),
+                ):
+                    value = {"none": 0.0, "file": now, "budget": assumed[k]}[choice]
+                    if value != now:
+                        changes[f"segments.{k}.disks.{name}"] = value
                 if physics.stiffness != 1.0:
                     changes[f"segments.{k}.backbone.E"] = segment.backbone.E * physics.stiffness
             self._variants[key] = self.robot.with_(changes) if changes else self.robot

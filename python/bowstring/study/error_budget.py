@@ -312,6 +312,9 @@ def error_budget(
             "largest round force that moves the straight robot's tip by at most 13 % of the "
             "length by linear theory: 1 N for the study's robot.",
             f"Clamps: {clamps}.",
+            "Holes: a straight tendon bends at entry and exit of a hole, which is as long as the "
+            f"disk is thick ({' / '.join(f'{h * 1e3:.4g}' for h in model.budget_holes)} mm); "
+            "otherwise in the mid-plane of the disk. A continuous tendon has no such points.",
         ),
         actuation=actuation,
     )
@@ -332,12 +335,16 @@ class _Effect:
 
 def _effects(model: Model) -> list[_Effect]:
     clamps = sorted({f"{c * 1e3:.4g}" for c in model.budget_clamps})
+    holes = sorted({f"{h * 1e3:.4g}" for h in model.budget_holes})
     force = transverse_force(model.robot, _MAX_SIDEWAYS)
     spans = "straight spans, not a continuous tendon"
     horizontal, across = _times(model.towards, -GRAVITY), _times(model.across, force)
     return [
         _Effect("straight_spans", spans, {"tendon": "straight"}),
         _Effect("clamps", f"disks clamp {' / '.join(clamps)} mm", {"clamped": "budget"}),
+        _Effect(
+            "hole_planes", f"holes of {' / '.join(holes)} mm, not points", {"holes": "budget"}, True
+        ),
         _Effect("shear_extension", "shear and extension", {"theory": "cosserat"}),
         _Effect("torsion", "torsion (the backbone may twist)", {"twist": True}),
         _Effect("gravity_upright", "gravity, upright", {"gravity": (0.0, 0.0, -GRAVITY)}),
@@ -382,6 +389,8 @@ def _acts(model: Model, effect: _Effect) -> bool:
     """Whether the main sweep contains the effect (gravity: in this direction)."""
     if effect.key == "clamps":
         return any(s.disks.clamped_length for s in model.robot.segments)
+    if effect.key == "hole_planes":
+        return any(s.disks.hole_length for s in model.robot.segments)
     return all(getattr(model.main, name) == value for name, value in effect.on.items())
 
 

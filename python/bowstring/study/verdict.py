@@ -271,6 +271,11 @@ def _shares(
     acting = {
         "straight_spans": ("tendons straight between the disks", "tendon", True),
         "clamps": ("clamped lengths at the disks", "clamped", clamped),
+        "hole_planes": (
+            "entry and exit planes of the holes",
+            "holes",
+            any(s.disks.hole_length for s in robot.segments),
+        ),
         "shear_extension": ("shear and extension", "theory", model.main.theory == "cosserat"),
         "torsion": ("torsion", "twist", True),
         "gravity": ("gravity as in the file", "gravity", any(robot.gravity)),

@@ -104,6 +104,11 @@ class Groups:
         check_parallel(robot, "the validity chart")
         check_straight(robot, "the validity chart")
         segment, disks = robot.segments[0], robot.disks
+        if robot.payloads or disks.hole_length_m.any():
+            raise InputError(
+                "the validity chart is for robots without payloads and with holes in the mid-plane "
+                "of the disks; use bowstring.run_study for this robot"
+            )
         length, n = robot.length, len(disks.station_m)
         if not np.allclose(disks.station_m, np.arange(1, n + 1) * length / n, atol=1e-6 * length):
             raise InputError(

@@ -382,6 +382,31 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
+/// Eigenvalues of a symmetric matrix, and eigenvectors as columns of a rotation, by Jacobi rotations.
+pub(crate) fn principal_axes(mut m: Mat3) -> ([f64; 3], Mat3) {
+    let mut axes = Mat3::identity();
+    for _ in 0..30 {
+        let off = |p: usize, q: usize| m.0[p][q].abs();
+        let pairs = [(0, 1), (0, 2), (1, 2)];
+        let largest = pairs
+            .into_iter()
+            .max_by(|a, b| off(a.0, a.1).total_cmp(&off(b.0, b.1)));
+        let (p, q) = largest.expect("there are three");
+        let size = m.0[p][p].abs() + m.0[q][q].abs();
+        if off(p, q) <= f64::EPSILON * size {
+            break;
+        }
+        let angle = 0.5 * (2.0 * m.0[p][q]).atan2(m.0[q][q] - m.0[p][p]);
+        let (sin, cos) = angle.sin_cos();
+        let mut turn = Mat3::identity();
+        (turn.0[p][p], turn.0[q][q]) = (cos, cos);
+        (turn.0[p][q], turn.0[q][p]) = (sin, -sin);
+        m = turn.transpose() * m * turn;
+        axes = axes * turn;
+    }
+    ([0, 1, 2].map(|q| m.0[q][q]), axes)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -407,6 +432,30 @@ mod tests {
         for back in [axis, axis * (1.0 + f64::EPSILON), across] {
             let found = back.angle(-back);
             assert!((found - std::f64::consts::PI).abs() < 1e-7, "{found}");
+        }
+    }
+
+    #[test]
+    fn principal_axes_restore_the_matrix() {
+        for own in [
+            [1.0, 2.0, 3.0],
+            [1.0, 1.0, 4.0],
+            [2.0, 2.0, 2.0],
+            [0.0, 0.0, 0.0],
+        ] {
+            for v in [[0.3, -0.2, 0.9], [0.0, 0.0, 1.0], [0.0; 3]] {
+                let v = Vec3(v);
+                let m: Mat3 = v.outer(v).add_diagonal(own);
+                let (values, axes) = principal_axes(m);
+                let back = axes * Mat3::zero().add_diagonal(values) * axes.transpose();
+                let unit = axes * axes.transpose();
+                for r in 0..3 {
+                    for c in 0..3 {
+                        assert!((back.0[r][c] - m.0[r][c]).abs() < 1e-14);
+                        assert!((unit.0[r][c] - f64::from(u8::from(r == c))).abs() < 1e-14);
+                    }
+                }
+            }
         }
     }
 }

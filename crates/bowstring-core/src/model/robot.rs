@@ -134,8 +134,25 @@ pub struct Disk {
     pub mass: f64,
     /// Moments of inertia about a diameter and about the axis (kg m^2). Used in dynamics only.
     pub inertia: [f64; 2],
+    /// Length of its holes along the axis (m), centred on the station: straight tendons end at
+    /// their entry and exit planes. Zero where holes are points in the mid-plane.
+    pub hole_length: f64,
     /// Segment of the backbone directly before this disk.
     pub segment: usize,
+}
+
+/// A rigid body fixed to a disk.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Payload {
+    /// Index of its disk.
+    pub disk: usize,
+    /// Mass (kg).
+    pub mass: f64,
+    /// Centre of mass from the centre of the disk, in the frame of the disk (m).
+    pub centre: [f64; 3],
+    /// Moments of inertia about axes through its centre of mass that are parallel to those of the
+    /// disk (kg m^2). Used in dynamics only.
+    pub inertia: [f64; 3],
 }
 
 /// A tendon: a hole in the base and in every disk up to its end disk.
@@ -181,6 +198,8 @@ pub struct RobotSpec {
     pub disks: Vec<Disk>,
     /// Tendons, those of inner segments first.
     pub tendons: Vec<Tendon>,
+    /// Bodies fixed to disks.
+    pub payloads: Vec<Payload>,
     /// Gravity (m/s^2).
     pub gravity: [f64; 3],
 }
@@ -192,6 +211,8 @@ pub(crate) struct Module {
     pub flexible: f64,
     /// Rigid lengths next to the start and to the end disk (m).
     pub clamp: [f64; 2],
+    /// Lengths of holes beyond the start and before the end disk's station (m).
+    pub guides: [f64; 2],
     /// Index of the segment.
     pub segment: usize,
     /// Fractions of the segment where the flexible length begins and ends.
@@ -240,6 +261,7 @@ impl Robot {
             }
             for (argument, value) in [
                 (Argument::ClampedLength, d.clamped_length),
+                (Argument::HoleLength, d.hole_length),
                 (Argument::Mass, d.mass),
             ] {
                 InputError::check_number(argument, i, value, Rule::NotNegative)?;
@@ -258,7 +280,23 @@ impl Robot {
                 let (argument, rule) = (Argument::FlexibleLength, Rule::Positive);
                 return Err(InputError::number(argument, i, flexible, rule));
             }
+            let before = if i == 0 {
+                0.0
+            } else {
+                spec.disks[i - 1].hole_length / 2.0
+            };
+            let guides = [before, d.hole_length / 2.0];
+            if d.station - station - guides[0] - guides[1] <= 0.0 {
+                let rule = Rule::Other("leave a length of tendon between this disk and the last");
+                return Err(InputError::number(
+                    Argument::HoleLength,
+                    i,
+                    d.hole_length,
+                    rule,
+                ));
+            }
             modules.push(Module {
+                guides,
                 part: [0.0; 2],
                 flexible,
                 clamp,
@@ -297,6 +335,9 @@ impl Robot {
             }
             end = t.end_disk;
         }
+        for (i, payload) in spec.payloads.iter().enumerate() {
+            Self::check_payload(i, payload, spec.disks.len())?;
+        }
         InputError::check_finite(Argument::Gravity, None, &spec.gravity)?;
         let robot = Robot { spec, modules };
         if !robot.moment_scale().is_normal() {
@@ -323,9 +364,9 @@ impl Robot {
     pub fn length(&self) -> f64 {
         self.spec.disks[self.spec.disks.len() - 1].station
     }
-    /// Total mass of disks and backbone (kg).
+    /// Total mass of disks, backbone and payloads (kg).
     pub fn mass(&self) -> f64 {
-        let mut mass = 0.0;
+        let mut mass = self.spec.payloads.iter().map(|payload| payload.mass).sum();
         for (k, disk) in self.spec.disks.iter().enumerate() {
             let [from, to] = self.modules[k].clamp;
             mass += disk.mass + self.mass_per_length(k) * (from + self.modules[k].flexible + to);
@@ -336,6 +377,34 @@ impl Robot {
     pub(crate) fn mass_per_length(&self, module: usize) -> f64 {
         let [from, to] = self.modules[module].part;
         self.profile(module).mean(from, to, |s| s.mass_per_length)
+    }
+    /// Length that a tendon has in the holes of its disks (m), to the middle of its end disk.
+    pub(crate) fn length_in_holes(&self, tendon: usize) -> f64 {
+        let guides = self.modules[..=self.spec.tendons[tendon].end_disk].iter();
+        guides.flat_map(|module| module.guides).sum()
+    }
+    fn check_payload(i: usize, payload: &Payload, disks: usize) -> Result<(), InputError> {
+        if payload.disk >= disks {
+            return Err(InputError::other(format!(
+                "payload {} is on disk {}, and the robot has {disks} disks",
+                i + 1,
+                payload.disk.saturating_add(1)
+            )));
+        }
+        InputError::check_number(Argument::PayloadMass, i, payload.mass, Rule::NotNegative)?;
+        InputError::check_finite(Argument::PayloadCentre, i, &payload.centre)?;
+        let [a, b, c] = payload.inertia;
+        // the moments of inertia of a body obey the triangle inequality
+        let least = -1e-12 * (a + b + c);
+        let possible = [b + c - a, c + a - b, a + b - c]
+            .iter()
+            .all(|x| *x >= least);
+        if !((a + b + c).is_finite() && a.min(b).min(c) >= 0.0 && possible) {
+            let rule = Rule::Other("be the moments of inertia of a body");
+            let given = &payload.inertia[..];
+            return Err(InputError::number(Argument::PayloadInertia, i, given, rule));
+        }
+        Ok(())
     }
     /// Whether any segment is tapered.
     pub(crate) fn has_taper(&self) -> bool {

@@ -2,10 +2,11 @@
 //!
 //! Theory: docs/theory/dynamics.md (Modal analysis).
 
+use super::mass::LumpedMass;
 use super::moving::Moving;
 use super::step::Motion;
 use crate::interrupt;
-use crate::math::linalg::{dot, Vec3};
+use crate::math::linalg::{dot, principal_axes, Mat3, Vec3};
 use crate::math::mlcp::eliminate;
 use crate::math::real::Scalar;
 use crate::rod::module::share;
@@ -32,6 +33,46 @@ pub(crate) struct Rest<const A: usize> {
     moved: Vec<f64>,
     /// Inverse of the matrix of lock lengths with respect to lock tensions (N/m).
     inverse: Vec<f64>,
+}
+
+/// Mass of a disk with its payload, about their common centre of mass.
+struct CentralFrame {
+    mass: f64,
+    /// Centre of mass from the centre of the disk, in the frame of the disk (m).
+    centre: Vec3,
+    /// Principal axes, as columns, and moments of inertia (kg m^2).
+    axes: Mat3,
+    inertia: [f64; 3],
+}
+
+impl CentralFrame {
+    fn of<const A: usize>(mass: &LumpedMass<Scalar, A>, k: usize) -> Self {
+        let (point, [e1, e3]) = (mass.points[k * A + A - 1], mass.directors[k]);
+        let own = [e1 + e3, e1 + e3, 2.0 * e1];
+        let Some(body) = mass.body(k) else {
+            return CentralFrame {
+                mass: point,
+                centre: Vec3::zero(),
+                axes: Mat3::identity(),
+                inertia: own,
+            };
+        };
+        let total = point + body.mass;
+        let centre = match total > 0.0 {
+            true => body.first * (1.0 / total),
+            false => Vec3::zero(),
+        };
+        let shift = (centre * total).outer(centre);
+        let about_disk = body.inertia().add_diagonal(own);
+        let trace = centre.norm2() * total;
+        let (inertia, axes) = principal_axes((about_disk + shift).add_diagonal([-trace; 3]));
+        CentralFrame {
+            mass: total,
+            centre,
+            axes,
+            inertia: inertia.map(|x| x.max(0.0)),
+        }
+    }
 }
 
 impl<const A: usize> Rest<A> {
@@ -71,11 +112,33 @@ impl<const A: usize> Motion<Scalar, A> {
     pub fn masses_of_freedoms(&self) -> Vec<f64> {
         let mass = &self.body.mass;
         let mut masses = vec![];
-        for (points, [e1, e3]) in mass.points.chunks_exact(A).zip(&mass.directors) {
-            masses.extend(points.iter().flat_map(|m| [*m; 3]));
-            masses.extend([e1 + e3, e1 + e3, 2.0 * e1]);
+        for (k, points) in mass.points.chunks_exact(A).enumerate() {
+            let frame = CentralFrame::of(mass, k);
+            masses.extend(points[..A - 1].iter().flat_map(|m| [*m; 3]));
+            masses.extend([frame.mass; 3]);
+            masses.extend(frame.inertia);
         }
         masses
+    }
+
+    /// Motion of the disks with payloads by their degrees of freedom: displacement in the base frame
+    /// and rotation in the disk's.
+    pub fn motion_of_loaded_disks(&self) -> Vec<(usize, [[f64; 6]; 6])> {
+        let mass = &self.body.mass;
+        let of = |(k, _): &(usize, _)| {
+            let frame = CentralFrame::of(mass, *k);
+            let turned = self.body.rod.rotations[k + 1] * frame.centre.skew() * frame.axes;
+            let mut motion = [[0.0; 6]; 6];
+            for r in 0..3 {
+                motion[r][r] = 1.0;
+                for c in 0..3 {
+                    motion[r][3 + c] = turned.0[r][c];
+                    motion[3 + r][3 + c] = frame.axes.0[r][c];
+                }
+            }
+            (*k, motion)
+        };
+        mass.bodies.iter().map(of).collect()
     }
 
     /// Prepares [`Self::respond_to_forces`] at the rest found by `settle`. Locked tendons keep
@@ -97,7 +160,8 @@ impl<const A: usize> Motion<Scalar, A> {
 
     /// Displacement of every degree of freedom due to forces on all of them: m and rad for N and N
     /// m. The degrees of freedom are the translation of points from base to tip in the base frame
-    /// and, after that of each disk, its rotation in its own frame.
+    /// and, after that of each disk, its rotation in its own frame. The point of a disk with a
+    /// payload is their common centre of mass, and the axes of its rotation are principal axes.
     pub fn respond_to_forces(&mut self, forces: &[f64], rest: &Rest<A>) -> Vec<f64> {
         let (n, per) = (self.module_count(), 3 * A + 3);
         // scaled: very small forces would be lost beside those of the rest
@@ -113,7 +177,14 @@ impl<const A: usize> Motion<Scalar, A> {
             for a in 0..A {
                 self.residual.force[k * A + a] = rest.force[k * A + a] + vector(a);
             }
-            self.residual.moment[k] = rest.moment[k] + self.body.rod.rotations[k + 1] * vector(A);
+            let rotation = self.body.rod.rotations[k + 1];
+            let mut moment = vector(A);
+            if self.body.mass.body(k).is_some() {
+                let frame = CentralFrame::of(&self.body.mass, k);
+                let force = rotation.tr_mul(vector(A - 1));
+                moment = frame.axes * moment + frame.centre.cross(force);
+            }
+            self.residual.moment[k] = rest.moment[k] + rotation * moment;
         }
         self.imbalance();
         for j in 0..n {
@@ -188,8 +259,14 @@ impl<const A: usize> Motion<Scalar, A> {
                 out.extend((frame * moved).0);
             }
             start = column.disks[j];
-            out.extend((self.body.rod.rotations[j + 1] * start[1]).0);
-            out.extend(start[0].0);
+            let [mut turn, mut moved] = start;
+            if self.body.mass.body(j).is_some() {
+                let frame = CentralFrame::of(&self.body.mass, j);
+                moved += turn.cross(frame.centre);
+                turn = frame.axes.tr_mul(turn);
+            }
+            out.extend((self.body.rod.rotations[j + 1] * moved).0);
+            out.extend(turn.0);
         }
         out
     }

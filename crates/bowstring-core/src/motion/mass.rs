@@ -4,7 +4,7 @@
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::model::robot::Robot;
+use crate::model::robot::{Payload, Robot};
 use crate::rod::chain::lanes;
 
 /// A vector at every mass point of a module, the disk last, and a matrix of the disk's directors.
@@ -56,6 +56,70 @@ pub(super) struct LumpedMass<L: Layout, const A: usize> {
     pub lanes: Vec<[L::Module; A]>,
     /// Total mass (kg).
     pub total: f64,
+    /// Disks with payloads, and the sum of these.
+    pub bodies: Vec<(usize, Body)>,
+}
+
+/// A rigid body fixed to a disk, by its moments about the centre of the disk in its frame.
+#[derive(Clone, Copy)]
+pub(super) struct Body {
+    /// Mass (kg).
+    pub mass: f64,
+    /// Mass times the position of the centre of mass (kg m).
+    pub first: Vec3,
+    /// Second moments, the integral of x x' over the mass (kg m^2).
+    pub second: Mat3,
+}
+
+impl Body {
+    fn of(payload: &Payload) -> Self {
+        let [a, b, c] = payload.inertia;
+        let own = [b + c - a, c + a - b, a + b - c].map(|twice| f64::max(0.5 * twice, 0.0));
+        let centre = Vec3(payload.centre);
+        let first = centre * payload.mass;
+        Body {
+            mass: payload.mass,
+            first,
+            second: first.outer(centre).add_diagonal(own),
+        }
+    }
+
+    fn add(&mut self, o: &Body) {
+        self.mass += o.mass;
+        self.first += o.first;
+        self.second += o.second;
+    }
+
+    /// Tensor of inertia about the centre of the disk (kg m^2).
+    pub fn inertia(&self) -> Mat3 {
+        let [a, b, c] = [0, 1, 2].map(|q| self.second.0[q][q]);
+        (-self.second).add_diagonal([a + b + c; 3])
+    }
+
+    /// Mass-weighted inner product of two vectors of a disk.
+    #[inline(always)]
+    fn product<T: Real, const A: usize>(&self, u: &Nodal<T, A>, v: &Nodal<T, A>) -> T {
+        let (p, q) = (u.disk(), v.disk());
+        let (first, second) = (wide(self.first), wide_mat(&self.second));
+        let mut sum = p.dot(q) * T::splat(self.mass);
+        sum += p.dot(v.frame * first) + q.dot(u.frame * first);
+        let weighted = u.frame * second;
+        for (a, b) in weighted.rows().into_iter().zip(v.frame.rows()) {
+            sum += a.dot(b);
+        }
+        sum
+    }
+}
+
+/// The same vector in all lanes.
+#[inline(always)]
+pub(super) fn wide<T: Real>(v: Vec3) -> Vec3<T> {
+    Vec3::splat(v.0)
+}
+
+#[inline(always)]
+pub(super) fn wide_mat<T: Real>(m: &Mat3) -> Mat3<T> {
+    Mat3(m.0.map(|row| row.map(T::splat)))
 }
 
 impl<L: Layout, const A: usize> LumpedMass<L, A> {
@@ -99,13 +163,31 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
             }
         }
         let group = |g| std::array::from_fn(|a| lanes::<L>(n, g, |k| points[k * A + a]));
+        let mut bodies: Vec<(usize, Body)> = vec![];
+        for payload in &robot.spec().payloads {
+            let body = Body::of(payload);
+            match bodies.iter_mut().find(|(disk, _)| *disk == payload.disk) {
+                Some((_, sum)) => sum.add(&body),
+                None => bodies.push((payload.disk, body)),
+            }
+        }
+        let of_bodies: f64 = bodies.iter().map(|(_, body)| body.mass).sum();
         LumpedMass {
             lanes: (0..n.div_ceil(L::WIDTH)).map(group).collect(),
-            total: points.iter().sum(),
+            total: points.iter().sum::<f64>() + of_bodies,
             points,
             directors,
+            bodies,
         }
     }
+
+    /// Payload of a disk.
+    #[inline(always)]
+    pub fn body(&self, disk: usize) -> Option<&Body> {
+        let found = self.bodies.iter().find(|(k, _)| *k == disk);
+        found.map(|(_, body)| body)
+    }
+
     /// Mass-weighted inner product of two vectors of a module.
     #[inline(always)]
     pub fn product(&self, k: usize, u: &Nodal<L::Chain, A>, v: &Nodal<L::Chain, A>) -> L::Chain {
@@ -118,6 +200,9 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
         for (u, v) in u.frame.0.iter().zip(&v.frame.0) {
             sum += (u[0] * v[0] + u[1] * v[1]) * e1 + u[2] * v[2] * e3;
         }
+        if let Some(body) = self.body(k) {
+            sum += body.product(u, v);
+        }
         sum
     }
 
@@ -127,6 +212,10 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
         let mut sum = Vec3::zero();
         for (v, mass) in vectors.iter().flat_map(|v| v.points).zip(&self.points) {
             sum += v * L::Chain::splat(*mass);
+        }
+        for (k, body) in &self.bodies {
+            let v = &vectors[*k];
+            sum += v.disk() * L::Chain::splat(body.mass) + v.frame * wide(body.first);
         }
         sum
     }

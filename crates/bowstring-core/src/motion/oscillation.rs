@@ -35,13 +35,18 @@ type ForceResponse = dyn FnMut(&[f64]) -> Vec<f64> + Send + Sync;
 /// The robot, linearised about an equilibrium.
 ///
 /// Degrees of freedom, module by module: translation of every mass point from base to tip in the
-/// base frame, the disk last; then rotation of the disk, in its own frame.
+/// base frame, the disk last; then rotation of the disk, in its own frame. The point of a disk with a
+/// payload is their common centre of mass, and it rotates about principal axes, so that each degree
+/// of freedom has a mass of its own.
 pub struct Flexibility {
     response: Box<ForceResponse>,
     /// Mass or inertia of every degree of freedom (kg or kg m^2).
     pub masses: Vec<f64>,
     /// Mass points of a module, the disk included.
     pub points: usize,
+    /// Disks with payloads, and their motion by their degrees of freedom: displacement in the base
+    /// frame (m) and rotation in the frame of the disk (rad).
+    pub loaded_disks: Vec<(usize, [[f64; 6]; 6])>,
     /// Work of a column, in units of `interrupt::work`.
     work: usize,
 }
@@ -127,6 +132,7 @@ fn with_arcs<const A: usize>(
     Some(Flexibility {
         masses: motion.masses_of_freedoms(),
         points: A,
+        loaded_disks: motion.motion_of_loaded_disks(),
         work: motion.work() + of_locks,
         response: Box::new(move |forces| motion.respond_to_forces(forces, &rest)),
     })

@@ -124,9 +124,13 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         out.time.push(time);
         out.energies.push(self.energies.now);
         out.tendons.tension.extend_from_slice(tensions);
+        let rod = &self.body.rod;
         for j in 0..tensions.len() {
             let spans = self.spans.now.iter().skip(j).step_by(tensions.len());
-            out.tendons.length.push(spans.sum());
+            let in_holes: L::Chain = rod.tendons.length_in_holes(j, rod.path);
+            out.tendons
+                .length
+                .push(spans.sum::<f64>() + in_holes.lane(0));
         }
         if points > 0 {
             return self.record_modules(tensions, points, out);

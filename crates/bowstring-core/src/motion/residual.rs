@@ -4,6 +4,7 @@
 
 use super::body::Body;
 use super::kinematics::Kinematics;
+use super::mass::{wide, wide_mat};
 use super::strain::StrainHistory;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
@@ -125,6 +126,11 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             let mut push = acceleration.frame;
             for row in &mut push.0 {
                 *row = [row[0] * e1, row[1] * e1, row[2] * e3];
+            }
+            if let Some(own) = body.mass.body(k) {
+                let (first, against) = (wide(own.first), acceleration.disk() - self.gravity);
+                self.force[k * A + A - 1] -= against * splat(own.mass) + acceleration.frame * first;
+                push += acceleration.frame * wide_mat(&own.second) + against.outer(first);
             }
             // sum of director x acceleration
             let q = push * body.rod.rotations[k + 1].transpose();

@@ -6,6 +6,7 @@
 //! The contact force of a module is condensed statically before its arcs are eliminated.
 
 use super::body::Body;
+use super::mass::{wide, wide_mat};
 use super::residual::Residual;
 use super::scheme::Scheme;
 use crate::math::linalg::{Mat3, Vec3};
@@ -145,7 +146,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
     #[inline(always)]
     pub fn make(&mut self, body: &mut Body<L, A>, residual: &Residual<L, A>) {
         self.assemble(body, residual);
-        self.eliminate(body);
+        self.eliminate(body, residual);
         self.made_for = [body.scheme.tangent_inertia(), body.scheme.strain_factor()];
     }
 
@@ -180,7 +181,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
 
     /// Eliminates all modules from tip to base (theory Eq. 3.4).
     #[inline(always)]
-    fn eliminate(&mut self, body: &Body<L, A>) {
+    fn eliminate(&mut self, body: &Body<L, A>, residual: &Residual<L, A>) {
         let (rod, mass) = (&body.rod, &body.mass);
         let inertia = body.scheme.tangent_inertia();
         let splat = L::Chain::splat;
@@ -193,6 +194,16 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             value[0][0] = value[0][0].add_diagonal([across, across, along]);
             let disk = splat(inertia * mass.points[k * A + A - 1]);
             value[1][1] = value[1][1].add_diagonal([disk; 3]);
+            if let Some(own) = mass.body(k) {
+                let first = wide(own.first);
+                let weight = rod.rotations[k + 1].tr_mul(residual.gravity);
+                value[0][0] += wide_mat(&own.inertia()) * splat(inertia)
+                    + (-weight.outer(first).symmetric_part()).add_diagonal([weight.dot(first); 3]);
+                let lever = (first * splat(-inertia)).skew();
+                value[1][0] += lever;
+                value[0][1] += lever.transpose();
+                value[1][1] = value[1][1].add_diagonal([splat(inertia * own.mass); 3]);
+            }
             if rod.attached.has_forces() {
                 value[0][0] += rod.attached.stiffness::<true>(k, &rod.rotations[k + 1]);
             }

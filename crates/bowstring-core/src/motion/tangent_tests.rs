@@ -25,6 +25,7 @@ fn robot() -> Robot {
         rest_curvature: [0.0; 3],
     };
     let disks = (0..4).map(|k| Disk {
+        hole_length: 0.0,
         station: 0.07 * (k + 1) as f64,
         clamped_length: 0.004,
         mass: 0.05,
@@ -36,6 +37,7 @@ fn robot() -> Robot {
         end_disk: if i == 0 { 2 } else { 3 },
     });
     Robot::new(RobotSpec {
+        payloads: vec![],
         backbone: vec![section.into()],
         disks: disks.collect(),
         tendons: tendons.collect(),

@@ -20,6 +20,7 @@ const SECTION: Section = Section {
 
 fn robot(disks: Vec<Disk>, tendons: Vec<Tendon>) -> Robot {
     Robot::new(RobotSpec {
+        payloads: vec![],
         backbone: vec![SECTION.into()],
         disks,
         tendons,
@@ -33,6 +34,7 @@ fn robot(disks: Vec<Disk>, tendons: Vec<Tendon>) -> Robot {
 #[test]
 fn rigid_rotation_has_the_inertia_of_the_rod() {
     let disks = (0..4).map(|k| Disk {
+        hole_length: 0.0,
         // 20 mm between all clamps; the last disk would clamp on one side only, and clamps nothing
         // here
         station: if k < 3 { 0.045 + 0.07 * k as f64 } else { 0.23 },
@@ -82,6 +84,7 @@ fn rigid_rotation_has_the_inertia_of_the_rod() {
 #[test]
 fn momentum_balances_with_the_base() {
     let disks = (0..9).map(|k| Disk {
+        hole_length: 0.0,
         station: 0.07 * (k + 1) as f64,
         clamped_length: 0.0,
         mass: 0.02,

@@ -11,6 +11,7 @@
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::{Load, PointLoad};
+use crate::model::robot::Payload;
 use crate::rod::chain::{get, get_mat, lumped, Rod};
 use crate::rod::elimination::Blocks;
 
@@ -139,6 +140,20 @@ impl<C: Real, const A: usize> Attached<C, A> {
         self.followed = followers.map(|load| load.disk + 1).max().unwrap_or(0);
         self.couplings.resize(n, Coupling::none());
         self.constant.clear();
+    }
+
+    /// Adds the weights of payloads, after `set`.
+    pub fn add_weights(&mut self, payloads: &[Payload], gravity: [f64; 3]) {
+        if payloads.is_empty() {
+            return;
+        }
+        self.loads.extend(payloads.iter().map(|payload| PointLoad {
+            disk: payload.disk,
+            point: payload.centre,
+            force: gravity.map(|g| g * payload.mass),
+            ..PointLoad::default()
+        }));
+        self.loads.sort_by_key(|load| load.disk);
     }
 
     /// The loads on a disk.

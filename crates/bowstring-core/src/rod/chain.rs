@@ -10,7 +10,7 @@ use crate::math::lie::Pose;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::{Load, Model, TendonPath};
-use crate::model::robot::Robot;
+use crate::model::robot::{Payload, Robot};
 use crate::rod::attached::Attached;
 use crate::rod::constants::{Constants, Taper};
 use crate::rod::defect::Defect;
@@ -53,6 +53,8 @@ pub(crate) struct Fixed<L: Layout, const A: usize> {
     tapers: Vec<Taper<L::Chain>>,
     /// Masses of the disks (kg).
     masses: Vec<L::Chain>,
+    /// Payloads of the first robot.
+    pub payloads: Vec<Payload>,
     /// First tendon that passes each module.
     first_tendon: Vec<usize>,
     /// By groups and tendons: one where the tendon passes, otherwise zero.
@@ -324,6 +326,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             tensions: vec![L::Module::zero(); groups * tendons],
             fixed: Fixed {
                 masses: vec![],
+                payloads: vec![],
                 first_tendon: robot.modules.iter().map(|m| m.first_tendon).collect(),
                 passes: passes.collect(),
                 modules: vec![],
@@ -393,6 +396,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let masses = (0..n).map(|k| L::Chain::from_fn(|lane| of(lane).spec().disks[k].mass));
         self.fixed.masses.clear();
         self.fixed.masses.extend(masses);
+        self.fixed.payloads.clear();
+        self.fixed.payloads.extend(&robots[0].spec().payloads);
         self.tendons.set::<L>(robots);
     }
 
@@ -507,6 +512,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             (!load.disk_forces.is_empty()).then_some(on_disks),
         );
         self.set_attached(load);
+        self.attached
+            .add_weights(&self.fixed.payloads, load.gravity);
         self.add_forces(load.line_forces);
     }
 
@@ -1192,8 +1199,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     pub fn finish(&mut self) {
         let n = self.module_count();
         let mut position = Vec3::zero();
-        for length in &mut self.placed.lengths {
-            *length = L::Chain::zero();
+        let path = self.path();
+        for (j, length) in self.placed.lengths.iter_mut().enumerate() {
+            *length = self.tendons.length_in_holes(j, path);
         }
         for (g, (c, state)) in self.constants.iter().zip(&self.states).enumerate() {
             let t = in_group(&self.tendons, &self.tensions, self.path(), g);

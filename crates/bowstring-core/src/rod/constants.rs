@@ -130,6 +130,8 @@ pub(crate) struct Constants<T, const A: usize> {
     pub per_flexible: T,
     /// Rigid lengths at start and end (m).
     pub clamp: [T; 2],
+    /// Distances of the holes from the flexible part, along the axes of both disks (m).
+    pub reach: [T; 2],
     /// Mean mass per length rho A (kg/m).
     pub mass_per_length: T,
     /// Second derivative of the elastic energy with respect to the rotation vector of each arc (N
@@ -182,6 +184,7 @@ impl<const A: usize> Constants<f64, A> {
             flexible: length,
             per_flexible: 1.0 / length,
             clamp: m.clamp,
+            reach: [m.clamp[0] - m.guides[0], m.clamp[1] - m.guides[1]],
             mass_per_length: robot.mass_per_length(k),
             own: std::array::from_fn(own),
             axial_compliance: axial,
@@ -203,6 +206,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
             flexible: self.flexible.lane(lane),
             per_flexible: self.per_flexible.lane(lane),
             clamp: self.clamp.map(|x| x.lane(lane)),
+            reach: self.reach.map(|x| x.lane(lane)),
             mass_per_length: self.mass_per_length.lane(lane),
             own: self.own.map(|x| x.of_lane(lane)),
             axial_compliance: self.axial_compliance.lane(lane),
@@ -218,6 +222,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
             flexible: T::from_fn(|i| at(i).flexible),
             per_flexible: T::from_fn(|i| at(i).per_flexible),
             clamp: std::array::from_fn(|q| T::from_fn(|i| at(i).clamp[q])),
+            reach: std::array::from_fn(|q| T::from_fn(|i| at(i).reach[q])),
             mass_per_length: T::from_fn(|i| at(i).mass_per_length),
             own: std::array::from_fn(|a| Stiffness::gather(|i| &at(i).own[a])),
             axial_compliance: T::from_fn(|i| at(i).axial_compliance),

@@ -4,6 +4,7 @@
 
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
+use crate::model::load::TendonPath;
 use crate::model::robot::Robot;
 use crate::rod::constants::Constants;
 
@@ -49,6 +50,8 @@ pub(crate) struct Routes<M> {
     /// Holes by groups of modules and tendons; beyond an end disk they do not count.
     holes: Vec<Holes<M>>,
     pub end_disks: Vec<usize>,
+    /// Lengths of the tendons in the holes of their disks (m), by robots.
+    in_holes: Vec<Vec<f64>>,
 }
 
 impl<M: Real> Routes<M> {
@@ -56,6 +59,7 @@ impl<M: Real> Routes<M> {
         Routes {
             holes: vec![],
             end_disks: vec![],
+            in_holes: vec![],
         }
     }
 
@@ -72,6 +76,18 @@ impl<M: Real> Routes<M> {
         &self.holes[group * count..][..count]
     }
 
+    /// Length of a tendon in the holes of its disks (m), to the middle of its end disk; zero for a
+    /// continuous tendon, whose length includes it.
+    #[inline(always)]
+    pub fn length_in_holes<T: Real>(&self, tendon: usize, path: TendonPath) -> T {
+        match path {
+            TendonPath::Straight => {
+                T::from_fn(|lane| self.in_holes[lane.min(self.in_holes.len() - 1)][tendon])
+            }
+            TendonPath::Continuous => T::zero(),
+        }
+    }
+
     /// Takes the numbers of the robots: one for each lane of the chain, the last one also in the
     /// lanes beyond.
     pub fn set<L: Layout<Module = M>>(&mut self, robots: &[Robot]) {
@@ -79,6 +95,13 @@ impl<M: Real> Routes<M> {
         let (n, tendons) = (first.module_count(), &first.spec().tendons);
         self.end_disks.clear();
         self.end_disks.extend(tendons.iter().map(|t| t.end_disk));
+        let in_holes = |robot: &Robot| {
+            (0..tendons.len())
+                .map(|i| robot.length_in_holes(i))
+                .collect()
+        };
+        self.in_holes.clear();
+        self.in_holes.extend(robots.iter().map(in_holes));
         let at = |lane: usize, k: usize, i: usize, end: usize, q: usize| {
             let robot = &robots[lane.min(robots.len() - 1)];
             robot.spec().tendons[i].hole(k + end)[q]

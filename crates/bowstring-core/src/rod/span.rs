@@ -27,7 +27,7 @@ impl<T: Real> Span<T> {
         rho: Vec3<T>,
     ) -> Self {
         let [x, y] = holes.end;
-        let [start, end] = c.clamp;
+        let [start, end] = c.reach;
         let arm = s
             .column(2)
             .scaled_add(end, s.column(1).scaled_add(y, s.column(0) * x));
@@ -139,6 +139,7 @@ mod tests {
 
     fn constants<const A: usize>() -> Constants<f64, A> {
         let robot = Robot::new(RobotSpec {
+            payloads: vec![],
             backbone: vec![Section {
                 bending: [1.07; 2],
                 principal_angle: 0.0,
@@ -151,6 +152,7 @@ mod tests {
             }
             .into()],
             disks: vec![Disk {
+                hole_length: 0.0,
                 station: 0.07,
                 clamped_length: 0.004,
                 mass: 0.02,

@@ -89,7 +89,10 @@ impl<T: Real, L: Layout<Module = T, Chain = T>, const A: usize> Rod<L, A> {
     pub fn measure_tendons(&self, columns: &mut TensionColumns<T, A>) {
         columns.spans.clear();
         columns.lengths.clear();
-        columns.lengths.resize(self.tendons.len(), T::zero());
+        let path = self.path;
+        let of = |i| self.tendons.length_in_holes::<T>(i, path);
+        let in_holes = (0..self.tendons.len()).map(of);
+        columns.lengths.extend(in_holes);
         for (k, (state, c)) in self.states.iter().zip(&self.constants).enumerate() {
             for (j, holes) in self.tendons.in_group(k).iter().enumerate() {
                 let span = Span::new(c, holes, &state.s, state.rho);

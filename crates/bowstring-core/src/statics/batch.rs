@@ -212,7 +212,9 @@ fn start_polynomial(
     // lanes solve dead forces on disks alone
     let moments = loads.tip_moment.iter();
     let mut moments = moments.chain(loads.disk_moments.as_flattened());
-    let others = !loads.point_loads.is_empty() || !loads.line_forces.is_empty();
+    let others = !(loads.point_loads.is_empty()
+        && loads.line_forces.is_empty()
+        && robot.spec().payloads.is_empty());
     if others || moments.any(|m| *m != 0.0) {
         return None;
     }

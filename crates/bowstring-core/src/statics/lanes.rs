@@ -387,12 +387,13 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
             disk_forces(|lane| of(lane)),
         );
         let mut energy = rod.evaluate();
-        // a moment has no energy to minimise
+        // a moment has no energy to minimise; the weight of a payload is a point load
+        let fits = rod.fixed.payloads.is_empty();
         let mut plain = [false; MOST_LANES];
         let mut noise = S::Vector::zero();
         let mut stiffening = [0.0; MOST_LANES];
         for lane in 0..S::Vector::LANES {
-            plain[lane] = !self.left[lane] && of(lane).fits_lanes();
+            plain[lane] = !self.left[lane] && of(lane).fits_lanes() && fits;
             let scale = rod.energy_scale(settings[lane].length, lane);
             stiffening[lane] = scale / rod.module_count() as f64;
             noise.set_lane(lane, ENERGY_NOISE * (scale + energy.lane(lane).abs()));

@@ -315,9 +315,10 @@ impl<S: Simd> PathLanes<S> {
             minimum_nearby: [false; MOST_LANES],
             iterations: [0; MOST_LANES],
         };
+        let fits = self.rod.fixed.payloads.is_empty();
         for lane in 0..S::Vector::LANES {
-            // a moment has no energy to minimise
-            progress.plain[lane] = !self.left[lane] && of(lane).load.fits_lanes();
+            // a moment has no energy to minimise; the weight of a payload is a point load
+            progress.plain[lane] = !self.left[lane] && of(lane).load.fits_lanes() && fits;
         }
         let per_scale = S::Vector::from_fn(|lane| 1.0 / self.settings[lane].moment_scale);
         self.rod.evaluate();

@@ -38,8 +38,9 @@ pub(super) const MAX_EXTRAPOLATION: f64 = 0.3;
 /// ```
 /// use bowstring_core::{model::load::{Load, Model}, model::robot::*, statics::solver::{Solver, Status}};
 /// let section = Section { bending: [1.07; 2], principal_angle: 0.0, torsion: 0.83, axial: 6.9e5, shear: 2.6e5, mass_per_length: 0.035, rotary_inertia: 5.5e-8, rest_curvature: [0.0; 3] };
-/// let disks = (1..=9).map(|k| Disk { station: 0.641 * k as f64 / 9.0, clamped_length: 0.0, mass: 0.02, inertia: [5.1e-6, 1.02e-5], segment: 0 });
+/// let disks = (1..=9).map(|k| Disk { hole_length: 0.0, station: 0.641 * k as f64 / 9.0, clamped_length: 0.0, mass: 0.02, inertia: [5.1e-6, 1.02e-5], segment: 0 });
 /// let robot = Robot::new(RobotSpec {
+///     payloads: vec![],
 ///     backbone: vec![section.into()],
 ///     disks: disks.collect(),
 ///     tendons: vec![Tendon::parallel([0.029, 0.0], 8)],
@@ -440,6 +441,7 @@ mod tests {
             rest_curvature: [0.0; 3],
         };
         let disks = (0..11).map(|k| Disk {
+            hole_length: 0.0,
             station: 0.06 * (k + 1) as f64,
             clamped_length: 0.002,
             mass: 0.02,
@@ -451,6 +453,7 @@ mod tests {
             end_disk: if i < 2 { 5 } else { 10 },
         });
         Robot::new(RobotSpec {
+            payloads: vec![],
             backbone: vec![section(1.1).into(), section(0.7).into()],
             disks: disks.collect(),
             tendons: tendons.collect(),

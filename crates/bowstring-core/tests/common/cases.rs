@@ -70,6 +70,7 @@ impl Case {
                 / (count * segments * segments) as f64;
             for k in 1..=count {
                 disks.push(Disk {
+                    hole_length: 0.0,
                     station: station + length * k as f64 / count as f64,
                     clamped_length: clamp,
                     mass,
@@ -102,6 +103,7 @@ impl Case {
         let force = draw.within(0.0, 3.0) * softest / (station * station);
         Case {
             spec: RobotSpec {
+                payloads: vec![],
                 backbone,
                 disks,
                 tendons,

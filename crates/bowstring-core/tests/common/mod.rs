@@ -28,6 +28,7 @@ pub fn study_robot(n: usize, clamped_length: f64) -> Robot {
     let (radius, thickness) = (0.032f64, 0.003f64);
     let across = mass * (3.0 * radius.powi(2) + thickness.powi(2)) / 12.0;
     let disks = (1..=n).map(|k| Disk {
+        hole_length: 0.0,
         station: LENGTH * k as f64 / n as f64,
         clamped_length,
         mass,
@@ -39,6 +40,7 @@ pub fn study_robot(n: usize, clamped_length: f64) -> Robot {
         end_disk: n - 1,
     });
     Robot::new(RobotSpec {
+        payloads: vec![],
         backbone: vec![section(0.005, 35e9, 0.3, 1800.0).into()],
         disks: disks.collect(),
         tendons: tendons.to_vec(),
@@ -57,6 +59,7 @@ pub fn by_tensions(tensions: &[f64]) -> Load<'_> {
 /// Rao et al. (2021): two segments of 200 mm, three tendons each.
 pub fn rao_robot() -> Robot {
     let disks = (1..=20).map(|k| Disk {
+        hole_length: 0.0,
         station: 0.02 * k as f64,
         clamped_length: 0.0,
         mass: 0.001,
@@ -71,6 +74,7 @@ pub fn rao_robot() -> Robot {
     });
     let backbone = section(0.0014, 54e9, 0.3, 6450.0);
     Robot::new(RobotSpec {
+        payloads: vec![],
         backbone: vec![backbone.into(), backbone.into()],
         disks: disks.collect(),
         tendons: tendons.collect(),

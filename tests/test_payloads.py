@@ -1,0 +1,242 @@
+"""Rigid bodies fixed to disks: weight, inertia, motion and modes."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import bowstring as bs
+from bowstring.errors import InputError
+from bowstring.fem import run as fem
+from bowstring.robot.designs import Designs
+from shell import Shell
+
+ROBOT = bs.load_robot("amouri2019", {"gravity": "0 0 -9.81"})
+LIGHT = bs.load_robot(
+    "amouri2019",
+    {"segments.0.disks.mass": "0 g", "segments.0.backbone.density": "0 kg/m^3"},
+)
+TENSIONS = [40.0, 0.0, 10.0]
+TOOL: dict[str, Any] = {
+    "mass": "50 g",
+    "centre": "5 -10 30 mm",
+    "inertia": "12 15 8 kg*mm^2",
+}
+
+
+def carrying(robot: bs.Robot, *payloads: dict[str, Any]) -> bs.Robot:
+    return robot.with_({"payloads": list(payloads)})
+
+
+def test_the_weight_acts_at_the_centre_of_mass() -> None:
+    robot = carrying(ROBOT, TOOL, {"mass": "20 g", "disk": 5, "centre": "0 20 0 mm"})
+    assert robot.payload_numbers[:, 0].tolist() == [8.0, 4.0]
+    weights = [
+        bs.PointLoad(force=[0, 0, -0.05 * 9.81], point=[0.005, -0.010, 0.030]),
+        bs.PointLoad(4, force=[0, 0, -0.02 * 9.81], point=[0, 0.020, 0]),
+    ]
+    for load in ({"tensions": TENSIONS}, {"displacements": [0.03, -0.03, -0.012]}):
+        found = bs.solve(robot, load=bs.Load(**load))
+        same = bs.solve(ROBOT, load=bs.Load(**load, point_loads=weights))
+        assert found.stable
+        assert np.abs(found.disk_positions - same.disk_positions).max() < 1e-12
+    tensions = np.random.default_rng(1).uniform(0, 40, (2000, 3))
+    rows = bs.solve_batch(robot, tensions)
+    for i in (0, 1999):
+        alone = bs.solve(robot, tensions[i]).tip.position
+        assert np.abs(rows.tip_position[i] - alone).max() < 1e-9
+    # without gravity it weighs nothing
+    free = bs.solve(robot, TENSIONS, load=bs.Load(gravity=(0, 0, 0)))
+    bare = bs.solve(ROBOT, TENSIONS, load=bs.Load(gravity=(0, 0, 0)))
+    assert np.abs(free.disk_positions - bare.disk_positions).max() < 1e-13
+
+
+def test_a_body_like_the_disk_is_a_heavier_disk() -> None:
+    """Mass and inertia at the centre of each disk are those of the disk itself."""
+    disks = ROBOT.disks
+    own = [
+        {
+            "disk": k + 1,
+            "mass": float(disks.mass_kg[k]),
+            "inertia": [float(disks.inertia_kg_m2[k, q]) for q in (0, 0, 1)],
+        }
+        for k in range(9)
+    ]
+    both = carrying(ROBOT, *own)
+    heavy = ROBOT.with_({"segments.0.disks.mass": "40 g"})
+    a, b = bs.modes(both, TENSIONS), bs.modes(heavy, TENSIONS)
+    np.testing.assert_allclose(a.frequency_hz, b.frequency_hz, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(a.displacement), np.abs(b.displacement), atol=1e-6)
+    runs = [bs.simulate(r, bs.dynamics.ramp(TENSIONS, 0.1), 0.3) for r in (both, heavy)]
+    np.testing.assert_allclose(runs[0].tip_position, runs[1].tip_position, atol=1e-6)
+
+
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_frequencies_are_those_of_a_body_on_a_beam(gravity: float) -> None:
+    """A massless beam with a body on its end, whose centre of mass lies beyond it: four degrees of
+    freedom with a closed form; under gravity a beam in tension, and a pendulum."""
+    m, d, inertia = 0.05, 0.03, (1.2e-5, 1.5e-5, 8e-6)
+    body = {"mass": m, "centre": [0, 0, d], "inertia": list(inertia)}
+    robot = carrying(LIGHT, body)
+    load = bs.Load([0, 0, 0], gravity=(0, 0, gravity))
+    model = bs.RodModel("kirchhoff", elements=2)
+    found = bs.modes(robot, load=load, model=model, count=5)
+    length, bending = robot.length, float(robot.bending_stiffness[0])
+    # deflection and slope of a clamped beam in tension by those of its end
+    tension = m * gravity
+
+    def shapes(x: float) -> np.ndarray:
+        """Four solutions of EI w'''' = T w'' and their first three derivatives."""
+        if tension == 0.0:
+            return np.array([[1, x, x**2, x**3], [0, 1, 2 * x, 3 * x**2], [0, 0, 2, 6 * x],
+                             [0, 0, 0, 6.0]])  # fmt: skip
+        k = math.sqrt(tension / bending)
+        s, c = math.sinh(k * x), math.cosh(k * x)
+        return np.array([[1, x, c, s], [0, 1, k * s, k * c], [0, 0, k**2 * c, k**2 * s],
+                         [0, 0, k**3 * s, k**3 * c]])  # fmt: skip
+
+    start, end = shapes(0.0), shapes(length)
+    # columns: coefficients for unit deflection and unit slope of the end
+    conditions = np.array([start[0], start[1], end[0], end[1]])
+    coefficients = np.linalg.solve(conditions, np.eye(4)[:, 2:])
+    force = -bending * end[3] @ coefficients + tension * end[1] @ coefficients
+    moment = bending * end[2] @ coefficients
+    stiffness = np.array([force, moment]) + np.diag([0.0, m * gravity * d])
+    expected = []
+    # bending towards x turns about y, and towards y about x
+    for about in (1, 0):
+        mass = np.array([[m, m * d], [m * d, m * d**2 + inertia[about]]])
+        expected += np.sqrt(eigh(stiffness, mass, eigvals_only=True)).tolist()
+    torsion = float(robot.torsion_stiffness[0]) / length
+    expected.append(math.sqrt(torsion / inertia[2]))
+    expected = np.sort(expected) / (2 * np.pi)
+    np.testing.assert_allclose(found.frequency_hz, expected, rtol=2e-5)
+
+
+def test_an_eccentric_body_swings_at_its_frequency() -> None:
+    """Motion and modes agree, for a body beside the axis with any inertia."""
+    robot = carrying(LIGHT, TOOL)
+    found = bs.modes(robot, [0, 0, 0], count=1)
+    period = 1.0 / float(found.frequency_hz[0])
+    rest = bs.solve(robot, [0, 0, 0])
+    push = 1e-4 * np.asarray(found.displacement[0, -1])
+    start = bs.Start(bs.Load([0, 0, 0], tip_force=push))
+    run = bs.simulate(
+        robot,
+        [0, 0, 0],
+        4 * period,
+        load=bs.Load(tip_force=[0, 0, 0]),
+        start=start,
+        integrator=bs.Integrator(dt=period / 400, spectral_radius=1.0),
+        output=bs.Output(every=period / 100),
+    )
+    along = (run.tip_position - rest.tip.position) @ push
+    # crossings of zero, half a period apart; the push also excites higher modes a little
+    sign = np.flatnonzero(along[:-1] * along[1:] < 0)
+    times = run.time[sign] + along[sign] / (along[sign] - along[sign + 1]) * np.diff(run.time)[sign]
+    assert np.diff(times).mean() == pytest.approx(period / 2, rel=5e-3)
+
+
+def test_energy_is_conserved() -> None:
+    robot = carrying(ROBOT, TOOL, {"mass": "30 g", "disk": 5, "centre": "40 0 0 mm"})
+    run = bs.simulate(
+        robot,
+        bs.dynamics.ramp([40.0, 0, 0], 0.2),
+        0.6,
+        integrator=bs.Integrator(spectral_radius=1.0),
+    ).raise_for_status()
+    data = run.to_dataset()
+    left = data.kinetic_energy + data.elastic_energy + data.gravity_energy - data.work
+    scale = float(np.abs(data.work).max())
+    assert float(np.abs(left - left[0]).max()) < 1e-5 * scale
+    # at rest it stays at rest
+    still = bs.simulate(robot, TENSIONS, 0.2)
+    assert np.ptp(still.tip_position, axis=0).max() < 1e-7
+    exact = bs.solve(robot, TENSIONS, model=bs.RodModel(elements=1))
+    assert np.abs(still.tip_position[0] - exact.tip.position).max() < 2e-6
+
+
+def test_a_motion_turns_with_the_payload() -> None:
+    """Turning payload and tensions by a third of a turn turns the motion."""
+    angle = 2 * np.pi / 3
+    turn = np.array(
+        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
+    centre = np.array([0.02, 0.01, 0.03])
+    bodies = [{"mass": 0.05, "centre": list(c), "inertia": [1e-5, 1e-5, 8e-6]}
+              for c in (centre, turn @ centre)]  # fmt: skip
+    tips = [
+        bs.simulate(
+            carrying(ROBOT, body), bs.dynamics.ramp(tensions, 0.1), 0.3,
+            integrator=bs.Integrator(dt=2e-3, spectral_radius=1.0),
+        ).tip_position
+        for body, tensions in zip(bodies, ([30, 10, 0], [0, 30, 10]), strict=True)
+    ]  # fmt: skip
+    np.testing.assert_allclose(tips[1], tips[0] @ turn.T, atol=1e-8)
+
+
+def test_hash_file_and_flags(shell: Shell, tmp_path: Path) -> None:
+    robot = carrying(ROBOT, TOOL)
+    assert robot.hash != ROBOT.hash
+    assert carrying(ROBOT, {**TOOL, "disk": 9}).hash == robot.hash
+    file = tmp_path / "robot.yaml"
+    text = "payloads:\n  - {mass: 50 g, centre: 5 -10 30 mm, inertia: 12 15 8 kg*mm^2}\n"
+    source = Path(bs.__file__).parent / "robot" / "builtin" / "amouri2019.yaml"
+    file.write_text(source.read_text() + text + "gravity: 0 0 -9.81 m/s^2\n")
+    assert bs.load_robot(file).hash == robot.hash
+    out = shell.json("solve", str(file), "--tension", "40,0,10")
+    exact = bs.solve(robot, TENSIONS).tip.position
+    assert np.allclose(out["tip"]["position_m"], exact, rtol=0, atol=1e-12)
+    heavier = shell.json(
+        "solve", str(file), "--tension", "40,0,10", "--set", "payloads.0.mass=80 g"
+    )
+    assert heavier["tip"]["position_m"] != out["tip"]["position_m"]
+    assert json.loads(robot.definition)["payloads"][0]["mass"] == 0.05
+
+
+@pytest.mark.parametrize(
+    ("payload", "says"),
+    [
+        ({"mass": "-1 g"}, "payloads[0].mass"),
+        ({"centre": "0 0 1 mm"}, "payloads[0].mass: missing"),
+        ({"mass": "1 g", "disk": 10}, "payloads[0].disk: got 10; the robot has 9 disks"),
+        ({"mass": "1 g", "disk": 0}, "payloads[0].disk"),
+        ({"mass": "1 g", "inertia": "1 1 3 kg*mm^2"}, "at most the sum of the other two"),
+        ({"mass": "1 g", "centre": "0 0 mm"}, "payloads[0].centre"),
+        ({"mass": "1 g", "colour": "red"}, "colour"),
+    ],
+)
+def test_bad_payloads_are_refused(payload: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError) as error:
+        carrying(ROBOT, payload)
+    assert says in str(error.value)
+
+
+def test_what_takes_no_payload_says_so() -> None:
+    robot = carrying(ROBOT, TOOL)
+    with pytest.raises(InputError, match="finite elements take no payloads"):
+        fem.sweep(robot, [TENSIONS])
+    with pytest.raises(InputError, match="the validity chart is for robots without payloads"):
+        bs.validity_chart(robot)
+    with pytest.raises(InputError, match="is of a payload; make a robot for each"):
+        Designs(robot, {"payloads.0.mass": [0.01, 0.02]})
+
+
+def test_a_study_and_a_map_take_a_payload() -> None:
+    robot = carrying(ROBOT, TOOL)
+    found = bs.run_study(robot, loading=bs.Loading(max_tension=20.0, points=5))
+    bare = bs.run_study(ROBOT, loading=bs.Loading(max_tension=20.0, points=5))
+    name = "cc_from_force"
+    mean, without = (
+        next(c.mean for c in study.comparisons if c.name == name) for study in (found, bare)
+    )
+    assert mean > without
+    drawn = bs.validity_map(robot, ["tension=0:20 N:5"])
+    other = bs.validity_map(ROBOT, ["tension=0:20 N:5"])
+    assert not np.allclose(drawn.value[name], other.value[name], equal_nan=True)
