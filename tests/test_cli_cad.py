@@ -237,3 +237,16 @@ def test_the_study_without_the_extra(
 ) -> None:
     monkeypatch.setitem(sys.modules, "build123d", None)
     refuses(shell, tmp_path, monkeypatch, "solids need build123d", "study", "--solid")
+
+
+def test_a_precurved_robot_without_actuation_is_unloaded(shell: Shell, here: Path) -> None:
+    changes = {
+        "segments.0.backbone.rest_bend": "50 deg",
+        "segments.0.backbone.rest_twist": "40 deg",
+    }
+    flags = [flag for path, value in changes.items() for flag in ("--set", f"{path}={value}")]
+    found = shell.json(*CAD, *flags, "--drawing", "disk.svg")
+    solution = bs.solve(bs.load_robot("amouri2019", changes), tensions=[0, 0, 0])
+    assert found["pose"] == "unloaded" and len(found["disks"]) == 9
+    np.testing.assert_allclose(found["tip"]["position_m"], solution.tip.position, atol=1e-14)
+    np.testing.assert_allclose(found["tip"]["rotation"], solution.tip.rotation, atol=1e-14)

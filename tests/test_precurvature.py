@@ -14,7 +14,9 @@ from bowstring.dynamics.load_history import ramp
 from bowstring.errors import InputError
 from bowstring.fem.mesh import check_meshable
 from bowstring.robot.designs import Designs
+from bowstring.robot.rest_shape import rest_frames
 from bowstring.statics.designs import sweep_designs
+from fem_robots import two_segments
 
 BEND, DIRECTION, TWIST = math.radians(50.0), math.radians(35.0), math.radians(40.0)
 
@@ -116,12 +118,112 @@ def test_what_takes_straight_backbones_only_refuses() -> None:
     with pytest.raises(InputError, match="straight without load"):
         RobotArcs.from_tensions(robot, [1.0, 0.0, 0.0], "arm")
     with pytest.raises(InputError, match="straight without load"):
-        check_meshable(robot)
-    with pytest.raises(InputError, match="straight without load"):
         bs.validity_chart(robot)
+    with pytest.raises(InputError, match="straight without load"):
+        check_meshable(robot)
 
 
 def test_hash_and_file_keep_the_rest_shape() -> None:
     robot, plain = precurved(TWIST), bs.load_robot("amouri2019")
     assert robot.hash != plain.hash
     assert not plain.rest_curvature.any()
+
+
+# -- unloaded shape and solid --------------------------------------------------------------------
+
+CLAMPED = {"segments.0.disks.clamped_length": "3 mm"}
+OBLIQUE = {"segments.0.tendons.turns": 0.25, "segments.0.tendons.end_pitch_radius": "18 mm"}
+CONE = {"segments.0.backbone.diameter": "6 mm", "segments.0.backbone.end_diameter": "3.5 mm"}
+
+
+def curved_tubes() -> bs.Robot:
+    """Two segments with clamping disks, gravity and another rest shape each."""
+    first, second = "segments.0.backbone.", "segments.1.backbone."
+    bends = {first + "rest_bend": "40 deg", first + "rest_direction": "20 deg"}
+    turns = {second + "rest_bend": "-30 deg", second + "rest_twist": "40 deg"}
+    return two_segments().with_(bends | turns)
+
+
+def unloaded(robot: bs.Robot) -> bs.Solution:
+    nothing = np.zeros(len(robot.tendons.end_disk))
+    return bs.solve(robot, load=bs.Load(nothing, gravity=[0.0, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize(
+    "robot",
+    [precurved(), precurved(TWIST, **CLAMPED), curved_tubes(), two_segments()],
+    ids=["arc", "helix", "tubes", "straight"],
+)
+def test_frames_without_load_are_those_of_the_solver(robot: bs.Robot) -> None:
+    solution = unloaded(robot)
+    data = solution.to_dataset(points=5).isel(time=0)
+    position, rotation = rest_frames(robot, data["arc_length"].to_numpy())
+    np.testing.assert_allclose(position, data["position"], atol=1e-14)
+    np.testing.assert_allclose(rotation, data["rotation"], atol=1e-13)
+    position, rotation = rest_frames(robot, robot.disks.station_m)
+    np.testing.assert_allclose(position, solution.disk_positions, atol=1e-14)
+    np.testing.assert_allclose(rotation, solution.disk_rotations, atol=1e-13)
+
+
+@pytest.mark.parametrize("bend", [1e-12, 1e-8])
+def test_frames_of_a_small_rest_bend_are_smooth(bend: float) -> None:
+    robot = precurved(**{"segments.0.backbone.rest_bend": bend})
+    position, rotation = rest_frames(robot, np.array([0.3, robot.length]))
+    towards = np.array([math.cos(DIRECTION), math.sin(DIRECTION)])
+    for s, p, r in zip((0.3, robot.length), position, rotation, strict=True):
+        angle = bend * s / robot.length
+        np.testing.assert_allclose(p[:2], 0.5 * s * angle * towards, rtol=1e-7)
+        np.testing.assert_allclose(r[:2, 2], angle * towards, rtol=1e-7)
+        assert p[2] == pytest.approx(s, rel=1e-14)
+
+
+@pytest.mark.cad
+@pytest.mark.parametrize("twist", [0.0, 4.0 * math.pi])
+def test_the_solid_without_a_pose_is_the_unloaded_shape(twist: float) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    tube = {"inner_diameter": "3 mm", "end_inner_diameter": "1.5 mm"}
+    bore = {f"segments.0.backbone.{name}": value for name, value in tube.items()}
+    robot = precurved(twist, **CLAMPED, **CONE, **OBLIQUE, **bore)
+    solid = bs.make_solid(robot)
+    assert not solid.posed and all(part.shape.is_valid for part in solid.parts)
+    # the volume swept by the section, as of straight cones
+    areas = [robot.segments[0].backbone.at(x).area for x in (0.0, 0.5, 1.0)]
+    swept = robot.length * float(np.dot(areas, [1.0, 4.0, 1.0])) / 6.0
+    assert solid["backbone"].volume_m3 == pytest.approx(swept, rel=1e-9)
+    solution = unloaded(robot)
+    for d, (place, turned) in enumerate(
+        zip(solution.disk_positions, solution.disk_rotations, strict=True), 1
+    ):
+        disk = solid[f"disk_{d}"]
+        np.testing.assert_allclose(disk.centre_m, place, atol=1e-12)
+        (top, *_) = (
+            face
+            for face in disk.shape.faces()
+            if face.is_planar and np.dot(tuple(face.normal_at()), turned[:, 2]) > 0.5
+        )
+        np.testing.assert_allclose(tuple(top.normal_at()), turned[:, 2], atol=1e-12)
+    for t, length in enumerate(solution.tendon_lengths, 1):
+        area = math.pi / 4 * solid.sizes.tendon_m[t - 1] ** 2
+        assert solid[f"tendon_{t}"].volume_m3 == pytest.approx(area * length, rel=1e-9)
+
+
+@pytest.mark.cad
+def test_a_twisted_straight_backbone_turns_the_disks() -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    robot = precurved(TWIST, **{"segments.0.backbone.rest_bend": 0.0})
+    solid = bs.make_solid(robot)
+    expected = math.pi * 0.0025**2 * robot.length
+    assert solid["backbone"].volume_m3 == pytest.approx(expected, rel=1e-9)
+    end = 0.029 * np.array([math.cos(TWIST), math.sin(TWIST)])
+    np.testing.assert_allclose(solid.tendon_paths[0][-1], [*end, robot.length], atol=1e-15)
+
+
+@pytest.mark.cad
+def test_a_rest_bend_tighter_than_the_backbone_is_refused() -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    robot = precurved(
+        **CLAMPED,
+        **{"segments.0.backbone.rest_bend": "3600 deg", "segments.0.backbone.diameter": "21 mm"},
+    )
+    with pytest.raises(InputError, match=r"rest_bend is 3600 deg; the solid takes less than 3498"):
+        bs.make_solid(robot)

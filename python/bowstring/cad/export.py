@@ -15,6 +15,7 @@ from typing import Any, Final
 from bowstring._core import __version__
 from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.cad.solid import MESHED, Solid, check_cad, plain_name, triangulate
+from bowstring.robot.rest_shape import unloaded_pose
 
 __all__ = ["SUFFIXES", "check_solid_file", "write_solid"]
 
@@ -79,7 +80,7 @@ def _about(solid: Solid) -> dict[str, Any]:
         "robot": solid.robot.name,
         "robot_hash": solid.robot.hash,
         "bowstring_version": __version__,
-        "pose": f"simulated, {solid.load}" if solid.posed else "straight",
+        "pose": f"simulated, {solid.load}" if solid.posed else unloaded_pose(solid.robot),
         "assumed": [str(size) for size in solid.sizes.assumed],
     }
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bowstring.cad.raster import Camera, Mesh, render
 from bowstring.cad.solid import MESHED, Part, Solid, triangulate
+from bowstring.robot.rest_shape import unloaded_pose
 from bowstring.viz.style import LIGHT, check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -87,7 +88,8 @@ def draw_solid(solid: Solid, pixels: int = _PIXELS) -> Figure:
     long = max(camera.width, camera.height)
     width = camera.width + (left + right) * long
     inch = _DPI * pixels / _PIXELS
-    kind = f"simulated: {solid.load}" if solid.posed else "straight, as built"
+    unloaded = f"{unloaded_pose(solid.robot)}, as built"
+    kind = f"simulated: {solid.load}" if solid.posed else unloaded
     title = textwrap.wrap(f"{solid.robot.name}, {kind}", max(12, int(_LETTERS * width / inch)))
     top = 0.06 + 0.03 * len(title)
     height = camera.height + (top + bottom) * long

@@ -1,12 +1,12 @@
-"""Solid of a robot: backbone, disks with holes, base and tendons, straight or bent.
+"""Solid of a robot: backbone, disks with holes, base and tendons, unloaded or in a pose.
 
 Needs the extra ``cad`` (build123d, which contains the OpenCASCADE kernel). Shapes are in mm, as CAD
 programs expect; all other values are in SI and in the base frame.
 
-A bent backbone is bounded by rational Bezier patches, four around and one for each flexible part
-of a module: their ends and eight further sections are circles exactly at the solver's frames. A
-tendon is a chain of cylinders from hole to hole, mitred where they meet, so that its volume is its
-section times its length.
+A bent backbone is bounded by rational Bezier patches, four around and one or more along the
+flexible part of a module: their ends and eight further sections are circles exactly at the frames
+of the solver or of the unloaded backbone. A tendon is a chain of cylinders from hole to hole,
+mitred where they meet, so that its volume is its section times its length.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,12 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 from bowstring.formatting import listed, significant
 from bowstring.optional import load_extra
-from bowstring.robot.model import Robot, check_disks, check_robot, check_round, check_straight
+from bowstring.robot.model import Robot, check_disks, check_robot, check_round
 from bowstring.robot.parts import Backbone
+from bowstring.robot.rest_shape import check_rest_bend, rest_frames
 from bowstring.robot.sizes import Sizes, sizes_of
 from bowstring.validation import shown
-from bowstring.viz.vtk import check_data, holes
+from bowstring.viz.vtk import check_data
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,6 +46,7 @@ Floats = NDArray[np.float64]
 _MM: Final = 1e3
 _SECTIONS: Final = 8  # intervals of one patch, equal to its degree
 _STRAIGHT: Final = 1e-7  # rad; spans that differ by less are one cylinder
+_TURN: Final = 1.0  # rad; largest rotation of an unloaded backbone along one patch
 
 # Screen colours (sRGB). The colour of a tendon depends on its number.
 _BASE, _BACKBONE, _DISK = "#5d6673", "#3c4a5c", "#b9c6d3"
@@ -121,9 +123,9 @@ class Solid:
     tendon_paths : tuple of ndarray (k + 1, 3)
         Holes of each tendon from the base to its end disk k, in m.
     posed : bool
-        Whether the robot has a pose; False for the straight robot.
+        Whether the robot has a pose; False for the unloaded robot.
     load : str
-        Load of the pose in words; empty for the straight robot.
+        Load of the pose in words; empty for the unloaded robot.
     """
 
     robot: Robot
@@ -195,7 +197,7 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
         The robot.
     pose : Solution or xarray.Dataset, optional
         Equilibrium, or one output time of a run (``run.to_dataset().isel(time=[k])``); the
-        default is the straight robot.
+        default is the unloaded robot, straight or with the rest curvature of its backbone.
 
     Returns
     -------
@@ -214,19 +216,57 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
     check_round(robot, "the solid")
     check_disks(robot, "the solid")
     if pose is None:
-        check_straight(robot, "the solid of a robot without a pose")
+        check_rest_bend(robot, "the solid")
     check_cad()
     sizes = sizes_of(robot)
     data = None if pose is None else _one_time(robot, pose)
-    paths = _paths(robot, data)
+    frames = _unloaded(robot) if data is None else _of_pose(data)
+    paths = tuple(robot.tendon_points(frames.disk_position, frames.disk_rotation))
+    parallel = frames.is_straight and robot.is_parallel
     parts = [
         Part("base", "base", _BASE, _base(robot, sizes), None),
-        *_backbones(robot, data),
-        *_disks(robot, sizes, data),
-        *_tendons(sizes, paths, data is not None),
+        *_backbones(robot, frames),
+        *_disks(robot, sizes, frames),
+        *_tendons(sizes, paths, parallel),
     ]
     load = "" if data is None else _load(data)
     return Solid(robot, sizes, tuple(parts), paths, data is not None, load)
+
+
+class _Frames(NamedTuple):
+    """Frames of P points of the flexible backbone and of N disks, base frame."""
+
+    is_straight: bool
+    """Whether the robot is straight, so that its parts are exact cylinders and cones."""
+    module: NDArray[np.int64]
+    """Modules (P,) of the points, from 0."""
+    arc_length: Floats
+    """Arc lengths (P,), m."""
+    position: Floats
+    rotation: Floats
+    disk_position: Floats
+    disk_rotation: Floats
+
+
+def _of_pose(data: xr.Dataset) -> _Frames:
+    names = ("position", "rotation", "disk_position", "disk_rotation")
+    module, arc_length = data["module"].to_numpy() - 1, data["arc_length"].to_numpy()
+    return _Frames(False, module, arc_length, *(data[name].to_numpy()[0] for name in names))
+
+
+def _unloaded(robot: Robot) -> _Frames:
+    """Frames of the unloaded robot, in each module at the ends and sections of its patches."""
+    disks = robot.disks
+    half = 0.5 * disks.clamped_length_m
+    start = np.concatenate([[0.0], disks.station_m[:-1] + half[:-1]])
+    end = disks.station_m - half
+    turn = np.linalg.norm(robot.rest_curvature, axis=1)[disks.segment] * (end - start)
+    counts = _SECTIONS * np.maximum(np.ceil(turn / _TURN), 1.0).astype(int) + 1
+    module = np.repeat(np.arange(len(counts)), counts)
+    arc_length = np.concatenate(list(map(np.linspace, start, end, counts)))
+    straight = not robot.rest_curvature.any()
+    points, stations = rest_frames(robot, arc_length), rest_frames(robot, disks.station_m)
+    return _Frames(straight, module, arc_length, *points, *stations)
 
 
 def _one_time(robot: Robot, pose: Any) -> xr.Dataset:
@@ -315,15 +355,10 @@ def _base(robot: Robot, sizes: Sizes) -> Any:
     return plate.moved(bd.Location((0.0, 0.0, -0.5 * _MM * thick)))
 
 
-def _disks(robot: Robot, sizes: Sizes, data: xr.Dataset | None) -> Iterator[Part]:
+def _disks(robot: Robot, sizes: Sizes, frames: _Frames) -> Iterator[Part]:
     bd, disks = check_cad(), robot.disks
-    count = len(disks.station_m)
-    position = np.stack([0 * disks.station_m, 0 * disks.station_m, disks.station_m], axis=1)
-    rotation = np.broadcast_to(np.eye(3), (count, 3, 3))
-    if data is not None:
-        position = data["disk_position"].to_numpy()[0]
-        rotation = data["disk_rotation"].to_numpy()[0]
-    for d in range(count):
+    position, rotation = frames.disk_position, frames.disk_rotation
+    for d in range(len(disks.station_m)):
         k = int(disks.segment[d])
         # separate shapes: disks that share one lose their names in some CAD programs
         plate = _plate(
@@ -398,19 +433,19 @@ def _ring(points: Floats) -> Any:
     )
 
 
-def _backbones(robot: Robot, data: xr.Dataset | None) -> Iterator[Part]:
+def _backbones(robot: Robot, frames: _Frames) -> Iterator[Part]:
     bd, start = check_cad(), 0.0
     for k, s in enumerate(robot.segments):
         rod = s.backbone
-        if data is None:
+        if frames.is_straight:
             shape = _straight(bd, s.length, rod).moved(bd.Location((0, 0, _MM * start)))
         else:
-            frames = list(_pieces(robot, data, k))
+            pieces = list(_pieces(robot, frames, k))
             walls = ["diameter", *(["inner_diameter"] if _bored(rod) else [])]
-            shape = _tube([[_rings(piece, rod, wall) for piece in frames] for wall in walls])
+            shape = _tube([[_rings(piece, rod, wall) for piece in pieces] for wall in walls])
         start += s.length
         name = "backbone" if len(robot.segments) == 1 else f"backbone_{k + 1}"
-        if data is not None and not shape.is_valid:
+        if not (frames.is_straight or shape.is_valid):
             raise InputError(
                 f"{robot.name}: {name} makes no sound solid in this pose: its wall is too thin for "
                 "the CAD kernel, or it is bent more tightly than it is thick"
@@ -453,16 +488,13 @@ _Piece = tuple[Floats, Floats, Floats]
 """Positions, rotations and fractions of the segment of frames along a piece of backbone."""
 
 
-def _pieces(robot: Robot, data: xr.Dataset, segment: int) -> Iterator[_Piece]:
+def _pieces(robot: Robot, frames: _Frames, segment: int) -> Iterator[_Piece]:
     """Yield frames of a segment's backbone piece by piece, flexible and clamped ones."""
-    module = data["module"].to_numpy() - 1
-    position, rotation = data["position"].to_numpy()[0], data["rotation"].to_numpy()[0]
-    disk_position = data["disk_position"].to_numpy()[0]
-    disk_rotation = data["disk_rotation"].to_numpy()[0]
+    _, module, arc_length, position, rotation, disk_position, disk_rotation = frames
     mine = np.flatnonzero(robot.disks.segment == segment).tolist()
     length = robot.segments[segment].length
     end_station = float(robot.disks.station_m[mine[-1]])
-    fractions = 1.0 + (data["arc_length"].to_numpy() - end_station) / length
+    fractions = 1.0 + (arc_length - end_station) / length
     here, turned, at = np.zeros(3), np.eye(3), 0.0
     if mine[0]:
         here, turned = disk_position[mine[0] - 1], disk_rotation[mine[0] - 1]
@@ -487,24 +519,15 @@ def _pieces(robot: Robot, data: xr.Dataset, segment: int) -> Iterator[_Piece]:
         here, turned, at = end, disk_rotation[d], beyond
 
 
-def _paths(robot: Robot, data: xr.Dataset | None) -> tuple[Floats, ...]:
-    if data is not None:
-        return tuple(path[0] for path in holes(robot, data))
-    station = robot.disks.station_m
-    straight = np.stack([0 * station, 0 * station, station], axis=1)
-    frames = np.broadcast_to(np.eye(3), (len(station), 3, 3))
-    return tuple(robot.tendon_points(straight, frames))
-
-
-def _tendons(sizes: Sizes, paths: tuple[Floats, ...], posed: bool) -> Iterator[Part]:
+def _tendons(sizes: Sizes, paths: tuple[Floats, ...], parallel: bool) -> Iterator[Part]:
     bd = check_cad()
     for i, path in enumerate(paths):
         diameter = float(sizes.tendon_m[i])
-        if posed:
-            shape = _tube([_mitred(path, 0.5 * diameter)])
-        else:
+        if parallel:
             at = bd.Location(tuple((_MM * path[0]).tolist()))
             shape = _rod(bd, float(path[-1, 2]), [diameter]).moved(at)
+        else:
+            shape = _tube([_mitred(path, 0.5 * diameter)])
         yield Part(f"tendon_{i + 1}", "tendon", _TENDONS[i % len(_TENDONS)], shape, None)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from bowstring.atomic_io import resolved
 from bowstring.cli import completion
@@ -23,11 +23,15 @@ from bowstring.errors import InputError
 from bowstring.formatting import listed
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
     from rich.table import Table
 
     from bowstring.cad.solid import Part, Solid
     from bowstring.schemas import solids as schema
-    from bowstring.statics.solution import Solution
+
+_Disks: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.float64]]"
+"""Positions (N, 3) in m and rotations (N, 3, 3) of the disks."""
 
 
 def cad(
@@ -64,13 +68,14 @@ def cad(
 ) -> None:
     """The robot as a solid: CAD file, picture, drawing of its disks.
 
-    With actuation it is bent, without it straight. Needs the extra cad (build123d), except for the
-    drawing.
+    With actuation it is in equilibrium, without it unloaded. Needs the extra cad (build123d),
+    except for the drawing.
     """
     from bowstring.cad import export
     from bowstring.cad.drawing import check_drawing_file, write_drawing
     from bowstring.cad.picture import check_picture_file, write_picture
     from bowstring.cad.solid import check_cad, make_solid
+    from bowstring.robot.rest_shape import rest_frames, unloaded_pose
     from bowstring.robot.sizes import sizes_of
     from bowstring.statics import rod
 
@@ -114,10 +119,17 @@ def cad(
         written = listed([str(file) for file in files.values()])
         verb = "is" if len(files) == 1 else "are"
         raise Stopped(f"of the files only {written} {verb} written.") from None
+    kind = unloaded_pose(model) if pose is None else "simulated"
+    disks: _Disks | None = None
+    if pose is not None:
+        assert pose.disk_positions is not None and pose.disk_rotations is not None
+        disks = pose.disk_positions, pose.disk_rotations
+    elif kind == "unloaded":
+        disks = rest_frames(model, model.disks.station_m)
     if as_json:
         content: schema.Cad = {
-            "pose": "straight" if pose is None else "simulated",
-            **_pose_json(pose),
+            "pose": kind,
+            **_pose_json(disks),
             "parts": None if solid is None else [_part_json(part) for part in solid.parts],
             "assumed": [
                 {"field": size.field, "value_m": size.value_m, "why": size.why}
@@ -133,10 +145,10 @@ def cad(
         }
         return write_json(content)
     lines: list[Table | str] = [
-        f"{model.name}, " + ("straight, as built" if pose is None else "simulated pose")
+        f"{model.name}, " + (f"{kind}, as built" if pose is None else "simulated pose")
     ]
-    if pose is not None and pose.tip is not None:
-        lines.append(tip_line(pose.tip.position, pose.tip.rotation))
+    if disks is not None:
+        lines.append(tip_line(disks[0][-1], disks[1][-1]))
     if solid is not None:
         lines.append(_table(solid))
     if sizes.assumed:
@@ -156,15 +168,11 @@ def _all_different(*files: str | None) -> None:
             raise InputError(f"two of --out, --picture and --drawing name {file}; give two names.")
 
 
-def _pose_json(pose: Solution | None) -> schema.SolidPose:
-    if pose is None or pose.tip is None:
+def _pose_json(disks: _Disks | None) -> schema.SolidPose:
+    if disks is None:
         return {"tip": None, "disks": None}
-    positions, rotations = pose.disk_positions, pose.disk_rotations
-    assert positions is not None and rotations is not None
-    return {
-        "tip": frame(pose.tip.position, pose.tip.rotation),
-        "disks": [frame(p, r) for p, r in zip(positions, rotations, strict=True)],
-    }
+    frames = [frame(p, r) for p, r in zip(*disks, strict=True)]
+    return {"tip": frames[-1], "disks": frames}
 
 
 def _part_json(part: Part) -> schema.Part:

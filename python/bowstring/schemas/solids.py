@@ -51,8 +51,11 @@ class Cad(SolidPose, OfRobot):
     """Output of `bowstring cad`."""
 
     pose: Annotated[
-        Literal["straight", "simulated"],
-        about("`straight` without actuation, else `simulated`: in equilibrium."),
+        Literal["straight", "unloaded", "simulated"],
+        about(
+            "Without actuation `straight`, or `unloaded` if the backbone is curved or twisted "
+            "without load; with actuation `simulated`: in equilibrium."
+        ),
     ]
     parts: Annotated[list[Part] | None, about("Bodies; `null` if only a drawing was asked for.")]
     assumed: Annotated[list[AssumedSize], about("Sizes that the robot file does not give.")]
