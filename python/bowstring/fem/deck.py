@@ -8,7 +8,7 @@ proportional to the temperature of its ends. The tension is thus a follower load
 an exact tangent in CalculiX. Each span begins at a separate node tied to the hole, so that the
 printed force at that node is that of the span. A disk is a stiff layer of backbone with stiff arms;
 the stiffness is a finite factor on Young's modulus. Its mass and inertia are those of 12 point
-masses at the ends of four further arms.
+masses at the ends of four further arms. Sliding disks have the axes of the unloaded backbone.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from bowstring.fem.mass import disk_points
 from bowstring.fem.mesh import BrickMesh
 from bowstring.robot.model import Robot
+from bowstring.robot.rest_shape import rest_frames
 
 __all__ = ["MM", "Loading", "Spans", "Step", "model", "resume", "spans", "steps"]
 
@@ -181,10 +182,10 @@ def _nodes(mesh: BrickMesh) -> Iterator[str]:
         yield from _set(f"TENDON{t + 1}", np.unique([*tied.first[here], *tied.last[here]]))
 
 
-def _set(name: str, nodes: Ints) -> Iterator[str]:
-    yield f"*NSET, NSET={name}"
-    for i in range(0, len(nodes), 12):
-        yield ",".join(str(v + 1) for v in nodes[i : i + 12].tolist()) + ","
+def _set(name: str, members: Ints, kind: str = "NSET") -> Iterator[str]:
+    yield f"*{kind}, {kind}={name}"
+    for i in range(0, len(members), 12):
+        yield ",".join(str(v + 1) for v in members[i : i + 12].tolist()) + ","
 
 
 def _parts(mesh: BrickMesh) -> Iterator[tuple[str, int, Ints]]:
@@ -279,7 +280,8 @@ def _materials(robot: Robot, mesh: BrickMesh, loading: Loading) -> Iterator[str]
         if len(which) == 0:
             continue
         yield f"*MATERIAL, NAME={name}"
-        if name.startswith("HELD") and not loading.bonded:
+        sliding = name.startswith("HELD") and not loading.bonded
+        if sliding:
             # stiff axially and in shear, soft transversely
             soft = _ACROSS * rod.E * _MPA
             along = f"{soft:.10g},{soft:.10g},{young:.10g},0.,0.,0."
@@ -288,7 +290,24 @@ def _materials(robot: Robot, mesh: BrickMesh, loading: Loading) -> Iterator[str]
         else:
             yield f"*ELASTIC\n{young:.10g},{poisson:.10g}"
         yield f"*DENSITY\n{density:.10g}"
-        yield f"*SOLID SECTION, ELSET={name}, MATERIAL={name}"
+        if sliding and robot.rest_curvature.any():
+            yield from _turned_sections(robot, mesh, name, which)
+        else:
+            yield f"*SOLID SECTION, ELSET={name}, MATERIAL={name}"
+
+
+def _turned_sections(robot: Robot, mesh: BrickMesh, name: str, which: Ints) -> Iterator[str]:
+    """Write the sections of clamped bricks disk by disk, in the unloaded axes of each."""
+    turned = rest_frames(robot, robot.disks.station_m)[1]
+    below = np.flatnonzero(mesh.slice_module < 0)[::2]  # of the two stiff slices of each disk
+    for d, (first, axes) in enumerate(zip(below.tolist(), turned, strict=True), 1):
+        mine = np.intersect1d(mesh.slices[first : first + 2], which)
+        if len(mine) == 0:
+            continue
+        x_and_y = ",".join(f"{v:.11g}" for v in axes[:, :2].T.ravel().tolist())
+        yield f"*ORIENTATION, NAME={name}AXES{d}, SYSTEM=RECTANGULAR\n{x_and_y}"
+        yield from _set(f"{name}DISK{d}", mine, "ELSET")
+        yield f"*SOLID SECTION, ELSET={name}DISK{d}, MATERIAL={name}, ORIENTATION={name}AXES{d}"
 
 
 def _courses(todo: Sequence[Step]) -> Iterator[str]:

@@ -51,7 +51,7 @@ class State:
     ``displacement, velocity`` (n, 3), the latter None at rest; ``stress`` in Pa and ``strain``
     (f, 8, 6) at integration points, x first, as xx, yy, zz, xy, xz, yz; ``span_force`` (P, 3) at
     the base side of each span. As in CalculiX, stress is Cauchy's, in base axes, and strain is
-    Green's, in the axes of the straight robot: see `strain_in_base`.
+    Green's, in the axes of the unloaded robot: see `strain_in_base`.
     """
 
     displacement: Floats
@@ -93,7 +93,7 @@ def _planes(mesh: BrickMesh) -> tuple[Ints, Ints, Floats]:
 
 def _fit(mesh: BrickMesh, values: Floats) -> Floats:
     """Affine fit of nodal values (n, 3) in each row: (rows, 3, 3), at the centre and by x and y."""
-    x = mesh.nodes[mesh.rows][..., :2]
+    x = mesh.straight[mesh.rows][..., :2]
     basis = np.concatenate([np.ones((*x.shape[:2], 1)), x], axis=2)
     found: Floats = np.linalg.pinv(basis) @ values[mesh.rows]
     return found
@@ -144,6 +144,13 @@ def span_tension(mesh: BrickMesh, state: State) -> Floats:
     return found
 
 
+def _span_lengths(mesh: BrickMesh, nodes: Floats) -> Floats:
+    """Lengths (N, T) of the spans with the nodes (n, 3) of a mesh, NaN where there is no span."""
+    places = np.where((mesh.hole >= 0)[..., None], nodes[mesh.hole], np.nan)
+    found: Floats = np.linalg.norm(np.diff(places, axis=0), axis=2)
+    return found
+
+
 def frames(
     robot: Robot,
     mesh: BrickMesh,
@@ -167,9 +174,11 @@ def frames(
     free, module, station = _planes(mesh)
     rows: dict[str, list[Floats]] = {name: [] for name in _OVER_TIME}
     ends = robot.tendons.end_disk
-    straight = robot.disks.station_m[ends]
     # with pretension the home pose differs, which bricks have not computed
-    home = np.full(len(ends), np.nan) if robot.tendons.pretension_N.any() else straight
+    known = not robot.tendons.pretension_N.any()
+    home = (
+        np.nansum(_span_lengths(mesh, mesh.nodes), axis=0) if known else np.full(len(ends), np.nan)
+    )
     stretch = compliances(robot)  # displacements include it, bricks do not
     for i, state in enumerate(states):
         moved = mesh.nodes + state.displacement
@@ -179,8 +188,7 @@ def frames(
         force, moment = _section_forces(mesh, state, free, planes[:, 0])
         disk = fit[mesh.station_row]
         disk_rotation = _axes(disk[:, 1], disk[:, 2])
-        places = np.where((mesh.hole >= 0)[..., None], moved[mesh.hole], np.nan)
-        lengths = np.linalg.norm(np.diff(places, axis=0), axis=2)
+        lengths = _span_lengths(mesh, moved)
         whole = np.nansum(lengths, axis=0)
         velocity, spin = _motion(mesh, state, disk_rotation)
         rate = state.velocity
@@ -234,9 +242,9 @@ def _gradient(mesh: BrickMesh, state: State) -> tuple[Floats, Floats]:
     """Deformation gradient (f, 8, 3, 3) and volume (f, 8) of the points of the free bricks."""
     _, slope = brick_shape(POINTS)
     bricks = mesh.bricks[~mesh.stiff]
-    straight = np.einsum("pnk,bni->bpik", slope, mesh.nodes[bricks])
+    unloaded = np.einsum("pnk,bni->bpik", slope, mesh.nodes[bricks])
     moved = np.einsum("pnk,bni->bpik", slope, state.displacement[bricks])
-    return np.eye(3) + moved @ np.linalg.inv(straight), np.linalg.det(straight)
+    return np.eye(3) + moved @ np.linalg.inv(unloaded), np.linalg.det(unloaded)
 
 
 def strain_in_base(mesh: BrickMesh, state: State) -> Floats:
@@ -265,7 +273,7 @@ def at_nodes(mesh: BrickMesh, values: Floats) -> Floats:
     the stress of the backbone; NaN at nodes without a free brick.
     """
     free = np.flatnonzero(~mesh.stiff)
-    place = mesh.nodes[mesh.bricks[free]]  # (f, 20, 3)
+    place = mesh.straight[mesh.bricks[free]]  # (f, 20, 3)
     centre = place.mean(axis=1, keepdims=True)
     size = np.ptp(place, axis=1, keepdims=True)
     points, _ = brick_shape(POINTS)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bowstring.fem.comparison import BesideRod
 from bowstring.fem.fields import VOIGT
 from bowstring.fem.run import BrickRun
+from bowstring.robot.rest_shape import rest_frames
 from bowstring.statics import rod
 from bowstring.statics.model import RodModel
 from bowstring.viz.style import AXES, LIGHT
@@ -57,9 +58,9 @@ def _tip(run: BrickRun, beside: BesideRod) -> Figure:
     unit = "time in s" if run.is_motion else "largest tension in N"
     figure = Figure(figsize=(4.6, 4.4), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
-    straight = np.array([0.0, 0.0, run.robot.length])
+    unloaded = rest_frames(run.robot, run.robot.disks.station_m[-1:])[0]
     for axis, (name, colour, _) in enumerate(AXES):
-        rods, bricks = (1e3 * (tip - straight)[:, axis] for tip in (beside.tip, run.tip_position))
+        rods, bricks = (1e3 * (tip - unloaded)[:, axis] for tip in (beside.tip, run.tip_position))
         upper.plot(load, rods, color=LIGHT[colour], linewidth=1.2)
         upper.plot(load, bricks, "o", color=LIGHT[colour], markersize=4, fillstyle="none")
         upper.annotate(
@@ -178,14 +179,14 @@ def _surface(run: BrickRun) -> tuple[Floats, Floats, Ints]:
     """Positions (n, 3), axial stress (n,) and corners (q, 4) of the free backbone's surface."""
     mesh = run.mesh
     displacement, stress, _ = run.nodal(-1)
-    reach = np.hypot(mesh.nodes[:, 0], mesh.nodes[:, 1])
+    reach = np.hypot(mesh.straight[:, 0], mesh.straight[:, 1])
     free = mesh.bricks[~mesh.stiff]
     sides = np.concatenate([free[:, [a, b, b + 4, a + 4]] for a, b in _SIDES])
     part = np.tile(mesh.part[~mesh.stiff], len(_SIDES))
     outer, end = np.empty(sides.shape), 0.0
     for k, segment in enumerate(run.robot.segments):
         end += segment.length
-        fraction = 1.0 + (mesh.nodes[sides[part == k], 2] - end) / segment.length
+        fraction = 1.0 + (mesh.straight[sides[part == k], 2] - end) / segment.length
         outer[part == k] = segment.backbone.at(fraction).diameter
     quads = sides[(reach[sides] > 0.49 * outer).all(axis=1)]
     place = mesh.nodes + displacement

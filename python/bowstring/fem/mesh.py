@@ -6,9 +6,11 @@ points of a circle, which is slightly larger than the backbone (0.04 % with 8 ed
 second moment of area is exact. The arm to the hole of the first tendon is at the middle of an edge;
 beside it, it would rotate the section where a disk is transversely soft.
 
-All values are in SI and in the base frame, with the robot straight. Nodes and bricks are counted
-from 0. The order in a brick is that of VTK (type 25) and, except for the order of writing, of
-CalculiX: corners below, corners above, edges below, edges above, upright edges.
+The mesh is made with the backbone straight. If the backbone is curved or twisted without load, its
+nodes are then moved by the unloaded frames, and those of an arm by the frame of its disk. All
+values are in SI and in the base frame. Nodes and bricks are counted from 0. The order in a brick is
+that of VTK (type 25) and, except for the order of writing, of CalculiX: corners below, corners
+above, edges below, edges above, upright edges.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.fem.elements import MASS_POINTS, POINTS, brick_shape, quad_shape
-from bowstring.robot.model import Robot, check_disks, check_round, check_straight
+from bowstring.robot.model import Robot, check_disks, check_round
+from bowstring.robot.rest_shape import check_rest_bend, rest_frames
 from bowstring.validation import is_whole, shown
 
 __all__ = ["BrickMesh", "Fineness", "brick_mesh", "check_meshable"]
@@ -82,6 +85,9 @@ class BrickMesh:
     Attributes
     ----------
     nodes : ndarray (n, 3)
+        Nodes of the unloaded robot.
+    straight : ndarray (n, 3)
+        Nodes with the backbone straight: x and y in the section, z along the backbone.
     bricks : ndarray of int (m, 20)
     part : ndarray of int (m,)
         Segment of each brick's backbone, from 0; `stiff` marks bricks clamped by a disk.
@@ -107,6 +113,7 @@ class BrickMesh:
     """
 
     nodes: Floats
+    straight: Floats
     bricks: Ints
     part: Ints
     stiff: NDArray[np.bool_]
@@ -151,9 +158,9 @@ def brick_mesh(robot: Robot, fineness: Fineness, *, mass_arms: bool = False) -> 
 
 def check_meshable(robot: Robot) -> None:
     """Raise `InputError` where a robot cannot be meshed; see `brick_mesh`."""
-    check_straight(robot, f"{robot.name}: a mesh")
     check_round(robot, f"{robot.name}: a mesh")
     check_disks(robot, f"{robot.name}: a mesh")
+    check_rest_bend(robot, "a mesh")
     loose = [k for k, s in enumerate(robot.segments) if s.disks.clamped_length == 0]
     if loose:
         flags = [
@@ -302,6 +309,8 @@ class _Builder:
     bricks: list[list[int]] = field(default_factory=list)
     marks: list[tuple[int, bool, bool]] = field(default_factory=list)
     """Segment of each brick, whether it is stiff, and whether it is an arm."""
+    arm_nodes: list[slice] = field(default_factory=list)
+    """Nodes of the arms of each disk."""
 
     def mesh(self) -> BrickMesh:
         robot = self.robot
@@ -335,11 +344,14 @@ class _Builder:
             slices.append(row)
         stations = robot.disks.station_m
         station_row: Ints = 2 * np.abs(levels[None] - stations[:, None]).argmin(axis=1)
+        count = len(self.nodes)
         hole, mass_nodes, height = self._arms(one, start, station_row)
         rows = np.array(start)[:, None] + np.arange(n_corner)
         part, stiff, arm = map(np.array, zip(*self.marks, strict=True))
+        straight = np.array(self.nodes)
         return BrickMesh(
-            nodes=np.array(self.nodes),
+            nodes=self._unloaded(straight, count),
+            straight=straight,
             bricks=np.array(self.bricks),
             part=part,
             stiff=stiff,
@@ -387,6 +399,7 @@ class _Builder:
         masses = np.full((n, 4 if self.mass_arms else 0, 3), -1)
         half = 0.5 * np.maximum(disks.clamped_length_m, disks.thickness_m)
         for i in range(n):
+            first = len(self.nodes)
             arm = partial(self._one_arm, one, start, int(station_row[i]), i, half[i])
             for t in np.flatnonzero(tendons.end_disk >= i).tolist():
                 hole[i + 1, t] = arm(places[t, i + 1])[1]
@@ -396,7 +409,23 @@ class _Builder:
                 reach = math.sqrt(axial / mass) if mass > 0 else disks.radius_m[i]
                 end = reach * np.array([math.cos(a * math.pi / 2), math.sin(a * math.pi / 2)])
                 masses[i, a] = arm(end)
+            self.arm_nodes.append(slice(first, len(self.nodes)))
         return hole, masses, half
+
+    def _unloaded(self, straight: Floats, backbone: int) -> Floats:
+        """Move nodes with the unloaded frames; the first `backbone` ones are those of sections."""
+        robot = self.robot
+        if not robot.rest_curvature.any():
+            return straight
+        nodes: Floats = straight.copy()
+        place, turned = rest_frames(robot, straight[:backbone, 2])
+        nodes[:backbone] = place + np.einsum("nij,nj->ni", turned[..., :2], straight[:backbone, :2])
+        stations = robot.disks.station_m
+        for here, z, centre, axes in zip(
+            self.arm_nodes, stations, *rest_frames(robot, stations), strict=True
+        ):
+            nodes[here] = centre + (straight[here] - [0.0, 0.0, z]) @ axes.T
+        return nodes
 
     def _one_arm(
         self, one: _Section, start: list[int], row: int, disk: int, half: float, end: Floats
@@ -449,7 +478,13 @@ def _check_bricks(robot: Robot, mesh: BrickMesh) -> None:
     least = np.linalg.det(np.einsum("pnk,bni->bpki", slope, place)).min(axis=1)
     if least.min() > 0:
         return
-    z = place[np.argmax(least <= 0), :, 2].mean()
+    worst = int(np.argmax(least <= 0))
+    if not mesh.arm[worst]:
+        raise InputError(
+            f"{robot.name}: rest_bend and rest_twist turn the backbone too far in one brick; "
+            "finite elements need more bricks a module"
+        )
+    z = mesh.straight[mesh.bricks[worst], 2].mean()
     disk = int(np.abs(robot.disks.station_m - z).argmin()) + 1
     raise InputError(
         f"{robot.name}: disk {disk} has a hole so near the backbone, or for motion is so small, "

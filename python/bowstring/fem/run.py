@@ -222,7 +222,7 @@ class BrickRun:
         if self.states:
             return frames(self.robot, self.mesh, self.time, self.tensions, self.states, gravity)
         # frames without a time have the shapes of one
-        rest, time, tensions = [_straight(self.mesh)], np.zeros(1), 0.0 * self.wanted_tensions[:1]
+        rest, time, tensions = [_unloaded(self.mesh)], np.zeros(1), 0.0 * self.wanted_tensions[:1]
         return none_of(frames(self.robot, self.mesh, time, tensions, rest, gravity))
 
     @property
@@ -570,7 +570,7 @@ def _run(
     idle = 0
     while not dead and not motion and idle < len(steps) and not any(steps[idle].tensions):
         idle += 1
-    found.states = [_straight(mesh) for _ in range(idle)]
+    found.states = [_unloaded(mesh) for _ in range(idle)]
     todo = steps[idle:]
     if motion and dead:  # a static step under gravity before the motion
         todo = [deck.Step((0.0,) * tensions.shape[1], first=0.1), *todo]
@@ -589,7 +589,7 @@ def _run(
     return found
 
 
-def _straight(mesh: BrickMesh) -> State:
+def _unloaded(mesh: BrickMesh) -> State:
     free = int((~mesh.stiff).sum())
     nothing = np.zeros((free, 8, 6))
     spans = len(deck.spans(mesh).first)
