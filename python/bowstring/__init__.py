@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         branch_diagram,
         critical_load,
     )
+    from bowstring.statics.contact import ContactSolution, solve_contact, sweep_contact
     from bowstring.statics.derivatives import (
         DisplacementJacobian,
         Jacobians,
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
         jacobians,
     )
     from bowstring.statics.load import Load, PointLoad
+    from bowstring.statics.plane import Plane
     from bowstring.statics.rod import solve, solve_batch, sweep
     from bowstring.statics.solution import Solution, Sweep
     from bowstring.study.settings import Extras, Ramp
@@ -76,6 +78,7 @@ __all__ = [
     "BranchEvent",
     "BranchSearch",
     "Calibration",
+    "ContactSolution",
     "CriticalLoad",
     "DisplacementJacobian",
     "Extras",
@@ -87,6 +90,7 @@ __all__ = [
     "Measurements",
     "Modes",
     "Output",
+    "Plane",
     "PointLoad",
     "Ramp",
     "Robot",
@@ -127,9 +131,11 @@ __all__ = [
     "simulate",
     "solve",
     "solve_batch",
+    "solve_contact",
     "statics",
     "study",
     "sweep",
+    "sweep_contact",
     "uncertainty",
     "validity",
     "validity_chart",
@@ -159,8 +165,10 @@ _HOME = {
             "Branch BranchDiagram BranchEvent BranchSearch CriticalLoad branch_diagram "
             "critical_load"
         ),
+        "statics.contact": "ContactSolution solve_contact sweep_contact",
         "statics.derivatives": "DisplacementJacobian Jacobians displacement_jacobian jacobians",
         "statics.load": "Load PointLoad",
+        "statics.plane": "Plane",
         "statics.rod": "solve solve_batch sweep",
         "statics.solution": "Solution Sweep",
         "study.settings": "Extras Ramp",

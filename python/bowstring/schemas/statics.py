@@ -4,9 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, StaticsStatus, about
+from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, StaticsStatus, Vector, about
 
-__all__ = ["Arc", "BackboneLimit", "Equilibrium", "ErrorEstimate", "Fk", "Ik", "Pose", "Solve"]
+__all__ = [
+    "Arc",
+    "BackboneLimit",
+    "Contact",
+    "Equilibrium",
+    "ErrorEstimate",
+    "Fk",
+    "Ik",
+    "Pose",
+    "Solve",
+]
 
 
 class Arc(Object):
@@ -103,6 +113,36 @@ class Equilibrium(Object):
         about("Whether the displacements leave the tensions undetermined; the smallest are given."),
     ]
     length_residual_m: Annotated[OrNull, about("Largest deviation from a prescribed displacement.")]
+
+
+class Contact(Object):
+    """Contact of the tip with the plane of `--plane`."""
+
+    state: Annotated[
+        Literal["separated", "sticking", "sliding"],
+        about("`sliding` also of a tip in contact without friction."),
+    ]
+    gap_m: Annotated[float, about("Distance of the tip from the plane.")]
+    force_N: Annotated[Vector, about("Force of the plane on the tip, base axes.")]
+    normal_force_N: Annotated[float, about("Its component along the normal.")]
+    point_m: Annotated[
+        Vector | None, about("Point of the plane that the tip touches; `null` if separated.")
+    ]
+    residual: Annotated[
+        float,
+        about(
+            "Largest violation of the contact conditions: distances over the length, forces over "
+            "the larger of the contact force and (bending stiffness / length squared)."
+        ),
+    ]
+    stable: Annotated[
+        bool | None,
+        about("Whether the robot is stable on the plane; `null` where this is not proven."),
+    ]
+    disks_beyond: Annotated[
+        list[int], about("Disks before the tip, from 1, whose centres are beyond the plane.")
+    ]
+    message: Annotated[str, about("The contact as a sentence.")]
 
 
 class Solve(Equilibrium, OfRobot):
