@@ -1,4 +1,4 @@
-"""Tip on a plane: closed forms, an independent shooting method, Coulomb friction."""
+"""Tip on a plane: closed forms, an independent shooting method, Coulomb friction, the command."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from scipy.special import ellipe, ellipk
 
 import bowstring as bs
 from bowstring.errors import InputError, NoSolutionError
+from shell import Shell
 
 ROBOT = bs.load_robot("amouri2019")
 ROD = ROBOT.with_({"segments.0.disks.mass": "0 g"})
@@ -452,3 +453,58 @@ def test_wrong_arguments() -> None:
     with pytest.raises(InputError, match=r"gravity has shape .* 2 rows"):
         load = bs.Load(np.zeros((2, 3)), gravity=np.zeros((3, 3)))
         bs.sweep_contact(ROBOT, load=load, plane=WALL)
+
+
+# --------------------------------------------------------------------------------------
+# The command
+# --------------------------------------------------------------------------------------
+
+PRESSED = ("solve", "amouri2019", "--tension", "40,0,0")
+
+
+def test_the_command(shell: Shell) -> None:
+    expected = bs.solve_contact(ROBOT, [40, 0, 0], plane=WALL)
+    found = shell.json(*PRESSED, "--plane", "150 mm,0,0:-2,0,0")
+    assert found["contact"] == expected.to_dict()
+    assert found["stable"] is True
+    assert found["provenance"]["settings"]["plane_normal"] == [-1, 0, 0]
+    rough = shell.json(*PRESSED, "--plane", "150 mm,0,0:-2,0,0", "--plane-friction", "0.3")
+    assert rough["contact"]["force_N"][2] == pytest.approx(0.3 * rough["contact"]["normal_force_N"])
+    assert rough["stable"] is None and "not determined" in rough["message"]
+    assert shell.json(*PRESSED)["contact"] is None
+    code, out, _ = shell(*PRESSED, "--plane", "150 mm,0,0:-1,0,0")
+    assert code == 0 and expected.message in out
+    bowed = ("--tension", "0,0,0", "--disk-force", "5:20,0,0")
+    beyond = shell.json("solve", "amouri2019", *bowed, "--plane", "20 mm,0,0:-1,0,0")
+    assert beyond["warnings"][0].endswith("are beyond the plane, which acts on the tip only")
+    assert beyond["contact"]["disks_beyond"]
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (("--plane", "0.15,0,0:0,0,0"), "--plane: normal is zero"),
+        (("--plane", "0.15,0,0"), '--plane: got "0.15,0,0"; must be a point'),
+        (("--plane", "0.15,0:1,0,0"), "--plane: got 2 numbers"),
+        (("--plane", "nan,0,0:1,0,0"), '--plane: got "nan"'),
+        (("--plane", "150,0,0:-1,0,0"), "--plane: got 150 without a unit"),
+        (("--plane", "0.15,0,0:1,0,0"), "--plane: the base of amouri2019 is 150 mm beyond"),
+        (
+            ("--plane", "0,0,0.6:0,0,-1", "--plane-friction", "0.1"),
+            "--plane: the home pose of amouri2019 reaches 41 mm",
+        ),
+        (
+            ("--plane", "1,0,0:-1,0,0", "--plane-friction", "-1"),
+            "--plane-friction: got -1; must be 0 or more",
+        ),
+        (("--plane-friction", "0.1"), "--plane-friction: there is no plane"),
+        (
+            ("--plane", "1,0,0:-1,0,0", "--save-history", "h.json"),
+            "--save-history: a contact is not continued",
+        ),
+    ],
+)
+def test_wrong_flags(shell: Shell, flags: tuple[str, ...], message: str) -> None:
+    code, out, err = shell(*PRESSED, *flags)
+    assert (code, out) == (2, "")
+    assert message in err and err.count("\n") == 1

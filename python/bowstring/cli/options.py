@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
     from bowstring.statics.load import PointLoad
+    from bowstring.statics.plane import Plane
 
 MOST_LOADS: Final = 100_000  # loads of a range
 _EARTH_IN_MM: Final = (9700.0, 9900.0)  # Earth's gravity in mm/s^2
@@ -113,6 +114,23 @@ FollowerForces = Annotated[
 LineForce = Annotated[
     str | None,
     option("x,y,z", "Dead load: force per length of backbone in N/m, base axes.", "--line-force"),
+PlaneText = Annotated[
+    str | None,
+    option(
+        "x,y,z:nx,ny,nz",
+        "Rigid plane that the tip may touch: a point and the normal, which points to the robot, "
+        "base axes.",
+        "--plane",
+    ),
+]
+PlaneFriction = Annotated[
+    str | None,
+    option(
+        "MU",
+        "Coefficient of Coulomb friction between tip and plane.  [default: 0]",
+        "--plane-friction",
+        values=completion.words("0.1", "0.2", "0.3"),
+    ),
 ]
 MappingFile = Annotated[
     str | None,
@@ -140,6 +158,8 @@ _EXAMPLES: Final = {
     "--tip-moment": "0,0.1,0",
     "--disk-force": "4:0,1,0",
     "--disk-moment": "4:0,0.1,0",
+    "--plane": "0.2,0,0:-1,0,0",
+    "--plane-friction": "0.2",
     "--tolerance": '"1 %"',
     "--max-tension": '"80 N"',
     "--from": '"40 N",0,0',
@@ -353,6 +373,26 @@ def at_points(
             values = vector(flag, force, "N")
             loads.append(PointLoad(disk - 1, values, point=place, follower="follower" in flag))
     return tuple(loads) or None
+def plane_of(flag: str, text: str | None, friction: str | None) -> Plane | None:
+    """Parse x,y,z:nx,ny,nz to a plane; None without it."""
+    from bowstring.statics.plane import Plane
+
+    if text is None:
+        if friction is not None:
+            raise InputError(f"--plane-friction: there is no plane; add {flag}.")
+        return None
+    point, colon, normal = text.partition(":")
+    if not colon or ":" in normal:
+        raise InputError(
+            f"{flag}: got {quote(text)}; must be a point and, after a colon, the normal, for "
+            f"example {flag} {_EXAMPLES[flag]}."
+        )
+    coefficient = 0.0 if friction is None else not_negative("--plane-friction", friction, "")
+    at, along = vector(flag, point, "m"), vector(flag, normal, "1")
+    try:
+        return Plane(at, along, coefficient)
+    except InputError as error:
+        raise InputError(f"{flag}: {error}") from None
 
 
 def check_bare(

@@ -30,6 +30,8 @@ from bowstring.cli.options import (
     HistoryFile,
     LineForce,
     Overrides,
+    PlaneFriction,
+    PlaneText,
     PointForces,
     RobotSource,
     Theory,
@@ -41,6 +43,7 @@ from bowstring.cli.options import (
     on_disks,
     option,
     per_tendon,
+    plane_of,
     tendon_count,
     vector,
 )
@@ -216,6 +219,8 @@ def solve(
     point_force: PointForces = None,
     follower_force: FollowerForces = None,
     line_force: LineForce = None,
+    plane: PlaneText = None,
+    plane_friction: PlaneFriction = None,
     elements: AutomaticElements = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
@@ -234,30 +239,51 @@ def solve(
     disk_moments = on_disks("--disk-moment", disk_moment, "N*m", model)
     points = at_points(point_force, follower_force, model)
     line = None if line_force is None else vector("--line-force", line_force, "N/m")
+    rigid = plane_of("--plane", plane, plane_friction)
+    if rigid is not None:
+        if history is not None or save_history is not None:
+            flag = "--history" if history is not None else "--save-history"
+            raise InputError(f"{flag}: a contact is not continued; leave it or --plane out.")
+        check_bare(
+            "--plane", (plane or "").partition(":")[0], "m", model, _FAR * model.length, "mm"
+        )
     before = None if history is None else read_history(history)
     if save_history is not None:
         save_history = of_flag("--save-history", check_history_file, save_history)
-    solution = rod.solve(
-        model,
-        load=load_.replace(
-            gravity=weight,
-            tip_force=force,
-            tip_moment=moment,
-            disk_forces=disk_forces,
-            disk_moments=disk_moments,
-            point_loads=points,
-            line_forces=line,
-        ),
-        model=RodModel(theory, elements=elements),
-        history=before,
+    all_loads = load_.replace(
+        gravity=weight,
+        tip_force=force,
+        tip_moment=moment,
+        disk_forces=disk_forces,
+        disk_moments=disk_moments,
+        point_loads=points,
+        line_forces=line,
     )
+    rod_model = RodModel(theory, elements=elements)
+    contact = None
+    if rigid is None:
+        solution = rod.solve(model, load=all_loads, model=rod_model, history=before)
+    else:
+        from bowstring.statics.contact import solve_contact
+
+        contact = solve_contact(model, load=all_loads, model=rod_model, plane=rigid)
+        touching = contact.raise_for_status().solution
+        assert touching is not None
+        solution = touching
     if save_history is not None and solution.converged:
         write_history(save_history, solution.history())
     warnings, uses = solution.limits()
+    stable, message = solution.stable, solution.message
+    if contact is not None:
+        warnings = (*warnings, *contact.warnings())
+        stable = contact.stable
+        if stable is None:
+            message = "An equilibrium, whose stability on the plane is not determined."
     if as_json:
         content: Solve = {
             **solution.to_dict(),
-            "message": solution.message,
+            "stable": stable,
+            "message": message,
             **provenance_of(
                 model,
                 tensions_N=load_.tensions,
@@ -272,22 +298,28 @@ def solve(
                 disk_moments_Nm=disk_moments,
                 point_loads=None if points is None else [each.to_dict() for each in points],
                 line_force_N_per_m=line,
+                plane_point_m=None if rigid is None else rigid.point,
+                plane_normal=None if rigid is None else rigid.normal,
+                plane_friction=None if rigid is None else rigid.friction,
                 elements=solution.model.elements,
             ),
             "warnings": [*model.warnings, *warnings],
             "backbone_limits": [use.to_dict() for use in uses],
+            "contact": None if contact is None else contact.to_dict(),
         }
         write_json(content)
-    solution.raise_for_status()
+    if contact is None:
+        solution.raise_for_status()
     for sentence in warnings:
         say("Warning", sentence)
     tip = solution.tip
     assert tip is not None
     if not as_json:
         write_tables(
-            f"{model.name}, {theory}: {solution.message} "
+            f"{model.name}, {theory}: {message} "
             f"({solution.iterations} iterations, residual {solution.residual:.1e})",
-            tip_line(tip.position, tip.rotation),
+            tip_line(tip.position, tip.rotation)
+            + ("" if contact is None else f"\n{contact.message}"),
             *([_used_line(uses, model)] if uses else []),
             _actuation_table(solution),
         )

@@ -152,3 +152,10 @@ class Solve(Equilibrium, OfRobot):
     backbone_limits: Annotated[
         list[BackboneLimit], about("Segments for which the robot file has limits.")
     ]
+    contact: Annotated[
+        Contact | None,
+        about(
+            "Contact of the tip; `null` without `--plane`. The other numbers are then those under "
+            "the contact force as a dead force."
+        ),
+    ]
