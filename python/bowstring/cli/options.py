@@ -114,6 +114,7 @@ FollowerForces = Annotated[
 LineForce = Annotated[
     str | None,
     option("x,y,z", "Dead load: force per length of backbone in N/m, base axes.", "--line-force"),
+]
 PlaneText = Annotated[
     str | None,
     option(
@@ -373,6 +374,8 @@ def at_points(
             values = vector(flag, force, "N")
             loads.append(PointLoad(disk - 1, values, point=place, follower="follower" in flag))
     return tuple(loads) or None
+
+
 def plane_of(flag: str, text: str | None, friction: str | None) -> Plane | None:
     """Parse x,y,z:nx,ny,nz to a plane; None without it."""
     from bowstring.statics.plane import Plane
