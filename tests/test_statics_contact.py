@@ -146,8 +146,8 @@ def test_large_deflection_against_shooting(
     module = LENGTH / 9
     guess = [1.1 * tilt[0] / module * LENGTH, contact.normal_force / FORCE * 0.95]
     force, end = shot(WEIGHT * np.array(pull), plane, guess)
-    assert contact.normal_force == pytest.approx(force, rel=2e-6)
-    np.testing.assert_allclose(tip[[0, 2]], end, atol=1e-6 * LENGTH)
+    assert contact.normal_force == pytest.approx(force, rel=1e-8)
+    np.testing.assert_allclose(tip[[0, 2]], end, atol=1e-8 * LENGTH)
 
 
 def test_objectivity() -> None:
@@ -356,6 +356,31 @@ def test_a_row_without_a_solution_does_not_end_the_path() -> None:
         bad.raise_for_status()
     with pytest.raises(InputError, match="did not converge"):
         bs.solve_contact(ROBOT, FREE, plane=bad.plane, previous=bad)
+
+
+@pytest.mark.parametrize("name", bs.robot_names())
+def test_random_planes(name: str) -> None:
+    """The contact conditions hold on planes between the free tip and the home pose."""
+    rng, robot = np.random.default_rng(5), bs.load_robot(name)
+    scale = float(np.min(robot.bending_stiffness)) / robot.length**2
+    home, tested = np.array([0, 0, robot.length]), 0
+    while tested < 12:
+        tensions = rng.uniform(0, 15, robot.core.tendon_count) * scale * (rng.random() < 0.7)
+        load = bs.Load(tensions, gravity=rng.normal(size=3) * 3)
+        free = bs.solve(robot, load=load)
+        if free.tip is None:
+            continue
+        back = home - free.tip.position
+        normal = back / np.linalg.norm(back) + 0.4 * rng.normal(size=3)
+        point = home - rng.uniform(0.1, 0.9) * back
+        plane = bs.Plane(point, normal, rng.choice([0.0, 0.1, 0.3]))
+        if plane.gap([0, 0, 0]) < 0 or plane.gap(home) < 0 or plane.gap(free.tip.position) > 0:
+            continue
+        contact = bs.solve_contact(robot, load=load, plane=plane)
+        assert contact.converged and contact.state != "separated"
+        assert contact.residual <= 1e-9 and abs(contact.gap) <= 1e-9 * robot.length
+        assert contact.stable is (True if plane.friction == 0 else None)
+        tested += 1
 
 
 # --------------------------------------------------------------------------------------
