@@ -99,6 +99,7 @@ impl Mesh {
             rest_curvature: [0.0, curvature, 0.0],
         };
         let disk = |station: f64, segment: usize| Disk {
+            hole_length: 0.0,
             station,
             clamped_length: 0.0,
             mass: 0.0,
@@ -115,6 +116,7 @@ impl Mesh {
         disks.extend((1..=n).map(|k| disk(after + along(k), 2)));
         let backbone = [0.0, 1.0 / radius, 0.0].map(|c| section(c).into());
         Robot::new(RobotSpec {
+            payloads: vec![],
             backbone: backbone.to_vec(),
             disks,
             tendons: vec![],

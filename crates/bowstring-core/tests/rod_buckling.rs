@@ -33,6 +33,7 @@ const ROUND: Section = Section {
 /// A bare rod in equal modules.
 fn rod(section: Section, modules: usize) -> Robot {
     let disk = |k: usize| Disk {
+        hole_length: 0.0,
         station: LENGTH * k as f64 / modules as f64,
         clamped_length: 0.0,
         mass: 0.0,
@@ -40,6 +41,7 @@ fn rod(section: Section, modules: usize) -> Robot {
         segment: 0,
     };
     Robot::new(RobotSpec {
+        payloads: vec![],
         backbone: vec![section.into()],
         disks: (1..=modules).map(disk).collect(),
         tendons: vec![],
