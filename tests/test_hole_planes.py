@@ -126,6 +126,30 @@ def test_friction_by_the_bends_between_spans() -> None:
     assert up.converged.all() and down.converged.all()
     # at 20 N before and after 40 N
     assert np.linalg.norm(down.tip_position[13] - up.tip_position[4]) > 1e-3
+    # while all holes slip, the tension falls by the angle between the spans at each
+    found = bs.solve(rough, [40, 0, 0])
+    half = 0.5 * rough.disks.hole_length_m
+    frames = [np.eye(3), *found.disk_rotations]
+    ends = [np.zeros(3), *found.disk_positions]
+    hole = np.append(rough.tendons.hole_m[0], 0.0)
+    reach = np.append(0.0, half)
+    spans = [
+        (ends[k + 1] + frames[k + 1] @ (hole - reach[k + 1] * np.eye(3)[2]))
+        - (ends[k] + frames[k] @ (hole + reach[k] * np.eye(3)[2]))
+        for k in range(9)
+    ]
+    spans = np.array([span / np.linalg.norm(span) for span in spans])
+    before = np.vstack([[0, 0, 1], spans[:-1]])
+    angles = np.arccos(np.clip((before * spans).sum(axis=1), -1, 1))
+    tensions = 40.0 * np.exp(-0.1 * np.cumsum(angles))
+    np.testing.assert_allclose(found.span_tensions[:, 0], tensions, rtol=1e-6)
+
+
+def test_drawn_tendons_have_their_lengths() -> None:
+    found = bs.solve(ROBOT, [80, 5, 0])
+    paths = ROBOT.tendon_points(found.disk_positions, found.disk_rotations)
+    drawn = [np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths]
+    np.testing.assert_allclose(drawn, found.tendon_lengths, atol=1e-12)
 
 
 def test_the_error_budget_has_a_row(paper: bs.Study) -> None:

@@ -12,9 +12,11 @@ import pytest
 from scipy.linalg import eigh
 
 import bowstring as bs
+from bowstring.calibration.observations import Data
 from bowstring.errors import InputError
 from bowstring.fem import run as fem
 from bowstring.robot.designs import Designs
+from bowstring.statics.designs import sweep_designs
 from shell import Shell
 
 ROBOT = bs.load_robot("amouri2019", {"gravity": "0 0 -9.81"})
@@ -224,8 +226,31 @@ def test_what_takes_no_payload_says_so() -> None:
         fem.sweep(robot, [TENSIONS])
     with pytest.raises(InputError, match="the validity chart is for robots without payloads"):
         bs.validity_chart(robot)
-    with pytest.raises(InputError, match="is of a payload; make a robot for each"):
-        Designs(robot, {"payloads.0.mass": [0.01, 0.02]})
+    with pytest.raises(InputError, match="payloads cannot be fitted"):
+        bs.fit(robot, Data(np.zeros((3, 3)), tensions=np.zeros((3, 3))), ["payloads.0.mass"])
+
+
+def test_designs_of_payloads_equal_single_robots() -> None:
+    robot = carrying(ROBOT, TOOL, {"mass": "10 g", "disk": 3})
+    values = {"payloads.0.mass": np.array([0.01, 0.05]), "payloads.0.centre.0": np.array([0, 0.02])}
+    designs = Designs(robot, values)
+    tensions = [TENSIONS, [10.0, 5.0, 0.0]]
+    found = sweep_designs(designs, tensions)
+    for i in range(2):
+        alone = bs.sweep(designs.robot_at(i), tensions)
+        np.testing.assert_allclose(found.tip_position[i], alone.tip_position, atol=1e-10)
+    drawn = bs.validity_map(robot, ["payloads.0.mass=10:50 g:3", "tension=0:20 N:3"])
+    assert drawn.value["cc_from_force"].shape == (3, 3)
+
+
+def test_implausible_payloads_get_a_warning(shell: Shell) -> None:
+    far = carrying(ROBOT, {"mass": "1 g", "centre": [0, 0, 20]})
+    assert "payloads[0].centre is 20 m from its disk" in " ".join(far.warnings)
+    heavy = carrying(ROBOT, {"mass": 50.0})
+    assert "payloads[0].mass = 50 kg" in " ".join(heavy.warnings)
+    assert not any("payload" in text for text in carrying(ROBOT, TOOL).warnings)
+    code, _, error = shell("solve", "amouri2019", "--tension", "1,0,0", "--set", "payloads=3")
+    assert code == 2 and "must be a list of payloads" in error
 
 
 def test_a_study_and_a_map_take_a_payload() -> None:

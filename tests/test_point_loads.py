@@ -259,7 +259,7 @@ def test_bad_point_loads_are_refused(given: dict[str, Any], says: str) -> None:
     ("load", "says"),
     [
         ({"point_loads": [bs.PointLoad(9)]}, "point load 1 acts on disk 10, and the robot has 9"),
-        ({"point_loads": [bs.PointLoad(-10)]}, "point load 1 acts on disk"),
+        ({"point_loads": [bs.PointLoad(-10)]}, "point load 1 acts on a disk before the base"),
         ({"point_loads": 3.0}, "point_loads is 3.0, it must be a sequence of PointLoad"),
         ({"point_loads": [[1, 2, 3]]}, "it must be a sequence of PointLoad"),
         ({"line_forces": [1.0, 2.0]}, r"line_forces has shape \(2,\), it must have \(9, 3\)"),
@@ -299,7 +299,7 @@ def test_branches_under_a_force_per_length() -> None:
         model=bs.RodModel("kirchhoff"),
     )
     assert found.factor == pytest.approx(0.5, rel=1e-3)
-    assert "N/m in all along the backbone" in " ".join(found.more)
+    assert "N/m along the backbone more" in " ".join(found.more)
 
 
 def test_flags(shell: Shell) -> None:

@@ -533,3 +533,32 @@ def test_wrong_flags(shell: Shell, flags: tuple[str, ...], message: str) -> None
     code, out, err = shell(*PRESSED, *flags)
     assert (code, out) == (2, "")
     assert message in err and err.count("\n") == 1
+
+
+def test_point_loads_and_forces_per_length_count() -> None:
+    """They act in a contact as they do without one."""
+    robot = bs.load_robot("amouri2019")
+    loads = [bs.PointLoad(force=[0.2, 0.1, 0], point=[0, 0, 0.03]), bs.PointLoad(4, [0, 0.3, 0])]
+    for given in ({"point_loads": loads}, {"line_forces": [0, 0.4, 0]}):
+        far = bs.Plane([2.0, 0, 0], [-1, 0, 0])
+        free = bs.solve_contact(robot, [20, 0, 0], load=bs.Load(**given), plane=far)
+        exact = bs.solve(robot, [20, 0, 0], load=bs.Load(**given))
+        assert free.state == "separated" and free.solution is not None
+        tip = free.solution.tip.position
+        assert np.abs(tip - exact.tip.position).max() < 1e-9
+        wall = bs.Plane([0.06, 0, 0], [-1, 0, 0])
+        first = bs.solve_contact(robot, [20, 0, 0], load=bs.Load(**given), plane=wall)
+        assert first.state == "sliding" and first.stable
+        touching = first.solution.tip.position
+        under = bs.Load(tip_force=first.force, **given)
+        same = bs.solve(robot, [20, 0, 0], load=under)
+        assert np.abs(same.tip.position - touching).max() < 1e-9
+        rows = bs.sweep_contact(robot, [[10, 0, 0], [20, 0, 0]], load=bs.Load(**given), plane=wall)
+        assert np.abs(rows[-1].solution.tip.position - touching).max() < 1e-8
+    follower = bs.PointLoad(force=[0.3, 0, 0], follower=True)
+    pushed = bs.solve_contact(robot, [20, 0, 0], load=bs.Load(point_loads=follower), plane=wall)
+    assert pushed.converged and pushed.stable is None
+    with pytest.raises(InputError, match="same disks and points"):
+        bs.solve_contact(
+            robot, [20, 0, 0], load=bs.Load(point_loads=loads), plane=wall, previous=pushed
+        )

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from bowstring.calibration.table_fit import Calibration, calibrate
     from bowstring.data.measurements import Measurements, read_measurements, write_measurements
     from bowstring.data.tendon_check import check_tendons
+    from bowstring.dynamics.base_motion import BaseMotion
     from bowstring.dynamics.integrator import Integrator
     from bowstring.dynamics.modal import Modes, modes
     from bowstring.dynamics.simulation import Output, Run, Start, simulate
@@ -73,6 +74,7 @@ if TYPE_CHECKING:
     from bowstring.validity.workspace import WorkspaceMap, workspace_map
 
 __all__ = [
+    "BaseMotion",
     "Branch",
     "BranchDiagram",
     "BranchEvent",
@@ -156,6 +158,7 @@ _HOME = {
         "calibration.table_fit": "Calibration calibrate",
         "data.measurements": "Measurements read_measurements write_measurements",
         "data.tendon_check": "check_tendons",
+        "dynamics.base_motion": "BaseMotion",
         "dynamics.integrator": "Integrator",
         "dynamics.modal": "Modes modes",
         "dynamics.simulation": "Output Run Start simulate",

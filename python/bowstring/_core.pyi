@@ -73,7 +73,7 @@ class _DeadLoad(Protocol):
     @property
     def line_forces(self) -> Any: ...
 
-_InstantLoad = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]
+_InstantLoad = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]
 
 @final
 class Robot:

@@ -5,7 +5,7 @@ mod cases;
 mod common;
 
 use bowstring_core::math::linalg::Vec3;
-use bowstring_core::model::load::{Load, Model, RodModel, Theory};
+use bowstring_core::model::load::{Load, Model, PointLoad, RodModel, Theory};
 use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Section};
 use bowstring_core::statics::batch::{solve_batch, sweep, Loads};
 use bowstring_core::statics::solver::{Outcome, Solver, Status};
@@ -294,7 +294,11 @@ fn a_turned_section_turns_the_answer() {
 fn random_robots_satisfy_the_rod_equations() {
     let (mut converged, mut tensions) = (0, vec![]);
     for number in 0..300 {
-        let (case, robot) = general(number);
+        let (mut case, mut robot) = general(number);
+        if number % 3 == 0 {
+            case = case.laden(&mut Draw::new(47, number));
+            robot = Robot::new(case.spec.clone()).unwrap();
+        }
         let mut gap = |elements: usize| {
             let mut solver = Solver::new(&robot, case.model(), elements).unwrap();
             let outcome = solver.solve(&case.at(1.0, &mut tensions)).unwrap();
@@ -445,8 +449,8 @@ fn impossible_sections_are_refused() {
     assert!(robot(Profile::Tapered(Box::new(sections))).is_err());
 }
 
-/// 2 000 robots with all of it: tapered, flat, precurved, routed freely, with forces on disks. Where
-/// a path in small steps reaches a stable equilibrium, a single solve finds one too, and wherever
+/// 2 000 robots with all of it: tapered, flat, precurved, routed freely through thick holes, with
+/// payloads, and with forces on disks, beside their centres and along the backbone. Where a path in small steps reaches a stable equilibrium, a single solve finds one too, and wherever
 /// one is found its shape satisfies the equations of the rod.
 #[test]
 fn robots_with_everything_converge() {
@@ -455,13 +459,24 @@ fn robots_with_everything_converge() {
     for number in 0..2000 {
         let (case, _) = general(number);
         let mut draw = Draw::new(43, number);
-        let case = case.routed(&mut draw);
+        let case = case.routed(&mut draw).laden(&mut draw);
         let robot = Robot::new(case.spec.clone()).unwrap();
         // small beside the tensions and the force on the tip
         let size = 0.2 * robot.moment_scale() / robot.length();
         let forces: Vec<[f64; 3]> = (0..robot.module_count())
             .map(|_| (draw.direction() * (size * draw.within(0.0, 1.0))).0)
             .collect();
+        let n = robot.module_count();
+        let points: Vec<PointLoad> = (0..2)
+            .map(|_| PointLoad {
+                disk: (draw.within(0.0, n as f64) as usize).min(n - 1),
+                point: (draw.direction() * draw.within(0.0, 0.05 * robot.length())).0,
+                force: (draw.direction() * (size * draw.within(0.0, 1.0))).0,
+                ..PointLoad::default()
+            })
+            .collect();
+        let line = (draw.direction() * (size / robot.length() * draw.within(0.0, 1.0))).0;
+        let (mut lines, mut at_points) = (vec![line; n], points.clone());
         let mut scaled = forces.clone();
         let mut path = Solver::new(&robot, case.model(), 1).unwrap();
         let mut before: Option<Vec3> = None;
@@ -470,8 +485,14 @@ fn robots_with_everything_converge() {
             for (to, from) in scaled.iter_mut().zip(&forces) {
                 *to = from.map(|f| f * fraction);
             }
+            for (to, from) in at_points.iter_mut().zip(&points) {
+                to.force = from.force.map(|f| f * fraction);
+            }
+            lines.fill(line.map(|f| f * fraction));
             let load = Load {
                 disk_forces: &scaled,
+                point_loads: &at_points,
+                line_forces: &lines,
                 ..case.at(fraction, &mut tensions)
             };
             let outcome = path.solve_next(&load).unwrap();
@@ -489,6 +510,8 @@ fn robots_with_everything_converge() {
         known += 1;
         let load = Load {
             disk_forces: &forces,
+            point_loads: &points,
+            line_forces: &vec![line; n],
             ..case.at(1.0, &mut tensions)
         };
         let mut solver = Solver::new(&robot, case.model(), 1).unwrap();

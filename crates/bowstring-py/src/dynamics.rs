@@ -10,7 +10,7 @@ use bowstring_core::dynamics::integrator::{
     self, Count, Damping, Energies, Fields, Integrator, Step, Stop,
 };
 use bowstring_core::dynamics::modal;
-use bowstring_core::model::load::{Load, OwnedLoad};
+use bowstring_core::model::load::{BaseMotion, Load, OwnedLoad};
 use bowstring_core::statics::solver::Status;
 use numpy::ndarray::ArrayView2;
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -20,9 +20,11 @@ use std::time::{Duration, Instant};
 
 /// Loads at one time, a tuple: actuation of each tendon; force and moment on the tip; forces and
 /// moments on the disks, (3 N,), numbers of P point loads, (11 P,), and forces per length before each
-/// disk, (3 N,), or empty if there are none.
+/// disk, (3 N,), or empty if there are none; acceleration, angular velocity and angular acceleration
+/// of the base, (9,), or empty where it does not move.
 #[derive(FromPyObject)]
 struct InstantLoad<'py>(
+    Bound<'py, PyAny>,
     Bound<'py, PyAny>,
     Bound<'py, PyAny>,
     Bound<'py, PyAny>,
@@ -35,6 +37,7 @@ struct InstantLoad<'py>(
 /// The same at several times, row by row.
 #[derive(FromPyObject)]
 struct LoadRows<'py>(
+    PyReadonlyArray2<'py, f64>,
     PyReadonlyArray2<'py, f64>,
     PyReadonlyArray2<'py, f64>,
     PyReadonlyArray2<'py, f64>,
@@ -199,8 +202,16 @@ impl Simulator {
     ) -> PyResult<Option<&'static str>> {
         let rows = duration.len();
         let tendons = self.inner.robot().tendon_count();
-        let LoadRows(tensions, tip_force, tip_moment, disk_forces, disk_moments, points, lines) =
-            loads;
+        let LoadRows(
+            tensions,
+            tip_force,
+            tip_moment,
+            disk_forces,
+            disk_moments,
+            points,
+            lines,
+            base,
+        ) = loads;
         let on_disks = 3 * self.inner.robot().module_count();
         for (name, shape, expected) in [
             ("tensions", tensions.shape(), [rows, tendons]),
@@ -209,6 +220,7 @@ impl Simulator {
             ("disk_forces", disk_forces.shape(), [rows, on_disks]),
             ("disk_moments", disk_moments.shape(), [rows, on_disks]),
             ("line_forces", lines.shape(), [rows, on_disks]),
+            ("base", base.shape(), [rows, 9]),
         ] {
             let none = !name.starts_with("t") && shape[1] == 0;
             if shape != expected && !(none && shape[0] == rows) {
@@ -233,7 +245,7 @@ impl Simulator {
         let (force, moment) = (tip_force.as_array(), tip_moment.as_array());
         let tensions = tensions.as_array();
         let (disk_forces, disk_moments) = (disk_forces.as_array(), disk_moments.as_array());
-        let (points, lines) = (points.as_array(), lines.as_array());
+        let (points, lines, base) = (points.as_array(), lines.as_array(), base.as_array());
         let disks = self.inner.robot().module_count();
         let mut own = vec![0.0; tendons];
         let mut stop = None;
@@ -252,6 +264,7 @@ impl Simulator {
                     disk_moments: &on_disks(disk_moments),
                     point_loads: &point_loads(&points.row(row).to_vec(), disks),
                     line_forces: &on_disks(lines),
+                    base: base_motion(&base.row(row).to_vec()),
                 };
                 let count;
                 (stop, count) = self
@@ -379,10 +392,30 @@ impl Simulator {
     }
 }
 
+/// Motion of the base from its numbers; none where there are no numbers.
+fn base_motion(numbers: &[f64]) -> BaseMotion {
+    match vectors(numbers)[..] {
+        [acceleration, angular_velocity, angular_acceleration] => BaseMotion {
+            acceleration,
+            angular_velocity,
+            angular_acceleration,
+        },
+        _ => BaseMotion::default(),
+    }
+}
+
 impl Simulator {
     fn load(&self, load: &InstantLoad<'_>) -> PyResult<OwnedLoad> {
-        let InstantLoad(tensions, tip_force, tip_moment, disk_forces, disk_moments, points, lines) =
-            load;
+        let InstantLoad(
+            tensions,
+            tip_force,
+            tip_moment,
+            disk_forces,
+            disk_moments,
+            points,
+            lines,
+            base,
+        ) = load;
         let count = self.inner.robot().tendon_count();
         let disks = self.inner.robot().module_count();
         let on_disks = |given: &Bound<'_, PyAny>, name, unit| match given.len()? {
@@ -400,6 +433,10 @@ impl Simulator {
             disk_moments: on_disks(disk_moments, "disk_moments", "N m")?,
             point_loads: point_loads(&of_points, disks),
             line_forces: on_disks(lines, "line_forces", "N/m")?,
+            base: match base.len()? {
+                0 => BaseMotion::default(),
+                _ => base_motion(&numbers(base, "base", "SI", 9)?),
+            },
         })
     }
 

@@ -208,6 +208,7 @@ impl DeadLoad<'_> {
             )?,
             point_loads: given_points(robot, self.point_loads.as_ref())?,
             line_forces: line_forces(robot, self.line_forces.as_ref())?,
+            ..OwnedLoad::default()
         })
     }
 }
@@ -392,16 +393,20 @@ fn profile(count: usize, at: impl Fn(usize, usize) -> f64) -> Profile {
     }
 }
 
+/// A payload from its numbers: disk, mass, centre, and moments of inertia.
+fn payload_of(at: impl Fn(usize) -> f64) -> Payload {
+    Payload {
+        disk: at(0) as usize,
+        mass: at(1),
+        centre: [at(2), at(3), at(4)],
+        inertia: [at(5), at(6), at(7)],
+    }
+}
+
 impl RobotArrays<'_> {
     fn payloads(&self) -> PyResult<Vec<Payload>> {
         let rows: Rows<8> = self.payload_numbers.extract()?;
-        let payload = |v: &[f64; 8]| Payload {
-            disk: v[0] as usize,
-            mass: v[1],
-            centre: [v[2], v[3], v[4]],
-            inertia: [v[5], v[6], v[7]],
-        };
-        Ok(rows.iter().map(payload).collect())
+        Ok(rows.iter().map(|v| payload_of(|q| v[q])).collect())
     }
 
     /// Description for the core, which checks it.
@@ -490,6 +495,8 @@ pub struct DesignArrays<'py> {
     disks: PyReadonlyArray2<'py, f64>,
     /// x and y of the holes of each tendon, (D, 2 T), or of those in base and disks, (D, 2 T (N + 1)).
     holes: PyReadonlyArray2<'py, f64>,
+    /// Numbers of the payloads, (D, 8 P).
+    payloads: PyReadonlyArray2<'py, f64>,
     /// Axial stiffness, free length, compliance, friction and pretension of each tendon, (D, 5 T).
     lines: PyReadonlyArray2<'py, f64>,
 }
@@ -502,6 +509,7 @@ impl DesignArrays<'_> {
         for (name, shape, columns) in [
             ("disks", self.disks.shape(), 6 * spec.disks.len()),
             ("lines", self.lines.shape(), 5 * spec.tendons.len()),
+            ("payloads", self.payloads.shape(), 8 * spec.payloads.len()),
         ] {
             if shape != [count, columns] {
                 return Err(refused(format!(
@@ -534,6 +542,7 @@ impl DesignArrays<'_> {
         let sections = self.sections.as_array();
         let disks = self.disks.as_array();
         let holes = self.holes.as_array();
+        let payloads = self.payloads.as_array();
         let robot = |i: usize| {
             let mut spec = spec.clone();
             for (k, own) in spec.backbone.iter_mut().enumerate() {
@@ -549,6 +558,9 @@ impl DesignArrays<'_> {
                     inertia: [at(3), at(4)],
                     segment: disk.segment,
                 };
+            }
+            for (k, payload) in spec.payloads.iter_mut().enumerate() {
+                *payload = payload_of(|q| payloads[[i, 8 * k + q]]);
             }
             for (k, tendon) in spec.tendons.iter_mut().enumerate() {
                 let hole = |p: usize| [0, 1].map(|q| holes[[i, 2 * (each * k + p) + q]]);

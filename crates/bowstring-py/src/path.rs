@@ -212,6 +212,7 @@ impl PathSolver {
             disk_moments: &disk_moments,
             point_loads: &point_loads,
             line_forces: &line_forces,
+            ..Load::default()
         };
         let given = path_batch::commands(&by_displacement, &commands);
         self.inner

@@ -54,6 +54,7 @@ _STEP: Final = {
     "compliance": 1e-5,
     "pretension": 0.2,
     "clamped_length": 5e-4,
+    "hole_length": 5e-4,
     "free_length": 1e-2,
     "angle": 0.02,
     "first_angle": 0.02,
@@ -278,6 +279,11 @@ class Unknowns:
         return tuple(path for path in expand(self._tree, name) if path in self._leaves)
 
     def _no_such(self, name: str) -> InputError:
+        if name.startswith("payloads."):
+            return InputError(
+                f"parameter {name} is of a payload, and payloads cannot be fitted",
+                argument="parameters",
+            )
         if re.fullmatch(r"segments\b.*\.tendons\b.*\.axial_stiffness", name):
             return InputError(
                 f"parameter {name} has no value to begin with: give the robot an "

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import validation
+from bowstring.dynamics.base_motion import BaseHistory, BaseMotion
 from bowstring.errors import InputError
 from bowstring.formatting import plain
 from bowstring.statics import actuation
@@ -35,6 +36,7 @@ __all__ = [
     "OverTime",
     "Table",
     "disk_row",
+    "of_base",
     "on_disks",
     "on_points",
     "over_time",
@@ -416,6 +418,7 @@ class Loads(NamedTuple):
     disk_moments: _History
     point_loads: _History | _PointHistory
     line_forces: _History
+    base: _History | BaseHistory
 
     def at(self, time: float, *, before: bool = False) -> InstantLoad:
         """Loads at a time; at a jump, those after it or, with `before`, those before it."""
@@ -435,6 +438,7 @@ class Loads(NamedTuple):
             "disk_moments_Nm": _given(self.disk_moments),
             "point_loads": _given(self.point_loads),
             "line_forces_N_per_m": _given(self.line_forces),
+            "base": _given(self.base),
         }
 
     def chunks(
@@ -498,7 +502,7 @@ Stretches = tuple[Floats, InstantLoad, NDArray[np.bool_]]
 """Durations, loads at their ends (rows of each), and whether each end is recorded."""
 
 
-def _given(history: _History | _PointHistory) -> Any:
+def _given(history: _History | _PointHistory | BaseHistory) -> Any:
     """Values of a load on disks for a file; None if there is none."""
     return None if isinstance(history, Table) and not history.values.size else history.to_dict()
 
@@ -525,10 +529,24 @@ def on_disks(name: str, value: Any, disks: int) -> _History:
     return Table([0.0], disk_row(name, value, disks)[None, :])
 
 
-def on_points(given: Any) -> _History | _PointHistory:
+def on_points(given: Any, disks: int) -> _History | _PointHistory:
     """Convert a user's point loads to load histories, of no columns if there are none."""
-    loads = point_loads(given)
+    loads = tuple(load.on(disks) for load in point_loads(given))
     return _PointHistory(loads) if loads else Table([0.0], np.zeros((1, 0)))
+
+
+def of_base(given: Any, gravity: Floats, duration: float) -> _History | BaseHistory:
+    """Convert a motion of the base to a load history, of no columns if there is none."""
+    if given is None:
+        return Table([0.0], np.zeros((1, 0)))
+    if not isinstance(given, BaseMotion):
+        raise InputError(f"base is {validation.shown(given)}, it must be a BaseMotion")
+    if duration > given.duration * (1.0 + 1e-9):
+        raise InputError(
+            f"the base moves up to {given.duration:g} s and the run lasts {duration:g} s; give "
+            "poses of the base up to its end"
+        )
+    return BaseHistory(given, gravity)
 
 
 def disk_row(name: str, value: Any, disks: int) -> Floats:

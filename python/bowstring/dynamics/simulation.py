@@ -25,6 +25,7 @@ from bowstring.dynamics.load_history import (
     Loads,
     OverTime,
     disk_row,
+    of_base,
     on_disks,
     on_points,
     over_time,
@@ -35,7 +36,14 @@ from bowstring.formatting import in_mm, in_percent
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
 from bowstring.statics.fields import Frames, Section, to_dataset
-from bowstring.statics.load import InstantLoad, Load, as_load, with_arrays
+from bowstring.statics.load import (
+    InstantLoad,
+    Load,
+    PointLoad,
+    as_load,
+    point_loads,
+    with_arrays,
+)
 from bowstring.statics.model import as_model
 from bowstring.statics.simulator import Scheme, frames, keep_start, make, stations
 
@@ -392,6 +400,8 @@ def simulate(
     every = max(float(output.every), integrator.dt or 0.0)
     points = int(output.points)  # a NumPy integer cannot be written to the file
     given, history = validation.instance("start.load", start.load, Load), start.history
+    if given.base is not None:
+        raise InputError("start.load has a motion of the base; a run starts at rest on its base")
     gravity = load.gravity
     if gravity is not None:
         gravity = validation.row("gravity", gravity, 3, "m/s^2").tolist()
@@ -402,8 +412,9 @@ def simulate(
         over_time("tip_moment", _or_zero(load.tip_moment), 3, "N m"),
         on_disks("disk_forces", load.disk_forces, disks),
         on_disks("disk_moments", load.disk_moments, disks),
-        on_points(load.point_loads),
+        on_points(load.point_loads, disks),
         on_disks("line_forces", load.line_forces, disks),
+        of_base(load.base, np.asarray(gravity or robot.gravity, dtype=float), duration),
     )
     actuated = loads.actuation
     before = loads.at(0.0, before=True)
@@ -413,8 +424,9 @@ def simulate(
         _tip_load("tip_moment", start.load, before.tip_moment),
         _disk_load("disk_forces", start.load, before.disk_forces, disks),
         _disk_load("disk_moments", start.load, before.disk_moments, disks),
-        _point_loads(start.load, before.point_loads),
+        _point_loads(start.load, before.point_loads, disks),
         _disk_load("line_forces", start.load, before.line_forces, disks),
+        np.zeros(0),
     )
     holding = None
     if start.disk_forces is not None:
@@ -450,6 +462,11 @@ def simulate(
         "initial_disk_forces_N": None if holding is None else holding.tolist(),
         "initial_load_disk_forces_N": initial.disk_forces.tolist() or None,
         "initial_load_disk_moments_Nm": initial.disk_moments.tolist() or None,
+        "initial_load_point_loads": [
+            PointLoad.of_numbers(row).to_dict()
+            for row in initial.point_loads.reshape(-1, 11).tolist()
+        ]
+        or None,
         "initial_load_line_forces_N_per_m": initial.line_forces.tolist() or None,
         "modal_damping": integrator.modal_damping,
         "history": None,
@@ -621,11 +638,12 @@ def _disk_load(name: str, given: Load | None, otherwise: Floats, disks: int) -> 
     return otherwise if value is None else disk_row(name, value, disks)
 
 
-def _point_loads(given: Load | None, otherwise: Floats) -> Floats:
+def _point_loads(given: Load | None, otherwise: Floats, disks: int) -> Floats:
     """Numbers of the point loads at the start: on the points of the load, with other values."""
     if given is None or given.point_loads is None:
         return otherwise
-    array = with_arrays(given).point_loads
+    loads = tuple(load.on(disks) for load in point_loads(given.point_loads))
+    array = with_arrays(given.replace(point_loads=loads)).point_loads
     numbers = np.zeros(0) if array is None else array.ravel()
     wrench = np.isin(np.arange(11), range(4, 10))
     if len(numbers) == 0:

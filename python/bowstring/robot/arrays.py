@@ -180,15 +180,22 @@ class RobotArrays(Part):
     def payload_numbers(self) -> Floats:
         """Disk, counted from 0, mass, centre and moments of inertia (P, 8) of payloads, SI."""
         last = sum(len(s.disk_positions) for s in self.segments)
-        rows = [[float((p.disk or last) - 1), p.mass, *p.centre, *p.inertia] for p in self.payloads]
-        return frozen(np.array(rows, dtype=float).reshape(-1, 8))
+        if not self.payloads:
+            return frozen(np.zeros((0, 8)))
+        rows = [
+            stacked([(p.disk or last) - 1, p.mass, *p.centre, *p.inertia]) for p in self.payloads
+        ]
+        return frozen(np.stack(np.broadcast_arrays(*rows), axis=-2))
 
     @cached_property
     def carried_kg(self) -> Floats:
         """Mass (N,) of the payloads of each disk, kg."""
         numbers = self.payload_numbers
         disks = sum(len(s.disk_positions) for s in self.segments)
-        return frozen(np.bincount(numbers[:, 0].astype(int), numbers[:, 1], minlength=disks))
+        carried = np.zeros((*numbers.shape[:-2], disks))
+        for row in np.moveaxis(numbers, -2, 0):
+            carried[..., int(row[..., 0].flat[0])] += row[..., 1]
+        return frozen(carried)
 
     @property
     def length(self) -> float:
@@ -328,7 +335,8 @@ class RobotArrays(Part):
         Returns
         -------
         list of ndarray (..., P, 3)
-            For each tendon, in m, base frame; P is the number of disks that it passes and 1.
+            For each tendon, in m, base frame; P is the number of disks that it passes and 1. Where
+            holes have a length, entry and exit of each hole, up to the middle of the end disk.
         """
         lead, n = position.shape[:-2], position.shape[-2]
         base = np.zeros((*lead, 1, 3))
@@ -340,7 +348,18 @@ class RobotArrays(Part):
             last = int(end) + 2
             arm = np.einsum("...kij,kj->...ki", frames[..., :last, :, :2], hole[:last])
             points.append(centres[..., :last, :] + arm)
-        return points
+        half = 0.5 * self.disks.hole_length_m
+        if not half.any():
+            return points
+        along = half[:, None] * rotation[..., 2]
+        planes = []
+        for path in points:
+            own = along[..., : path.shape[-2] - 1, :]
+            inner = np.stack([path[..., 1:, :] - own, path[..., 1:, :] + own], axis=-2)
+            flat = inner.reshape(*inner.shape[:-3], -1, 3)
+            flat[..., -1, :] = path[..., -1, :]
+            planes.append(np.concatenate([path[..., :1, :], flat], axis=-2))
+        return planes
 
     @cached_property
     def is_parallel(self) -> bool:

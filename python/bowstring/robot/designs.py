@@ -81,8 +81,6 @@ class Designs:
                     raise InputError(
                         f"{path} changes the number of disks or tendons; make a robot for each"
                     )
-                if each.startswith("payloads."):
-                    raise InputError(f"{path} is of a payload; make a robot for each")
                 wide[each] = array
         object.__setattr__(self, "values", wide)
         self._check_extremes()
@@ -157,6 +155,13 @@ class Designs:
                 disks.hole_length_m,
             ]
         )
+
+    @cached_property
+    def payloads(self) -> Floats:
+        """Numbers of the payloads (D, 8 P)."""
+        numbers = self.arrays.payload_numbers
+        flat = numbers.reshape(*numbers.shape[:-2], -1)
+        return np.ascontiguousarray(np.broadcast_to(flat, (len(self), flat.shape[-1])))
 
     @cached_property
     def holes(self) -> Floats:

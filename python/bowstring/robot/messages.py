@@ -144,8 +144,8 @@ def _sentences(error: Any, model: type[BaseModel]) -> list[str]:
 
 def _advice(names: tuple[str, ...], model: type[BaseModel]) -> str:
     """Advice for a field: an example, or the names of its subfields."""
-    if names == ("segments",):
-        return "must be a list of segments, each after a '-'"
+    if names in (("segments",), ("payloads",)):
+        return f"must be a list of {names[0]}, each after a '-'"
     if names[-1:] == ("tendons",):
         names = (*names, "ring")
     part = _PARTS.get(names)

@@ -40,6 +40,7 @@ _DISK_DENSITY: Final = (20.0, 25_000.0)  # of the full disk; holes and cut-outs 
 _MAX_UNSTATED_CLAMP: Final = 0.02
 _MAX_E: Final = 1.3e12  # Pa: diamond
 _MAX_GRAVITY: Final = 30.0  # m/s^2: a little more than on Jupiter
+_MAX_SAG: Final = 5.0  # deflection of the tip over the length, by the weight of a payload
 
 
 def implausible(robot: RobotArrays) -> Iterator[str]:
@@ -111,7 +112,27 @@ def implausible(robot: RobotArrays) -> Iterator[str]:
         yield (
             f"gravity = {rounded(size, 4)} m/s^2 in size: more than on any planet; is it in mm/s^2?"
         )
+    yield from _implausible_payloads(robot)
     yield from _buckling(robot)
+
+
+def _implausible_payloads(robot: RobotArrays) -> Iterator[str]:
+    softest = float(robot.bending_stiffness.min())
+    for i, payload in enumerate(robot.payloads):
+        away = math.hypot(*payload.centre)
+        if away > robot.length:
+            yield (
+                f"payloads[{i}].centre is {number_with_unit(away, 'm')} from its disk, farther "
+                f"than the robot is long, {number_with_unit(robot.length, 'm')}; is the unit right "
+                "(mm, m)?"
+            )
+        sag = payload.mass * _STANDARD_GRAVITY * robot.length**2 / (3.0 * softest)
+        if sag > _MAX_SAG:
+            yield (
+                f"payloads[{i}].mass = {number_with_unit(payload.mass, 'kg')}: by linear theory "
+                f"its weight moves the tip by {rounded(sag)} lengths of the robot; is the unit "
+                "right (g, kg)?"
+            )
 
 
 def _size(backbone: Backbone) -> str:
@@ -124,7 +145,7 @@ def _size(backbone: Backbone) -> str:
 def _weight(robot: RobotArrays) -> float:
     """Weight of disks and backbone in N under standard gravity, not that of the file."""
     lengths = np.array([s.length for s in robot.segments])
-    mass = robot.disks.mass_kg.sum() + robot.carried_kg.sum() + robot.mass_per_length @ lengths
+    mass = robot.disks.mass_kg.sum() + robot.mass_per_length @ lengths
     return float(mass) * _STANDARD_GRAVITY
 
 
@@ -241,10 +262,12 @@ def _buckling(robot: RobotArrays) -> Iterator[str]:
         k = int(np.argmin(robot.bending_stiffness))
         s = robot.segments[k]
         mass = float(disks.mass_kg[disks.segment == k][0])
+        payload = float(robot.carried_kg.sum())
+        carried = f", payloads of {number_with_unit(payload, 'kg')}" if payload else ""
         yield (
             f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}: the upright "
             f"backbone buckles under its own weight, {rounded(ratio)} times what it can carry; "
             "check the unit of E (MPa, GPa), "
             f"{_size(s.backbone)}, "
-            f"disks.mass = {number_with_unit(mass, 'kg')} and the sign of gravity"
+            f"disks.mass = {number_with_unit(mass, 'kg')}{carried} and the sign of gravity"
         )

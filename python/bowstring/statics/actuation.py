@@ -323,12 +323,7 @@ def _on_disks(history: Mapping[str, Any], name: str) -> Floats:
 def _points(history: Mapping[str, Any]) -> Floats:
     """Numbers (P, 11) of the point loads: earlier versions have none."""
     loads = history.get("point_loads") or []
-    rows = [
-        PointLoad(
-            item["disk"] - 1, item["force_N"], item["moment_Nm"], item["point_m"], item["follower"]
-        ).numbers()
-        for item in loads
-    ]
+    rows = [PointLoad.of_dict(item).numbers() for item in loads]
     return np.array(rows, dtype=float).reshape(-1, 11)
 
 

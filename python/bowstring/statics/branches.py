@@ -598,7 +598,6 @@ def _differences(start: Load, load: Load, factor: float) -> tuple[str, ...]:
         ("gravity", "m/s^2", "of gravity"),
         ("disk_forces", "N", "in all on the disks"),
         ("disk_moments", "N m", "of moment in all on the disks"),
-        ("line_forces", "N/m", "in all along the backbone"),
     ):
         a, b = (getattr(of, name) for of in (start, load))
         first, last = (np.zeros(3) if v is None else np.asarray(v) for v in (a, b))
@@ -606,19 +605,34 @@ def _differences(start: Load, load: Load, factor: float) -> tuple[str, ...]:
         if size > 0:
             word = "more" if ends[1] >= ends[0] else "less"
             out.append(f"{factor * size:.4g} {unit} {words} {word}")
-    size = _size_of_points(start, load)
+    lines = [np.zeros(3) if v is None else v for v in (start.line_forces, load.line_forces)]
+    size, *ends = (np.linalg.norm(v, axis=-1).max() for v in (lines[1] - lines[0], *lines))
     if size > 0:
-        out.append(f"{factor * size:.4g} N in all on the points of disks")
+        word = "more" if ends[1] >= ends[0] else "less"
+        out.append(f"{factor * size:.4g} N/m along the backbone {word}")
+    tables = _same_rows(start.point_loads, load.point_loads)
+    apart = [tables[1] - tables[0], *tables]
+    for columns, unit, words in (
+        (slice(4, 7), "N", "in all on points of disks"),
+        (slice(7, 10), "N m", "of moment in all on points of disks"),
+    ):
+        size, *ends = (float(np.linalg.norm(v[:, columns], axis=1).sum()) for v in apart)
+        if size > 0:
+            word = "more" if ends[1] >= ends[0] else "less"
+            out.append(f"{factor * size:.4g} {unit} {words} {word}")
     return tuple(out)
 
 
-def _size_of_points(start: Load, load: Load) -> float:
-    """Sum of the differences of the forces of point loads in N."""
-    tables = [load.point_loads, start.point_loads]
-    a, b = (np.zeros((0, 11)) if table is None else table for table in tables)
-    if a.shape == b.shape:
-        return float(np.linalg.norm((a - b)[:, 4:7], axis=1).sum())
-    return float(np.linalg.norm(np.concatenate([a, b])[:, 4:7], axis=1).sum())
+def _same_rows(first: Floats | None, last: Floats | None) -> tuple[Floats, Floats]:
+    """Numbers of point loads (P, 11) at both ends: those at one end only are zero at the other."""
+    a, b = (np.zeros((0, 11)) if table is None else table for table in (first, last))
+    places = np.ones(11, dtype=bool)
+    places[4:10] = False
+    if a.shape == b.shape and (a[:, places] == b[:, places]).all():
+        return a, b
+    none_a, none_b = a.copy(), b.copy()
+    none_a[:, 4:10] = none_b[:, 4:10] = 0.0
+    return np.concatenate([a, none_b]), np.concatenate([none_a, b])
 
 
 def _words(kind: str) -> str:

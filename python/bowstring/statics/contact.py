@@ -20,7 +20,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
-from bowstring.statics.load import ON_DISKS, Load, as_load, with_arrays
+from bowstring.statics.load import ON_DISKS, Load, as_load, points_have_potential, with_arrays
 from bowstring.statics.model import as_model
 from bowstring.statics.plane import Plane
 from bowstring.statics.solution import Solution
@@ -215,9 +215,9 @@ def solve_contact(
         The plane, with its friction.
     previous : ContactSolution, optional
         Contact under the previous load, whose path is continued. By default the path begins in the
-        home pose. The load increases in proportion from there. With friction the tip sticks where
-        it first touches, then sticks or slides; with friction the home pose must not be beyond the
-        plane.
+        home pose under gravity, and the other loads increase in proportion from there. With
+        friction the tip sticks where it first touches, then sticks or slides; that pose must not be
+        beyond the plane then.
 
     Returns
     -------
@@ -317,6 +317,8 @@ def _rows(robot: Robot, load: Load) -> list[Load]:
         if given is None:
             continue
         array = validation.read(name, given, "numbers")
+        if name == "line_forces" and array.shape == (3,):
+            array = np.tile(array, (robot.core.disk_count, 1))
         once = 2 if name in ON_DISKS else 1
         if array.ndim == once:
             array = np.broadcast_to(array, (count, *array.shape))
@@ -325,7 +327,11 @@ def _rows(robot: Robot, load: Load) -> list[Load]:
                 f"{name} has shape {array.shape}, it must have {count} rows, as others"
             )
         values[name] = array
-    return [Load(**{name: array[k] for name, array in values.items()}) for k in range(count)]
+    points = load.point_loads
+    return [
+        Load(point_loads=points, **{name: array[k] for name, array in values.items()})
+        for k in range(count)
+    ]
 
 
 def _solve(
@@ -415,15 +421,21 @@ class _Problem:
         dead = _dead(robot, load)
         if before is None:
             begin = np.where(self.by_displacement, 0.0, robot.tendons.pretension_N)
-            self.dead = ({name: 0.0 * value for name, value in dead.items()}, dead)
+            self.dead = (_unloaded(dead), dead)
         else:
             displacements = before.displacements()
             assert previous is not None and displacements is not None
             begin = np.where(self.by_displacement, displacements, before.tensions)
             last = _dead(robot, before.load)
             last["tip_force"] = last["tip_force"] - previous.force
-            for name, value in {**last, **dead}.items():  # loads on disks may be in one only
-                dead.setdefault(name, np.zeros_like(value))
+            points = [each.get("point_loads") for each in (last, dead)]
+            if all(each is not None for each in points) and not _same_points(*points):
+                raise InputError(
+                    "point_loads must act on the same disks and points as under the previous load, "
+                    "in the same order; give one that does not act a force of zero"
+                )
+            for name, value in _unloaded({**last, **dead}).items():  # may be in one only
+                dead.setdefault(name, value)
                 last.setdefault(name, np.zeros_like(value))
             self.dead = (last, dead)
         self.commands = (begin, end)
@@ -740,7 +752,8 @@ class _Problem:
         has_moment = bool(core.tip_moment.any()) or bool(
             core.disk_moments is not None and core.disk_moments.any()
         )
-        proves = separated or (self.friction == 0 and core.stable and not has_moment)
+        has_potential = not has_moment and points_have_potential(core.point_loads)
+        proves = separated or (self.friction == 0 and core.stable and has_potential)
         return ContactSolution(
             plane=self.plane,
             status="converged",
@@ -795,6 +808,22 @@ def _sliding(
     return best
 
 
+def _same_points(a: Any, b: Any) -> bool:
+    places = np.ones(11, dtype=bool)
+    places[4:10] = False
+    return a.shape == b.shape and bool((a[:, places] == b[:, places]).all())
+
+
+def _unloaded(dead: dict[str, Floats]) -> dict[str, Floats]:
+    """Return the gravity, and the other loads with the size zero, on the same points."""
+    none = {name: np.zeros_like(value) for name, value in dead.items()}
+    none["gravity"] = dead["gravity"]
+    if "point_loads" in dead:
+        none["point_loads"] = dead["point_loads"].copy()
+        none["point_loads"][:, 4:10] = 0.0
+    return none
+
+
 def _dead(robot: Robot, load: Load) -> dict[str, Floats]:
     """Dead loads as arrays: gravity, tip force and moment, and those on disks if given."""
     load = with_arrays(load)
@@ -806,8 +835,13 @@ def _dead(robot: Robot, load: Load) -> dict[str, Floats]:
         else:
             found[name] = validation.numbers(name, value, (3,), unit)
     count = robot.core.disk_count
+    if load.point_loads is not None:
+        found["point_loads"] = load.point_loads.copy()
+        found["point_loads"][:, 0] %= count  # below zero they count from the tip
     for name, unit in ON_DISKS.items():
         value = getattr(load, name)
+        if name == "line_forces" and value is not None and value.shape == (3,):
+            value = np.tile(value, (count, 1))
         if value is not None:
             found[name] = validation.numbers(name, value, (count, 3), unit)
     return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, NamedTuple
 
@@ -79,6 +79,10 @@ class PointLoad:
             object.__setattr__(self, name, tuple(numbers.tolist()))
         truth("follower", self.follower)
 
+    def on(self, disks: int) -> PointLoad:
+        """Return the load with the index of its disk from the base, on a robot of so many."""
+        return replace(self, disk=self.disk + disks) if -disks <= self.disk < 0 else self
+
     def numbers(self, force: Any = None, moment: Any = None) -> list[float]:
         """Disk, point, force, moment, and 1 for a follower; force and moment may be replaced."""
         force = self.force if force is None else force
@@ -93,14 +97,20 @@ class PointLoad:
         return cls(int(disk), force, moment, point, bool(follower))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for a file, SI; the disk counts from 1."""
+        """Plain values for a file, SI; the disk counts from 1, or is None for the tip."""
         return {
-            "disk": self.disk + 1,
+            "disk": None if self.disk == -1 else self.disk + 1,
             "point_m": list(self.point),
             "force_N": _plain(self.force),
             "moment_Nm": _plain(self.moment),
             "follower": self.follower,
         }
+
+    @classmethod
+    def of_dict(cls, item: Mapping[str, Any]) -> PointLoad:
+        """Make a point load of the plain values of `to_dict`."""
+        disk = -1 if item["disk"] is None else item["disk"] - 1
+        return cls(disk, item["force_N"], item["moment_Nm"], item["point_m"], item["follower"])
 
 
 def _depends_on_time(value: object) -> bool:
@@ -138,11 +148,13 @@ class Load:
         Dead loads on the N disks from base to tip in base axes, N and N m. The last disk is the
         tip, and its row adds to the load there. A force acts at the centre of its disk. None if
         left out.
-    point_loads : sequence of PointLoad, optional
+    point_loads : PointLoad or sequence of PointLoad, optional
         Loads beside the centres of disks, and loads that turn with their disks (followers).
     line_forces : array_like (3,) or (N, 3), optional
         Dead force per length of backbone in base axes, N/m: on all of it, or on each of the N parts
         that end at a disk. None if left out.
+    base : bowstring.BaseMotion, optional
+        Motion of the base, for `bowstring.simulate` only; it does not move if left out.
 
     Notes
     -----
@@ -178,6 +190,12 @@ class Load:
     disk_moments: Any = None
     point_loads: Any = None
     line_forces: Any = None
+    base: Any = None
+
+    def __post_init__(self) -> None:
+        given = self.point_loads
+        if given is not None and not isinstance(given, np.ndarray):
+            object.__setattr__(self, "point_loads", point_loads(given))
 
     @property
     def is_tension_controlled(self) -> bool:
@@ -247,6 +265,8 @@ def with_arrays(load: Load, rows: str = "") -> Load:
 
     `rows` is a shape beside (N, 3) for messages.
     """
+    if load.base is not None:
+        raise InputError("load has a motion of the base, which only bowstring.simulate takes")
     given = {name: getattr(load, name) for name in ON_DISKS}
     arrays = {
         name: read(name, value, f"numbers of shape {disk_shape(name, rows=rows)}")
@@ -277,6 +297,8 @@ class InstantLoad(NamedTuple):
     """Numbers of all point loads, one after the other (11 P,); empty if there are none."""
     line_forces: Floats
     """Components before all disks (3 N,); empty if there are none."""
+    base: Floats
+    """Accelerations of the base (9,); empty where it does not move."""
 
     @property
     def dead(self) -> Load:

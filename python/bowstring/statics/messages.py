@@ -46,6 +46,14 @@ def discretisation(
     return f" Discretisation error: the {what} ({elements} per module).{cure}"
 
 
+def _without_potential(found: Any, short: bool = False) -> str:
+    """Load without a potential of a solution of the core."""
+    moments = [getattr(found, name, None) for name in ("tip_moment", "disk_moments")]
+    if any(v is not None and np.any(v) for v in moments) or found.point_loads is None:
+        return "a dead moment" if short else "a dead moment, which keeps its direction,"
+    return "a follower load" if short else "a follower load, which turns with its disk,"
+
+
 def of_tensions(found: Any, advice: str = "") -> str:
     """Message on a solve by tensions, with advice if it failed.
 
@@ -63,14 +71,15 @@ def of_tensions(found: Any, advice: str = "") -> str:
                 )
             if stable is False:
                 return (
-                    "An equilibrium, but not a stable one: a dead moment, which keeps its "
-                    "direction, leads to it from a stable one, and small motions about it grow."
+                    f"An equilibrium, but not a stable one: {_without_potential(found)} leads to "
+                    "it from a stable one, and small motions about it grow."
                 )
             if stable is None:
                 return (
-                    "An equilibrium; whether it is stable is not known: a dead moment has no "
-                    "potential and lets small oscillations grow unless they are damped by more "
-                    "than 1 %, or there are too few elements to decide."
+                    f"An equilibrium; whether it is stable is not known: "
+                    f"{_without_potential(found, short=True)} has no potential and lets small "
+                    "oscillations grow unless they are damped by more than 1 %, or there are too "
+                    "few elements to decide."
                 )
             return "A stable equilibrium."
         case "no_equilibrium":

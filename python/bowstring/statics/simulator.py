@@ -84,7 +84,8 @@ def at_rest(
     load = with_arrays(load)
     names = ("disk_forces", "disk_moments", "point_loads", "line_forces")
     disks = [() if (v := getattr(load, name)) is None else np.ravel(v) for name in names]
-    start = InstantLoad(*(np.asarray(row, dtype=float) for row in (load.tensions, *tip, *disks)))
+    given = (load.tensions, *tip, *disks, ())
+    start = InstantLoad(*(np.asarray(row, dtype=float) for row in given))
     if path is None:
         status = simulator.rest(start)
     else:

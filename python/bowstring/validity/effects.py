@@ -19,6 +19,7 @@ __all__ = ["EFFECTS", "Rods", "acting", "without"]
 EFFECTS: Final = {
     "straight_spans": "tendons straight between the disks",
     "clamps": "clamped lengths at the disks",
+    "hole_planes": "entry and exit planes of the holes",
     "shear_extension": "shear and extension",
     "torsion": "torsion",
     "gravity": "gravity",
@@ -56,6 +57,7 @@ def acting(rods: Rods) -> list[str]:
         # a continuous tendon has no displacement control
         "straight_spans": rods.model.tendon_path == "straight" and not rods.by_displacement,
         "clamps": bool(np.any(rods.designs.arrays.disks.clamped_length_m)),
+        "hole_planes": bool(np.any(rods.designs.arrays.disks.hole_length_m)),
         "shear_extension": rods.model.theory == "cosserat",
         "torsion": rods.model.twist,
         "gravity": bool(np.any(gravity)),
@@ -87,7 +89,8 @@ def without(rods: Rods, effect: str) -> Rods:
         return replace(rods, designs=_without(rods.designs, "tendons", {"friction": 0.0}))
     if effect == "tendon_stretch":
         return replace(rods, designs=_without(rods.designs, "tendons", _INEXTENSIBLE))
-    return replace(rods, designs=_without(rods.designs, "disks", {"clamped_length": 0.0}))
+    field = "hole_length" if effect == "hole_planes" else "clamped_length"
+    return replace(rods, designs=_without(rods.designs, "disks", {field: 0.0}))
 
 
 def _without(designs: Designs, part: str, fields: Mapping[str, float | None]) -> Designs:

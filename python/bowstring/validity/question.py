@@ -188,7 +188,8 @@ def space_of(
         raise InputError("load has an actuation; of a map it is that of loading and of the axes")
     if load.tip_moment is not None:
         raise InputError("load has a tip moment; a map takes gravity and tip force only")
-    others = (load.disk_forces, load.disk_moments, load.point_loads, load.line_forces)
+    on_disks = (load.disk_forces, load.disk_moments, load.point_loads)
+    others = (*on_disks, load.line_forces, load.base)
     if any(value is not None for value in others):
         raise InputError("load has loads on disks; a map takes gravity and tip force only")
     check_dead_loads(robot, paths, load)

@@ -8,7 +8,7 @@ pub use super::settings::{Count, Damping, Integrator, Step, Stop};
 use crate::dispatch;
 use crate::math::linalg::Vec3;
 use crate::model::error::{Argument, InputError, Rule};
-use crate::model::load::{Load, Model};
+use crate::model::load::{BaseMotion, Load, Model};
 use crate::model::robot::Robot;
 use crate::motion::Moving;
 pub use crate::motion::{DiskFields, Energies, Fields, SectionFields, TendonFields};
@@ -123,12 +123,13 @@ impl Simulator {
         &self.robot
     }
 
-    /// Starts again at time zero, at rest in the equilibrium of a load; the load's gravity is not
-    /// used. Only a converged outcome can be simulated from, and only if the robot with lumped mass
+    /// Starts again at time zero, at rest in the equilibrium of a load; the load's gravity and
+    /// motion of the base are not used. Only a converged outcome can be simulated from, and only if the robot with lumped mass
     /// has a stable rest near it: see [`Simulator::is_ready`].
     pub fn rest(&mut self, load: &Load) -> Result<Outcome, InputError> {
         let load = Load {
             gravity: self.settings.gravity,
+            base: BaseMotion::default(),
             ..*load
         };
         let mut solver = Solver::new(&self.robot, self.model, self.elements)?;

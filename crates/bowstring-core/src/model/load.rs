@@ -83,7 +83,29 @@ impl PointLoad {
     }
 }
 
-/// Dead loads in the base frame and the tension of each tendon; SI units.
+/// Motion of the base of a robot in motion, in axes of the base that move with it; SI units.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BaseMotion {
+    /// Acceleration of the origin (m/s^2).
+    pub acceleration: [f64; 3],
+    /// Angular velocity (rad/s).
+    pub angular_velocity: [f64; 3],
+    /// Angular acceleration (rad/s^2).
+    pub angular_acceleration: [f64; 3],
+}
+
+impl BaseMotion {
+    fn parts(&self) -> [[f64; 3]; 3] {
+        [
+            self.acceleration,
+            self.angular_velocity,
+            self.angular_acceleration,
+        ]
+    }
+}
+
+/// Loads of the robot, in the base frame unless they are followers, and the tension of each tendon;
+/// SI units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load<'a> {
     /// Tensions (N), one for each tendon, none negative.
@@ -102,6 +124,8 @@ pub struct Load<'a> {
     pub point_loads: &'a [PointLoad],
     /// Forces per length on the backbone (N/m) before each disk; empty if there are none.
     pub line_forces: &'a [[f64; 3]],
+    /// Motion of the base, used in motion only.
+    pub base: BaseMotion,
 }
 
 /// A [`Load`] that owns its tensions and the loads on its disks.
@@ -123,6 +147,8 @@ pub struct OwnedLoad {
     pub point_loads: Vec<PointLoad>,
     /// Forces per length on the backbone (N/m) before each disk; empty if there are none.
     pub line_forces: Vec<[f64; 3]>,
+    /// Motion of the base, used in motion only.
+    pub base: BaseMotion,
 }
 
 /// Linear interpolation; the end is met exactly.
@@ -191,6 +217,7 @@ impl OwnedLoad {
         }
         self.point_loads.clear();
         self.point_loads.extend_from_slice(load.point_loads);
+        self.base = load.base;
     }
 
     /// Borrows it as a [`Load`].
@@ -204,6 +231,7 @@ impl OwnedLoad {
             disk_moments: &self.disk_moments,
             point_loads: &self.point_loads,
             line_forces: &self.line_forces,
+            base: self.base,
         }
     }
 
@@ -224,6 +252,15 @@ impl OwnedLoad {
     fn mix_wrenches(&mut self, from: &Self, to: &Load, share: f64) {
         self.tip_force = mix_vectors(from.tip_force, to.tip_force, share);
         self.tip_moment = mix_vectors(from.tip_moment, to.tip_moment, share);
+        let mixed = |a: [f64; 3], b: [f64; 3]| mix_vectors(a, b, share);
+        self.base = BaseMotion {
+            acceleration: mixed(from.base.acceleration, to.base.acceleration),
+            angular_velocity: mixed(from.base.angular_velocity, to.base.angular_velocity),
+            angular_acceleration: mixed(
+                from.base.angular_acceleration,
+                to.base.angular_acceleration,
+            ),
+        };
         let Self {
             disk_forces,
             disk_moments,
@@ -353,12 +390,18 @@ impl Load<'_> {
                 InputError::check_finite(argument, k, row)?;
             }
         }
+        for part in self.base.parts() {
+            InputError::check_finite(Argument::BaseMotion, None, &part)?;
+        }
         for (i, load) in self.point_loads.iter().enumerate() {
             if load.disk >= disks {
+                let which = match load.disk {
+                    usize::MAX => "a disk before the base".to_string(),
+                    disk => format!("disk {}", disk + 1),
+                };
                 return Err(InputError::other(format!(
-                    "point load {} acts on disk {}, and the robot has {disks} disks",
-                    i + 1,
-                    load.disk.saturating_add(1)
+                    "point load {} acts on {which}, and the robot has {disks} disks",
+                    i + 1
                 )));
             }
             for v in [&load.point, &load.force, &load.moment] {

@@ -81,9 +81,21 @@ impl<T: Real, const A: usize> Kinematics<T, A> {
         }
     }
 
+    /// Position and velocity of a module's mass where forces balance.
+    #[inline(always)]
+    pub fn at_balance(&self, scheme: &Scheme, k: usize) -> (Nodal<T, A>, Nodal<T, A>) {
+        let moved = self.moved(k);
+        let place = moved.combined(scheme.af, &self.position[k], 1.0);
+        let by_change = scheme.am * scheme.rate_by_change();
+        (
+            place,
+            moved.combined(by_change, &self.rate[k], scheme.memory()),
+        )
+    }
+
     /// Displacement of a module's mass in this step.
     #[inline(always)]
-    fn moved(&self, k: usize) -> Nodal<T, A> {
+    pub fn moved(&self, k: usize) -> Nodal<T, A> {
         self.next_position[k].minus(&self.position[k])
     }
 

@@ -169,7 +169,8 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
                 let tendon_work = self.work_of_tendons();
                 // that of forces on disks is in `step`
                 let tip_work = Vec3(load.tip_force).dot(self.tip_displacement());
-                let work_on_disks = self.work_on_disks();
+                let work_on_disks =
+                    self.work_on_disks() + self.residual.work_of_base(&self.body, &self.kinematics);
                 let before = self.energies.now;
                 self.energies = EnergyBalance {
                     now: before,
@@ -260,9 +261,13 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
         let rod = &mut self.body.rod;
         rod.set_tensions(|i| L::Chain::splat(load.tensions[i]));
         rod.set_attached(load);
+        if !rod.attached.has_forces() {
+            self.residual.point_force.fill(Vec3::zero());
+        }
         self.residual.tip_force = Vec3::splat(load.tip_force);
         self.residual.load_disks(load.disk_forces);
         self.residual.load_lines(load.line_forces, &self.body.rod);
+        self.residual.move_base(&load.base);
     }
 
     fn set_disk_force(&mut self, disk: usize, force: Vec3) {

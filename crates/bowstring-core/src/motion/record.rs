@@ -244,7 +244,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         }
     }
 
-    /// Weight and inertial force of a module's backbone per length, in the frame of its start
+    /// Weight, inertial and given force of a module's backbone per length, in the frame of its start
     /// (N/m).
     #[inline(always)]
     fn load_by_length(
@@ -258,10 +258,12 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             load += self.residual.last_force[k * A + a];
             mass += self.body.mass.points[k * A + a];
         }
-        if mass == 0.0 {
-            return Vec3::zero();
+        let share = if mass > 0.0 { 1.0 / mass } else { 0.0 };
+        load = load * (mass_per_length * L::Chain::splat(share));
+        if let Some(line) = self.residual.line_forces.get(k) {
+            load += Vec3::splat(*line);
         }
-        frame.tr_mul(load) * (mass_per_length * L::Chain::splat(1.0 / mass))
+        frame.tr_mul(load)
     }
 
     #[inline(always)]

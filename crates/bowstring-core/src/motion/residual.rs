@@ -4,11 +4,12 @@
 
 use super::body::Body;
 use super::kinematics::Kinematics;
-use super::mass::{wide, wide_mat};
+use super::mass::{wide, wide_mat, Nodal};
+use super::scheme::Scheme;
 use super::strain::StrainHistory;
-use crate::math::linalg::Vec3;
+use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::model::load::TendonPath;
+use crate::model::load::{BaseMotion, TendonPath};
 use crate::rod::chain::{get, get_mat, in_group, put, Rod};
 use crate::rod::module::share;
 
@@ -17,11 +18,17 @@ pub(super) struct Residual<L: Layout, const A: usize> {
     /// Inertial and gravity forces on points (N), and moments on disks (N m).
     pub force: Vec<Vec3<L::Chain>>,
     pub moment: Vec<Vec3<L::Chain>>,
-    /// Forces on points at the end of the step before (N).
+    /// Forces on points at the end of the step before, without forces per length (N).
     pub last_force: Vec<Vec3<L::Chain>>,
     pub gravity: Vec3<L::Chain>,
+    /// Motion of the base; `None` where it does not move.
+    base: Option<BaseMotion>,
+    /// Acceleration of all mass by the motion of the base, where forces balance; empty without it.
+    by_base: Vec<Nodal<L::Chain, A>>,
     /// Forces per length on the backbone, lumped into points (N); empty if there are none.
     pub lines: Vec<Vec3<L::Chain>>,
+    /// The same before each disk (N/m).
+    pub line_forces: Vec<[f64; 3]>,
     /// Dead forces on the disks (N): those of the load and those held.
     pub disk_force: Vec<Vec3<L::Chain>>,
     /// The two parts; that of the load is empty if there is none.
@@ -53,13 +60,24 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             moment: vec![Vec3::zero(); modules],
             last_force: vec![Vec3::zero(); modules * A],
             gravity: Vec3::splat(gravity),
+            base: None,
+            by_base: vec![],
             lines: vec![],
+            line_forces: vec![],
             disk_force: vec![Vec3::zero(); modules],
             loaded: vec![],
             held: vec![[0.0; 3]; modules],
             tip_force: Vec3::zero(),
             point_force: vec![Vec3::zero(); modules],
             modules: vec![none; modules.div_ceil(L::WIDTH)],
+        }
+    }
+
+    /// Keeps the forces of the finished step.
+    pub fn keep_forces(&mut self) {
+        self.last_force.copy_from_slice(&self.force);
+        for (kept, line) in self.last_force.iter_mut().zip(&self.lines) {
+            *kept -= *line;
         }
     }
 
@@ -75,9 +93,11 @@ impl<L: Layout, const A: usize> Residual<L, A> {
     /// Lumps forces per length on the backbone before each disk by Simpson's rule, as its mass.
     pub fn load_lines(&mut self, lines: &[[f64; 3]], rod: &Rod<L, A>) {
         self.lines.clear();
+        self.line_forces.clear();
         if lines.is_empty() {
             return;
         }
+        self.line_forces.extend_from_slice(lines);
         self.lines.resize(self.force.len(), Vec3::zero());
         for (k, line) in lines.iter().enumerate() {
             let (c, line) = (&rod.fixed.modules[k], Vec3::splat(*line));
@@ -109,12 +129,58 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         self.disk_force[k] = Vec3::splat(loaded) + Vec3::splat(self.held[k]);
     }
 
+    /// Sets the motion of the base.
+    pub fn move_base(&mut self, base: &BaseMotion) {
+        self.base = (*base != BaseMotion::default()).then_some(*base);
+        let count = self.base.map_or(0, |_| self.moment.len());
+        self.by_base.resize(count, Nodal::zero());
+    }
+
+    /// Work of the inertial forces by the motion of the base in this step (J).
+    #[inline(always)]
+    pub fn work_of_base(&self, body: &Body<L, A>, motion: &Kinematics<L::Chain, A>) -> f64 {
+        let mut work = L::Chain::zero();
+        for (k, by_base) in self.by_base.iter().enumerate() {
+            work -= body.mass.product(k, by_base, &motion.moved(k));
+        }
+        work.lane(0)
+    }
+
+    /// Acceleration of a module's mass by the motion of the base: by that of its origin `a`, and with
+    /// the angular velocity `w` and acceleration of the base `a + w' x y + w x (w x y) + 2 w x y'`;
+    /// directors turn about the origin.
+    #[cold]
+    fn set_acceleration_by_base(
+        &mut self,
+        base: &BaseMotion,
+        scheme: &Scheme,
+        motion: &Kinematics<L::Chain, A>,
+        k: usize,
+    ) {
+        let [rate, spin] = [base.angular_velocity, base.angular_acceleration].map(Vec3::splat);
+        let (place, velocity) = motion.at_balance(scheme, k);
+        let turned = |y: Vec3<L::Chain>, v: Vec3<L::Chain>| {
+            spin.cross(y) + rate.cross(rate.cross(y) + v * L::Chain::splat(2.0))
+        };
+        let out = &mut self.by_base[k];
+        for a in 0..A {
+            let by_turn = turned(place.points[a], velocity.points[a]);
+            out.points[a] = by_turn + Vec3::splat(base.acceleration);
+        }
+        let directors = [0, 1, 2].map(|q| turned(place.frame.column(q), velocity.frame.column(q)));
+        out.frame = Mat3(directors.map(|column| column.0)).transpose();
+    }
+
     /// Computes gravity and inertial forces of all mass.
     #[inline(always)]
     pub fn set_inertial(&mut self, body: &Body<L, A>, motion: &Kinematics<L::Chain, A>) {
         let splat = L::Chain::splat;
         for k in 0..self.moment.len() {
-            let acceleration = motion.balance_acceleration(&body.scheme, k);
+            let mut acceleration = motion.balance_acceleration(&body.scheme, k);
+            if let Some(base) = self.base {
+                self.set_acceleration_by_base(&base, &body.scheme, motion, k);
+                acceleration = acceleration.combined(1.0, &self.by_base[k], 1.0);
+            }
             for a in 0..A {
                 let m = splat(body.mass.points[k * A + a]);
                 self.force[k * A + a] = (self.gravity - acceleration.points[a]) * m;

@@ -235,7 +235,6 @@ impl<L: Layout, const A: usize> Motion<L, A> {
 
     #[inline(always)]
     pub(super) fn keep_forces(&mut self) {
-        let residual = &mut self.residual;
-        residual.last_force.copy_from_slice(&residual.force);
+        self.residual.keep_forces();
     }
 }

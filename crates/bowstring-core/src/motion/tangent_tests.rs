@@ -194,6 +194,7 @@ fn loads() -> Vec<(&'static str, Robot, Load<'static>)> {
                     DEAD_MOMENT_AT_POINT,
                 ],
                 line_forces: &LINE_FORCES,
+                ..none
             },
         ),
         (

@@ -50,8 +50,8 @@ pub(crate) struct Routes<M> {
     /// Holes by groups of modules and tendons; beyond an end disk they do not count.
     holes: Vec<Holes<M>>,
     pub end_disks: Vec<usize>,
-    /// Lengths of the tendons in the holes of their disks (m), by robots.
-    in_holes: Vec<Vec<f64>>,
+    /// Lengths of the tendons in the holes of their disks (m), by robots and tendons.
+    in_holes: Vec<f64>,
 }
 
 impl<M: Real> Routes<M> {
@@ -81,9 +81,10 @@ impl<M: Real> Routes<M> {
     #[inline(always)]
     pub fn length_in_holes<T: Real>(&self, tendon: usize, path: TendonPath) -> T {
         match path {
-            TendonPath::Straight => {
-                T::from_fn(|lane| self.in_holes[lane.min(self.in_holes.len() - 1)][tendon])
-            }
+            TendonPath::Straight => T::from_fn(|lane| {
+                let last = self.in_holes.len() / self.len() - 1;
+                self.in_holes[lane.min(last) * self.len() + tendon]
+            }),
             TendonPath::Continuous => T::zero(),
         }
     }
@@ -95,13 +96,11 @@ impl<M: Real> Routes<M> {
         let (n, tendons) = (first.module_count(), &first.spec().tendons);
         self.end_disks.clear();
         self.end_disks.extend(tendons.iter().map(|t| t.end_disk));
-        let in_holes = |robot: &Robot| {
-            (0..tendons.len())
-                .map(|i| robot.length_in_holes(i))
-                .collect()
-        };
         self.in_holes.clear();
-        self.in_holes.extend(robots.iter().map(in_holes));
+        for robot in robots {
+            let lengths = (0..tendons.len()).map(|i| robot.length_in_holes(i));
+            self.in_holes.extend(lengths);
+        }
         let at = |lane: usize, k: usize, i: usize, end: usize, q: usize| {
             let robot = &robots[lane.min(robots.len() - 1)];
             robot.spec().tendons[i].hole(k + end)[q]

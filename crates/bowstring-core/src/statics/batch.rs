@@ -71,6 +71,7 @@ impl<'a> Loads<'a> {
             disk_moments: on_disks(self.disk_moments),
             point_loads: self.point_loads,
             line_forces: self.line_forces,
+            ..Load::default()
         }
     }
 

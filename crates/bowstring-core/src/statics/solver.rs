@@ -296,6 +296,7 @@ impl Solver {
             rest.set(load);
             rest.scale(1.0, 0.0);
             let rest = self.solve_from_straight(&rest.borrow());
+            self.load.set(load);
             outcome.iterations += rest.iterations;
             if rest.status == Status::Converged {
                 continued = self.continuation(load, false, outcome);

@@ -6,7 +6,7 @@ mod random;
 
 use bowstring_core::math::linalg::{Mat3, Vec3};
 use bowstring_core::model::load::{Load, Model, TendonPath, Theory};
-use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Section, Tendon};
+use bowstring_core::model::robot::{Disk, Payload, Profile, Robot, RobotSpec, Section, Tendon};
 use bowstring_core::statics::solver::{Pose, Solver, Status};
 pub use random::Draw;
 
@@ -157,6 +157,32 @@ impl Case {
         self
     }
 
+    /// The same robot with payloads on some of its disks, and with thick holes.
+    pub fn laden(mut self, draw: &mut Draw) -> Self {
+        let n = self.spec.disks.len();
+        let mut station = 0.0;
+        for disk in &mut self.spec.disks {
+            disk.hole_length = draw.within(0.0, 0.4) * (disk.station - station);
+            station = disk.station;
+        }
+        let shortest = (self.spec.disks.windows(2))
+            .map(|pair| pair[1].station - pair[0].station)
+            .fold(self.spec.disks[0].station, f64::min);
+        for disk in &mut self.spec.disks {
+            disk.hole_length = disk.hole_length.min(0.8 * shortest);
+        }
+        for _ in 0..2 {
+            let disk = (draw.within(0.0, n as f64) as usize).min(n - 1);
+            self.spec.payloads.push(Payload {
+                disk,
+                mass: draw.within(0.0, 0.5) * self.spec.disks[disk].mass,
+                centre: (draw.direction() * draw.within(0.0, 0.1 * station)).0,
+                inertia: [0.0; 3],
+            });
+        }
+        self
+    }
+
     pub fn model(&self) -> Model {
         Model {
             theory: self.theory,
@@ -211,9 +237,15 @@ impl Case {
         let poses: Vec<_> = std::iter::once(base)
             .chain((0..spec.disks.len()).map(|k| solver.disk(k).unwrap()))
             .collect();
-        let hole = |t: &Tendon, k: usize| {
+        // entry (-1) or exit (1) of the hole of a disk, counted from 1; the base has a point
+        let hole = |t: &Tendon, k: usize, side: f64| {
             let [x, y] = t.hole(k);
-            poses[k].rotation * Vec3([x, y, 0.0])
+            let length = if k == 0 {
+                0.0
+            } else {
+                spec.disks[k - 1].hole_length
+            };
+            poses[k].rotation * Vec3([x, y, side * 0.5 * length])
         };
         // internal force and moment of the backbone beyond the disk, about the disk
         let (mut force, mut moment) = (self.tip_force, self.tip_moment);
@@ -222,22 +254,30 @@ impl Case {
             let (start, end) = (poses[k], poses[k + 1]);
             let disk = spec.disks[k];
             force += gravity * disk.mass;
+            for payload in spec.payloads.iter().filter(|p| p.disk == k) {
+                let weight = gravity * payload.mass;
+                force += weight;
+                moment += (end.rotation * Vec3(payload.centre)).cross(weight);
+            }
             for (t, tension) in spec.tendons.iter().zip(&self.tensions) {
                 if *tension == 0.0 {
                     continue; // its direction may be lost in rounding
                 }
-                let arm = hole(t, k + 1);
                 let unit = |v: Vec3| v * (1.0 / v.norm());
-                let mut pull = Vec3([0.0; 3]);
                 if t.end_disk >= k {
-                    pull -= unit(end.position + arm - start.position - hole(t, k)) * *tension;
+                    let arm = hole(t, k + 1, -1.0);
+                    let span = end.position + arm - start.position - hole(t, k, 1.0);
+                    let pull = unit(span) * -*tension;
+                    force += pull;
+                    moment += arm.cross(pull);
                 }
                 if t.end_disk > k {
-                    let next = poses[k + 2].position + hole(t, k + 2);
-                    pull += unit(next - end.position - arm) * *tension;
+                    let arm = hole(t, k + 1, 1.0);
+                    let next = poses[k + 2].position + hole(t, k + 2, -1.0);
+                    let pull = unit(next - end.position - arm) * *tension;
+                    force += pull;
+                    moment += arm.cross(pull);
                 }
-                force += pull;
-                moment += arm.cross(pull);
             }
             let before = if k == 0 {
                 (0.0, 0.0)

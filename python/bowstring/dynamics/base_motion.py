@@ -1,0 +1,171 @@
+"""Motion of the base of a simulated robot: poses over time, and the accelerations of its frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring.display import short_repr
+from bowstring.errors import InputError
+from bowstring.validation import numbers, read
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+    from scipy.spatial.transform import RotationSpline
+
+__all__ = ["BaseHistory", "BaseMotion"]
+
+Floats = NDArray[np.float64]
+
+_SPACING: Final = 5e-3  # s between two times from which the core interpolates linearly
+_LARGEST_TURN: Final = 3.0  # rad between two poses, below the half turn that splines allow
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class BaseMotion:
+    """Poses of the base over time, joined by smooth curves, for `bowstring.simulate`.
+
+    Positions are joined by a cubic spline and rotations by one of rotations, each with continuous
+    acceleration. World axes are those of the base where its rotation is zero; gravity of robot and
+    load is in world axes. The robot starts at rest relative to the base.
+
+    Parameters
+    ----------
+    times : array_like (K,)
+        Increasing times in s, at least two, from 0 to the end of the run or beyond.
+    positions : array_like (K, 3), optional
+        Positions of the base's origin in world axes, m; it does not move if left out.
+    rotations : array_like (K, 3), optional
+        Rotation vectors, base to world, rad; it does not turn if left out.
+
+    Raises
+    ------
+    InputError
+        If an array does not fit, times do not increase, or the base turns by more than 3 rad
+        between two times.
+
+    Examples
+    --------
+    A base that is moved by 50 mm to the side in half a second:
+
+    >>> import numpy as np
+    >>> import bowstring as bs
+    >>> times = np.linspace(0, 1, 21)
+    >>> way = np.clip(times / 0.5, 0, 1)
+    >>> shift = 0.05 * way**3 * (10 - 15 * way + 6 * way**2)
+    >>> base = bs.BaseMotion(times, np.outer(shift, [1, 0, 0]))
+    >>> robot = bs.load_robot("amouri2019")
+    >>> run = bs.simulate(robot, [40, 0, 0], 1.0, load=bs.Load(base=base))
+    >>> run.status
+    'converged'
+    """
+
+    times: ArrayLike
+    positions: ArrayLike | None = None
+    rotations: ArrayLike | None = None
+    _place: CubicSpline | None = field(init=False, repr=False)
+    _turn: RotationSpline | None = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        from scipy.interpolate import CubicSpline
+        from scipy.spatial.transform import Rotation, RotationSpline
+
+        times = read("times", self.times, "increasing times (K,) in s")
+        if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all():
+            raise InputError(f"times has shape {times.shape}, it must be (K,), two or more, in s")
+        if times[0] != 0.0 or (np.diff(times) <= 0.0).any():
+            raise InputError("times must begin at 0 s and increase")
+        object.__setattr__(self, "times", times)
+        place = turn = None
+        if self.positions is not None:
+            positions = numbers("positions", self.positions, (len(times), 3), "m")
+            object.__setattr__(self, "positions", positions)
+            place = CubicSpline(times, positions)
+        if self.rotations is not None:
+            rotations = numbers("rotations", self.rotations, (len(times), 3), "rad")
+            object.__setattr__(self, "rotations", rotations)
+            each = Rotation.from_rotvec(rotations)
+            steps = (each[:-1].inv() * each[1:]).magnitude()
+            if steps.max() > _LARGEST_TURN:
+                k = int(steps.argmax())
+                raise InputError(
+                    f"the base turns by {steps[k]:.3g} rad from {times[k]:g} to {times[k + 1]:g} "
+                    f"s; give poses that are at most {_LARGEST_TURN:g} rad apart"
+                )
+            turn = RotationSpline(times, each)
+        object.__setattr__(self, "_place", place)
+        object.__setattr__(self, "_turn", turn)
+
+    def accelerations(self, times: ArrayLike, gravity: ArrayLike) -> Floats:
+        """Compute the accelerations of the base's frame, in axes of the base.
+
+        Parameters
+        ----------
+        times : array_like (n,)
+            Times in s.
+        gravity : array_like (3,)
+            Gravity in world axes, m/s^2.
+
+        Returns
+        -------
+        ndarray (n, 9)
+            Acceleration of the origin in m/s^2, with the change of gravity in axes of the base;
+            angular velocity in rad/s and angular acceleration in rad/s^2.
+        """
+        at = np.asarray(times, dtype=float)
+        weight = np.asarray(gravity, dtype=float)
+        out = np.zeros((len(at), 9))
+        moved = np.zeros((len(at), 3)) if self._place is None else self._place(at, 2)
+        if self._turn is None:
+            out[:, :3] = moved
+            return out
+        out[:, :3] = self._turn(at).inv().apply(moved - weight) + weight
+        out[:, 3:6] = self._turn(at, 1)
+        out[:, 6:] = self._turn(at, 2)
+        return out
+
+    @property
+    def duration(self) -> float:
+        """Last time in s."""
+        return float(np.asarray(self.times)[-1])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for a file."""
+
+        def plain(values: ArrayLike | None) -> Any:
+            return None if values is None else np.asarray(values).tolist()
+
+        return {
+            "times_s": plain(self.times),
+            "positions_m": plain(self.positions),
+            "rotations_rad": plain(self.rotations),
+        }
+
+
+class BaseHistory:
+    """Accelerations of the base over time, as a load history of 9 columns."""
+
+    is_sampled = False
+
+    def __init__(self, base: BaseMotion, gravity: Floats) -> None:
+        self.base, self.gravity = base, gravity
+
+    def rows(self, times: Floats, *, before: bool = False) -> Floats:
+        return self.base.accelerations(np.minimum(times, self.base.duration), self.gravity)
+
+    def at(self, time: float, *, before: bool = False) -> Floats:
+        return np.asarray(self.rows(np.array([time]))[0])
+
+    def knots(self) -> set[float]:
+        count = int(np.ceil(self.base.duration / _SPACING))
+        return set(np.linspace(0.0, self.base.duration, count + 1).tolist())
+
+    def jumps(self) -> set[float]:
+        return set()
+
+    def to_dict(self) -> Any:
+        return self.base.to_dict()
