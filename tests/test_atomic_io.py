@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from bowstring import atomic_io
@@ -267,3 +269,41 @@ def test_the_exchange_is_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(os, "rename", never)
     write_whole(tmp_path / "study", "study", lambda new: (new / "later").touch())
     assert os.listdir(tmp_path / "study") == ["later"]
+
+
+def test_a_netcdf_that_does_not_fit_is_one_sentence(tmp_path: Path) -> None:
+    """The library raises a RuntimeError; a limit of the size of files stands for a full drive."""
+    resource = pytest.importorskip("resource")
+    netcdf = pytest.importorskip("netCDF4")
+    hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+
+    def fill(new: Path) -> None:
+        file = new / "a.nc" if new.is_dir() else new
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
+        try:
+            with netcdf.Dataset(file, "w") as data:
+                data.createDimension("x", 10_000)
+                data.createVariable("v", "f8", ("x",))[:] = np.zeros(10_000)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+
+    for write, name in ((write_whole_file, "a.nc"), (write_whole, "folder")):
+        with pytest.raises(InputError, match=r"cannot write the map to .*NetCDF: .*room on the"):
+            write(tmp_path / name, "map", fill)
+    assert not os.listdir(tmp_path)
+
+    def other(new: Path) -> None:
+        raise RuntimeError("a bug")
+
+    with pytest.raises(RuntimeError, match="a bug"):
+        write_whole_file(tmp_path / "a.nc", "map", other)
+
+
+def test_a_netcdf_on_a_full_drive_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fill(new: Path) -> None:
+        raise RuntimeError("NetCDF: HDF error")
+
+    free = shutil.disk_usage(tmp_path)._replace(free=0)
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: free)
+    with pytest.raises(InputError, match="the drive is full; make room"):
+        write_whole_file(tmp_path / "a.nc", "map", fill)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import errno
 import os
 import re
 import shutil
@@ -45,6 +46,7 @@ __all__ = [
 _LETTERS: Final = 50  # letters of a name that begin the name of its hidden folder
 _HIDDEN: Final = re.compile(r"\..*-[0-9a-f]{12}\.bowstring", re.DOTALL)
 _OLD: Final = "old"  # subfolder of a hidden folder with the former content
+_FULL: Final = 100_000  # free bytes below which a drive counts as full
 _WINDOW: Final = 65536  # bytes at either end of a file that are searched for its mark
 
 
@@ -378,7 +380,8 @@ def write_whole_file(
         with folder_beside(file) as work:
             new = work / f"new{file.suffix if len(file.suffix) < 10 else ''}"
             new.touch()
-            fill(new)
+            with _netcdf_errors(new):
+                fill(new)
             check()
             os.replace(new, file)
     except OSError as error:
@@ -415,12 +418,31 @@ def write_whole(
         with folder_beside(folder) as work:
             new = work / "new"
             new.mkdir()
-            fill(new)
+            with _netcdf_errors(new):
+                fill(new)
             check()
             _move_in(new, folder, work)
     except OSError as error:
         why = error.strerror or error
         raise InputError(f"cannot write the {what} to {folder}: {why}") from None
+
+
+@contextlib.contextmanager
+def _netcdf_errors(new: Path) -> Iterator[None]:
+    """Context manager that makes an OSError of what the NetCDF library raises at a failed write.
+
+    The library does not pass on the error of the system: on a full drive it says "HDF error".
+    """
+    try:
+        yield
+    except RuntimeError as error:
+        if not str(error).startswith("NetCDF: "):
+            raise
+        why = f"{error}; is there room on the drive?"
+        with contextlib.suppress(OSError):
+            if shutil.disk_usage(new.parent).free < _FULL:
+                why = "the drive is full; make room"
+        raise OSError(errno.EIO, why) from None
 
 
 def _move_in(new: Path, folder: Path, work: Path) -> None:
