@@ -297,6 +297,7 @@ def test_a_dataset_has_labels_and_units() -> None:
         ("young=20:30 GPa", "did you mean E"),
         ("gravity.w=0:1", r"did you mean gravity\.z"),
         ("E=20:50", 'write "20:50 GPa" if that is meant'),
+        ("E=20:inf GPa", 'got "inf GPa", which is not a number'),
         ("E=-5:5 GPa", "got -5 GPa; must lie between"),
         ("tendons.count=3:5", "keeps the number of tendons"),
     ],
@@ -304,6 +305,17 @@ def test_a_dataset_has_labels_and_units() -> None:
 def test_bad_axes_are_refused(text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         axes_of(ROBOT, [text])
+
+
+def test_the_name_of_a_robot_is_no_robot() -> None:
+    for make in (
+        lambda: validity_map("amouri2019"),  # type: ignore[arg-type]
+        lambda: bs.validity_grid("amouri2019", ["E=1:2 GPa"]),  # type: ignore[arg-type]
+        lambda: bs.workspace_map("amouri2019", 1.0),  # type: ignore[arg-type]
+        lambda: bs.validity_spread("amouri2019", {}),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(InputError, match="robot is 'amouri2019', it must be a Robot"):
+            make()
 
 
 def test_the_same_number_twice_is_refused() -> None:

@@ -204,8 +204,9 @@ def read_axis(text: str, robot: Robot) -> Axis:
     path, _ = _place(name, robot)
     si, usual = Axis(path, 1.0, 2.0).units
     start, stop = parts[:2]
-    if has_no_unit(start) and not has_no_unit(stop):
-        start += f" {re.sub(f'^{NUMBER}', '', stop).strip()}"
+    number = re.match(NUMBER, stop)
+    if has_no_unit(start) and number and not has_no_unit(stop):
+        start += f" {stop[number.end() :].strip()}"
     ends = []
     for item in (start, stop):
         try:

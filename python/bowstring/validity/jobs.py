@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bowstring.blocks import Coordinate, Job, Variable
 from bowstring.display import short_repr
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot
+from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.load import Load
 from bowstring.validity.axes import Axis, axes_of
 from bowstring.validity.errors import LABELS
@@ -102,6 +102,7 @@ def map_job(
     >>> map_job(bs.load_robot("amouri2019"), axes).points
     81
     """
+    check_robot(robot)
     axes = axes_of(robot, over)
     if not axes:
         raise InputError("over has no axis; a job has one or more")

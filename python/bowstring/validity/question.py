@@ -132,6 +132,7 @@ def read_axes(
     InputError
         If an axis is wrong.
     """
+    check_robot(robot)
     if over is None:
         top = end_of_ramp(robot, loading)
         over = [f"tension=0:{top:g} N:41"]
