@@ -165,6 +165,37 @@ def test_a_scheduler_that_goes_away(expected: dict[str, bytes], tmp_path: Path) 
     assert said.startswith(f"cannot connect to the Dask scheduler {address}: ")
 
 
+def test_the_command_says_one_sentence_when_the_scheduler_goes_away(tmp_path: Path) -> None:
+    code = (
+        "from distributed import LocalCluster as C\n"
+        "if __name__ == '__main__':\n"
+        "    c = C(n_workers=1, processes=False, protocol='tcp://', dashboard_address=':0')\n"
+        "    print(c.scheduler_address, flush=True)\n"
+        "    input()\n"
+    )
+    folder = tmp_path / "blocks"
+    axes = ("--over", "E=20:50 GPa:400", "--over", "nu=0:0.4:400")
+    more = ("--store", str(folder), "--out", str(tmp_path / "map.nc"))
+    start = [sys.executable, "-m", "bowstring", "map", "amouri2019", *axes, *more, "--dask"]
+    with subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        address = process.stdout.readline().strip()
+        with subprocess.Popen([*start, address], stderr=subprocess.PIPE, text=True) as command:
+            while not list(folder.glob("blocks/*.nc")) and command.poll() is None:
+                time.sleep(0.1)
+            process.kill()
+            said = command.communicate(timeout=60)[1]
+    assert command.returncode == 1  # not 2: something was written
+    (line,) = said.splitlines()
+    assert line.startswith("Error: the Dask scheduler ") and "blocks are kept in" in line
+
+
 def content_of(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in (folder / "blocks").iterdir()}
 

@@ -6,7 +6,16 @@ folder reads them or writes them as one labelled data set.
 
 from bowstring.blocks.job import Coordinate, Job, Variable
 from bowstring.blocks.running import RunInterrupted, run
-from bowstring.blocks.store import Store
+from bowstring.blocks.store import Store, Unfinished
 from bowstring.blocks.tasks import threads
 
-__all__ = ["Coordinate", "Job", "RunInterrupted", "Store", "Variable", "run", "threads"]
+__all__ = [
+    "Coordinate",
+    "Job",
+    "RunInterrupted",
+    "Store",
+    "Unfinished",
+    "Variable",
+    "run",
+    "threads",
+]

@@ -11,6 +11,7 @@ from bowstring import interrupts
 from bowstring.blocks import tasks
 from bowstring.blocks.job import Job
 from bowstring.blocks.store import Store
+from bowstring.errors import InputError
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -61,7 +62,8 @@ def run(
     ------
     InputError
         Before the work if the folder or the cluster cannot be used or the drive has no room;
-        during it if the drive is full or the cluster is gone. Finished blocks are kept.
+        during it if the drive is full or the cluster is gone. Finished blocks are kept; the error
+        is `Unfinished` if there are some.
     NoSolutionError
         If a block fails; the message names it.
     RunInterrupted
@@ -91,6 +93,8 @@ def run(
             else:
                 tasks.compute(job, missing, cluster, keep)
     except tasks.Failure as failure:
+        if failure.kind is InputError:
+            raise store.stopped(str(failure)) from failure.__cause__
         raise failure.kind(f"{failure}; {store.kept}") from failure.__cause__
     except KeyboardInterrupt:
         interrupts.acknowledge()

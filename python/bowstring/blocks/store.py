@@ -33,12 +33,16 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["Store"]
+__all__ = ["Store", "Unfinished"]
 
 _JOB: Final = "job.json"
 _BLOCK: Final = re.compile(r"block-(\d{6})-[0-9a-f]{16}\.nc")  # number from 1, checksum
 
 Put = Callable[[int, bytes], None]
+
+
+class Unfinished(InputError):
+    """The work stopped after some blocks were kept; the message names them and the reason."""
 
 
 class Store:
@@ -141,6 +145,11 @@ class Store:
         """What the folder holds, as a part of a sentence."""
         count = f"{len(self._files)} of {self.job.blocks} blocks"
         return f"{count} are kept in {self.folder}, and the same job goes on from there"
+
+    def stopped(self, why: str) -> InputError:
+        """Error for work that stops: `Unfinished` if the folder has blocks."""
+        kind = Unfinished if self._files else InputError
+        return kind(f"{why}; {self.kept}")
 
     def read(self, first: int, count: int) -> Arrays:
         """Read the arrays of successive points.
@@ -258,10 +267,9 @@ class Store:
         except OSError as error:
             full = error.errno in (errno.ENOSPC, errno.EDQUOT)
             fault = "the drive is full" if full else error.strerror
+            stopped = self.stopped(f"cannot write {self.job.called(number)}: {fault}")
             advice = "; make room" if full else ""
-            raise InputError(
-                f"cannot write {self.job.called(number)}: {fault}; {self.kept}{advice}"
-            ) from None
+            raise type(stopped)(f"{stopped}{advice}") from None
 
 
 @contextlib.contextmanager

@@ -7,6 +7,7 @@ threads, so that a block uses one thread there.
 
 from __future__ import annotations
 
+import logging
 import queue
 import threading
 import time
@@ -14,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from bowstring.blocks.job import MADE_BY, Job
 from bowstring.errors import BowstringError, InputError, NoSolutionError
@@ -30,6 +31,7 @@ _AHEAD: Final = 2  # blocks in flight per thread of the cluster
 _LARGEST_JOB: Final = 10_000_000  # bytes, sent with each block
 _CONNECT: Final = 10.0  # s to wait for the scheduler
 _LOOK: Final = 1.0  # s between two looks at the cluster
+_LOGGERS: Final = ("distributed", "tornado")  # of Dask and of what it stands on
 _PATIENCE = 300.0  # s without any worker
 
 _task = threading.local()
@@ -55,6 +57,12 @@ def connected(client: str | Client) -> Iterator[Client]:
     if isinstance(client, distributed.Client):
         yield client
         return
+    with _silent():
+        yield from _own(distributed, client)
+
+
+def _own(distributed: Any, client: str) -> Iterator[Client]:
+    """Connect a client of this process' own."""
     if not isinstance(client, str):
         raise InputError.of("client", shown(client), "the address of a Dask scheduler or a Client")
     try:
@@ -69,6 +77,24 @@ def connected(client: str | Client) -> Iterator[Client]:
         yield ours
     finally:
         ours.close(timeout=_CONNECT)
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Context manager without the messages of Dask, whose errors `compute` raises in its words."""
+    loggers = [
+        logging.getLogger(name)
+        for name in list(logging.root.manager.loggerDict)
+        if name.partition(".")[0] in _LOGGERS
+    ]
+    before = [logger.disabled for logger in loggers]
+    for logger in loggers:
+        logger.disabled = True
+    try:
+        yield
+    finally:
+        for logger, disabled in zip(loggers, before, strict=True):
+            logger.disabled = disabled
 
 
 def compute(

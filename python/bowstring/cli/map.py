@@ -23,7 +23,7 @@ from bowstring.cli.options import (
     vector,
 )
 from bowstring.cli.output import Stopped, progress_bar, provenance_of, write, write_json
-from bowstring.errors import InputError
+from bowstring.errors import InputError, NoSolutionError
 
 if TYPE_CHECKING:
     from bowstring.blocks import Job
@@ -239,7 +239,7 @@ def _many(job: Job, out: Path, made: OfRobot, as_json: bool) -> None:
 
 def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.StoredValues:
     """Compute a job, or what is missing of it, and write its data set or figure."""
-    from bowstring.blocks import RunInterrupted, run
+    from bowstring.blocks import RunInterrupted, Unfinished, run
     from bowstring.validity.grids import check_drawn, check_grid_file, read_grid
 
     of_flag("--out", check_grid_file, out)
@@ -253,6 +253,8 @@ def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.St
             written = read_grid(store).save(out) if drawn else store.save(out)
     except RunInterrupted as stopped:
         raise Stopped(f"{stopped}: run the same command again.") from None
+    except Unfinished as stopped:  # not bad input: some blocks were written
+        raise NoSolutionError(str(stopped)) from None
     return {
         "points": job.points,
         "blocks": job.blocks,
