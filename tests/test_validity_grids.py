@@ -199,3 +199,25 @@ def test_slices_do_not_depend_on_the_order_of_the_axes() -> None:
     other = grid.slice(dict(reversed(values.items()))).value["cc_from_force"]
     np.testing.assert_array_equal(one, other)
     grid.figure()
+
+
+def test_an_undefined_error_is_counted_over_three_axes(tmp_path: Path) -> None:
+    """With six disks no arc has the tendon lengths at 400 N."""
+    robot = ROBOT.with_({"segments.0.disks.count": 6})
+    axes = ["tension=200:400 N:2", "E=34:36 GPa:2", "nu=0.2:0.3:2"]
+    grid = validity_grid(robot, axes, tolerance=0.05)
+    without = grid.undefined["cc_from_lengths"]
+    assert without.sum() == 4 and without[1].all() and not grid.undefined[FORCE].any()
+    said = grid.described()
+    assert "from lengths holds to 5 % of length at 4 of 8 points" in said[0]
+    assert "from lengths is not defined at 4 of 8 points: no arc" in said[1]
+    kinds = _kinds(grid, "cc_from_lengths")
+    assert ((kinds.of == len(kinds.colours) - 1) == without).all()
+    words = [text.get_text() for text in grid.figure().legends[0].get_texts()]
+    assert "no stable equilibrium, or constant curvature not defined" in words
+    assert grid.to_dict()["maps"][0]["defined"] == (~without).tolist()
+    store = blocks.run(map_job(robot, axes, tolerance=0.05, block=3), tmp_path / "blocks")
+    assert read_grid(store).described() == said
+    for file in (store.save(tmp_path / "a.nc"), grid.save(tmp_path / "b.nc")):
+        with xr.open_dataset(file) as data:
+            assert (data.cc_from_lengths_defined.values == ~without).all()

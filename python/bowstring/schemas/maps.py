@@ -40,6 +40,18 @@ class MapOfModel(Object):
             "Effect with more than half of the metric at the points of `cause_points`, or empty."
         ),
     ]
+    ranges: Annotated[
+        list[list[float]],
+        about(
+            "Ranges in which the tolerance holds: of a single axis, or of the tension or bend for "
+            "the robot as it is; empty for others.",
+            "`unit`",
+        ),
+    ]
+    defined: Annotated[
+        list[bool] | list[list[bool]],
+        about("Whether the model has an arc at all loads of each point, as `values`."),
+    ]
 
 
 class QuestionValues(Object):
@@ -64,7 +76,15 @@ class MapValues(QuestionValues):
         Any, about("Values of each axis at the points of the causes.", "`unit`")
     ]
     states: Annotated[
-        list[Literal["solved", "two equilibria", "no stable equilibrium", "a tendon is slack"]],
+        list[
+            Literal[
+                "solved",
+                "two equilibria",
+                "no stable equilibrium",
+                "a tendon is slack",
+                "constant curvature not defined",
+            ]
+        ],
         about("State of each point, row by row."),
     ]
     statics_error_percent: Annotated[
@@ -82,6 +102,9 @@ class GridOfModel(Object):
             "Metric in percent of the length (`valid_to`: N), nested lists in the order of the "
             "axes; `null` without a value."
         ),
+    ]
+    defined: Annotated[
+        Any, about("Whether the model has an arc at all loads of each point, as `values`.")
     ]
 
 

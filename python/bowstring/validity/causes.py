@@ -39,8 +39,14 @@ def causes_of(
     """
     best = {name: np.zeros(len(points)) for name in total}
     cause = {name: np.full(len(points), "", dtype="U16") for name in total}
-    for effect, errors in question.space.errors_without(points, question.models).items():
-        rest = question.measure(errors)
+    # a point without any value, such as one without equilibrium, has no cause
+    some = np.flatnonzero(np.any([np.isfinite(value) for value in total.values()], axis=0))
+    if not some.size:
+        return cause
+    for effect, errors in question.space.errors_without(points[some], question.models).items():
+        rest = {name: np.full(len(points), np.nan) for name in total}
+        for name, value in question.measure(errors).items():
+            rest[name][some] = value
         for name in total:
             with np.errstate(divide="ignore", invalid="ignore"):
                 share = (total[name] - rest[name]) / total[name]

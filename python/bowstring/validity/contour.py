@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Line", "Refined", "contours"]
+__all__ = ["Line", "Refined", "contours", "crossings", "holding"]
 
 Floats = NDArray[np.float64]
 Line = NDArray[np.float64]
@@ -30,6 +30,10 @@ class Refined(NamedTuple):
 
 _CELLS: Final = 128  # least number of cells along an axis where a line crosses
 _MOST: Final = 8  # most halvings of a cell
+_SPLIT: Final = 8  # parts of an interval in which a function of one number crosses
+_MOST_SPLITS: Final = 10
+_SHARP: Final = 1e-3  # width of such an interval over its end at which it is not split
+_FINEST: Final = 1e-6  # the same over the range of all points
 _ROUNDS: Final = 200  # most steps along a line at one spacing
 
 
@@ -92,6 +96,91 @@ def contours(
         on_level: Any = contour_generator(x, y, np.ma.masked_invalid(grid)).lines(level)
         lines.append([np.asarray(line) for line in on_level])
     return Refined(x, y, grids, lines)
+
+
+def crossings(
+    x: Floats,
+    values: Sequence[Floats],
+    level: float,
+    evaluate: Callable[[Floats], Sequence[Floats]],
+) -> list[Floats]:
+    """Find where functions of one number cross a level, to 0.1 % of the number.
+
+    Parameters
+    ----------
+    x : ndarray (X,)
+        Points, increasing.
+    values : sequence of ndarray (X,)
+        Values of each function there; NaN where it has none.
+    level : float
+    evaluate : callable
+        Maps points (P,) to the values (P,) of all functions.
+
+    Returns
+    -------
+    list of ndarray (n,)
+        Crossings of each function, increasing.
+    """
+    # ends, and their values, of the intervals of each function in which it crosses
+    found = [_brackets(x, np.asarray(one, dtype=float), level) for one in values]
+    finest = _FINEST * float(x[-1] - x[0])
+    for _ in range(_MOST_SPLITS):
+        wide = [
+            b[:, 1] - b[:, 0] > np.maximum(_SHARP * np.abs(b[:, :2]).max(1), finest) for b in found
+        ]
+        ends = np.concatenate([b[w, :2] for b, w in zip(found, wide, strict=True)])
+        if not len(ends):
+            break
+        inner = np.linspace(ends[:, 0], ends[:, 1], _SPLIT + 1, axis=1)
+        new = evaluate(inner[:, 1:-1].ravel())
+        first = 0
+        for i, (one, some) in enumerate(zip(found, wide, strict=True)):
+            last = first + int(some.sum())
+            parts = [one[~some]]
+            rows = np.asarray(new[i]).reshape(len(ends), -1)[first:last]
+            for old, places, row in zip(one[some], inner[first:last], rows, strict=True):
+                part = _brackets(places, np.array([old[2], *row, old[3]]), level)
+                parts.append(part if len(part) else old[None])
+            found[i], first = np.concatenate(parts), last
+    return [
+        np.sort(b[:, 0] + (level - b[:, 2]) / (b[:, 3] - b[:, 2]) * (b[:, 1] - b[:, 0]))
+        for b in found
+    ]
+
+
+def holding(x: Floats, values: Floats, marks: Floats, level: float) -> Floats:
+    """Ranges (n, 2) in which a function of one number is at most a level.
+
+    Parameters
+    ----------
+    x : ndarray (X,)
+        Points, increasing.
+    values : ndarray (X,)
+        Values there; NaN where the function has none.
+    marks : ndarray (n,)
+        Where it crosses the level; without marks a range ends at its last point.
+    level : float
+
+    Returns
+    -------
+    ndarray (n, 2)
+    """
+    inside = np.isfinite(values) & (np.nan_to_num(values) <= level)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    out = []
+    for first, after in edges.reshape(-1, 2).tolist():
+        before = marks[(marks >= x[max(first - 1, 0)]) & (marks <= x[first])]
+        beyond = marks[(marks >= x[after - 1]) & (marks <= x[min(after, len(x) - 1)])]
+        low = before.max() if before.size else x[first]
+        out.append((low, beyond.min() if beyond.size else x[after - 1]))
+    return np.array(out).reshape(-1, 2)
+
+
+def _brackets(x: Floats, values: Floats, level: float) -> Floats:
+    """Intervals (n, 4) between neighbours on both sides of a level: ends, and values there."""
+    above, known = values > level, np.isfinite(values)
+    at = np.flatnonzero((above[1:] != above[:-1]) & known[1:] & known[:-1])
+    return np.stack([x[at], x[at + 1], values[at], values[at + 1]], axis=1)
 
 
 def _crossed(grid: Floats, level: float) -> NDArray[np.bool_]:

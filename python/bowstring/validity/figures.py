@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.formatting import in_percent, listed, significant
+from bowstring.validity.causes import coarse_step
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import INPUTS, LABELS
 from bowstring.validity.maps import STATES, ValidityMap
 from bowstring.validity.question import Metric
+from bowstring.validity.sentences import in_ranges
 from bowstring.viz.style import LIGHT, legend_above, subplots
 
 if TYPE_CHECKING:
@@ -44,11 +46,13 @@ CAUSES: Final = {
     "torsion": "green",
     "gravity": "red",
     "tip_force": "purple",
-    "friction": "sky",
+    "friction": "yellow",
     "tendon_stretch": "blue",  # by displacement, where straight spans have no entry
 }
 HATCHES: Final = ((1, "...."), (2, "////"), (3, "\\\\"))
-"""Indices in `STATES`, and their hatches."""
+"""Indices in `STATES`, and their hatches; that without an arc is of each model."""
+UNDEFINED: Final = "xxxx"
+"""Hatch of a region where a model has no arc."""
 SHADE: Final = 0.35
 _LEVELS: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # share of length
 _LINES: Final = ("blue", "red", "green", "purple", "amber")
@@ -57,6 +61,7 @@ _BINS: Final = 40
 _MOST_CROSSINGS: Final = 4  # of a curve in its legend
 _END: Final = "holds to the end"  # keys of areas beside those of the causes
 _NONE: Final = "no value"
+_NO_ARC: Final = "no arc"
 
 
 def draw(found: ValidityMap) -> Figure:
@@ -129,6 +134,9 @@ def _curves(found: ValidityMap) -> Figure:
     for _, own in _marked(found):
         panel.axvline(own, ls=":", label="this robot", **ink)
     _shade_states(panel, found, x)
+    for (name, undefined), colour in zip(found.undefined.items(), _LINES, strict=False):
+        label = f"{LABELS[name]}: not defined"
+        _shade(panel, x, undefined, UNDEFINED, LIGHT[colour], label)
     panel.set_xlim(x.min(), x.max())
     panel.set_xlabel(found.label(0))
     legend_above(panel, 1)
@@ -140,6 +148,8 @@ def _crossings(found: ValidityMap, name: str) -> str:
     """Where a curve crosses the tolerance, for its legend: there it covers no other curve."""
     axis = found.axes[0]
     marks = sorted(line[0, 0] / axis.factor for line in found.contour[name])
+    if axis.is_whole and len(found.ranges.get(name, [])):
+        return f": {in_percent(found.tolerance)} {in_ranges(axis, found.ranges[name])}"
     if not marks:
         return ""
     unit = f" {axis.units[1]}" if axis.units[1] else ""
@@ -149,18 +159,25 @@ def _crossings(found: ValidityMap, name: str) -> str:
 
 
 def _shade_states(panel: Axes, found: ValidityMap, x: Floats) -> None:
-    half = 0.5 * np.abs(np.diff(x)).mean()
     for state, hatch in HATCHES:
-        for i, at in enumerate(x[found.state == state]):
-            panel.axvspan(
-                at - half,
-                at + half,
-                facecolor="none",
-                edgecolor=LIGHT["muted"],
-                hatch=hatch,
-                lw=0.0,
-                label=STATES[state] if i == 0 else None,
-            )
+        _shade(panel, x, found.state == state, hatch, LIGHT["muted"], STATES[state])
+
+
+def _shade(
+    panel: Axes, x: Floats, where: NDArray[np.bool_], hatch: str, colour: str, label: str
+) -> None:
+    """Hatch a curve around some of its points."""
+    half = 0.5 * np.abs(np.diff(x)).mean()
+    for i, at in enumerate(x[where]):
+        panel.axvspan(
+            at - half,
+            at + half,
+            facecolor="none",
+            edgecolor=colour,
+            hatch=hatch,
+            lw=0.0,
+            label=label if i == 0 else None,
+        )
 
 
 # -- two axes ----------------------------------------------------------------------------------
@@ -197,7 +214,11 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
     if _END in present:
         handles.append(Patch(**white, label=_end_label(found)))
     if _NONE in present:
-        handles.append(Patch(fc=LIGHT["grid"], label="no arc or no equilibrium"))
+        handles.append(Patch(fc=LIGHT["grid"], label="no limit: no arc or no equilibrium"))
+    if _NO_ARC in present:
+        look: Any = {"fc": LIGHT["grid"], "ec": LIGHT["muted"], "hatch": UNDEFINED, "lw": 0.0}
+        label = STATES[4] + (" beyond its limit" if found.metric == "valid_to" else "")
+        handles.append(Patch(**look, label=label))
     for key, colour in CAUSES.items():
         if key in present:
             label = f"mainly {EFFECTS[key]}"
@@ -239,7 +260,8 @@ def _limits(panel: Axes, found: ValidityMap, name: str) -> set[str]:
         x, y, below, cmap="viridis", vmin=0.0, vmax=found.max_tension, **options
     )
     panel.figure.colorbar(shade, ax=panel, label=_limit_label(found))
-    areas = {_END: ends, _NONE: np.isnan(value)}
+    _hatch(panel, x, y, np.where(found.undefined[name], 1.0, 0.0), UNDEFINED)
+    areas = {_END: ends, _NONE: np.isnan(value), _NO_ARC: found.undefined[name]}
     return {key for key, where in areas.items() if where.any()}
 
 
@@ -249,14 +271,26 @@ def _errors(panel: Axes, found: ValidityMap, name: str) -> set[str]:
 
     fine = np.ma.masked_invalid(found.fine[name])
     x, y = (values / axis.factor for values, axis in zip(found.fine_axes, found.axes, strict=True))
-    cause = _nearest(found, found.cause[name], x, y)
+    cause = _nearest(found, name, x, y)
     outside = fine.filled(0.0) > found.tolerance
     present = {str(key) for key in np.unique(cause[outside])}
+    missing = np.isnan(found.fine[name])
+    no_arc = _without_arc(found, name, x, y) if missing.any() else missing
+    for where, hatch, face in (
+        (no_arc, UNDEFINED, LIGHT["grid"]),
+        (missing & ~no_arc, HATCHES[1][1], "none"),
+    ):
+        if where.any():  # to its neighbours with a value, so that nothing between them is white
+            fill = panel.contourf(x, y, np.where(where, 1.0, 0.0), levels=[1e-3, 1.5], colors=face)
+            fill.set_hatch(hatch)
+            fill.set_edgecolor(LIGHT["muted"])
+            fill.set_linewidth(0.0)
+    present |= {_NO_ARC} if no_arc.any() else set()
     if outside.any():
         # up to the line at the tolerance, which runs between the points
         top = max(float(fine.max()), 1.01 * found.tolerance)
         above = panel.contourf(x, y, fine, levels=[found.tolerance, top], colors="none")
-        for key in present:
+        for key in present - {_NO_ARC}:
             colour = to_rgba(LIGHT[CAUSES[key]], SHADE) if key else LIGHT["grid"]
             here = np.where(cause == key, 1.0, 0.0)
             part = panel.contourf(x, y, here, levels=[0.5, 1.5], colors=[colour])
@@ -281,11 +315,7 @@ def _finish(panel: Axes, found: ValidityMap) -> None:
     bright = [withStroke(linewidth=2.0, foreground="white", alpha=0.7)]  # also on dark colours
     x, y = (axis.values / axis.factor for axis in found.axes)
     for state, hatch in HATCHES:
-        where = np.where(found.state == state, 1.0, 0.0)
-        if where.any():
-            drawn = panel.contourf(x, y, where, levels=[0.5, 1.5], colors="none", hatches=[hatch])
-            drawn.set_edgecolor(LIGHT["muted"])
-            drawn.set_linewidth(0.0)
+        _hatch(panel, x, y, np.where(found.state == state, 1.0, 0.0), hatch)
     for i, own in _marked(found):
         mark = panel.axvline if i == 0 else panel.axhline
         mark(own, color=LIGHT["ink"], lw=0.8, ls="--", path_effects=bright)
@@ -295,6 +325,35 @@ def _finish(panel: Axes, found: ValidityMap) -> None:
         if one.is_whole:
             axis.set_major_locator(MaxNLocator(integer=True))
     panel.grid(False)
+
+
+def _hatch(panel: Axes, x: Floats, y: Floats, where: Floats, hatch: str) -> None:
+    """Hatch the region around the points of a grid that have 1."""
+    if where.any():
+        drawn = panel.contourf(x, y, where, levels=[0.5, 1.5], colors="none", hatches=[hatch])
+        drawn.set_edgecolor(LIGHT["muted"])
+        drawn.set_linewidth(0.0)
+
+
+def _without_arc(found: ValidityMap, name: str, x: Floats, y: Floats) -> NDArray[np.bool_]:
+    """Points of the refined grid where a model has no arc, not those without equilibrium.
+
+    The refined grid has no states: its points without a value have that of the nearest point of
+    the map without a value.
+    """
+    from scipy.spatial import cKDTree
+
+    spans = [abs(axis.stop - axis.start) / axis.factor for axis in found.axes]
+    own = [axis.values / axis.factor for axis in found.axes]
+    missing, without = np.isnan(found.value[name]), np.isnan(found.fine[name])
+    out = without.copy()
+    if missing.any():
+        rows, columns = np.nonzero(missing)
+        known = np.stack([own[0][columns] / spans[0], own[1][rows] / spans[1]], axis=1)
+        at, up = np.nonzero(without)[::-1]
+        nearest = cKDTree(known).query(np.stack([x[at] / spans[0], y[up] / spans[1]], axis=1))[1]
+        out[up, at] = found.undefined[name][rows, columns][nearest]
+    return np.asarray(out)
 
 
 def _marked(found: ValidityMap) -> list[tuple[int, float]]:
@@ -307,14 +366,23 @@ def _marked(found: ValidityMap) -> list[tuple[int, float]]:
     return out
 
 
-def _nearest(found: ValidityMap, cause: NDArray[np.str_], x: Floats, y: Floats) -> NDArray[np.str_]:
-    """Causes at the points of a grid, from the nearest of those computed."""
-    known = (found.cause_points[0][0], found.cause_points[1][:, 0])
-    columns, rows = (
-        np.abs(new[:, None] * axis.factor - places[None, :]).argmin(axis=1)
-        for new, axis, places in zip((x, y), found.axes, known, strict=True)
+def _nearest(found: ValidityMap, name: str, x: Floats, y: Floats) -> NDArray[np.str_]:
+    """Causes at the points of a grid, from the nearest of those computed that have an error."""
+    from scipy.spatial import cKDTree
+
+    spans = [abs(axis.stop - axis.start) for axis in found.axes]
+    places = np.stack(
+        [v / span for v, span in zip(found.cause_points, spans, strict=True)], axis=-1
     )
-    return np.asarray(cause[np.ix_(rows, columns)])
+    step = coarse_step(found.shape, 2)
+    known = np.isfinite(found.value[name][::step, ::step])
+    if not known.any():
+        return np.full((len(y), len(x)), "")
+    here = np.meshgrid(
+        *(v * axis.factor / span for v, axis, span in zip((x, y), found.axes, spans, strict=True))
+    )
+    nearest = cKDTree(places[known]).query(np.stack(here, axis=-1))[1]
+    return np.asarray(found.cause[name][known][nearest])
 
 
 # -- uncertain numbers ---------------------------------------------------------------------------

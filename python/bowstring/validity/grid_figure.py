@@ -51,7 +51,7 @@ class _Kinds(NamedTuple):
 
     of: NDArray[np.int64]
     """Kind of each point of the map; -1 where the tolerance holds, `len(colours) - 1` without a
-    stable equilibrium at all loads, or without an arc."""
+    stable equilibrium at all loads, or where constant curvature is not defined."""
     colours: list[Any]
     """Colour of each kind."""
     causes: list[str]
@@ -128,9 +128,9 @@ def _line_handles(found: ValidityGrid) -> list[Line2D | Patch]:
     if any(_own(found, axis) is not None for axis in found.axes):
         label = "this robot"
         out.append(Line2D([], [], color=LIGHT["ink"], lw=0.8, ls="--", label=label))
-    no_arc = any(np.isnan(value[found.solved]).any() for value in found.value.values())
+    no_arc = any(undefined.any() for undefined in found.undefined.values())
     if no_arc or not found.solved.all():
-        label = f"{STATES[2]}, or no arc" if no_arc else STATES[2]
+        label = f"{STATES[2]}, or {STATES[4]}" if no_arc else STATES[2]
         out.append(Patch(fc="none", ec=LIGHT["muted"], hatch="////", lw=0.0, label=label))
     return out
 
@@ -191,7 +191,7 @@ def _kinds(found: ValidityGrid, name: str) -> _Kinds:
         of = np.full(value.shape, -1)
         for kind, key in enumerate(causes):
             of[(value > found.tolerance) & (effect == key)] = kind
-    of[~(np.isfinite(value) & found.solved)] = len(colours)
+    of[~(np.isfinite(value) & found.solved) | found.undefined[name]] = len(colours)
     return _Kinds(of, [*colours, "none"], causes)
 
 

@@ -26,7 +26,13 @@ from bowstring.validity.jobs import Points, map_job
 from bowstring.validity.loading import Loading
 from bowstring.validity.maps import ValidityMap, compute_map
 from bowstring.validity.question import Metric, Question
-from bowstring.validity.sentences import in_causes, limits_in_words
+from bowstring.validity.sentences import (
+    in_causes,
+    limits_in_words,
+    notes_on_limits,
+    notes_on_slack,
+    undefined_in_words,
+)
 from bowstring.validity.space import Space
 from bowstring.viz.style import check_figure_file, write_figure
 
@@ -70,6 +76,8 @@ class ValidityGrid:
     """Metric by model, a dimension for each axis in their order; NaN without a value."""
     solved: NDArray[np.bool_]
     """Whether all loads of a point have a stable equilibrium, with the same dimensions."""
+    undefined: dict[str, NDArray[np.bool_]]
+    """Where a model has no arc at some load that the metric is of, with the same dimensions."""
     cause: dict[str, NDArray[np.str_]]
     """Effect with more than half of the error, by model, on every `step`-th point of each axis;
     empty text where none has. Without entries for the metric ``valid_to``."""
@@ -200,6 +208,10 @@ class ValidityGrid:
         if file.suffix.lower() not in _NUMBERS:
             return write_figure(self.figure, file, "map", 160, check_grid_file)
         flat = {name: value.ravel() for name, value in self.value.items()}
+        for name, undefined in self.undefined.items():
+            flat[f"{name}_defined"] = (~undefined).ravel().astype(np.int8)
+        if self.slack is not None:
+            flat["slack"] = self.slack.ravel().astype(np.int8)
         flat["solved"] = self.solved.ravel().astype(np.int8)
 
         def read(first: int, count: int) -> dict[str, NDArray[Any]]:
@@ -211,24 +223,28 @@ class ValidityGrid:
         """What the map says, in sentences."""
         out = []
         for name, value in self.value.items():
-            known = np.isfinite(value)
-            if not known.any():
-                out.append(f"Constant curvature {LABELS[name]} has no arc anywhere on the map.")
-                continue
             first = f"Constant curvature {LABELS[name]} holds to {in_percent(self.tolerance, 3)}"
-            if self.metric == "valid_to":
-                limits = limits_in_words(value, self.space.max_tension)
+            undefined = self.undefined[name]
+            if self.metric == "valid_to" and np.isfinite(value).any():
+                limits = limits_in_words(self.question, value)
                 out.append(f"{first} of length up to {limits}.")
-                continue
-            inside = int((known & (value <= self.tolerance)).sum())
-            words = f"{first} of length at {inside} of {value.size} points"
-            causes = in_causes(value, self.cause[name], self.step, self.tolerance)
-            out.append(f"{words}{causes}.")
+            elif self.metric == "valid_to":
+                out.append(f"Constant curvature {LABELS[name]} has no validity limit on the map.")
+            else:
+                inside = self.solved & (value <= self.tolerance)  # false without a value
+                words = f"{first} of length at {int(inside.sum())} of {value.size} points"
+                causes = in_causes(value, self.cause[name], self.step, self.tolerance)
+                out.append(f"{words}{causes}.")
+            if undefined.any():
+                out.append(undefined_in_words(name, undefined))
+        if self.metric == "valid_to":
+            out += notes_on_limits(self.question, self.value)
         missing = int((~self.solved).sum())
         if missing:
             out.append(f"{missing} of {self.solved.size} points: no stable equilibrium.")
         if self.slack is not None and self.slack.any():
             out.append(f"{int(self.slack.sum())} of {self.slack.size} points: a tendon is slack.")
+            out += notes_on_slack(self.question, self.slack)
         return out
 
     def to_dict(self) -> schema.GridValues:
@@ -237,7 +253,11 @@ class ValidityGrid:
         return {
             **self.question.to_dict(),
             "maps": [
-                {"name": name, "values": (scale * value).tolist()}
+                {
+                    "name": name,
+                    "values": (scale * value).tolist(),
+                    "defined": (~self.undefined[name]).tolist(),
+                }
                 for name, value in self.value.items()
             ],
             "solved": self.solved.tolist(),
@@ -432,4 +452,6 @@ def _grid(job: Job, flat: Mapping[str, NDArray[Any]]) -> ValidityGrid:
         cause = {name: effects.reshape(part.shape) for name, effects in found.items()}
     step = coarse_step(shape, len(shape))
     slack = flat["slack"].reshape(shape) == 1 if "slack" in flat else None
-    return ValidityGrid(job, value, flat["solved"].reshape(shape) == 1, cause, step, slack)
+    undefined = {name: flat[f"{name}_defined"].reshape(shape) == 0 for name in asked.models}
+    solved = flat["solved"].reshape(shape) == 1
+    return ValidityGrid(job, value, solved, undefined, cause, step, slack)

@@ -44,6 +44,8 @@ class Points:
         points = np.stack([v[place] for v, place in zip(values, places, strict=True)], axis=1)
         errors = self.question.errors(points)
         out: dict[str, NDArray[Any]] = {**self.question.measure(errors)}
+        for name, is_defined in self.question.defined(errors).items():
+            out[f"{name}_defined"] = is_defined.astype(np.int8)
         out["solved"] = np.asarray(errors.converged.all(axis=1), dtype=np.int8)
         if space.by_displacement:
             out["slack"] = errors.slack.astype(np.int8)
@@ -85,7 +87,8 @@ def map_job(
     Returns
     -------
     Job
-        Its variables are the metric by model, ``solved``, 1 where all loads have a stable
+        Its variables are the metric by model, ``NAME_defined``, 1 where a model has an arc at all
+        loads that the metric is of, ``solved``, 1 where all loads have a stable
         equilibrium, and with an axis bend ``slack``, 1 where a tendon is slack at that bend; its
         axes are ``axis_1`` and so on, in SI.
 
@@ -118,6 +121,12 @@ def map_job(
             **{
                 name: Variable(
                     unit, f"{METRICS[question.metric]}: constant curvature {LABELS[name]}"
+                )
+                for name in question.models
+            },
+            **{
+                f"{name}_defined": Variable(
+                    "1", f"1 where constant curvature {LABELS[name]} has an arc", dtype="int8"
                 )
                 for name in question.models
             },

@@ -16,9 +16,10 @@ from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
 from bowstring.validation import instance
-from bowstring.validity.axes import Axis
+from bowstring.validity.axes import RAMPS, Axis
 from bowstring.validity.causes import causes_of, coarser
-from bowstring.validity.contour import Line, Refined, contours
+from bowstring.validity.contour import Line, Refined, contours, crossings, holding
+from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
 from bowstring.validity.question import METRICS, Metric, Question, read_axes, space_of
 from bowstring.validity.space import Errors, Space
@@ -43,10 +44,16 @@ Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 
-STATES: Final = ("solved", "two equilibria", "no stable equilibrium", "a tendon is slack")
+STATES: Final = (
+    "solved",
+    "two equilibria",
+    "no stable equilibrium",
+    "a tendon is slack",
+    "constant curvature not defined",
+)
 """States of a point: solved; another stable equilibrium exists at the end of the ramp, so that the
 robot may snap through; some load of the ramp has no stable equilibrium; a tendon under displacement
-control is slack at the end of the ramp."""
+control is slack at the end of the ramp; some model has no arc, so that its error is not defined."""
 
 MOST_SOLVES: Final = 100_000_000
 """Most equilibria of one map in memory."""
@@ -66,6 +73,11 @@ class ValidityMap:
     contour: dict[str, list[Line]]
     """Lines (n, 2) on which the metric has the tolerance, by model, SI; points (n, 1) of one
     axis."""
+    ranges: dict[str, Floats]
+    """Ranges (n, 2) of the axis `along` in which the tolerance holds, by model, SI: those of one
+    axis; of two axes, those of the tension or bend for the robot as it is. Empty without."""
+    along: int | None
+    """Index of the axis of `ranges`; None without."""
     fine_axes: tuple[Floats, ...]
     """Values of two axes on the refined grid (U,), (V,), SI; empty of one axis."""
     fine: dict[str, Floats]
@@ -78,6 +90,8 @@ class ValidityMap:
     """Values of the axes at the points of `cause`, SI."""
     state: NDArray[np.int64]
     """Index in `STATES`, (Y, X) or (X,)."""
+    undefined: dict[str, NDArray[np.bool_]]
+    """Where a model has no arc at some load that the metric is of, (Y, X) or (X,)."""
     statics_error: float
     """Largest estimated error of the tips by statics, as a share of the length."""
     notes: tuple[str, ...] = ()
@@ -138,7 +152,9 @@ class ValidityMap:
         Returns
         -------
         xarray.Dataset
-            One variable for each model, and ``state``.
+            Variables for each model: its metric, with its name; ``NAME_defined``, 1 where it has an
+            arc; and ``NAME_cause``, on axes of their own, which may have fewer points. Also
+            ``state``. The attributes have the metric, the tolerance, the load and the sweep.
         """
         import xarray as xr
 
@@ -157,14 +173,33 @@ class ValidityMap:
             for name, value in self.value.items()
         }
         data["state"] = (dims, self.state, {"flag_meanings": " / ".join(STATES)})
+        for name, undefined in self.undefined.items():
+            about = f"1 where constant curvature {LABELS[name]} has an arc at all loads"
+            data[f"{name}_defined"] = (
+                dims,
+                (~undefined).astype(np.int8),
+                {"units": "1", "long_name": about},
+            )
+        coarse = [f"cause_{dim}" for dim in dims]
+        for name, effects in self.cause.items():
+            about = "effect with more than half of the error, empty where none has"
+            data[f"{name}_cause"] = (coarse, effects.astype(object), {"long_name": about})
+        for i, axis in enumerate(self.axes, 1):
+            places = np.unique(self.cause_points[i - 1])
+            order = places if axis.start < axis.stop else places[::-1]
+            coords[f"cause_axis_{i}"] = (
+                [f"cause_axis_{i}"],
+                order,
+                {"units": axis.units[0] or "1", "long_name": axis.path},
+            )
         return xr.Dataset(
             data,
             coords,
             {
                 "robot": self.robot.name,
                 "robot_hash": self.robot.hash,
-                "tolerance": self.tolerance,
                 "source": _SOURCE,
+                **self.question.attributes,
             },
         )
 
@@ -221,7 +256,9 @@ class ValidityMap:
                     "name": name,
                     "values": (scale * value).tolist(),
                     "contour": [line.tolist() for line in self.contour[name]],
+                    "ranges": self.ranges.get(name, np.zeros((0, 2))).tolist(),
                     "causes": self.cause[name].tolist(),
+                    "defined": (~self.undefined[name]).tolist(),
                 }
                 for name, value in self.value.items()
             ],
@@ -356,22 +393,35 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
     found = _in_parts(question, points, lambda share: notify("errors", 0.7 * share))
     value = {name: v.reshape(shape) for name, v in question.measure(found).items()}
     notify("causes", 0.7)
+    defined = question.defined(found)
+    undefined = {name: ~is_defined.reshape(shape) for name, is_defined in defined.items()}
     part = coarser(shape, len(axes))
     state = np.where(found.converged.all(axis=1), 0, 2).reshape(shape)
     if not space.has_friction:  # with friction, a pose depends on the path to it
         state = np.where(_two_equilibria(space, points, found, part), np.maximum(state, 1), state)
     state = np.where((state == 0) & found.slack.reshape(shape), 3, state)
+    no_arc = np.any(list(undefined.values()), axis=0)
+    state = np.where((state != 2) & no_arc, 4, state)
     total = {name: v.ravel()[part.ravel()] for name, v in value.items()}
     cause = causes_of(question, points[part.ravel()], total)
     notify("contour", 0.9)
     contour: dict[str, list[Line]] = {name: [] for name in value}
     fine_axes: tuple[Floats, ...] = ()
     fine: dict[str, Floats] = {}
-    if question.metric != "valid_to":
+    ranges: dict[str, Floats] = {}
+    along = None
+    if question.metric != "valid_to" and len(axes) == 1:
+        along = 0
+        contour, ranges = _on_one_axis(question, value)
+    elif question.metric != "valid_to":
         refined = _refined(question, list(value.values()))
         contour = dict(zip(value, refined.lines, strict=True))
-        if len(axes) == 2:
-            fine_axes, fine = refined[:2], dict(zip(value, refined.values, strict=True))
+        fine_axes, fine = refined[:2], dict(zip(value, refined.values, strict=True))
+        along, own = _own_ramp(space)
+        if along is not None:
+            line = replace(question, space=space.at(own))
+            errors = line.errors(line.space.axes[0].values[:, None])
+            ranges = _on_one_axis(line, line.measure(errors))[1]
     notify("done", 1.0)
     with np.errstate(invalid="ignore"):
         accuracy = found.tip_error / found.length[:, None]
@@ -380,11 +430,14 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
         question=question,
         value=value,
         contour=contour,
+        ranges=ranges,
+        along=along,
         fine_axes=fine_axes,
         fine=fine,
         cause={name: effects.reshape(part.shape) for name, effects in cause.items()},
         cause_points=tuple(values.ravel()[part] for values in grid),
         state=state,
+        undefined=undefined,
         statics_error=float(known.max()) if known.size else float("nan"),
     )
 
@@ -433,9 +486,13 @@ def _two_equilibria(
     grid; others take the result of the nearest.
     """
     rows = part.ravel()
-    apart = np.linalg.norm(space.cold_tip(points[rows]) - errors.tip[rows, -1], axis=-1)
+    known = rows[errors.converged[rows, -1]]  # the others have nothing to compare with
+    apart = np.full(len(points), np.nan)
+    if known.size:
+        away = space.cold_tip(points[known]) - errors.tip[known, -1]
+        apart[known] = np.linalg.norm(away, axis=-1)
     with np.errstate(invalid="ignore"):
-        two: NDArray[Any] = (apart > _APART * errors.length[rows]).reshape(part.shape)
+        two: NDArray[Any] = (apart[rows] > _APART * errors.length[rows]).reshape(part.shape)
     shape = tuple(len(axis.values) for axis in reversed(space.axes))
     for i, (count, few) in enumerate(zip(shape, part.shape, strict=True)):
         step = -(-count // few)
@@ -445,20 +502,58 @@ def _two_equilibria(
 
 
 def _refined(question: Question, values: list[Floats]) -> Refined:
-    """Lines on which the values (Y, X) or (X,) of each model have the tolerance."""
+    """Lines on which the values (Y, X) of each model have the tolerance."""
     axes, level = question.space.axes, question.tolerance
 
     def at(new: Floats) -> list[Floats]:
-        return list(question.measure(question.errors(new[:, : len(axes)])).values())
+        return list(question.measure(question.errors(new)).values())
 
-    x = axes[0].values
-    if len(axes) == 2:
-        order = [np.argsort(axis.values) for axis in axes]
-        grids = [value[np.ix_(order[1], order[0])] for value in values]
-        whole = (axes[0].is_whole, axes[1].is_whole)
-        return contours(x[order[0]], axes[1].values[order[1]], grids, level, at, whole)
-    # one axis: a strip of two equal rows
-    ahead = np.argsort(x)
-    strips = [np.stack([value[ahead]] * 2) for value in values]
-    found = contours(x[ahead], np.array([0.0, 1.0]), strips, level, at, (axes[0].is_whole, True))
-    return found._replace(lines=[[line[:1, :1] for line in lines] for lines in found.lines])
+    x, y = (axis.values for axis in axes)
+    order = [np.argsort(values) for values in (x, y)]
+    grids = [value[np.ix_(order[1], order[0])] for value in values]
+    whole = (axes[0].is_whole, axes[1].is_whole)
+    return contours(x[order[0]], y[order[1]], grids, level, at, whole)
+
+
+def _own_ramp(space: Space) -> tuple[int | None, dict[int, float]]:
+    """Index of the ramp among two axes, and the robot's own value on the other one, if it has."""
+    ramps = [i for i, axis in enumerate(space.axes) if axis.path in RAMPS]
+    if len(ramps) != 1:
+        return None, {}
+    other = 1 - ramps[0]
+    axis = space.axes[other]
+    own = axis.own_value(space.robot)
+    if own is None or not axis.values.min() <= own <= axis.values.max():
+        return None, {}
+    return ramps[0], {other: own}
+
+
+def _on_one_axis(
+    question: Question, value: dict[str, Floats]
+) -> tuple[dict[str, list[Line]], dict[str, Floats]]:
+    """Crossings of the tolerance on one axis, and ranges in which it holds, by model."""
+    (axis,), level = question.space.axes, question.tolerance
+
+    def at(new: Floats) -> list[Floats]:
+        return list(question.measure(question.errors(new[:, :1])).values())
+
+    ahead = np.argsort(axis.values)
+    x = axis.values[ahead]
+    grids = [one[ahead] for one in value.values()]
+    if axis.is_whole:  # nothing lies between its points
+        empty: dict[str, list[Line]] = {name: [] for name in value}
+        nothing = np.zeros(0)
+        pairs = zip(value, grids, strict=True)
+        return empty, {name: holding(x, one, nothing, level) for name, one in pairs}
+    # a strip of two equal rows
+    strips = [np.stack([one] * 2) for one in grids]
+    found = contours(x, np.array([0.0, 1.0]), strips, level, at, (False, True))
+    fine = [one[0] for one in found.values]
+    marks = crossings(found.x, fine, level, lambda new: at(new[:, None]))
+    return (
+        {n: [np.array([[mark]]) for mark in one] for n, one in zip(value, marks, strict=True)},
+        {
+            name: holding(found.x, one, mark, level)
+            for name, one, mark in zip(value, fine, marks, strict=True)
+        },
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,6 +98,27 @@ class Question:
     def measure(self, errors: Errors) -> dict[str, Floats]:
         """Metric (P,) by model."""
         return {name: errors.metric(self.metric, name, self.tolerance) for name in self.models}
+
+    def defined(self, errors: Errors) -> dict[str, NDArray[np.bool_]]:
+        """Whether each model has an arc at all loads that the metric is of (P,)."""
+        return {name: errors.is_defined(self.metric, name, self.tolerance) for name in self.models}
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """What it asks, as attributes of a data set: numbers in SI, text and lists."""
+        space = self.space
+        gravity = space.robot.gravity if space.load.gravity is None else space.load.gravity
+        force = (0.0, 0.0, 0.0) if space.load.tip_force is None else space.load.tip_force
+        return {
+            "metric": self.metric,
+            "tolerance": self.tolerance,
+            **({} if space.by_displacement else {"max_tension_N": space.max_tension}),
+            "loads": space.loads,
+            "shares": space.shares.tolist(),
+            "gravity_m_per_s2": np.asarray(gravity, dtype=float).tolist(),
+            "tip_force_N": np.asarray(force, dtype=float).tolist(),
+            **{f"at_{axis.path}": value for axis, value in space.fixed},
+        }
 
     def to_dict(self) -> schema.QuestionValues:
         """Return plain values: axes in SI, tolerance in percent of the length, tensions in N."""

@@ -2,60 +2,199 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.formatting import in_newtons, listed
+from bowstring.formatting import in_newtons, in_percent, listed, significant
+from bowstring.validity.axes import RAMPS, Axis
 from bowstring.validity.causes import coarse_step
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import LABELS
 from bowstring.validity.maps import STATES, ValidityMap
+from bowstring.validity.question import Question
 
-__all__ = ["described", "in_causes", "limits_in_words"]
+__all__ = [
+    "described",
+    "in_causes",
+    "in_ranges",
+    "limits_in_words",
+    "notes_on_limits",
+    "notes_on_slack",
+    "undefined_in_words",
+]
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_MOST_RANGES = 4  # in a sentence
+_DIGITS = 3
+_FINE = 0.01  # range of an axis over its numbers below which they have more digits
 
 
 def described(found: ValidityMap) -> list[str]:
     """What a map says, in sentences."""
     out = list(found.notes)
-    percent = f"{100 * found.tolerance:g} % of length"
+    percent = f"{in_percent(found.tolerance, 3)} of length"
     for name, value in found.value.items():
         label = LABELS[name]
-        known = np.isfinite(value)
-        if not known.any():
-            out.append(f"Constant curvature {label} has no arc anywhere on the map.")
-            continue
-        first = f"Constant curvature {label} holds to {percent}"
-        if found.metric == "valid_to":
-            out.append(f"{first} up to {limits_in_words(value, found.max_tension)}.")
-            continue
-        inside = (value <= found.tolerance) & known
-        lines = found.contour[name]
-        solved = bool((found.state != 2).all())
-        where = "everywhere" if solved else "at all loads with an equilibrium"
-        if not inside[known].all() or lines:
-            where = "nowhere" if not inside.any() and not lines else "on a part of the map"
-        words = f"{first} {where}"
-        if len(found.axes) == 1 and lines:
-            axis = found.axes[0]
-            unit = f" {axis.units[1]}" if axis.units[1] else ""
-            marks = [f"{mark:.4g}{unit}" for mark in sorted(x[0, 0] / axis.factor for x in lines)]
-            words = f"{first} at some values: it crosses at {listed(marks)}"
-        step = coarse_step(value.shape, value.ndim)
-        out.append(words + in_causes(value, found.cause[name], step, found.tolerance) + ".")
-    counts = {STATES[i]: int((found.state == i).sum()) for i in (1, 2, 3)}
-    for state, count in counts.items():
-        if count:
-            out.append(f"{count} of {found.state.size} points: {state}.")
+        undefined = found.undefined[name]
+        if not np.isfinite(value).any():
+            out.append(f"Constant curvature {label} has no {_lacks(found, name)} on the map.")
+            if not found.undefined[name].any():
+                continue
+        elif found.metric == "valid_to":
+            limits = limits_in_words(found.question, value)
+            out.append(f"Constant curvature {label} holds to {percent} up to {limits}.")
+        else:
+            step = coarse_step(value.shape, value.ndim)
+            causes = in_causes(value, found.cause[name], step, found.tolerance)
+            where = _where(found, name)
+            out.append(f"Constant curvature {label} holds to {percent} {where}{causes}.")
+        if undefined.any():
+            out.append(undefined_in_words(name, undefined, _at_points(found, undefined)))
+    if found.metric == "valid_to":
+        out += notes_on_limits(found.question, found.value)
+    counts = {STATES[i]: found.state == i for i in (1, 2, 3)}
+    for state, where in counts.items():
+        if where.any():
+            said = f"{int(where.sum())} of {where.size} points: {state}"
+            out.append(f"{said}{_at_points(found, where)}.")
+    if 2 * int((found.state == 2).sum()) > found.state.size:
+        many = any(axis.path in RAMPS for axis in found.axes)
+        out.append(
+            "Most of the map has no equilibrium; give a smaller range of the tension or bend."
+            if many
+            else "Most sweeps have a load without equilibrium; give a smaller largest tension."
+        )
+    slack = found.state == 3
+    out += notes_on_slack(found.question, slack)
+    outside = {name: value > found.tolerance for name, value in found.value.items()}
+    out += _notes_on_causes(found, outside)
     return out
 
 
-def limits_in_words(limit: Floats, end: float) -> str:
-    """Range of the validity limits of a map (N), some of them known; `end` is that of the sweep."""
+def _lacks(found: ValidityMap, name: str) -> str:
+    if found.metric == "valid_to":
+        return "validity limit anywhere"
+    return "arc anywhere" if found.undefined[name].any() else "equilibrium to compare with"
+
+
+def _where(found: ValidityMap, name: str) -> str:
+    """Where the tolerance holds."""
+    value = found.value[name]
+    inside = value <= found.tolerance  # false without a value
+    known = np.isfinite(value) & (found.state != 2)
+    if inside.all() and known.all() and not found.contour[name]:
+        return "everywhere"
+    ranges = found.ranges.get(name)
+    if len(found.axes) == 1 and ranges is not None:
+        if known.sum() == 1 and inside[known].all() and len(ranges) == 1 and np.ptp(ranges) == 0.0:
+            return f"{in_ranges(found.axes[0], ranges)}, the only point with an equilibrium"
+        return in_ranges(found.axes[0], ranges) if len(ranges) else "nowhere"
+    if not inside.any() and not found.contour[name]:
+        return "nowhere"
+    if inside[known].all() and not found.contour[name]:
+        return f"at the {int(known.sum())} of {value.size} points that have an equilibrium"
+    where = "on a part of the map"
+    if found.along is None or ranges is None:
+        return where
+    other = found.axes[1 - found.along]
+    own = other.own_value(found.robot)
+    assert own is not None, "the ranges are those of the robot as it is"
+    at = in_ranges(found.axes[found.along], ranges) if len(ranges) else "nowhere"
+    return f"{where}: at the robot's own {_quantity(other, own)} {at}"
+
+
+def _quantity(axis: Axis, value: float) -> str:
+    """A value of an axis, such as ``9 disks`` or ``payload at the tip of 0 g``."""
+    if axis.is_whole:
+        return f"{value:.0f} disks"
+    unit = f" {axis.units[1]}" if axis.units[1] else ""
+    return f"{axis.words} of {significant(value / axis.factor)}{unit}"
+
+
+def in_ranges(axis: Axis, ranges: Floats) -> str:
+    """Ranges (n, 2) of an axis, such as ``from 0 to 56.1 N`` or ``from 4 disks on``."""
+    unit = f" {axis.units[1]}" if axis.units[1] else ""
+    values = np.sort(axis.values)
+    if axis.is_whole:
+        parts = [_of_disks(int(low), int(high), values) for low, high in ranges]
+    else:
+        parts = []
+        for low, high in ranges / axis.factor:
+            first, last = (_text(end, axis) for end in (low, high))
+            parts.append(f"at {first}{unit}" if low == high else f"from {first} to {last}{unit}")
+    if len(parts) > _MOST_RANGES:
+        return f"{', '.join(parts[:_MOST_RANGES])} and in {len(parts) - _MOST_RANGES} more ranges"
+    return listed(parts)
+
+
+def _of_disks(low: int, high: int, values: Floats) -> str:
+    if low == high:
+        return f"at {low} disks"
+    if high == values[-1]:
+        return f"from {low} disks on"
+    return f"up to {high} disks" if low == values[0] else f"from {low} to {high} disks"
+
+
+def _text(value: float, axis: Axis) -> str:
+    """A value of an axis in its usual unit, with more digits where the axis is short."""
+    span = abs(axis.stop - axis.start) / axis.factor
+    if abs(value) < 1e-6 * span:
+        return "0"
+    more = math.log10(max(1.0, _FINE * abs(value) / span))
+    return significant(value, _DIGITS + math.ceil(more))
+
+
+def _at_points(found: ValidityMap, where: Mask) -> str:
+    """Part of a single axis that has some of its points, in brackets."""
+    if len(found.axes) != 1:
+        return ""
+    axis = found.axes[0]
+    order = np.argsort(axis.values)
+    rows = np.flatnonzero(np.diff(np.concatenate([[0], where[order].astype(int), [0]])))
+    ends = [(axis.values[order][i], axis.values[order][k - 1]) for i, k in rows.reshape(-1, 2)]
+    return f" ({in_ranges(axis, np.array(ends))})"
+
+
+def undefined_in_words(name: str, undefined: Mask, where: str = "") -> str:
+    """Sentence on the points at which a model has no arc."""
+    why = "no arc has the tendon lengths, which ask for more than a full turn or too sharp a bend"
+    if name == "cc_from_force_arm":
+        why = "the tension reaches the buckling load between two disks"
+    count = f"{int(undefined.sum())} of {undefined.size} points"
+    return f"Constant curvature {LABELS[name]} is not defined at {count}{where}: {why}."
+
+
+def limits_in_words(question: Question, limit: Floats) -> str:
+    """Range of the validity limits of a map (N), some of them known."""
     known = limit[np.isfinite(limit)]
     low, high = float(known.min()), float(known.max())
-    return f"{in_newtons(low, high)} on this map; the sweep ends at {end:.4g} N"
+    step, end = _first_load(question), significant(question.space.max_tension)
+    words = in_newtons(low, high)
+    if 0.0 < low < step:  # between loads it is not resolved
+        words = f"less than {significant(step)} N"
+        words += f", at most {significant(high)} N," if high >= step else ""
+    return f"{words} on this map; the sweep ends at {end} N"
+
+
+def _first_load(question: Question) -> float:
+    return question.space.max_tension / (question.space.loads - 1)
+
+
+def notes_on_limits(question: Question, value: dict[str, Floats]) -> list[str]:
+    """Sentences on validity limits that the loads of the sweep do not resolve."""
+    step = _first_load(question)
+    if not any(
+        np.any(np.isnan(limit) | ((limit > 0.0) & (limit < step))) for limit in value.values()
+    ):
+        return []
+    return [
+        f"Some limits lie below {significant(step)} N, the first load of the sweep, and are not "
+        "resolved; give a smaller largest tension."
+    ]
 
 
 def in_causes(value: Floats, cause: NDArray[np.str_], step: int, tolerance: float) -> str:
@@ -68,3 +207,29 @@ def in_causes(value: Floats, cause: NDArray[np.str_], step: int, tolerance: floa
         return ""
     many = ", each in its part of the map" if len(acting) > 1 else ""
     return f"; main cause of the error: {listed([EFFECTS[e] for e in acting])}{many}"
+
+
+def notes_on_slack(question: Question, slack: Mask) -> list[str]:
+    """What to change where tendons are slack at most points of a map of bends."""
+    paths = [axis.path for axis in question.space.all_axes]
+    if 2 * int(slack.sum()) <= slack.size or any("pretension" in path for path in paths):
+        return []
+    return [
+        "At most points a tendon is slack; give the tendons a pretension, such as --set "
+        'segments.0.tendons.pretension="10 N", or an axis pretension.'
+    ]
+
+
+def _notes_on_causes(found: ValidityMap, outside: dict[str, Mask]) -> list[str]:
+    """Say which effect is not examined where no main cause was found."""
+    if not found.by_displacement or found.metric == "valid_to":
+        return []
+    for name, cause in found.cause.items():
+        step = coarse_step(outside[name].shape, outside[name].ndim)
+        coarse = outside[name][(slice(None, None, step),) * outside[name].ndim]
+        if (cause[coarse] == "").any():
+            return [
+                "Where no main cause is found, it may be that tendons run straight between the "
+                "disks: with commanded bends this effect is not examined."
+            ]
+    return []

@@ -72,12 +72,34 @@ class Errors:
         for name, offset in offsets.items():
             self.error[name][rows] = np.linalg.norm(offset, axis=-1)
 
+    def undefined(self, name: str) -> NDArray[np.bool_]:
+        """Loads with an equilibrium at which a model has no arc (P, L)."""
+        return np.asarray(self.converged & ~np.isfinite(self.error[name]))
+
+    def is_defined(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
+        """Whether a model has an arc at all loads that a metric is of (P,).
+
+        For ``valid_to`` these are the loads up to the first crossing of the tolerance.
+        """
+        undefined = self.undefined(name)
+        if metric == "error":
+            return np.asarray(~undefined[:, -1])
+        if metric != "valid_to":
+            return np.asarray(~undefined.any(axis=1))
+        first = self._stop(name, tolerance)
+        rows = np.arange(len(undefined))
+        ends = np.minimum(first, undefined.shape[1] - 1)
+        return np.asarray(~((first < undefined.shape[1]) & undefined[rows, ends]))
+
     def metric(self, metric: str, name: str, tolerance: float) -> Floats:
-        """A metric of a model (P,), one of `bowstring.validity.question.METRICS`."""
+        """A metric of a model (P,), one of `bowstring.validity.question.METRICS`.
+
+        An error over the ramp is NaN where the model has no arc at some load.
+        """
         if metric == "valid_to":
             return self.valid_to(name, tolerance)
         of = {"largest_error": self.worst, "mean_error": self.mean, "error": self.last}
-        return of[metric](name)
+        return np.where(self.is_defined(metric, name, tolerance), of[metric](name), np.nan)
 
     def worst(self, name: str) -> Floats:
         """Largest error over the ramp (P,), as a share of the length; NaN without any.
@@ -113,14 +135,14 @@ class Errors:
         """Validity limit (P,), N: first crossing of the tolerance, or the end of what has an error.
 
         Between loads the error is a cubic with the slopes of central differences. 0 where the first
-        load is above the tolerance; NaN without an error there.
+        load is above the tolerance; NaN without an error there, or at the second load where the
+        first is within the tolerance.
         """
         share = self.error[name] / self.length[:, None]
         known = np.isfinite(share)
         rows = np.arange(len(share))
         above = known & (np.nan_to_num(share) > tolerance)
-        stop = above | ~known
-        first = np.where(stop.any(axis=1), np.argmax(stop, axis=1), share.shape[1])
+        first = self._stop(name, tolerance)
         crosses = (first < share.shape[1]) & above[rows, np.minimum(first, share.shape[1] - 1)]
         before = np.maximum(first - 1, 0)
         limit = self.ramp[rows, before]
@@ -129,7 +151,13 @@ class Errors:
             k = first[at]
             limit[at] = _crossing(self.ramp[at], share[at], k, tolerance)
         limit[first == 0] = 0.0
-        return np.where(known[:, 0], limit, np.nan)
+        return np.where(known[:, 0] & (known[:, 1] | (first == 0)), limit, np.nan)
+
+    def _stop(self, name: str, tolerance: float) -> NDArray[np.intp]:
+        """First load of each ramp (P,) without an error or above the tolerance; L without any."""
+        share = self.error[name] / self.length[:, None]
+        holds = np.isfinite(share) & (np.nan_to_num(share) <= tolerance)
+        return np.asarray(np.where(holds.all(axis=1), share.shape[1], np.argmin(holds, axis=1)))
 
 
 def _crossing(x: Floats, y: Floats, k: NDArray[np.intp], level: float) -> Floats:

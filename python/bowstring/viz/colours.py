@@ -17,5 +17,6 @@ COLOURS: Final = {
     "purple": ("#9c4c83", "#dc94c2"),
     "amber": ("#9a6a00", "#e8b44a"),
     "sky": ("#3fa9d6", "#9adcf5"),
+    "yellow": ("#e3cf00", "#f0e442"),
 }
 """Value of each colour on a light and on a dark background."""
