@@ -105,7 +105,9 @@ def test_limits_beyond_the_loads_are_infinite() -> None:
     values = np.r_[np.linspace(50.0, 80.0, 900), np.full(100, np.inf)]
     found = summarise(values)
     assert np.isnan(found.mean.value) and found.quantiles[0.975].value == np.inf
-    assert spread_text(found, None, "N") == "66.7 N (97.5 %: 50.8 N or more)"
+    assert spread_text(found, None, "N") == "66.7 N (95 %: 50.8 N to beyond the range)"
+    said = "66.7 N (95 %: 50.8 N to more than 80 N)"
+    assert spread_text(found, None, "N", end=80.0) == said
     with pytest.raises(InputError, match="median of the outputs is infinite"):
         spread_text(summarise(np.full(50, np.inf)), None, "N")
 

@@ -165,3 +165,24 @@ def test_loads_may_be_given() -> None:
         ROBOT, {E: {"normal": {"sd": "1 %"}}}, points=64, load=load, loading=Loading(40.0, 9)
     )
     assert found.max_tension == 40.0 and np.isfinite(found.error).all()
+
+
+def test_the_interval_has_two_ends_also_beyond_the_sweep() -> None:
+    wide = validity_spread(ROBOT, {E: {"normal": {"sd": "5 %"}}}, points=256, loading=Loading(60.0))
+    assert wide.limit_summary.quantiles[0.975].value == np.inf
+    assert " N to more than 60 N); about" in wide.text[0]
+
+
+def test_samples_that_hold_nowhere_are_counted() -> None:
+    """A transverse gravity bends the straight robot, which constant curvature does not know."""
+    numbers = {"gravity.x": {"normal": {"mean": 0.0, "sd": 3.0}}}
+    lost = validity_spread(ROBOT, numbers, points=256)
+    share = (lost.limit == 0.0).mean()
+    assert lost.share_exceeded == share and 0.5 < share < 0.9
+    assert lost.to_dict()["exceeded_at_first_load_percent"] == pytest.approx(100.0 * share)
+    words = f"In {100.0 * share:.0f} % of the samples constant curvature from force exceeds 1 %"
+    assert lost.text[0].startswith(words) and "up to 0 N" not in lost.text[0]
+    numbers["gravity.x"] = {"normal": {"mean": 0.0, "sd": 0.8}}
+    few = validity_spread(ROBOT, numbers, points=256)
+    assert 0.025 < few.share_exceeded < 0.5
+    assert f"{100.0 * few.share_exceeded:.0f} % of the samples exceed the tolerance" in few.text[0]

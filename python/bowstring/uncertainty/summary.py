@@ -170,7 +170,11 @@ def _interval(value: Any, low: Any, high: Any) -> IntervalEstimate:
 
 
 def spread_text(
-    summary: Summary, indices: SobolIndices | None, unit: str, size: float = 1.0
+    summary: Summary,
+    indices: SobolIndices | None,
+    unit: str,
+    size: float = 1.0,
+    end: float | None = None,
 ) -> str:
     """Write median, spread and main factor of an output.
 
@@ -184,6 +188,8 @@ def spread_text(
         Unit of the text.
     size : float
         Size of this unit in SI.
+    end : float, optional
+        Value beyond which outputs are infinite, in SI.
 
     Returns
     -------
@@ -202,8 +208,9 @@ def spread_text(
         return f"{value:.{max(0, 1 - math.floor(math.log10(spread)))}f}"
 
     ends = f"95 %: {text(low)} to {text(high)} {unit}"
+    beyond = "beyond the range" if end is None else f"more than {significant(end / size)} {unit}"
     if high == math.inf:
-        ends = f"97.5 %: {text(low)} {unit} or more"
+        ends = f"95 %: {text(low)} {unit} to {beyond}"
     elif low == -math.inf:
         ends = f"97.5 %: {text(high)} {unit} or less"
     said = [f"{text(middle)} {unit} ({ends})"]

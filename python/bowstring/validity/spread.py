@@ -48,6 +48,7 @@ __all__ = ["Spread", "assumed_distributions", "validity_spread"]
 Floats = NDArray[np.float64]
 
 _BLOCK: Final = 4096  # samples solved at a time
+_NAMED: Final = 0.025  # share of the samples without any valid load that is named
 _MARGIN: Final = 1.5  # end of the ramp over the nominal limit
 
 
@@ -89,7 +90,8 @@ class Spread:
     def limit_text(self) -> str:
         """The validity limit and its spread, such as "56 N (95 %: 49 to 63 N)"."""
         if math.isfinite(float(self.limit_summary.quantiles[0.5].value)):
-            return spread_text(self.limit_summary, self.limit_indices, "N")
+            top = self.max_tension
+            return spread_text(self.limit_summary, self.limit_indices, "N", end=top)
         share = 100.0 * float(np.isinf(self.limit).mean())
         return f"{significant(self.max_tension)} N in {share:.0f} % of the samples"
 
@@ -100,12 +102,28 @@ class Spread:
         at_end = spread_text(self.error_summary, self.error_indices, "%", 0.01)
         own = f"{significant(self.nominal)} N" if math.isfinite(self.nominal) else f"{top} or more"
         middle = math.isfinite(float(self.limit_summary.quantiles[0.5].value))
-        model = f"onstant curvature {LABELS[self.name]} holds to {percent} of length up to"
+        model = f"onstant curvature {LABELS[self.name]}"
+        said = f"{'In the median c' if middle else 'C'}{model} holds to {percent} of length up to"
+        said += f" {self.limit_text}."
+        exceeded = f"{100.0 * self.share_exceeded:.0f} % of the samples"
+        if self.share_exceeded >= 0.5:
+            high = float(self.limit_summary.quantiles[0.975].value)
+            most = f"{significant(high)} N" if math.isfinite(high) else f"more than {top}"
+            said = (
+                f"In {exceeded} c{model} exceeds {percent} of length already at 0 N; the others "
+                f"hold up to at most {most} (97.5 % of all samples)."
+            )
+        elif self.share_exceeded > _NAMED:
+            said += f" {exceeded} exceed the tolerance already at 0 N."
         return (
-            f"{'In the median c' if middle else 'C'}{model} {self.limit_text}. The nominal robot "
-            f"holds up to {own}.",
+            f"{said} The nominal robot holds up to {own}.",
             f"Its error at {top}, in percent of length, is {at_end}.",
         )
+
+    @property
+    def share_exceeded(self) -> float:
+        """Share of the samples whose error is above the tolerance already at the first load."""
+        return float((self.limit == 0.0).mean())
 
     def to_dict(self) -> schema.SpreadValues:
         """Return plain values: limits in N, errors in percent of the length."""
@@ -140,6 +158,7 @@ class Spread:
             "tolerance_percent": 100.0 * self.tolerance,
             "max_tension_N": self.max_tension,
             "nominal_limit_N": self.nominal,
+            "exceeded_at_first_load_percent": 100.0 * self.share_exceeded,
             "samples": len(self.limit),
             "limit": statistics(self.limit_summary, 1.0),
             "error": statistics(self.error_summary, 100.0),
