@@ -6,6 +6,7 @@ import gc
 import time
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -655,6 +656,43 @@ def test_hexagons_of_the_workspace_lie_within_the_figure() -> None:
         places = panel.transData.transform(cells.get_offsets())
         low, high = places.min(axis=0) - reach.max(axis=0), places.max(axis=0) + reach.max(axis=0)
         assert (low >= (inside.x0, inside.y0)).all() and (high <= (inside.x1, inside.y1)).all()
+
+
+def test_poses_without_a_result_are_counted(tmp_path: Path) -> None:
+    found = bs.workspace_map(ROBOT, 400.0, poses=256)
+    without = found.undefined(LENGTHS)
+    assert 0 < without.sum() < 128 and not found.undefined(FORCE).any()
+    said = " ".join(found.described())
+    assert f"from lengths is not defined at {without.sum()} of 256 poses: no arc" in said
+    error = found.error[LENGTHS][~without] / ROBOT.length
+    assert found.share_valid(LENGTHS) == pytest.approx((error <= 0.01).sum() / 256)
+    content = found.to_dict()
+    assert content["errors"][0]["not_defined"] == without.sum()
+    texts = [text.get_text() for text in found.figure().legends[0].get_texts()]
+    assert "constant curvature not defined" in texts and "holds to 1 %" in texts
+    # the second half of the poses has no equilibrium
+    tip = np.where(np.arange(256)[:, None] < 128, found.tip, np.nan)
+    error = {name: np.where(np.arange(256) < 128, e, np.nan) for name, e in found.error.items()}
+    half = replace(found, tip=tip, error=error)
+    assert "128 of 256 poses" in half.described()[0] and "other 128" in half.described()[0]
+    assert half.to_dict()["without_equilibrium"] == 128
+    assert half.undefined(LENGTHS).sum() == without[:128].sum()
+    assert "128 of 256 poses: no stable equilibrium" in half.figure().get_suptitle()
+
+
+def test_the_workspace_has_the_causes_of_a_map() -> None:
+    """In gravity; the causes at poses of one tendon are those of a map over its tension."""
+    robot = ROBOT.with_({"gravity": [1.0, 0.0, 0.0], "segments.0.disks.clamped_length": "3 mm"})
+    space_ = bs.workspace_map(robot, 80.0, poses=64)
+    i = int(np.argmax(space_.tensions[:, 0] - 2.0 * space_.tensions[:, 1:].sum(axis=1)))
+    shares = {k + 1: float(t / space_.tensions[i].max()) for k, t in enumerate(space_.tensions[i])}
+    loading = Loading(80.0, tendon={k: share for k, share in shares.items() if share})
+    end = space_.tensions[i].max()
+    line = validity_map(robot, [f"tension={0.5 * end}:{end}:2"], loading=loading)
+    for name in (LENGTHS, FORCE):
+        assert line.value[name][-1] * robot.length == pytest.approx(space_.error[name][i], rel=1e-6)
+        assert line.cause[name][-1] == space_.cause[name][i] != ""
+    assert "main cause of the error: gravity" in " ".join(space_.described())
 
 
 # -- in blocks ---------------------------------------------------------------------------------

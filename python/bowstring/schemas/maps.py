@@ -123,10 +123,20 @@ class WorkspaceErrors(Object):
     name: Annotated[str, about("Model, as `--models` takes it.")]
     error_percent: Annotated[
         list[OrNull],
-        about("Tip error at each pose in percent of the length; `null` without an arc."),
+        about(
+            "Tip error at each pose in percent of the length; `null` without an equilibrium or an "
+            "arc."
+        ),
     ]
     valid_percent: Annotated[
-        OrNull, about("Share of these poses at which the tolerance holds, in percent.")
+        OrNull,
+        about("Share of the poses with an equilibrium at which the tolerance holds, in percent."),
+    ]
+    causes: Annotated[
+        list[str], about("Effect with more than half of the error at each pose, or empty.")
+    ]
+    not_defined: Annotated[
+        int, about("Number of poses with an equilibrium at which the model has no arc.")
     ]
 
 
@@ -139,6 +149,7 @@ class WorkspaceValues(Object):
         list[VectorOrNull], about("Tip at each pose; `null` without a stable equilibrium.")
     ]
     tensions_N: Annotated[list[list[float]], about("Tensions of all tendons at each pose.")]
+    without_equilibrium: Annotated[int, about("Number of poses without a stable equilibrium.")]
     errors: Annotated[list[WorkspaceErrors], about("Errors of each model.")]
 
 
@@ -206,6 +217,9 @@ class SpreadValues(Object):
     max_tension_N: Annotated[float, about("End of the sweep.")]
     nominal_limit_N: Annotated[
         OrNull, about("Validity limit of the nominal robot; `null` where all loads hold.")
+    ]
+    exceeded_at_first_load_percent: Annotated[
+        float, about("Share of the samples whose error is above the tolerance at 0 N already.")
     ]
     samples: Annotated[int, about("Number of samples of the statistics.")]
     limit: Annotated[Statistics, about("Validity limit in N.")]

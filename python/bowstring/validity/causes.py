@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bowstring.validity.question import Question
 
-__all__ = ["causes_of", "coarse_step", "coarser"]
+__all__ = ["causes_of", "coarse_step", "coarser", "main_cause"]
 
 Floats = NDArray[np.float64]
 
@@ -37,22 +37,42 @@ def causes_of(
     dict from str to ndarray (P,)
         Keys of `bowstring.validity.effects.EFFECTS`; empty text where no effect has more than half.
     """
-    best = {name: np.zeros(len(points)) for name in total}
     cause = {name: np.full(len(points), "", dtype="U16") for name in total}
     # a point without any value, such as one without equilibrium, has no cause
     some = np.flatnonzero(np.any([np.isfinite(value) for value in total.values()], axis=0))
     if not some.size:
         return cause
+    rest: dict[str, dict[str, Floats]] = {name: {} for name in total}
     for effect, errors in question.space.errors_without(points[some], question.models).items():
-        rest = {name: np.full(len(points), np.nan) for name in total}
         for name, value in question.measure(errors).items():
-            rest[name][some] = value
-        for name in total:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                share = (total[name] - rest[name]) / total[name]
-            more = (total[name] > _ROUNDING) & (share > _DOMINANT) & (share > best[name])
-            best[name] = np.where(more, share, best[name])
-            cause[name] = np.where(more, effect, cause[name])
+            rest[name][effect] = value
+    for name, value in total.items():
+        cause[name][some] = main_cause(value[some], rest[name])
+    return cause
+
+
+def main_cause(total: Floats, rest: Mapping[str, Floats]) -> NDArray[np.str_]:
+    """Effect with more than half of an error.
+
+    Parameters
+    ----------
+    total : ndarray (P,)
+        Error, as a share of the length or in N.
+    rest : mapping from str to ndarray (P,)
+        Error without each effect.
+
+    Returns
+    -------
+    ndarray (P,)
+        Keys of `bowstring.validity.effects.EFFECTS`; empty text where no effect has more than half.
+    """
+    best, cause = np.zeros(len(total)), np.full(len(total), "", dtype="U16")
+    for effect, value in rest.items():
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (total - value) / total
+        more = (total > _ROUNDING) & (share > _DOMINANT) & (share > best)
+        best = np.where(more, share, best)
+        cause = np.where(more, effect, cause)
     return cause
 
 

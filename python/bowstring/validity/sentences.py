@@ -159,12 +159,12 @@ def _at_points(found: ValidityMap, where: Mask) -> str:
     return f" ({in_ranges(axis, np.array(ends))})"
 
 
-def undefined_in_words(name: str, undefined: Mask, where: str = "") -> str:
+def undefined_in_words(name: str, undefined: Mask, where: str = "", things: str = "points") -> str:
     """Sentence on the points at which a model has no arc."""
     why = "no arc has the tendon lengths, which ask for more than a full turn or too sharp a bend"
     if name == "cc_from_force_arm":
         why = "the tension reaches the buckling load between two disks"
-    count = f"{int(undefined.sum())} of {undefined.size} points"
+    count = f"{int(undefined.sum())} of {undefined.size} {things}"
     return f"Constant curvature {LABELS[name]} is not defined at {count}{where}: {why}."
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,11 @@ from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, number, share_of_length, whole
+from bowstring.validity.causes import main_cause
+from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
-from bowstring.viz.style import LIGHT, check_figure_file, subplots, write_figure
+from bowstring.validity.sentences import in_causes, undefined_in_words
+from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,8 +36,6 @@ Floats = NDArray[np.float64]
 POSES: Final = 4096
 """Number of poses by default."""
 _PART: Final = 16384
-_CELLS: Final = 30  # hexagons along an axis
-_SHARES: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # of length
 
 
 @short_repr
@@ -53,34 +54,57 @@ class WorkspaceMap:
     tip: Floats
     """Tips by statics (P, 3), m; NaN without a stable equilibrium."""
     error: dict[str, Floats]
-    """Tip errors by model (P,), m; NaN without an arc."""
+    """Tip errors by model (P,), m; NaN without an equilibrium or an arc."""
+    cause: dict[str, NDArray[np.str_]]
+    """Effect with more than half of the error at each pose (P,), by model; empty text where none
+    has."""
+
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """Whether a pose has a stable equilibrium (P,)."""
+        return np.isfinite(self.tip[:, 0])
+
+    def undefined(self, name: str) -> NDArray[np.bool_]:
+        """Whether a model has no arc at a pose with an equilibrium (P,)."""
+        return self.solved & ~np.isfinite(self.error[name])
 
     def share_valid(self, name: str) -> float:
-        """Share of the poses with an error at which a model holds the tolerance."""
-        error = self.error[name]
-        known = np.isfinite(error)
-        if not known.any():
+        """Share of the poses with an equilibrium at which a model holds the tolerance."""
+        if not self.solved.any():
             return float("nan")
-        return float((error[known] <= self.tolerance * self.robot.length).mean())
+        error = self.error[name][self.solved]  # without an arc nothing holds
+        return float((error <= self.tolerance * self.robot.length).mean())
 
     def described(self) -> list[str]:
         """What the map says, in sentences."""
-        solved = int(np.isfinite(self.tip[:, 0]).sum())
+        solved = int(self.solved.sum())
+        end = f"{significant(self.max_tension)} N in each tendon"
         out = [
-            f"{solved} of {len(self.tip)} poses with at most {significant(self.max_tension)} N in "
-            "each tendon have a stable equilibrium."
+            f"{solved} of {len(self.tip)} poses with at most {end} have a stable equilibrium"
+            + (
+                f"; the other {len(self.tip) - solved} have no place in the figure."
+                if solved < len(self.tip)
+                else "."
+            )
         ]
         for name, error in self.error.items():
             known = np.isfinite(error)
-            if not known.any():
+            if known.any():
+                causes = in_causes(error, self.cause[name], 1, self.tolerance * self.robot.length)
+                out.append(
+                    f"Constant curvature {LABELS[name]} holds to {in_percent(self.tolerance, 3)} "
+                    f"of length at {100.0 * self.share_valid(name):.0f} % of them; mean error "
+                    f"{in_mm(float(error[known].mean()))}, largest "
+                    f"{in_mm(float(error[known].max()))}{causes}."
+                )
+            elif solved:
                 out.append(f"Constant curvature {LABELS[name]} has no arc at any pose.")
-                continue
-            out.append(
-                f"Constant curvature {LABELS[name]} holds to {in_percent(self.tolerance, 3)} of "
-                f"length at {100.0 * self.share_valid(name):.0f} % of them; mean error "
-                f"{in_mm(float(error[known].mean()))}, largest {in_mm(float(error[known].max()))}."
-            )
-        out.append("The figure shows the largest error of the poses in each hexagon.")
+            without = self.undefined(name)
+            if without.any():
+                out.append(undefined_in_words(name, without[self.solved], things="poses"))
+        out.append(
+            "The figure shows the largest error of the poses in each hexagon, and its cause."
+        )
         return out
 
     def to_dict(self) -> schema.WorkspaceValues:
@@ -91,18 +115,21 @@ class WorkspaceMap:
             "max_tension_N": self.max_tension,
             "tip_position_m": self.tip.tolist(),
             "tensions_N": self.tensions.tolist(),
+            "without_equilibrium": int((~self.solved).sum()),
             "errors": [
                 {
                     "name": name,
                     "error_percent": (100.0 * error / length).tolist(),
                     "valid_percent": 100.0 * self.share_valid(name),
+                    "causes": self.cause[name].tolist(),
+                    "not_defined": int(self.undefined(name).sum()),
                 }
                 for name, error in self.error.items()
             ],
         }
 
     def figure(self) -> Figure:
-        """Draw the largest error by tip position.
+        """Draw the largest error by tip position, and its main cause.
 
         The workspace of one segment is a surface, seen from above; that of more is drawn by the
         distance from the base's axis and the height.
@@ -110,46 +137,11 @@ class WorkspaceMap:
         Returns
         -------
         matplotlib.figure.Figure
-            A panel for each model.
+            Two panels for each model.
         """
-        from matplotlib.colors import BoundaryNorm, ListedColormap
+        from bowstring.validity.workspace_figure import draw_workspace
 
-        names = list(self.error)
-        figure, panels = subplots(len(names), 0.6 + 3.3 * len(names), sharex=True)
-        x, y, z = 1e3 * self.tip.T
-        surface = len(self.robot.segments) == 1
-        along, up = (x, y) if surface else (np.hypot(x, y), z)
-        bounds = sorted({0.0, *_SHARES, self.tolerance})
-        within = bounds.index(self.tolerance)
-        colours = ListedColormap(
-            [*_shades("Blues_r", within), *_shades("Oranges", len(bounds) - within)]
-        )
-        norm: Any = BoundaryNorm([100.0 * b for b in bounds], colours.N, extend="max")
-        for panel, name in zip(panels, names, strict=True):
-            error = 100.0 * self.error[name] / self.robot.length
-            known = np.isfinite(error)
-            if known.any():
-                cells = panel.hexbin(
-                    along[known],
-                    up[known],
-                    error[known],
-                    reduce_C_function=np.max,
-                    gridsize=_CELLS,
-                    norm=norm,
-                    cmap=colours,
-                    linewidths=0.1,
-                )
-                bar = figure.colorbar(cells, ax=panel, label="largest error (% of length)")
-                bar.ax.axhline(100.0 * self.tolerance, color=LIGHT["ink"], lw=2.0)
-            panel.set_title(f"constant curvature {LABELS[name]}")
-            panel.set_ylabel("y of the tip (mm)" if surface else "z of the tip (mm)")
-            panel.set_aspect("equal", adjustable="box")
-            panel.margins(0.06)  # a hexagon reaches beyond its centre
-        far = "distance of the tip from the base's axis (mm)"
-        panels[-1].set_xlabel("x of the tip (mm)" if surface else far)
-        title = f"{self.robot.name}: workspace to {significant(self.max_tension)} N (simulated)"
-        figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
-        return figure
+        return draw_workspace(self)
 
     def save(self, path: str | Path) -> Path:
         """Write the figure to a file (PNG, PDF or SVG), whole or not at all.
@@ -165,15 +157,6 @@ class WorkspaceMap:
             Absolute path of the file.
         """
         return write_figure(self.figure, path, "map", 160, check_workspace_file)
-
-
-def _shades(name: str, count: int) -> list[tuple[float, ...]]:
-    """Colours of one of matplotlib's maps, without its palest ones."""
-    from matplotlib import colormaps
-
-    dark_first = name.endswith("_r")
-    places = np.linspace(0.05, 0.65, count) if dark_first else np.linspace(0.35, 0.95, count)
-    return [tuple(colormaps[name](place)) for place in places]
 
 
 def check_workspace_file(path: str | Path) -> Path:
@@ -251,24 +234,45 @@ def workspace_map(
     count = len(robot.tendons.segment)
     points = qmc.Sobol(count, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
     tensions = max_tension * points[:poses]
+    one = Designs(robot, {"segments.0.length": [robot.segments[0].length]})
+    rods = Rods(one, RodModel(), load)
+    effects = acting(rods)
     tip = np.full((poses, 3), np.nan)
     error = {name: np.full(poses, np.nan) for name in models}
+    cause = {name: np.full(poses, "", dtype="U16") for name in models}
+    notify = progress or (lambda what, done: None)
     for first in range(0, poses, _PART):
         rows = slice(first, first + _PART)
-        found = rod.solve_batch(robot, tensions[rows], load=load, model=RodModel(), disks=False)
-        here = len(found)
-        ramps = Ramps(
-            np.zeros((1, here)),
-            tensions[rows][None],
-            found.converged[None],
-            found.tip_position[None],
-            found.tendon_lengths[None],
-            found.tip_error[None],
-        )
-        one = Designs(robot, {"segments.0.length": [robot.segments[0].length]})
-        tip[rows] = found.tip_position
-        for name, value in tip_errors(one, ramps, models).items():
+        ramps = _poses(rods, tensions[rows])
+        tip[rows] = ramps.tip[0]
+        here = tip_errors(one, ramps, models)
+        without_it = {}
+        for i, effect in enumerate(effects, 1):
+            share = (first + _PART * i / (1 + len(effects))) / poses
+            notify("poses", min(1.0, share))
+            rest = tip_errors(one, _poses(without(rods, effect), tensions[rows]), models)
+            without_it[effect] = {name: value[0] for name, value in rest.items()}
+        for name, value in here.items():
             error[name][rows] = value[0]
-        if progress is not None:
-            progress("poses", min(1.0, (first + _PART) / poses))
-    return WorkspaceMap(robot, tolerance, max_tension, tensions, tip, error)
+            rest_of = {effect: found[name] for effect, found in without_it.items()}
+            least = robot.length
+            cause[name][rows] = main_cause(
+                value[0] / least, {k: v / least for k, v in rest_of.items()}
+            )
+    notify("poses", 1.0)
+    return WorkspaceMap(robot, tolerance, max_tension, tensions, tip, error, cause)
+
+
+def _poses(rods: Rods, tensions: Floats) -> Ramps:
+    """Poses (P,) of one robot at tensions (P, T), each solved by itself, as one ramp."""
+    found = rod.solve_batch(
+        rods.designs.robot, tensions, load=rods.load, model=rods.model, disks=False
+    )
+    return Ramps(
+        np.zeros((1, len(found))),
+        tensions[None],
+        found.converged[None],
+        found.tip_position[None],
+        found.tendon_lengths[None],
+        found.tip_error[None],
+    )

@@ -1,0 +1,172 @@
+"""Figure of the errors over the workspace, and of their causes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.formatting import in_percent, significant
+from bowstring.validity.effects import EFFECTS
+from bowstring.validity.errors import LABELS
+from bowstring.validity.figures import CAUSES, SHADE
+from bowstring.validity.maps import STATES
+from bowstring.viz.style import LIGHT, subplots
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    from bowstring.validity.workspace import WorkspaceMap
+
+__all__ = ["draw_workspace"]
+
+Floats = NDArray[np.float64]
+
+_CELLS: Final = 30  # hexagons along an axis
+_SHARES: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # of length
+_HOLDS: Final = "holds"  # keys of hexagons beside those of the causes
+_NO_ARC: Final = "no arc"
+_KINDS: Final = (_HOLDS, *CAUSES, "", _NO_ARC)
+
+
+def draw_workspace(found: WorkspaceMap) -> Figure:
+    """Draw the largest error by tip position, and below it its main cause, for each model."""
+    names = list(found.error)
+    figure, panels = subplots(2 * len(names), 0.8 + 6.4 * len(names), sharex=True)
+    present: set[str] = set()
+    surface = len(found.robot.segments) == 1
+    for i, name in enumerate(names):
+        errors, causes = panels[2 * i : 2 * i + 2]
+        _errors(figure, errors, found, name)
+        present |= _causes(causes, found, name)
+        errors.set_title(f"constant curvature {LABELS[name]}: largest error")
+        causes.set_title(f"constant curvature {LABELS[name]}: cause of it")
+        for panel in (errors, causes):
+            panel.set_ylabel("y of the tip (mm)" if surface else "z of the tip (mm)")
+            panel.set_aspect("equal", adjustable="box")
+            panel.margins(0.06)  # a hexagon reaches beyond its centre
+    far = "distance of the tip from the base's axis (mm)"
+    panels[-1].set_xlabel("x of the tip (mm)" if surface else far)
+    handles = _handles(found, present)
+    if handles:
+        figure.legend(handles=handles, loc="outside lower left", ncols=1)
+    without = int((~found.solved).sum())
+    more = f"\n{without} of {len(found.tip)} poses: {STATES[2]}, not shown" if without else ""
+    title = f"{found.robot.name}: workspace to {significant(found.max_tension)} N (simulated){more}"
+    figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
+    return figure
+
+
+def _places(found: WorkspaceMap) -> tuple[Floats, Floats]:
+    """Horizontal and vertical place of each pose in a panel, mm."""
+    x, y, z = 1e3 * found.tip.T
+    return (x, y) if len(found.robot.segments) == 1 else (np.hypot(x, y), z)
+
+
+def _errors(figure: Figure, panel: Axes, found: WorkspaceMap, name: str) -> None:
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    along, up = _places(found)
+    error = 100.0 * found.error[name] / found.robot.length
+    known = np.isfinite(error)
+    bounds = sorted({0.0, *_SHARES, found.tolerance})
+    within = bounds.index(found.tolerance)
+    colours = ListedColormap(
+        [*_shades("Blues_r", within), *_shades("Oranges", len(bounds) - within)]
+    )
+    norm: Any = BoundaryNorm([100.0 * b for b in bounds], colours.N, extend="max")
+    if known.any():
+        cells = panel.hexbin(
+            along[known],
+            up[known],
+            error[known],
+            reduce_C_function=np.max,
+            gridsize=_CELLS,
+            norm=norm,
+            cmap=colours,
+            linewidths=0.1,
+        )
+        bar = figure.colorbar(cells, ax=panel, label="largest error (% of length)")
+        bar.ax.axhline(100.0 * found.tolerance, color=LIGHT["ink"], lw=2.0)
+    without = found.undefined(name)
+    if without.any():
+        panel.plot(along[without], up[without], "x", color=LIGHT["ink"], ms=3.0, mew=0.7)
+
+
+def _causes(panel: Axes, found: WorkspaceMap, name: str) -> set[str]:
+    """Draw the cause of the largest error in each hexagon; return the keys of those drawn."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgba
+
+    along, up = _places(found)
+    error = found.error[name]
+    outside = ~(error <= found.tolerance * found.robot.length)
+    keys = np.where(outside, found.cause[name], _HOLDS)
+    keys = np.where(found.undefined(name), _NO_ARC, keys)
+    kind = np.array([_KINDS.index(str(key)) for key in keys])
+    worst = np.where(found.undefined(name), np.inf, error)
+    rows = np.flatnonzero(found.solved)
+    if not rows.size:
+        return set()
+
+    def of_worst(members: Any) -> float:
+        at = np.asarray(members, dtype=int)
+        return float(kind[at[np.argmax(worst[at])]])
+
+    shades = [to_rgba(LIGHT[colour], SHADE) for colour in CAUSES.values()]
+    colours = ListedColormap(
+        [to_rgba("white"), *shades, to_rgba(LIGHT["grid"]), to_rgba(LIGHT["muted"])]
+    )
+    cells = panel.hexbin(
+        along[rows],
+        up[rows],
+        rows,
+        reduce_C_function=of_worst,
+        gridsize=_CELLS,
+        norm=BoundaryNorm(np.arange(len(_KINDS) + 1) - 0.5, len(_KINDS)),
+        cmap=colours,
+        linewidths=0.3,
+        edgecolors=LIGHT["muted"],
+    )
+    # an empty bar takes the room of that of the errors, so that both panels have one scale
+    bar: Any = panel.figure.colorbar(cells, ax=panel, label="largest error", format="10.0")
+    for part in (bar.outline, bar.solids):
+        part.set_visible(False)
+    bar.minorticks_off()
+    bar.ax.tick_params(colors="none")
+    bar.ax.yaxis.label.set_color("none")
+    panel.grid(False)
+    shown = np.asarray(cells.get_array()).astype(int)
+    return {_KINDS[i] for i in np.unique(shown)}
+
+
+def _handles(found: WorkspaceMap, present: set[str]) -> list[Line2D | Patch]:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Line2D | Patch] = []
+    if _HOLDS in present:
+        label = f"holds to {in_percent(found.tolerance)}"
+        handles.append(Patch(fc="white", ec=LIGHT["muted"], label=label))
+    for key, colour in CAUSES.items():
+        if key in present:
+            handles.append(Patch(fc=LIGHT[colour], alpha=SHADE, label=f"mainly {EFFECTS[key]}"))
+    if "" in present:
+        handles.append(Patch(fc=LIGHT["grid"], label="no single main cause"))
+    if _NO_ARC in present:
+        mark: Any = {"marker": "x", "ls": "none", "color": LIGHT["ink"], "ms": 4.0}
+        handles.append(Line2D([], [], **mark, label=f"pose: {STATES[4]}"))
+        handles.append(Patch(fc=LIGHT["muted"], label=STATES[4]))
+    return handles
+
+
+def _shades(name: str, count: int) -> list[tuple[float, ...]]:
+    """Colours of one of matplotlib's maps, without its palest ones."""
+    from matplotlib import colormaps
+
+    dark_first = name.endswith("_r")
+    places = np.linspace(0.05, 0.65, count) if dark_first else np.linspace(0.35, 0.95, count)
+    return [tuple(colormaps[name](place)) for place in places]
