@@ -280,6 +280,11 @@ def test_a_dataset_has_labels_and_units() -> None:
     assert data[FORCE].dims == ("axis_2", "axis_1") and data[FORCE].shape == (3, 5)
     assert data["axis_2"].attrs == {"units": "Pa", "long_name": "segments.0.backbone.E"}
     assert "simulated" in data.attrs["source"]
+    assert (data.attrs["metric"], data.attrs["max_tension_N"]) == ("error", 80.0)
+    assert data.attrs["gravity_m_per_s2"] == data.attrs["tip_force_N"] == [0.0, 0.0, 0.0]
+    assert data.attrs["shares"] == [1.0, 0.0, 0.0] and data.attrs["loads"] == 17
+    causes = data[f"{FORCE}_cause"].sel(cause_axis_1=80.0)
+    assert (causes == "straight_spans").all() and causes.dims == ("cause_axis_2",)
 
 
 @pytest.mark.parametrize(
@@ -564,6 +569,8 @@ def test_the_command_writes_numbers(shell: Shell, tmp_path: Path) -> None:
     with xr.open_dataset(file) as data:
         shown = next(m for m in content["maps"] if m["name"] == FORCE)
         np.testing.assert_allclose(100.0 * data[FORCE].values, shown["values"])
+        assert data[f"{FORCE}_cause"].values.tolist() == shown["causes"]
+        assert data.attrs["metric"] == "error"
 
 
 @pytest.mark.parametrize("more", [(), ("--over", "gravity.z=-1:1:2")], ids=["map", "grid"])
@@ -719,6 +726,9 @@ def test_the_command_computes_in_blocks(shell: Shell, tmp_path: Path) -> None:
     for _ in range(2):  # the second time all blocks are there
         content = shell.json(*args, "--out", str(tmp_path / "map.nc"))
         assert (content["points"], content["blocks"]) == (24, 24)
+        assert "from force holds to 1 % of length at " in content["text"][1]
+    said = shell(*args, "--out", str(tmp_path / "map.nc"))[1]
+    assert said.splitlines()[: len(content["text"])] == content["text"]
     to_file = ("--out", str(tmp_path / "other.nc"))
     assert "tolerance" in shell.error(*args, *to_file, "--tolerance", "2 %")
     figure = tmp_path / "map.png"
@@ -729,6 +739,18 @@ def test_the_command_computes_in_blocks(shell: Shell, tmp_path: Path) -> None:
     many = ["--over", "E=1:2 GPa:1001", "--over", "nu=0:0.4:1001", "--over", "length=1:2:1001"]
     too = shell.error("map", "amouri2019", *many, "--store", str(tmp_path / "other"))
     assert "at most" in too and not (tmp_path / "other").exists()
+
+
+def test_many_points_in_memory_are_warned_of(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bowstring.cli.map._MANY", 5)
+    args = ("map", "amouri2019", "--over", "E=30:40 GPa:3", "--points", "3")
+    out = ("--out", str(tmp_path / "map.png"))
+    assert shell(*args, *out)[2] == ""
+    warned = shell(*args, "--over", "nu=0:0.4:2", *out)[2]
+    (line,) = warned.splitlines()
+    assert line.startswith("Warning: 6 points are computed in memory") and "--store DIR" in line
 
 
 def test_ctrl_c_names_the_blocks_that_are_kept(

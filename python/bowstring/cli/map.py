@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import typer
 
@@ -22,7 +23,7 @@ from bowstring.cli.options import (
     shares_of,
     vector,
 )
-from bowstring.cli.output import Stopped, progress_bar, provenance_of, write, write_json
+from bowstring.cli.output import Stopped, progress_bar, provenance_of, say, write, write_json
 from bowstring.errors import InputError, NoSolutionError
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from bowstring.schemas import maps as schema
     from bowstring.schemas.basic import OfRobot
     from bowstring.validity.grids import ValidityGrid
+
+
+_MANY: Final = 200_000  # points: minutes
 
 
 def map_(
@@ -136,7 +140,7 @@ def map_(
     from bowstring.statics.load import Load
     from bowstring.validity.jobs import map_job
     from bowstring.validity.loading import Loading
-    from bowstring.validity.maps import check_map_file, validity_map
+    from bowstring.validity.maps import MOST_SOLVES, check_map_file, validity_map
     from bowstring.validity.question import end_of_ramp, read_axes
     from bowstring.validity.sentences import described
     from bowstring.validity.workspace import POSES, check_workspace_file, workspace_map
@@ -174,7 +178,8 @@ def map_(
         if as_json:
             result: schema.StoredMap = {**made, **kept}
             return write_json(result)
-        return write(f"{kept['points']} points in {kept['blocks']} blocks. Map: {kept['file']}\n")
+        counts = f"{kept['points']} points in {kept['blocks']} blocks. Map: {kept['file']}"
+        return write("\n".join([*kept["text"], counts]) + "\n")
     if over and len(over) > 2:
         return _many(
             of_flag("--over", jobs, over), out or Path(f"{model.name}-map.png"), made, as_json
@@ -184,6 +189,13 @@ def map_(
     axes = None
     if over:
         axes = of_flag("--over", lambda texts: read_axes(model, texts, loading), over)
+        count = math.prod(len(axis.values) for axis in axes)
+        if count > _MANY and count * points <= MOST_SOLVES:
+            say(
+                "Warning",
+                f"{count} points are computed in memory, and a stop loses them; --store DIR keeps "
+                "what is done.",
+            )
     with progress_bar("errors") as notify:
         if workspace:
             poses = workspace_map(
@@ -240,7 +252,7 @@ def _many(job: Job, out: Path, made: OfRobot, as_json: bool) -> None:
 def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.StoredValues:
     """Compute a job, or what is missing of it, and write its data set or figure."""
     from bowstring.blocks import RunInterrupted, Unfinished, run
-    from bowstring.validity.grids import check_drawn, check_grid_file, read_grid
+    from bowstring.validity.grids import MOST_DRAWN, check_drawn, check_grid_file, read_grid
 
     of_flag("--out", check_grid_file, out)
     drawn = out.suffix.lower() not in (".nc", ".zarr")
@@ -249,8 +261,13 @@ def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.St
     try:
         with progress_bar("blocks") as notify:
             store = run(job, folder, dask, lambda share: notify("blocks", share))
+            text = [f"Over {MOST_DRAWN} points: the data set has the values, and no verdict."]
+            if job.points <= MOST_DRAWN:
+                notify("causes", 1.0)
+                found = read_grid(store)
+                text = found.described()
             notify("figure" if drawn else "data set", 1.0)
-            written = read_grid(store).save(out) if drawn else store.save(out)
+            written = found.save(out) if drawn else store.save(out)
     except RunInterrupted as stopped:
         raise Stopped(f"{stopped}: run the same command again.") from None
     except Unfinished as stopped:  # not bad input: some blocks were written
@@ -259,5 +276,6 @@ def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.St
         "points": job.points,
         "blocks": job.blocks,
         "folder": str(store.folder),
+        "text": text,
         "file": str(written),
     }

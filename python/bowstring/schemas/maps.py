@@ -180,6 +180,7 @@ class StoredValues(Object):
     points: Annotated[int, about("Number of points.")]
     blocks: Annotated[int, about("Number of blocks.")]
     folder: Annotated[str, about("Folder of the blocks.")]
+    text: Annotated[list[str], about("What the map says, in sentences; of up to 5 million points.")]
     file: Annotated[str, about("Data set of the map, NetCDF or Zarr, or its figure.")]
 
 
