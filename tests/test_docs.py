@@ -10,6 +10,7 @@ import shlex
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -169,6 +170,22 @@ def test_tutorials(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         r"^```\{code-cell\}[^\n]*\n(.*?)^```", page.read_text("utf-8"), re.MULTILINE | re.DOTALL
     )
     exec(compile("\n".join(cells), str(page), "exec"), {"__name__": "tutorial"})
+
+
+def test_every_command_is_in_the_reference() -> None:
+    from typer.main import get_command
+
+    from bowstring.cli.main import app
+
+    def names(command: Any, before: str = "") -> list[str]:
+        found = getattr(command, "commands", None)
+        if found is None:
+            return [before.strip()]
+        return [path for name, one in found.items() for path in names(one, f"{before} {name}")]
+
+    page = (DOCS / "reference" / "cli.md").read_text("utf-8")
+    missing = [name for name in names(get_command(app)) if f"\n## {name}\n" not in page]
+    assert not missing
 
 
 def test_every_public_name_is_in_the_reference() -> None:
