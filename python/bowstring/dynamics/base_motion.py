@@ -155,17 +155,22 @@ class BaseHistory:
         self.base, self.gravity = base, gravity
 
     def rows(self, times: Floats, *, before: bool = False) -> Floats:
+        """Accelerations (K, 9) at several times (K,)."""
         return self.base.accelerations(np.minimum(times, self.base.duration), self.gravity)
 
     def at(self, time: float, *, before: bool = False) -> Floats:
+        """Accelerations (9,) at a time."""
         return np.asarray(self.rows(np.array([time]))[0])
 
     def knots(self) -> set[float]:
+        """Times between which the accelerations are taken as linear."""
         count = int(np.ceil(self.base.duration / _SPACING))
         return set(np.linspace(0.0, self.base.duration, count + 1).tolist())
 
     def jumps(self) -> set[float]:
+        """No times: the motion is smooth."""
         return set()
 
     def to_dict(self) -> Any:
+        """Poses of the base for a file."""
         return self.base.to_dict()

@@ -215,9 +215,10 @@ def solve_contact(
         The plane, with its friction.
     previous : ContactSolution, optional
         Contact under the previous load, whose path is continued. By default the path begins in the
-        home pose under gravity, and the other loads increase in proportion from there. With
-        friction the tip sticks where it first touches, then sticks or slides; that pose must not be
-        beyond the plane then.
+        home pose under gravity, and the other loads increase in proportion from there; where the
+        weight alone brings the tip to the plane, gravity increases with them. With friction the tip
+        sticks where it first touches, then sticks or slides; the home pose must not be beyond the
+        plane then.
 
     Returns
     -------
@@ -516,6 +517,13 @@ class _Problem:
         if home is None:
             return _Contact(None, none, none, None, "separated", 0.0)
         length = self.robot.length
+        if home.tip[0] < -_TOLERANCE * length and self.dead[0]["gravity"].any():
+            # it rests on the plane by its weight: gravity increases with the other loads
+            first, last = self.dead
+            self.dead = ({**first, "gravity": np.zeros(3)}, last)
+            home = self.at(0.0, none)
+            if home is None:
+                return _Contact(None, none, none, None, "separated", 0.0)
         if home.tip[0] < -_TOLERANCE * length:
             raise InputError(
                 f"the home pose of {self.robot.name} reaches {-1e3 * home.tip[0]:.6g} mm beyond "
