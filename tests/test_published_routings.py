@@ -193,6 +193,7 @@ def solved(routing: Routing, tensions: Array, disks: int, *, continuous: bool) -
                 clamped_length_m=np.zeros(count),
                 mass_kg=np.zeros(count),
                 inertia_kg_m2=np.zeros((count, 2)),
+                hole_length_m=np.zeros(count),
                 segment=np.repeat(of_segments, each),
             ),
             tendons=SimpleNamespace(
@@ -200,6 +201,7 @@ def solved(routing: Routing, tensions: Array, disks: int, *, continuous: bool) -
                 end_disk=np.repeat(each * (of_segments + 1) - 1, routing.per_segment),
             ),
             sections=np.tile(np.array(section, float), (segments, 1, 1)),
+            payload_numbers=np.zeros((0, 8)),
             gravity=[0.0, 0.0, -9.81],
             is_embedded=continuous,
         )

@@ -37,7 +37,7 @@ def _plain(part: BaseModel) -> dict[str, Any]:
     for name, info in type(part).model_fields.items():
         value = getattr(part, name)
         unit = next((mark.si for mark in info.metadata if isinstance(mark, Quantity)), "")
-        if value is None or value == "":
+        if value is None or value in ("", ()):
             continue
         if isinstance(value, BaseModel):
             fields[name] = _plain(value)
