@@ -200,10 +200,21 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
         for (u, v) in u.frame.0.iter().zip(&v.frame.0) {
             sum += (u[0] * v[0] + u[1] * v[1]) * e1 + u[2] * v[2] * e3;
         }
-        if let Some(body) = self.body(k) {
-            sum += body.product(u, v);
+        if !self.bodies.is_empty() {
+            sum += self.product_of_body(k, u, v);
         }
         sum
+    }
+
+    #[cold]
+    fn product_of_body(
+        &self,
+        k: usize,
+        u: &Nodal<L::Chain, A>,
+        v: &Nodal<L::Chain, A>,
+    ) -> L::Chain {
+        self.body(k)
+            .map_or(L::Chain::zero(), |body| body.product(u, v))
     }
 
     /// Mass-weighted sum of a vector over all points.

@@ -152,11 +152,11 @@ impl<L: Layout, const A: usize> Residual<L, A> {
     #[cold]
     fn set_acceleration_by_base(
         &mut self,
-        base: &BaseMotion,
         scheme: &Scheme,
         motion: &Kinematics<L::Chain, A>,
         k: usize,
     ) {
+        let base = self.base.unwrap_or_default();
         let [rate, spin] = [base.angular_velocity, base.angular_acceleration].map(Vec3::splat);
         let (place, velocity) = motion.at_balance(scheme, k);
         let turned = |y: Vec3<L::Chain>, v: Vec3<L::Chain>| {
@@ -175,17 +175,19 @@ impl<L: Layout, const A: usize> Residual<L, A> {
     #[inline(always)]
     pub fn set_inertial(&mut self, body: &Body<L, A>, motion: &Kinematics<L::Chain, A>) {
         let splat = L::Chain::splat;
+        let (moves, lined) = (self.base.is_some(), !self.lines.is_empty());
+        let laden = !body.mass.bodies.is_empty();
         for k in 0..self.moment.len() {
             let mut acceleration = motion.balance_acceleration(&body.scheme, k);
-            if let Some(base) = self.base {
-                self.set_acceleration_by_base(&base, &body.scheme, motion, k);
+            if moves {
+                self.set_acceleration_by_base(&body.scheme, motion, k);
                 acceleration = acceleration.combined(1.0, &self.by_base[k], 1.0);
             }
             for a in 0..A {
                 let m = splat(body.mass.points[k * A + a]);
                 self.force[k * A + a] = (self.gravity - acceleration.points[a]) * m;
-                if let Some(line) = self.lines.get(k * A + a) {
-                    self.force[k * A + a] += *line;
+                if lined {
+                    self.force[k * A + a] += self.lines[k * A + a];
                 }
             }
             let [e1, e3] = body.mass.directors[k].map(splat);
@@ -193,7 +195,7 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             for row in &mut push.0 {
                 *row = [row[0] * e1, row[1] * e1, row[2] * e3];
             }
-            if let Some(own) = body.mass.body(k) {
+            if let (true, Some(own)) = (laden, body.mass.body(k)) {
                 let (first, against) = (wide(own.first), acceleration.disk() - self.gravity);
                 self.force[k * A + A - 1] -= against * splat(own.mass) + acceleration.frame * first;
                 push += acceleration.frame * wide_mat(&own.second) + against.outer(first);

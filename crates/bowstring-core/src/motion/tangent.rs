@@ -194,7 +194,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             value[0][0] = value[0][0].add_diagonal([across, across, along]);
             let disk = splat(inertia * mass.points[k * A + A - 1]);
             value[1][1] = value[1][1].add_diagonal([disk; 3]);
-            if let Some(own) = mass.body(k) {
+            if let (false, Some(own)) = (mass.bodies.is_empty(), mass.body(k)) {
                 let first = wide(own.first);
                 let weight = rod.rotations[k + 1].tr_mul(residual.gravity);
                 value[0][0] += wide_mat(&own.inertia()) * splat(inertia)

@@ -125,7 +125,8 @@ impl<C: Real, const A: usize> Attached<C, A> {
     /// Takes over those of a load on a robot of `n` disks.
     pub fn set(&mut self, load: &Load, n: usize) {
         self.moments.clear();
-        if (0..n).any(|k| load.moment_on(k, n) != [0.0; 3]) {
+        let moments = load.disk_moments.iter().chain([&load.tip_moment]);
+        if moments.into_iter().any(|moment| *moment != [0.0; 3]) {
             let moments = (0..n).map(|k| Vec3::splat(load.moment_on(k, n)));
             self.moments.extend(moments);
         }
