@@ -4,7 +4,7 @@
 //! the algorithms that call the passes are written and compiled once.
 
 use crate::math::lie::Pose;
-use crate::math::linalg::Vec3;
+use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real, Scalar};
 #[cfg(target_arch = "x86_64")]
 use crate::math::simd::{Avx2, Avx512, Modules, Simd};
@@ -46,6 +46,9 @@ pub(crate) trait Passes: RoutedRod + Send + Sync {
     fn step_to_gradient(&mut self, scale: f64);
     fn save(&mut self);
     fn advance(&mut self, fraction: f64);
+    /// Rotation of every disk by a unit moment on it (rad/(N m)), in its frame; see
+    /// [`Rod::flexibilities`].
+    fn flexibilities(&self, visit: &mut dyn FnMut(usize, Mat3));
     /// Number of negative eigenvalues of the second variation that was eliminated last.
     fn negative_pivots(&self) -> usize;
     fn span_tension(&self, k: usize, i: usize) -> f64;
@@ -188,6 +191,17 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
     }
     fn save(&mut self) {
         Rod::save(self);
+    }
+    fn flexibilities(&self, visit: &mut dyn FnMut(usize, Mat3)) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || {
+                self.flexibilities(
+                    #[inline(always)]
+                    |k, m| visit(k, Mat3(m.0.map(|row| row.map(|x| x.lane(0))))),
+                )
+            },
+        )
     }
     fn negative_pivots(&self) -> usize {
         self.newton

@@ -169,6 +169,22 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         sum
     }
 
+    /// Sum of all blocks of the inverse of U, for a symmetric elimination: the rotation of the end
+    /// by a unit moment on it, while the start is held.
+    #[inline(always)]
+    pub fn flexibility(&self) -> Mat3<T> {
+        let mut sum = Mat3::zero();
+        let mut columns = [Mat3::identity(); A];
+        for i in 0..A {
+            let column = columns[i];
+            for b in i + 1..A {
+                columns[b] = (-self.lower[b][i]).mul_add(column, columns[b]);
+            }
+            sum = column.tr_mat(self.inverse[i]).mul_add(column, sum);
+        }
+        sum
+    }
+
     /// Number of negative eigenvalues of the arcs' pivots.
     pub fn negative_pivots(&self) -> usize {
         self.inverse.iter().map(negative_pivots).sum()

@@ -9,6 +9,7 @@ pub(crate) mod constants;
 pub(crate) mod defect;
 pub(crate) mod elimination;
 pub mod estimate;
+pub(crate) mod flexibility;
 pub(crate) mod module;
 pub(crate) mod routed;
 pub(crate) mod routes;
