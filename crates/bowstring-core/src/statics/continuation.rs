@@ -24,8 +24,6 @@ const REGULARISING_SHIFT: f64 = 1e-9;
 /// The same on a branch of a family, where the tangent is singular along the whole branch, as for a
 /// round rod that buckles in any plane.
 const FAMILY_SHIFT: f64 = 1e-6;
-/// Eigenvalue over the unit of the shift that counts as zero.
-const ZERO_EIGENVALUE: f64 = 1e-7;
 /// Residual below which a correction ends at once; a neutral direction needs it to be recognised.
 const FINE_RESIDUAL: f64 = 1e-13;
 /// Ratio of successive residuals above which rounding prevents a smaller one.
@@ -312,9 +310,12 @@ impl Curve {
         self.imbalance
     }
 
-    /// Eliminates the tangent at the present point, after `residual`.
+    /// Eliminates the tangent at the present point, after `residual`; the shift is in its unit.
     fn eliminate(&mut self, shift: f64) {
-        let shift = shift * self.solver.settings.shift_unit;
+        self.eliminate_shifted(shift * self.solver.settings.shift_unit);
+    }
+
+    fn eliminate_shifted(&mut self, shift: f64) {
         self.solver.engine.eliminate(self.symmetric, shift);
     }
 
@@ -396,11 +397,12 @@ impl Curve {
     fn linearised(&mut self, along: &Vector, tangent: &mut Vector) -> (usize, usize) {
         self.solver.engine.linearise();
         let counts = if self.symmetric {
-            self.eliminate(-ZERO_EIGENVALUE);
+            let zero = self.solver.settings.zero_eigenvalue;
+            self.eliminate_shifted(-zero);
             let not_positive = self.solver.engine.negative_pivots();
             let mut negative = 0;
             if not_positive > 0 {
-                self.eliminate(ZERO_EIGENVALUE);
+                self.eliminate_shifted(zero);
                 negative = self.solver.engine.negative_pivots();
             }
             (negative, not_positive.saturating_sub(negative))

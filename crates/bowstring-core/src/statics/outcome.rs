@@ -9,6 +9,12 @@ use crate::rod::estimate::ErrorEstimate;
 /// Largest moment imbalance over (bending stiffness / length) of a converged solution.
 pub const TOLERANCE: f64 = 1e-10;
 
+/// Eigenvalue of the tangent that counts as zero, over the smallest bending stiffness of an arc: a
+/// flat section buckles in its soft direction.
+const ZERO_EIGENVALUE: f64 = 1e-8;
+/// Rounding of an eigenvalue, over the largest bending stiffness of an arc.
+const EIGENVALUE_NOISE: f64 = 1e-14;
+
 /// How a solve ended. Only [`Status::Converged`] comes with a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
@@ -83,6 +89,8 @@ pub(crate) struct Settings {
     pub moment_scale: f64,
     /// Unit of the diagonal shift: a tenth of an arc's bending stiffness (N m).
     pub shift_unit: f64,
+    /// Magnitude up to which an eigenvalue of the tangent counts as zero (N m).
+    pub zero_eigenvalue: f64,
     /// Length of the robot (m).
     pub length: f64,
     /// Work of a Newton iteration, in units of `interrupt::work`.
@@ -91,16 +99,17 @@ pub(crate) struct Settings {
 
 impl Settings {
     pub fn new(robot: &Robot, elements: usize) -> Self {
-        let stiffness = (0..robot.module_count())
-            .flat_map(|k| {
-                let arc = robot.modules[k].flexible / elements as f64;
-                [0.0, 1.0].map(|x| robot.section(k, x).bending.map(|b| b / arc))
-            })
-            .flatten()
-            .fold(0.0, f64::max);
+        let stiffnesses = (0..robot.module_count()).flat_map(|k| {
+            let arc = robot.modules[k].flexible / elements as f64;
+            let ends = [0.0, 1.0].map(|x| robot.section(k, x).bending.map(|b| b / arc));
+            ends.into_iter().flatten()
+        });
+        let largest = stiffnesses.clone().fold(0.0, f64::max);
+        let least = stiffnesses.fold(f64::INFINITY, f64::min);
         Settings {
             moment_scale: robot.moment_scale(),
-            shift_unit: 0.1 * stiffness,
+            shift_unit: 0.1 * largest,
+            zero_eigenvalue: f64::max(ZERO_EIGENVALUE * least, EIGENVALUE_NOISE * largest),
             length: robot.length(),
             work: robot.module_count() * elements * (8 + 2 * robot.tendon_count()),
         }
