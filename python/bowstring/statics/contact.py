@@ -283,6 +283,7 @@ def sweep_contact(
     Returns
     -------
     tuple of ContactSolution (n,)
+        The contact of each row; one that did not converge has no solution.
 
     Raises
     ------
