@@ -126,6 +126,8 @@ class Table:
 
     def rows(self, times: Floats, *, before: bool = False) -> Floats:
         """Values (K, C) at several times (K,)."""
+        if len(self.times) == 1:
+            return np.repeat(self.values, len(times), axis=0)
         side: Literal["left", "right"] = "left" if before else "right"
         i = np.searchsorted(self.times, times, side=side)
         a, b = np.clip(i - 1, 0, None), np.clip(i, None, len(self.times) - 1)
@@ -151,6 +153,10 @@ class Table:
     def to_dict(self) -> Any:
         """Times and values for a file; None where a tendon has a command of another kind."""
         return {"times_s": self.times.tolist(), "values": plain(self.values)}
+
+
+_NONE: Final = Table([0.0], np.zeros((1, 0)))
+"""History of a load that does not act: it has no columns."""
 
 
 def ramp(values: ArrayLike, rise: float, start: float = 0.0) -> Table:
@@ -514,7 +520,7 @@ def _numbers_of(shape: tuple[int, ...]) -> str:
 def on_disks(name: str, value: Any, disks: int) -> _History:
     """Convert a user's load on disks to a load history, of no columns if it is None."""
     if value is None:
-        return Table([0.0], np.zeros((1, 0)))
+        return _NONE
     if callable(value):
         return _Function(name, value, (disks, 3))
     if isinstance(value, Table):
@@ -532,13 +538,13 @@ def on_disks(name: str, value: Any, disks: int) -> _History:
 def on_points(given: Any, disks: int) -> _History | _PointHistory:
     """Convert a user's point loads to load histories, of no columns if there are none."""
     loads = tuple(load.on(disks) for load in point_loads(given))
-    return _PointHistory(loads) if loads else Table([0.0], np.zeros((1, 0)))
+    return _PointHistory(loads) if loads else _NONE
 
 
 def of_base(given: Any, gravity: Floats, duration: float) -> _History | BaseHistory:
     """Convert a motion of the base to a load history, of no columns if there is none."""
     if given is None:
-        return Table([0.0], np.zeros((1, 0)))
+        return _NONE
     if not isinstance(given, BaseMotion):
         raise InputError(f"base is {validation.shown(given)}, it must be a BaseMotion")
     if duration > given.duration * (1.0 + 1e-9):
