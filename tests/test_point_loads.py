@@ -209,7 +209,8 @@ def test_a_motion_conserves_energy() -> None:
 
 
 def test_modes() -> None:
-    """A dead force on a lever is a pendulum: it raises the lowest frequency when it hangs."""
+    """A dead force beyond the tip, away from the base, raises the lowest frequency as tension does,
+    and the more the longer its lever."""
     free = modes(ROBOT, [0, 0, 0])
     hanging = bs.PointLoad(force=[0, 0, 2.0], point=[0, 0, 0.05])
     held = modes(ROBOT, [0, 0, 0], load=bs.Load(point_loads=[hanging]))

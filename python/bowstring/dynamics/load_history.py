@@ -23,6 +23,7 @@ from bowstring.statics.load import (
     Load,
     PointLoad,
     disk_shape,
+    per_disk,
     point_loads,
 )
 
@@ -542,7 +543,7 @@ def on_points(given: Any, disks: int) -> _History | _PointHistory:
 
 
 def of_base(given: Any, gravity: Floats, duration: float) -> _History | BaseHistory:
-    """Convert a motion of the base to a load history, of no columns if there is none."""
+    """Convert a motion of the base to a load history, without columns where it does not move."""
     if given is None:
         return _NONE
     if not isinstance(given, BaseMotion):
@@ -559,8 +560,7 @@ def disk_row(name: str, value: Any, disks: int) -> Floats:
     """Check a load on disks (N, 3); components of all disks (3 N,)."""
     what = f"{disk_shape(name, disks)}, a table or a function"
     array = validation.read(name, value, f"numbers of shape {what}")
-    if name == "line_forces" and array.shape == (3,):
-        array = np.tile(array, (disks, 1))
+    array = per_disk(name, array, disks)
     if array.shape != (disks, 3):
         raise InputError(f"{name} has shape {array.shape}, it must have {what}")
     if not np.isfinite(array).all():

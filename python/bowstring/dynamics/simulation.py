@@ -42,7 +42,9 @@ from bowstring.statics.load import (
     PointLoad,
     as_load,
     point_loads,
+    same_points,
     with_arrays,
+    without_wrenches,
 )
 from bowstring.statics.model import as_model
 from bowstring.statics.simulator import Scheme, frames, keep_start, make, stations
@@ -643,18 +645,16 @@ def _point_loads(given: Load | None, otherwise: Floats, disks: int) -> Floats:
     if given is None or given.point_loads is None:
         return otherwise
     loads = tuple(load.on(disks) for load in point_loads(given.point_loads))
-    array = with_arrays(given.replace(point_loads=loads)).point_loads
-    numbers = np.zeros(0) if array is None else array.ravel()
-    wrench = np.isin(np.arange(11), range(4, 10))
-    if len(numbers) == 0:
-        return np.where(np.resize(wrench, otherwise.shape), 0.0, otherwise)
-    fixed = ~np.resize(wrench, otherwise.shape)
-    if numbers.shape != otherwise.shape or (numbers[fixed] != otherwise[fixed]).any():
+    numbers = with_arrays(given.replace(point_loads=loads)).point_loads
+    own = otherwise.reshape(-1, 11)
+    if numbers is None:
+        return without_wrenches(own).ravel()
+    if not same_points(numbers, own):
         raise InputError(
             "the point loads of the start must act on the same disks and points as those of the "
             "load, in the same order; give one that does not act a force of zero"
         )
-    return numbers
+    return np.asarray(numbers).ravel()
 
 
 def _initial(robot: Robot, actuated: Actuation, otherwise: Floats, given: Load) -> Floats:

@@ -17,7 +17,7 @@ from bowstring._core import follow_branches
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import check_robot
-from bowstring.statics.load import Load, as_load, with_arrays
+from bowstring.statics.load import Load, as_load, same_points, with_arrays, without_wrenches
 from bowstring.statics.model import as_model
 
 if TYPE_CHECKING:
@@ -626,13 +626,9 @@ def _differences(start: Load, load: Load, factor: float) -> tuple[str, ...]:
 def _same_rows(first: Floats | None, last: Floats | None) -> tuple[Floats, Floats]:
     """Numbers of point loads (P, 11) at both ends: those at one end only are zero at the other."""
     a, b = (np.zeros((0, 11)) if table is None else table for table in (first, last))
-    places = np.ones(11, dtype=bool)
-    places[4:10] = False
-    if a.shape == b.shape and (a[:, places] == b[:, places]).all():
+    if same_points(a, b):
         return a, b
-    none_a, none_b = a.copy(), b.copy()
-    none_a[:, 4:10] = none_b[:, 4:10] = 0.0
-    return np.concatenate([a, none_b]), np.concatenate([none_a, b])
+    return np.concatenate([a, without_wrenches(b)]), np.concatenate([without_wrenches(a), b])
 
 
 def _words(kind: str) -> str:

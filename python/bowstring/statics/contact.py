@@ -20,7 +20,16 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
-from bowstring.statics.load import ON_DISKS, Load, as_load, points_have_potential, with_arrays
+from bowstring.statics.load import (
+    ON_DISKS,
+    Load,
+    as_load,
+    per_disk,
+    points_have_potential,
+    same_points,
+    with_arrays,
+    without_wrenches,
+)
 from bowstring.statics.model import as_model
 from bowstring.statics.plane import Plane
 from bowstring.statics.solution import Solution
@@ -319,8 +328,7 @@ def _rows(robot: Robot, load: Load) -> list[Load]:
         if given is None:
             continue
         array = validation.read(name, given, "numbers")
-        if name == "line_forces" and array.shape == (3,):
-            array = np.tile(array, (robot.core.disk_count, 1))
+        array = per_disk(name, array, robot.core.disk_count)
         once = 2 if name in ON_DISKS else 1
         if array.ndim == once:
             array = np.broadcast_to(array, (count, *array.shape))
@@ -430,8 +438,8 @@ class _Problem:
             begin = np.where(self.by_displacement, displacements, before.tensions)
             last = _dead(robot, before.load)
             last["tip_force"] = last["tip_force"] - previous.force
-            points = [each.get("point_loads") for each in (last, dead)]
-            if all(each is not None for each in points) and not _same_points(*points):
+            first, now = last.get("point_loads"), dead.get("point_loads")
+            if first is not None and now is not None and not same_points(first, now):
                 raise InputError(
                     "point_loads must act on the same disks and points as under the previous load, "
                     "in the same order; give one that does not act a force of zero"
@@ -451,7 +459,7 @@ class _Problem:
     # ----------------------------------------------------------------------------------
 
     def at(self, factor: float, force: Floats) -> _Equilibrium | None:
-        """Solve the equilibrium at a load factor under a contact force; None if there is none."""
+        """Solve the equilibrium at a load factor under a contact force; None without one."""
         if self.failures >= _MOST_FAILURES:
             return None
         first, last = self.dead
@@ -817,19 +825,12 @@ def _sliding(
     return best
 
 
-def _same_points(a: Any, b: Any) -> bool:
-    places = np.ones(11, dtype=bool)
-    places[4:10] = False
-    return a.shape == b.shape and bool((a[:, places] == b[:, places]).all())
-
-
 def _unloaded(dead: dict[str, Floats]) -> dict[str, Floats]:
     """Return the gravity, and the other loads with the size zero, on the same points."""
     none = {name: np.zeros_like(value) for name, value in dead.items()}
     none["gravity"] = dead["gravity"]
     if "point_loads" in dead:
-        none["point_loads"] = dead["point_loads"].copy()
-        none["point_loads"][:, 4:10] = 0.0
+        none["point_loads"] = without_wrenches(dead["point_loads"])
     return none
 
 
@@ -849,8 +850,7 @@ def _dead(robot: Robot, load: Load) -> dict[str, Floats]:
         found["point_loads"][:, 0] %= count  # below zero they count from the tip
     for name, unit in ON_DISKS.items():
         value = getattr(load, name)
-        if name == "line_forces" and value is not None and value.shape == (3,):
-            value = np.tile(value, (count, 1))
         if value is not None:
+            value = per_disk(name, value, count)
             found[name] = validation.numbers(name, value, (count, 3), unit)
     return found

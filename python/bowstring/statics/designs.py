@@ -11,7 +11,7 @@ from bowstring._core import follow_designs
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
-from bowstring.statics.load import ON_DISKS, Load, disk_shape, with_arrays
+from bowstring.statics.load import ON_DISKS, Load, disk_shape, per_disk, with_arrays
 from bowstring.statics.model import RodModel, as_model
 from bowstring.validation import floats, shown
 
@@ -178,8 +178,7 @@ def _on_disks(designs: Designs, load: Load) -> dict[str, Floats]:
     load = with_arrays(load)
     disks = designs.robot.core.disk_count
     given = {name: getattr(load, name) for name in ON_DISKS if getattr(load, name) is not None}
-    if "line_forces" in given and given["line_forces"].shape == (3,):
-        given["line_forces"] = np.tile(given["line_forces"], (disks, 1))
+    given = {name: per_disk(name, value, disks) for name, value in given.items()}
     for name, value in given.items():
         if value.shape != (disks, 3):
             raise InputError(

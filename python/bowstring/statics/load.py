@@ -20,9 +20,12 @@ __all__ = [
     "PointLoad",
     "as_load",
     "disk_shape",
+    "per_disk",
     "point_loads",
     "points_have_potential",
+    "same_points",
     "with_arrays",
+    "without_wrenches",
 ]
 
 Floats = NDArray[np.float64]
@@ -214,6 +217,7 @@ _NO_LOAD = Load()
 _BESIDE_TIP: Final = ("disk_forces", "disk_moments", "point_loads", "line_forces", "base")
 ON_DISKS: Final = {"disk_forces": "N", "disk_moments": "N m", "line_forces": "N/m"}
 """Loads with a vector for each disk, with their units."""
+_WRENCH: Final = slice(4, 10)  # force and moment among the numbers of a point load
 
 
 def as_load(tensions: object, load: Load | None) -> Load:
@@ -226,7 +230,7 @@ def as_load(tensions: object, load: Load | None) -> Load:
         return load
     if load.tensions is not None:
         raise InputError("tensions and load.tensions are both given; give one of them")
-    merged = object.__new__(Load)  # takes a tenth of the time of dataclasses.replace
+    merged = object.__new__(Load)  # 0.6 us; dataclasses.replace takes 2.9 us
     merged.__dict__.update(load.__dict__, tensions=tensions)
     return merged
 
@@ -328,6 +332,27 @@ class InstantLoad(NamedTuple):
     def row(self) -> InstantLoad:
         """Each array as one row of a table."""
         return InstantLoad(*(array[None] for array in self))
+
+
+def same_points(a: Floats, b: Floats) -> bool:
+    """Whether two tables of point loads (P, 11) act on the same points, with any size."""
+    return a.shape == b.shape and bool(
+        (np.delete(a, _WRENCH, axis=1) == np.delete(b, _WRENCH, axis=1)).all()
+    )
+
+
+def without_wrenches(numbers: Floats) -> Floats:
+    """Copy a table of point loads (P, 11) with forces and moments of zero."""
+    none: Floats = np.array(numbers, dtype=float)
+    none[:, _WRENCH] = 0.0
+    return none
+
+
+def per_disk(name: str, value: Floats, disks: int) -> Floats:
+    """Return a load of `ON_DISKS` with a row for each disk: one force per length is for all."""
+    if name == "line_forces" and value.shape == (3,):
+        return np.tile(value, (disks, 1))
+    return value
 
 
 def points_have_potential(numbers: Floats | None) -> bool:
