@@ -702,6 +702,24 @@ def test_the_workspace_has_the_causes_of_a_map() -> None:
     assert "main cause of the error: gravity" in " ".join(space_.described())
 
 
+def test_second_equilibria_of_the_workspace_are_those_of_its_branches() -> None:
+    """Upright and pushed aside, the robot has a second stable pose at some tensions."""
+    load = bs.Load(tip_force=[0.9, 0.0, 0.0], gravity=[0.0, 0.0, -9.81])
+    robot = ROBOT.with_({"gravity": [0.0, 0.0, -9.81], "segments.0.backbone.E": "2 GPa"})
+    found = bs.workspace_map(robot, 20.0, poses=64, models=[FORCE], load=load)
+    two = np.flatnonzero(found.two_equilibria)
+    assert two.size and f"{two.size} of them ha" in found.described()[1]
+    assert found.to_dict()["two_equilibria"] == found.two_equilibria.tolist()
+    light = bs.Load(gravity=[0.0, 0.0, 0.0])
+    for i in [*two, 20, 40]:
+        pull = load.replace(tensions=found.tensions[i])
+        diagram = bs.branch_diagram(robot, load=pull, start=light)
+        stable = sum(diagram.branches[b].stable[k] is True for b, k in diagram.equilibria())
+        assert stable == (2 if i in two else 1)
+    texts = [text.get_text() for text in found.figure().legends[0].get_texts()]
+    assert "pose: two equilibria, the robot may snap through" in texts
+
+
 # -- in blocks ---------------------------------------------------------------------------------
 
 

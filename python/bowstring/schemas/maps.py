@@ -150,6 +150,10 @@ class WorkspaceValues(Object):
     ]
     tensions_N: Annotated[list[list[float]], about("Tensions of all tendons at each pose.")]
     without_equilibrium: Annotated[int, about("Number of poses without a stable equilibrium.")]
+    two_equilibria: Annotated[
+        list[bool],
+        about("Whether another stable equilibrium was found at the tensions of each pose."),
+    ]
     errors: Annotated[list[WorkspaceErrors], about("Errors of each model.")]
 
 

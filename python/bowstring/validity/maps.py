@@ -58,7 +58,8 @@ control is slack at the end of the ramp; some model has no arc, so that its erro
 MOST_SOLVES: Final = 100_000_000
 """Most equilibria of one map in memory."""
 
-_APART: Final = 1e-3  # least distance of two equilibria over the length
+APART: Final = 1e-3
+"""Least distance of the tips of two equilibria over the length."""
 
 
 @short_repr
@@ -492,7 +493,7 @@ def _two_equilibria(
         away = space.cold_tip(points[known]) - errors.tip[known, -1]
         apart[known] = np.linalg.norm(away, axis=-1)
     with np.errstate(invalid="ignore"):
-        two: NDArray[Any] = (apart[rows] > _APART * errors.length[rows]).reshape(part.shape)
+        two: NDArray[Any] = (apart[rows] > APART * errors.length[rows]).reshape(part.shape)
     shape = tuple(len(axis.values) for axis in reversed(space.axes))
     for i, (count, few) in enumerate(zip(shape, part.shape, strict=True)):
         step = -(-count // few)

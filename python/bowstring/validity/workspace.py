@@ -10,17 +10,20 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.blocks import threads
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.statics import rod
+from bowstring.statics.designs import sweep_designs
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, number, share_of_length, whole
 from bowstring.validity.causes import main_cause
 from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
+from bowstring.validity.maps import APART
 from bowstring.validity.sentences import in_causes, undefined_in_words
 from bowstring.viz.style import check_figure_file, write_figure
 
@@ -36,6 +39,7 @@ Floats = NDArray[np.float64]
 POSES: Final = 4096
 """Number of poses by default."""
 _PART: Final = 16384
+_ON_THE_WAY: Final = (0.0, 0.5, 1.0)  # loads of a path that looks for a second equilibrium
 
 
 @short_repr
@@ -58,6 +62,9 @@ class WorkspaceMap:
     cause: dict[str, NDArray[np.str_]]
     """Effect with more than half of the error at each pose (P,), by model; empty text where none
     has."""
+    two_equilibria: NDArray[np.bool_]
+    """Whether another stable equilibrium was found at the same tensions (P,), so that the robot may
+    snap through: which of the two it takes depends on how it came there."""
 
     @property
     def solved(self) -> NDArray[np.bool_]:
@@ -87,6 +94,13 @@ class WorkspaceMap:
                 else "."
             )
         ]
+        several = int(self.two_equilibria.sum())
+        if several:
+            verb = "have" if several > 1 else "has"
+            out.append(
+                f"{several} of them {verb} another stable equilibrium, so that the robot may snap "
+                "through; the errors are those of the one found from the straight robot."
+            )
         for name, error in self.error.items():
             known = np.isfinite(error)
             if known.any():
@@ -116,6 +130,7 @@ class WorkspaceMap:
             "tip_position_m": self.tip.tolist(),
             "tensions_N": self.tensions.tolist(),
             "without_equilibrium": int((~self.solved).sum()),
+            "two_equilibria": self.two_equilibria.tolist(),
             "errors": [
                 {
                     "name": name,
@@ -240,6 +255,7 @@ def workspace_map(
     tip = np.full((poses, 3), np.nan)
     error = {name: np.full(poses, np.nan) for name in models}
     cause = {name: np.full(poses, "", dtype="U16") for name in models}
+    two = np.zeros(poses, dtype=bool)
     notify = progress or (lambda what, done: None)
     for first in range(0, poses, _PART):
         rows = slice(first, first + _PART)
@@ -248,7 +264,7 @@ def workspace_map(
         here = tip_errors(one, ramps, models)
         without_it = {}
         for i, effect in enumerate(effects, 1):
-            share = (first + _PART * i / (1 + len(effects))) / poses
+            share = (first + _PART * i / (2 + len(effects))) / poses
             notify("poses", min(1.0, share))
             rest = tip_errors(one, _poses(without(rods, effect), tensions[rows]), models)
             without_it[effect] = {name: value[0] for name, value in rest.items()}
@@ -259,8 +275,10 @@ def workspace_map(
             cause[name][rows] = main_cause(
                 value[0] / least, {k: v / least for k, v in rest_of.items()}
             )
+        notify("second equilibria", min(1.0, (first + _PART * 0.9) / poses))
+        two[rows] = _two_equilibria(rods, tensions[rows], ramps, max_tension)
     notify("poses", 1.0)
-    return WorkspaceMap(robot, tolerance, max_tension, tensions, tip, error, cause)
+    return WorkspaceMap(robot, tolerance, max_tension, tensions, tip, error, cause, two)
 
 
 def _poses(rods: Rods, tensions: Floats) -> Ramps:
@@ -276,3 +294,23 @@ def _poses(rods: Rods, tensions: Floats) -> Ramps:
         found.tendon_lengths[None],
         found.tip_error[None],
     )
+
+
+def _two_equilibria(rods: Rods, tensions: Floats, found: Ramps, most: float) -> NDArray[np.bool_]:
+    """Poses (P,) at which a path from elsewhere ends in another stable equilibrium.
+
+    The paths come from the largest tension of each tendon alone.
+    """
+    two = np.zeros(len(tensions), dtype=bool)
+    rows = np.flatnonzero(found.converged[0])  # the others have nothing to compare with
+    if not rows.size:
+        return two
+    robot = rods.designs.robot
+    each = Designs(robot, {"segments.0.length": np.full(len(rows), robot.segments[0].length)})
+    share = np.array(_ON_THE_WAY)[:, None]
+    for start in most * np.eye(tensions.shape[1]):
+        path = start + share * (tensions[rows, None] - start)
+        end = sweep_designs(each, path, load=rods.load, model=rods.model, threads=threads())
+        away = np.linalg.norm(end.tip_position[:, -1] - found.tip[0, rows], axis=-1)
+        two[rows] |= away > APART * robot.length  # NaN is not
+    return two

@@ -30,6 +30,14 @@ _CELLS: Final = 30  # hexagons along an axis
 _SHARES: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # of length
 _HOLDS: Final = "holds"  # keys of hexagons beside those of the causes
 _NO_ARC: Final = "no arc"
+_CROSS: Final[dict[str, Any]] = {
+    "marker": "x",
+    "ls": "none",
+    "color": LIGHT["ink"],
+    "ms": 3.0,
+    "mew": 0.7,
+}
+_RING: Final[dict[str, Any]] = {**_CROSS, "marker": "o", "mfc": "none", "ms": 4.0}
 _KINDS: Final = (_HOLDS, *CAUSES, "", _NO_ARC)
 
 
@@ -92,9 +100,9 @@ def _errors(figure: Figure, panel: Axes, found: WorkspaceMap, name: str) -> None
         )
         bar = figure.colorbar(cells, ax=panel, label="largest error (% of length)")
         bar.ax.axhline(100.0 * found.tolerance, color=LIGHT["ink"], lw=2.0)
-    without = found.undefined(name)
-    if without.any():
-        panel.plot(along[without], up[without], "x", color=LIGHT["ink"], ms=3.0, mew=0.7)
+    for where, mark in ((found.undefined(name), _CROSS), (found.two_equilibria, _RING)):
+        if where.any():
+            panel.plot(along[where], up[where], **mark)
 
 
 def _causes(panel: Axes, found: WorkspaceMap, name: str) -> set[str]:
@@ -157,9 +165,11 @@ def _handles(found: WorkspaceMap, present: set[str]) -> list[Line2D | Patch]:
     if "" in present:
         handles.append(Patch(fc=LIGHT["grid"], label="no single main cause"))
     if _NO_ARC in present:
-        mark: Any = {"marker": "x", "ls": "none", "color": LIGHT["ink"], "ms": 4.0}
-        handles.append(Line2D([], [], **mark, label=f"pose: {STATES[4]}"))
+        handles.append(Line2D([], [], **_CROSS, label=f"pose: {STATES[4]}"))
         handles.append(Patch(fc=LIGHT["muted"], label=STATES[4]))
+    if found.two_equilibria.any():
+        label = f"pose: {STATES[1]}, the robot may snap through"
+        handles.append(Line2D([], [], **_RING, label=label))
     return handles
 
 
