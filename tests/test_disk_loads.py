@@ -225,6 +225,7 @@ def test_a_motion_ends_in_the_equilibrium() -> None:
     assert released.settings["initial_load_disk_forces_N"] == FORCES.ravel().tolist()
 
 
+@pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
 def test_a_motion_under_displacement_control() -> None:
     load = bs.Load(displacements=[0.03, -0.03, -0.012], **BOTH)
     exact = bs.solve(ROBOT, load=load, model=bs.RodModel(elements=1))

@@ -958,6 +958,7 @@ def test_a_start_under_a_moment_is_found(theory: Any, count: int) -> None:
     assert np.linalg.norm(run.tip_position - start, axis=1).max() < 1e-4 * robot.length
 
 
+@pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
 def test_disk_forces_act_together_with_a_moment() -> None:
     holding = np.zeros((9, 3))
     holding[4, 0], holding[8, 1] = 2.0, 0.5

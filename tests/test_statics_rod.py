@@ -871,17 +871,18 @@ def test_a_moment_along_a_round_backbone_causes_flutter(damping: float) -> None:
     assert found.converged and found.stable is None and "damped" in found.message
     with pytest.warns(StabilityWarning, match="whether it is stable is not known"):
         found.raise_for_status()
-    run = simulate(
-        ROBOT,
-        [0.0] * 3,
-        6.0,
-        load=bs.Load(tip_moment=moment, tip_force=[0, 0, 0]),
-        start=bs.Start(load=bs.Load(tip_force=[1e-3, 0, 0])),
-        integrator=bs.Integrator(
-            mass_damping=2 * damping * 2 * np.pi * 2.27, spectral_radius=1.0, dt=2e-3
-        ),
-        output=bs.Output(points=0),
-    )
+    with pytest.warns(StabilityWarning, match="a dead moment may let small oscillations"):
+        run = simulate(
+            ROBOT,
+            [0.0] * 3,
+            6.0,
+            load=bs.Load(tip_moment=moment, tip_force=[0, 0, 0]),
+            start=bs.Start(load=bs.Load(tip_force=[1e-3, 0, 0])),
+            integrator=bs.Integrator(
+                mass_damping=2 * damping * 2 * np.pi * 2.27, spectral_radius=1.0, dt=2e-3
+            ),
+            output=bs.Output(points=0),
+        )
     aside = np.linalg.norm(run.tip_position[:, :2], axis=1)
     grows = aside[450:].max() > aside[150:300].max()
     assert grows == (damping < 0.05)

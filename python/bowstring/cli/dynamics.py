@@ -503,6 +503,7 @@ def _run_json(run: Run, every: float, files: Mapping[str, Path | None]) -> schem
             "animation": _path(files["animation"]),
         },
         **provenance_of(run.robot, **run.settings),
+        "warnings": [*run.robot.warnings, *run.warnings],
     }
 
 

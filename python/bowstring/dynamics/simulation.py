@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import time as clock
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,7 +32,8 @@ from bowstring.dynamics.load_history import (
     over_time,
 )
 from bowstring.dynamics.modal import about
-from bowstring.errors import InputError, NoSolutionError
+from bowstring.dynamics.start_stability import judged_start
+from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.formatting import in_mm, in_percent
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
@@ -126,6 +128,8 @@ class Run:
         File of the run.
     frames : Frames or None
         Raw fields at the output times; None if they are in a file or none were recorded.
+    warnings : tuple of str
+        Sentences on the start: an equilibrium that is not known to be stable.
     """
 
     robot: Robot
@@ -142,6 +146,7 @@ class Run:
     wall_s: float = 0.0
     path: Path | None = None
     frames: Frames | None = field(default=None, repr=False)
+    warnings: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Run of {self.robot.name}: {self.message}>"
@@ -381,6 +386,13 @@ def simulate(
     RunInterrupted
         On Ctrl-C.
 
+    Warns
+    -----
+    StabilityWarning
+        If the motion starts from an equilibrium that `bowstring.solve` does not call stable, with
+        flutter or buckling where statics tell them apart. Not with friction, where stability is
+        never known.
+
     Examples
     --------
     >>> import bowstring as bs
@@ -472,6 +484,7 @@ def simulate(
         "initial_load_line_forces_N_per_m": initial.line_forces.tolist() or None,
         "modal_damping": integrator.modal_damping,
         "history": None,
+        "initial_stable": None,
     }
     run = Run(robot, settings)
     if integrator.modal_damping is not None:
@@ -489,6 +502,9 @@ def simulate(
     if actuated.by_displacement.any() or robot.has_friction or history is not None:
         path = actuation.Path(robot, model, history)
         settings["history"] = None if history is None else dict(history)
+    settings["initial_stable"], doubt = judged_start(
+        robot, initial, _held(initial, holding, gravity), model, on_path=path is not None
+    )
     times = _output_times(duration, every)
     places = stations(robot, points)
     _check_size(robot, points, len(times), kept=output.path is None)
@@ -536,6 +552,9 @@ def simulate(
                 "its disks",
                 run,
             )
+        if doubt:
+            run.warnings = (f"{doubt}.",)
+            warnings.warn(f"{robot.name}: {doubt}.", StabilityWarning, stacklevel=2)
         after = loads.at(0.0)
         # a former file is replaced only once the run has begun
         if planned is not None:
@@ -612,6 +631,15 @@ def _why_no_start(status: str) -> str:
         f"there is no equilibrium to start from ({status}); run bowstring solve with the loads at "
         "the start for the reason"
     )
+
+
+def _held(initial: InstantLoad, holding: Floats | None, gravity: Sequence[float] | None) -> Load:
+    """Load at the start without its actuation, with the forces that hold the disks."""
+    load = initial.dead.replace(gravity=gravity)
+    if holding is None:
+        return load
+    own = 0.0 if load.disk_forces is None else load.disk_forces
+    return load.replace(disk_forces=own + holding)
 
 
 def _or_zero(value: OverTime | None) -> OverTime:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bowstring.formatting import listed
 
-__all__ = ["NEEDED", "discretisation", "of_actuation", "of_tensions"]
+__all__ = ["NEEDED", "discretisation", "of_actuation", "of_tensions", "without_potential"]
 
 Floats = NDArray[np.float64]
 
@@ -46,8 +46,8 @@ def discretisation(
     return f" Discretisation error: the {what} ({elements} per module).{cure}"
 
 
-def _without_potential(found: Any, short: bool = False) -> str:
-    """Load without a potential of a solution of the core."""
+def without_potential(found: Any, short: bool = False) -> str:
+    """Name the load without a potential of a solution of the core."""
     moments = [getattr(found, name, None) for name in ("tip_moment", "disk_moments")]
     if any(v is not None and np.any(v) for v in moments) or found.point_loads is None:
         return "a dead moment" if short else "a dead moment, which keeps its direction,"
@@ -71,13 +71,13 @@ def of_tensions(found: Any, advice: str = "") -> str:
                 )
             if stable is False:
                 return (
-                    f"An equilibrium, but not a stable one: {_without_potential(found)} leads to "
+                    f"An equilibrium, but not a stable one: {without_potential(found)} leads to "
                     "it from a stable one, and small motions about it grow."
                 )
             if stable is None:
                 return (
                     f"An equilibrium; whether it is stable is not known: "
-                    f"{_without_potential(found, short=True)} has no potential and lets small "
+                    f"{without_potential(found, short=True)} has no potential and lets small "
                     "oscillations grow unless they are damped by more than 1 %, or there are too "
                     "few elements to decide."
                 )
