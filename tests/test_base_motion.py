@@ -173,3 +173,12 @@ def test_it_moves_in_simulations_only() -> None:
         bs.simulate(ROBOT, TENSIONS, 0.5, load=bs.Load(base="x"))
     with pytest.raises(InputError, match="starts at rest on its base"):
         bs.simulate(ROBOT, TENSIONS, 0.5, start=bs.Start(load))
+
+
+def test_a_motion_from_plain_values() -> None:
+    base = bs.BaseMotion(TIMES, rotations=TIMES[:, None] * [0, 0, 1.0])
+    again = bs.BaseMotion.of_dict(base.to_dict())
+    np.testing.assert_array_equal(again.rotations, base.rotations)
+    assert again.positions is None
+    with pytest.raises(InputError, match="a motion of the base has no rotations_rad"):
+        bs.BaseMotion.of_dict({"times_s": [0, 1], "positions_m": None})

@@ -16,7 +16,7 @@ import pytest
 
 import bowstring as bs
 from bowstring.dynamics import simulation
-from bowstring.dynamics.load_table import read_actuation
+from bowstring.dynamics.load_table import read_actuation, read_base_motion
 from bowstring.dynamics.run_file import read_run
 from shell import Shell, process, refuses
 
@@ -383,6 +383,83 @@ def test_a_binary_table(shell: Shell, tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
     path.write_bytes(b"\xff\xfe\x00\x9c")
     assert "is not text in UTF-8" in shell.error(*SIMULATE, "--table", str(path))
+
+
+# -- motion of the base ------------------------------------------------------------------------
+
+REST = (*SIMULATE, "--from", "40,0,0", "--tension", "40,0,0", "--rise", "0", "--hold", "0.2")
+
+
+def test_base_motion(shell: Shell, tmp_path: Path, robot: bs.Robot) -> None:
+    """The motion of Python's `BaseMotion`, columns in any order and unit; stored."""
+    times = np.linspace(0.0, 0.25, 26)
+    share = np.clip(times / 0.2, 0, 1) ** 3
+    positions, rotations = np.outer(share, [0.02, -0.01, 0.0]), np.outer(share, [0.1, 0.2, -0.3])
+    path, out = tmp_path / "base.csv", tmp_path / "run.nc"
+    lines = ["rotation_z_deg,position_x_mm,position_y_m,position_z_m,t_ms,rotation_x_rad,"]
+    lines[0] += "rotation_y_rad"
+    for t, p, r in zip(times, positions, rotations, strict=True):
+        row = [np.degrees(r[2]), 1e3 * p[0], p[1], p[2], 1e3 * t, r[0], r[1]]
+        lines.append(",".join(f"{float(value):.17g}" for value in row))
+    path.write_text("# an arm\n" + "\n".join(lines) + "\n")
+    gravity = ("--gravity", "0,0,-9.81", "--base-motion", str(path))
+    found = shell.json(*REST, *gravity, "--out", str(out))
+    base = bs.BaseMotion(times, positions, rotations)
+    expected = bs.simulate(
+        robot, bs.dynamics.ramp([40, 0, 0], 0), 0.2,
+        load=bs.Load(base=base, gravity=[0, 0, -9.81]), start=bs.Start(bs.Load([40, 0, 0])),
+    )  # fmt: skip
+    np.testing.assert_allclose(found["tip_position_m"], expected.tip_position, atol=1e-9)
+    still = shell.json(*REST, *gravity[:2])
+    moved = np.subtract(found["tip_position_m"], still["tip_position_m"])
+    assert np.abs(moved).max() > 5e-3
+    stored = json.loads(read_run(out).attrs["settings"])["base"]
+    for known in (stored, found["provenance"]["settings"]["base"]):
+        again = bs.BaseMotion.of_dict(known)
+        np.testing.assert_allclose(again.times, times, atol=1e-15)
+        np.testing.assert_allclose(again.positions, positions, atol=1e-15)
+        np.testing.assert_allclose(again.rotations, rotations, atol=1e-15)
+
+
+def test_a_base_that_only_turns(tmp_path: Path) -> None:
+    path = tmp_path / "base.csv"
+    path.write_text(TURN + "0,0,0,0\n0.5,0,90,0\n1,0,180,0\n")
+    base = read_base_motion(path)
+    assert base.positions is None
+    np.testing.assert_allclose(base.rotations, np.outer([0, 0.5, 1], [0, np.pi, 0]))
+
+
+TURN = "t_s,rotation_x_deg,rotation_y_deg,rotation_z_deg\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "the file is empty; write the header t_s,position_x_mm"),
+        (TURN, "a motion needs poses at two times or more"),
+        (TURN + "0,0,0,0\n", "a motion needs poses at two times or more"),
+        ("t_s\n0\n1\n", "line 1: there is no position and no rotation"),
+        (TURN.replace("t_s", "time"), '"time" is no column of poses'),
+        (TURN.replace("t_s,", ""), "there is no column t_s"),
+        (TURN.replace(",rotation_z_deg", ""), "no column rotation_z_deg; give x, y and z, or none"),
+        (TURN.replace("z_deg", "x_rad"), "rotation_x_rad is there twice, as rotation_x_deg"),
+        (TURN.replace("z_deg", "z_mm"), 'got rotation_z_mm, but "mm" is not a unit of angle'),
+        (TURN.replace(",", ";"), "columns are separated by commas"),
+        (TURN + "0,0,0\n", "line 2: it has 3 cells, the header has 4"),
+        (TURN + "0,0,0,x\n", 'line 2: got "x" for rotation_z_deg'),
+        (TURN + "0,0,0,nan\n", 'line 2: got "nan" for rotation_z_deg'),
+        (TURN + "1,0,0,0\n", "line 2: the first time is 1 s; a run begins at 0"),
+        (TURN + "0,0,0,0\n\n0,0,0,0\n", "line 4: the time is 0 s after 0 s; times must increase"),
+        (TURN + "0,0,0,0\n1,175,0,0\n", "the base turns by 3.05 rad from 0 to 1 s"),
+        (TURN + "0,0,0,0\n0.1,0,0,0\n", "ends at 0.1 s and the run lasts 0.2 s"),
+    ],
+)
+def test_bad_base_motion(shell: Shell, tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    sentence = shell.error(*REST, "--base-motion", str(path))
+    assert sentence.startswith("--base-motion: ") and says in sentence
+    assert "No such file" in shell.error(*REST, "--base-motion", str(tmp_path / "none.csv"))
 
 
 # -- stopped by the user -----------------------------------------------------------------------

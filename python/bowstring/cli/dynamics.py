@@ -62,6 +62,7 @@ from bowstring.units import rounded
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from bowstring.dynamics.base_motion import BaseMotion
     from bowstring.dynamics.simulation import Run
     from bowstring.schemas import dynamics as schema
     from bowstring.schemas.basic import StaticsStatus
@@ -116,6 +117,15 @@ def simulate(
     point_force: PointForces = None,
     follower_force: FollowerForces = None,
     line_force: LineForce = None,
+    base_motion: Annotated[
+        Path | None,
+        option(
+            "FILE",
+            "CSV of poses of the base over time, columns t_s, position_x_mm, ..., rotation_x_deg, "
+            "... (rotation vector); position or rotation may be left out.",
+            "--base-motion",
+        ),
+    ] = None,
     mass_damping: Annotated[
         str, option("1/s", "Mass-proportional damping: force per mass and velocity.")
     ] = "0",
@@ -201,6 +211,7 @@ def simulate(
         point_loads=at_disks,
         line_forces=None if line_force is None else vector("--line-force", line_force, "N/m"),
         gravity=None if gravity is None else vector("--gravity", gravity, "m/s^2"),
+        base=None if base_motion is None else _base_motion(base_motion, duration),
     )
     modal = ratio("--modal-damping", modal_damping)
     error = None if tolerance is None else positive("--tolerance", tolerance, "m")
@@ -266,6 +277,18 @@ def simulate(
         kept = f"; {files['run']} holds the run up to there" if files["run"] else ""
         raise Stopped(f"at {run.end:.6g} s of {duration:g} s{kept}.")
     run.raise_for_status()
+
+
+def _base_motion(file: Path, duration: float) -> BaseMotion:
+    from bowstring.dynamics.load_table import read_base_motion
+
+    base: BaseMotion = of_flag("--base-motion", read_base_motion, file)
+    if duration > base.duration * (1.0 + 1e-9):
+        raise InputError(
+            f"--base-motion: {file} ends at {base.duration:g} s and the run lasts {duration:g} s; "
+            "give poses up to its end."
+        )
+    return base
 
 
 def _step(flag: str, text: str) -> float:

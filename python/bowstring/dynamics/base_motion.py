@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
@@ -144,6 +145,35 @@ class BaseMotion:
             "positions_m": plain(self.positions),
             "rotations_rad": plain(self.rotations),
         }
+
+    @classmethod
+    def of_dict(cls, item: Mapping[str, Any]) -> BaseMotion:
+        """Make a motion of the plain values of `to_dict`, as the settings of a run have them.
+
+        Parameters
+        ----------
+        item : mapping
+            ``times_s``, ``positions_m`` and ``rotations_rad``; None where there are none.
+
+        Returns
+        -------
+        BaseMotion
+            The same motion.
+
+        Examples
+        --------
+        >>> import bowstring as bs
+        >>> base = bs.BaseMotion([0, 0.1], [[0, 0, 0], [0.01, 0, 0]])
+        >>> robot = bs.load_robot("amouri2019")
+        >>> run = bs.simulate(robot, [40, 0, 0], 0.1, load=bs.Load(base=base))
+        >>> bs.BaseMotion.of_dict(run.settings["base"]).positions.tolist()
+        [[0.0, 0.0, 0.0], [0.01, 0.0, 0.0]]
+        """
+        names = ("times_s", "positions_m", "rotations_rad")
+        missing = [name for name in names if name not in item]
+        if missing:
+            raise InputError(f"a motion of the base has no {missing[0]}; give {', '.join(names)}")
+        return cls(*(item[name] for name in names))
 
 
 class BaseHistory:

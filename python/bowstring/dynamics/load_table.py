@@ -1,4 +1,4 @@
-"""Read the actuation of the tendons over time from a CSV file."""
+"""Read the actuation of the tendons, or the motion of the base, over time from a CSV file."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from typing import Final
 import numpy as np
 
 from bowstring.atomic_io import readable
+from bowstring.dynamics.base_motion import BaseMotion
 from bowstring.dynamics.load_history import CLOSEST, Table
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.units import quote, read_number
 
-__all__ = ["read_actuation"]
+__all__ = ["read_actuation", "read_base_motion"]
 
 _LARGEST: Final = 100_000_000  # bytes
 _LONG: Final = 100  # characters of the name of a column
@@ -26,6 +27,8 @@ _KINDS: Final = {
     "displacement": ("displacements", "m"),
     "angle": ("angles", "rad"),
 }
+_POSES: Final = {"position": "m", "rotation": "rad"}
+_POSE: Final = "t_s,position_x_mm,position_y_mm,position_z_mm,rotation_x_deg,..."
 
 
 def read_actuation(path: str | Path, robot: Robot) -> dict[str, Table]:
@@ -99,6 +102,96 @@ def read_actuation(path: str | Path, robot: Robot) -> dict[str, Table]:
         if mine.any():
             found[name] = Table(times, np.where(mine, table, np.nan))
     return found
+
+
+def read_base_motion(path: str | Path) -> BaseMotion:
+    """Read a table of poses of the base over time.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV file with a header: ``t_s``; for the position of the base's origin ``position_x_mm``,
+        ``position_y_mm`` and ``position_z_mm``; for its rotation vector, base to world,
+        ``rotation_x_deg``, ``rotation_y_deg`` and ``rotation_z_deg``. The order is free, each
+        column has its unit at the end (``t_ms``, ``rotation_x_rad``), and the three columns of
+        position or rotation may be left out. One row per time follows; the first time is 0, and
+        times increase. Empty lines and lines that begin with # are skipped.
+
+    Returns
+    -------
+    BaseMotion
+        Motion for ``base`` of `bowstring.Load`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or a value is wrong; the message names file and line.
+    """
+    rows = _rows(Path(path))
+    try:
+        line, header = next(rows)
+    except StopIteration:
+        raise InputError(f"{path}: the file is empty; write the header {_POSE}") from None
+    columns = _pose_columns(f"{path}, line {line}", header)
+    times: list[float] = []
+    values: list[list[float]] = []
+    for line, cells in rows:
+        here = f"{path}, line {line}"
+        if len(cells) != len(header):
+            raise InputError(f"{here}: it has {len(cells)} cells, the header has {len(header)}")
+        time, *pose = (_cell(here, header[i], cells[i], factor) for i, factor in columns.values())
+        if not times and time != 0:
+            raise InputError(f"{here}: the first time is {time:g} s; a run begins at 0")
+        if times and time < times[-1] + CLOSEST:
+            raise InputError(
+                f"{here}: the time is {time:g} s after {times[-1]:g} s; times must increase, as a "
+                "base does not jump"
+            )
+        times.append(time)
+        values.append(pose)
+    if len(times) < 2:
+        raise InputError(f"{path}: a motion needs poses at two times or more")
+    poses = dict(zip(list(columns)[1:], np.array(values).T, strict=True))
+    given = {
+        kind: np.stack([poses[f"{kind}_{axis}"] for axis in "xyz"], axis=1)
+        for kind in _POSES
+        if f"{kind}_x" in poses
+    }
+    try:
+        return BaseMotion(times, given.get("position"), given.get("rotation"))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _pose_columns(here: str, header: list[str]) -> dict[str, tuple[int, float]]:
+    """Index and factor to SI of the columns of time, position and rotation that are there."""
+    if any(";" in name for name in header):
+        raise InputError(f"{here}: columns are separated by commas, numbers have a point")
+    found: dict[str, tuple[int, float]] = {}
+    for i, name in enumerate(header):
+        match = re.fullmatch(r"(t|(position|rotation)_[xyz])_(.+)", name)
+        if match is None or len(name) > _LONG:
+            raise InputError(
+                f"{here}: {quote(name)} is no column of poses; write the header {_POSE}"
+            )
+        column, kind, unit = match.groups()
+        if column in found:
+            raise InputError(f"{here}: {name} is there twice, as {header[found[column][0]]}")
+        try:
+            found[column] = (i, read_number(f"1 {unit}", _POSES.get(kind, "s")))
+        except ValueError as error:
+            raise InputError(f"{here}: got {name}, {error}") from None
+    if "t" not in found:
+        raise InputError(f"{here}: there is no column t_s; write the header {_POSE}")
+    for kind, unit in (("position", "mm"), ("rotation", "deg")):
+        missing = [axis for axis in "xyz" if f"{kind}_{axis}" not in found]
+        if 0 < len(missing) < 3:
+            raise InputError(
+                f"{here}: there is no column {kind}_{missing[0]}_{unit}; give x, y and z, or none"
+            )
+    if len(found) == 1:
+        raise InputError(f"{here}: there is no position and no rotation; write the header {_POSE}")
+    return {"t": found.pop("t"), **found}
 
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
