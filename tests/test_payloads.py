@@ -12,7 +12,6 @@ import pytest
 from scipy.linalg import eigh
 
 import bowstring as bs
-from bowstring.calibration.observations import Data
 from bowstring.errors import InputError
 from bowstring.fem import run as fem
 from bowstring.robot.designs import Designs
@@ -226,8 +225,6 @@ def test_what_takes_no_payload_says_so() -> None:
         fem.sweep(robot, [TENSIONS])
     with pytest.raises(InputError, match="the validity chart is for robots without payloads"):
         bs.validity_chart(robot)
-    with pytest.raises(InputError, match="payloads cannot be fitted"):
-        bs.fit(robot, Data(np.zeros((3, 3)), tensions=np.zeros((3, 3))), ["payloads.0.mass"])
 
 
 def test_designs_of_payloads_equal_single_robots() -> None:

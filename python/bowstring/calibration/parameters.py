@@ -62,6 +62,8 @@ _STEP: Final = {
     "gravity": 1.0,
 }
 _SHARE: Final = 0.05
+#: The same for fields of a payload, in kg and m.
+_PAYLOAD_STEP: Final = {"mass": 5e-3, "centre": 5e-3}
 #: Parameters that change only the effective displacement.
 TENDON_PROPERTIES: Final = frozenset({"compliance", "axial_stiffness", "free_length", "pretension"})
 
@@ -187,6 +189,26 @@ class Unknowns:
         """Start values (P,) in SI."""
         return np.array([item.start for item in self.items])
 
+    def why_without_effect(self, name: str, *, arcs: bool) -> str:
+        """Reason why a parameter of a payload has no effect; empty for others and if unknown.
+
+        `arcs` is True for constant curvature.
+        """
+        field = _field_of_payload(name)
+        if not field:
+            return ""
+        if arcs:
+            return "constant curvature knows no weight, fit statics instead"
+        if not any(self.robot.gravity):
+            return (
+                f"{self.robot.name} has no gravity, so that payloads have no weight: give the "
+                "robot its gravity"
+            )
+        loaded = [self.robot.payloads[int(path.split(".")[1])].mass for path in self._paths(name)]
+        if field == "centre" and not any(loaded):
+            return "the payload has a mass of 0 kg, give it one to begin with"
+        return ""
+
     @property
     def friction_paths(self) -> list[str]:
         """Paths in the robot file of all friction coefficients."""
@@ -268,20 +290,31 @@ class Unknowns:
                     return [f"{name}.{i}" for i in range(self._count[kind])]
                 if index.isdecimal() and int(index) < self._count[kind]:
                     return [name]
+        elif _field_of_payload(name) == "inertia":
+            raise InputError(
+                f"parameter {name} is a moment of inertia, which does not act on a robot at rest: "
+                "tips do not identify it",
+                argument="parameters",
+            )
         elif self._paths(name):
             return [name]
+        elif _field_of_payload(name) == "centre" and (
+            paths := [each for i in range(3) for each in self._paths(f"{name}.{i}")]
+        ):
+            return paths
         raise self._no_such(name)
 
     def _paths(self, name: str) -> tuple[str, ...]:
         """Paths in the robot file."""
-        if name.partition(".")[0] not in ("segments", "gravity"):
+        if name.partition(".")[0] not in ("segments", "gravity", "payloads"):
             return ()
         return tuple(path for path in expand(self._tree, name) if path in self._leaves)
 
     def _no_such(self, name: str) -> InputError:
-        if name.startswith("payloads."):
+        if re.match(r"payloads\b", name) and not self.robot.payloads:
             return InputError(
-                f"parameter {name} is of a payload, and payloads cannot be fitted",
+                f"parameter {name} is of a payload, and {self.robot.name} has none: add it to the "
+                "robot with a mass to begin with",
                 argument="parameters",
             )
         if re.fullmatch(r"segments\b.*\.tendons\b.*\.axial_stiffness", name):
@@ -325,11 +358,20 @@ class Unknowns:
             if quantity is not None and quantity.si:
                 unit = unit_of_size(start, quantity.si, quantity.example.rpartition(" ")[2])
                 per_unit = read_number(f"1 {unit}", quantity.si)
-            step = max(_STEP.get(leaf, 0.0), _SHARE * abs(start))
+            natural = _STEP.get(leaf, 0.0)
+            if field := _field_of_payload(name):
+                natural = _PAYLOAD_STEP[field]
+            step = max(natural, _SHARE * abs(start))
             return Unknown(name, unit, per_unit, start, step or 1.0, low, high, paths)
         key = name if name in _EXTRA else name.partition(".")[0]
         start, step, low, unit, per_unit = _EXTRA[key]
         return Unknown(name, unit, per_unit, given.get(name, start), step, low, np.inf)
+
+
+def _field_of_payload(name: str) -> str:
+    """Field of a payload that a parameter is of: mass, centre or inertia; empty if of none."""
+    found = re.fullmatch(r"payloads(?:\.|\[)(?:\d+|\*)\]?\.(mass|centre|inertia)\b.*", name)
+    return found[1] if found else ""
 
 
 def _finite(name: str, value: object) -> float:

@@ -270,9 +270,13 @@ class Residuals:
         for i in idle:
             # it may have an effect once slack tendons become taut
             if pieces is None or not pieces.answers(int(i)):
+                name, arcs = self.items[i].name, self.model.rod is None
+                if why := self.model.unknowns.why_without_effect(name, arcs=arcs):
+                    raise InputError(
+                        f"parameter {name} is not identifiable: {why}, or leave the parameter out"
+                    )
                 raise InputError(
-                    f"parameter {self.items[i].name} has no effect on the tip in these rows; "
-                    "leave it out"
+                    f"parameter {name} has no effect on the tip in these rows; leave it out"
                 )
 
     def pieces(self, scaled: Floats) -> Pieces | None:

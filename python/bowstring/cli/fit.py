@@ -58,8 +58,9 @@ def fit(
         list[str],
         option(
             "NAME",
-            "Parameter to fit: a number of the robot file (segments.0.backbone.E), base, tool, "
-            "gain, offset, backlash, delay, hole_angle, pitch_radius, bend_gain. Repeatable.",
+            "Parameter to fit: a number of the robot file (segments.0.backbone.E, "
+            "payloads.0.mass), base, tool, gain, offset, backlash, delay, hole_angle, "
+            "pitch_radius, bend_gain. Repeatable.",
             values=completion.words(
                 *("base", "tool", "gain", "offset", "backlash", "delay"),
                 *("hole_angle", "pitch_radius", "bend_gain", "segments.0.backbone.E"),
