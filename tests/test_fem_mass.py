@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from bowstring.fem.mass import disk_points, gravity_energy, kinetic_energy
+from bowstring.fem.mass import disk_points, gravity_energy, kinetic_energy, payload_centres
 from bowstring.fem.mesh import Fineness, brick_mesh
+from bowstring.robot.rest_shape import rest_frames
 from fem_robots import two_segments
 
 ROBOT = two_segments()
@@ -58,3 +60,30 @@ def test_weight_is_zero_with_all_mass_at_the_base() -> None:
     expected = 9.8 * (ROBOT.disks.mass_kg @ ROBOT.disks.station_m + mass @ middle)
     energy = gravity_energy(ROBOT, MESH, MESH.nodes, disk, gravity)
     assert energy == pytest.approx(expected, rel=2e-3)
+
+
+TOOLS = [{"mass": "40 g", "centre": "5 -12 30 mm"}, {"mass": "10 g", "disk": 2}]
+
+
+@pytest.mark.parametrize("bend", ["0 deg", "40 deg"])
+def test_the_centre_of_a_payload_moves_with_its_disk(bend: str) -> None:
+    """A combination of nodes of the disk, for any rigid motion, also of a curved robot."""
+    robot = ROBOT.with_({"payloads": TOOLS, "segments.0.backbone.rest_bend": bend})
+    mesh = brick_mesh(robot, Fineness(2, 8, 1), mass_arms=True)
+    place, axes = rest_frames(robot, robot.disks.station_m)
+    turn = Rotation.from_rotvec([0.4, -1.1, 2.0]).as_matrix()
+    moved = mesh.nodes @ turn.T + [0.1, 0.2, -0.3]
+    centres = [(-1, [0.005, -0.012, 0.030]), (1, [0.0, 0.0, 0.0])]
+    found = payload_centres(robot, mesh)
+    for (mass, nodes, weight), (disk, centre), kg in zip(found, centres, [0.04, 0.01], strict=True):
+        expected = turn @ (place[disk] + axes[disk] @ centre) + [0.1, 0.2, -0.3]
+        np.testing.assert_allclose(weight @ moved[nodes], expected, atol=1e-12)
+        assert weight.sum() == pytest.approx(1.0, abs=1e-12) and mass == pytest.approx(kg)
+    bare = ROBOT.with_({"segments.0.backbone.rest_bend": bend})
+    disks, gravity = place, [0.5, 0.0, -9.8]
+    more = gravity_energy(robot, mesh, mesh.nodes, disks, gravity)
+    more -= gravity_energy(bare, mesh, mesh.nodes, disks, gravity)
+    heights = [
+        kg * (place[d] + axes[d] @ c) for kg, (d, c) in zip([0.04, 0.01], centres, strict=True)
+    ]
+    assert more == pytest.approx(-np.sum(heights, axis=0) @ gravity, rel=1e-9)

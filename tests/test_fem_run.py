@@ -770,3 +770,52 @@ def test_the_difference_to_the_rod_is_due_to_lateral_contraction() -> None:
         assert abs(y) < 1e-5 * x  # tendon, robot and arms lie in one plane
     assert -5e-3 < off["bonded"] < -2e-3
     assert abs(off["sliding"]) < 5e-4
+
+
+#: Heavy tools beside their disks, on a thin backbone.
+TOOLS = [
+    {"mass": "400 g", "centre": "10 -15 40 mm"},
+    {"mass": "300 g", "disk": 1, "centre": "0 20 0 mm"},
+]
+THIN = {"gravity": "0 0 -9.81", "segments.0.backbone.diameter": "3 mm"}
+
+
+@needs_ccx
+@pytest.mark.parametrize("tools", [TOOLS[:1], TOOLS])
+def test_payloads_bend_the_robot_as_in_statics(tools: list[dict[str, object]]) -> None:
+    """Weights beside the axis move the tip by 17 mm; 0.012 % of the whole displacement apart seen.
+
+    With a Poisson's ratio of 0, rigid disks do not prevent a lateral contraction.
+    """
+    bare = small_robot(**THIN, **{"segments.0.backbone.nu": 0})
+    robot = bare.with_({"payloads": tools})
+    run = sweep(robot, [[10.0, 0.0, 0.0]], settings=Settings(Fineness(4, 8, 1)))
+    tip = run.raise_for_status().tip_position[-1]
+    by_rod, light = (rod.solve(each, [10.0, 0.0, 0.0]) for each in (robot, bare))
+    assert by_rod.tip is not None and light.tip is not None
+    exact = by_rod.tip.position
+    assert np.linalg.norm(exact - light.tip.position) > 15e-3
+    assert np.linalg.norm(tip - exact) < 1e-3 * np.linalg.norm(exact - [0, 0, 0.140])
+    energy = float(run.to_dataset().gravity_energy[-1])
+    assert energy == pytest.approx(float(by_rod.to_dataset().gravity_energy[0]), rel=2e-3)
+
+
+def test_the_deck_has_the_weight_of_payloads() -> None:
+    """Forces on the arms of the disk: their sum is the weight, their moment that of its centre."""
+    robot = small_robot(**{**THIN, "gravity": "1 2 -9.81"}).with_({"payloads": TOOLS[:1]})
+    mesh = brick_mesh(robot, Fineness(2, 4, 1), mass_arms=True)
+    loading = deck.Loading(robot.gravity, (0.0, 0.0, 0.0), 1000.0, True, 5e-4)
+    text = deck.steps(robot, mesh, loading, [deck.Step((0.0, 0.0, 0.0))])
+    lines = text.partition("*CLOAD\n")[2].partition("*NODE PRINT")[0].split()
+    forces = np.zeros_like(mesh.nodes)
+    for line in lines:
+        node, axis, force = line.split(",")
+        forces[int(node) - 1, int(axis) - 1] += float(force)
+    weight = 0.4 * np.array(robot.gravity)
+    arms = mesh.mass_nodes[-1].ravel()
+    np.testing.assert_allclose(forces[arms].sum(axis=0), weight, atol=1e-7)
+    moment = np.cross(mesh.nodes[arms], forces[arms]).sum(axis=0)
+    centre = np.array([0.010, -0.015, 0.140 + 0.040])
+    np.testing.assert_allclose(moment, np.cross(centre, weight), atol=1e-7)
+    others = np.delete(forces, arms, axis=0).sum(axis=0)
+    np.testing.assert_allclose(others, robot.disks.mass_kg.sum() * np.array(robot.gravity))

@@ -221,8 +221,8 @@ def test_bad_payloads_are_refused(payload: dict[str, Any], says: str) -> None:
 
 def test_what_takes_no_payload_says_so() -> None:
     robot = carrying(ROBOT, TOOL)
-    with pytest.raises(InputError, match="finite elements take no payloads"):
-        fem.sweep(robot, [TENSIONS])
+    with pytest.raises(InputError, match="a motion by finite elements takes no payloads"):
+        fem.ramp(robot, TENSIONS, fem.Motion(0.1))
     with pytest.raises(InputError, match="the validity chart is for robots without payloads"):
         bs.validity_chart(robot)
 

@@ -8,7 +8,9 @@ proportional to the temperature of its ends. The tension is thus a follower load
 an exact tangent in CalculiX. Each span begins at a separate node tied to the hole, so that the
 printed force at that node is that of the span. A disk is a stiff layer of backbone with stiff arms;
 the stiffness is a finite factor on Young's modulus. Its mass and inertia are those of 12 point
-masses at the ends of four further arms. Sliding disks have the axes of the unloaded backbone.
+masses at the ends of four further arms. The weight of a payload is a dead force at its centre of
+mass: forces on the ends of these arms, whose affine combination moves as the centre does. Sliding
+disks have the axes of the unloaded backbone.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.fem.mass import disk_points
+from bowstring.fem.mass import disk_points, payload_centres
 from bowstring.fem.mesh import BrickMesh
 from bowstring.robot.model import Robot
 from bowstring.robot.rest_shape import rest_frames
@@ -372,9 +374,15 @@ def _dead_loads(robot: Robot, mesh: BrickMesh, loading: Loading) -> Iterator[str
                 yield f"{name},GRAV,{size * MM:.9g},{x:.9g},{y:.9g},{z:.9g}"
     forces = np.outer(robot.disks.mass_kg, loading.gravity)
     forces[-1] += loading.tip_force
-    if not forces.any():
+    carried = np.zeros((len(mesh.nodes), 3))
+    for mass, nodes, weight in payload_centres(robot, mesh):
+        carried[nodes] += np.outer(weight, mass * np.array(loading.gravity))
+    if not (forces.any() or carried.any()):
         return
     yield "*CLOAD"
+    for node in np.flatnonzero(carried.any(axis=1)).tolist():
+        for axis in np.flatnonzero(carried[node]).tolist():
+            yield f"{node + 1},{axis + 1},{carried[node, axis]:.9g}"
     for row, force in zip(mesh.station_row, forces, strict=True):
         nodes = mesh.rows[row]
         for node in nodes.tolist():

@@ -1,8 +1,9 @@
-"""Mass and energies of a mesh: point masses of the disks, bricks of the backbone."""
+"""Mass and energies of a mesh: point masses of the disks, bricks of the backbone, payloads."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +11,42 @@ from numpy.typing import NDArray
 from bowstring.fem.elements import MASS_POINTS, MASS_WEIGHTS, brick_shape
 from bowstring.fem.mesh import BrickMesh
 from bowstring.robot.model import Robot
+from bowstring.robot.rest_shape import rest_frames
 
-__all__ = ["disk_points", "gravity_energy", "kinetic_energy"]
+__all__ = ["CentreOfMass", "disk_points", "gravity_energy", "kinetic_energy", "payload_centres"]
 
 Floats = NDArray[np.float64]
+
+
+class CentreOfMass(NamedTuple):
+    """Centre of mass of a payload as an affine combination of nodes of its disk.
+
+    The disk is rigid, so that ``weight @ nodes`` moves with it as the centre does. A dead force at
+    the centre is the same force times the weights at the nodes, for any motion of the disk.
+    """
+
+    mass: float
+    """Mass in kg."""
+    nodes: NDArray[np.int64]
+    weight: Floats
+    """Weights of the nodes; their sum is 1."""
+
+
+def payload_centres(robot: Robot, mesh: BrickMesh) -> list[CentreOfMass]:
+    """Centres of mass of all payloads, on the arms ``mesh.mass_nodes`` of their disks."""
+    found = []
+    numbers = robot.payload_numbers
+    disks = numbers[:, 0].astype(int)
+    places, axes = rest_frames(robot, robot.disks.station_m[disks])
+    for disk, place, turned, row in zip(disks.tolist(), places, axes, numbers, strict=True):
+        nodes = mesh.mass_nodes[disk].ravel()
+        arms = mesh.nodes[nodes] - place
+        size = float(np.abs(arms).max())
+        affine = np.concatenate([np.ones((1, len(nodes))), arms.T / size])
+        centre = np.concatenate([[1.0], turned @ row[2:5] / size])
+        # the smallest weights
+        found.append(CentreOfMass(float(row[1]), nodes, np.linalg.pinv(affine) @ centre))
+    return found
 
 
 def disk_points(robot: Robot, mesh: BrickMesh) -> Floats:
@@ -45,7 +78,10 @@ def gravity_energy(
     bricks, weight = _backbone(robot, mesh)
     value, _ = brick_shape(MASS_POINTS)
     inside = np.einsum("bp,pn,bni->i", weight, value, place[bricks])
-    return -float((inside + robot.disks.mass_kg @ disk) @ np.asarray(gravity, dtype=float))
+    moment = inside + robot.disks.mass_kg @ disk
+    for mass, nodes, share in payload_centres(robot, mesh):
+        moment = moment + mass * (share @ place[nodes])
+    return -float(moment @ np.asarray(gravity, dtype=float))
 
 
 def _backbone(robot: Robot, mesh: BrickMesh) -> tuple[NDArray[np.int64], Floats]:

@@ -487,9 +487,9 @@ def _check_bricks(robot: Robot, mesh: BrickMesh) -> None:
     z = mesh.straight[mesh.bricks[worst], 2].mean()
     disk = int(np.abs(robot.disks.station_m - z).argmin()) + 1
     raise InputError(
-        f"{robot.name}: disk {disk} has a hole so near the backbone, or for motion is so small, "
-        "that no brick fits between; finite elements need holes further out, and for motion disks "
-        "1.5 times as wide as the backbone or more"
+        f"{robot.name}: disk {disk} has a hole so near the backbone, or for motion and payloads is "
+        "so small, that no brick fits between; finite elements need holes further out, and for "
+        "motion and payloads disks 1.5 times as wide as the backbone or more"
     )
 
 

@@ -304,9 +304,7 @@ def check(robot: Robot) -> None:
 
 
 def _check_bodies(robot: Robot) -> None:
-    """Refuse payloads and holes with planes."""
-    if robot.payloads:
-        raise InputError(f"finite elements take no payloads; leave out those of {robot.name}")
+    """Refuse holes with planes."""
     if robot.disks.hole_length_m.any():
         raise InputError(
             "finite elements take holes in the mid-plane of the disks; set disks.hole_length to 0"
@@ -469,6 +467,11 @@ def ramp(
         raise InputError.of("motion", validation.shown(motion), "a bowstring.fem.Motion")
     if load.tip_force is not None:
         raise InputError("a motion by finite elements takes tensions and gravity only")
+    check_robot(robot)
+    if robot.payloads:
+        raise InputError(
+            f"a motion by finite elements takes no payloads; leave out those of {robot.name}"
+        )
     last = _tension_rows(robot, load.tensions, one=True)[0]
     lengths, shares = [], []
     for length, ends in ((motion.rise, (0.0, 1.0)), (motion.hold, (1.0, 1.0))):
@@ -556,7 +559,7 @@ def _run(
         asked.get("mass_damping_per_s", 0.0),
     )
     motion = asked["rise_s"] is not None
-    mesh = brick_mesh(robot, settings.fineness, mass_arms=motion)
+    mesh = brick_mesh(robot, settings.fineness, mass_arms=motion or bool(robot.payloads))
     program = ccx.find()
     version = ccx.version(program)
     dead = bool(weight.any() or force.any())
