@@ -220,10 +220,12 @@ def test_stability_is_not_claimed_where_it_is_not_proven() -> None:
 
 
 def test_a_contact_needs_few_solves(monkeypatch: pytest.MonkeyPatch) -> None:
-    from bowstring.statics import contact
+    from bowstring.statics import contact_problem as contact
 
-    solves, plain = [], contact._Problem.at
-    monkeypatch.setattr(contact._Problem, "at", lambda *args: solves.append(args) or plain(*args))
+    solves, plain = [], contact.ContactProblem.at
+    monkeypatch.setattr(
+        contact.ContactProblem, "at", lambda *args: solves.append(args) or plain(*args)
+    )
     assert bs.solve_contact(ROBOT, [40, 0, 0], plane=WALL).converged
     assert len(solves) <= 7
 
@@ -390,12 +392,12 @@ def test_random_planes(name: str) -> None:
 
 @pytest.mark.parametrize("by_displacement", [False, True])
 def test_compliance_against_differences(by_displacement: bool) -> None:
-    from bowstring.statics.contact import _Problem
+    from bowstring.statics.contact_problem import ContactProblem
 
     load = bs.Load([30, 5, 0])
     if by_displacement:
         load = bs.Load(displacements=[0.015, -0.004, -0.02])
-    problem = _Problem(ROBOT, load, bs.RodModel(elements=2), WALL, None)
+    problem = ContactProblem(ROBOT, load, bs.RodModel(elements=2), WALL, None)
     force = np.array([0.1, -0.05, 0.2]) * FORCE
     here = problem.at(1.0, force)
     assert here is not None
