@@ -819,3 +819,34 @@ def test_the_deck_has_the_weight_of_payloads() -> None:
     np.testing.assert_allclose(moment, np.cross(centre, weight), atol=1e-7)
     others = np.delete(forces, arms, axis=0).sum(axis=0)
     np.testing.assert_allclose(others, robot.disks.mass_kg.sum() * np.array(robot.gravity))
+
+
+@needs_ccx
+@pytest.mark.parametrize("length", ["8 mm", "16 mm"])
+def test_holes_with_planes_bend_the_robot_as_in_statics(length: str) -> None:
+    """The planes move the tip by 0.078 and 0.161 mm; without them bricks are 0.0063 mm from it."""
+    points = small_robot(**{"segments.0.backbone.nu": 0})
+    robot = points.with_({"segments.0.disks.hole_length": length})
+    run = sweep(robot, [[60.0, 0.0, 10.0]], settings=Settings(Fineness(4, 8, 1)))
+    by_rod, plain = (rod.solve(each, [60.0, 0.0, 10.0]) for each in (robot, points))
+    assert by_rod.tip is not None and plain.tip is not None
+    away = np.linalg.norm(run.raise_for_status().tip_position[-1] - by_rod.tip.position)
+    assert away < 0.01e-3 < 0.07e-3 < np.linalg.norm(by_rod.tip.position - plain.tip.position)
+    lengths = run.to_dataset().tendon_length[-1]
+    np.testing.assert_allclose(lengths, by_rod.tendon_lengths, atol=2e-5)
+    assert run.span_error < 1e-6
+
+
+def test_spans_join_the_planes_of_holes() -> None:
+    robot = small_robot(**{"segments.0.disks.hole_length": "8 mm"})
+    mesh = brick_mesh(robot, Fineness(2, 4, 1))
+    z = [mesh.nodes[part, 2] for part in (mesh.hole, mesh.hole_exit)]
+    stations = robot.disks.station_m[:, None]
+    np.testing.assert_allclose(z[0][1:], np.broadcast_to(stations - 4e-3, (2, 3)), atol=1e-15)
+    np.testing.assert_allclose(z[1][1:], np.broadcast_to(stations + 4e-3, (2, 3)), atol=1e-15)
+    assert not z[0][0].any() and not z[1][0].any()
+    spans = deck.spans(mesh)
+    np.testing.assert_array_equal(spans.last, mesh.hole[spans.disk + 1, spans.tendon])
+    inner = spans.disk > 0
+    tied = mesh.hole_exit[spans.disk, spans.tendon]
+    np.testing.assert_array_equal(spans.tied[inner], tied[inner])

@@ -5,12 +5,13 @@ and these keep its numbers near 1.
 
 A span of a tendon is a nonlinear spring whose force is independent of its elongation and
 proportional to the temperature of its ends. The tension is thus a follower load between holes with
-an exact tangent in CalculiX. Each span begins at a separate node tied to the hole, so that the
-printed force at that node is that of the span. A disk is a stiff layer of backbone with stiff arms;
-the stiffness is a finite factor on Young's modulus. Its mass and inertia are those of 12 point
-masses at the ends of four further arms. The weight of a payload is a dead force at its centre of
-mass: forces on the ends of these arms, whose affine combination moves as the centre does. Sliding
-disks have the axes of the unloaded backbone.
+an exact tangent in CalculiX. Where a hole has a length, spans end in its entry plane and begin in
+its exit plane; the piece between has no elongation. Each span begins at a separate node tied to the
+hole, so that the printed force at that node is that of the span. A disk is a stiff layer of
+backbone with stiff arms; the stiffness is a finite factor on Young's modulus. Its mass and inertia
+are those of 12 point masses at the ends of four further arms. The weight of a payload is a dead
+force at its centre of mass: forces on the ends of these arms, whose affine combination moves as the
+centre does. Sliding disks have the axes of the unloaded backbone.
 """
 
 from __future__ import annotations
@@ -112,7 +113,7 @@ def spans(mesh: BrickMesh) -> Spans:
     new = len(mesh.nodes)
     for t in range(mesh.hole.shape[1]):
         for d in range(len(mesh.hole) - 1):
-            here, there = int(mesh.hole[d, t]), int(mesh.hole[d + 1, t])
+            here, there = int(mesh.hole_exit[d, t]), int(mesh.hole[d + 1, t])
             if there < 0:
                 break
             if d == 0:

@@ -146,9 +146,16 @@ def span_tension(mesh: BrickMesh, state: State) -> Floats:
 
 def _span_lengths(mesh: BrickMesh, nodes: Floats) -> Floats:
     """Lengths (N, T) of the spans with the nodes (n, 3) of a mesh, NaN where there is no span."""
-    places = np.where((mesh.hole >= 0)[..., None], nodes[mesh.hole], np.nan)
-    found: Floats = np.linalg.norm(np.diff(places, axis=0), axis=2)
+    there = mesh.hole[1:]
+    apart = nodes[there] - nodes[mesh.hole_exit[:-1]]
+    found: Floats = np.where(there >= 0, np.linalg.norm(apart, axis=2), np.nan)
     return found
+
+
+def _lengths_in_holes(robot: Robot) -> Floats:
+    """Length (T,) of each tendon in its holes, half of the last one, in m."""
+    passed = np.cumsum(robot.disks.hole_length_m) - 0.5 * robot.disks.hole_length_m
+    return np.asarray(passed[robot.tendons.end_disk])
 
 
 def frames(
@@ -178,7 +185,7 @@ def frames(
     known = not robot.tendons.pretension_N.any()
     home = (
         np.nansum(_span_lengths(mesh, mesh.nodes), axis=0) if known else np.full(len(ends), np.nan)
-    )
+    ) + _lengths_in_holes(robot)
     stretch = compliances(robot)  # displacements include it, bricks do not
     for i, state in enumerate(states):
         moved = mesh.nodes + state.displacement
@@ -189,7 +196,7 @@ def frames(
         disk = fit[mesh.station_row]
         disk_rotation = _axes(disk[:, 1], disk[:, 2])
         lengths = _span_lengths(mesh, moved)
-        whole = np.nansum(lengths, axis=0)
+        whole = np.nansum(lengths, axis=0) + _lengths_in_holes(robot)
         velocity, spin = _motion(mesh, state, disk_rotation)
         rate = state.velocity
         kinetic = 0.0 if rate is None else kinetic_energy(robot, mesh, rate)

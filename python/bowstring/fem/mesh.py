@@ -104,7 +104,10 @@ class BrickMesh:
     station_row : ndarray of int (N,)
         Row of each disk's station.
     hole : ndarray of int (N + 1, T)
-        Nodes of the holes, those of the base first; -1 beyond a tendon's end.
+        Nodes of the holes, those of the base first; -1 beyond a tendon's end. Where a hole has a
+        length, the node in its entry plane.
+    hole_exit : ndarray of int (N + 1, T)
+        The same in the exit planes; those of `hole` where a hole is a point.
     mass_nodes : ndarray of int (N, 4, 3)
         Ends of the arms that carry a disk's mass: at x, y, -x, -y; below, at and above the station.
         Empty (N, 0, 3) without such arms.
@@ -125,6 +128,7 @@ class BrickMesh:
     base: Ints
     station_row: Ints
     hole: Ints
+    hole_exit: Ints
     mass_nodes: Ints
     mass_height: Floats
 
@@ -345,7 +349,7 @@ class _Builder:
         stations = robot.disks.station_m
         station_row: Ints = 2 * np.abs(levels[None] - stations[:, None]).argmin(axis=1)
         count = len(self.nodes)
-        hole, mass_nodes, height = self._arms(one, start, station_row)
+        hole, hole_exit, mass_nodes, height = self._arms(one, start, station_row)
         rows = np.array(start)[:, None] + np.arange(n_corner)
         part, stiff, arm = map(np.array, zip(*self.marks, strict=True))
         straight = np.array(self.nodes)
@@ -363,6 +367,7 @@ class _Builder:
             base=np.arange(n_plane),
             station_row=station_row,
             hole=hole,
+            hole_exit=hole_exit,
             mass_nodes=mass_nodes,
             mass_height=height,
         )
@@ -388,7 +393,7 @@ class _Builder:
 
     def _arms(
         self, one: _Section, start: list[int], station_row: Ints
-    ) -> tuple[Ints, Ints, Floats]:
+    ) -> tuple[Ints, Ints, Ints, Floats]:
         robot = self.robot
         disks, tendons = robot.disks, robot.tendons
         n, m = len(disks.station_m), len(tendons.end_disk)
@@ -396,21 +401,24 @@ class _Builder:
         places = np.broadcast_to(tendons.holes_m, (m, n + 1, 2))
         for t in range(m):
             hole[0, t] = self._add(np.array([*places[t, 0], 0.0]))
+        leaves = hole.copy()
         masses = np.full((n, 4 if self.mass_arms else 0, 3), -1)
         half = 0.5 * np.maximum(disks.clamped_length_m, disks.thickness_m)
         for i in range(n):
             first = len(self.nodes)
-            arm = partial(self._one_arm, one, start, int(station_row[i]), i, half[i])
+            arm = partial(self._one_arm, one, start, int(station_row[i]), i)
+            bored = 0.5 * float(disks.hole_length_m[i])
             for t in np.flatnonzero(tendons.end_disk >= i).tolist():
-                hole[i + 1, t] = arm(places[t, i + 1])[1]
+                below, at, above = arm(bored or half[i], places[t, i + 1])
+                hole[i + 1, t], leaves[i + 1, t] = (below, above) if bored else (at, at)
             for a in range(masses.shape[1]):
                 # four point masses at this radius have the inertia of the disk
                 axial, mass = disks.inertia_kg_m2[i, 1], disks.mass_kg[i]
                 reach = math.sqrt(axial / mass) if mass > 0 else disks.radius_m[i]
                 end = reach * np.array([math.cos(a * math.pi / 2), math.sin(a * math.pi / 2)])
-                masses[i, a] = arm(end)
+                masses[i, a] = arm(half[i], end)
             self.arm_nodes.append(slice(first, len(self.nodes)))
-        return hole, masses, half
+        return hole, leaves, masses, half
 
     def _unloaded(self, straight: Floats, backbone: int) -> Floats:
         """Move nodes with the unloaded frames; the first `backbone` ones are those of sections."""

@@ -298,17 +298,8 @@ def check(robot: Robot) -> None:
         If the robot cannot be meshed, or CalculiX is not installed.
     """
     check_robot(robot)
-    _check_bodies(robot)
     check_meshable(robot)
     ccx.version(ccx.find())
-
-
-def _check_bodies(robot: Robot) -> None:
-    """Refuse holes with planes."""
-    if robot.disks.hole_length_m.any():
-        raise InputError(
-            "finite elements take holes in the mid-plane of the disks; set disks.hole_length to 0"
-        )
 
 
 def check_keep(folder: str | Path) -> Path:
@@ -541,7 +532,6 @@ def _run(
         load.line_forces,
         load.base,
     )
-    _check_bodies(robot)
     if not load.is_tension_controlled or any(value is not None for value in others):
         raise InputError("finite elements take tensions, gravity and a tip force only")
     keep = None if keep is None else check_keep(keep)
