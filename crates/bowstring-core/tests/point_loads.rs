@@ -14,6 +14,7 @@ use std::f64::consts::PI;
 
 const NONE: PointLoad = PointLoad {
     disk: 0,
+    arc_length: None,
     point: [0.0; 3],
     force: [0.0; 3],
     moment: [0.0; 3],
@@ -82,6 +83,7 @@ fn drawn(draw: &mut Draw, disks: usize, size: f64, follower: bool) -> PointLoad 
     let (point, force, moment) = (vector(0.05), vector(size), vector(0.1 * size));
     PointLoad {
         disk: (draw.within(0.0, disks as f64) as usize).min(disks - 1),
+        arc_length: None,
         point,
         force,
         moment,

@@ -19,7 +19,7 @@ use pyo3::types::PyDict;
 use std::time::{Duration, Instant};
 
 /// Loads at one time, a tuple: actuation of each tendon; force and moment on the tip; forces and
-/// moments on the disks, (3 N,), numbers of P point loads, (11 P,), and forces per length before each
+/// moments on the disks, (3 N,), numbers of P point loads, (12 P,), and forces per length before each
 /// disk, (3 N,), or empty if there are none; acceleration, angular velocity and angular acceleration
 /// of the base, (9,), or empty where it does not move.
 #[derive(FromPyObject)]
@@ -567,7 +567,8 @@ pub fn flexibility<'py>(
     let (robot, chosen) = (&robot.inner, robot.settings(model));
     let tensions = numbers(tensions, "tensions", "N", robot.tendon_count())?;
     let load = load.with(robot, tensions)?;
-    let (model, elements) = (chosen.model, model.elements_or_one());
+    let least = load.borrow().least_elements(robot);
+    let (model, elements) = (chosen.model, chosen.elements.unwrap_or(least));
     let (outcome, found) = interruptible(py, || {
         modal::flexibility(robot, model, elements, &load.borrow())
     })?

@@ -214,10 +214,11 @@ impl DeadLoad<'_> {
 }
 
 /// Numbers of a point load.
-pub const POINT_LOAD: usize = 11;
+pub const POINT_LOAD: usize = 12;
 
 /// Point loads of a robot with `disks` disks, from their numbers one after the other: disk, below
-/// zero counted from the tip; point; force; moment; 1 for a follower. The core checks them.
+/// zero counted from the tip; point; force; moment; 1 for a follower; arc length, below zero for a
+/// load on the disk. The core checks them.
 pub fn point_loads(numbers: &[f64], disks: usize) -> Vec<PointLoad> {
     let load = |v: &[f64]| {
         let disk = if v[0] < 0.0 {
@@ -232,6 +233,7 @@ pub fn point_loads(numbers: &[f64], disks: usize) -> Vec<PointLoad> {
             } else {
                 usize::MAX
             },
+            arc_length: (v[11] >= 0.0 || v[11].is_nan()).then_some(v[11]),
             point: three(1),
             force: three(4),
             moment: three(7),
@@ -246,9 +248,10 @@ pub fn numbers_of_points(loads: &[PointLoad]) -> Vec<f64> {
     let numbers = |load: &PointLoad| {
         let place = [load.disk as f64].into_iter().chain(load.point);
         let wrench = load.force.into_iter().chain(load.moment);
-        place
-            .chain(wrench)
-            .chain([f64::from(u8::from(load.follower))])
+        place.chain(wrench).chain([
+            f64::from(u8::from(load.follower)),
+            load.arc_length.unwrap_or(-1.0),
+        ])
     };
     loads.iter().flat_map(numbers).collect()
 }

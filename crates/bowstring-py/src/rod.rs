@@ -481,7 +481,7 @@ impl Solution {
     fn disk_moments<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
         on_disks(py, &self.load.disk_moments)
     }
-    /// Numbers (P, 11) of the point loads; `None` if there are none.
+    /// Numbers (P, 12) of the point loads; `None` if there are none.
     #[getter]
     fn point_loads<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
         let loads = &self.load.point_loads;

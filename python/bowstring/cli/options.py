@@ -6,6 +6,7 @@ The flags of the actuation are in `actuation`.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -16,7 +17,7 @@ import typer
 from bowstring.cli import completion
 from bowstring.cli.output import counted, say
 from bowstring.errors import InputError
-from bowstring.units import has_no_unit, number_with_unit, quote, read_number, read_share
+from bowstring.units import NUMBER, has_no_unit, number_with_unit, quote, read_number, read_share
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
@@ -98,7 +99,8 @@ PointForces = Annotated[
     list[str] | None,
     option(
         "N:x,y,z@px,py,pz",
-        "Dead load: force at a point of disk N, which is given in the disk's axes from its centre. "
+        "Dead load: force at a point of disk N, which is given in the disk's axes from its centre; "
+        'or on the backbone at an arc length with its unit in place of N, as "137 mm:0,1,0". '
         "Repeatable.",
         "--point-force",
     ),
@@ -107,7 +109,8 @@ FollowerForces = Annotated[
     list[str] | None,
     option(
         "N:x,y,z[@px,py,pz]",
-        "Follower load: force on disk N, or at a point of it, in the disk's axes. Repeatable.",
+        "Follower load: force on disk N, or at a point of it, in the disk's axes; or at an arc "
+        "length as for --point-force. Repeatable.",
         "--follower-force",
     ),
 ]
@@ -350,6 +353,14 @@ def _disk_of(flag: str, text: str, robot: Robot) -> tuple[int, str]:
     return int(number), components
 
 
+def _arc_length_of(flag: str, text: str) -> float | None:
+    """Read an arc length with its unit before a colon; None for a disk."""
+    text = text.strip()
+    if not text or has_no_unit(text) or not re.match(NUMBER, text, re.ASCII):
+        return None
+    return number_of(flag, text, "m")
+
+
 def at_points(
     dead: Sequence[str] | None, followers: Sequence[str] | None, robot: Robot
 ) -> tuple[PointLoad, ...] | None:
@@ -359,20 +370,32 @@ def at_points(
     loads = []
     for flag, texts in (("--point-force", dead), ("--follower-force", followers)):
         for text in texts or ():
-            disk, components = _disk_of(flag, text, robot)
+            place, _, components = text.partition(":")
+            arc_length = _arc_length_of(flag, place)
+            if arc_length is None:
+                disk, components = _disk_of(flag, text, robot)
+            else:
+                disk = 0
             force, at, point = components.partition("@")
-            if not at and flag == "--point-force":
+            if not at and arc_length is None and flag == "--point-force":
                 raise InputError(
                     f"{flag}: got {quote(text)}; a point of the disk must follow the force after "
                     f"an @, for example {flag} {_EXAMPLES[flag]}; --disk-force takes a force on "
                     "the centre."
                 )
-            place: Sequence[float] = (0.0, 0.0, 0.0)
+            offset: Sequence[float] = (0.0, 0.0, 0.0)
             if at:
-                place = vector(flag, point, "m")
+                offset = vector(flag, point, "m")
                 check_bare(flag, point, "m", robot, 10.0 * robot.length, "mm")
             values = vector(flag, force, "N")
-            loads.append(PointLoad(disk - 1, values, point=place, follower="follower" in flag))
+            follower = "follower" in flag
+            try:
+                load = PointLoad(
+                    disk - 1, values, point=offset, follower=follower, arc_length=arc_length
+                )
+            except InputError as error:
+                raise InputError(f"{flag}: {error}") from None
+            loads.append(load)
     return tuple(loads) or None
 
 

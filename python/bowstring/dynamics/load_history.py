@@ -371,7 +371,7 @@ _History = Table | _Function
 
 
 class _PointHistory:
-    """Point loads over time: their numbers side by side, 11 columns each."""
+    """Point loads over time: their numbers side by side, 12 columns each."""
 
     def __init__(self, loads: tuple[PointLoad, ...]) -> None:
         self.loads = loads

@@ -43,8 +43,10 @@ from bowstring.statics.load import (
     Load,
     PointLoad,
     as_load,
+    has_arc_lengths,
     point_loads,
     same_points,
+    table_of,
     with_arrays,
     without_wrenches,
 )
@@ -406,7 +408,7 @@ def simulate(
         raise InputError("simulate needs a duration, in s")
     duration = _check_time("duration", validation.number("duration", duration, "s", zero=True))
     load, model = as_load(tensions, load), as_model(model)
-    elements = model.elements or 1
+    elements = model.elements or (2 if has_arc_lengths(load) else 1)
     model = model.replace(elements=elements)
     start = validation.instance("start", start, Start)
     integrator = validation.instance("integrator", integrator, Integrator)
@@ -477,8 +479,7 @@ def simulate(
         "initial_load_disk_forces_N": initial.disk_forces.tolist() or None,
         "initial_load_disk_moments_Nm": initial.disk_moments.tolist() or None,
         "initial_load_point_loads": [
-            PointLoad.of_numbers(row).to_dict()
-            for row in initial.point_loads.reshape(-1, 11).tolist()
+            PointLoad.of_numbers(row).to_dict() for row in table_of(initial.point_loads).tolist()
         ]
         or None,
         "initial_load_line_forces_N_per_m": initial.line_forces.tolist() or None,
@@ -674,7 +675,7 @@ def _point_loads(given: Load | None, otherwise: Floats, disks: int) -> Floats:
         return otherwise
     loads = tuple(load.on(disks) for load in point_loads(given.point_loads))
     numbers = with_arrays(given.replace(point_loads=loads)).point_loads
-    own = otherwise.reshape(-1, 11)
+    own = table_of(otherwise)
     if numbers is None:
         return without_wrenches(own).ravel()
     if not same_points(numbers, own):

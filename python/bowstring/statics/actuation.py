@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import validation
 from bowstring._core import PathSolver, check_memory
 from bowstring.errors import InputError
-from bowstring.statics.load import Load, PointLoad
+from bowstring.statics.load import Load, PointLoad, table_of
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel
@@ -321,10 +321,10 @@ def _on_disks(history: Mapping[str, Any], name: str) -> Floats:
 
 
 def _points(history: Mapping[str, Any]) -> Floats:
-    """Numbers (P, 11) of the point loads: earlier versions have none."""
+    """Numbers (P, 12) of the point loads: earlier versions have none."""
     loads = history.get("point_loads") or []
     rows = [PointLoad.of_dict(item).numbers() for item in loads]
-    return np.array(rows, dtype=float).reshape(-1, 11)
+    return table_of(np.array(rows, dtype=float))
 
 
 def _numbers(history: Mapping[str, Any], name: str, dimensions: int) -> Floats:

@@ -17,7 +17,14 @@ from bowstring._core import follow_branches
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import check_robot
-from bowstring.statics.load import Load, as_load, same_points, with_arrays, without_wrenches
+from bowstring.statics.load import (
+    POINT_NUMBERS,
+    Load,
+    as_load,
+    same_points,
+    with_arrays,
+    without_wrenches,
+)
 from bowstring.statics.model import as_model
 
 if TYPE_CHECKING:
@@ -613,8 +620,8 @@ def _differences(start: Load, load: Load, factor: float) -> tuple[str, ...]:
     tables = _same_rows(start.point_loads, load.point_loads)
     apart = [tables[1] - tables[0], *tables]
     for columns, unit, words in (
-        (slice(4, 7), "N", "in all on points of disks"),
-        (slice(7, 10), "N m", "of moment in all on points of disks"),
+        (slice(4, 7), "N", "in all at points of the robot"),
+        (slice(7, 10), "N m", "of moment in all at points of the robot"),
     ):
         size, *ends = (float(np.linalg.norm(v[:, columns], axis=1).sum()) for v in apart)
         if size > 0:
@@ -624,8 +631,8 @@ def _differences(start: Load, load: Load, factor: float) -> tuple[str, ...]:
 
 
 def _same_rows(first: Floats | None, last: Floats | None) -> tuple[Floats, Floats]:
-    """Numbers of point loads (P, 11) at both ends: those at one end only are zero at the other."""
-    a, b = (np.zeros((0, 11)) if table is None else table for table in (first, last))
+    """Numbers of point loads (P, 12) at both ends: those at one end only are zero at the other."""
+    a, b = (np.zeros((0, POINT_NUMBERS)) if table is None else table for table in (first, last))
     if same_points(a, b):
         return a, b
     return np.concatenate([a, without_wrenches(b)]), np.concatenate([without_wrenches(a), b])

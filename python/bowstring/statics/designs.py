@@ -174,7 +174,7 @@ def _commands(
 
 
 def _on_disks(designs: Designs, load: Load) -> dict[str, Floats]:
-    """Loads on disks (N, 3) and numbers of point loads (P, 11)."""
+    """Loads on disks (N, 3) and numbers of point loads (P, 12)."""
     load = with_arrays(load)
     disks = designs.robot.core.disk_count
     given = {name: getattr(load, name) for name in ON_DISKS if getattr(load, name) is not None}

@@ -11,19 +11,22 @@ from numpy.typing import NDArray
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError
-from bowstring.validation import is_whole, read, row, shown, truth
+from bowstring.validation import is_whole, number, read, row, shown, truth
 
 __all__ = [
     "ON_DISKS",
+    "POINT_NUMBERS",
     "InstantLoad",
     "Load",
     "PointLoad",
     "as_load",
     "disk_shape",
+    "has_arc_lengths",
     "per_disk",
     "point_loads",
     "points_have_potential",
     "same_points",
+    "table_of",
     "with_arrays",
     "without_wrenches",
 ]
@@ -34,7 +37,7 @@ Floats = NDArray[np.float64]
 @short_repr
 @dataclass(frozen=True)
 class PointLoad:
-    """A force and a moment on a point that is fixed to a disk.
+    """A force and a moment on a point that is fixed to a disk, or to a section of the backbone.
 
     Parameters
     ----------
@@ -43,15 +46,19 @@ class PointLoad:
     force, moment : array_like (3,)
         Force in N and moment in N m. In `bowstring.simulate` they may depend on time as all loads.
     point : array_like (3,)
-        Point at which the force acts, from the centre of the disk in the axes of the disk, in m.
+        Point at which the force acts, from the centre of the disk in the axes of the disk, in m;
+        with an arc length, from the centre of the section in its axes.
     follower : bool
-        Whether force and moment turn with the disk (follower loads): their components are then in
-        the axes of the disk. Otherwise they are dead loads in base axes.
+        Whether force and moment turn with the disk or section (follower loads): their components
+        are then in its axes. Otherwise they are dead loads in base axes.
+    arc_length : float, optional
+        Arc length of the section of the straight backbone on which the load acts instead of a disk,
+        in m from the base. Between two disks only one section may be loaded.
 
     Raises
     ------
     InputError
-        If a value is not one of these.
+        If a value is not one of these, or both a disk and an arc length are given.
 
     Examples
     --------
@@ -62,6 +69,12 @@ class PointLoad:
     >>> jet = bs.PointLoad(force=[0.5, 0, 0], follower=True)
     >>> bs.solve(robot, [0, 0, 0], load=bs.Load(point_loads=[jet])).tip.position.round(4)
     array([0.0394, 0.    , 0.6395])
+
+    A force of 1 N on the backbone between the first and the second disk:
+
+    >>> touch = bs.PointLoad(arc_length=0.1, force=[0, 1, 0])
+    >>> bs.solve(robot, [0, 0, 0], load=bs.Load(point_loads=touch)).tip.position.round(4)
+    array([0.    , 0.0028, 0.641 ])
     """
 
     disk: int = -1
@@ -69,6 +82,7 @@ class PointLoad:
     moment: Any = (0.0, 0.0, 0.0)
     point: Any = (0.0, 0.0, 0.0)
     follower: bool = False
+    arc_length: float | None = None
 
     def __post_init__(self) -> None:
         if not is_whole(self.disk):
@@ -81,28 +95,48 @@ class PointLoad:
             numbers = row(name, value, 3, unit)
             object.__setattr__(self, name, tuple(numbers.tolist()))
         truth("follower", self.follower)
+        if self.arc_length is None:
+            return
+        object.__setattr__(self, "arc_length", number("arc_length", self.arc_length, "m"))
+        if self.disk != -1:
+            raise InputError(
+                f"disk is {self.disk} and arc_length is {self.arc_length:g} m; give one of them"
+            )
 
     def on(self, disks: int) -> PointLoad:
         """Return the load with the index of its disk from the base, on a robot of so many."""
-        return replace(self, disk=self.disk + disks) if -disks <= self.disk < 0 else self
+        if self.arc_length is not None or not -disks <= self.disk < 0:
+            return self
+        return replace(self, disk=self.disk + disks)
 
     def numbers(self, force: Any = None, moment: Any = None) -> list[float]:
-        """Disk, point, force, moment, and 1 for a follower; force and moment may be replaced."""
+        """Disk, point, force, moment, 1 for a follower, and arc length, -1 for a load on a disk.
+
+        Force and moment may be replaced.
+        """
         force = self.force if force is None else force
         moment = self.moment if moment is None else moment
-        return [float(self.disk), *self.point, *force, *moment, float(self.follower)]
+        place = -1.0 if self.arc_length is None else self.arc_length
+        return [float(self.disk), *self.point, *force, *moment, float(self.follower), place]
 
     @classmethod
     def of_numbers(cls, numbers: Iterable[float]) -> PointLoad:
         """Make a point load of its `numbers`."""
-        disk, *rest, follower = numbers
+        disk, *rest, follower, place = numbers
         point, force, moment = (tuple(rest[at : at + 3]) for at in (0, 3, 6))
+        if place >= 0:
+            return cls(-1, force, moment, point, bool(follower), place)
         return cls(int(disk), force, moment, point, bool(follower))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for a file, SI; the disk counts from 1, or is None for the tip."""
+        """Plain values for a file, SI; the disk counts from 1, or is None for the tip.
+
+        A load between two disks has an arc length instead.
+        """
+        on_disk = {"disk": None if self.disk == -1 else self.disk + 1}
+        place = on_disk if self.arc_length is None else {"arc_length_m": self.arc_length}
         return {
-            "disk": None if self.disk == -1 else self.disk + 1,
+            **place,
             "point_m": list(self.point),
             "force_N": _plain(self.force),
             "moment_Nm": _plain(self.moment),
@@ -112,8 +146,10 @@ class PointLoad:
     @classmethod
     def of_dict(cls, item: Mapping[str, Any]) -> PointLoad:
         """Make a point load of the plain values of `to_dict`."""
-        disk = -1 if item["disk"] is None else item["disk"] - 1
-        return cls(disk, item["force_N"], item["moment_Nm"], item["point_m"], item["follower"])
+        place = item.get("arc_length_m")
+        disk = -1 if place is not None or item["disk"] is None else item["disk"] - 1
+        wrench = (item["force_N"], item["moment_Nm"])
+        return cls(disk, *wrench, item["point_m"], item["follower"], place)
 
 
 def _depends_on_time(value: object) -> bool:
@@ -152,7 +188,8 @@ class Load:
         tip, and its row adds to the load there. A force acts at the centre of its disk. None if
         left out.
     point_loads : PointLoad or sequence of PointLoad, optional
-        Loads beside the centres of disks, and loads that turn with their disks (followers).
+        Loads beside the centres of disks, loads between disks, and loads that turn with their disk
+        or section (followers).
     line_forces : array_like (3,) or (N, 3), optional
         Dead force per length of backbone in base axes, N/m: on all of it, or on each of the N parts
         that end at a disk. None if left out.
@@ -217,6 +254,8 @@ _NO_LOAD = Load()
 _BESIDE_TIP: Final = ("disk_forces", "disk_moments", "point_loads", "line_forces", "base")
 ON_DISKS: Final = {"disk_forces": "N", "disk_moments": "N m", "line_forces": "N/m"}
 """Loads with a vector for each disk, with their units."""
+POINT_NUMBERS: Final = 12
+"""Numbers of a point load; see `PointLoad.numbers`."""
 _WRENCH: Final = slice(4, 10)  # force and moment among the numbers of a point load
 
 
@@ -303,7 +342,7 @@ class InstantLoad(NamedTuple):
     """Components of all disks, one after the other (3 N,); empty if there are none."""
     disk_moments: Floats
     point_loads: Floats
-    """Numbers of all point loads, one after the other (11 P,); empty if there are none."""
+    """Numbers of all point loads, one after the other (12 P,); empty if there are none."""
     line_forces: Floats
     """Components before all disks (3 N,); empty if there are none."""
     base: Floats
@@ -317,7 +356,7 @@ class InstantLoad(NamedTuple):
             tip_moment=self.tip_moment,
             disk_forces=_by_disks(self.disk_forces),
             disk_moments=_by_disks(self.disk_moments),
-            point_loads=self.point_loads.reshape(-1, 11) if len(self.point_loads) else None,
+            point_loads=table_of(self.point_loads) if len(self.point_loads) else None,
             line_forces=_by_disks(self.line_forces),
         )
 
@@ -325,7 +364,7 @@ class InstantLoad(NamedTuple):
     def has_potential(self) -> bool:
         """Whether all loads have a potential: moments and followers have none."""
         return not (self.tip_moment.any() or self.disk_moments.any()) and points_have_potential(
-            self.point_loads.reshape(-1, 11)
+            table_of(self.point_loads)
         )
 
     @property
@@ -334,15 +373,30 @@ class InstantLoad(NamedTuple):
         return InstantLoad(*(array[None] for array in self))
 
 
+def has_arc_lengths(load: Load) -> bool:
+    """Whether a load acts at an arc length, perhaps between two disks."""
+    given = load.point_loads
+    if given is None:
+        return False
+    if _is_array(given):
+        return bool((table_of(given)[:, -1] >= 0).any())
+    return any(each.arc_length is not None for each in point_loads(given))
+
+
+def table_of(numbers: Floats) -> Floats:
+    """Return the numbers of point loads, one after the other, as a table (P, 12)."""
+    return numbers.reshape(-1, POINT_NUMBERS)
+
+
 def same_points(a: Floats, b: Floats) -> bool:
-    """Whether two tables of point loads (P, 11) act on the same points, with any size."""
+    """Whether two tables of point loads (P, 12) act on the same points, with any size."""
     return a.shape == b.shape and bool(
         (np.delete(a, _WRENCH, axis=1) == np.delete(b, _WRENCH, axis=1)).all()
     )
 
 
 def without_wrenches(numbers: Floats) -> Floats:
-    """Copy a table of point loads (P, 11) with forces and moments of zero."""
+    """Copy a table of point loads (P, 12) with forces and moments of zero."""
     none: Floats = np.array(numbers, dtype=float)
     none[:, _WRENCH] = 0.0
     return none
@@ -356,10 +410,10 @@ def per_disk(name: str, value: Floats, disks: int) -> Floats:
 
 
 def points_have_potential(numbers: Floats | None) -> bool:
-    """Whether point loads, as numbers (P, 11), have a potential: no moment and no follower."""
+    """Whether point loads, as numbers (P, 12), have a potential: no moment and no follower."""
     if numbers is None:
         return True
-    follows = numbers[:, 10:] * numbers[:, 4:7]
+    follows = numbers[:, 10:11] * numbers[:, 4:7]
     return not (numbers[:, 7:10].any() or follows.any())
 
 

@@ -7,7 +7,7 @@ use super::actuation::Actuation;
 use super::newton::{self, Problem, Tolerances};
 use super::settings::{Count, Integrator, Step, Stop};
 use crate::interrupt;
-use crate::model::load::{Load, OwnedLoad};
+use crate::model::load::{Load, OwnedLoad, PointLoad};
 use crate::model::robot::Robot;
 use crate::motion::{Energies, Moving, StepError};
 use crate::statics::solver;
@@ -197,6 +197,11 @@ impl Integration {
     /// Present tensions and displacements.
     pub fn values(&self) -> &[f64] {
         &self.ramp.to.tensions
+    }
+
+    /// Present point loads.
+    pub fn point_loads(&self) -> &[PointLoad] {
+        &self.ramp.to.point_loads
     }
 
     /// Discards the steps so far: after a jump, or at rest.

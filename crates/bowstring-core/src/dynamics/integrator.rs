@@ -252,6 +252,8 @@ impl Simulator {
     }
 
     fn check(&self, load: &Load) -> Result<(), InputError> {
+        load.check_elements(&self.robot, self.elements)?;
+        load.check_sections(&self.robot, self.integration.point_loads())?;
         match &self.integration.actuation {
             Some(actuation) if load.tensions.len() == actuation.commands.len() => {
                 let commands = actuation.commands.iter().zip(load.tensions);

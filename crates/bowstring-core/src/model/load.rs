@@ -4,7 +4,7 @@
 
 use crate::math::linalg::Vec3;
 use crate::model::error::{Argument, InputError, Rule};
-use crate::model::robot::Robot;
+use crate::model::robot::{place, Place, Robot, AT_CLAMP};
 
 /// Rod theory of the backbone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -55,19 +55,22 @@ pub struct RodModel {
     pub elements: Option<usize>,
 }
 
-/// A force and a moment at a point fixed to a disk; SI units.
+/// A force and a moment at a point fixed to a disk or to a section of the backbone; SI units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PointLoad {
-    /// The disk, from base to tip.
+    /// The disk, from base to tip; not used where there is an arc length.
     pub disk: usize,
-    /// Point at which the force acts, from the centre of the disk, in the disk's frame (m).
+    /// Arc length of the section of the straight backbone on which it acts (m); `None` for a load
+    /// on a disk.
+    pub arc_length: Option<f64>,
+    /// Point at which the force acts, from the centre of the disk or section, in its frame (m).
     pub point: [f64; 3],
     /// Force (N).
     pub force: [f64; 3],
     /// Moment (N m).
     pub moment: [f64; 3],
-    /// Whether force and moment turn with the disk, their components then being in its frame;
-    /// otherwise they are dead loads in the base frame.
+    /// Whether force and moment turn with the disk or section, their components then being in its
+    /// frame; otherwise they are dead loads in the base frame.
     pub follower: bool,
 }
 
@@ -174,7 +177,7 @@ fn mix_disks(out: &mut Vec<[f64; 3]>, from: &[[f64; 3]], to: &[[f64; 3]], share:
 
 /// Interpolates between point loads; those that act in one of the lists only fade in or out.
 fn mix_points(out: &mut Vec<PointLoad>, from: &[PointLoad], to: &[PointLoad], share: f64) {
-    let place = |load: &PointLoad| (load.disk, load.point, load.follower);
+    let place = |load: &PointLoad| (load.disk, load.arc_length, load.point, load.follower);
     let none = |load: &PointLoad| PointLoad {
         force: [0.0; 3],
         moment: [0.0; 3],
@@ -393,8 +396,17 @@ impl Load<'_> {
         for part in self.base.parts() {
             InputError::check_finite(Argument::BaseMotion, None, &part)?;
         }
+        self.check_places(robot)?;
+        self.check_sections(robot, &[])
+    }
+
+    /// Checks the places and numbers of point loads.
+    pub(crate) fn check_places(&self, robot: &Robot) -> Result<(), InputError> {
+        let disks = robot.module_count();
         for (i, load) in self.point_loads.iter().enumerate() {
-            if load.disk >= disks {
+            if let Some(arc_length) = load.arc_length {
+                check_arc_length(robot, i, arc_length)?;
+            } else if load.disk >= disks {
                 let which = match load.disk {
                     usize::MAX => "a disk before the base".to_string(),
                     disk => format!("disk {}", disk + 1),
@@ -410,4 +422,103 @@ impl Load<'_> {
         }
         Ok(())
     }
+
+    /// Checks that loads between two disks, these and `others`, act on one section there.
+    pub(crate) fn check_sections(
+        &self,
+        robot: &Robot,
+        others: &[PointLoad],
+    ) -> Result<(), InputError> {
+        let mut found: Vec<(usize, f64, f64)> = vec![];
+        let loads = others.iter().chain(self.point_loads);
+        for arc_length in loads.filter_map(|load| load.arc_length) {
+            let Place::Between { module, fraction } = place(robot.lengths(), arc_length) else {
+                continue;
+            };
+            match found.iter().find(|(k, ..)| *k == module) {
+                Some((_, there, other)) if !same_section(*there, fraction) => {
+                    let before = match module {
+                        0 => "the base".to_string(),
+                        k => format!("disk {k}"),
+                    };
+                    return Err(InputError::other(format!(
+                        "point loads act at the arc lengths {other} m and {arc_length} m, both \
+                         between {before} and disk {}; only one section between two disks can be \
+                         loaded",
+                        module + 1
+                    )));
+                }
+                Some(_) => {}
+                None => found.push((module, fraction, arc_length)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether all sections of the backbone that may be divided are those of other point loads.
+    pub(crate) fn divides_as(&self, others: &[PointLoad]) -> bool {
+        fn sections(loads: &[PointLoad]) -> impl Iterator<Item = f64> + '_ {
+            loads.iter().filter_map(|load| load.arc_length)
+        }
+        sections(self.point_loads).eq(sections(others))
+    }
+
+    /// Whether any load may act between two disks.
+    pub(crate) fn has_arc_lengths(&self) -> bool {
+        self.point_loads
+            .iter()
+            .any(|load| load.arc_length.is_some())
+    }
+
+    /// The fewest elements in a module that take it: two where a load acts between two disks.
+    pub fn least_elements(&self, robot: &Robot) -> usize {
+        let between = |load: &PointLoad| {
+            load.arc_length
+                .is_some_and(|s| matches!(place(robot.lengths(), s), Place::Between { .. }))
+        };
+        match self.point_loads.iter().any(between) {
+            true => 2,
+            false => 1,
+        }
+    }
+
+    /// Checks that so many elements in a module take it.
+    pub(crate) fn check_elements(&self, robot: &Robot, elements: usize) -> Result<(), InputError> {
+        if elements >= self.least_elements(robot) {
+            return Ok(());
+        }
+        Err(InputError::other(
+            "a load between two disks needs 2 elements or more between them, and elements is 1",
+        ))
+    }
+}
+
+fn check_arc_length(robot: &Robot, i: usize, arc_length: f64) -> Result<(), InputError> {
+    let (number, length) = (i + 1, robot.length());
+    // a NaN is in no range
+    if !(arc_length > 0.0 && arc_length <= length * (1.0 + AT_CLAMP)) {
+        return Err(InputError::other(format!(
+            "the arc length of point load {number} is {arc_length} m; it must be above 0 m and at \
+             most {length} m, the length of the robot"
+        )));
+    }
+    if let Place::Disk { disk, beyond } = place(robot.lengths(), arc_length) {
+        let module = &robot.modules[disk];
+        let before = -module.clamp[1];
+        let after = robot.modules.get(disk + 1).map_or(0.0, |m| m.clamp[0]);
+        let near = AT_CLAMP * module.flexible;
+        if beyond.abs() > near && beyond > before + near && beyond < after - near {
+            return Err(InputError::other(format!(
+                "the arc length of point load {number} is {arc_length} m, where disk {} clamps the \
+                 backbone; give the disk and a point instead",
+                disk + 1
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Whether two fractions of a module belong to the same section.
+fn same_section(a: f64, b: f64) -> bool {
+    (a - b).abs() <= AT_CLAMP
 }

@@ -221,6 +221,45 @@ pub(crate) struct Module {
     pub first_tendon: usize,
 }
 
+/// Where a section of the backbone is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Place {
+    /// At the base, which does not move.
+    Base,
+    /// On a disk or its clamped length, so far beyond its station (m).
+    Disk { disk: usize, beyond: f64 },
+    /// At a fraction of the flexible length of a module.
+    Between { module: usize, fraction: f64 },
+}
+
+/// Distance over the flexible length of a module below which a section belongs to the clamp there.
+pub(crate) const AT_CLAMP: f64 = 1e-9;
+
+/// Place of a section at an arc length of the straight backbone (m). Modules have lengths of the
+/// clamp at the start, the flexible part and the clamp at the end (m).
+pub(crate) fn place(modules: impl IntoIterator<Item = [f64; 3]>, arc_length: f64) -> Place {
+    let (mut station, mut last) = (0.0, Place::Base);
+    for (k, [start, flexible, end]) in modules.into_iter().enumerate() {
+        let along = arc_length - station - start;
+        let near = AT_CLAMP * flexible;
+        if along <= near {
+            break;
+        }
+        if along < flexible - near {
+            return Place::Between {
+                module: k,
+                fraction: along / flexible,
+            };
+        }
+        station += start + flexible + end;
+        last = Place::Disk {
+            disk: k,
+            beyond: arc_length - station,
+        };
+    }
+    last
+}
+
 /// A checked, immutable robot.
 #[derive(Clone, Debug)]
 pub struct Robot {
@@ -363,6 +402,12 @@ impl Robot {
     /// Length of the straight backbone (m).
     pub fn length(&self) -> f64 {
         self.spec.disks[self.spec.disks.len() - 1].station
+    }
+    /// Lengths of the clamp at the start, the flexible part and the clamp at the end of every
+    /// module (m).
+    pub(crate) fn lengths(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        let modules = self.modules.iter();
+        modules.map(|m| [m.clamp[0], m.flexible, m.clamp[1]])
     }
     /// Total mass of disks, backbone and payloads (kg).
     pub fn mass(&self) -> f64 {

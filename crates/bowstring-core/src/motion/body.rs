@@ -4,7 +4,7 @@
 
 use super::mass::LumpedMass;
 use super::scheme::{Damping, Scheme};
-use crate::math::real::Layout;
+use crate::math::real::{Layout, Real};
 use crate::model::load::{Model, Theory};
 use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
@@ -33,10 +33,27 @@ impl<L: Layout, const A: usize> Body<L, A> {
         }
         Body {
             constants: rod.constants.clone(),
-            mass: LumpedMass::new(robot),
+            mass: LumpedMass::new(robot, &rod.fixed.modules),
             scheme: Scheme::new(damping, rigid),
             rod,
         }
+    }
+
+    /// Takes over modules that a load between their disks has divided.
+    #[cold]
+    pub fn divide(&mut self) {
+        for (own, c) in self.constants.iter_mut().zip(&mut self.rod.constants) {
+            if own.parts[0].lane(0) != c.parts[0].lane(0) {
+                if self.scheme.rigid {
+                    c.d[0] += c.d[3] * L::Module::splat(NEARLY_RIGID);
+                }
+                *own = *c;
+            }
+        }
+        if let Some(source) = &self.rod.fixed.source {
+            self.mass = LumpedMass::new(&source.0, &self.rod.fixed.modules);
+        }
+        self.stiffen();
     }
 
     /// Scales the stiffness by the material damping of this step.

@@ -9,7 +9,6 @@ use crate::interrupt;
 use crate::math::linalg::{dot, principal_axes, Mat3, Vec3};
 use crate::math::mlcp::eliminate;
 use crate::math::real::Scalar;
-use crate::rod::module::share;
 use crate::rod::routed::RoutedRod;
 
 /// Spans of a tendon that keep their total length in small oscillations.
@@ -239,7 +238,8 @@ impl<const A: usize> Motion<Scalar, A> {
         let mut out = Vec::with_capacity(self.module_count() * (3 * A + 3));
         let mut start = [Vec3::zero(); 2];
         let column = &self.response.columns[column];
-        for (j, state) in self.body.rod.states.iter().enumerate() {
+        let rod = &self.body.rod;
+        for (j, (state, c)) in rod.states.iter().zip(&rod.constants).enumerate() {
             let frame = self.body.rod.rotations[j];
             // motion of the end due to shear and extension
             let mut stretched = column.delta[j];
@@ -248,10 +248,10 @@ impl<const A: usize> Motion<Scalar, A> {
                 stretched += lever * column.u[j][i];
             }
             for a in 0..A - 1 {
-                let mut place = state.inside(a);
+                let mut place = state.inside(c, a);
                 place.0[2] += self.body.rod.fixed.modules[j].clamp[0];
                 let mut moved = start[1] + start[0].cross(place);
-                moved += stretched * share::<f64, A>(a);
+                moved += stretched * c.share(a);
                 for i in 0..=a {
                     let lever = self.body.rod.gradients[j].r[i] + state.tail[a].skew();
                     moved += lever * column.u[j][i];

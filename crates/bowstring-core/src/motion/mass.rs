@@ -6,6 +6,7 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::robot::{Payload, Robot};
 use crate::rod::chain::lanes;
+use crate::rod::constants::Constants;
 
 /// A vector at every mass point of a module, the disk last, and a matrix of the disk's directors.
 #[derive(Clone, Copy)]
@@ -111,6 +112,24 @@ impl Body {
     }
 }
 
+/// Weight of the end of the first `a` arcs of a module in Simpson's rule over each element, for a
+/// module of length 1.
+#[inline(always)]
+pub(super) fn simpson<T: Real, const A: usize>(c: &Constants<T, A>, a: usize) -> T {
+    let third = T::splat(1.0 / (3.0 * A as f64));
+    if a % 2 == 1 {
+        return c.part(a / 2) * T::splat(4.0) * third;
+    }
+    let mut sum = T::zero();
+    if a > 0 {
+        sum += c.part(a / 2 - 1);
+    }
+    if a < A {
+        sum += c.part(a / 2);
+    }
+    sum * third
+}
+
 /// The same vector in all lanes.
 #[inline(always)]
 pub(super) fn wide<T: Real>(v: Vec3) -> Vec3<T> {
@@ -128,22 +147,18 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
     /// second moment is added to the director along the axis. Its first moment is zero where both
     /// sides of a disk are equal. Elsewhere, as at the last disk, it is neglected: it would couple
     /// points with directors, and `M` is diagonal.
-    pub fn new(robot: &Robot) -> Self {
+    pub fn new(robot: &Robot, modules: &[Constants<L::Chain, A>]) -> Self {
         let n = robot.module_count();
         let mut points = vec![0.0; n * A];
         let mut directors = vec![[0.0; 2]; n];
         for k in 0..n {
             let module = robot.modules[k];
-            let arc = module.flexible / A as f64;
-            let section = |a: usize| robot.section(k, a as f64 / A as f64);
-            let lump = |a: usize| section(a).mass_per_length * arc / 3.0;
+            let c = &modules[k];
+            let section = |a: usize| robot.section(k, c.fraction(a).lane(0));
+            let lump =
+                |a: usize| section(a).mass_per_length * module.flexible * simpson(c, a).lane(0);
             for a in 1..=A {
-                let weight = match a {
-                    _ if a == A => 1.0,
-                    _ if a % 2 == 0 => 2.0,
-                    _ => 4.0,
-                };
-                points[k * A + a - 1] += lump(a) * weight;
+                points[k * A + a - 1] += lump(a);
             }
             let disk = &robot.spec().disks[k];
             let held = module.flexible / 2.0 + module.clamp[1];

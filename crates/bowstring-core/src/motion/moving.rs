@@ -260,7 +260,10 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
     fn set_load(&mut self, load: &Load) {
         let rod = &mut self.body.rod;
         rod.set_tensions(|i| L::Chain::splat(load.tensions[i]));
-        rod.set_attached(load);
+        if rod.set_attached(load) {
+            self.body.divide();
+        }
+        let rod = &mut self.body.rod;
         if !rod.attached.has_forces() {
             self.residual.point_force.fill(Vec3::zero());
         }

@@ -111,6 +111,10 @@ struct Pieces<T, const A: usize> {
     tension: T,
     /// Weight and inertial force per length, in the frame of the start (N/m).
     load: Vec3<T>,
+    /// Fraction of the module at its middle node, and force (N) and moment (N m) of the loads there
+    /// in the frame of the start.
+    node: T,
+    on_node: [Vec3<T>; 2],
     /// Position of the disk at the start (m).
     origin: Vec3<T>,
     frame: Mat3<T>,
@@ -185,6 +189,13 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 put_mat::<L>(&mut pieces.frame, i, &frame);
                 let load = self.load_by_length(k, &frame, L::get(&c.mass_per_length, i));
                 put::<L>(&mut pieces.load, i, load);
+                if rod.attached.has_between() {
+                    let node = frame * get_mat::<L>(&pieces.state.middle(), i);
+                    let own = rod.loads_on_node_at(k, &node);
+                    for (part, own) in pieces.on_node.iter_mut().zip(own) {
+                        put::<L>(part, i, frame.tr_mul(own));
+                    }
+                }
                 origin += frame * get::<L>(&end, i);
                 frame = frame * get_mat::<L>(&pieces.state.s, i);
                 self.record_disk(k, &origin, &frame, &mut out.disks);
@@ -239,6 +250,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             force,
             tension,
             load: Vec3::zero(),
+            node: c.fraction(A / 2),
+            on_node: [Vec3::zero(); 2],
             origin: Vec3::zero(),
             frame: Mat3::zero(),
         }
@@ -303,19 +316,31 @@ impl<T: Real, const A: usize> Pieces<T, A> {
         let (state, load) = (&self.state, self.load);
         let elements = (A / 2) as f64;
         // the contact force is the mean over the module
-        let force = self.force - load * (c.flexible * T::splat(0.5));
+        let [on_node, moment_on_node] = self.on_node;
+        let force = self.force - load * (c.flexible * T::splat(0.5)) - on_node * self.node;
         let (mut moment, mut centre) = (Vec3::zero(), Vec3::zero());
         let gauss = 3f64.sqrt() / 6.0;
-        let weight = T::splat(0.5 / elements);
+        let node = match A {
+            2 => Vec3::zero(),
+            _ => state.inside(c, A / 2 - 1),
+        };
         for element in 0..A / 2 {
+            let part = c.part(element);
+            let weight = part * T::splat(0.5 / elements);
             for side in [-gauss, gauss] {
                 let xi = 0.5 + side;
                 let (a, b) = (self.strain[2 * element], self.strain[2 * element + 1]);
-                let curved = (b - a).scaled_add(T::splat(3.0 * side), a + b - c.rest);
+                let curved = (b - a).scaled_add(T::splat(3.0 * side), a + b - c.rest * part);
                 let stiffness = &c.at_gauss_points(element)[usize::from(side > 0.0)];
-                let (place, turn) = state.section((element as f64 + xi) / elements);
+                let from = c.fraction(2 * element).lane(0);
+                let (place, turn) = state.section(c, from + part.lane(0) * xi / elements);
                 moment += (turn * stiffness.times(curved)) * weight;
                 centre += place * weight;
+                if 4 * element < A {
+                    // the mean moment has that of the loads on the node as well
+                    let own = moment_on_node + (node - place).cross(on_node);
+                    moment -= own * weight;
+                }
             }
         }
         let along = (state.rho * c.per_flexible).cross(load);
@@ -330,12 +355,16 @@ impl<T: Real, const A: usize> Pieces<T, A> {
             let (place, turn) = match p {
                 0 => (Vec3::zero(), Mat3::identity()),
                 _ if p == points - 1 => (state.rho, state.s),
-                _ => state.section(xi),
+                _ => state.section(c, xi),
             };
             let left = c.flexible * T::splat(1.0 - xi);
             let lever = T::splat(0.5) * left * left - c.flexible * c.flexible * T::splat(1.0 / 6.0);
-            let m = along.scaled_add(lever, moment + (centre - place).cross(force));
-            let f = load.scaled_add(left, force);
+            let mut m = along.scaled_add(lever, moment + (centre - place).cross(force));
+            let mut f = load.scaled_add(left, force);
+            if A > 2 && xi < self.node.lane(0) {
+                m += moment_on_node + (node - place).cross(on_node);
+                f += on_node;
+            }
             // continuous tendons carry their own part of the distal force
             let mut own = turn.tr_mul(f);
             own.0[2] -= self.tension;

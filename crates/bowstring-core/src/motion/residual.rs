@@ -4,14 +4,13 @@
 
 use super::body::Body;
 use super::kinematics::Kinematics;
-use super::mass::{wide, wide_mat, Nodal};
+use super::mass::{simpson, wide, wide_mat, Nodal};
 use super::scheme::Scheme;
 use super::strain::StrainHistory;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::{BaseMotion, TendonPath};
 use crate::rod::chain::{get, get_mat, in_group, put, Rod};
-use crate::rod::module::share;
 
 /// Forces on the mass in the base frame, and the resulting forces in the modules.
 pub(super) struct Residual<L: Layout, const A: usize> {
@@ -102,18 +101,12 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         for (k, line) in lines.iter().enumerate() {
             let (c, line) = (&rod.fixed.modules[k], Vec3::splat(*line));
             let [start, end] = c.clamp;
-            let sixth = c.flexible * L::Chain::splat(1.0 / (3.0 * A as f64));
             for a in 1..=A {
-                let weight = match a {
-                    _ if a == A => 1.0,
-                    _ if a % 2 == 0 => 2.0,
-                    _ => 4.0,
-                };
-                self.lines[k * A + a - 1] += line * (sixth * L::Chain::splat(weight));
+                self.lines[k * A + a - 1] += line * (c.flexible * simpson(c, a));
             }
             self.lines[k * A + A - 1] += line * end;
             if k > 0 {
-                self.lines[k * A - 1] += line * (sixth + start);
+                self.lines[k * A - 1] += line * (c.flexible * simpson(c, 0) + start);
             }
         }
     }
@@ -238,8 +231,17 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             let here = rotation.tr_mul(total);
             put::<L>(&mut state.f[0], i, here);
             put::<L>(&mut state.f[1], i, here * end);
+            let between = rod.attached.has_between();
+            let on_node = match between {
+                true => rod.force_on_node(k),
+                false => Vec3::zero(),
+            };
+            let state = &mut rod.states[g];
             for a in 0..A - 1 {
-                let force = self.force[k * A + a];
+                let mut force = self.force[k * A + a];
+                if between && a + 1 == A / 2 {
+                    force += on_node;
+                }
                 total += force;
                 put::<L>(&mut self.modules[g].nodes[a], i, rotation.tr_mul(force));
             }
@@ -253,11 +255,11 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         let (rod, constants) = (&mut body.rod, &body.constants);
         for g in 0..self.modules.len() {
             let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
-            let state = &mut rod.states[g];
+            let (c, state) = (&constants[g], &mut rod.states[g]);
             state.end_force = state.f[0];
             state.span_torque = Vec3::zero();
             if t.path == TendonPath::Straight {
-                let (_, force, torque, _) = state.spans(&constants[g], &t);
+                let (_, force, torque, _) = state.spans(c, &t);
                 state.end_force -= force;
                 state.span_torque = torque;
             }
@@ -266,7 +268,7 @@ impl<L: Layout, const A: usize> Residual<L, A> {
                 + tangent.cross(state.f[1])
                 + Vec3::ez().cross(state.f[2]);
             for a in 0..A - 1 {
-                state.load_moment += state.inside(a).cross(self.modules[g].nodes[a]);
+                state.load_moment += state.inside(c, a).cross(self.modules[g].nodes[a]);
             }
         }
     }
@@ -284,6 +286,9 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             lambda = get_mat::<L>(&state.s, i) * lambda;
             put::<L>(&mut state.lambda, i, lambda);
             lambda -= get::<L>(&state.load_moment, i);
+            if rod.attached.has_between() {
+                rod.add_moment_on_node(k, &mut lambda);
+            }
         }
     }
 
@@ -298,6 +303,10 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             let (c, offset) = (&constants[g], &strain.offset[g]);
             let (state, out) = (&rod.states[g], &mut rod.gradients[g]);
             state.gradient(c, &t, out);
+            if rod.attached.has_between() {
+                rod.add_torques(g);
+            }
+            let (state, out) = (&rod.states[g], &mut rod.gradients[g]);
             let forces = &mut self.modules[g];
             let damped = rod.constants[g].bending_moments(&offset.w);
             for i in 0..A {
@@ -310,7 +319,7 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             }
             forces.imbalance = state.n * stiffer - offset.n - state.end_force;
             for a in 0..A - 1 {
-                forces.imbalance -= forces.nodes[a] * share::<_, A>(a);
+                forces.imbalance -= forces.nodes[a] * c.share(a);
             }
             largest = largest.max(forces.imbalance.max_abs() * c.flexible);
         }

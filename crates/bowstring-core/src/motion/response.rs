@@ -4,7 +4,7 @@
 
 use super::body::Body;
 use super::residual::Residual;
-use super::tangent::{ModulePose, Tangent};
+use super::tangent::{ContactBlocks, ModulePose, Tangent};
 use crate::interrupt;
 use crate::math::linalg::{dot, Mat3, Vec3};
 use crate::math::mlcp::eliminate;
@@ -40,10 +40,14 @@ pub(super) struct Column<L: Layout, const A: usize> {
 pub(super) struct TurningLoads<L: Layout, const A: usize> {
     /// Disks with such loads, and the moment and force by rotation of each.
     disks: Vec<(usize, [Mat3<L::Chain>; 2])>,
+    /// The same of modules with such loads between their disks, in the frames of their starts.
+    nodes: Vec<(usize, [Mat3<L::Chain>; 2])>,
     /// Rotations by those of a solution without the correction, three rows and columns a disk.
     turns: Vec<f64>,
-    /// Moments and forces on all disks, in their frames, and the solution for them.
+    /// Moments and forces on all disks, in their frames, and on the middle nodes of all modules, in
+    /// those of their starts, and the solution for them.
     on_disks: Vec<[Vec3<L::Chain>; 2]>,
+    on_nodes: Vec<[Vec3<L::Chain>; 2]>,
     column: Column<L, A>,
 }
 
@@ -113,7 +117,7 @@ impl<L: Layout, const A: usize> Response<L, A> {
     #[inline(always)]
     fn solve(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>, column: usize) {
         let out = &mut self.columns[column];
-        out.substitute(rod, tangent, &[]);
+        out.substitute(rod, tangent, &[], &[]);
         if let Some(correction) = &mut self.turning {
             correction.apply(rod, tangent, out);
         }
@@ -181,12 +185,17 @@ impl<L: Layout, const A: usize> Response<L, A> {
             numbers.into_iter().any(|x| x.lane(0) != 0.0)
         };
         let disks: Vec<_> = (0..n).map(of).filter(acts).collect();
-        let size = 3 * disks.len();
+        let between = if rod.attached.has_between() { n } else { 0 };
+        let on_node = |k: usize| (k, rod.turning_on_node(k));
+        let nodes: Vec<_> = (0..between).map(on_node).filter(acts).collect();
+        let size = 3 * (disks.len() + nodes.len());
         let mut correction = TurningLoads {
             turns: vec![],
             on_disks: vec![[Vec3::zero(); 2]; n],
+            on_nodes: vec![[Vec3::zero(); 2]; between],
             column: Column::of(rod),
             disks,
+            nodes,
         };
         // I - C, and I beside it
         let mut problem = vec![0.0; size * 2 * size];
@@ -225,16 +234,17 @@ impl<L: Layout, const A: usize> Column<L, A> {
         }
     }
 
-    /// Substitution from tip to base and back; moments and forces `on_disks` act in their frames, if
-    /// there are any.
+    /// Substitution from tip to base and back; moments and forces `on_disks` act in their frames, and
+    /// `on_nodes` in those of the starts of their modules, if there are any.
     #[inline(always)]
     fn substitute(
         &mut self,
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
         on_disks: &[[Vec3<L::Chain>; 2]],
+        on_nodes: &[[Vec3<L::Chain>; 2]],
     ) {
-        self.substitute_to_base(rod, tangent, on_disks);
+        self.substitute_to_base(rod, tangent, on_disks, on_nodes);
         self.substitute_to_tip(rod, tangent);
     }
 
@@ -245,6 +255,7 @@ impl<L: Layout, const A: usize> Column<L, A> {
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
         on_disks: &[[Vec3<L::Chain>; 2]],
+        on_nodes: &[[Vec3<L::Chain>; 2]],
     ) {
         let mut p = [Vec3::zero(); 2];
         for k in (0..rod.module_count()).rev() {
@@ -256,6 +267,10 @@ impl<L: Layout, const A: usize> Column<L, A> {
                 p[0] -= *moment;
                 p[1] -= *force;
             }
+            let mut start = [Vec3::zero(); 2];
+            if let Some(on_node) = on_nodes.get(k) {
+                start = self.load_node(rod, contact, k, on_node);
+            }
             let push = s * p[1];
             let turn = s * p[0] + b.cross(push);
             let delta = module.inverse * (get::<L>(&self.delta[g], i) + push);
@@ -266,14 +281,47 @@ impl<L: Layout, const A: usize> Column<L, A> {
                 u[a] = get::<L>(&self.u[g][a], i) + turn + on_end - module.u[a].tr_mul(delta);
             }
             p = [
-                turn + o.cross(push) - module.x.tr_mul(delta),
-                push - module.t.tr_mul(delta),
+                turn + o.cross(push) - module.x.tr_mul(delta) - start[0],
+                push - module.t.tr_mul(delta) - start[1],
             ];
             module.arcs.backward::<true>(&mut u, &mut p);
             for a in 0..A {
                 put::<L>(&mut self.u[g][a], i, u[a]);
             }
         }
+    }
+
+    /// Adds a moment and a force on the middle node of a module to its right-hand sides; returns
+    /// those on its start.
+    #[cold]
+    fn load_node(
+        &mut self,
+        rod: &Rod<L, A>,
+        contact: &ContactBlocks<L::Module, A>,
+        k: usize,
+        [moment, force]: &[Vec3<L::Chain>; 2],
+    ) -> [Vec3<L::Chain>; 2] {
+        let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+        let (c, state, gradient) = (&rod.constants[g], &rod.states[g], &rod.gradients[g]);
+        let at = A / 2 - 1;
+        let share = L::get(&c.share(at), i);
+        let beyond = get::<L>(&state.tail[at], i).skew();
+        for a in 0..A {
+            let r = get_mat::<L>(&gradient.r[a], i);
+            let mut moved = (get_mat::<L>(&contact.j[a], i) - r) * share;
+            let mut sum = get::<L>(&self.u[g][a], i);
+            if a <= at {
+                moved += r + beyond;
+                sum -= *moment;
+            }
+            sum -= moved.tr_mul(*force);
+            put::<L>(&mut self.u[g][a], i, sum);
+        }
+        let delta = get::<L>(&self.delta[g], i) - *force * share;
+        put::<L>(&mut self.delta[g], i, delta);
+        let mut place = get::<L>(&state.inside(c, at), i);
+        place.0[2] += rod.fixed.modules[k].clamp[0];
+        [*moment + place.cross(*force), *force]
     }
 
     /// Solves module by module from the base.
@@ -319,17 +367,31 @@ impl<L: Layout, const A: usize> TurningLoads<L, A> {
         for (i, (k, by_turn)) in self.disks.iter().enumerate() {
             self.on_disks[*k] = by_turn.map(|part| part * turn(i));
         }
+        for (i, (k, by_turn)) in self.nodes.iter().enumerate() {
+            self.on_nodes[*k] = by_turn.map(|part| part * turn(self.disks.len() + i));
+        }
         self.column.u.fill([Vec3::zero(); A]);
         self.column.delta.fill(Vec3::zero());
-        self.column.substitute(rod, tangent, &self.on_disks);
+        let (on_disks, on_nodes) = (&self.on_disks, &self.on_nodes);
+        self.column.substitute(rod, tangent, on_disks, on_nodes);
     }
 
-    /// Rotations of the loaded disks in a solution.
+    /// Rotations of the loaded disks and nodes in a solution.
     fn turns_of(&self, of: &Column<L, A>) -> Vec<f64> {
         let disks = self.disks.iter();
-        disks
-            .flat_map(|(k, _)| of.disks[*k][0].of_lane(0).0)
-            .collect()
+        let of_disks = disks.flat_map(|(k, _)| of.disks[*k][0].of_lane(0).0);
+        let nodes = self.nodes.iter();
+        let of_nodes = nodes.flat_map(|(k, _)| {
+            let mut turn = match k {
+                0 => Vec3::zero(),
+                k => of.disks[k - 1][0],
+            };
+            for own in &of.u[k / L::WIDTH][..A / 2] {
+                turn += get::<L>(own, k % L::WIDTH);
+            }
+            turn.of_lane(0).0
+        });
+        of_disks.chain(of_nodes).collect()
     }
 
     /// Corrects a solution.

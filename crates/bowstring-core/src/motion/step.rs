@@ -98,7 +98,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let next = &self.next[g];
             if i == 0 {
                 for (a, place) in inside[..A - 1].iter_mut().enumerate() {
-                    *place = next.inside(a);
+                    *place = next.inside(&rod.constants[g], a);
                 }
             }
             let [start, end] = rod.fixed.modules[k].clamp;
@@ -172,7 +172,36 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let moved = (next.disk() - now.disk()).of_lane(0);
             moment.of_lane(0).dot(log(&turned)) + self.residual.point_force[k].of_lane(0).dot(moved)
         };
-        work_of_lines + (0..self.module_count()).map(work).sum::<f64>()
+        let mut sum = work_of_lines + (0..self.module_count()).map(work).sum::<f64>();
+        if rod.attached.has_between() {
+            sum += self.work_on_nodes();
+        }
+        sum
+    }
+
+    /// Work in this step of the loads between disks (J).
+    #[cold]
+    fn work_on_nodes(&self) -> f64 {
+        let (rod, mut sum) = (&self.body.rod, 0.0);
+        for k in 0..self.module_count() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let [now, next] = self.ends(k);
+            let before = match k {
+                0 => [Mat3::identity(); 2],
+                k => self.ends(k - 1).map(|place| place.frame),
+            };
+            let mut start = State::<L::Module, A>::straight();
+            start.w = self.strain.start()[g].w;
+            let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
+            start.shape(&rod.constants[g], &t);
+            let first = before[0] * get_mat::<L>(&start.middle(), i);
+            let last = before[1] * get_mat::<L>(&self.next[g].middle(), i);
+            let turned = log(&of_lane(&(last * first.transpose())));
+            let moved = (next.points[A / 2 - 1] - now.points[A / 2 - 1]).of_lane(0);
+            let [force, moment] = rod.loads_on_node_at(k, &rod.node(k));
+            sum += moment.of_lane(0).dot(turned) + force.of_lane(0).dot(moved);
+        }
+        sum
     }
 
     /// Place of a module's mass at both ends of this step.

@@ -14,7 +14,7 @@ use crate::math::real::{Layout, Real};
 use crate::rod::chain::{get, get_mat, in_group, Rod};
 use crate::rod::constants::Constants;
 use crate::rod::elimination::{negative_pivots, Blocks, Eliminated};
-use crate::rod::module::{share, Gradient, Hessian, State};
+use crate::rod::module::{Gradient, Hessian, State};
 
 /// Relative change of inertia or stiffness above which the tangent is recomputed.
 const TANGENT_CHANGE: f64 = 1e-3;
@@ -173,9 +173,12 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             }
             contact.j = response.j;
             let nodes = &residual.modules[g].nodes;
-            let stretching = state.add_dead_loads(gradient, nodes, &response.j, hessian);
+            let stretching = state.add_dead_loads(c, gradient, nodes, &response.j, hessian);
             contact.delta_x = -(state.f[0] + stretching).skew();
             contact.add_nodes(c, state, gradient, hessian, &body.mass.lanes[g], inertia);
+            if rod.attached.has_between() {
+                rod.linearise_torques(g);
+            }
         }
     }
 
@@ -207,7 +210,10 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             if rod.attached.has_forces() {
                 value[0][0] += rod.attached.stiffness::<true>(k, &rod.rotations[k + 1]);
             }
-            let blocks = self.condense(rod, k, value);
+            let mut blocks = self.condense(rod, k, value);
+            if rod.attached.has_between() {
+                rod.add_stiffness_on_node::<true, 2>(k, &mut blocks);
+            }
             let module = &mut self.eliminated[k];
             value = module.arcs.eliminate::<true>(blocks, &mut least_pivot);
         }
@@ -308,9 +314,9 @@ impl<T: Real, const A: usize> ContactBlocks<T, A> {
         self.delta_t = T::zero();
         for a in 0..A - 1 {
             let m = masses[a] * T::splat(inertia);
-            let share = share::<T, A>(a);
+            let share = c.share(a);
             let beyond = state.tail[a].skew();
-            let mut place = state.inside(a);
+            let mut place = state.inside(c, a);
             place.0[2] += c.clamp[0];
             // motion of the point due to the rotation added by each arc: bending first, then shear
             // and extension

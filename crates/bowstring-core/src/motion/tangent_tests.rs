@@ -67,6 +67,7 @@ const LINE_FORCES: [[f64; 3]; 4] = [
 ];
 const DEAD_AT_POINT: PointLoad = PointLoad {
     disk: 1,
+    arc_length: None,
     point: [0.02, -0.01, 0.03],
     force: [3.0, -5.0, 8.0],
     moment: [0.0; 3],
@@ -74,6 +75,7 @@ const DEAD_AT_POINT: PointLoad = PointLoad {
 };
 const FOLLOWER_FORCE: PointLoad = PointLoad {
     disk: 3,
+    arc_length: None,
     point: [0.0; 3],
     force: [2.0, 3.0, -6.0],
     moment: [0.0; 3],
@@ -81,6 +83,7 @@ const FOLLOWER_FORCE: PointLoad = PointLoad {
 };
 const FOLLOWER_MOMENT: PointLoad = PointLoad {
     disk: 2,
+    arc_length: None,
     point: [0.0; 3],
     force: [0.0; 3],
     moment: [0.2, -0.4, 0.3],
@@ -88,6 +91,7 @@ const FOLLOWER_MOMENT: PointLoad = PointLoad {
 };
 const FOLLOWER_AT_POINT: PointLoad = PointLoad {
     disk: 1,
+    arc_length: None,
     point: [0.03, 0.01, -0.02],
     force: [-4.0, 2.0, 5.0],
     moment: [0.3, 0.1, -0.2],
@@ -95,6 +99,7 @@ const FOLLOWER_AT_POINT: PointLoad = PointLoad {
 };
 const DEAD_MOMENT_AT_POINT: PointLoad = PointLoad {
     disk: 3,
+    arc_length: None,
     point: [-0.02, 0.03, 0.01],
     force: [1.0, 2.0, -3.0],
     moment: [0.1, -0.2, 0.4],

@@ -51,6 +51,8 @@ pub(crate) struct Fixed<L: Layout, const A: usize> {
     pub modules: Vec<Constants<L::Chain, A>>,
     /// By modules; empty for robots without a taper.
     tapers: Vec<Taper<L::Chain>>,
+    /// Robot and model of modules that a load between two disks can divide; `None` in lanes.
+    pub source: Option<Box<(Robot, Model)>>,
     /// Masses of the disks (kg).
     masses: Vec<L::Chain>,
     /// Payloads of the first robot.
@@ -65,7 +67,7 @@ pub(crate) struct Fixed<L: Layout, const A: usize> {
 #[derive(Clone)]
 pub(crate) struct DeadLoads<C> {
     /// Forces (N) and moments (N m) by modules; see [`State::f`].
-    pub modules: Vec<[Vec3<C>; 4]>,
+    pub modules: Vec<[Vec3<C>; 5]>,
     /// Gravity (m/s^2).
     pub gravity: Vec3<C>,
     /// Whether forces act on disks other than the tip: they may nearly cancel at the base.
@@ -255,17 +257,19 @@ pub(crate) fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) ->
 pub(crate) fn lumped<T: Real, const A: usize>(
     line: Vec3<T>,
     force: Vec3<T>,
-    flexible: T,
-    [start, end]: [T; 2],
-) -> [Vec3<T>; 4] {
+    c: &Constants<T, A>,
+) -> [Vec3<T>; 5] {
     let half = T::splat(0.5);
+    let (flexible, [start, end]) = (c.flexible, c.clamp);
     let element = flexible * T::splat(2.0 / A as f64);
-    let couple = element * element / T::splat(12.0);
+    let [first, last] = [element * c.part(0), element * c.part(A / 2 - 1)];
+    let [at_start, at_end] = [first, last].map(|length| length * length / T::splat(12.0));
     [
-        force + line * (element * half + end),
-        force * end + line * (end * end * half - couple),
-        force * start + line * (start * (start * half + flexible + end) + couple),
+        force + line * (last * half + end),
+        force * end + line * (end * end * half - at_end),
+        force * start + line * (start * (start * half + flexible + end) + at_start),
         line * element,
+        Vec3::zero(),
     ]
 }
 
@@ -331,9 +335,10 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 passes: passes.collect(),
                 modules: vec![],
                 tapers: vec![],
+                source: None,
             },
             dead: DeadLoads {
-                modules: vec![[Vec3::zero(); 4]; n],
+                modules: vec![[Vec3::zero(); 5]; n],
                 gravity: Vec3::zero(),
                 on_disks: false,
             },
@@ -364,6 +369,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             },
         };
         rod.set_robots(std::slice::from_ref(robot), model);
+        if A > 2 && L::WIDTH == 1 && L::Chain::LANES == 1 {
+            rod.fixed.source = Some(Box::new((robot.clone(), model)));
+        }
         rod.make_unloaded();
         rod
     }
@@ -484,7 +492,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 force += on_disk(k);
             }
             force += gravity * self.fixed.masses[k];
-            let mut loads = lumped::<_, A>(weight, force, h, [start, end]);
+            let mut loads = lumped(weight, force, c);
             if let Some(taper) = self.fixed.tapers.get(k) {
                 let (shift, turns) = taper.lumped(h, gravity);
                 loads[0] += shift;
@@ -496,22 +504,24 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Sets dead moments and point loads, after the dead forces.
-    pub fn set_attached(&mut self, load: &Load) {
-        let n = self.module_count();
-        self.attached.set(load, n);
+    /// Sets dead moments and point loads; returns whether this divides modules anew.
+    pub fn set_attached(&mut self, load: &Load) -> bool {
+        let divided = self.attached.has_between();
+        self.attached.set(load, &self.fixed.modules);
+        (divided || self.attached.has_between()) && self.divide()
     }
 
     /// Sets a load that has been checked.
     pub fn load(&mut self, load: &Load) {
         let on_disks = |k: usize| Vec3::splat(load.disk_forces[k]);
+        // divides modules, so before their weight
+        self.set_attached(load);
         self.set_load(
             |i| L::Chain::splat(load.tensions[i]),
             Vec3::splat(load.gravity),
             Vec3::splat(load.tip_force),
             (!load.disk_forces.is_empty()).then_some(on_disks),
         );
-        self.set_attached(load);
         self.attached
             .add_weights(&self.fixed.payloads, load.gravity);
         self.add_forces(load.line_forces);
@@ -543,7 +553,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// The shape without loads and tensions.
     pub fn make_unloaded(&mut self) {
         for (s, c) in self.states.iter_mut().zip(&self.constants) {
-            s.w = [c.rest * L::Module::splat(0.5); A];
+            for a in 0..A {
+                s.w[a] = c.rest_of(a);
+            }
             s.n = Vec3::zero();
         }
     }
@@ -589,8 +601,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let here = L::WIDTH.min(n - g * L::WIDTH);
             for i in 0..here {
                 let k = g * L::WIDTH + i;
-                // the last is for nodes between elements
-                let used = if A > 2 { 4 } else { 3 };
+                // the last are for nodes between elements
+                let used = match A {
+                    2 => 3,
+                    _ if self.attached.has_between() => 5,
+                    _ => 4,
+                };
                 for (f, dead) in state.f[..used].iter_mut().zip(&self.dead.modules[k]) {
                     put::<L>(f, i, rotation.tr_mul(*dead));
                 }
@@ -628,26 +644,28 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let n = self.module_count();
         let mut lambda = Vec3::zero();
         let mut residual = L::Module::zero();
-        for (g, (state, c)) in self
-            .states
-            .iter_mut()
-            .zip(&self.constants)
-            .enumerate()
-            .rev()
-        {
+        for g in (0..self.states.len()).rev() {
             for i in (0..L::WIDTH.min(n - g * L::WIDTH)).rev() {
                 let k = g * L::WIDTH + i;
                 if self.attached.acts() {
                     lambda -= self.attached.moment(k, &self.rotations[k + 1]);
                 }
+                let state = &mut self.states[g];
                 lambda = get_mat::<L>(&state.s, i) * lambda;
                 put::<L>(&mut state.lambda, i, lambda);
                 lambda -= get::<L>(&state.load_moment, i);
+                if self.attached.has_between() {
+                    self.add_moment_on_node(k, &mut lambda);
+                }
             }
             let t = in_group(&self.tendons, &self.tensions, path, g);
-            let out = &mut self.gradients[g];
-            state.gradient(c, &t, out);
-            for v in &out.g {
+            let state = &self.states[g];
+            state.gradient(&self.constants[g], &t, &mut self.gradients[g]);
+            if self.attached.has_between() {
+                self.add_torques(g);
+            }
+            let state = &self.states[g];
+            for v in &self.gradients[g].g {
                 residual = residual.max(v.max_abs());
             }
             // the residual of the end's position, times its force, is an imbalance as well
@@ -669,6 +687,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let out = &mut self.newton.hessians[g];
             let response = state.hessian::<true>(&self.constants[g], &t, gradient, out);
             self.newton.responses[g] = response;
+            if self.attached.has_between() {
+                self.linearise_torques(g);
+            }
         }
     }
 
@@ -690,6 +711,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
             let mut blocks =
                 blocks::<L, A, SYMMETRIC>(&self.newton.hessians[g], i, &s, value, shift);
+            if self.attached.has_between() {
+                self.add_stiffness_on_node::<SYMMETRIC, 1>(k, &mut blocks);
+            }
             if !SYMMETRIC {
                 self.couple_followers(k, &mut blocks);
             }
@@ -921,7 +945,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let (n, count) = (self.module_count(), self.tendons.len());
         let out = &mut self.spans.responses[0];
         let mut x = Vec3::<L::Chain>::zero();
-        for (g, state) in self.states.iter().enumerate() {
+        for (g, (state, c)) in self.states.iter().zip(&self.constants).enumerate() {
             let here = L::WIDTH.min(n - g * L::WIDTH);
             let mut start = Vec3::<L::Module>::zero();
             let (response, step) = (&self.newton.responses[g], &self.newton.step[g]);
@@ -940,7 +964,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                     }
                 }
             }
-            let force = state.stretching_load().cross(start) - response.k.tr_mul(turn);
+            let force = state.stretching_load(c).cross(start) - response.k.tr_mul(turn);
             let rho = response.m * moved + response.d_hat * force;
             for j in 0..count {
                 let span = &self.spans.spans[g * count + j];
@@ -1045,7 +1069,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                     following = coupling.force_beyond(following, &solution);
                 }
             }
-            p = start[0] + same::<L>(&state.stretching_load(), i).cross(moved);
+            p = start[0] + same::<L>(&state.stretching_load(&self.constants[g]), i).cross(moved);
             let out = &mut self.spans.responses[part];
             out.u[k] = solution;
             out.force[k] = force;
@@ -1067,7 +1091,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 turn += u[a];
                 moved += same_mat::<L>(&response.j[a], i) * u[a];
             }
-            let load = same::<L>(&state.stretching_load(), i).cross(x);
+            let load = same::<L>(&state.stretching_load(&self.constants[g]), i).cross(x);
             let force = out.force[k] + load - same_mat::<L>(&response.k, i).tr_mul(turn);
             let rho =
                 same_mat::<L>(&response.m, i) * moved + same_mat::<L>(&response.d_hat, i) * force;
@@ -1158,7 +1182,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         };
         let resultants = self.dead.modules[..reach].iter();
         let mut force = resultants.fold(0.0, |most, module| {
-            f64::max(most, module[0].norm().lane(robot))
+            let own = f64::max(module[0].norm().lane(robot), module[4].norm().lane(robot));
+            f64::max(most, own)
         });
         for t in &self.tensions[..self.tendons.len()] {
             force += L::get(t, 0).lane(robot);

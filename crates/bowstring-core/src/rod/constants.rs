@@ -144,6 +144,9 @@ pub(crate) struct Constants<T, const A: usize> {
     pub rest: Vec3<T>,
     /// Coefficients d0 to d3 (m/N) of the compliance D, theory Eq. 2.5.
     pub d: [T; 4],
+    /// Length of an element in the first and in the second half of the elements, over their mean: 1
+    /// unless a load between two disks divides the module.
+    pub parts: [T; 2],
 }
 
 /// Derivatives of the curvature at a Gauss point with respect to the rotation vectors of the nearer
@@ -154,7 +157,14 @@ const FAR: f64 = 0.133_974_596_215_561_36;
 
 impl<const A: usize> Constants<f64, A> {
     pub fn new(robot: &Robot, k: usize, model: Model) -> Self {
+        Self::divided(robot, k, model, 0.5)
+    }
+
+    /// Constants of a module, half of whose elements share a fraction of its flexible length, and
+    /// the others the rest.
+    pub fn divided(robot: &Robot, k: usize, model: Model, fraction: f64) -> Self {
         let elements = A as f64 / 2.0;
+        let parts = [2.0 * fraction, 2.0 * (1.0 - fraction)];
         let m = robot.modules[k];
         let length = m.flexible;
         let h = length / elements;
@@ -169,12 +179,20 @@ impl<const A: usize> Constants<f64, A> {
         // lack; its energy is h^3 |s x N|^2 / (1440 EI), s the element's share of the change of
         // tangent
         let flexibility = mean(&|s| 0.5 / s.bending[0] + 0.5 / s.bending[1]);
-        let bubble = h.powi(3) * flexibility / (720.0 * elements);
+        let unequal = 0.5 * (parts[0].powi(5) + parts[1].powi(5));
+        let bubble = h.powi(3) * flexibility / (720.0 * elements) * unequal;
         let gauss = 0.5 / 3f64.sqrt();
         let at_gauss_point = |a: usize| {
             let side = if a.is_multiple_of(2) { -gauss } else { gauss };
-            let fraction = ((a / 2) as f64 + 0.5 + side) / elements;
-            Stiffness::of(&robot.section(k, fraction), model).scaled(1.0 / h)
+            let (e, half) = ((a / 2) as f64 + 0.5 + side, (A / 4) as f64);
+            let (length, fraction) = match 4 * (a / 2) < A {
+                true => (h * parts[0], e * parts[0] / elements),
+                false => (
+                    h * parts[1],
+                    (half * parts[0] + (e - half) * parts[1]) / elements,
+                ),
+            };
+            Stiffness::of(&robot.section(k, fraction), model).scaled(1.0 / length)
         };
         let own = |a: usize| {
             let [near, far] = [NEAR, FAR].map(|slope| 0.5 * slope * slope);
@@ -195,6 +213,7 @@ impl<const A: usize> Constants<f64, A> {
                 length * (axial - shear) / 12.0 - bubble,
                 bubble,
             ],
+            parts,
         }
     }
 }
@@ -212,6 +231,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
             axial_compliance: self.axial_compliance.lane(lane),
             rest: self.rest.of_lane(lane),
             d: self.d.map(|x| x.lane(lane)),
+            parts: self.parts.map(|x| x.lane(lane)),
         }
     }
 
@@ -228,7 +248,57 @@ impl<T: Real, const A: usize> Constants<T, A> {
             axial_compliance: T::from_fn(|i| at(i).axial_compliance),
             rest: Vec3(std::array::from_fn(|q| T::from_fn(|i| at(i).rest[q]))),
             d: std::array::from_fn(|q| T::from_fn(|i| at(i).d[q])),
+            parts: std::array::from_fn(|q| T::from_fn(|i| at(i).parts[q])),
         }
+    }
+
+    /// Length of an element over the mean of the module.
+    #[inline(always)]
+    pub fn part(&self, element: usize) -> T {
+        if A == 2 {
+            return T::splat(1.0);
+        }
+        self.parts[usize::from(4 * element >= A)]
+    }
+
+    /// Fraction of the flexible part that lies before this many arcs.
+    #[inline(always)]
+    pub fn fraction(&self, arcs: usize) -> T {
+        if A == 2 {
+            return T::splat(arcs as f64 / A as f64);
+        }
+        let first = if arcs > A / 2 { A / 2 } else { arcs };
+        let [p, q] = self.parts;
+        let sum = p * T::splat(first as f64 / A as f64);
+        q.mul_add(T::splat((arcs - first) as f64 / A as f64), sum)
+    }
+
+    /// Fraction of the end's displacement due to shear and extension, at the end of an arc.
+    #[inline(always)]
+    pub fn share(&self, arc: usize) -> T {
+        self.fraction(arc + 1)
+    }
+
+    /// Number of arcs before a fraction of the flexible part; lanes have equal elements.
+    pub fn arcs_before(&self, fraction: f64) -> f64 {
+        let all = A as f64;
+        let [p, q] = self.parts.map(|part| part.lane(0));
+        if A == 2 || 2.0 * fraction <= p {
+            return fraction * all / if A == 2 { 1.0 } else { p };
+        }
+        0.5 * all + (fraction - 0.5 * p) * all / q
+    }
+
+    /// Weight of the node before an element, over that of a mean element.
+    #[inline(always)]
+    pub fn node_weight(&self, element: usize) -> T {
+        (self.part(element - 1) + self.part(element)) * T::splat(0.5)
+    }
+
+    /// Rotation vector of an unloaded arc (rad).
+    #[inline(always)]
+    pub fn rest_of(&self, arc: usize) -> Vec3<T> {
+        self.rest * (self.part(arc / 2) * T::splat(0.5))
     }
 
     /// Largest bending flexibility times length of an element (1/(N m)).
@@ -285,10 +355,10 @@ impl<T: Real, const A: usize> Constants<T, A> {
     /// Moments of elements that are unloaded with the rotation `rest`.
     #[inline(always)]
     fn moments_beyond(&self, rest: Vec3<T>, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
-        let half = rest * T::splat(0.5);
         let mut g = [Vec3::zero(); A];
         for e in 0..A / 2 {
             let i = 2 * e;
+            let half = rest * (self.part(e) * T::splat(0.5));
             let pair = self.moments_of_element(e, [w[i] - half, w[i + 1] - half]);
             (g[i], g[i + 1]) = (pair[0], pair[1]);
         }

@@ -85,6 +85,17 @@ pub(crate) struct Weight<'a, T> {
     /// Gravity (m/s^2), for the change of the weight along a tapered module.
     gravity: Vec3<T>,
     taper: Option<&'a Taper<T>>,
+    /// Loads between the disks, if there are any.
+    pub on_node: Option<LoadOnNode<T>>,
+}
+
+/// Loads between two disks beside their force, in the frame of the start of the module.
+#[derive(Clone, Copy)]
+pub(crate) struct LoadOnNode<T> {
+    /// Moment (N m).
+    pub moment: Vec3<T>,
+    /// Couple on the tangent (N m) by Hermite's rule of the weight.
+    pub couple: Vec3<T>,
 }
 
 impl<'a, T: Real> Weight<'a, T> {
@@ -93,6 +104,7 @@ impl<'a, T: Real> Weight<'a, T> {
             mean,
             gravity,
             taper,
+            on_node: None,
         }
     }
 }
@@ -110,7 +122,6 @@ struct Material<T> {
 
 /// Properties and loads of one element.
 struct Element<'a, T, const A: usize, const TAPERED: bool> {
-    length: T,
     /// Mean of the module.
     material: Material<T>,
     taper: Option<&'a Taper<T>>,
@@ -202,11 +213,12 @@ impl<T: Real, const A: usize, const TAPERED: bool> Element<'_, T, A, TAPERED> {
         }
     }
 
-    /// Integrates backward from the end, where `force` acts, to the start; `from_start`: distance
-    /// of the end from the start of the module (m).
+    /// Integrates backward from the end of an element, where `force` acts, to its start, both as
+    /// distances from the start of the module (m).
     #[inline(always)]
-    fn back(&self, end: Section<T>, force: Vec3<T>, from_start: T) -> Section<T> {
-        let h = self.length * T::splat(-1.0 / STEPS as f64);
+    fn back(&self, end: Section<T>, force: Vec3<T>, [from, to]: [T; 2]) -> Section<T> {
+        let (length, from_start) = (to - from, to);
+        let h = length * T::splat(-1.0 / STEPS as f64);
         let mut at = end;
         let (mut force, mut from_start) = (force, from_start);
         for _ in 0..STEPS {
@@ -300,13 +312,12 @@ impl<T: Real, const A: usize> State<T, A> {
         rhs: &mut [Vec3<T>; A],
     ) -> Defect<T> {
         let elements = A / 2;
-        let length = c.flexible * T::splat(1.0 / elements as f64);
-        let per = T::splat(1.0) / length;
+        let mean_length = c.flexible * T::splat(1.0 / elements as f64);
+        let mean_per = T::splat(1.0) / mean_length;
         let weight = load.mean;
         let shear = c.d[0] * c.per_flexible;
-        let stiffness = c.mutual(0).scaled(T::splat(4.0) * length);
+        let stiffness = c.mutual(0).scaled(T::splat(4.0) * mean_length * c.part(0));
         let element = Element::<T, A, TAPERED> {
-            length,
             material: Material {
                 stiffness,
                 flexibility: stiffness.inverse(),
@@ -314,7 +325,7 @@ impl<T: Real, const A: usize> State<T, A> {
                 axial: shear + c.d[1] * c.per_flexible,
             },
             taper: load.taper,
-            rest: c.rest * per,
+            rest: c.rest * mean_per,
             stretch: c.stretch(t),
             tendons: t,
             constants: c,
@@ -328,9 +339,10 @@ impl<T: Real, const A: usize> State<T, A> {
         };
         let tangent = self.s.column(2);
         // exact moment and force of the weight, instead of Hermite's rule
-        let couple =
-            weight.scaled_add(length * length * T::splat(1.0 / 12.0), self.f[1]) - turns[1];
-        let mut force = weight.scaled_add(length * T::splat(-0.5), self.end_force) - shift;
+        let twelfth = T::splat(1.0 / 12.0);
+        let last = mean_length * c.part(elements - 1);
+        let couple = weight.scaled_add(last * last * twelfth, self.f[1]) - turns[1];
+        let mut force = weight.scaled_add(last * T::splat(-0.5), self.end_force) - shift;
         let mut section = Section {
             rotation: self.s,
             place: self.rho,
@@ -338,11 +350,14 @@ impl<T: Real, const A: usize> State<T, A> {
         };
         let mut place = Vec3::zero();
         for e in (0..elements).rev() {
+            let length = mean_length * c.part(e);
+            let per = T::splat(1.0) / length;
+            let [from, to] = [2 * e, 2 * e + 2].map(|arcs| c.flexible * c.fraction(arcs));
             let end = section.place;
-            section = element.back(section, force, length * T::splat((e + 1) as f64));
+            section = element.back(section, force, [from, to]);
             let (rotation, start) = match e {
                 0 => (Mat3::identity(), Vec3::zero()),
-                _ => (self.arcs[2 * e].prefix, self.inside(2 * e - 1)),
+                _ => (self.arcs[2 * e].prefix, self.inside(c, 2 * e - 1)),
             };
             // distance of the ends after a rotation that aligns the starts
             let turned = rotation * section.rotation.transpose();
@@ -386,23 +401,38 @@ impl<T: Real, const A: usize> State<T, A> {
             rhs[i] = gradient.g[i] - gradient.to_strain[i].tr_mul(moments[0]);
             rhs[j] = gradient.g[j] - gradient.to_strain[j].tr_mul(moments[1]);
             // continue from the solver's pose
-            let (from, to) = (T::splat(e as f64), T::splat((e + 1) as f64));
-            force += element.weight_between(length * from, length * to);
+            force += element.weight_between(from, to);
             section.moment += (section.place - start).cross(force);
             section.rotation = rotation;
             section.place = start;
+            if let (Some(own), true) = (&load.on_node, 4 * e == A) {
+                force += self.f[4];
+                section.moment += own.moment;
+            }
         }
         let force = self.f[0] - self.end_force;
         let exact = section.moment + self.rho.cross(force) + self.span_torque;
         let mut assumed = self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) - self.lambda;
         // Hermite's couple at the start is stored with the clamp's weight
-        assumed += Vec3::ez().cross(weight * (length * length * T::splat(1.0 / 12.0)) + turns[0]);
+        let first = mean_length * c.part(0);
+        assumed += Vec3::ez().cross(weight * (first * first * twelfth) + turns[0]);
         for node in 1..elements {
-            assumed += self.inside(2 * node - 1).cross(self.f[3]);
+            let place = self.inside(c, 2 * node - 1);
+            assumed += place.cross(self.node_load(c, node));
         }
         // from the force on the end; its component along a chord falls as the module folds
-        let flexibility = c.largest_flexibility() * per;
-        let compression = -self.n.dot(self.rho) * c.flexible * flexibility;
+        let flexibility = c.largest_flexibility() * mean_per;
+        let mut push = -self.n.dot(self.rho);
+        if let Some(own) = &load.on_node {
+            assumed += own.moment + self.middle().column(2).cross(own.couple);
+            // the longer elements count as if all were as long
+            let before = self.end_force + self.f[4];
+            push = push
+                .max(-self.end_force.dot(self.rho))
+                .max(-before.dot(self.rho));
+            push = push * c.parts[0].max(c.parts[1]);
+        }
+        let compression = push * c.flexible * flexibility;
         let chord = T::splat(FOLDED * FOLDED) * c.flexible * c.flexible - self.rho.norm2();
         Defect {
             place,

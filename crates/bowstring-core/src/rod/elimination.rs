@@ -162,8 +162,14 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
     /// Rotation taken back by all arcs where the start disk turns.
     #[inline(always)]
     pub fn turn_by_start(&self) -> Mat3<T> {
+        self.turn_of_arcs_by_start(A)
+    }
+
+    /// Rotation taken back by the first `count` arcs where the start disk turns.
+    #[inline(always)]
+    pub fn turn_of_arcs_by_start(&self, count: usize) -> Mat3<T> {
         let mut sum = Mat3::zero();
-        for gain in &self.gain {
+        for gain in &self.gain[..count] {
             sum += gain[0];
         }
         sum

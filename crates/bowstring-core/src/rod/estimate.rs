@@ -158,7 +158,10 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let weight = weight * (c.per_flexible * L::Module::splat((A / 2) as f64));
             let t = in_group(&self.tendons, &self.tensions, self.path(), g);
             let mut rhs = [Vec3::zero(); A];
-            let load = Weight::new(weight, gravity, self.tapers.get(g));
+            let mut load = Weight::new(weight, gravity, self.tapers.get(g));
+            if self.attached.has_between() {
+                load.on_node = self.loads_on_node(g);
+            }
             let (state, gradient) = (&self.states[g], &self.gradients[g]);
             let defect = match self.tapers.is_empty() {
                 true => state.defect::<false>(c, &t, gradient, &load, &mut rhs),

@@ -66,8 +66,9 @@ pub(crate) struct State<T, const A: usize> {
     /// Force of tendons and loads on the end (N).
     pub end_force: Vec3<T>,
     /// Dead loads: force on the end (N), moments on the end's tangent and on the start's tangent (N
-    /// m), and the weight of an element (N), which acts on every node between two elements.
-    pub f: [Vec3<T>; 4],
+    /// m), the mean weight of an element (N), which acts on every node between two elements, and the
+    /// force of loads between the disks on the node between the two halves of the elements (N).
+    pub f: [Vec3<T>; 5],
     /// Moment of the spans about the end of the flexible part (N m).
     pub span_torque: Vec3<T>,
     /// Moment of the dead loads about the start (N m).
@@ -140,12 +141,6 @@ struct ThroughEnd<T, const A: usize> {
     torque: [Mat3<T>; A],
 }
 
-/// Fraction of the end's displacement due to shear and extension, at the end of an arc.
-#[inline(always)]
-pub(crate) fn share<T: Real, const A: usize>(arc: usize) -> T {
-    T::splat((arc + 1) as f64 / A as f64)
-}
-
 /// Tolerance of the residual of `rho`, over the module's length.
 const SETTLED: f64 = 1e-13;
 /// Most iterations for `rho` and `N`; two are usual.
@@ -167,7 +162,7 @@ impl<T: Real, const A: usize> State<T, A> {
             rho: zero,
             n: zero,
             end_force: zero,
-            f: [zero; 4],
+            f: [zero; 5],
             span_torque: zero,
             load_moment: zero,
             lambda: zero,
@@ -179,9 +174,10 @@ impl<T: Real, const A: usize> State<T, A> {
     /// First half of the forward pass: the shape for the present strain (theory Eq. 2.2).
     #[inline(always)]
     pub fn shape(&mut self, c: &Constants<T, A>, t: &Tendons<T>) {
-        let arc_length = c.flexible * T::splat(1.0 / A as f64) * c.stretch(t);
+        let mean = c.flexible * T::splat(1.0 / A as f64) * c.stretch(t);
         // by pairs: the compiler then knows the arcs of one element by number
         for e in 0..A / 2 {
+            let arc_length = if A == 2 { mean } else { mean * c.part(e) };
             self.append(2 * e, arc_length);
             self.append(2 * e + 1, arc_length);
         }
@@ -218,7 +214,7 @@ impl<T: Real, const A: usize> State<T, A> {
         };
         self.end_force = self.n;
         if A > 2 {
-            self.end_force -= self.stretching_load() - self.f[0];
+            self.end_force -= self.stretching_load(c) - self.f[0];
         }
         self.energy = self.elastic_energy(c) + cable
             - self.f[0].dot(self.rho)
@@ -228,9 +224,9 @@ impl<T: Real, const A: usize> State<T, A> {
         let on_start = Vec3([-self.f[2][1], self.f[2][0], T::zero()]);
         self.load_moment = self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) + on_start;
         for node in 1..A / 2 {
-            let place = self.inside(2 * node - 1);
-            self.energy -= self.f[3].dot(place);
-            self.load_moment += place.cross(self.f[3]);
+            let (place, load) = (self.inside(c, 2 * node - 1), self.node_load(c, node));
+            self.energy -= load.dot(place);
+            self.load_moment += place.cross(load);
         }
     }
 
@@ -239,7 +235,7 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     fn balance_continuous(&mut self, c: &Constants<T, A>, t: &Tendons<T>) -> T {
         self.span_torque = Vec3::zero();
-        self.n = self.stretching_load();
+        self.n = self.stretching_load(c);
         self.rho = self.rho0 + self.compliance(c) * self.n;
         let stretch = c.stretch(t);
         let mut cable = T::zero();
@@ -257,7 +253,7 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     fn balance_straight(&mut self, c: &Constants<T, A>, t: &Tendons<T>) -> T {
         let compliance = self.compliance(c);
-        let stretching = self.stretching_load();
+        let stretching = self.stretching_load(c);
         // Newton's method for rho and N; the compliance is small, so it converges at once
         self.rho = self.rho0 + compliance * self.n;
         let mut round = 1;
@@ -281,18 +277,32 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Position of the point at the end of an arc, from the start of the flexible part. Shear and
     /// extension move it by its share of the displacement of the end.
     #[inline(always)]
-    pub fn inside(&self, arc: usize) -> Vec3<T> {
-        (self.rho - self.rho0).scaled_add(share::<T, A>(arc), self.rho0 - self.tail[arc])
+    pub fn inside(&self, c: &Constants<T, A>, arc: usize) -> Vec3<T> {
+        (self.rho - self.rho0).scaled_add(c.share(arc), self.rho0 - self.tail[arc])
+    }
+
+    /// Dead load on the node before an element (N).
+    #[inline(always)]
+    pub fn node_load(&self, c: &Constants<T, A>, element: usize) -> Vec3<T> {
+        let weight = self.f[3] * c.node_weight(element);
+        match 4 * element == A {
+            true => weight + self.f[4],
+            false => weight,
+        }
     }
 
     /// Dead load that causes shear and extension: the load on the end and, of the nodes between
     /// elements, the share that moves with the end.
     #[inline(always)]
-    pub fn stretching_load(&self) -> Vec3<T> {
+    pub fn stretching_load(&self, c: &Constants<T, A>) -> Vec3<T> {
         if A == 2 {
             return self.f[0];
         }
-        self.f[3].scaled_add(T::splat((A as f64 / 2.0 - 1.0) / 2.0), self.f[0])
+        // the middle node lies at half of the first part; sum of share times weight over all nodes
+        let middle = c.parts[0] * T::splat(0.5);
+        let weights = middle + T::splat((A / 4 - 1) as f64);
+        let load = self.f[3].scaled_add(weights, self.f[0]);
+        self.f[4].scaled_add(middle, load)
     }
 
     /// Sums over all straight spans: tension times length, force and moment on the end, and
@@ -319,7 +329,7 @@ impl<T: Real, const A: usize> State<T, A> {
         let mut elastic = half * self.n.dot(self.rho - self.rho0);
         for e in 0..A / 2 {
             let i = 2 * e;
-            let unloaded = c.rest * half;
+            let unloaded = c.rest_of(i);
             let (a, b) = (self.w[i] - unloaded, self.w[i + 1] - unloaded);
             let moments = c.moments_of_element(e, [a, b]);
             elastic += (a.dot(moments[0]) + b.dot(moments[1])) * half;
@@ -394,14 +404,20 @@ impl<T: Real, const A: usize> State<T, A> {
         out.nu = self.end_force + on_end;
         let elastic = self.elastic_gradient(c, t);
         for e in 0..A / 2 {
-            self.arc_gradient(2 * e, elastic[2 * e], out);
-            self.arc_gradient(2 * e + 1, elastic[2 * e + 1], out);
+            self.arc_gradient(c, 2 * e, elastic[2 * e], out);
+            self.arc_gradient(c, 2 * e + 1, elastic[2 * e + 1], out);
         }
     }
 
     /// Derivatives by one arc, whose elastic moment is `elastic`.
     #[inline(always)]
-    fn arc_gradient(&self, i: usize, elastic: Vec3<T>, out: &mut Gradient<T, A>) {
+    fn arc_gradient(
+        &self,
+        c: &Constants<T, A>,
+        i: usize,
+        elastic: Vec3<T>,
+        out: &mut Gradient<T, A>,
+    ) {
         let Arc { map: arc, prefix } = &self.arcs[i];
         let (q, inverse) = (arc.end_jacobian(), arc.left_jacobian_inverse());
         let tail = self.tail[i].skew();
@@ -415,7 +431,8 @@ impl<T: Real, const A: usize> State<T, A> {
         out.g[i] = out.to_strain[i].tr_mul(elastic) + out.torque - out.r[i].tr_mul(out.nu);
         for node in i / 2 + 1..A / 2 {
             // an arc moves a node like the end, except for the lever beyond the node
-            out.g[i] -= out.r[i].tr_mul(self.f[3]) - self.beyond(node).cross(self.f[3]);
+            let load = self.node_load(c, node);
+            out.g[i] -= out.r[i].tr_mul(load) - self.beyond(node).cross(load);
         }
     }
 
@@ -498,13 +515,13 @@ impl<T: Real, const A: usize> State<T, A> {
             }
             out.xu[i] = self.f[0].cross_mat(moved[i]) + on_x;
         }
-        out.xx = self.start_stiffness::<CONDENSED>(&d_hat);
+        out.xx = self.start_stiffness::<CONDENSED>(c, &d_hat);
         if A > 2 {
             let mut weights = [Vec3::zero(); A];
             for node in 1..A / 2 {
-                weights[2 * node - 1] = self.f[3];
+                weights[2 * node - 1] = self.node_load(c, node);
             }
-            self.add_dead_loads(grad, &weights, &moved, out);
+            self.add_dead_loads(c, grad, &weights, &moved, out);
         }
         Response {
             j,
@@ -662,10 +679,14 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Second derivative with respect to the start's rotation.
     #[inline(always)]
-    fn start_stiffness<const CONDENSED: bool>(&self, d_hat: &Mat3<T>) -> Mat3<T> {
+    fn start_stiffness<const CONDENSED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        d_hat: &Mat3<T>,
+    ) -> Mat3<T> {
         let mut xx = Mat3::zero();
         if CONDENSED {
-            let stretching = self.stretching_load();
+            let stretching = self.stretching_load(c);
             xx -= stretching.cross_mat(stretching.cross_mat(*d_hat).transpose());
         }
         for (f, v) in [(self.f[0], self.rho), (self.f[1], self.s.column(2))] {
@@ -689,6 +710,7 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     pub fn add_dead_loads(
         &self,
+        c: &Constants<T, A>,
         grad: &Gradient<T, A>,
         loads: &[Vec3<T>; A],
         moved: &[Mat3<T>; A],
@@ -696,7 +718,7 @@ impl<T: Real, const A: usize> State<T, A> {
     ) -> Vec3<T> {
         let mut stretching = Vec3::zero();
         for (a, load) in loads[..A - 1].iter().enumerate() {
-            stretching += *load * share::<T, A>(a);
+            stretching += *load * c.share(a);
         }
         // sums over the points from an arc on: load, and its outer product with the vector to the
         // end
@@ -732,6 +754,33 @@ impl<T: Real, const A: usize> State<T, A> {
         stretching
     }
 
+    /// Rotation of the node between the two halves of the elements, relative to the start.
+    #[inline(always)]
+    pub fn middle(&self) -> Mat3<T> {
+        self.arcs[A / 2].prefix
+    }
+
+    /// Adds the second derivatives of a moment on the middle node, whose imbalance is `torque`,
+    /// without its change by the rotation of the node.
+    pub fn add_moment_on_node(
+        &self,
+        grad: &Gradient<T, A>,
+        torque: Vec3<T>,
+        out: &mut Hessian<T, A>,
+    ) {
+        let half = T::splat(0.5);
+        for i in 0..A / 2 {
+            let Arc { map, prefix: p } = &self.arcs[i];
+            let strain = &grad.to_strain[i];
+            let local = map.hessian(Vec3::zero(), p.tr_mul(torque));
+            out.uu[i][i] += strain.tr_mat(local * *strain);
+            for b in i + 1..A / 2 {
+                out.uu[b][i] = out.uu[b][i].add_skew(torque * half);
+            }
+            out.xu[i] = out.xu[i].add_skew(torque * -half);
+        }
+    }
+
     /// Continuous tendons: second derivatives with respect to the rotation vectors of the two arcs
     /// of an element: first-first, second-first, second-second.
     #[inline(always)]
@@ -753,7 +802,7 @@ impl<const A: usize> State<f64, A> {
     pub fn point(&self, c: &Constants<f64, A>, fraction: f64) -> Vec3 {
         let [start, end] = c.clamp;
         let along = fraction * (start + c.flexible + end) - start;
-        let (place, turn) = self.section(along / c.flexible);
+        let (place, turn) = self.section(c, along / c.flexible);
         // beyond the flexible part the clamps continue straight
         let on = along - along.clamp(0.0, c.flexible);
         Vec3([0.0, 0.0, start]) + place + turn.column(2) * on
@@ -764,9 +813,9 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Position and orientation of a section at a fraction of the flexible part, relative to its
     /// start.
     #[inline(always)]
-    pub fn section(&self, fraction: f64) -> (Vec3<T>, Mat3<T>) {
+    pub fn section(&self, c: &Constants<T, A>, fraction: f64) -> (Vec3<T>, Mat3<T>) {
         let fraction = fraction.clamp(0.0, 1.0);
-        let at = fraction * A as f64;
+        let at = c.arcs_before(fraction);
         let i = (at as usize).min(A - 1);
         let part = T::splat(at - i as f64);
         let arc = ArcMap::new(self.w[i] * part, self.arcs[i].map.length() * part);

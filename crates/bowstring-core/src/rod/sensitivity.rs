@@ -173,7 +173,7 @@ fn source<const A: usize>(
         source.moment[i] += *coupling * (*d_hat * force + *m * place)
             + j[i].tr_mul(*g_hat * place - m.tr_mul(force));
     }
-    source.start += state.stretching_load().cross(*d_hat * force + *m * place);
+    source.start += state.stretching_load(c).cross(*d_hat * force + *m * place);
     source
 }
 
@@ -224,16 +224,19 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
     for k in 0..n {
         let (state, c, response) = (&rod.states[k], &rod.constants[k], &responses[k]);
         let u = rod.newton.eliminated[k].forward(&solutions[k], &[x]);
-        let mut turn = Vec3::zero();
+        let (mut turn, mut of_node) = (Vec3::zero(), x);
         let mut moved = sources[k].place;
         for i in 0..A {
             turn += u[i];
+            if i < A / 2 {
+                of_node += u[i];
+            }
             moved += response.j[i] * u[i];
         }
         let mut force =
-            sources[k].force + state.stretching_load().cross(x) - response.k.tr_mul(turn);
+            sources[k].force + state.stretching_load(c).cross(x) - response.k.tr_mul(turn);
         if let Some(coupling) = rod.attached.coupling(k) {
-            force += followers[k] + coupling.by_turn(x + turn);
+            force += followers[k] + coupling.by_turns(c, x + turn, of_node);
         }
         let rho = response.m * moved + response.d_hat * force;
         let offset = x.cross(state.offset(c)) + rho + turn.cross(state.s.column(2)) * c.clamp[1];

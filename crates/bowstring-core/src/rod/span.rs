@@ -78,14 +78,16 @@ impl<T: Real> ParallelPath<T> {
     ) -> Self {
         let elements = A as f64 / 2.0;
         let slope = 3f64.sqrt() / 2.0;
-        let per_length = c.per_flexible * T::splat(elements);
+        let part = c.part(element);
+        let per_length = c.per_flexible * T::splat(elements) / part;
         let near = per_length * T::splat(1.0 + slope);
         let far = per_length * T::splat(1.0 - slope);
-        let weight = c.flexible * T::splat(0.5 / elements);
+        let weight = c.flexible * part * T::splat(0.5 / elements);
+        let start = c.fraction(2 * element);
         let mut length = T::zero();
         let gauss = 0.5 / 3f64.sqrt();
         let points = [(a, b, 0.5 - gauss), (b, a, 0.5 + gauss)].map(|(first, other, place)| {
-            let share = T::splat((element as f64 + place) / elements);
+            let share = part.mul_add(T::splat(place / elements), start);
             let (hole, slope) = holes.between(c, share * c.flexible);
             let mut q = slope + (first * near + other * far).cross(hole);
             q.0[2] += stretch;

@@ -118,8 +118,9 @@ impl<T: Real, L: Layout<Module = T, Chain = T>, const A: usize> Rod<L, A> {
         for k in (0..self.states.len()).rev() {
             let t = in_group(&self.tendons, &self.tensions, self.path(), k);
             let (state, gradient) = (&self.states[k], &self.gradients[k]);
+            let constants = &self.constants[k];
             let mut hessian = Hessian::empty();
-            let end = state.hessian::<true>(&self.constants[k], &t, gradient, &mut hessian);
+            let end = state.hessian::<true>(constants, &t, gradient, &mut hessian);
             let blocks = blocks::<L, A, true>(&hessian, 0, &state.s, value, T::zero());
             let eliminated = &mut self.newton.eliminated[k];
             [[value]] = eliminated.eliminate::<true>(blocks, &mut least_pivot);
@@ -142,7 +143,7 @@ impl<T: Real, L: Layout<Module = T, Chain = T>, const A: usize> Rod<L, A> {
                 let (mut solution, mut start) = (rhs, [p]);
                 eliminated.backward::<true>(&mut solution, &mut start);
                 columns.scratch[c].rhs = rhs;
-                columns.scratch[c].p = start[0] + state.stretching_load().cross(moved);
+                columns.scratch[c].p = start[0] + state.stretching_load(constants).cross(moved);
                 columns.own[k * count + c] = solution;
                 for b in 0..=c {
                     if !passes(columns.tendons[b]) {

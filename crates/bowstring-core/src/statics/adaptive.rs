@@ -70,6 +70,11 @@ impl Adaptive {
         })
     }
 
+    /// Elements in every module, if they are given.
+    pub(crate) fn given_elements(&self) -> Option<usize> {
+        self.fixed.then(|| LEVELS[self.level])
+    }
+
     /// The solver that holds the last solution.
     pub fn solver(&self) -> &Solver {
         self.solvers[self.level].as_ref().expect("it has solved")
@@ -153,6 +158,11 @@ impl Adaptive {
         let mut failed: Option<(usize, Outcome)> = None;
         // strain of the coarser solution, and whether its path left an unstable equilibrium
         let mut start: Option<(Vec<Vec3>, bool)> = None;
+        let least = load.least_elements(&self.robot);
+        if !self.fixed && LEVELS[self.level] < least {
+            let level = LEVELS.iter().position(|e| *e >= least);
+            self.level = level.expect("the finest elements take any load");
+        }
         loop {
             let elements = LEVELS[self.level];
             let solver = self.at(self.level)?;

@@ -116,6 +116,19 @@ impl<'a> Loads<'a> {
         }
         Ok(())
     }
+
+    /// Checks that so many elements in a module take the loads, if they are given.
+    pub(crate) fn check_elements(
+        &self,
+        robot: &Robot,
+        elements: Option<usize>,
+    ) -> Result<(), InputError> {
+        let load = Load {
+            point_loads: self.point_loads,
+            ..Load::default()
+        };
+        elements.map_or(Ok(()), |elements| load.check_elements(robot, elements))
+    }
 }
 
 /// Solutions as flat arrays, row by row; SI units, base frame.
@@ -158,6 +171,7 @@ pub fn sweep_with(
     disks: bool,
 ) -> Result<Solutions, InputError> {
     loads.check(robot)?;
+    loads.check_elements(robot, solver.given_elements())?;
     solver.reset();
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
     for mut chunk in solutions.chunks(robot, loads.count.max(1)) {
@@ -185,6 +199,7 @@ pub fn solve_batch(
     let elements = model.elements.unwrap_or(1);
     dispatch::check_solvers(robot, elements, 2 * thread_count(threads))?;
     loads.check(robot)?;
+    loads.check_elements(robot, model.elements)?;
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
     let mut chunks: Vec<_> = solutions.chunks(robot, CHUNK).collect();
     #[cfg(target_arch = "x86_64")]

@@ -83,7 +83,8 @@ impl LoadPath {
             moment += line * (disk.station - start) * disk.station;
         }
         for (a, b) in from.point_loads.iter().zip(&to.point_loads) {
-            let arm = spec.disks[b.disk].station + Vec3(b.point).norm();
+            let place = b.arc_length.unwrap_or_else(|| spec.disks[b.disk].station);
+            let arm = place + Vec3(b.point).norm();
             moment += apart(a.force, b.force) * arm + apart(a.moment, b.moment);
         }
         robot.moment_scale() / moment

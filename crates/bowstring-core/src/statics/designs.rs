@@ -38,6 +38,17 @@ pub fn sweep_designs(
     let elements = model.elements.unwrap_or(1);
     dispatch::check_solvers(first, elements, 2 * ROBOTS * thread_count(threads))?;
     loads.check(first)?;
+    for (i, robot) in robots.iter().enumerate() {
+        let load = Load {
+            point_loads: loads.point_loads,
+            ..Load::default()
+        };
+        let checked = load
+            .check_places(robot)
+            .and_then(|()| load.check_sections(robot, &[]));
+        let checked = checked.and_then(|()| loads.check_elements(robot, model.elements));
+        checked.map_err(|e| e.in_row(i))?;
+    }
     let mut solutions = Solutions::pending(first, loads.count, false)?;
     let mut chunks: Vec<_> = solutions.chunks(first, (ROBOTS * each).max(1)).collect();
     let scratch = || Scratch {

@@ -201,6 +201,11 @@ impl PathSolver {
     pub fn check(&mut self, commands: &[Command], load: &Load) -> Result<(), InputError> {
         let transmission = self.transmission();
         transmission.tendons.check(self.robot(), commands, load)?;
+        // the load changes from that of the last step
+        load.check_sections(self.robot(), &self.history().load.point_loads)?;
+        if !self.automatic {
+            load.check_elements(self.robot(), self.solver().elements())?;
+        }
         let by_displacement = commands.iter().filter(|c| c.is_displacement());
         let unknowns = by_displacement.count() + transmission.most_holes();
         if unknowns > self.fitting {
@@ -218,6 +223,13 @@ impl PathSolver {
         self.check(commands, load)?;
         let load = &self.solver().settings.without_negligible(load);
         let mut iterations = 0;
+        let least = load.least_elements(self.robot());
+        if self.solver().elements() < least {
+            let Some(finer) = self.with_elements(least, self.history()) else {
+                return Ok(PathOutcome::pending());
+            };
+            *self = finer;
+        }
         loop {
             let old = self.history().clone();
             let mut outcome = self.last.solve(&old, commands, load);

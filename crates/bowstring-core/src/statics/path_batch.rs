@@ -8,6 +8,7 @@ use crate::memory::{filled, unknown};
 use crate::model::error::InputError;
 use crate::model::load::{Load, RodModel};
 use crate::model::robot::Robot;
+use crate::rod::estimate::LEVELS;
 use crate::statics::batch::{for_each, pieces, thread_count, too_many, Chunk, Loads, Solutions};
 use crate::statics::designs::{rows_each, ROBOTS};
 #[cfg(target_arch = "x86_64")]
@@ -224,6 +225,8 @@ pub fn follow_designs(
         for row in i * each..(i + 1) * each {
             let (commands, load) = steps.row(row, tendons);
             let checked = transmission.tendons.check(robot, &commands, &load);
+            let elements = model.elements.unwrap_or(LEVELS[LEVELS.len() - 1]);
+            let checked = checked.and_then(|()| load.check_elements(robot, elements));
             checked.map_err(|e| {
                 InputError::other(format!("robot {i}, load {}: {e}", row - i * each))
             })?;

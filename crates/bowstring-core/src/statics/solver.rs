@@ -150,6 +150,7 @@ impl Solver {
     /// Equilibrium from the straight backbone.
     pub fn solve(&mut self, load: &Load) -> Result<Outcome, InputError> {
         load.check(&self.robot)?;
+        load.check_elements(&self.robot, self.elements)?;
         let load = &self.settings.without_negligible(load);
         let outcome = self.solve_from_straight(load);
         self.known = 0;
@@ -163,7 +164,7 @@ impl Solver {
     /// straight backbone.
     pub fn solve_next(&mut self, load: &Load) -> Result<Outcome, InputError> {
         load.check(&self.robot)?;
-        if self.known == 0 {
+        if self.known == 0 || !load.divides_as(&self.load.point_loads) {
             return self.solve(load);
         }
         let load = &self.settings.without_negligible(load);

@@ -1,0 +1,459 @@
+"""Loads on a section of the backbone between two disks."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+from scipy.spatial.transform import Rotation
+
+import bowstring as bs
+from bowstring.dynamics import modes, ramp
+from bowstring.errors import InputError
+from bowstring.robot.designs import Designs
+from bowstring.statics.designs import sweep_designs
+from shell import Shell
+
+Floats = NDArray[np.float64]
+
+ROBOT = bs.load_robot("amouri2019")
+TENSIONS = [40.0, 5.0, 10.0]
+UP = (0.0, 0.0, -9.81)
+DEAD = bs.PointLoad(
+    arc_length=0.25, force=[0.2, 0.9, -0.3], moment=[0.03, 0.01, -0.02], point=[0.01, 0.02, 0.01]
+)
+FOLLOWER = bs.PointLoad(
+    arc_length=0.47, force=[0.5, -0.3, 0.4], moment=[0.0, 0.02, 0.03], follower=True
+)
+
+
+class Shooting:
+    """A Cosserat rod from the base, with jumps of force and moment at disks and loaded sections.
+
+    The forces of the straight spans act at the poses of a solution: that is an equilibrium if the
+    rod passes through its disks.
+    """
+
+    def __init__(self, robot: bs.Robot, found: bs.Solution, loads: list[bs.PointLoad]) -> None:
+        rod = robot.segments[0].backbone.at(0.0)
+        bending = float(rod.E * rod.second_moment)
+        shear, area = float(rod.shear_modulus), float(rod.area)
+        twist = 2.0 * shear * float(rod.second_moment)
+        self.bend = np.array([1.0 / bending, 1.0 / bending, 1.0 / twist])
+        soft = float(found.model.theory != "kirchhoff")
+        self.stretch = soft / np.array([shear * area, shear * area, rod.E * area])
+        self.weight = float(robot.mass_per_length[0]) * found.core.gravity
+        self.stations = robot.disks.station_m
+        self.loads = loads
+        self.on_disks = self.spans(robot, found)
+        self.on_disks[:, 0] += robot.disks.mass_kg[:, None] * found.core.gravity
+
+    @staticmethod
+    def spans(robot: bs.Robot, found: bs.Solution) -> Floats:
+        """Forces and moments (N, 2, 3) of the spans on all disks."""
+        positions = np.concatenate([np.zeros((1, 3)), found.disk_positions])
+        turns = np.concatenate([np.eye(3)[None], found.disk_rotations])
+        out = np.zeros((len(positions), 2, 3))
+        for hole, tension in zip(robot.tendons.hole_m, found.tensions, strict=True):
+            arms = turns @ np.array([*hole, 0.0])
+            along = np.diff(positions + arms, axis=0)
+            pull = tension * along / np.linalg.norm(along, axis=1)[:, None]
+            forces = np.concatenate([pull, np.zeros((1, 3))])
+            forces[1:] -= pull
+            out[:, 0] += forces
+            out[:, 1] += np.cross(arms, forces)
+        return out[1:]
+
+    def rate(self, _: float, y: Floats) -> Floats:
+        turn, force, moment = y[3:12].reshape(3, 3), y[12:15], y[15:18]
+        along = turn @ (np.array([0.0, 0.0, 1.0]) + self.stretch * (turn.T @ force))
+        x, y_, z = self.bend * (turn.T @ moment)
+        turned = turn @ np.array([[0.0, -z, y_], [z, 0.0, -x], [-y_, x, 0.0]])
+        return np.concatenate([along, turned.ravel(), -self.weight, -np.cross(along, force)])
+
+    def shoot(self, wrench: Floats) -> tuple[Floats, Floats]:
+        """Force and moment left beyond the tip, and the positions of the disks."""
+        y = np.concatenate([np.zeros(3), np.eye(3).ravel(), wrench])
+        places: list[tuple[float, Any]] = [(s, k) for k, s in enumerate(self.stations)]
+        places += [(load.arc_length or 0.0, load) for load in self.loads]
+        before, disks = 0.0, []
+        for s, what in sorted(places, key=lambda place: place[0]):
+            done = solve_ivp(self.rate, (before, s), y, method="DOP853", rtol=1e-12, atol=1e-14)
+            y, before = done.y[:, -1].copy(), s
+            turn = y[3:12].reshape(3, 3)
+            if isinstance(what, bs.PointLoad):
+                axes = turn if what.follower else np.eye(3)
+                force, moment = axes @ np.array(what.force), axes @ np.array(what.moment)
+                moment = moment + np.cross(turn @ np.array(what.point), force)
+            else:
+                disks.append(y[:3].copy())
+                force, moment = self.on_disks[what]
+            y[12:15] -= force
+            y[15:18] -= moment
+        return y[12:18], np.array(disks)
+
+    def disks(self) -> Floats:
+        """Positions of the disks where nothing is left beyond the tip."""
+        found = root(lambda wrench: self.shoot(wrench)[0], np.zeros(6), tol=1e-12)
+        assert np.abs(self.shoot(found.x)[0]).max() < 1e-9
+        return self.shoot(found.x)[1]
+
+
+@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
+def test_a_rod_without_tension_is_that_of_shooting(theory: str) -> None:
+    """The estimate covers the error; bending converges with the fourth power of the elements."""
+    loads, errors = [DEAD, FOLLOWER], {}
+    for elements in (2, 4, 8, None):
+        model = bs.RodModel(theory, elements=elements)
+        load = bs.Load(gravity=UP, point_loads=loads)
+        found = bs.solve(ROBOT, [0, 0, 0], load=load, model=model).raise_for_status()
+        exact = Shooting(ROBOT, found, loads).disks()
+        errors[elements] = np.linalg.norm(exact - found.disk_positions, axis=1).max()
+        assert errors[elements] <= found.error_estimate.tip
+    if theory == "kirchhoff":
+        assert errors[2] / errors[4] > 14 and errors[4] / errors[8] > 14
+    assert errors[8] < (1e-11 if theory == "kirchhoff" else 5e-9)
+
+
+@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
+def test_a_rod_with_tension_is_that_of_shooting(theory: str) -> None:
+    """At the forces of the spans of the finest elements. Held constant, these leave the rod about
+    35 times softer than the robot. The estimates of fewer elements cover their distance."""
+    loads, disks = [DEAD, FOLLOWER], []
+    for elements in (8, 4, 2, None):
+        model = bs.RodModel(theory, elements=elements)
+        load = bs.Load(gravity=UP, point_loads=loads)
+        found = bs.solve(ROBOT, TENSIONS, load=load, model=model).raise_for_status()
+        assert found.stable
+        disks.append(found.disk_positions)
+        if elements == 8:
+            exact = Shooting(ROBOT, found, loads).disks()
+            off = np.linalg.norm(exact - found.disk_positions, axis=1).max()
+            assert off < 35 * found.error_estimate.tip
+            assert off < (5e-9 if theory == "kirchhoff" else 3e-7)
+        error = np.linalg.norm(disks[-1] - disks[0], axis=1).max()
+        assert error <= found.error_estimate.tip < 1e-5 * ROBOT.length
+
+
+def test_the_estimate_covers_the_error_of_random_loads() -> None:
+    draw = np.random.default_rng(3)
+    stations = np.concatenate([[0.0], ROBOT.disks.station_m])
+    for _ in range(40):
+        modules = draw.choice(9, 2, replace=False)
+        loads = [
+            bs.PointLoad(
+                arc_length=stations[k] + draw.uniform(0.05, 0.95) * (stations[1]),
+                force=draw.uniform(-1, 1, 3),
+                moment=draw.uniform(-0.05, 0.05, 3),
+                point=draw.uniform(-0.03, 0.03, 3),
+                follower=bool(draw.integers(2)),
+            )
+            for k in modules
+        ]
+        load = bs.Load(draw.uniform(0, 60, 3), gravity=UP, point_loads=loads)
+        poses = {}
+        for elements in (2, 4, 8):
+            found = bs.solve(ROBOT, load=load, model=bs.RodModel(elements=elements))
+            if found.converged:
+                poses[elements] = found
+        if len(poses) < 3:
+            continue
+        for elements in (2, 4):
+            off = poses[elements].disk_positions - poses[8].disk_positions
+            assert np.linalg.norm(off, axis=1).max() <= poses[elements].error_estimate.tip
+
+
+def test_a_turned_robot_has_turned_disks() -> None:
+    """By 120 degrees about its axis, with the tensions of the next tendons."""
+    turn = Rotation.from_rotvec([0, 0, 2 * np.pi / 3]).as_matrix()
+    found = bs.solve(ROBOT, TENSIONS, load=bs.Load(gravity=UP, point_loads=[DEAD, FOLLOWER]))
+    loads = [
+        bs.PointLoad(
+            arc_length=load.arc_length,
+            force=turn @ load.force,
+            moment=turn @ load.moment,
+            point=turn @ load.point,
+            follower=load.follower,
+        )
+        for load in (DEAD, FOLLOWER)
+    ]
+    turned = bs.solve(ROBOT, np.roll(TENSIONS, 1), load=bs.Load(gravity=UP, point_loads=loads))
+    assert np.abs(turned.disk_positions - found.disk_positions @ turn.T).max() < 1e-12
+
+
+def test_work_is_that_of_the_displacement() -> None:
+    """The elastic energy rises by the work of a force that rises from zero."""
+    at = ROBOT.disks.station_m[3] + 0.25 * ROBOT.disks.station_m[0]
+    sizes, nodes = np.linspace(0, 1, 41), []
+    for size in sizes:
+        touch = bs.PointLoad(arc_length=at, force=size * np.array([0.4, 1.0, -0.5]))
+        load = bs.Load(gravity=(0, 0, 0), point_loads=[touch])
+        found = bs.solve(ROBOT, [0, 0, 0], load=load, model=bs.RodModel("kirchhoff", elements=8))
+        line = found.centerline(4)
+        nodes.append(line[4 * 4 + 1])
+    energy = float(found.to_dataset(3)["elastic_energy"][0])
+    along = np.array(nodes) @ [0.4, 1.0, -0.5]
+    # integral of F dp by parts, with Simpson's rule in F
+    weights = np.ones(41)
+    weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
+    work = along[-1] - (weights * along).sum() / 120.0
+    assert work == pytest.approx(energy, rel=1e-6)
+
+
+def test_rows_batches_designs_and_path_equal_single_solves() -> None:
+    tensions = np.random.default_rng(1).uniform(0, 40, (12, 3))
+    given: dict[str, Any] = {"gravity": UP, "point_loads": [DEAD, FOLLOWER]}
+    load = bs.Load(tensions, **given)
+    for found in (
+        bs.sweep(ROBOT, load=load),
+        bs.sweep(ROBOT, load=load, warm=False),
+        bs.solve_batch(ROBOT, load=load, threads=2),
+    ):
+        for i in range(12):
+            alone = bs.solve(ROBOT, load=bs.Load(tensions[i], **given))
+            assert np.abs(alone.disk_positions - found.disk_positions[i]).max() < 1e-9
+    designs = Designs(ROBOT, {"segments.*.backbone.E": [35e9, 40e9]})
+    each = sweep_designs(designs, tensions[:3], load=bs.Load(point_loads=[DEAD, FOLLOWER]))
+    alone = bs.solve(ROBOT, load=bs.Load(tensions[2], point_loads=[DEAD, FOLLOWER]))
+    assert np.abs(alone.tip.position - each.tip_position[0, 2]).max() < 1e-9
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1])
+def test_displacement_control_and_history(friction: float) -> None:
+    robot = ROBOT.with_({"segments.0.tendons.friction": friction})
+    given: dict[str, Any] = {"gravity": UP, "point_loads": [DEAD, FOLLOWER]}
+    commanded = bs.Load(displacements=[0.03, -0.02, -0.012], **given)
+    found = bs.solve(robot, load=commanded)
+    assert found.converged and found.model.elements >= 2
+    if not friction:
+        by_tension = bs.solve(robot, found.tensions, load=bs.Load(**given))
+        assert np.abs(by_tension.disk_positions - found.disk_positions).max() < 1e-8
+    history = json.loads(json.dumps(found.history()))
+    again = bs.solve(robot, load=commanded, history=history)
+    assert np.abs(again.disk_positions - found.disk_positions).max() < 1e-9
+
+
+def test_a_solver_takes_other_sections_after_each_other() -> None:
+    """The robot keeps its solvers; each load divides its modules anew."""
+    first = bs.solve(ROBOT, TENSIONS, load=bs.Load(point_loads=[DEAD])).tip.position
+    plain = bs.solve(ROBOT, TENSIONS, model=bs.RodModel(elements=2)).tip.position
+    for at in (0.25, 0.23, 0.6):
+        other = bs.PointLoad(arc_length=at, force=[0, 0.5, 0])
+        bs.solve(ROBOT, TENSIONS, load=bs.Load(point_loads=[other]))
+        again = bs.solve(ROBOT, TENSIONS, load=bs.Load(point_loads=[DEAD])).tip.position
+        assert np.abs(again - first).max() < 1e-13
+    alone = bs.solve(ROBOT, TENSIONS, model=bs.RodModel(elements=2)).tip.position
+    assert np.abs(alone - plain).max() < 1e-13
+
+
+def test_fields_jump_at_the_section() -> None:
+    """Force and moment along the backbone, against statics and against shooting."""
+    touch = bs.PointLoad(
+        arc_length=0.255, force=[0.3, 0.8, -0.2], moment=[0.02, -0.01, 0.03], point=[0.01, 0, 0]
+    )
+    model = bs.RodModel(elements=8)
+    found = bs.solve(ROBOT, TENSIONS, load=bs.Load(gravity=UP, point_loads=[touch]), model=model)
+    data = found.to_dataset(41)
+    at = data["arc_length"].to_numpy()
+    inside = np.flatnonzero((at > ROBOT.disks.station_m[2]) & (at < ROBOT.disks.station_m[3]))
+    turn = data["rotation"].to_numpy()[0][inside]
+    force = np.einsum("pij,pj->pi", turn, data["force"].to_numpy()[0][inside])
+    moment = np.einsum("pij,pj->pi", turn, data["moment"].to_numpy()[0][inside])
+    place = data["position"].to_numpy()[0][inside]
+    # moment about the origin, which is constant but for the weight
+    about = moment + np.cross(place, force)
+    k = int(np.flatnonzero(np.diff(at[inside] > 0.255))[0])
+    step = at[inside][1] - at[inside][0]
+    weight = float(ROBOT.mass_per_length[0]) * 9.81 * step
+    jump = force[k] - force[k + 1]
+    assert np.abs(jump - touch.force).max() < 2 * weight
+    node = found.centerline(1000)
+    s = 1000 * (0.255 / ROBOT.disks.station_m[0])
+    node = node[round(s)]
+    arm = node + turn[k] @ np.array(touch.point)
+    own = np.cross(arm, touch.force) + touch.moment
+    assert np.abs(about[k] - about[k + 1] - own).max() < 5e-4 * np.abs(own).max()
+    # the curvature that belongs to the moment is that of the shape
+    assert np.abs(np.diff(force[: k + 1], axis=0)).max() < 1.001 * weight
+    assert np.abs(np.diff(about[: k + 1], axis=0)).max() < 1.5 * weight
+
+
+def test_motion_keeps_its_energy() -> None:
+    """Loads that rise from zero: the balance is that of numerical damping, and falls with the step.
+    Without it, and damped, the robot comes to the rest of statics."""
+
+    def loads(on: float) -> list[bs.PointLoad]:
+        def rising(vector: Any) -> Any:
+            return ramp(np.array(vector), 0.2) if on else (0.0, 0.0, 0.0)
+
+        return [
+            bs.PointLoad(
+                force=rising(load.force),
+                moment=rising(load.moment),
+                point=load.point,
+                follower=load.follower,
+                arc_length=load.arc_length,
+            )
+            for load in (DEAD, FOLLOWER)
+        ]
+
+    start = bs.Start(bs.Load(TENSIONS, point_loads=loads(False)))
+    load, balance = bs.Load(gravity=UP, point_loads=loads(True)), []
+    for dt in (2e-3, 1e-3):
+        steps = bs.Integrator(dt=dt, spectral_radius=0.9)
+        data = bs.simulate(ROBOT, TENSIONS, 0.3, load=load, start=start, integrator=steps)
+        data = data.to_dataset()
+        balance.append(float(abs(data["energy_balance"]).max()))
+        assert balance[-1] < 2e-3 * float(abs(data["work"]).max())
+    assert balance[0] / balance[1] > 1.8
+    damped = bs.Integrator(mass_damping=20.0)
+    run = bs.simulate(ROBOT, TENSIONS, 2.0, load=load, start=start, integrator=damped)
+    rest = bs.solve(ROBOT, TENSIONS, load=bs.Load(gravity=UP, point_loads=[DEAD, FOLLOWER]))
+    assert np.linalg.norm(run.tip_position[-1] - rest.tip.position) < 1e-4
+
+
+def test_modes_of_a_robot_with_a_force_between_disks() -> None:
+    push = bs.PointLoad(arc_length=0.6, force=[0, 0, 2.0])
+    free = modes(ROBOT, [0, 0, 0]).frequency_hz
+    held = modes(ROBOT, [0, 0, 0], load=bs.Load(point_loads=[push])).frequency_hz
+    assert (held[:2] > 1.05 * free[:2]).all()
+    with pytest.raises(InputError, match="have no potential"):
+        modes(ROBOT, TENSIONS, load=bs.Load(point_loads=[FOLLOWER]))
+
+
+def test_critical_load_of_a_column() -> None:
+    """Euler's column that ends at the section: 0.1 % of pi^2 EI / (4 s^2)."""
+    at = 0.6
+    light = ROBOT.with_({"segments.0.disks.mass": "0 g"})
+    euler = np.pi**2 * float(light.bending_stiffness[0]) / (4 * at**2)
+    push = bs.PointLoad(arc_length=at, force=[0, 0, -2 * euler])
+    found = bs.critical_load(
+        light,
+        load=bs.Load([0, 0, 0], gravity=(0, 0, 0), point_loads=[push]),
+        model=bs.RodModel("kirchhoff"),
+    )
+    assert found.factor == pytest.approx(0.5, rel=1e-3)
+    for share, stable in ((0.995, True), (1.005, False)):
+        below = bs.PointLoad(arc_length=at, force=[0, 0, -share * euler])
+        found = bs.solve(
+            light,
+            [0, 0, 0],
+            load=bs.Load(gravity=(0, 0, 0), point_loads=[below]),
+            model=bs.RodModel("kirchhoff"),
+        )
+        straight = found.converged and np.abs(found.tip.position[:2]).max() < 1e-6
+        assert (straight and found.stable is True) == stable
+
+
+def test_becks_column_ends_at_the_section() -> None:
+    """A follower along the axis of a free column: flutter at 20.05 EI / s^2."""
+    light = bs.load_robot(
+        "amouri2019", {"segments.0.disks.mass": "1 mg", "segments.0.disks.count": 16}
+    )
+    at = float(light.disks.station_m[-1]) - 0.001
+    beck = 20.05 * float(light.bending_stiffness[0]) / light.length**2
+    for share, stable in ((0.9, True), (1.1, False)):
+        push = bs.PointLoad(arc_length=at, force=[0, 0, -share * beck], follower=True)
+        found = bs.solve(
+            light,
+            [0, 0, 0],
+            load=bs.Load(gravity=(0, 0, 0), point_loads=[push]),
+            model=bs.RodModel("kirchhoff"),
+        )
+        assert (found.stable is True) == stable
+
+
+CLAMPED = bs.load_robot("amouri2019", {"segments.0.disks.clamped_length": "4 mm"})
+
+
+@pytest.mark.parametrize(
+    ("robot", "loads", "says"),
+    [
+        (
+            ROBOT,
+            [bs.PointLoad(arc_length=0.7)],
+            "load 1 is 0.7 m; it must be above 0 m and at most",
+        ),
+        (
+            CLAMPED,
+            [bs.PointLoad(), bs.PointLoad(arc_length=0.0705)],
+            "point load 2 is 0.0705 m, where disk 1 clamps the backbone; give the disk",
+        ),
+        (
+            ROBOT,
+            [bs.PointLoad(arc_length=0.01), bs.PointLoad(arc_length=0.02)],
+            "0.01 m and 0.02 m, both between the base and disk 1; only one section",
+        ),
+    ],
+)
+def test_bad_sections_are_refused(robot: bs.Robot, loads: list[bs.PointLoad], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        bs.solve(robot, TENSIONS, load=bs.Load(point_loads=loads))
+    with pytest.raises(InputError, match=says):
+        bs.sweep(robot, [TENSIONS] * 2, load=bs.Load(point_loads=loads))
+    with pytest.raises(InputError, match=says):
+        bs.solve(robot, load=bs.Load(displacements=[0.01, 0, 0], point_loads=loads))
+    with pytest.raises(InputError, match=says):
+        bs.simulate(robot, TENSIONS, 0.01, load=bs.Load(point_loads=loads))
+    with pytest.raises(InputError, match=says):
+        sweep_designs(Designs(robot, {}), [TENSIONS], load=bs.Load(point_loads=loads))
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"arc_length": float("nan")}, "arc_length is nan m, it must be a finite number"),
+        ({"arc_length": 0.0}, "arc_length is 0 m, it must be positive"),
+        ({"arc_length": "x"}, "arc_length is 'x', it must be a finite number"),
+        ({"arc_length": 0.1, "disk": 2}, "disk is 2 and arc_length is 0.1 m; give one of them"),
+    ],
+)
+def test_bad_arc_lengths_are_refused(given: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        bs.PointLoad(**given)
+
+
+def test_one_element_takes_no_load_between_disks() -> None:
+    model = bs.RodModel(elements=1)
+    load = bs.Load(point_loads=[DEAD])
+    for call in (
+        lambda: bs.solve(ROBOT, TENSIONS, load=load, model=model),
+        lambda: bs.sweep(ROBOT, [TENSIONS], load=load, model=model),
+        lambda: bs.solve_batch(ROBOT, [TENSIONS], load=load, model=model),
+        lambda: bs.solve(ROBOT, load=load.replace(displacements=[0.01, 0, 0]), model=model),
+        lambda: bs.simulate(ROBOT, TENSIONS, 0.01, load=load, model=model),
+        lambda: bs.critical_load(ROBOT, load=load.replace(tensions=TENSIONS), model=model),
+    ):
+        with pytest.raises(InputError, match="needs 2 elements or more"):
+            call()
+    # on a station it acts on the disk
+    at = bs.PointLoad(arc_length=float(ROBOT.disks.station_m[3]), force=[0, 1, 0])
+    found = bs.solve(ROBOT, TENSIONS, load=bs.Load(point_loads=[at]), model=model)
+    same = bs.solve(
+        ROBOT, TENSIONS, load=bs.Load(point_loads=[bs.PointLoad(3, [0, 1, 0])]), model=model
+    )
+    assert np.abs(found.disk_positions - same.disk_positions).max() < 1e-12
+
+
+def test_flags(shell: Shell) -> None:
+    flags = ["--point-force", "250 mm:0.2,0.9,-0.3", "--follower-force", "0.47 m:0.5,0,0@0,10 mm,0"]
+    out = shell.json("solve", "amouri2019", "--tension", "40,5,10", *flags)
+    loads = [
+        bs.PointLoad(arc_length=0.25, force=[0.2, 0.9, -0.3]),
+        bs.PointLoad(arc_length=0.47, force=[0.5, 0, 0], point=[0, 0.01, 0], follower=True),
+    ]
+    exact = bs.solve(ROBOT, TENSIONS, load=bs.Load(point_loads=loads))
+    assert np.allclose(out["tip"]["position_m"], exact.tip.position, rtol=0, atol=1e-12)
+    assert out["provenance"]["settings"]["point_loads"] == [load.to_dict() for load in loads]
+    for given, says in (
+        ("700 mm:0,1,0", "it must be above 0 m and at most 0.641 m"),
+        ("-2 mm:0,1,0", "arc_length is -0.002 m, it must be positive"),
+        ("2 kg:0,1,0", "kg"),
+    ):
+        error = shell.error("solve", "amouri2019", "--tension", "0,0,0", "--point-force", given)
+        assert says in error
