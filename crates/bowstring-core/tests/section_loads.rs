@@ -4,8 +4,8 @@
 mod common;
 
 use bowstring_core::dynamics::integrator::{Damping, Integrator, Simulator, Step};
-use bowstring_core::model::load::{Load, Model, PointLoad, Theory};
-use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+use bowstring_core::model::load::{Load, Model, PointLoad, TendonPath, Theory};
+use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Section, Tendon};
 use bowstring_core::statics::solver::{Outcome, Solver, Status};
 use common::{study_robot, Draw};
 
@@ -24,6 +24,11 @@ fn solved(solver: &mut Solver, load: &Load) -> Outcome {
 
 /// A robot of four modules, whose tendons end at the second disk, with further disks without mass.
 fn robot(extra: Option<f64>, clamped: f64) -> Robot {
+    with_end(extra, clamped, 1.0)
+}
+
+/// The same, whose diameter at the end is a share of that at the base.
+fn with_end(extra: Option<f64>, clamped: f64, share: f64) -> Robot {
     let section = Section {
         bending: [1.07, 0.8],
         principal_angle: 0.3,
@@ -53,9 +58,24 @@ fn robot(extra: Option<f64>, clamped: f64) -> Robot {
         disks.push(disk(station, 0.0, 0.0));
         disks.sort_by(|a, b| a.station.total_cmp(&b.station));
     }
+    let sections = [0.0, 0.25, 0.5, 0.75, 1.0].map(|x| {
+        let by = 1.0 + x * (share - 1.0);
+        Section {
+            bending: section.bending.map(|b| b * by.powi(4)),
+            torsion: section.torsion * by.powi(4),
+            axial: section.axial * by * by,
+            shear: section.shear * by * by,
+            mass_per_length: section.mass_per_length * by * by,
+            ..section
+        }
+    });
+    let backbone = match share {
+        1.0 => section.into(),
+        _ => Profile::Tapered(Box::new(sections)),
+    };
     Robot::new(RobotSpec {
         payloads: vec![],
-        backbone: vec![section.into()],
+        backbone: vec![backbone],
         disks,
         tendons: vec![
             Tendon::parallel([0.02, 0.0], 1),
@@ -384,5 +404,66 @@ fn motion_is_that_with_a_disk_without_mass() {
         let work = (balance.work - other.work).abs();
         println!("{trial}: {off:e} {work:e} of {:e}", balance.work);
         assert!(off < 2e-5 && work < 1e-3 * balance.work.abs(), "{trial}");
+    }
+}
+
+/// Also beside tendons that follow the backbone, and on a taper: with the lengths of the tendons.
+#[test]
+fn continuous_tendons_and_tapers_are_divided() {
+    let mut draw = Draw(16);
+    for trial in 0..30 {
+        let continuous = trial % 3 < 2;
+        let (from, to) = if continuous {
+            (0.012, 0.188)
+        } else {
+            (0.212, 0.388)
+        };
+        let s = draw.within(from, to);
+        if (s % 0.1 - 0.05).abs() > 0.04 {
+            continue;
+        }
+        let share = if trial % 2 == 0 { 0.7 } else { 1.0 };
+        let own = drawn(&mut draw, s, trial % 5 > 2);
+        let tensions = [draw.within(0.0, 25.0), draw.within(0.0, 25.0)];
+        let model = Model {
+            tendon: if continuous {
+                TendonPath::Continuous
+            } else {
+                TendonPath::Straight
+            },
+            ..kirchhoff()
+        };
+        let solve = |extra: Option<f64>, load: PointLoad| {
+            let robot = with_end(extra, 0.0, share);
+            let end_disk = 1 + usize::from(extra.is_some_and(|s| s < 0.2));
+            let mut spec = robot.spec().clone();
+            for tendon in &mut spec.tendons {
+                tendon.end_disk = end_disk;
+            }
+            let robot = Robot::new(spec).unwrap();
+            let mut solver = Solver::new(&robot, model, 8).unwrap();
+            let load = Load {
+                tensions: &tensions,
+                gravity: [3.0, 0.0, -9.81],
+                point_loads: &[load],
+                ..Load::default()
+            };
+            let outcome = solved(&mut solver, &load);
+            assert!(outcome.iterations < 15, "{trial}: {}", outcome.iterations);
+            let mut outcome = outcome;
+            solver.estimate_error(&mut outcome);
+            let lengths = [0, 1].map(|i| solver.tendon_length(i).unwrap());
+            (solver.tip().unwrap().position, lengths, outcome.error)
+        };
+        let (tip, lengths, error) = solve(None, own);
+        let (other, others, finer) = solve(Some(s), on_disk(&own));
+        let off = (other - tip).norm();
+        let longer = (lengths[0] - others[0])
+            .abs()
+            .max((lengths[1] - others[1]).abs());
+        let stated = error.unwrap().tip + finer.unwrap().tip;
+        println!("{trial} {s} {continuous} {share} {off:e} {longer:e} {stated:e}");
+        assert!(off <= stated + 1e-10 && longer <= stated + 1e-10, "{trial}");
+        assert!(stated < 1e-6, "{trial}: {stated:e}");
     }
 }
