@@ -43,6 +43,8 @@ pub(crate) struct Attached<C, const A: usize> {
     /// Imbalance of the moment on the middle node of each module (N m), in the frame of its start,
     /// from the last gradient.
     pub torques: Vec<Vec3<C>>,
+    /// Rotations of the middle nodes, from the last evaluation with followers.
+    nodes: Vec<Mat3<C>>,
     /// Modules before the last follower force.
     followed: usize,
     /// Loads on the modules without followers; empty if there are none.
@@ -131,6 +133,7 @@ impl<C: Real, const A: usize> Attached<C, A> {
             fractions: vec![],
             couples: vec![],
             torques: vec![],
+            nodes: vec![],
             followed: 0,
             constant: vec![],
             couplings: vec![],
@@ -150,10 +153,10 @@ impl<C: Real, const A: usize> Attached<C, A> {
         !self.loads.is_empty() || self.has_between()
     }
 
-    /// Whether there are loads between two disks.
+    /// Whether there are loads between two disks, which need two elements.
     #[inline(always)]
     pub fn has_between(&self) -> bool {
-        !self.between.is_empty()
+        A > 2 && !self.between.is_empty()
     }
 
     /// Whether all of them have a potential.
@@ -604,11 +607,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         if self.attached.followed > 0 {
             self.turn_disks();
             self.dead.modules.clone_from(&self.attached.constant);
-            let between = self.attached.has_between();
-            let nodes: Vec<_> = match between {
-                true => (0..self.module_count()).map(|k| self.node(k)).collect(),
-                false => vec![],
-            };
+            let mut nodes = std::mem::take(&mut self.attached.nodes);
+            nodes.clear();
+            if self.attached.has_between() {
+                nodes.extend((0..self.module_count()).map(|k| self.node(k)));
+            }
             let rotations = std::mem::take(&mut self.rotations);
             self.add_resultants(&[], |attached, k| {
                 let on_node = nodes
@@ -619,7 +622,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                     on_node.unwrap_or(Vec3::zero()),
                 ]
             });
-            self.rotations = rotations;
+            (self.rotations, self.attached.nodes) = (rotations, nodes);
         }
         let mut energy = self.evaluate_module_loads();
         for k in 0..self.module_count() {
