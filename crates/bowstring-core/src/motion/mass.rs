@@ -112,13 +112,12 @@ impl Body {
     }
 }
 
-/// Weight of the end of the first `a` arcs of a module in Simpson's rule over each element, for a
-/// module of length 1.
+/// Weight of the end of the first `a` arcs of a module in Simpson's rule over each element, in thirds
+/// of a mean arc.
 #[inline(always)]
 pub(super) fn simpson<T: Real, const A: usize>(c: &Constants<T, A>, a: usize) -> T {
-    let third = T::splat(1.0 / (3.0 * A as f64));
     if a % 2 == 1 {
-        return c.part(a / 2) * T::splat(4.0) * third;
+        return c.part(a / 2) * T::splat(4.0);
     }
     let mut sum = T::zero();
     if a > 0 {
@@ -127,7 +126,7 @@ pub(super) fn simpson<T: Real, const A: usize>(c: &Constants<T, A>, a: usize) ->
     if a < A {
         sum += c.part(a / 2);
     }
-    sum * third
+    sum
 }
 
 /// The same vector in all lanes.
@@ -155,8 +154,8 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
             let module = robot.modules[k];
             let c = &modules[k];
             let section = |a: usize| robot.section(k, c.fraction(a).lane(0));
-            let lump =
-                |a: usize| section(a).mass_per_length * module.flexible * simpson(c, a).lane(0);
+            let arc = module.flexible / A as f64;
+            let lump = |a: usize| section(a).mass_per_length * arc / 3.0 * simpson(c, a).lane(0);
             for a in 1..=A {
                 points[k * A + a - 1] += lump(a);
             }
