@@ -251,6 +251,45 @@ def test_a_solver_takes_other_sections_after_each_other() -> None:
     assert np.abs(alone - plain).max() < 1e-13
 
 
+@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
+def test_sections_between_the_same_disks(theory: str) -> None:
+    """Without tension, against shooting; and the elements that they need."""
+    draw = np.random.default_rng(5)
+    for count, least in ((2, 4), (3, 4), (5, 8), (7, 8)):
+        loads = [
+            bs.PointLoad(
+                arc_length=0.22 + 0.06 * i / count,
+                force=draw.uniform(-0.3, 0.3, 3),
+                moment=draw.uniform(-0.02, 0.02, 3),
+                follower=bool(i % 2),
+            )
+            for i in range(count)
+        ]
+        given = bs.Load(gravity=UP, point_loads=[*loads, FOLLOWER])
+        found = bs.solve(ROBOT, [0, 0, 0], load=given, model=bs.RodModel(theory))
+        assert found.converged and found.model.elements == least
+        exact = Shooting(ROBOT, found, [*loads, FOLLOWER]).disks()
+        off = np.linalg.norm(exact - found.disk_positions, axis=1).max()
+        assert off <= found.error_estimate.tip + 1e-12 < 1e-7
+        run = bs.simulate(ROBOT, [0, 0, 0], 0.01, load=given, model=bs.RodModel(theory))
+        assert run.converged and run.settings["elements"] == least
+        with pytest.raises(InputError, match=f"loads on {count} sections between two disks need"):
+            bs.solve(ROBOT, [0, 0, 0], load=given, model=bs.RodModel(theory, elements=least // 2))
+
+
+def test_a_path_moves_a_load_along_the_backbone() -> None:
+    """The load of each step is on another section than that of the step before."""
+    history = None
+    for at in (0.30, 0.305, 0.35, 0.1, 0.2):
+        touch = bs.PointLoad(arc_length=at, force=[0, 0.5, 0])
+        load = bs.Load(displacements=[0.03, -0.01, -0.01], point_loads=[touch])
+        found = bs.solve(ROBOT, load=load, history=history).raise_for_status()
+        alone = bs.solve(ROBOT, load=load).raise_for_status()
+        assert np.abs(found.disk_positions - alone.disk_positions).max() < 1e-9
+        assert np.abs(found.centerline(7) - alone.centerline(7)).max() < 1e-9
+        history = found.history()
+
+
 def test_fields_jump_at_the_section() -> None:
     """Force and moment along the backbone, against statics and against shooting."""
     touch = bs.PointLoad(
@@ -386,8 +425,8 @@ CLAMPED = bs.load_robot("amouri2019", {"segments.0.disks.clamped_length": "4 mm"
         ),
         (
             ROBOT,
-            [bs.PointLoad(arc_length=0.01), bs.PointLoad(arc_length=0.02)],
-            "0.01 m and 0.02 m, both between the base and disk 1; only one section",
+            [bs.PointLoad(arc_length=0.08 + 0.005 * i) for i in range(8)],
+            "8 sections between disk 1 and disk 2; at most 7 sections between two disks",
         ),
     ],
 )

@@ -29,6 +29,11 @@ fn robot(extra: Option<f64>, clamped: f64) -> Robot {
 
 /// The same, whose diameter at the end is a share of that at the base.
 fn with_end(extra: Option<f64>, clamped: f64, share: f64) -> Robot {
+    let extra: Vec<_> = extra.into_iter().collect();
+    with_disks(&extra, clamped, share)
+}
+
+fn with_disks(extra: &[f64], clamped: f64, share: f64) -> Robot {
     let section = Section {
         bending: [1.07, 0.8],
         principal_angle: 0.3,
@@ -54,10 +59,8 @@ fn with_end(extra: Option<f64>, clamped: f64, share: f64) -> Robot {
     let mut disks: Vec<_> = (1..=4)
         .map(|k| disk(0.1 * k as f64, 0.02, clamped))
         .collect();
-    if let Some(station) = extra {
-        disks.push(disk(station, 0.0, 0.0));
-        disks.sort_by(|a, b| a.station.total_cmp(&b.station));
-    }
+    disks.extend(extra.iter().map(|station| disk(*station, 0.0, 0.0)));
+    disks.sort_by(|a, b| a.station.total_cmp(&b.station));
     let sections = [0.0, 0.25, 0.5, 0.75, 1.0].map(|x| {
         let by = 1.0 + x * (share - 1.0);
         Section {
@@ -465,5 +468,127 @@ fn continuous_tendons_and_tapers_are_divided() {
         println!("{trial} {s} {continuous} {share} {off:e} {longer:e} {stated:e}");
         assert!(off <= stated + 1e-10 && longer <= stated + 1e-10, "{trial}");
         assert!(stated < 1e-6, "{trial}: {stated:e}");
+    }
+}
+
+/// Several sections between the same two disks, dead loads and followers, with several loads on one of
+/// them: at rest, their derivatives, and in motion.
+#[test]
+fn several_sections_between_two_disks() {
+    let mut draw = Draw(17);
+    for trial in 0..12 {
+        let first = draw.within(0.215, 0.225);
+        let places = [first, first + 0.02, first + 0.055, 0.33, 0.385, first];
+        let count = 2 + trial % 5;
+        let scale = 0.6;
+        let own: Vec<_> = (0..count)
+            .map(|i| {
+                let load = drawn(&mut draw, places[i], (i + trial) % 3 == 1);
+                PointLoad {
+                    force: load.force.map(|x| scale * x),
+                    moment: load.moment.map(|x| scale * x),
+                    ..load
+                }
+            })
+            .collect();
+        let mut stations: Vec<_> = places[..count.min(5)].to_vec();
+        stations.sort_by(f64::total_cmp);
+        let whole = with_disks(&stations, 0.002, 1.0);
+        let on_disks: Vec<_> = own
+            .iter()
+            .map(|load| {
+                let station = load.arc_length.unwrap();
+                let disks = &whole.spec().disks;
+                PointLoad {
+                    disk: disks.iter().position(|d| d.station == station).unwrap(),
+                    arc_length: None,
+                    ..*load
+                }
+            })
+            .collect();
+        let robots = [robot(None, 0.002), whole];
+        let loads = [own, on_disks];
+        let tensions = [draw.within(0.0, 15.0), draw.within(0.0, 15.0)];
+        let model = if trial % 2 == 0 {
+            kirchhoff()
+        } else {
+            Model::default()
+        };
+        let rest = |which: usize, tension: f64| {
+            let tensions = [tensions[0] + tension, tensions[1]];
+            let load = Load {
+                tensions: &tensions,
+                gravity: [1.0, 0.0, -9.81],
+                point_loads: &loads[which],
+                ..Load::default()
+            };
+            let mut solver = Solver::new(&robots[which], model, 8).unwrap();
+            let outcome = solved(&mut solver, &load);
+            assert!(outcome.iterations < 15, "{trial}: {}", outcome.iterations);
+            (solver.tip().unwrap().position, outcome.stable, solver)
+        };
+        let ((a, stable, solver), (b, other, _)) = (rest(0, 0.0), rest(1, 0.0));
+        let off = (a - b).norm();
+        let most = if model.theory == Theory::Kirchhoff {
+            1e-8
+        } else {
+            1e-7
+        };
+        assert!(
+            off < most && stable == other,
+            "{trial}: {off:e} {stable:?} {other:?}"
+        );
+        let h = 1e-3;
+        let slope = |h: f64| (rest(0, h).0 - rest(0, -h).0) * (0.5 / h);
+        let exact = slope(0.5 * h) * (4.0 / 3.0) - slope(h) * (1.0 / 3.0);
+        let found = solver.jacobians().unwrap().tensions[0].position;
+        assert!(
+            (found - exact).norm() < 1e-9,
+            "{trial}: {:e}",
+            (found - exact).norm()
+        );
+        let run = |which: usize| {
+            let settings = Integrator {
+                step: Step::Fixed(1e-3),
+                damping: Damping {
+                    mass: 1.0,
+                    material: 0.0,
+                },
+                gravity: [0.0, 0.0, -9.81],
+                spectral_radius: 0.9,
+            };
+            let elements = if which == 0 { 8 } else { 4 };
+            let mut simulator = Simulator::new(&robots[which], model, elements, settings).unwrap();
+            let mut at = |by: f64, rest: bool| {
+                let scaled = |load: &PointLoad| PointLoad {
+                    force: load.force.map(|x| by * x),
+                    moment: load.moment.map(|x| by * x),
+                    ..*load
+                };
+                let points: Vec<_> = loads[which].iter().map(scaled).collect();
+                let load = Load {
+                    tensions: &tensions,
+                    point_loads: &points,
+                    ..Load::default()
+                };
+                if rest {
+                    simulator.rest(&load).unwrap();
+                    assert!(simulator.is_ready());
+                } else {
+                    let (stop, _) = simulator.advance(0.05, &load).unwrap();
+                    assert!(stop.is_none());
+                }
+            };
+            at(0.3, true);
+            at(1.0, false);
+            (simulator.tip(), simulator.energies().work)
+        };
+        let ((a, work), (b, other)) = (run(0), run(1));
+        let off = (a - b).norm();
+        println!("{trial}: {off:e} {:e}", (work - other) / work);
+        assert!(
+            off < 2e-5 && (work - other).abs() < 1e-3 * work.abs(),
+            "{trial}: {off:e}"
+        );
     }
 }

@@ -43,7 +43,7 @@ from bowstring.statics.load import (
     Load,
     PointLoad,
     as_load,
-    has_arc_lengths,
+    least_elements,
     point_loads,
     same_points,
     table_of,
@@ -408,7 +408,7 @@ def simulate(
         raise InputError("simulate needs a duration, in s")
     duration = _check_time("duration", validation.number("duration", duration, "s", zero=True))
     load, model = as_load(tensions, load), as_model(model)
-    elements = model.elements or (2 if has_arc_lengths(load) else 1)
+    elements = model.elements or least_elements(load, robot.disks.station_m)
     model = model.replace(elements=elements)
     start = validation.instance("start", start, Start)
     integrator = validation.instance("integrator", integrator, Integrator)

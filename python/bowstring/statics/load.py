@@ -21,7 +21,7 @@ __all__ = [
     "PointLoad",
     "as_load",
     "disk_shape",
-    "has_arc_lengths",
+    "least_elements",
     "per_disk",
     "point_loads",
     "points_have_potential",
@@ -53,7 +53,7 @@ class PointLoad:
         are then in its axes. Otherwise they are dead loads in base axes.
     arc_length : float, optional
         Arc length of the section of the straight backbone on which the load acts instead of a disk,
-        in m from the base. Between two disks only one section may be loaded.
+        in m from the base. Up to seven sections between two disks may be loaded.
 
     Raises
     ------
@@ -373,14 +373,13 @@ class InstantLoad(NamedTuple):
         return InstantLoad(*(array[None] for array in self))
 
 
-def has_arc_lengths(load: Load) -> bool:
-    """Whether a load acts at an arc length, perhaps between two disks."""
-    given = load.point_loads
-    if given is None:
-        return False
-    if _is_array(given):
-        return bool((table_of(given)[:, -1] >= 0).any())
-    return any(each.arc_length is not None for each in point_loads(given))
+def least_elements(load: Load, stations: Floats) -> int:
+    """Count elements between two disks that suffice for all arc lengths at which a load acts."""
+    loads = point_loads(load.point_loads)
+    places = {each.arc_length for each in loads if each.arc_length is not None}
+    between = np.searchsorted(stations, sorted(places - set(stations.tolist())))
+    most = int(np.bincount(between, minlength=1).max())
+    return min(1 << most.bit_length(), 8)
 
 
 def table_of(numbers: Floats) -> Floats:

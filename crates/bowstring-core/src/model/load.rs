@@ -5,6 +5,7 @@
 use crate::math::linalg::Vec3;
 use crate::model::error::{Argument, InputError, Rule};
 use crate::model::robot::{place, Place, Robot, AT_CLAMP};
+use crate::rod::estimate::LEVELS;
 
 /// Rod theory of the backbone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -423,36 +424,43 @@ impl Load<'_> {
         Ok(())
     }
 
-    /// Checks that loads between two disks, these and `others`, act on one section there.
+    /// Checks that there are elements for all sections between two disks on which these loads and
+    /// `others` act.
     pub(crate) fn check_sections(
         &self,
         robot: &Robot,
         others: &[PointLoad],
     ) -> Result<(), InputError> {
-        let mut found: Vec<(usize, f64, f64)> = vec![];
-        let loads = others.iter().chain(self.point_loads);
-        for arc_length in loads.filter_map(|load| load.arc_length) {
-            let Place::Between { module, fraction } = place(robot.lengths(), arc_length) else {
-                continue;
-            };
-            match found.iter().find(|(k, ..)| *k == module) {
-                Some((_, there, other)) if !same_section(*there, fraction) => {
-                    let before = match module {
-                        0 => "the base".to_string(),
-                        k => format!("disk {k}"),
-                    };
-                    return Err(InputError::other(format!(
-                        "point loads act at the arc lengths {other} m and {arc_length} m, both \
-                         between {before} and disk {}; only one section between two disks can be \
-                         loaded",
-                        module + 1
-                    )));
-                }
-                Some(_) => {}
-                None => found.push((module, fraction, arc_length)),
-            }
+        let (most, module) = self.most_sections(robot, others);
+        if most < MOST_ELEMENTS {
+            return Ok(());
         }
-        Ok(())
+        let before = match module {
+            0 => "the base".to_string(),
+            k => format!("disk {k}"),
+        };
+        Err(InputError::other(format!(
+            "point loads act on {most} sections between {before} and disk {}; at most {} sections \
+             between two disks can be loaded",
+            module + 1,
+            MOST_ELEMENTS - 1
+        )))
+    }
+
+    /// Largest number of loaded sections in a module, by these loads and `others`, and the module.
+    fn most_sections(&self, robot: &Robot, others: &[PointLoad]) -> (usize, usize) {
+        let loads = others.iter().chain(self.point_loads);
+        let of = |arc_length: f64| match place(robot.lengths(), arc_length) {
+            Place::Between { module, fraction } => Some((module, fraction)),
+            _ => None,
+        };
+        let arc_lengths = loads.filter_map(|load| load.arc_length);
+        let mut sections: Vec<_> = arc_lengths.filter_map(of).collect();
+        sections.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        sections.dedup_by(|b, a| a.0 == b.0 && same_section(a.1, b.1));
+        let counts = sections.chunk_by(|a, b| a.0 == b.0);
+        let counts = counts.map(|module| (module.len(), module[0].0));
+        counts.max_by_key(|(count, _)| *count).unwrap_or((0, 0))
     }
 
     /// Whether all sections of the backbone that may be divided are those of other point loads.
@@ -470,28 +478,45 @@ impl Load<'_> {
             .any(|load| load.arc_length.is_some())
     }
 
-    /// The fewest elements in a module that take it: two where a load acts between two disks.
+    /// The fewest elements in a module that take it, more than one where loads act between two
+    /// disks; the largest number where none do.
     pub fn least_elements(&self, robot: &Robot) -> usize {
-        let between = |load: &PointLoad| {
-            load.arc_length
-                .is_some_and(|s| matches!(place(robot.lengths(), s), Place::Between { .. }))
-        };
-        match self.point_loads.iter().any(between) {
-            true => 2,
-            false => 1,
-        }
+        usize::min(self.least_elements_beside(robot, &[]), MOST_ELEMENTS)
+    }
+
+    /// The fewest elements in a module that take it and other point loads.
+    pub(crate) fn least_elements_beside(&self, robot: &Robot, others: &[PointLoad]) -> usize {
+        (self.most_sections(robot, others).0 + 1).next_power_of_two()
     }
 
     /// Checks that so many elements in a module take it.
     pub(crate) fn check_elements(&self, robot: &Robot, elements: usize) -> Result<(), InputError> {
-        if elements >= self.least_elements(robot) {
+        self.check_elements_beside(robot, elements, &[])
+    }
+
+    /// Checks that so many elements in a module take it and other point loads.
+    pub(crate) fn check_elements_beside(
+        &self,
+        robot: &Robot,
+        elements: usize,
+        others: &[PointLoad],
+    ) -> Result<(), InputError> {
+        let least = self.least_elements_beside(robot, others);
+        if elements >= least {
             return Ok(());
         }
-        Err(InputError::other(
-            "a load between two disks needs 2 elements or more between them, and elements is 1",
-        ))
+        let what = match self.most_sections(robot, others).0 {
+            1 => "a load between two disks needs".to_string(),
+            most => format!("loads on {most} sections between two disks need"),
+        };
+        Err(InputError::other(format!(
+            "{what} {least} elements or more between them, and elements is {elements}"
+        )))
     }
 }
+
+/// Most elements in a module.
+const MOST_ELEMENTS: usize = LEVELS[LEVELS.len() - 1];
 
 fn check_arc_length(robot: &Robot, i: usize, arc_length: f64) -> Result<(), InputError> {
     let (number, length) = (i + 1, robot.length());
@@ -519,6 +544,6 @@ fn check_arc_length(robot: &Robot, i: usize, arc_length: f64) -> Result<(), Inpu
 }
 
 /// Whether two fractions of a module belong to the same section.
-fn same_section(a: f64, b: f64) -> bool {
+pub(crate) fn same_section(a: f64, b: f64) -> bool {
     (a - b).abs() <= AT_CLAMP
 }

@@ -111,10 +111,9 @@ struct Pieces<T, const A: usize> {
     tension: T,
     /// Weight and inertial force per length, in the frame of the start (N/m).
     load: Vec3<T>,
-    /// Fraction of the module at its middle node, and force (N) and moment (N m) of the loads there
-    /// in the frame of the start.
-    node: T,
-    on_node: [Vec3<T>; 2],
+    /// Force (N) and moment (N m) of loads between the disks on the nodes before the elements, in the
+    /// frame of the start.
+    on_nodes: [[Vec3<T>; 2]; A],
     /// Position of the disk at the start (m).
     origin: Vec3<T>,
     frame: Mat3<T>,
@@ -175,6 +174,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 holes: rod.tendons.in_group(g),
                 tensions: &here,
                 path: rod.path,
+                on_nodes: &[],
             };
             let mut c = rod.constants[g];
             if self.body.scheme.rigid {
@@ -190,11 +190,14 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 let load = self.load_by_length(k, &frame, L::get(&c.mass_per_length, i));
                 put::<L>(&mut pieces.load, i, load);
                 if rod.attached.has_between() {
-                    let node = frame * get_mat::<L>(&pieces.state.middle(), i);
-                    let own = rod.loads_on_node_at(k, &node);
-                    for (part, own) in pieces.on_node.iter_mut().zip(own) {
-                        put::<L>(part, i, frame.tr_mul(own));
-                    }
+                    let state = &pieces.state;
+                    let rotation = |arcs: usize| frame * get_mat::<L>(&state.node(arcs / 2), i);
+                    let on_nodes = &mut pieces.on_nodes;
+                    rod.each_between(k, rotation, |arcs, own| {
+                        for (part, own) in on_nodes[arcs / 2].iter_mut().zip(own) {
+                            put::<L>(part, i, frame.tr_mul(own));
+                        }
+                    });
                 }
                 origin += frame * get::<L>(&end, i);
                 frame = frame * get_mat::<L>(&pieces.state.s, i);
@@ -250,8 +253,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             force,
             tension,
             load: Vec3::zero(),
-            node: c.fraction(A / 2),
-            on_node: [Vec3::zero(); 2],
+            on_nodes: [[Vec3::zero(); 2]; A],
             origin: Vec3::zero(),
             frame: Mat3::zero(),
         }
@@ -303,6 +305,18 @@ impl<L: Layout, const A: usize> Motion<L, A> {
 }
 
 impl<T: Real, const A: usize> Pieces<T, A> {
+    /// Moment about a place of the loads on the nodes beyond some arcs (N m).
+    #[inline(always)]
+    fn moment_beyond(&self, c: &Constants<T, A>, arcs: usize, place: Vec3<T>) -> Vec3<T> {
+        let mut sum = Vec3::zero();
+        for node in arcs / 2 + 1..A / 2 {
+            let [force, moment] = self.on_nodes[node];
+            let lever = self.state.inside(c, 2 * node - 1) - place;
+            sum += moment + lever.cross(force);
+        }
+        sum
+    }
+
     /// Fields at the sections of all modules. The mean moment is that of the backbone's strain; its
     /// variation follows from the balance of the distal piece.
     #[inline(always)]
@@ -316,14 +330,12 @@ impl<T: Real, const A: usize> Pieces<T, A> {
         let (state, load) = (&self.state, self.load);
         let elements = (A / 2) as f64;
         // the contact force is the mean over the module
-        let [on_node, moment_on_node] = self.on_node;
-        let force = self.force - load * (c.flexible * T::splat(0.5)) - on_node * self.node;
+        let mut force = self.force - load * (c.flexible * T::splat(0.5));
+        for node in 1..A / 2 {
+            force -= self.on_nodes[node][0] * c.fraction(2 * node);
+        }
         let (mut moment, mut centre) = (Vec3::zero(), Vec3::zero());
         let gauss = 3f64.sqrt() / 6.0;
-        let node = match A {
-            2 => Vec3::zero(),
-            _ => state.inside(c, A / 2 - 1),
-        };
         for element in 0..A / 2 {
             let part = c.part(element);
             let weight = part * T::splat(0.5 / elements);
@@ -336,11 +348,8 @@ impl<T: Real, const A: usize> Pieces<T, A> {
                 let (place, turn) = state.section(c, from + part.lane(0) * xi / elements);
                 moment += (turn * stiffness.times(curved)) * weight;
                 centre += place * weight;
-                if 4 * element < A {
-                    // the mean moment has that of the loads on the node as well
-                    let own = moment_on_node + (node - place).cross(on_node);
-                    moment -= own * weight;
-                }
+                // the mean moment has that of the loads on the nodes beyond as well
+                moment -= self.moment_beyond(c, 2 * element, place) * weight;
             }
         }
         let along = (state.rho * c.per_flexible).cross(load);
@@ -361,9 +370,12 @@ impl<T: Real, const A: usize> Pieces<T, A> {
             let lever = T::splat(0.5) * left * left - c.flexible * c.flexible * T::splat(1.0 / 6.0);
             let mut m = along.scaled_add(lever, moment + (centre - place).cross(force));
             let mut f = load.scaled_add(left, force);
-            if A > 2 && xi < self.node.lane(0) {
-                m += moment_on_node + (node - place).cross(on_node);
-                f += on_node;
+            if A > 2 {
+                let arcs = c.arcs_before(xi) as usize;
+                m += self.moment_beyond(c, arcs, place);
+                for node in arcs / 2 + 1..A / 2 {
+                    f += self.on_nodes[node][0];
+                }
             }
             // continuous tendons carry their own part of the distal force
             let mut own = turn.tr_mul(f);

@@ -232,20 +232,20 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             let here = rotation.tr_mul(total);
             put::<L>(&mut state.f[0], i, here);
             put::<L>(&mut state.f[1], i, here * end);
-            let between = rod.attached.has_between();
-            let on_node = match between {
-                true => rod.force_on_node(k),
-                false => Vec3::zero(),
-            };
-            let state = &mut rod.states[g];
             for a in 0..A - 1 {
-                let mut force = self.force[k * A + a];
-                if between && a + 1 == A / 2 {
-                    force += on_node;
-                }
+                let force = self.force[k * A + a];
                 total += force;
                 put::<L>(&mut self.modules[g].nodes[a], i, rotation.tr_mul(force));
             }
+            if rod.attached.has_between() {
+                let nodes = &mut self.modules[g].nodes;
+                rod.each_force_between(k, |arcs, force| {
+                    total += force;
+                    let sum = get::<L>(&nodes[arcs - 1], i) + rotation.tr_mul(force);
+                    put::<L>(&mut nodes[arcs - 1], i, sum);
+                });
+            }
+            let state = &mut rod.states[g];
             put::<L>(&mut state.f[2], i, rotation.tr_mul(total) * start);
         }
     }
@@ -288,7 +288,7 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             put::<L>(&mut state.lambda, i, lambda);
             lambda -= get::<L>(&state.load_moment, i);
             if rod.attached.has_between() {
-                rod.add_moment_on_node(k, &mut lambda);
+                rod.add_moments_between(k, &mut lambda);
             }
         }
     }

@@ -9,6 +9,7 @@ use crate::interrupt;
 use crate::math::linalg::{dot, Mat3, Vec3};
 use crate::math::mlcp::eliminate;
 use crate::math::real::{Layout, Real};
+use crate::rod::between::OnSection;
 use crate::rod::chain::{get, get_mat, lanes, put, Rod};
 use crate::rod::module::State;
 
@@ -40,14 +41,14 @@ pub(super) struct Column<L: Layout, const A: usize> {
 pub(super) struct TurningLoads<L: Layout, const A: usize> {
     /// Disks with such loads, and the moment and force by rotation of each.
     disks: Vec<(usize, [Mat3<L::Chain>; 2])>,
-    /// The same of modules with such loads between their disks, in the frames of their starts.
-    nodes: Vec<(usize, [Mat3<L::Chain>; 2])>,
+    /// The same of sections between disks.
+    sections: Vec<OnSection<Mat3<L::Chain>>>,
     /// Rotations by those of a solution without the correction, three rows and columns a disk.
     turns: Vec<f64>,
-    /// Moments and forces on all disks, in their frames, and on the middle nodes of all modules, in
-    /// those of their starts, and the solution for them.
+    /// Moments and forces on all disks, in their frames, and on these sections, and the solution for
+    /// them.
     on_disks: Vec<[Vec3<L::Chain>; 2]>,
-    on_nodes: Vec<[Vec3<L::Chain>; 2]>,
+    on_sections: Vec<OnSection<Vec3<L::Chain>>>,
     column: Column<L, A>,
 }
 
@@ -185,17 +186,24 @@ impl<L: Layout, const A: usize> Response<L, A> {
             numbers.into_iter().any(|x| x.lane(0) != 0.0)
         };
         let disks: Vec<_> = (0..n).map(of).filter(acts).collect();
-        let between = if rod.attached.has_between() { n } else { 0 };
-        let on_node = |k: usize| (k, rod.turning_on_node(k));
-        let nodes: Vec<_> = (0..between).map(on_node).filter(acts).collect();
-        let size = 3 * (disks.len() + nodes.len());
+        let mut sections = match rod.attached.has_between() {
+            true => rod.turning_between(),
+            false => vec![],
+        };
+        sections.retain(|section| acts(&(0, section.parts)));
+        let size = 3 * (disks.len() + sections.len());
+        let unloaded = |section: &OnSection<_>| OnSection {
+            module: section.module,
+            arcs: section.arcs,
+            parts: [Vec3::zero(); 2],
+        };
         let mut correction = TurningLoads {
             turns: vec![],
             on_disks: vec![[Vec3::zero(); 2]; n],
-            on_nodes: vec![[Vec3::zero(); 2]; between],
+            on_sections: sections.iter().map(unloaded).collect(),
             column: Column::of(rod),
             disks,
-            nodes,
+            sections,
         };
         // I - C, and I beside it
         let mut problem = vec![0.0; size * 2 * size];
@@ -235,16 +243,16 @@ impl<L: Layout, const A: usize> Column<L, A> {
     }
 
     /// Substitution from tip to base and back; moments and forces `on_disks` act in their frames, and
-    /// `on_nodes` in those of the starts of their modules, if there are any.
+    /// `on_sections` in those of the starts of their modules, if there are any.
     #[inline(always)]
     fn substitute(
         &mut self,
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
         on_disks: &[[Vec3<L::Chain>; 2]],
-        on_nodes: &[[Vec3<L::Chain>; 2]],
+        on_sections: &[OnSection<Vec3<L::Chain>>],
     ) {
-        self.substitute_to_base(rod, tangent, on_disks, on_nodes);
+        self.substitute_to_base(rod, tangent, on_disks, on_sections);
         self.substitute_to_tip(rod, tangent);
     }
 
@@ -255,7 +263,7 @@ impl<L: Layout, const A: usize> Column<L, A> {
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
         on_disks: &[[Vec3<L::Chain>; 2]],
-        on_nodes: &[[Vec3<L::Chain>; 2]],
+        on_sections: &[OnSection<Vec3<L::Chain>>],
     ) {
         let mut p = [Vec3::zero(); 2];
         for k in (0..rod.module_count()).rev() {
@@ -268,8 +276,9 @@ impl<L: Layout, const A: usize> Column<L, A> {
                 p[1] -= *force;
             }
             let mut start = [Vec3::zero(); 2];
-            if let Some(on_node) = on_nodes.get(k) {
-                start = self.load_node(rod, contact, k, on_node);
+            for load in on_sections.iter().filter(|load| load.module == k) {
+                let own = self.load_section(rod, contact, load);
+                start = [start[0] + own[0], start[1] + own[1]];
             }
             let push = s * p[1];
             let turn = s * p[0] + b.cross(push);
@@ -291,19 +300,19 @@ impl<L: Layout, const A: usize> Column<L, A> {
         }
     }
 
-    /// Adds a moment and a force on the middle node of a module to its right-hand sides; returns
-    /// those on its start.
+    /// Adds a moment and a force on a section to the right-hand sides of its module; returns those
+    /// on the start of the module.
     #[cold]
-    fn load_node(
+    fn load_section(
         &mut self,
         rod: &Rod<L, A>,
         contact: &ContactBlocks<L::Module, A>,
-        k: usize,
-        [moment, force]: &[Vec3<L::Chain>; 2],
+        load: &OnSection<Vec3<L::Chain>>,
     ) -> [Vec3<L::Chain>; 2] {
+        let (k, [moment, force]) = (load.module, load.parts);
         let (g, i) = (k / L::WIDTH, k % L::WIDTH);
         let (c, state, gradient) = (&rod.constants[g], &rod.states[g], &rod.gradients[g]);
-        let at = A / 2 - 1;
+        let at = load.arcs - 1;
         let share = L::get(&c.share(at), i);
         let beyond = get::<L>(&state.tail[at], i).skew();
         for a in 0..A {
@@ -312,16 +321,16 @@ impl<L: Layout, const A: usize> Column<L, A> {
             let mut sum = get::<L>(&self.u[g][a], i);
             if a <= at {
                 moved += r + beyond;
-                sum -= *moment;
+                sum -= moment;
             }
-            sum -= moved.tr_mul(*force);
+            sum -= moved.tr_mul(force);
             put::<L>(&mut self.u[g][a], i, sum);
         }
-        let delta = get::<L>(&self.delta[g], i) - *force * share;
+        let delta = get::<L>(&self.delta[g], i) - force * share;
         put::<L>(&mut self.delta[g], i, delta);
         let mut place = get::<L>(&state.inside(c, at), i);
         place.0[2] += rod.fixed.modules[k].clamp[0];
-        [*moment + place.cross(*force), *force]
+        [moment + place.cross(force), force]
     }
 
     /// Solves module by module from the base.
@@ -367,31 +376,33 @@ impl<L: Layout, const A: usize> TurningLoads<L, A> {
         for (i, (k, by_turn)) in self.disks.iter().enumerate() {
             self.on_disks[*k] = by_turn.map(|part| part * turn(i));
         }
-        for (i, (k, by_turn)) in self.nodes.iter().enumerate() {
-            self.on_nodes[*k] = by_turn.map(|part| part * turn(self.disks.len() + i));
+        for (i, section) in self.sections.iter().enumerate() {
+            let turn = turn(self.disks.len() + i);
+            self.on_sections[i].parts = section.parts.map(|part| part * turn);
         }
         self.column.u.fill([Vec3::zero(); A]);
         self.column.delta.fill(Vec3::zero());
-        let (on_disks, on_nodes) = (&self.on_disks, &self.on_nodes);
-        self.column.substitute(rod, tangent, on_disks, on_nodes);
+        let (on_disks, on_sections) = (&self.on_disks, &self.on_sections);
+        self.column.substitute(rod, tangent, on_disks, on_sections);
     }
 
-    /// Rotations of the loaded disks and nodes in a solution.
+    /// Rotations of the loaded disks and sections in a solution.
     fn turns_of(&self, of: &Column<L, A>) -> Vec<f64> {
         let disks = self.disks.iter();
         let of_disks = disks.flat_map(|(k, _)| of.disks[*k][0].of_lane(0).0);
-        let nodes = self.nodes.iter();
-        let of_nodes = nodes.flat_map(|(k, _)| {
+        let sections = self.sections.iter();
+        let of_sections = sections.flat_map(|section| {
+            let k = section.module;
             let mut turn = match k {
                 0 => Vec3::zero(),
                 k => of.disks[k - 1][0],
             };
-            for own in &of.u[k / L::WIDTH][..A / 2] {
+            for own in &of.u[k / L::WIDTH][..section.arcs] {
                 turn += get::<L>(own, k % L::WIDTH);
             }
             turn.of_lane(0).0
         });
-        of_disks.chain(of_nodes).collect()
+        of_disks.chain(of_sections).collect()
     }
 
     /// Corrects a solution.

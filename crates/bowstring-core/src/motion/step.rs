@@ -194,12 +194,17 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             start.w = self.strain.start()[g].w;
             let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
             start.shape(&rod.constants[g], &t);
-            let first = before[0] * get_mat::<L>(&start.middle(), i);
-            let last = before[1] * get_mat::<L>(&self.next[g].middle(), i);
-            let turned = log(&of_lane(&(last * first.transpose())));
-            let moved = (next.points[A / 2 - 1] - now.points[A / 2 - 1]).of_lane(0);
-            let [force, moment] = rod.loads_on_node_at(k, &rod.node(k));
-            sum += moment.of_lane(0).dot(turned) + force.of_lane(0).dot(moved);
+            let at = |frame: Mat3<L::Chain>, state: &State<L::Module, A>, arcs: usize| {
+                frame * get_mat::<L>(&state.node(arcs / 2), i)
+            };
+            let balance = |arcs: usize| at(rod.rotations[k], &rod.states[g], arcs);
+            rod.each_between(k, balance, |arcs, [force, moment]| {
+                let first = at(before[0], &start, arcs);
+                let last = at(before[1], &self.next[g], arcs);
+                let turned = log(&of_lane(&(last * first.transpose())));
+                let moved = (next.points[arcs - 1] - now.points[arcs - 1]).of_lane(0);
+                sum += moment.of_lane(0).dot(turned) + force.of_lane(0).dot(moved);
+            });
         }
         sum
     }

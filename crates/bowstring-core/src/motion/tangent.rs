@@ -212,7 +212,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             }
             let mut blocks = self.condense(rod, k, value);
             if rod.attached.has_between() {
-                rod.add_stiffness_on_node::<true, 2>(k, &mut blocks);
+                rod.add_stiffness_between::<true, 2>(k, &mut blocks);
             }
             let module = &mut self.eliminated[k];
             value = module.arcs.eliminate::<true>(blocks, &mut least_pivot);

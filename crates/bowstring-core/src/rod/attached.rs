@@ -1,5 +1,4 @@
-//! Loads on disks beside dead forces on their centres: moments, forces off the centre, followers;
-//! and the same on a section of the backbone between two disks.
+//! Loads on disks beside dead forces on their centres: moments, forces off the centre, followers.
 //!
 //! Theory: docs/theory/rod.md (Loads) and docs/theory/statics.md (Followers).
 //!
@@ -9,21 +8,16 @@
 //! the second variation of the distal part, the change `Q x` of its force by the rotation `x` of
 //! the disk.
 //!
-//! A load between two disks acts on the middle node of its module, whose elements are divided there
-//! (see [`Constants::divided`]). Its force is part of the dead loads of the module ([`State::f`]). Its
-//! moment turns the node, hence all arcs before it and the start. As the elements on both sides of
-//! the node are not equally long, the couples of the weight by Hermite's rule do not cancel there.
+//! Loads between two disks are in [`crate::rod::between`].
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::model::load::{Load, PointLoad};
+use crate::model::load::{same_section, Load, PointLoad};
 use crate::model::robot::{place, Payload, Place};
-use crate::rod::chain::{get, get_mat, lumped, put, Rod};
+use crate::rod::between::Between;
+use crate::rod::chain::{get, get_mat, lumped, Rod};
 use crate::rod::constants::Constants;
-use crate::rod::defect::LoadOnNode;
 use crate::rod::elimination::Blocks;
-#[cfg(doc)]
-use crate::rod::module::State;
 
 /// Moments and point loads on the disks of a robot.
 #[derive(Clone)]
@@ -33,22 +27,11 @@ pub(crate) struct Attached<C, const A: usize> {
     moments: Vec<Vec3<C>>,
     /// By disks from base to tip.
     loads: Vec<PointLoad>,
-    /// Loads between two disks; `disk` is the one after them.
-    between: Vec<PointLoad>,
-    /// Fractions of all modules at which they are divided; empty if there are no such loads.
-    fractions: Vec<f64>,
-    /// Couples on the tangent of the middle node of each module by Hermite's rule of the weight (N
-    /// m), in the base frame; empty if there are no loads between disks.
-    couples: Vec<Vec3<C>>,
-    /// Imbalance of the moment on the middle node of each module (N m), in the frame of its start,
-    /// from the last gradient.
-    pub torques: Vec<Vec3<C>>,
-    /// Rotations of the middle nodes, from the last evaluation with followers.
-    nodes: Vec<Mat3<C>>,
+    pub between: Between<C>,
     /// Modules before the last follower force.
     followed: usize,
     /// Loads on the modules without followers; empty if there are none.
-    constant: Vec<[Vec3<C>; 5]>,
+    constant: Vec<[Vec3<C>; 4]>,
     /// By modules before the last follower force, from the last elimination.
     couplings: Vec<Coupling<C, A>>,
     /// Change of the force of the part beyond a disk by its rotation (N), during an elimination.
@@ -60,8 +43,6 @@ pub(crate) struct Attached<C, const A: usize> {
 pub(crate) struct Coupling<T, const A: usize> {
     /// Change of the force by the rotation of the module's end (N).
     by_turn: Mat3<T>,
-    /// Change of the force on the middle node by its rotation (N).
-    by_node: Mat3<T>,
     /// Moment imbalance of each arc and of the start by the force (m).
     arcs: [Mat3<T>; A],
     start: Mat3<T>,
@@ -72,7 +53,6 @@ impl<T: Real, const A: usize> Coupling<T, A> {
         let zero = Mat3::zero();
         Coupling {
             by_turn: zero,
-            by_node: zero,
             arcs: [zero; A],
             start: zero,
         }
@@ -87,25 +67,20 @@ impl<T: Real, const A: usize> Coupling<T, A> {
         *start += self.start * force;
     }
 
-    /// Change of the force that shears and extends the module, by the rotation of its end and of
-    /// its middle node.
+    /// Change of the force beyond the module by the rotation of its end.
     #[inline(always)]
-    pub fn by_turns(&self, c: &Constants<T, A>, end: Vec3<T>, node: Vec3<T>) -> Vec3<T> {
-        self.by_turn * end + self.by_node * node * c.fraction(A / 2)
+    pub fn by_turn(&self, turn: Vec3<T>) -> Vec3<T> {
+        self.by_turn * turn
     }
 
-    /// Force beyond the module's start, where the arcs' own solution is `solution`.
+    /// Force beyond the module's end, where the arcs' own solution is `solution`.
     #[inline(always)]
     pub fn force_beyond(&self, force: Vec3<T>, solution: &[Vec3<T>; A]) -> Vec3<T> {
         let mut turn = Vec3::zero();
-        for own in &solution[..A / 2] {
+        for own in solution {
             turn += *own;
         }
-        let of_node = self.by_node * turn;
-        for own in &solution[A / 2..] {
-            turn += *own;
-        }
-        force - self.by_turn * turn - of_node
+        force - self.by_turn * turn
     }
 
     /// The same in another number type.
@@ -117,7 +92,6 @@ impl<T: Real, const A: usize> Coupling<T, A> {
         }
         Coupling {
             by_turn: wide(&self.by_turn),
-            by_node: wide(&self.by_node),
             arcs,
             start: wide(&self.start),
         }
@@ -129,11 +103,7 @@ impl<C: Real, const A: usize> Attached<C, A> {
         Attached {
             moments: vec![],
             loads: vec![],
-            between: vec![],
-            fractions: vec![],
-            couples: vec![],
-            torques: vec![],
-            nodes: vec![],
+            between: Between::none(),
             followed: 0,
             constant: vec![],
             couplings: vec![],
@@ -156,12 +126,12 @@ impl<C: Real, const A: usize> Attached<C, A> {
     /// Whether there are loads between two disks, which need two elements.
     #[inline(always)]
     pub fn has_between(&self) -> bool {
-        A > 2 && !self.between.is_empty()
+        A > 2 && !self.between.loads().is_empty()
     }
 
     /// Whether all of them have a potential.
     pub fn has_potential(&self) -> bool {
-        let mut loads = self.loads.iter().chain(&self.between);
+        let mut loads = self.loads.iter().chain(self.between.loads());
         self.moments.is_empty() && loads.all(PointLoad::has_potential)
     }
 
@@ -174,18 +144,20 @@ impl<C: Real, const A: usize> Attached<C, A> {
             let moments = (0..n).map(|k| Vec3::splat(load.moment_on(k, n)));
             self.moments.extend(moments);
         }
-        if load.point_loads.is_empty() && self.loads.is_empty() && !self.has_between() {
+        let between = !self.between.loads().is_empty();
+        if load.point_loads.is_empty() && self.loads.is_empty() && !between {
             return;
         }
         self.loads.clear();
-        if load.has_arc_lengths() || self.has_between() {
+        if load.has_arc_lengths() || between {
             self.set_places(load, modules);
         } else {
             self.loads.extend_from_slice(load.point_loads);
         }
         self.loads.sort_by_key(|load| load.disk);
         let pushes = |load: &&PointLoad| load.follower && load.force != [0.0; 3];
-        let followers = self.loads.iter().chain(&self.between).filter(pushes);
+        let loads = self.loads.iter().chain(self.between.loads());
+        let followers = loads.filter(pushes);
         self.followed = followers.map(|load| load.disk + 1).max().unwrap_or(0);
         self.couplings.resize(n, Coupling::none());
         self.constant.clear();
@@ -194,8 +166,7 @@ impl<C: Real, const A: usize> Attached<C, A> {
     /// Takes over point loads of which some may act between two disks.
     #[cold]
     fn set_places(&mut self, load: &Load, modules: &[Constants<C, A>]) {
-        self.between.clear();
-        self.fractions.clear();
+        let mut between = vec![];
         for load in load.point_loads {
             let lengths = modules
                 .iter()
@@ -204,36 +175,21 @@ impl<C: Real, const A: usize> Attached<C, A> {
                 self.loads.push(*load);
                 continue;
             };
-            let mut own = PointLoad {
-                arc_length: None,
-                ..*load
-            };
             match place(lengths, arc_length) {
                 Place::Base => continue,
                 Place::Disk { disk, beyond } => {
-                    own.disk = disk;
-                    own.point[2] += beyond;
-                    self.loads.push(own);
+                    let [x, y, z] = load.point;
+                    self.loads.push(PointLoad {
+                        disk,
+                        arc_length: None,
+                        point: [x, y, z + beyond],
+                        ..*load
+                    });
                 }
-                Place::Between { module, fraction } => {
-                    own.disk = module;
-                    self.between.push(own);
-                    self.fractions.resize(modules.len(), 0.5);
-                    self.fractions[module] = fraction;
-                }
+                Place::Between { module, fraction } => between.push((module, fraction, *load)),
             }
         }
-        self.between.sort_by_key(|load| load.disk);
-        let count = self.fractions.len();
-        self.couples.clear();
-        self.couples.resize(count, Vec3::zero());
-        self.torques.clear();
-        self.torques.resize(count, Vec3::zero());
-    }
-
-    /// Fraction at which a module is divided.
-    pub fn fraction(&self, k: usize) -> f64 {
-        self.fractions.get(k).copied().unwrap_or(0.5)
+        self.between.set(between, same_section);
     }
 
     /// Adds the weights of payloads, after `set`.
@@ -256,29 +212,9 @@ impl<C: Real, const A: usize> Attached<C, A> {
         of_disk(&self.loads, k)
     }
 
-    /// The loads on the middle node of a module.
-    fn on_node(&self, k: usize) -> &[PointLoad] {
-        of_disk(&self.between, k)
-    }
-
     /// Sum of the forces on a disk of some rotation, in the base frame (N).
     pub fn force(&self, k: usize, rotation: &Mat3<C>) -> Vec3<C> {
-        sum_of_forces(self.on(k), rotation)
-    }
-
-    /// Moment of the loads on the middle node of a module about it, in its frame and for its
-    /// rotation (N m); without the couple of the weight.
-    fn moment_on_node(&self, k: usize, rotation: &Mat3<C>) -> Vec3<C> {
-        sum_of_moments(self.on_node(k), rotation)
-    }
-
-    /// Stiffness of the loads and couples on the middle node of a module against its rotation; see
-    /// `stiffness`.
-    fn stiffness_on_node<const SYMMETRIC: bool>(&self, k: usize, rotation: &Mat3<C>) -> Mat3<C> {
-        let sum = sum_of_stiffness::<C, SYMMETRIC>(self.on_node(k), rotation, Mat3::zero());
-        let couple = rotation.tr_mul(self.couples[k]);
-        let along = Vec3::ez();
-        sum + (-couple.outer(along).symmetric_part()).add_diagonal([couple[2]; 3])
+        sum_of_forces(self.on(k), Some(rotation))
     }
 
     /// Sum of the moments on a disk of some rotation about its centre, in its frame (N m).
@@ -326,14 +262,15 @@ fn of_disk(loads: &[PointLoad], k: usize) -> &[PointLoad] {
     &loads[first..after]
 }
 
-/// Sum of forces at some rotation, in the base frame (N).
-fn sum_of_forces<C: Real>(loads: &[PointLoad], rotation: &Mat3<C>) -> Vec3<C> {
+/// Sum of forces at some rotation, in the base frame (N); of dead forces alone without one.
+pub(crate) fn sum_of_forces<C: Real>(loads: &[PointLoad], rotation: Option<&Mat3<C>>) -> Vec3<C> {
     let mut sum = Vec3::zero();
     for load in loads {
         let force = Vec3::splat(load.force);
-        sum += match load.follower {
-            true => *rotation * force,
-            false => force,
+        sum += match (load.follower, rotation) {
+            (true, Some(rotation)) => *rotation * force,
+            (true, None) => continue,
+            (false, _) => force,
         };
     }
     sum
@@ -341,7 +278,7 @@ fn sum_of_forces<C: Real>(loads: &[PointLoad], rotation: &Mat3<C>) -> Vec3<C> {
 
 /// Sum of moments at some rotation about the centre, in its frame (N m).
 #[inline(always)]
-fn sum_of_moments<C: Real>(loads: &[PointLoad], rotation: &Mat3<C>) -> Vec3<C> {
+pub(crate) fn sum_of_moments<C: Real>(loads: &[PointLoad], rotation: &Mat3<C>) -> Vec3<C> {
     let mut sum = Vec3::zero();
     for load in loads {
         sum += match load.follower {
@@ -357,7 +294,7 @@ fn sum_of_moments<C: Real>(loads: &[PointLoad], rotation: &Mat3<C>) -> Vec3<C> {
 }
 
 /// Potential of dead forces by the rotation (J).
-fn potential_of<C: Real>(loads: &[PointLoad], rotation: &Mat3<C>) -> C {
+pub(crate) fn potential_of<C: Real>(loads: &[PointLoad], rotation: &Mat3<C>) -> C {
     let mut sum = C::zero();
     for load in loads.iter().filter(|load| !load.follower) {
         let point = *rotation * Vec3::splat(load.point);
@@ -368,7 +305,7 @@ fn potential_of<C: Real>(loads: &[PointLoad], rotation: &Mat3<C>) -> C {
 
 /// Adds the stiffness of loads against the rotation to a sum; see [`Attached::stiffness`].
 #[inline(always)]
-fn sum_of_stiffness<C: Real, const SYMMETRIC: bool>(
+pub(crate) fn sum_of_stiffness<C: Real, const SYMMETRIC: bool>(
     loads: &[PointLoad],
     rotation: &Mat3<C>,
     mut sum: Mat3<C>,
@@ -390,7 +327,7 @@ fn sum_of_stiffness<C: Real, const SYMMETRIC: bool>(
 }
 
 /// Change of the forces of followers by their rotation, in their frame (N).
-fn turning_of<C: Real>(loads: &[PointLoad]) -> Mat3<C> {
+pub(crate) fn turning_of<C: Real>(loads: &[PointLoad]) -> Mat3<C> {
     let mut sum = Vec3::zero();
     for load in loads.iter().filter(|load| load.follower) {
         sum += Vec3::splat(load.force);
@@ -398,195 +335,41 @@ fn turning_of<C: Real>(loads: &[PointLoad]) -> Mat3<C> {
     (-sum).skew()
 }
 
-/// Sum of dead forces, or of followers at some rotation, in the base frame (N).
-fn sum_of_kind<C: Real>(loads: &[PointLoad], follower: Option<&Mat3<C>>) -> Vec3<C> {
-    let mut sum = Vec3::zero();
-    for load in loads {
-        sum += match (load.follower, follower) {
-            (true, Some(rotation)) => *rotation * Vec3::splat(load.force),
-            (false, None) => Vec3::splat(load.force),
-            _ => continue,
-        };
-    }
-    sum
-}
-
 impl<L: Layout, const A: usize> Rod<L, A> {
-    /// Divides modules where loads act between their disks, and divides them equally again where
-    /// none does any more; returns whether any changed.
-    #[cold]
-    pub fn divide(&mut self) -> bool {
-        let Some(source) = &self.fixed.source else {
-            return false;
-        };
-        let mut changed = false;
-        for k in 0..self.dead.modules.len() {
-            let parts = self.fixed.modules[k].parts[0].lane(0);
-            let fraction = self.attached.fraction(k);
-            if parts != 2.0 * fraction {
-                let (robot, model) = &**source;
-                let c = [Constants::divided(robot, k, *model, fraction)];
-                self.fixed.modules[k] = Constants::gather(&c);
-                self.constants[k] = Constants::gather(&c);
-                changed = true;
-            }
-        }
-        for state in &mut self.states {
-            state.f[4] = Vec3::zero();
-        }
-        changed
-    }
-
-    /// Force of the loads on the middle node of a module (N).
-    pub fn force_on_node(&self, k: usize) -> Vec3<L::Chain> {
-        match self.attached.on_node(k) {
-            [] => Vec3::zero(),
-            loads => sum_of_forces(loads, &self.node(k)),
-        }
-    }
-
-    /// Force (N) and moment (N m) of the loads on the middle node of a module, for some rotation of
-    /// it, in the base frame.
-    pub fn loads_on_node_at(&self, k: usize, node: &Mat3<L::Chain>) -> [Vec3<L::Chain>; 2] {
-        let moment = *node * self.attached.moment_on_node(k, node);
-        [sum_of_forces(self.attached.on_node(k), node), moment]
-    }
-
-    /// Moment and force by the rotation of the middle node of a module that have no potential, in
-    /// the frame of its start.
-    pub fn turning_on_node(&self, k: usize) -> [Mat3<L::Chain>; 2] {
-        let node = self.node(k);
-        let whole = self.attached.stiffness_on_node::<false>(k, &node);
-        let skew = whole - self.attached.stiffness_on_node::<true>(k, &node);
-        let relative = get_mat::<L>(&self.states[k / L::WIDTH].middle(), k % L::WIDTH);
-        let force: Mat3<L::Chain> = turning_of(self.attached.on_node(k));
-        [-skew, force].map(|m| relative * m * relative.transpose())
-    }
-
-    /// Rotation of the middle node of a module, in the base frame.
-    pub fn node(&self, k: usize) -> Mat3<L::Chain> {
-        self.rotations[k] * get_mat::<L>(&self.states[k / L::WIDTH].middle(), k % L::WIDTH)
-    }
-
-    /// Vectors of the middle nodes of a group, by modules.
-    fn in_lanes(&self, g: usize, of: impl Fn(usize) -> Vec3<L::Chain>) -> Vec3<L::Module> {
-        let mut out = Vec3::zero();
-        for i in 0..L::WIDTH.min(self.module_count() - g * L::WIDTH) {
-            put::<L>(&mut out, i, of(g * L::WIDTH + i));
-        }
-        out
-    }
-
-    /// Moments on the middle nodes of a group for the error estimate, after the gradient.
-    #[cold]
-    pub fn loads_on_node(&self, g: usize) -> Option<LoadOnNode<L::Module>> {
-        let of_loads = |k: usize| {
-            let node = self.node(k);
-            self.rotations[k].tr_mul(node * self.attached.moment_on_node(k, &node))
-        };
-        let of_weight = |k: usize| self.rotations[k].tr_mul(self.attached.couples[k]);
-        Some(LoadOnNode {
-            moment: self.in_lanes(g, of_loads),
-            couple: self.in_lanes(g, of_weight),
-        })
-    }
-
-    /// Adds the moment on the middle node of module `k` to the gradient of its arcs and to the
-    /// costate of its start.
-    #[cold]
-    pub fn add_moment_on_node(&mut self, k: usize, lambda: &mut Vec3<L::Chain>) {
-        let node = self.node(k);
-        let relative = get_mat::<L>(&self.states[k / L::WIDTH].middle(), k % L::WIDTH);
-        let couple = Vec3::ez().cross(node.tr_mul(self.attached.couples[k]));
-        let moment = self.attached.moment_on_node(k, &node) + couple;
-        let torque = -(relative * moment);
-        self.attached.torques[k] = torque;
-        *lambda += torque;
-    }
-
-    /// Adds the moments on the middle nodes of a group to the gradient of its arcs.
-    #[cold]
-    pub fn add_torques(&mut self, g: usize) {
-        let torque = self.in_lanes(g, |k| self.attached.torques[k]);
-        for own in &mut self.gradients[g].g[..A / 2] {
-            *own += torque;
-        }
-    }
-
-    /// Adds the second derivatives of constant moments on the middle nodes of a group.
-    #[cold]
-    pub fn linearise_torques(&mut self, g: usize) {
-        let torque = self.in_lanes(g, |k| self.attached.torques[k]);
-        let out = &mut self.newton.hessians[g];
-        self.states[g].add_moment_on_node(&self.gradients[g], torque, out);
-    }
-
-    /// Adds the stiffness of the loads on the middle node of module `k` to its blocks.
-    #[cold]
-    pub fn add_stiffness_on_node<const SYMMETRIC: bool, const S: usize>(
-        &self,
-        k: usize,
-        blocks: &mut Blocks<L::Chain, A, S>,
-    ) {
-        let own = self
-            .attached
-            .stiffness_on_node::<SYMMETRIC>(k, &self.node(k));
-        let relative = get_mat::<L>(&self.states[k / L::WIDTH].middle(), k % L::WIDTH);
-        let mut value = relative * own * relative.transpose();
-        if SYMMETRIC {
-            value = value.mirrored();
-        }
-        for a in 0..A / 2 {
-            for b in 0..A / 2 {
-                if b >= a || !SYMMETRIC {
-                    blocks.uu[b][a] += value;
-                }
-            }
-            blocks.xu[a][0] += value;
-            blocks.ux[a][0] += value;
-        }
-        blocks.xx[0][0] += value;
-    }
-
     /// Adds the dead point forces and the forces per length before each disk to the loads on the
     /// modules, after `set_load`.
     pub fn add_forces(&mut self, lines: &[[f64; 3]]) {
         if !self.attached.has_forces() && lines.is_empty() {
             return;
         }
-        self.add_resultants(lines, |attached, k| {
-            let forces = [attached.on(k), attached.on_node(k)];
-            forces.map(|loads| sum_of_kind(loads, None))
-        });
+        let forces = |rod: &Self, k: usize| {
+            let between = match rod.attached.has_between() {
+                true => rod.force_between(k, false),
+                false => Vec3::zero(),
+            };
+            [sum_of_forces(rod.attached.on(k), None), between]
+        };
+        self.add_resultants(lines, forces);
         self.has_forces_on_disks();
         if self.attached.has_between() {
             self.set_couples();
+            self.set_forces_between(false);
         }
         if self.attached.followed > 0 {
             self.attached.constant.clone_from(&self.dead.modules);
         }
     }
 
-    /// Couples of the weight on the middle nodes, from the mean weight of an element.
-    fn set_couples(&mut self) {
-        for (k, c) in self.fixed.modules.iter().enumerate() {
-            let [first, second] = c.parts;
-            let unequal = (second * second - first * first) * L::Chain::splat(1.0 / 12.0);
-            let element = c.flexible * L::Chain::splat(2.0 / A as f64);
-            self.attached.couples[k] = self.dead.modules[k][3] * (element * unequal);
-        }
-    }
-
-    /// Adds forces on the disks, on the middle nodes before them, and per length before them, in the
-    /// base frame, to the loads on the modules.
+    /// Adds forces on the disks, between them, and per length before them, in the base frame, to the
+    /// loads on the modules.
     fn add_resultants(
         &mut self,
         lines: &[[f64; 3]],
-        forces: impl Fn(&Attached<L::Chain, A>, usize) -> [Vec3<L::Chain>; 2],
+        forces: impl Fn(&Self, usize) -> [Vec3<L::Chain>; 2],
     ) {
         let mut force = Vec3::zero();
         for k in (0..self.module_count()).rev() {
-            let [on_disk, on_node] = forces(&self.attached, k);
+            let [on_disk, between] = forces(self, k);
             force += on_disk;
             let c = &self.fixed.modules[k];
             let line = lines.get(k).map_or(Vec3::zero(), |line| Vec3::splat(*line));
@@ -595,9 +378,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             for (sum, load) in sums.iter_mut().zip(loads) {
                 *sum += load;
             }
-            sums[2] += on_node * c.clamp[0];
-            sums[4] += on_node;
-            force += line * (c.flexible + c.clamp[0] + c.clamp[1]) + on_node;
+            sums[2] += between * c.clamp[0];
+            force += line * (c.flexible + c.clamp[0] + c.clamp[1]) + between;
         }
     }
 
@@ -607,31 +389,26 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         if self.attached.followed > 0 {
             self.turn_disks();
             self.dead.modules.clone_from(&self.attached.constant);
-            let mut nodes = std::mem::take(&mut self.attached.nodes);
-            nodes.clear();
-            if self.attached.has_between() {
-                nodes.extend((0..self.module_count()).map(|k| self.node(k)));
-            }
-            let rotations = std::mem::take(&mut self.rotations);
-            self.add_resultants(&[], |attached, k| {
-                let on_node = nodes
-                    .get(k)
-                    .map(|node| sum_of_kind(attached.on_node(k), Some(node)));
-                [
-                    sum_of_kind(attached.on(k), Some(&rotations[k + 1])),
-                    on_node.unwrap_or(Vec3::zero()),
-                ]
+            self.add_resultants(&[], |rod, k| {
+                let rotation = &rod.rotations[k + 1];
+                let on_disk = rod.attached.on(k).iter().filter(|load| load.follower);
+                let forces = on_disk.map(|load| *rotation * Vec3::splat(load.force));
+                let between = match rod.attached.has_between() {
+                    true => rod.force_between(k, true),
+                    false => Vec3::zero(),
+                };
+                [forces.fold(Vec3::zero(), |sum, force| sum + force), between]
             });
-            (self.rotations, self.attached.nodes) = (rotations, nodes);
+            if self.attached.has_between() {
+                self.set_forces_between(true);
+            }
         }
         let mut energy = self.evaluate_module_loads();
         for k in 0..self.module_count() {
             energy += self.attached.potential(k, &self.rotations[k + 1]);
-            if self.attached.has_between() {
-                let node = self.node(k);
-                energy += potential_of(self.attached.on_node(k), &node);
-                energy -= node.column(2).dot(self.attached.couples[k]);
-            }
+        }
+        if self.attached.has_between() {
+            energy += self.potential_between();
         }
         energy
     }
@@ -652,14 +429,13 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let by_turn = s * beyond * s.transpose();
         let m = get_mat::<L>(&response.m, i).transpose();
         let d_hat = get_mat::<L>(&response.d_hat, i);
-        let stretching = get::<L>(&state.stretching_load(c), i);
+        let stretching = get::<L>(&state.stretching_load(c, self.on_nodes(g)), i);
         let lever = s.column(2) * self.fixed.modules[k].clamp[1];
         let turned = get_mat::<L>(&response.k, i) * d_hat - lever.skew();
         let offset = get::<L>(&state.offset(c), i);
         let start = stretching.cross_mat(d_hat) - offset.skew();
         let mut coupling = Coupling {
             by_turn,
-            by_node: Mat3::zero(),
             arcs: [turned; A],
             start,
         };
@@ -676,52 +452,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
         blocks.xx[0][0] += on_start;
         if self.attached.has_between() {
-            coupling.by_node = self.couple_follower_on_node(k, blocks);
+            self.couple_followers_between(k, blocks);
         }
         self.attached.couplings[k] = coupling;
-    }
-
-    /// Adds the change of the force of followers on the middle node of module `k` to its blocks;
-    /// returns the change by the rotation of the node, in the frame of the start (N).
-    fn couple_follower_on_node(
-        &self,
-        k: usize,
-        blocks: &mut Blocks<L::Chain, A, 1>,
-    ) -> Mat3<L::Chain> {
-        let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-        let (state, response) = (&self.states[g], &self.newton.responses[g]);
-        let (c, gradient) = (&self.constants[g], &self.gradients[g]);
-        let relative = get_mat::<L>(&state.middle(), i);
-        let own: Mat3<L::Chain> = turning_of(self.attached.on_node(k));
-        let by_turn = relative * own * relative.transpose();
-        let share = L::get(&c.fraction(A / 2), i);
-        let m = get_mat::<L>(&response.m, i).transpose();
-        let d_hat = get_mat::<L>(&response.d_hat, i);
-        let turned = get_mat::<L>(&response.k, i) * d_hat;
-        let stretching = get::<L>(&state.stretching_load(c), i);
-        let beyond = get::<L>(&state.tail[A / 2 - 1], i).skew();
-        let mut place = get::<L>(&state.inside(c, A / 2 - 1), i);
-        place.0[2] += self.fixed.modules[k].clamp[0];
-        let on_start = (stretching.cross_mat(d_hat) * share - place.skew()) * by_turn;
-        for a in 0..A {
-            let j = get_mat::<L>(&response.j[a], i).transpose();
-            let r = get_mat::<L>(&gradient.r[a], i).transpose();
-            // shear and extension of the end, and the motion of the node by the arcs before it
-            let mut arc = (turned - j * m + r) * share;
-            if a < A / 2 {
-                arc += beyond - r;
-            }
-            let on_arc = arc * by_turn;
-            for b in 0..A / 2 {
-                blocks.uu[a][b] += on_arc;
-            }
-            blocks.ux[a][0] += on_arc;
-            if a < A / 2 {
-                blocks.xu[a][0] += on_start;
-            }
-        }
-        blocks.xx[0][0] += on_start;
-        by_turn
     }
 
     /// Eliminates module `k` from the change of the force beyond it.
@@ -730,15 +463,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         if k >= self.attached.followed {
             return;
         }
-        let Coupling {
-            by_turn, by_node, ..
-        } = self.attached.couplings[k];
-        let eliminated = &self.newton.eliminated[k];
-        let turn = Mat3::identity() - eliminated.turn_by_start();
+        let by_turn = self.attached.couplings[k].by_turn;
+        let turn = Mat3::identity() - self.newton.eliminated[k].turn_by_start();
         self.attached.by_turn = by_turn * turn;
         if self.attached.has_between() {
-            let of_node = Mat3::identity() - eliminated.turn_of_arcs_by_start(A / 2);
-            self.attached.by_turn += by_node * of_node;
+            let between = self.force_between_by_start(k);
+            self.attached.by_turn += between;
         }
     }
 }

@@ -39,6 +39,9 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub fixed: Fixed<L, A>,
     pub dead: DeadLoads<L::Chain>,
     pub attached: Attached<L::Chain, A>,
+    /// Forces on the nodes between elements by groups; empty unless loads act between disks. See
+    /// [`Tendons::on_nodes`].
+    pub on_nodes: Vec<[Vec3<L::Module>; A]>,
     pub newton: Newton<L, A>,
     pub spans: Spans<L, A>,
     pub placed: Placed<L::Chain>,
@@ -67,7 +70,7 @@ pub(crate) struct Fixed<L: Layout, const A: usize> {
 #[derive(Clone)]
 pub(crate) struct DeadLoads<C> {
     /// Forces (N) and moments (N m) by modules; see [`State::f`].
-    pub modules: Vec<[Vec3<C>; 5]>,
+    pub modules: Vec<[Vec3<C>; 4]>,
     /// Gravity (m/s^2).
     pub gravity: Vec3<C>,
     /// Whether forces act on disks other than the tip: they may nearly cancel at the base.
@@ -199,6 +202,16 @@ pub(crate) fn in_group<'a, M: Real>(
         holes: tendons.in_group(group),
         tensions: &tensions[group * count..(group + 1) * count],
         path,
+        on_nodes: &[],
+    }
+}
+
+/// Forces of loads between disks on the nodes of a group; see [`Tendons::on_nodes`].
+#[inline(always)]
+pub(crate) fn nodes_of<T, const A: usize>(on_nodes: &[[Vec3<T>; A]], group: usize) -> &[Vec3<T>] {
+    match A {
+        2 => &[],
+        _ => on_nodes.get(group).map_or(&[], |nodes| nodes),
     }
 }
 
@@ -258,7 +271,7 @@ pub(crate) fn lumped<T: Real, const A: usize>(
     line: Vec3<T>,
     force: Vec3<T>,
     c: &Constants<T, A>,
-) -> [Vec3<T>; 5] {
+) -> [Vec3<T>; 4] {
     let half = T::splat(0.5);
     let (flexible, [start, end]) = (c.flexible, c.clamp);
     let element = flexible * T::splat(2.0 / A as f64);
@@ -269,7 +282,6 @@ pub(crate) fn lumped<T: Real, const A: usize>(
         force * end + line * (end * end * half - at_end),
         force * start + line * (start * (start * half + flexible + end) + at_start),
         line * element,
-        Vec3::zero(),
     ]
 }
 
@@ -338,11 +350,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 source: None,
             },
             dead: DeadLoads {
-                modules: vec![[Vec3::zero(); 5]; n],
+                modules: vec![[Vec3::zero(); 4]; n],
                 gravity: Vec3::zero(),
                 on_disks: false,
             },
             attached: Attached::none(),
+            on_nodes: vec![],
             newton: Newton {
                 hessians: vec![Hessian::empty(); groups],
                 responses: vec![Response::empty(); groups],
@@ -596,23 +609,24 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let mut rotation = Mat3::identity();
         let mut energy = L::Chain::zero();
         for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
-            let t = in_group(&self.tendons, &self.tensions, path, g);
+            let mut t = in_group(&self.tendons, &self.tensions, path, g);
             state.shape(c, &t);
             let here = L::WIDTH.min(n - g * L::WIDTH);
             for i in 0..here {
                 let k = g * L::WIDTH + i;
-                // the last are for nodes between elements
-                let used = match A {
-                    2 => 3,
-                    _ if self.attached.has_between() => 5,
-                    _ => 4,
-                };
+                // the last is for nodes between elements
+                let used = if A > 2 { 4 } else { 3 };
                 for (f, dead) in state.f[..used].iter_mut().zip(&self.dead.modules[k]) {
                     put::<L>(f, i, rotation.tr_mul(*dead));
+                }
+                if self.attached.has_between() {
+                    let forces = &self.attached.between;
+                    forces.put_forces::<L, A>(k, &rotation, &mut self.on_nodes[g]);
                 }
                 rotation = rotation * get_mat::<L>(&state.s, i);
                 self.rotations[k + 1] = rotation;
             }
+            t.on_nodes = nodes_of(&self.on_nodes, g);
             state.balance(c, &t);
             for i in 0..here {
                 energy += L::get(&state.energy, i);
@@ -628,7 +642,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let n = self.module_count();
         let mut energy = L::Chain::zero();
         for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
-            state.balance(c, &in_group(tendons, tensions, path, g));
+            let mut t = in_group(tendons, tensions, path, g);
+            t.on_nodes = nodes_of(&self.on_nodes, g);
+            state.balance(c, &t);
             for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
                 energy += L::get(&state.energy, i);
             }
@@ -655,10 +671,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 put::<L>(&mut state.lambda, i, lambda);
                 lambda -= get::<L>(&state.load_moment, i);
                 if self.attached.has_between() {
-                    self.add_moment_on_node(k, &mut lambda);
+                    self.add_moments_between(k, &mut lambda);
                 }
             }
-            let t = in_group(&self.tendons, &self.tensions, path, g);
+            let mut t = in_group(&self.tendons, &self.tensions, path, g);
+            t.on_nodes = nodes_of(&self.on_nodes, g);
             let state = &self.states[g];
             state.gradient(&self.constants[g], &t, &mut self.gradients[g]);
             if self.attached.has_between() {
@@ -682,7 +699,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     pub fn linearise(&mut self) {
         for g in 0..self.states.len() {
-            let t = in_group(&self.tendons, &self.tensions, self.path(), g);
+            let mut t = in_group(&self.tendons, &self.tensions, self.path(), g);
+            t.on_nodes = nodes_of(&self.on_nodes, g);
             let (state, gradient) = (&self.states[g], &self.gradients[g]);
             let out = &mut self.newton.hessians[g];
             let response = state.hessian::<true>(&self.constants[g], &t, gradient, out);
@@ -712,7 +730,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let mut blocks =
                 blocks::<L, A, SYMMETRIC>(&self.newton.hessians[g], i, &s, value, shift);
             if self.attached.has_between() {
-                self.add_stiffness_on_node::<SYMMETRIC, 1>(k, &mut blocks);
+                self.add_stiffness_between::<SYMMETRIC, 1>(k, &mut blocks);
             }
             if !SYMMETRIC {
                 self.couple_followers(k, &mut blocks);
@@ -806,6 +824,10 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             self.newton.eliminated[k].backward::<SYMMETRIC>(&mut solution, &mut start);
             if let Some(coupling) = follower {
                 force = coupling.force_beyond(force, &solution);
+                if self.attached.has_between() {
+                    let between = &self.attached.between;
+                    force -= between.force_by_arcs(k, |m| *m, &solution);
+                }
             }
             for a in 0..A {
                 put::<L>(&mut self.newton.step[g][a], i, solution[a]);
@@ -964,7 +986,10 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                     }
                 }
             }
-            let force = state.stretching_load(c).cross(start) - response.k.tr_mul(turn);
+            let force = state
+                .stretching_load(c, nodes_of(&self.on_nodes, g))
+                .cross(start)
+                - response.k.tr_mul(turn);
             let rho = response.m * moved + response.d_hat * force;
             for j in 0..count {
                 let span = &self.spans.spans[g * count + j];
@@ -1067,9 +1092,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 eliminated.backward_as::<_, false>(widen::<L>, &mut solution, &mut start);
                 if let Some(coupling) = &follower {
                     following = coupling.force_beyond(following, &solution);
+                    if self.attached.has_between() {
+                        let between = &self.attached.between;
+                        following -= between.force_by_arcs(k, widen::<L>, &solution);
+                    }
                 }
             }
-            p = start[0] + same::<L>(&state.stretching_load(&self.constants[g]), i).cross(moved);
+            let stretching = state.stretching_load(&self.constants[g], self.on_nodes(g));
+            p = start[0] + same::<L>(&stretching, i).cross(moved);
             let out = &mut self.spans.responses[part];
             out.u[k] = solution;
             out.force[k] = force;
@@ -1091,7 +1121,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 turn += u[a];
                 moved += same_mat::<L>(&response.j[a], i) * u[a];
             }
-            let load = same::<L>(&state.stretching_load(&self.constants[g]), i).cross(x);
+            let stretching = state.stretching_load(&self.constants[g], nodes_of(&self.on_nodes, g));
+            let load = same::<L>(&stretching, i).cross(x);
             let force = out.force[k] + load - same_mat::<L>(&response.k, i).tr_mul(turn);
             let rho =
                 same_mat::<L>(&response.m, i) * moved + same_mat::<L>(&response.d_hat, i) * force;
@@ -1182,9 +1213,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         };
         let resultants = self.dead.modules[..reach].iter();
         let mut force = resultants.fold(0.0, |most, module| {
-            let own = f64::max(module[0].norm().lane(robot), module[4].norm().lane(robot));
-            f64::max(most, own)
+            f64::max(most, module[0].norm().lane(robot))
         });
+        force = f64::max(force, self.attached.between.largest_force(robot));
         for t in &self.tensions[..self.tendons.len()] {
             force += L::get(t, 0).lane(robot);
         }

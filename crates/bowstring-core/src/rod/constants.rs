@@ -144,9 +144,9 @@ pub(crate) struct Constants<T, const A: usize> {
     pub rest: Vec3<T>,
     /// Coefficients d0 to d3 (m/N) of the compliance D, theory Eq. 2.5.
     pub d: [T; 4],
-    /// Length of an element in the first and in the second half of the elements, over their mean: 1
-    /// unless a load between two disks divides the module.
-    pub parts: [T; 2],
+    /// Fractions of the flexible length at the ends of the arcs: equally spaced unless loads between
+    /// two disks divide the module.
+    pub ends: [T; A],
 }
 
 /// Derivatives of the curvature at a Gauss point with respect to the rotation vectors of the nearer
@@ -157,14 +157,15 @@ const FAR: f64 = 0.133_974_596_215_561_36;
 
 impl<const A: usize> Constants<f64, A> {
     pub fn new(robot: &Robot, k: usize, model: Model) -> Self {
-        Self::divided(robot, k, model, 0.5)
+        let equal = std::array::from_fn(|a| (a + 1) as f64 / A as f64);
+        Self::divided(robot, k, model, equal)
     }
 
-    /// Constants of a module, half of whose elements share a fraction of its flexible length, and
-    /// the others the rest.
-    pub fn divided(robot: &Robot, k: usize, model: Model, fraction: f64) -> Self {
+    /// Constants of a module whose arcs end at these fractions of its flexible length.
+    pub fn divided(robot: &Robot, k: usize, model: Model, ends: [f64; A]) -> Self {
         let elements = A as f64 / 2.0;
-        let parts = [2.0 * fraction, 2.0 * (1.0 - fraction)];
+        let start = |e: usize| if e == 0 { 0.0 } else { ends[2 * e - 1] };
+        let part = |e: usize| (ends[2 * e + 1] - start(e)) * elements;
         let m = robot.modules[k];
         let length = m.flexible;
         let h = length / elements;
@@ -179,20 +180,14 @@ impl<const A: usize> Constants<f64, A> {
         // lack; its energy is h^3 |s x N|^2 / (1440 EI), s the element's share of the change of
         // tangent
         let flexibility = mean(&|s| 0.5 / s.bending[0] + 0.5 / s.bending[1]);
-        let unequal = 0.5 * (parts[0].powi(5) + parts[1].powi(5));
+        let unequal = (0..A / 2).map(|e| part(e).powi(5)).sum::<f64>() / elements;
         let bubble = h.powi(3) * flexibility / (720.0 * elements) * unequal;
         let gauss = 0.5 / 3f64.sqrt();
         let at_gauss_point = |a: usize| {
             let side = if a.is_multiple_of(2) { -gauss } else { gauss };
-            let (e, half) = ((a / 2) as f64 + 0.5 + side, (A / 4) as f64);
-            let (length, fraction) = match 4 * (a / 2) < A {
-                true => (h * parts[0], e * parts[0] / elements),
-                false => (
-                    h * parts[1],
-                    (half * parts[0] + (e - half) * parts[1]) / elements,
-                ),
-            };
-            Stiffness::of(&robot.section(k, fraction), model).scaled(1.0 / length)
+            let e = a / 2;
+            let fraction = start(e) + part(e) * (0.5 + side) / elements;
+            Stiffness::of(&robot.section(k, fraction), model).scaled(1.0 / (h * part(e)))
         };
         let own = |a: usize| {
             let [near, far] = [NEAR, FAR].map(|slope| 0.5 * slope * slope);
@@ -213,7 +208,7 @@ impl<const A: usize> Constants<f64, A> {
                 length * (axial - shear) / 12.0 - bubble,
                 bubble,
             ],
-            parts,
+            ends,
         }
     }
 }
@@ -231,7 +226,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
             axial_compliance: self.axial_compliance.lane(lane),
             rest: self.rest.of_lane(lane),
             d: self.d.map(|x| x.lane(lane)),
-            parts: self.parts.map(|x| x.lane(lane)),
+            ends: self.ends.map(|x| x.lane(lane)),
         }
     }
 
@@ -248,7 +243,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
             axial_compliance: T::from_fn(|i| at(i).axial_compliance),
             rest: Vec3(std::array::from_fn(|q| T::from_fn(|i| at(i).rest[q]))),
             d: std::array::from_fn(|q| T::from_fn(|i| at(i).d[q])),
-            parts: std::array::from_fn(|q| T::from_fn(|i| at(i).parts[q])),
+            ends: std::array::from_fn(|q| T::from_fn(|i| at(i).ends[q])),
         }
     }
 
@@ -258,7 +253,12 @@ impl<T: Real, const A: usize> Constants<T, A> {
         if A == 2 {
             return T::splat(1.0);
         }
-        self.parts[usize::from(4 * element >= A)]
+        let end = self.ends[2 * element + 1];
+        let length = match element {
+            0 => end,
+            _ => end - self.ends[2 * element - 1],
+        };
+        length * T::splat(A as f64 / 2.0)
     }
 
     /// Fraction of the flexible part that lies before this many arcs.
@@ -267,10 +267,10 @@ impl<T: Real, const A: usize> Constants<T, A> {
         if A == 2 {
             return T::splat(arcs as f64 / A as f64);
         }
-        let first = if arcs > A / 2 { A / 2 } else { arcs };
-        let [p, q] = self.parts;
-        let sum = p * T::splat(first as f64 / A as f64);
-        q.mul_add(T::splat((arcs - first) as f64 / A as f64), sum)
+        match arcs {
+            0 => T::zero(),
+            _ => self.ends[arcs - 1],
+        }
     }
 
     /// Fraction of the end's displacement due to shear and extension, at the end of an arc.
@@ -281,12 +281,23 @@ impl<T: Real, const A: usize> Constants<T, A> {
 
     /// Number of arcs before a fraction of the flexible part; lanes have equal elements.
     pub fn arcs_before(&self, fraction: f64) -> f64 {
-        let all = A as f64;
-        let [p, q] = self.parts.map(|part| part.lane(0));
-        if A == 2 || 2.0 * fraction <= p {
-            return fraction * all / if A == 2 { 1.0 } else { p };
+        if A == 2 {
+            return fraction * A as f64;
         }
-        0.5 * all + (fraction - 0.5 * p) * all / q
+        let ends = self.ends.map(|end| end.lane(0));
+        let e = (0..A / 2 - 1).find(|e| fraction <= ends[2 * e + 1]);
+        let e = e.unwrap_or(A / 2 - 1);
+        let start = if e == 0 { 0.0 } else { ends[2 * e - 1] };
+        2.0 * (e as f64 + (fraction - start) / (ends[2 * e + 1] - start))
+    }
+
+    /// Longest element over the mean of the module.
+    pub fn longest_part(&self) -> T {
+        let mut longest = T::zero();
+        for e in 0..A / 2 {
+            longest = longest.max(self.part(e));
+        }
+        longest
     }
 
     /// Weight of the node before an element, over that of a mean element.

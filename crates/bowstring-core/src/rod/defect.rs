@@ -79,32 +79,32 @@ impl<T: Real> Section<T> {
 
 /// Weight of a module, and how its backbone is tapered.
 #[derive(Clone, Copy)]
-pub(crate) struct Weight<'a, T> {
+pub(crate) struct Weight<'a, T, const A: usize> {
     /// Mean weight per length (N/m), that of `mass_per_length`, and other forces per length.
     mean: Vec3<T>,
     /// Gravity (m/s^2), for the change of the weight along a tapered module.
     gravity: Vec3<T>,
     taper: Option<&'a Taper<T>>,
     /// Loads between the disks, if there are any.
-    pub on_node: Option<LoadOnNode<T>>,
+    pub on_nodes: Option<&'a LoadsOnNodes<T, A>>,
 }
 
-/// Loads between two disks beside their force, in the frame of the start of the module.
-#[derive(Clone, Copy)]
-pub(crate) struct LoadOnNode<T> {
-    /// Moment (N m).
-    pub moment: Vec3<T>,
-    /// Couple on the tangent (N m) by Hermite's rule of the weight.
-    pub couple: Vec3<T>,
+/// Loads between two disks beside their forces, on the nodes before the elements in the frame of the
+/// start of the module.
+pub(crate) struct LoadsOnNodes<T, const A: usize> {
+    /// Moments (N m).
+    pub moments: [Vec3<T>; A],
+    /// Couples on the tangents (N m) by Hermite's rule of the weight.
+    pub couples: [Vec3<T>; A],
 }
 
-impl<'a, T: Real> Weight<'a, T> {
+impl<'a, T: Real, const A: usize> Weight<'a, T, A> {
     pub fn new(mean: Vec3<T>, gravity: Vec3<T>, taper: Option<&'a Taper<T>>) -> Self {
         Weight {
             mean,
             gravity,
             taper,
-            on_node: None,
+            on_nodes: None,
         }
     }
 }
@@ -308,7 +308,7 @@ impl<T: Real, const A: usize> State<T, A> {
         c: &Constants<T, A>,
         t: &Tendons<T>,
         gradient: &Gradient<T, A>,
-        load: &Weight<T>,
+        load: &Weight<T, A>,
         rhs: &mut [Vec3<T>; A],
     ) -> Defect<T> {
         let elements = A / 2;
@@ -405,9 +405,9 @@ impl<T: Real, const A: usize> State<T, A> {
             section.moment += (section.place - start).cross(force);
             section.rotation = rotation;
             section.place = start;
-            if let (Some(own), true) = (&load.on_node, 4 * e == A) {
-                force += self.f[4];
-                section.moment += own.moment;
+            if let (Some(own), true) = (load.on_nodes, e > 0) {
+                force += t.on_nodes[e];
+                section.moment += own.moments[e];
             }
         }
         let force = self.f[0] - self.end_force;
@@ -418,19 +418,21 @@ impl<T: Real, const A: usize> State<T, A> {
         assumed += Vec3::ez().cross(weight * (first * first * twelfth) + turns[0]);
         for node in 1..elements {
             let place = self.inside(c, 2 * node - 1);
-            assumed += place.cross(self.node_load(c, node));
+            assumed += place.cross(self.node_load(c, t.on_nodes, node));
         }
         // from the force on the end; its component along a chord falls as the module folds
         let flexibility = c.largest_flexibility() * mean_per;
         let mut push = -self.n.dot(self.rho);
-        if let Some(own) = &load.on_node {
-            assumed += own.moment + self.middle().column(2).cross(own.couple);
-            // the longer elements count as if all were as long
-            let before = self.end_force + self.f[4];
-            push = push
-                .max(-self.end_force.dot(self.rho))
-                .max(-before.dot(self.rho));
-            push = push * c.parts[0].max(c.parts[1]);
+        if let Some(own) = load.on_nodes {
+            let mut contact = self.end_force;
+            push = push.max(-contact.dot(self.rho));
+            for node in (1..elements).rev() {
+                assumed += own.moments[node] + self.node(node).column(2).cross(own.couples[node]);
+                contact += t.on_nodes[node];
+                push = push.max(-contact.dot(self.rho));
+            }
+            // the longest element counts as if all were as long
+            push = push * c.longest_part();
         }
         let compression = push * c.flexible * flexibility;
         let chord = T::splat(FOLDED * FOLDED) * c.flexible * c.flexible - self.rho.norm2();

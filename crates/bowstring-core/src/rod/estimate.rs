@@ -156,12 +156,13 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 }
             }
             let weight = weight * (c.per_flexible * L::Module::splat((A / 2) as f64));
-            let t = in_group(&self.tendons, &self.tensions, self.path(), g);
+            let mut t = in_group(&self.tendons, &self.tensions, self.path(), g);
+            t.on_nodes = self.on_nodes(g);
             let mut rhs = [Vec3::zero(); A];
             let mut load = Weight::new(weight, gravity, self.tapers.get(g));
-            if self.attached.has_between() {
-                load.on_node = self.loads_on_node(g);
-            }
+            let between = self.attached.has_between();
+            let on_nodes = between.then(|| self.loads_on_nodes(g));
+            load.on_nodes = on_nodes.as_ref();
             let (state, gradient) = (&self.states[g], &self.gradients[g]);
             let defect = match self.tapers.is_empty() {
                 true => state.defect::<false>(c, &t, gradient, &load, &mut rhs),

@@ -4,6 +4,7 @@
 //! Theory: docs/theory/rod.md and docs/theory/statics.md.
 
 pub(crate) mod attached;
+pub(crate) mod between;
 pub(crate) mod chain;
 pub(crate) mod constants;
 pub(crate) mod defect;

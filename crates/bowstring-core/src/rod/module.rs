@@ -31,12 +31,16 @@ use crate::rod::routes::Holes;
 use crate::rod::span::ParallelPath;
 pub(crate) use crate::rod::span::Span;
 
-/// The tendons of the robot and their tensions in one module: zero where they do not pass.
+/// The tendons of the robot and their tensions in one module, zero where they do not pass, and the
+/// loads between its disks.
 #[derive(Clone, Copy)]
 pub(crate) struct Tendons<'a, T> {
     pub holes: &'a [Holes<T>],
     pub tensions: &'a [T],
     pub path: TendonPath,
+    /// Forces of loads between the disks on the nodes before the elements (N), in the frame of the
+    /// module's start; empty if there are none.
+    pub on_nodes: &'a [Vec3<T>],
 }
 
 /// An arc of constant curvature in its module.
@@ -66,9 +70,8 @@ pub(crate) struct State<T, const A: usize> {
     /// Force of tendons and loads on the end (N).
     pub end_force: Vec3<T>,
     /// Dead loads: force on the end (N), moments on the end's tangent and on the start's tangent (N
-    /// m), the mean weight of an element (N), which acts on every node between two elements, and the
-    /// force of loads between the disks on the node between the two halves of the elements (N).
-    pub f: [Vec3<T>; 5],
+    /// m), and the mean weight of an element (N), which acts on every node between two elements.
+    pub f: [Vec3<T>; 4],
     /// Moment of the spans about the end of the flexible part (N m).
     pub span_torque: Vec3<T>,
     /// Moment of the dead loads about the start (N m).
@@ -162,7 +165,7 @@ impl<T: Real, const A: usize> State<T, A> {
             rho: zero,
             n: zero,
             end_force: zero,
-            f: [zero; 5],
+            f: [zero; 4],
             span_torque: zero,
             load_moment: zero,
             lambda: zero,
@@ -214,7 +217,7 @@ impl<T: Real, const A: usize> State<T, A> {
         };
         self.end_force = self.n;
         if A > 2 {
-            self.end_force -= self.stretching_load(c) - self.f[0];
+            self.end_force -= self.stretching_load(c, t.on_nodes) - self.f[0];
         }
         self.energy = self.elastic_energy(c) + cable
             - self.f[0].dot(self.rho)
@@ -224,7 +227,10 @@ impl<T: Real, const A: usize> State<T, A> {
         let on_start = Vec3([-self.f[2][1], self.f[2][0], T::zero()]);
         self.load_moment = self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) + on_start;
         for node in 1..A / 2 {
-            let (place, load) = (self.inside(c, 2 * node - 1), self.node_load(c, node));
+            let (place, load) = (
+                self.inside(c, 2 * node - 1),
+                self.node_load(c, t.on_nodes, node),
+            );
             self.energy -= load.dot(place);
             self.load_moment += place.cross(load);
         }
@@ -235,7 +241,7 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     fn balance_continuous(&mut self, c: &Constants<T, A>, t: &Tendons<T>) -> T {
         self.span_torque = Vec3::zero();
-        self.n = self.stretching_load(c);
+        self.n = self.stretching_load(c, t.on_nodes);
         self.rho = self.rho0 + self.compliance(c) * self.n;
         let stretch = c.stretch(t);
         let mut cable = T::zero();
@@ -253,7 +259,7 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     fn balance_straight(&mut self, c: &Constants<T, A>, t: &Tendons<T>) -> T {
         let compliance = self.compliance(c);
-        let stretching = self.stretching_load(c);
+        let stretching = self.stretching_load(c, t.on_nodes);
         // Newton's method for rho and N; the compliance is small, so it converges at once
         self.rho = self.rho0 + compliance * self.n;
         let mut round = 1;
@@ -283,26 +289,24 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Dead load on the node before an element (N).
     #[inline(always)]
-    pub fn node_load(&self, c: &Constants<T, A>, element: usize) -> Vec3<T> {
+    pub fn node_load(&self, c: &Constants<T, A>, on_nodes: &[Vec3<T>], element: usize) -> Vec3<T> {
         let weight = self.f[3] * c.node_weight(element);
-        match 4 * element == A {
-            true => weight + self.f[4],
-            false => weight,
-        }
+        on_nodes.get(element).map_or(weight, |own| weight + *own)
     }
 
     /// Dead load that causes shear and extension: the load on the end and, of the nodes between
     /// elements, the share that moves with the end.
     #[inline(always)]
-    pub fn stretching_load(&self, c: &Constants<T, A>) -> Vec3<T> {
+    pub fn stretching_load(&self, c: &Constants<T, A>, on_nodes: &[Vec3<T>]) -> Vec3<T> {
         if A == 2 {
             return self.f[0];
         }
-        // the middle node lies at half of the first part; sum of share times weight over all nodes
-        let middle = c.parts[0] * T::splat(0.5);
-        let weights = middle + T::splat((A / 4 - 1) as f64);
-        let load = self.f[3].scaled_add(weights, self.f[0]);
-        self.f[4].scaled_add(middle, load)
+        let mut load = self.f[0];
+        for node in 1..A / 2 {
+            let own = self.node_load(c, on_nodes, node);
+            load = own.scaled_add(c.fraction(2 * node), load);
+        }
+        load
     }
 
     /// Sums over all straight spans: tension times length, force and moment on the end, and
@@ -404,8 +408,8 @@ impl<T: Real, const A: usize> State<T, A> {
         out.nu = self.end_force + on_end;
         let elastic = self.elastic_gradient(c, t);
         for e in 0..A / 2 {
-            self.arc_gradient(c, 2 * e, elastic[2 * e], out);
-            self.arc_gradient(c, 2 * e + 1, elastic[2 * e + 1], out);
+            self.arc_gradient(c, t, 2 * e, elastic[2 * e], out);
+            self.arc_gradient(c, t, 2 * e + 1, elastic[2 * e + 1], out);
         }
     }
 
@@ -414,6 +418,7 @@ impl<T: Real, const A: usize> State<T, A> {
     fn arc_gradient(
         &self,
         c: &Constants<T, A>,
+        t: &Tendons<T>,
         i: usize,
         elastic: Vec3<T>,
         out: &mut Gradient<T, A>,
@@ -431,7 +436,7 @@ impl<T: Real, const A: usize> State<T, A> {
         out.g[i] = out.to_strain[i].tr_mul(elastic) + out.torque - out.r[i].tr_mul(out.nu);
         for node in i / 2 + 1..A / 2 {
             // an arc moves a node like the end, except for the lever beyond the node
-            let load = self.node_load(c, node);
+            let load = self.node_load(c, t.on_nodes, node);
             out.g[i] -= out.r[i].tr_mul(load) - self.beyond(node).cross(load);
         }
     }
@@ -515,11 +520,11 @@ impl<T: Real, const A: usize> State<T, A> {
             }
             out.xu[i] = self.f[0].cross_mat(moved[i]) + on_x;
         }
-        out.xx = self.start_stiffness::<CONDENSED>(c, &d_hat);
+        out.xx = self.start_stiffness::<CONDENSED>(c, t, &d_hat);
         if A > 2 {
             let mut weights = [Vec3::zero(); A];
             for node in 1..A / 2 {
-                weights[2 * node - 1] = self.node_load(c, node);
+                weights[2 * node - 1] = self.node_load(c, t.on_nodes, node);
             }
             self.add_dead_loads(c, grad, &weights, &moved, out);
         }
@@ -682,11 +687,12 @@ impl<T: Real, const A: usize> State<T, A> {
     fn start_stiffness<const CONDENSED: bool>(
         &self,
         c: &Constants<T, A>,
+        t: &Tendons<T>,
         d_hat: &Mat3<T>,
     ) -> Mat3<T> {
         let mut xx = Mat3::zero();
         if CONDENSED {
-            let stretching = self.stretching_load(c);
+            let stretching = self.stretching_load(c, t.on_nodes);
             xx -= stretching.cross_mat(stretching.cross_mat(*d_hat).transpose());
         }
         for (f, v) in [(self.f[0], self.rho), (self.f[1], self.s.column(2))] {
@@ -754,27 +760,28 @@ impl<T: Real, const A: usize> State<T, A> {
         stretching
     }
 
-    /// Rotation of the node between the two halves of the elements, relative to the start.
+    /// Rotation of the node before an element, relative to the start.
     #[inline(always)]
-    pub fn middle(&self) -> Mat3<T> {
-        self.arcs[A / 2].prefix
+    pub fn node(&self, element: usize) -> Mat3<T> {
+        self.arcs[2 * element].prefix
     }
 
-    /// Adds the second derivatives of a moment on the middle node, whose imbalance is `torque`,
-    /// without its change by the rotation of the node.
+    /// Adds the second derivatives of a moment on the node after some arcs, whose imbalance is
+    /// `torque`, without its change by the rotation of the node.
     pub fn add_moment_on_node(
         &self,
         grad: &Gradient<T, A>,
+        arcs: usize,
         torque: Vec3<T>,
         out: &mut Hessian<T, A>,
     ) {
         let half = T::splat(0.5);
-        for i in 0..A / 2 {
+        for i in 0..arcs {
             let Arc { map, prefix: p } = &self.arcs[i];
             let strain = &grad.to_strain[i];
             let local = map.hessian(Vec3::zero(), p.tr_mul(torque));
             out.uu[i][i] += strain.tr_mat(local * *strain);
-            for b in i + 1..A / 2 {
+            for b in i + 1..arcs {
                 out.uu[b][i] = out.uu[b][i].add_skew(torque * half);
             }
             out.xu[i] = out.xu[i].add_skew(torque * -half);

@@ -173,7 +173,9 @@ fn source<const A: usize>(
         source.moment[i] += *coupling * (*d_hat * force + *m * place)
             + j[i].tr_mul(*g_hat * place - m.tr_mul(force));
     }
-    source.start += state.stretching_load(c).cross(*d_hat * force + *m * place);
+    source.start += state
+        .stretching_load(c, rod.on_nodes(k))
+        .cross(*d_hat * force + *m * place);
     source
 }
 
@@ -215,6 +217,10 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
         rod.newton.eliminated[k].backward::<SYMMETRIC>(&mut solutions[k], &mut start);
         if let Some(coupling) = follower {
             beyond = coupling.force_beyond(beyond, &solutions[k]);
+            if rod.attached.has_between() {
+                let between = &rod.attached.between;
+                beyond -= between.force_by_arcs(k, |m| *m, &solutions[k]);
+            }
         }
         p = start[0] + sources[k].start;
     }
@@ -224,19 +230,19 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
     for k in 0..n {
         let (state, c, response) = (&rod.states[k], &rod.constants[k], &responses[k]);
         let u = rod.newton.eliminated[k].forward(&solutions[k], &[x]);
-        let (mut turn, mut of_node) = (Vec3::zero(), x);
+        let mut turn = Vec3::zero();
         let mut moved = sources[k].place;
         for i in 0..A {
             turn += u[i];
-            if i < A / 2 {
-                of_node += u[i];
-            }
             moved += response.j[i] * u[i];
         }
-        let mut force =
-            sources[k].force + state.stretching_load(c).cross(x) - response.k.tr_mul(turn);
+        let mut force = sources[k].force + state.stretching_load(c, rod.on_nodes(k)).cross(x)
+            - response.k.tr_mul(turn);
         if let Some(coupling) = rod.attached.coupling(k) {
-            force += followers[k] + coupling.by_turns(c, x + turn, of_node);
+            force += followers[k] + coupling.by_turn(x + turn);
+            if rod.attached.has_between() {
+                force += rod.attached.between.stretching_by_turns(k, c, x, &u);
+            }
         }
         let rho = response.m * moved + response.d_hat * force;
         let offset = x.cross(state.offset(c)) + rho + turn.cross(state.s.column(2)) * c.clamp[1];

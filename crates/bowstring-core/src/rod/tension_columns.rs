@@ -143,7 +143,8 @@ impl<T: Real, L: Layout<Module = T, Chain = T>, const A: usize> Rod<L, A> {
                 let (mut solution, mut start) = (rhs, [p]);
                 eliminated.backward::<true>(&mut solution, &mut start);
                 columns.scratch[c].rhs = rhs;
-                columns.scratch[c].p = start[0] + state.stretching_load(constants).cross(moved);
+                columns.scratch[c].p =
+                    start[0] + state.stretching_load(constants, &[]).cross(moved);
                 columns.own[k * count + c] = solution;
                 for b in 0..=c {
                     if !passes(columns.tendons[b]) {

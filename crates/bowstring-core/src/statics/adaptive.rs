@@ -161,7 +161,7 @@ impl Adaptive {
         let least = load.least_elements(&self.robot);
         if !self.fixed && LEVELS[self.level] < least {
             let level = LEVELS.iter().position(|e| *e >= least);
-            self.level = level.expect("the finest elements take any load");
+            self.level = level.expect("it is one of them or less");
         }
         loop {
             let elements = LEVELS[self.level];

@@ -179,10 +179,7 @@ pub fn diagram(
     path.to.borrow().check(robot)?;
     let to = path.to.borrow();
     to.check_sections(robot, &path.from.point_loads)?;
-    let least = usize::max(
-        to.least_elements(robot),
-        path.from.borrow().least_elements(robot),
-    );
+    let least = to.least_elements_beside(robot, &path.from.point_loads);
     let scale = path.scale(robot);
     if !scale.is_finite() {
         return Err(InputError::other(
@@ -192,7 +189,7 @@ pub fn diagram(
     // a robot that is much stiffer than its load needs no long steps
     let scale = f64::min(scale, search.most);
     let mut elements = model.elements.unwrap_or(least);
-    to.check_elements(robot, elements)?;
+    to.check_elements_beside(robot, elements, &path.from.point_loads)?;
     loop {
         let mut solver = Solver::new(robot, model.model, elements)?;
         let start = solver.solve(&path.from.borrow())?;

@@ -204,7 +204,8 @@ impl PathSolver {
         // the load changes from that of the last step
         load.check_sections(self.robot(), &self.history().load.point_loads)?;
         if !self.automatic {
-            load.check_elements(self.robot(), self.solver().elements())?;
+            let (robot, elements) = (self.robot(), self.solver().elements());
+            load.check_elements_beside(robot, elements, &self.history().load.point_loads)?;
         }
         let by_displacement = commands.iter().filter(|c| c.is_displacement());
         let unknowns = by_displacement.count() + transmission.most_holes();
@@ -223,7 +224,8 @@ impl PathSolver {
         self.check(commands, load)?;
         let load = &self.solver().settings.without_negligible(load);
         let mut iterations = 0;
-        let least = load.least_elements(self.robot());
+        let last = &self.history().load.point_loads;
+        let least = load.least_elements_beside(self.robot(), last);
         if self.solver().elements() < least {
             let Some(finer) = self.with_elements(least, self.history()) else {
                 return Ok(PathOutcome::pending());

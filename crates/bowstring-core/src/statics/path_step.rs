@@ -197,7 +197,9 @@ impl PathStep {
                 part_commands[i] = to.with(between(start, to.value(), share));
             }
             part.between_dead(&old.load, load, share);
-            let found = self.newton(&from, &part_commands, &part.borrow());
+            let part = part.borrow();
+            let now = if share == 1.0 { load } else { &part };
+            let found = self.newton(&from, &part_commands, now);
             iterations += found.iterations;
             if iterations > MOST_ITERATIONS || interrupt::interrupted() {
                 break;
