@@ -33,6 +33,8 @@ _UNITS: Final[dict[str, dict[str, Decimal]]] = {
         "N": {"N": "1", "mN": "1e-3", "kN": "1e3"},
         "N*m": {"N*m": "1", "N*mm": "1e-3", "mN*m": "1e-3"},
         "N/m": {"N/m": "1", "mN/m": "1e-3", "N/mm": "1e3"},
+        "kg/m": {"kg/m": "1", "g/m": "1e-3"},
+        "kg*m": {"kg*m": "1", "g*mm": "1e-6"},
         "kg*m^2": {"kg*m^2": "1", "kg*mm^2": "1e-6", "g*mm^2": "1e-9"},
         "m/N": {"m/N": "1", "mm/N": "1e-3", "um/N": "1e-6"},
         "s": {"s": "1", "ms": "1e-3", "us": "1e-6", "min": "60"},
@@ -49,6 +51,8 @@ _QUANTITY_NAMES: Final = {
     "N": "force",
     "N*m": "moment",
     "N/m": "force per length",
+    "kg/m": "mass per length",
+    "kg*m": "rotary inertia per length",
     "kg*m^2": "moment of inertia",
     "m/N": "compliance",
     "s": "time",
@@ -248,7 +252,7 @@ def wrong(sentence: str) -> PydanticCustomError:
     return PydanticCustomError("bowstring", "{sentence}", {"sentence": sentence})
 
 
-class _Marker(ABC):
+class Marker(ABC):
     """Annotation of a field that pydantic validates by `read`."""
 
     @abstractmethod
@@ -271,7 +275,7 @@ class _Marker(ABC):
 
 
 @dataclass(frozen=True)
-class Quantity(_Marker):
+class Quantity(Marker):
     """Annotation of a field with a unit: text in a file, an SI number in Python.
 
     Text must have a unit; a Python number is SI. The limits are far outside any robot: they only
@@ -358,7 +362,7 @@ class Quantity(_Marker):
 
 
 @dataclass(frozen=True)
-class Count(_Marker):
+class Count(Marker):
     """Annotation of a field that is a whole number from 1."""
 
     most: int
@@ -383,7 +387,7 @@ class Count(_Marker):
 
 
 @dataclass(frozen=True)
-class Share(_Marker):
+class Share(Marker):
     """Annotation of a share, given as a plain number or in percent."""
 
     example: str
@@ -408,7 +412,7 @@ class Share(_Marker):
 
 
 @dataclass(frozen=True)
-class Choice(_Marker):
+class Choice(Marker):
     """Annotation of a field with a fixed set of words."""
 
     words: tuple[str, ...]
@@ -424,7 +428,7 @@ class Choice(_Marker):
 
 
 @dataclass(frozen=True)
-class Text(_Marker):
+class Text(Marker):
     """Annotation of a text of limited length; ``lines`` allows line feeds and empty text."""
 
     most: int

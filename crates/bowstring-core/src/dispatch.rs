@@ -10,7 +10,7 @@ use crate::math::real::{Layout, Real, Scalar};
 use crate::math::simd::{Avx2, Avx512, Modules, Simd};
 use crate::memory;
 use crate::model::error::InputError;
-use crate::model::load::{Load, Model};
+use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::Robot;
 use crate::motion::{Damping, Motion, Moving};
 use crate::rod::chain::{get, Rod, Sources, Step};
@@ -274,10 +274,10 @@ trait Build {
 }
 
 /// Constructs it in the fastest number type of this processor. SIMD lanes are used for the default
-/// of one element only; finer rods verify it.
-fn build<B: Build>(elements: usize, of: B) -> Result<B::Built, InputError> {
+/// of one element only, finer rods verify it; and not for coupled sections, which are rare.
+fn build<B: Build>(robot: &Robot, elements: usize, of: B) -> Result<B::Built, InputError> {
     #[cfg(target_arch = "x86_64")]
-    if elements == 1 {
+    if elements == 1 && !robot.is_coupled() {
         if let Some(simd) = Avx512::detect() {
             return Ok(of.build::<_, 2>(Modules(simd)));
         }
@@ -294,12 +294,25 @@ fn build<B: Build>(elements: usize, of: B) -> Result<B::Built, InputError> {
     })
 }
 
+/// Refuses tendons along curves beside coupled sections, which would change their strains at every
+/// place.
+fn check_model(robot: &Robot, model: Model) -> Result<(), InputError> {
+    if robot.is_coupled() && model.tendon == TendonPath::Continuous {
+        return Err(InputError::other(
+            "a backbone by its stiffness matrix with couplings has straight tendons only: set the \
+             tendon path to straight",
+        ));
+    }
+    Ok(())
+}
+
 /// The fastest rod of this processor.
 pub(crate) fn quickest(
     robot: &Robot,
     model: Model,
     elements: usize,
 ) -> Result<Box<dyn Passes>, InputError> {
+    check_model(robot, model)?;
     struct AtRest<'a>(&'a Robot, Model);
     impl Build for AtRest<'_> {
         type Built = Box<dyn Passes>;
@@ -307,7 +320,7 @@ pub(crate) fn quickest(
             Box::new(Rod::<L, A>::new(layout, self.0, self.1))
         }
     }
-    build(elements, AtRest(robot, model))
+    build(robot, elements, AtRest(robot, model))
 }
 
 /// A rod with its modules in SIMD lanes.
@@ -437,6 +450,7 @@ pub(crate) fn moving(
     gravity: [f64; 3],
     damping: Damping,
 ) -> Result<Box<dyn Moving>, InputError> {
+    check_model(robot, model)?;
     struct InMotion<'a>(&'a Robot, Model, [f64; 3], Damping);
     impl Build for InMotion<'_> {
         type Built = Box<dyn Moving>;
@@ -445,5 +459,5 @@ pub(crate) fn moving(
             Box::new(Motion::<L, A>::new(layout, robot, model, gravity, damping))
         }
     }
-    build(elements, InMotion(robot, model, gravity, damping))
+    build(robot, elements, InMotion(robot, model, gravity, damping))
 }

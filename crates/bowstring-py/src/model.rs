@@ -362,6 +362,8 @@ pub struct RobotArrays<'py> {
     tendons: Tendons<'py>,
     /// Sections of each segment, (S, 1, 11), or (S, 5, 11) with a taper; see `section`.
     sections: PyReadonlyArray3<'py, f64>,
+    /// Full stiffness of the section of each segment, (S, 6, 6); NaN where it has none.
+    section_stiffness: PyReadonlyArray3<'py, f64>,
     /// Disk, mass, centre and moments of inertia of each payload, (P, 8).
     payload_numbers: PyReadonlyArray2<'py, f64>,
     gravity: [f64; 3],
@@ -387,9 +389,36 @@ fn section(at: impl Fn(usize) -> f64) -> Section {
     }
 }
 
-/// Sections along a segment: one, or five.
-fn profile(count: usize, at: impl Fn(usize, usize) -> f64) -> Profile {
+/// Full stiffness of the section of each segment, where it has one.
+fn stiffnesses(
+    array: &PyReadonlyArray3<f64>,
+    segments: usize,
+) -> PyResult<Vec<Option<[[f64; 6]; 6]>>> {
+    if array.shape() != [segments, 6, 6] {
+        return Err(refused(format!(
+            "section_stiffness has shape {:?}, it must have [{segments}, 6, 6]",
+            array.shape()
+        )));
+    }
+    let array = array.as_array();
+    let matrix =
+        |k: usize| [0, 1, 2, 3, 4, 5].map(|i| [0, 1, 2, 3, 4, 5].map(|j| array[[k, i, j]]));
+    let given = |m: [[f64; 6]; 6]| (!m.as_flattened().iter().all(|x| x.is_nan())).then_some(m);
+    Ok((0..segments).map(|k| given(matrix(k))).collect())
+}
+
+/// Sections along a segment: one, by its full stiffness if it has one, or five.
+fn profile(
+    count: usize,
+    stiffness: Option<[[f64; 6]; 6]>,
+    at: impl Fn(usize, usize) -> f64,
+) -> Profile {
     let section = |i: usize| section(|q| at(i, q));
+    if let Some(stiffness) = stiffness {
+        let s = section(0);
+        let rest = s.rest_curvature;
+        return Profile::of_stiffness(stiffness, s.mass_per_length, s.rotary_inertia, rest);
+    }
     match count {
         1 => section(0).into(),
         _ => Profile::Tapered(Box::new(std::array::from_fn(section))),
@@ -445,6 +474,7 @@ impl RobotArrays<'_> {
             }
         };
         let sections = self.sections.as_array();
+        let stiffness = stiffnesses(&self.section_stiffness, segments)?;
         let (shape, count) = (tendons.holes_m.shape(), tendons.end_disk.len());
         if ![[count, 1, 2], [count, n + 1, 2]]
             .iter()
@@ -463,7 +493,7 @@ impl RobotArrays<'_> {
         Ok(RobotSpec {
             payloads: self.payloads()?,
             backbone: (0..segments)
-                .map(|i| profile(places, |k, q| sections[[i, k, q]]))
+                .map(|i| profile(places, stiffness[i], |k, q| sections[[i, k, q]]))
                 .collect(),
             disks: (0..n)
                 .map(|i| Disk {
@@ -493,6 +523,8 @@ impl RobotArrays<'_> {
 pub struct DesignArrays<'py> {
     /// Numbers of the sections of each segment, (D, 11 S), or (D, 55 S) with a taper.
     sections: PyReadonlyArray2<'py, f64>,
+    /// Full stiffness of the section of each segment of all robots, (S, 6, 6).
+    section_stiffness: PyReadonlyArray3<'py, f64>,
     /// Station, clamped length and mass of each disk, its two moments of inertia, and the length of
     /// its holes, (D, 6 N).
     disks: PyReadonlyArray2<'py, f64>,
@@ -543,13 +575,16 @@ impl DesignArrays<'_> {
         }
         let each = shape[1].checked_div(per_hole).unwrap_or(0);
         let sections = self.sections.as_array();
+        let stiffness = stiffnesses(&self.section_stiffness, spec.backbone.len())?;
         let disks = self.disks.as_array();
         let holes = self.holes.as_array();
         let payloads = self.payloads.as_array();
         let robot = |i: usize| {
             let mut spec = spec.clone();
             for (k, own) in spec.backbone.iter_mut().enumerate() {
-                *own = profile(places, |p, q| sections[[i, SECTION * (places * k + p) + q]]);
+                *own = profile(places, stiffness[k], |p, q| {
+                    sections[[i, SECTION * (places * k + p) + q]]
+                });
             }
             for (k, disk) in spec.disks.iter_mut().enumerate() {
                 let at = |q: usize| disks[[i, 6 * k + q]];

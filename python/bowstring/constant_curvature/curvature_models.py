@@ -280,7 +280,9 @@ def _stiffness(robot: Robot, degree: int) -> Array:
     out = []
     for segment in robot.segments:
         backbone = segment.backbone.at(at)
-        first, second = (np.broadcast_to(backbone.E * i, at.shape) for i in backbone.second_moments)
+        first, second = (
+            np.broadcast_to(backbone.young * i, at.shape) for i in backbone.second_moments
+        )
         sin, cos = np.sin(backbone.width_direction), np.cos(backbone.width_direction)
         between = (second - first) * sin * cos
         bending = np.array(

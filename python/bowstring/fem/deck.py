@@ -274,8 +274,8 @@ def _materials(robot: Robot, mesh: BrickMesh, loading: Loading) -> Iterator[str]
     stiffness = loading.stiffness
     for name, k, which in _parts(mesh):
         rod = robot.segments[k].backbone
-        young, poisson = rod.E * _MPA, rod.E / (2.0 * rod.shear_modulus) - 1.0
-        density = rod.density * _T_PER_MM3
+        young, poisson = rod.young * _MPA, rod.young / (2.0 * rod.shear_modulus) - 1.0
+        density = (rod.density or 0.0) * _T_PER_MM3
         if not name.startswith("FREE"):
             young, poisson = stiffness * young, 0.0
         if name.startswith("ARMS"):
@@ -286,7 +286,7 @@ def _materials(robot: Robot, mesh: BrickMesh, loading: Loading) -> Iterator[str]
         sliding = name.startswith("HELD") and not loading.bonded
         if sliding:
             # stiff axially and in shear, soft transversely
-            soft = _ACROSS * rod.E * _MPA
+            soft = _ACROSS * rod.young * _MPA
             along = f"{soft:.10g},{soft:.10g},{young:.10g},0.,0.,0."
             yield f"*ELASTIC, TYPE=ENGINEERING CONSTANTS\n{along},{soft / 2:.10g},{young / 2:.10g}"
             yield f"{young / 2:.10g}"

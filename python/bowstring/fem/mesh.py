@@ -176,7 +176,7 @@ def check_meshable(robot: Robot) -> None:
         )
     for k, s in enumerate(robot.segments):
         here = f"{robot.name}: segments[{k}]"
-        nu = s.backbone.E / (2.0 * s.backbone.shear_modulus) - 1.0
+        nu = s.backbone.young / (2.0 * s.backbone.shear_modulus) - 1.0
         if not -0.9 <= nu <= _NEAR_HALF:
             raise InputError(
                 f"{here}.backbone: E and G make Poisson's ratio {nu:.3g}; for finite elements it "

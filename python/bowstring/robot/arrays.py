@@ -17,6 +17,7 @@ from bowstring.display import short_repr
 from bowstring.robot.consistency import bores, problems
 from bowstring.robot.disk import distinct_holes, drilled_disk, stacked
 from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Part, Payload, Segment, Tendon
+from bowstring.robot.stiffness import without_couplings
 from bowstring.units import Quantity, Text
 
 __all__ = ["RobotArrays", "RobotDisks", "RobotTendons", "frozen"]
@@ -94,19 +95,46 @@ _GAUSS: Final = tuple(zip(0.5 + 0.5 * _NODES, 0.5 * _WEIGHTS, strict=True))
 """Places in the unit interval, each with its weight."""
 
 
+def _mass(backbone: Backbone) -> Any:
+    """Mass per length in kg/m."""
+    if backbone.mass_per_length is not None:
+        return backbone.mass_per_length
+    assert backbone.density is not None
+    return backbone.density * backbone.area
+
+
+def _rotary(backbone: Backbone) -> Any:
+    """Rotary inertia per length in kg m."""
+    if backbone.stiffness is not None:
+        return 0.0 if backbone.rotary_inertia is None else backbone.rotary_inertia
+    assert backbone.density is not None
+    return backbone.density * backbone.second_moment
+
+
+def _bending(backbone: Backbone) -> tuple[Any, Any, Any]:
+    """Bending stiffness about both principal axes in N m^2, and the angle of the first in rad."""
+    if backbone.stiffness is not None:
+        first, second, angle, *_ = without_couplings(backbone.stiffness)
+        return first, second, angle
+    first, second = backbone.second_moments
+    return backbone.young * first, backbone.young * second, backbone.width_direction
+
+
 def _section(backbone: Backbone) -> Floats:
     """Numbers (..., 8) of a section, in the order of `RobotArrays.sections`."""
+    if backbone.stiffness is not None:
+        return stacked([*without_couplings(backbone.stiffness), _mass(backbone), _rotary(backbone)])
     first, second = backbone.second_moments
     shear = backbone.shear_modulus
     numbers = (
-        backbone.E * first,
-        backbone.E * second,
+        backbone.young * first,
+        backbone.young * second,
         backbone.width_direction,
         shear * backbone.torsion_constant,
-        backbone.E * backbone.area,
+        backbone.young * backbone.area,
         shear * backbone.area,
-        backbone.density * backbone.area,
-        backbone.density * backbone.second_moment,
+        _mass(backbone),
+        _rotary(backbone),
     )
     return stacked(numbers)
 
@@ -433,10 +461,10 @@ class RobotArrays(Part):
         for principal in (0, 1):
 
             def own(backbone: Backbone, axis: int = principal) -> Any:
-                return 1.0 / (backbone.E * backbone.second_moments[axis])
+                return 1.0 / _bending(backbone)[axis]
 
             flexibility.append(self._by_segment(own))
-        angle = stacked([s.backbone.width_direction for s in self.segments])
+        angle = stacked([_bending(s.backbone)[2] for s in self.segments])
         length = stacked([s.length for s in self.segments])
         cos, sin = np.cos(angle), np.sin(angle)
         first, second = (f * length for f in flexibility)
@@ -449,9 +477,7 @@ class RobotArrays(Part):
     @cached_property
     def bending_stiffness(self) -> Floats:
         """E I of each segment in N m^2: the inverse of the mean flexibility 1/(E I)."""
-        return frozen(
-            1.0 / self._by_segment(lambda b: sum(1.0 / (b.E * i) for i in b.second_moments) / 2.0)
-        )
+        return frozen(1.0 / self._by_segment(lambda b: sum(1.0 / k for k in _bending(b)[:2]) / 2.0))
 
     @cached_property
     def rest_curvature(self) -> Floats:
@@ -473,26 +499,31 @@ class RobotArrays(Part):
     @cached_property
     def torsion_stiffness(self) -> Floats:
         """G J of each segment in N m^2: the inverse of the mean flexibility 1/(G J)."""
-        return frozen(
-            1.0 / self._by_segment(lambda b: 1.0 / (b.shear_modulus * b.torsion_constant))
-        )
+        return frozen(1.0 / self._by_segment(lambda b: 1.0 / _section(b)[..., 3]))
 
     @cached_property
     def axial_stiffness(self) -> Floats:
         """E A of each segment in N: the inverse of the mean of 1/(E A)."""
-        return frozen(1.0 / self._by_segment(lambda b: 1.0 / (b.E * b.area)))
+        return frozen(1.0 / self._by_segment(lambda b: 1.0 / _section(b)[..., 4]))
 
     @cached_property
     def shear_stiffness(self) -> Floats:
         """G A of each segment in N (shear factor 1): the inverse of the mean of 1/(G A)."""
-        return frozen(1.0 / self._by_segment(lambda b: 1.0 / (b.shear_modulus * b.area)))
+        return frozen(1.0 / self._by_segment(lambda b: 1.0 / _section(b)[..., 5]))
+
+    @cached_property
+    def section_stiffness(self) -> Floats:
+        """Stiffness matrix (S, 6, 6) of the section of each segment, in SI; NaN where not given."""
+        none = np.full((6, 6), math.nan)
+        given = [s.backbone.stiffness for s in self.segments]
+        return frozen(np.array([none if matrix is None else matrix for matrix in given]))
 
     @cached_property
     def mass_per_length(self) -> Floats:
         """Mean mass per length of each segment's backbone in kg/m."""
-        return self._by_segment(lambda b: b.density * b.area)
+        return self._by_segment(_mass)
 
     @cached_property
     def rotary_inertia(self) -> Floats:
         """Density times second moment of area of each segment's backbone, its mean, in kg m."""
-        return self._by_segment(lambda b: b.density * b.second_moment)
+        return self._by_segment(_rotary)

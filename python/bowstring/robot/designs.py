@@ -141,6 +141,11 @@ class Designs:
         flat = sections.reshape(*sections.shape[:-3], -1)
         return np.ascontiguousarray(np.broadcast_to(flat, (len(self), flat.shape[-1])))
 
+    @property
+    def section_stiffness(self) -> Floats:
+        """Stiffness matrices (S, 6, 6) of the sections of all robots; NaN where not given."""
+        return self.robot.section_stiffness
+
     @cached_property
     def disks(self) -> Floats:
         """Station, clamped length, mass, two moments of inertia, hole length of disks (D, 6 N)."""

@@ -47,7 +47,7 @@ class Robot(RobotArrays):
                 segment.name or f"segment {j}",
                 number_with_unit(segment.length, "m"),
                 number_with_unit(segment.backbone.outer_diameter, "m"),
-                number_with_unit(segment.backbone.E, "Pa"),
+                "" if (e := segment.backbone.E) is None else number_with_unit(e, "Pa"),
                 int((self.disks.segment == j - 1).sum()),
                 int((self.tendons.segment == j - 1).sum()),
             )
@@ -160,6 +160,21 @@ class Robot(RobotArrays):
                 sizes["width_direction"] = backbone.width_direction
             return {name: exact(size) for name, size in sizes.items() if size is not None}
 
+        def material(backbone: Backbone) -> dict[str, Any]:
+            if backbone.stiffness is not None:
+                return {
+                    "stiffness": [[exact(x) for x in row] for row in backbone.stiffness],
+                    "mass_per_length": exact(backbone.mass_per_length or 0.0),
+                    "rotary_inertia": exact(backbone.rotary_inertia or 0.0),
+                }
+            assert backbone.density is not None
+            return {
+                "inner_diameter": exact(backbone.inner_diameter),
+                "E": exact(backbone.young),
+                "G": exact(backbone.shear_modulus),
+                "density": exact(backbone.density),
+            }
+
         def rest(backbone: Backbone) -> dict[str, str]:
             names = ("rest_bend", "rest_direction", "rest_twist")
             if not any(getattr(backbone, name) for name in names):
@@ -174,10 +189,7 @@ class Robot(RobotArrays):
                     "length": exact(s.length),
                     **({} if s.tendons_in == "disks" else {"tendons_in": s.tendons_in}),
                     **section(s.backbone),
-                    "inner_diameter": exact(s.backbone.inner_diameter),
-                    "E": exact(s.backbone.E),
-                    "G": exact(s.backbone.shear_modulus),
-                    "density": exact(s.backbone.density),
+                    **material(s.backbone),
                     **rest(s.backbone),
                     "disk_positions": [exact(p) for p in s.disk_positions],
                     **weight(s.disks),
@@ -242,7 +254,12 @@ def check_straight(robot: Robot, what: str) -> None:
 
 
 def check_round(robot: Robot, what: str) -> None:
-    """Refuse a robot with a backbone that is not round."""
+    """Refuse a robot with a backbone that is not round, or whose shape is not known."""
+    if any(s.backbone.stiffness is not None for s in robot.segments):
+        raise InputError(
+            f"{what} needs shape and material of the section, which a backbone by its stiffness "
+            "matrix does not have; give diameter, E, nu and density in place of stiffness"
+        )
     if not robot.is_round:
         raise InputError(f"{what} takes round backbones only; give diameter, not width and height")
 

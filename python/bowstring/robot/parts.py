@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
+from bowstring.errors import InputError
 from bowstring.robot.disk import stacked
+from bowstring.robot.stiffness import StiffnessMatrix
 from bowstring.units import Choice, Count, Quantity, Share, Text, wrong
 
 __all__ = [
@@ -64,6 +66,31 @@ def _one_of(first: str, second: str) -> Any:
 _PITCH = Quantity("m", "29 mm", "1 um", "100 m")
 _ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
 _SIZE = Quantity("m", "5 mm", "1 um", "10 m")
+
+
+def _check_stiffness(backbone: Backbone) -> None:
+    """Refuse what a stiffness matrix replaces; without one, what only goes with it."""
+    if backbone.stiffness is None:
+        for name in ("mass_per_length", "rotary_inertia"):
+            if getattr(backbone, name) is not None:
+                raise wrong(f"{name}: given without stiffness; it follows from density and shape")
+        for name, example in (("E", "35 GPa"), ("density", "1800 kg/m^3")):
+            if getattr(backbone, name) is None:
+                raise wrong(f'{name}: missing; write for example "{name}: {example}"')
+        return
+    if backbone.mass_per_length is None:
+        raise wrong(
+            'mass_per_length: missing; with stiffness write for example "mass_per_length: 40 g/m"'
+        )
+    shape = ("inner_diameter", "width", "height", "width_direction")
+    for name in ("E", "G", "nu", "density", *shape, "yield_strength", "strain_limit"):
+        if getattr(backbone, name):
+            raise wrong(f"{name}: given with stiffness, which replaces it; leave one of them out")
+    if backbone.is_tapered:
+        raise wrong(
+            "stiffness: given with the size at the segment's end; a stiffness is the same "
+            "everywhere in its segment, split the segment for another"
+        )
 
 
 def _rest_of_section(backbone: Backbone) -> None:
@@ -130,6 +157,13 @@ class Backbone(Part):
         Density in kg/m^3.
     yield_strength, strain_limit : float or None
         Largest allowed von Mises stress in Pa and strain; exceeding one gives a warning.
+    stiffness : tuple or None
+        Moments (N m) and forces (N) on a section by its curvature about x and y, twist (1/m), shear
+        along x and y, and extension, by rows of a symmetric 6x6 matrix; in place of E, G or nu, and
+        shape. ``diameter`` is then the outer one, for disks and pictures.
+    mass_per_length, rotary_inertia : float or None
+        Mass (kg/m) and mean rotary inertia about an axis of the section (kg m) per length; with
+        ``stiffness`` only.
     rest_bend, rest_direction, rest_twist : float
         Bend and twist of the unloaded segment from its start to its end, and the direction of that
         bend from x, in rad.
@@ -138,8 +172,22 @@ class Backbone(Part):
     model_config = ConfigDict(
         json_schema_extra={
             "allOf": [
-                _one_of("G", "nu"),
-                {"oneOf": [{"required": ["diameter"]}, {"required": ["width", "height"]}]},
+                {
+                    "if": {"not": {"required": ["stiffness"]}},
+                    "then": {
+                        "required": ["E", "density"],
+                        "allOf": [
+                            _one_of("G", "nu"),
+                            {
+                                "oneOf": [
+                                    {"required": ["diameter"]},
+                                    {"required": ["width", "height"]},
+                                ]
+                            },
+                        ],
+                    },
+                    "else": {"required": ["mass_per_length"]},
+                },
             ]
         }
     )
@@ -171,8 +219,8 @@ class Backbone(Part):
     width_direction: Annotated[float, _ANGLE] = Field(
         0.0, description="Direction of the width, angle from x, counter-clockwise; 0 if left out."
     )
-    E: Annotated[float, Quantity("Pa", "35 GPa", "1 Pa", "10 TPa")] = Field(
-        description="Young's modulus."
+    E: Annotated[float | None, Quantity("Pa", "35 GPa", "1 Pa", "10 TPa")] = Field(
+        None, description="Young's modulus; give this, or stiffness."
     )
     G: Annotated[float | None, Quantity("Pa", "13 GPa", "0.1 Pa", "10 TPa")] = Field(
         None, description="Shear modulus; give this or nu."
@@ -180,8 +228,24 @@ class Backbone(Part):
     nu: Annotated[float | None, Quantity("", "0.3", "-0.99", "0.5")] = Field(
         None, description="Poisson's ratio; give this or G."
     )
-    density: Annotated[float, Quantity("kg/m^3", "1800 kg/m^3", "0 kg/m^3", "1e5 kg/m^3")] = Field(
-        description="Mass by volume of the material."
+    density: Annotated[
+        float | None, Quantity("kg/m^3", "1800 kg/m^3", "0 kg/m^3", "1e5 kg/m^3")
+    ] = Field(None, description="Mass by volume of the material; give this, or mass_per_length.")
+    stiffness: Annotated[tuple[tuple[float, ...], ...] | None, StiffnessMatrix()] = Field(
+        None,
+        description="Full stiffness of the section, six rows of six numbers in SI: moments (N m) "
+        "and forces (N) by curvature about x and y, twist (1/m), shear along x and y, extension; "
+        "instead of E, G or nu, density and shape.",
+    )
+    mass_per_length: Annotated[float | None, Quantity("kg/m", "40 g/m", "0 kg/m", "1e6 kg/m")] = (
+        Field(None, description="Mass per length; with stiffness.")
+    )
+    rotary_inertia: Annotated[float | None, Quantity("kg*m", "0.05 g*mm", "0 kg*m", "1e6 kg*m")] = (
+        Field(
+            None,
+            description="Rotary inertia per length about an axis of the section, density times "
+            "second moment of area; with stiffness, 0 if left out.",
+        )
     )
     yield_strength: Annotated[float | None, Quantity("Pa", "200 MPa", "1 Pa", "1 TPa")] = Field(
         None, description="Von Mises stress that the material can take, for warnings."
@@ -201,14 +265,31 @@ class Backbone(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Backbone:
-        _exactly_one(self, "G", "nu")
-        _rest_of_section(self)
+        _check_stiffness(self)
+        if self.stiffness is None:
+            _exactly_one(self, "G", "nu")
+            _rest_of_section(self)
         return self
+
+    def _given(self, name: str) -> Any:
+        value = getattr(self, name)
+        if value is None:
+            raise InputError(
+                f"a backbone by its stiffness matrix has no {name}: this needs E, G or nu, density "
+                "and the shape of the section"
+            )
+        return value
+
+    @property
+    def young(self) -> float:
+        """Young's modulus in Pa."""
+        modulus: float = self._given("E")
+        return modulus
 
     @property
     def is_round(self) -> bool:
         """Whether the section is a circle or a ring, not a rectangle."""
-        return self.width is None
+        return self.width is None and self.stiffness is None
 
     @property
     def is_tapered(self) -> bool:
@@ -246,7 +327,9 @@ class Backbone(Part):
             ends = [0.0 if s is None else s for s in (*sides[0], *sides[1])]
             width, height = np.maximum(ends[0], ends[2]), np.maximum(ends[1], ends[3])
             return np.hypot(width, height)[()]
-        if self.diameter is None or self.end_diameter is None:
+        if self.diameter is None:
+            return 0.0  # of a backbone by its stiffness, unknown
+        if self.end_diameter is None:
             return self.diameter
         return np.maximum(self.diameter, self.end_diameter)[()]
 
@@ -254,15 +337,16 @@ class Backbone(Part):
     def shear_modulus(self) -> float:
         """Shear modulus in Pa, as given or from E and nu."""
         if self.nu is not None:
-            return self.E / (2.0 * (1.0 + self.nu))
-        assert self.G is not None
-        return self.G
+            return self.young / (2.0 * (1.0 + self.nu))
+        modulus: float = self._given("G")
+        return modulus
 
     @property
     def area(self) -> float:
         """Area of the section at the segment's start in m^2."""
         if self.width is not None and self.height is not None:
             return self.width * self.height
+        self._given("E")
         assert self.diameter is not None
         return math.pi / 4.0 * (self.diameter**2 - self.inner_diameter**2)
 
@@ -274,6 +358,7 @@ class Backbone(Part):
         """
         if self.width is not None and self.height is not None:
             return self.width * self.height**3 / 12.0, self.height * self.width**3 / 12.0
+        self._given("E")
         assert self.diameter is not None
         round_one = math.pi / 64.0 * (self.diameter**4 - self.inner_diameter**4)
         return round_one, round_one

@@ -48,10 +48,11 @@ def implausible(robot: RobotArrays) -> Iterator[str]:
     disks, weight = robot.disks, _weight(robot)
     for k, s in enumerate(robot.segments):
         here = f"segments[{k}]"
-        if np.any(robot.tendons.segment >= k):
+        if s.backbone.E is not None and np.any(robot.tendons.segment >= k):
             yield from _implausible_stiffness(robot, k, weight)
 
-        slenderness = s.length / s.backbone.outer_diameter
+        thick = s.backbone.outer_diameter
+        slenderness = s.length / thick if thick else _SLENDERNESS[0]
         soft = s.tendons_in == "body"  # soft bodies are thick
         if not soft and not _SLENDERNESS[0] <= slenderness <= _SLENDERNESS[1]:
             kind = "too thick for a rod" if slenderness < _SLENDERNESS[0] else "thinner than a hair"
@@ -90,12 +91,12 @@ def implausible(robot: RobotArrays) -> Iterator[str]:
                     "a disk holds, 0 mm if none"
                 )
         if s.backbone.G is not None:
-            nu = s.backbone.E / (2 * s.backbone.G) - 1
+            nu = s.backbone.young / (2 * s.backbone.G) - 1
             if not -1 < nu <= 0.5:
                 yield (
                     f"{here}.backbone.G = {number_with_unit(s.backbone.G, 'Pa')} with E = "
-                    f"{number_with_unit(s.backbone.E, 'Pa')} makes nu = {rounded(nu)}, which no "
-                    "isotropic material has; is one of the two in the wrong unit (MPa, GPa)?"
+                    f"{number_with_unit(s.backbone.young, 'Pa')} makes nu = {rounded(nu)}, which "
+                    "no isotropic material has; is one of the two in the wrong unit (MPa, GPa)?"
                 )
     spacing = np.diff(disks.station_m, prepend=0.0)
     before = np.concatenate(([0.0], disks.thickness_m[:-1]))
@@ -163,13 +164,13 @@ def _bend_by_newton(robot: RobotArrays, k: int) -> float:
 
 def _implausible_stiffness(robot: RobotArrays, k: int, weight: float) -> Iterator[str]:
     s = robot.segments[k]
-    where = f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}"
+    where = f"segments[{k}].backbone.E = {number_with_unit(s.backbone.young, 'Pa')}"
     diameter = _size(s.backbone)
     turns = _turns(robot, k, weight)
-    if s.backbone.E > _MAX_E:
+    if s.backbone.young > _MAX_E:
         yield f"{where}: stiffer than diamond; is the unit right (MPa, GPa)?"
     elif turns > _MAX_TURNS:
-        stiffer = 1000 * s.backbone.E
+        stiffer = 1000 * s.backbone.young
         guess = f"is the unit right (MPa, GPa), and {diameter}?"
         if turns / 1000 <= _MAX_TURNS and stiffer <= _MAX_E:
             meant = number_with_unit(stiffer, "Pa")
@@ -209,8 +210,9 @@ def load_advice(robot: RobotArrays, tensions: ArrayLike, tip_force: ArrayLike = 
     """
     weight = _weight(robot)
     for k in range(int(robot.tendons.segment.max()) + 1):
-        if _turns(robot, k, weight) > _MAX_TURNS:
-            modulus = number_with_unit(robot.segments[k].backbone.E, "Pa")
+        young = robot.segments[k].backbone.E
+        if young is not None and _turns(robot, k, weight) > _MAX_TURNS:
+            modulus = number_with_unit(young, "Pa")
             return (
                 f"Check Young's modulus: segments[{k}].backbone.E = {modulus} looks too small "
                 "(GPa, not MPa?). "
@@ -263,9 +265,16 @@ def _buckling(robot: RobotArrays) -> Iterator[str]:
         s = robot.segments[k]
         mass = float(disks.mass_kg[disks.segment == k][0])
         payload = float(robot.carried_kg.sum())
+        if s.backbone.stiffness is not None:
+            yield (
+                f"segments[{k}].backbone.stiffness: the upright backbone buckles under its own "
+                f"weight, {rounded(ratio)} times what it can carry; check the units of stiffness "
+                "(N m^2, N m, N) and the sign of gravity"
+            )
+            return
         carried = f", payloads of {number_with_unit(payload, 'kg')}" if payload else ""
         yield (
-            f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}: the upright "
+            f"segments[{k}].backbone.E = {number_with_unit(s.backbone.young, 'Pa')}: the upright "
             f"backbone buckles under its own weight, {rounded(ratio)} times what it can carry; "
             "check the unit of E (MPa, GPa), "
             f"{_size(s.backbone)}, "

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 import bowstring._core as _core
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot
+from bowstring.robot.model import Robot, check_round
 from bowstring.statics.model import RodModel
 
 if TYPE_CHECKING:
@@ -192,7 +192,7 @@ class Section:
         partly: bool = False,
     ) -> None:
         if not (robot.is_round or partly):
-            raise InputError(f"{robot.name}: stress and strain are for round backbones only")
+            check_round(robot, f"{robot.name}: stress and strain")
         segment = robot.disks.segment[module]
         ends = np.cumsum([s.length for s in robot.segments])
         numbers = np.full((8, len(station)), np.nan)
@@ -204,7 +204,7 @@ class Section:
             area, second, shear = rod.area, rod.second_moment, rod.shear_modulus
             assert rod.diameter is not None
             each = (rod.diameter, rod.inner_diameter, area, second)
-            stiff = (rod.E * second, 2.0 * shear * second, shear * area, rod.E * area)
+            stiff = (rod.young * second, 2.0 * shear * second, shear * area, rod.young * area)
             numbers[:, here] = np.stack(np.broadcast_arrays(station[here], *each, *stiff))[1:]
         outer, inner, area, second = 0.5 * numbers[0], 0.5 * numbers[1], *numbers[2:4]
         bend, turn, slide, stretch = 1.0 / numbers[4:]

@@ -324,7 +324,7 @@ class Model:
                     if value != now:
                         changes[f"segments.{k}.disks.{name}"] = value
                 if physics.stiffness != 1.0:
-                    changes[f"segments.{k}.backbone.E"] = segment.backbone.E * physics.stiffness
+                    changes[f"segments.{k}.backbone.E"] = segment.backbone.young * physics.stiffness
             self._variants[key] = self.robot.with_(changes) if changes else self.robot
         return self._variants[key]
 

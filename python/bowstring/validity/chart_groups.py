@@ -119,7 +119,7 @@ class Groups:
         force = validation.numbers("tip_force", tip_force, (3,), "N")
         backbone, angle = segment.backbone, float(robot.tendons.angle_rad[tendon])
         to_number = length**2 / float(robot.bending_stiffness[0])
-        own, on_disks = backbone.density * backbone.area * length, float(disks.mass_kg.sum())
+        own, on_disks = float(robot.mass_per_length[0]) * length, float(disks.mass_kg.sum())
         mass = own + on_disks
 
         def vector(value: Sequence[float]) -> Vector:

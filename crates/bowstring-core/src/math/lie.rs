@@ -83,14 +83,70 @@ impl<T: Real> ArcMap<T> {
         along * self.length
     }
 
+    /// Rotation vector over the arc (rad).
+    #[inline(always)]
+    pub fn rotation_vector(&self) -> Vec3<T> {
+        self.w
+    }
+
     /// Length of the arc (m).
     #[inline(always)]
     pub fn length(&self) -> T {
         self.length
     }
 
+    /// End point in the frame of the start of an arc along which points move by `v`, constant in its
+    /// own frame, instead of its length along z: `T(w) v` (m).
+    #[inline(always)]
+    pub fn end_along(&self, v: Vec3<T>) -> Vec3<T> {
+        let (w, c) = (self.w, &self.c);
+        v * c[1] + w.cross(v) * c[2] + w * (c[3] * w.dot(v))
+    }
+
+    /// Derivative of `T(w) v` with respect to `w`, at constant `v`.
+    #[inline(always)]
+    pub fn end_along_jacobian(&self, v: Vec3<T>) -> Mat3<T> {
+        let (w, c) = (self.w, &self.c);
+        let [d1, d2, d3] = self.first_derivatives();
+        let wv = w.dot(v);
+        let along = v * d1 + w.cross(v) * d2 + w * (d3 * wv);
+        let direct = (w * c[3]).outer(v).add_diagonal([c[3] * wv; 3]);
+        (along * T::splat(2.0)).outer(w) + direct.add_skew(v * -c[2])
+    }
+
+    /// Derivative of `T(w)' n` with respect to `w`, at constant `n`.
+    #[inline(always)]
+    pub fn transposed_jacobian(&self, n: Vec3<T>) -> Mat3<T> {
+        // T(w)' = T(-w)
+        let back = ArcMap {
+            w: -self.w,
+            ..*self
+        };
+        -back.end_along_jacobian(n)
+    }
+
+    /// The same as `hessian` for the end `T(w) v`, at constant `v`.
+    #[inline(always)]
+    pub fn hessian_along(&self, v: Vec3<T>, n: Vec3<T>, m: Vec3<T>) -> Mat3<T> {
+        let (w, c) = (self.w, &self.c);
+        let (two, half) = (T::splat(2.0), T::splat(0.5));
+        let [d1, d2, d3] = self.first_derivatives();
+        let [e1, e2, e3] = self.second_derivatives();
+        // n . T v = (n.v) c1 + c2 w.k + c3 (n.w) (v.w) with k = v x n
+        let k = v.cross(n);
+        let (nv, wk, nw, vw) = (n.dot(v), w.dot(k), n.dot(w), v.dot(w));
+        let gradient3 = n * vw + v * nw;
+        let alpha = (nv * d1 + wk * d2 + nw * vw * d3) * two + m.dot(w) * c[3];
+        let beta = (nv * e1 + wk * e2 + nw * vw * e3) * T::splat(4.0);
+        let mw = m.cross(w);
+        let y = w * (beta * half) + (k * d2 + gradient3 * d3) * two + mw * d2 + mw.cross(w) * d3
+            - m * (c[3] * half);
+        let z = n * c[3];
+        let of_w = w.outer_add(y, y.outer(w)).add_diagonal([alpha; 3]);
+        z.outer_add(v, v.outer_add(z, of_w)).mirrored()
+    }
+
     /// Left Jacobian: `exp(w + dw) = exp(J dw + ...) exp(w)`.
-    #[cfg(test)]
     pub fn left_jacobian(&self) -> Mat3<T> {
         let (w, c) = (self.w, &self.c);
         (w * c[2]).skew() + (w * c[3]).outer(w) + Mat3::scalar(c[1])

@@ -5,6 +5,50 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
+/// An optional value of scalars, which numbers in lanes never hold.
+pub trait Maybe<C>: Copy + Send + Sync + 'static {
+    /// The value, or nothing in lanes.
+    fn new(value: Option<C>) -> Self;
+    /// The value.
+    fn get(&self) -> Option<&C>;
+    /// The value, to be changed.
+    fn get_mut(&mut self) -> Option<&mut C>;
+}
+
+impl<C: Copy + Send + Sync + 'static> Maybe<C> for Option<C> {
+    #[inline(always)]
+    fn new(value: Option<C>) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn get(&self) -> Option<&C> {
+        self.as_ref()
+    }
+    #[inline(always)]
+    fn get_mut(&mut self) -> Option<&mut C> {
+        self.as_mut()
+    }
+}
+
+/// Nothing, at no cost.
+#[derive(Clone, Copy, Debug)]
+pub struct Never;
+
+impl<C> Maybe<C> for Never {
+    #[inline(always)]
+    fn new(_: Option<C>) -> Self {
+        Never
+    }
+    #[inline(always)]
+    fn get(&self) -> Option<&C> {
+        None
+    }
+    #[inline(always)]
+    fn get_mut(&mut self) -> Option<&mut C> {
+        None
+    }
+}
+
 /// Operations of a number in the mechanics.
 pub trait Real:
     Copy
@@ -21,6 +65,8 @@ pub trait Real:
 {
     /// Number of lanes.
     const LANES: usize;
+    /// Holder of values that scalars alone can have.
+    type Maybe<C: Copy + Send + Sync + 'static>: Maybe<C>;
     /// The same number in every lane.
     fn splat(x: f64) -> Self;
     /// Sets lane by lane.
@@ -84,6 +130,7 @@ pub trait Real:
 
 impl Real for f64 {
     const LANES: usize = 1;
+    type Maybe<C: Copy + Send + Sync + 'static> = Option<C>;
     #[inline(always)]
     fn splat(x: f64) -> Self {
         x

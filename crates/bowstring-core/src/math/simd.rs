@@ -5,7 +5,7 @@
 //! inlines.
 
 use crate::math::instructions::Instructions;
-use crate::math::real::{Layout, Real};
+use crate::math::real::{Layout, Never, Real};
 use core::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
@@ -128,6 +128,7 @@ impl Neg for Fused {
 
 impl Real for Fused {
     const LANES: usize = 1;
+    type Maybe<C: Copy + Send + Sync + 'static> = Never;
     #[inline(always)]
     fn splat(x: f64) -> Self {
         Fused(x)
@@ -194,6 +195,7 @@ macro_rules! vector {
         }
         impl Real for $type {
             const LANES: usize = $n;
+            type Maybe<C: Copy + Send + Sync + 'static> = Never;
             #[inline(always)]
             fn splat(x: f64) -> Self {
                 // SAFETY: code that makes numbers of this type runs behind a check of the processor

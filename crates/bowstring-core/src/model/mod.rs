@@ -1,5 +1,6 @@
 //! Robot, loads and errors: checked input.
 
+pub mod coupled;
 pub mod error;
 pub mod load;
 pub mod robot;

@@ -2,6 +2,7 @@
 //!
 //! Theory: docs/theory/rod.md.
 
+use crate::model::coupled::CoupledSection;
 use crate::model::error::{Argument, InputError, Rule};
 
 /// Elastic section of the backbone; SI units.
@@ -31,6 +32,8 @@ pub struct Section {
 pub enum Profile {
     /// The same section everywhere.
     Uniform(Section),
+    /// The same section everywhere, with coupled strains: from [`Profile::of_stiffness`].
+    Coupled(Box<CoupledSection>),
     /// Sections at equal distances from the start to the end of the segment. Between them
     /// stiffness, mass and inertia are polynomials of the fourth degree, as in a tapered rod;
     /// angle of the principal axes and unloaded curvature are those of the first one.
@@ -44,18 +47,37 @@ impl From<Section> for Profile {
 }
 
 impl Profile {
-    /// The given sections.
+    /// A section by its stiffness, which `Robot::new` checks; rows and columns as those of
+    /// [`CoupledSection`], the other numbers those of [`Section`]. Without couplings, but of the two
+    /// curvatures, and with equal shear stiffnesses it is a plain [`Section`].
+    pub fn of_stiffness(
+        stiffness: [[f64; 6]; 6],
+        mass_per_length: f64,
+        rotary_inertia: f64,
+        rest_curvature: [f64; 3],
+    ) -> Self {
+        let mass = [mass_per_length, rotary_inertia];
+        let coupled = CoupledSection::new(stiffness, mass, rest_curvature);
+        match coupled.plain() {
+            Some(section) => Profile::Uniform(section),
+            None => Profile::Coupled(Box::new(coupled)),
+        }
+    }
+
+    /// The given sections; of one with coupled strains its stiffness without couplings.
     pub fn sections(&self) -> &[Section] {
         match self {
             Profile::Uniform(section) => std::slice::from_ref(section),
+            Profile::Coupled(coupled) => std::slice::from_ref(coupled.without_couplings()),
             Profile::Tapered(sections) => &sections[..],
         }
     }
 
-    /// The given sections, to be changed.
+    /// The given sections, to be changed; none of one with coupled strains.
     pub fn sections_mut(&mut self) -> &mut [Section] {
         match self {
             Profile::Uniform(section) => std::slice::from_mut(section),
+            Profile::Coupled(_) => &mut [],
             Profile::Tapered(sections) => &mut sections[..],
         }
     }
@@ -64,6 +86,7 @@ impl Profile {
     pub fn at(&self, fraction: f64) -> Section {
         let sections = match self {
             Profile::Uniform(section) => return *section,
+            Profile::Coupled(coupled) => return *coupled.without_couplings(),
             Profile::Tapered(sections) => sections,
         };
         // Lagrange's polynomials of the five places
@@ -276,6 +299,9 @@ impl Robot {
             ));
         }
         for (i, profile) in spec.backbone.iter().enumerate() {
+            if let Profile::Coupled(coupled) = profile {
+                coupled.check(i)?;
+            }
             for s in profile.sections() {
                 Self::check_section(i, s)?;
             }
@@ -455,6 +481,11 @@ impl Robot {
     pub(crate) fn has_taper(&self) -> bool {
         let tapered = |p: &Profile| matches!(p, Profile::Tapered(_));
         self.spec.backbone.iter().any(tapered)
+    }
+    /// Whether any segment has coupled strains.
+    pub fn is_coupled(&self) -> bool {
+        let coupled = |p: &Profile| matches!(p, Profile::Coupled(_));
+        self.spec.backbone.iter().any(coupled)
     }
     pub(crate) fn profile(&self, module: usize) -> &Profile {
         &self.spec.backbone[self.modules[module].segment]

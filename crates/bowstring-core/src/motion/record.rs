@@ -346,7 +346,14 @@ impl<T: Real, const A: usize> Pieces<T, A> {
                 let stiffness = &c.at_gauss_points(element)[usize::from(side > 0.0)];
                 let from = c.fraction(2 * element).lane(0);
                 let (place, turn) = state.section(c, from + part.lane(0) * xi / elements);
-                moment += (turn * stiffness.times(curved)) * weight;
+                let own = match c.coupling() {
+                    Some(coupling) => {
+                        let per_element = c.per_flexible * T::splat(elements) / part;
+                        coupling.moment_at(curved, per_element, turn.tr_mul(self.force))
+                    }
+                    None => stiffness.times(curved),
+                };
+                moment += (turn * own) * weight;
                 centre += place * weight;
                 // the mean moment has that of the loads on the nodes beyond as well
                 moment -= self.moment_beyond(c, 2 * element, place) * weight;

@@ -3,12 +3,13 @@
 //! Theory: docs/theory/rod.md (Energy).
 
 use crate::math::linalg::{Mat3, Vec3};
-use crate::math::real::Real;
+use crate::math::real::{Maybe, Real};
 use crate::model::load::{Model, Theory};
-use crate::model::robot::{in_axes, Robot, Section};
+use crate::model::robot::{in_axes, Profile, Robot, Section};
+use crate::rod::coupling::Coupling;
 
 /// Torsional stiffness of a model without twist, relative to that of the backbone.
-const RIGID_IN_TORSION: f64 = 1e6;
+pub(crate) const RIGID_IN_TORSION: f64 = 1e6;
 
 /// Stiffness of an element against bending and torsion: moment by rotation (N m), or by curvature
 /// (N m^2).
@@ -122,8 +123,8 @@ impl Stiffness<f64> {
 }
 
 /// Constants of a module that do not depend on its load.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Constants<T, const A: usize> {
+#[derive(Clone, Copy)]
+pub(crate) struct Constants<T: Real, const A: usize> {
     /// Flexible length (m).
     pub flexible: T,
     /// Inverse of the flexible length (1/m).
@@ -142,18 +143,22 @@ pub(crate) struct Constants<T, const A: usize> {
     pub axial_compliance: T,
     /// Rotation of an unloaded element (rad).
     pub rest: Vec3<T>,
-    /// Coefficients d0 to d3 (m/N) of the compliance D, theory Eq. 2.5.
+    /// Coefficients d0 to d3 (m/N) of the compliance D, theory Eq. 2.5. With a coupled section that of
+    /// shear and extension is its own.
     pub d: [T; 4],
     /// Fractions of the flexible length at the ends of the arcs: equally spaced unless loads between
     /// two disks divide the module.
     pub ends: [T; A],
+    /// Section with coupled strains, in scalars only; the other numbers are then those without
+    /// couplings.
+    pub coupled: T::Maybe<Coupling<T>>,
 }
 
 /// Derivatives of the curvature at a Gauss point with respect to the rotation vectors of the nearer
 /// and the farther arc of its element, times half the element's length: 1 plus and minus
 /// sqrt(3)/2.
-const NEAR: f64 = 1.866_025_403_784_438_6;
-const FAR: f64 = 0.133_974_596_215_561_36;
+pub(crate) const NEAR: f64 = 1.866_025_403_784_438_6;
+pub(crate) const FAR: f64 = 0.133_974_596_215_561_36;
 
 impl<const A: usize> Constants<f64, A> {
     pub fn new(robot: &Robot, k: usize, model: Model) -> Self {
@@ -172,7 +177,13 @@ impl<const A: usize> Constants<f64, A> {
         let profile = robot.profile(k);
         let [from, to] = m.part;
         let mean = |of: &dyn Fn(&Section) -> f64| profile.mean(from, to, of);
+        let rest = Vec3(profile.sections()[0].rest_curvature);
+        let coupled = match profile {
+            Profile::Coupled(section) => Some(Coupling::new(section, model, rest, h)),
+            _ => None,
+        };
         let (shear, axial) = match model.theory {
+            _ if coupled.is_some() => (0.0, 0.0),
             Theory::Cosserat => (mean(&|s| 1.0 / s.shear), mean(&|s| 1.0 / s.axial)),
             Theory::Kirchhoff => (0.0, 0.0),
         };
@@ -201,7 +212,8 @@ impl<const A: usize> Constants<f64, A> {
             mass_per_length: robot.mass_per_length(k),
             own: std::array::from_fn(own),
             axial_compliance: axial,
-            rest: Vec3(profile.sections()[0].rest_curvature) * h,
+            rest: rest * h,
+            coupled,
             d: [
                 length * shear,
                 length * (axial - shear),
@@ -227,6 +239,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
             rest: self.rest.of_lane(lane),
             d: self.d.map(|x| x.lane(lane)),
             ends: self.ends.map(|x| x.lane(lane)),
+            coupled: self.coupled.get().map(|c| c.of_lane(lane)),
         }
     }
 
@@ -244,6 +257,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
             rest: Vec3(std::array::from_fn(|q| T::from_fn(|i| at(i).rest[q]))),
             d: std::array::from_fn(|q| T::from_fn(|i| at(i).d[q])),
             ends: std::array::from_fn(|q| T::from_fn(|i| at(i).ends[q])),
+            coupled: Maybe::new(of[0].coupled.map(|c| c.splat())),
         }
     }
 
@@ -348,6 +362,9 @@ impl<T: Real, const A: usize> Constants<T, A> {
             self.own[a] = elastic.own[a].scaled(T::splat(factor));
         }
         self.rest = elastic.rest * T::splat(1.0 / factor);
+        if let (Some(own), Some(of)) = (self.coupled.get_mut(), elastic.coupled.get()) {
+            own.stiffen(of, factor);
+        }
     }
 
     /// Derivatives of the bending energy (theory Eq. 2.4) with respect to each arc's rotation
@@ -379,6 +396,9 @@ impl<T: Real, const A: usize> Constants<T, A> {
     /// Moments of an element by the elastic rotation vectors of its arcs.
     #[inline(always)]
     pub fn moments_of_element(&self, e: usize, [a, b]: [Vec3<T>; 2]) -> [Vec3<T>; 2] {
+        if let Some(coupling) = self.coupling() {
+            return coupling.moments_of_element([a, b]);
+        }
         let i = 2 * e;
         let mutual = self.mutual(e);
         [

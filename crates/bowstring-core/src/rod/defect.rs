@@ -11,6 +11,7 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
 use crate::model::load::TendonPath;
 use crate::rod::constants::{Constants, Stiffness, Taper};
+use crate::rod::coupling::Coupling;
 use crate::rod::module::{Gradient, State, Tendons};
 
 /// Distance of the ends of a module, over its length, below which it counts as folded.
@@ -121,7 +122,7 @@ struct Material<T> {
 }
 
 /// Properties and loads of one element.
-struct Element<'a, T, const A: usize, const TAPERED: bool> {
+struct Element<'a, T: Real, const A: usize, const TAPERED: bool> {
     /// Mean of the module.
     material: Material<T>,
     taper: Option<&'a Taper<T>>,
@@ -197,6 +198,9 @@ impl<T: Real, const A: usize, const TAPERED: bool> Element<'_, T, A, TAPERED> {
     #[inline(always)]
     fn rate(&self, at: &Section<T>, force: Vec3<T>, from_start: T) -> Section<T> {
         let r = &at.rotation;
+        if let Some(coupling) = self.constants.coupling() {
+            return self.coupled_rate(coupling, at, force);
+        }
         let material = self.material(from_start);
         let curvature = self.curvature(&material, r.tr_mul(at.moment), from_start);
         let n = r.tr_mul(force);
@@ -206,6 +210,22 @@ impl<T: Real, const A: usize, const TAPERED: bool> Element<'_, T, A, TAPERED> {
                 n[1] * material.shear,
                 n[2].mul_add(material.axial, self.stretch),
             ]);
+        Section {
+            rotation: r.mul_skew(curvature),
+            place: along,
+            moment: -along.cross(force),
+        }
+    }
+
+    /// The rate of a coupled section.
+    #[cold]
+    #[inline(never)]
+    fn coupled_rate(&self, coupling: &Coupling<T>, at: &Section<T>, force: Vec3<T>) -> Section<T> {
+        let r = &at.rotation;
+        let n = r.tr_mul(force);
+        let moment = r.tr_mul(at.moment) + coupling.shift.tr_mul(n);
+        let curvature = self.rest + coupling.flexibility * moment;
+        let along = *r * (coupling.along + coupling.shift * curvature + coupling.compliance * n);
         Section {
             rotation: r.mul_skew(curvature),
             place: along,

@@ -27,6 +27,7 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
 use crate::model::load::TendonPath;
 use crate::rod::constants::Constants;
+use crate::rod::coupling::Sway;
 use crate::rod::routes::Holes;
 use crate::rod::span::ParallelPath;
 pub(crate) use crate::rod::span::Span;
@@ -142,6 +143,8 @@ struct ThroughEnd<T, const A: usize> {
     force: [Mat3<T>; A],
     /// Moment on the end.
     torque: [Mat3<T>; A],
+    /// Of a coupled section.
+    sway: Option<Sway<T, A>>,
 }
 
 /// Tolerance of the residual of `rho`, over the module's length.
@@ -181,8 +184,8 @@ impl<T: Real, const A: usize> State<T, A> {
         // by pairs: the compiler then knows the arcs of one element by number
         for e in 0..A / 2 {
             let arc_length = if A == 2 { mean } else { mean * c.part(e) };
-            self.append(2 * e, arc_length);
-            self.append(2 * e + 1, arc_length);
+            self.append(c, 2 * e, arc_length);
+            self.append(c, 2 * e + 1, arc_length);
         }
         for i in 0..A {
             self.tail[i] = self.rho0 - self.tail[i];
@@ -191,9 +194,9 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Appends an arc; its `tail` is the end so far.
     #[inline(always)]
-    fn append(&mut self, i: usize, length: T) {
+    fn append(&mut self, c: &Constants<T, A>, i: usize, length: T) {
         let map = ArcMap::new(self.w[i], length);
-        let (rotation, end) = (map.rotation(), map.end());
+        let (rotation, end) = (map.rotation(), c.arc_end(&map));
         let mut prefix = Mat3::identity();
         if i == 0 {
             self.rho0 = end;
@@ -381,13 +384,18 @@ impl<T: Real, const A: usize> State<T, A> {
         let (mean, change) = self.tangents(c);
         let [d0, d1, d2, d3] = c.d;
         let diagonal = d3.mul_add(change.norm2(), d0);
-        (mean * d1)
+        let plain = (mean * d1)
             .outer_add(mean, (change * d2).outer(change))
             .add_diagonal([diagonal; 3])
-            .mirrored()
+            .mirrored();
+        match c.coupling() {
+            Some(coupling) => plain + self.coupled_compliance(c, coupling),
+            None => plain,
+        }
     }
 
-    /// Force on `rho0` and moment on the end tangent due to the compliance at constant `N`.
+    /// Force on `rho0` and moment on the end tangent due to the compliance at constant `N`, without
+    /// that of a coupled section.
     #[inline(always)]
     pub fn compliance_forces(&self, c: &Constants<T, A>) -> (Vec3<T>, Vec3<T>) {
         let (mean, change) = self.tangents(c);
@@ -411,6 +419,12 @@ impl<T: Real, const A: usize> State<T, A> {
             self.arc_gradient(c, t, 2 * e, elastic[2 * e], out);
             self.arc_gradient(c, t, 2 * e + 1, elastic[2 * e + 1], out);
         }
+        if let Some(coupling) = c.coupling() {
+            let torques = self.sway_torques(c, coupling);
+            for (g, torque) in out.g.iter_mut().zip(torques) {
+                *g += torque;
+            }
+        }
     }
 
     /// Derivatives by one arc, whose elastic moment is `elastic`.
@@ -424,7 +438,7 @@ impl<T: Real, const A: usize> State<T, A> {
         out: &mut Gradient<T, A>,
     ) {
         let Arc { map: arc, prefix } = &self.arcs[i];
-        let (q, inverse) = (arc.end_jacobian(), arc.left_jacobian_inverse());
+        let (q, inverse) = (c.arc_end_jacobian(arc), arc.left_jacobian_inverse());
         let tail = self.tail[i].skew();
         if i == 0 {
             out.to_strain[0] = inverse;
@@ -486,12 +500,19 @@ impl<T: Real, const A: usize> State<T, A> {
             core = (-kd).mul_add(k.transpose(), core).mirrored();
         }
         let along = self.along_force(grad);
-        let j = self.end_motions(c, grad, &along);
+        let sway = c.coupling().map(|coupling| self.sway(c, coupling));
+        let mut j = self.end_motions(c, grad, &along);
+        if let Some(sway) = &sway {
+            for i in 0..A {
+                j[i] += sway.motion[i];
+            }
+        }
         let mut through = ThroughEnd {
             j,
             along,
             force: j,
             torque: j,
+            sway,
         };
         for i in 0..A {
             through.force[i] = g_hat.mul_add(j[i], km.transpose());
@@ -628,9 +649,12 @@ impl<T: Real, const A: usize> State<T, A> {
         let mut block = self.stiffness_through_end(c, through, [i, b]);
         block += grad.nu.cross_mat(grad.r[b]).transpose();
         block = block.add_skew(grad.torque * T::splat(0.5));
+        if let Some(sway) = &through.sway {
+            block = block.add_skew(sway.torque[b] * T::splat(0.5)) + sway.stiffness[b];
+        }
         if i % 2 == 0 && b == i + 1 {
             let strain = &grad.to_strain[i];
-            let mut moment = c.mutual(i / 2).times_mat(*strain);
+            let mut moment = c.mutual_times(i / 2, *strain);
             if t.path == TendonPath::Continuous {
                 moment = self.continuous_blocks(c, t, i)[1].mul_add(*strain, moment);
             }
@@ -651,8 +675,12 @@ impl<T: Real, const A: usize> State<T, A> {
     ) -> Mat3<T> {
         let (nu, tail) = (-grad.nu, self.tail[i]);
         let Arc { map, prefix: p } = &self.arcs[i];
-        let turned = map.hessian(p.tr_mul(nu), p.tr_mul(grad.torque + tail.cross(nu)));
-        let mut local = c.own[i].plus_mat(turned);
+        let mut torque = grad.torque;
+        if let Some(sway) = &through.sway {
+            torque += sway.torque[i];
+        }
+        let turned = c.arc_hessian(map, p.tr_mul(nu), p.tr_mul(torque + tail.cross(nu)));
+        let mut local = c.plus_own(i, turned);
         if t.path == TendonPath::Continuous {
             local += self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)];
         }
@@ -661,7 +689,10 @@ impl<T: Real, const A: usize> State<T, A> {
             .symmetric_part()
             .add_diagonal([-nu.dot(tail); 3]);
         let strain = &grad.to_strain[i];
-        let block = self.stiffness_through_end(c, through, [i, i]) + lever;
+        let mut block = self.stiffness_through_end(c, through, [i, i]) + lever;
+        if let Some(sway) = &through.sway {
+            block += sway.stiffness[i];
+        }
         strain
             .transpose()
             .mul_add(local * *strain, block)
@@ -739,7 +770,7 @@ impl<T: Real, const A: usize> State<T, A> {
             crossed[i] = load.cross_mat(grad.r[i]) + product.transpose().add_diagonal([-trace; 3]);
             let moment = load.cross(self.tail[i]) - Vec3([y[2] - z[1], z[0] - x[2], x[1] - y[0]]);
             let Arc { map, prefix: p } = &self.arcs[i];
-            let local = map.hessian(p.tr_mul(-load), p.tr_mul(moment));
+            let local = c.arc_hessian(map, p.tr_mul(-load), p.tr_mul(moment));
             let lever = load.dot(self.tail[i]) - trace;
             out.uu[i][i] += grad.to_strain[i].tr_mat(local * grad.to_strain[i])
                 + (product - load.outer(self.tail[i]))
@@ -828,10 +859,10 @@ impl<T: Real, const A: usize> State<T, A> {
         let arc = ArcMap::new(self.w[i] * part, self.arcs[i].map.length() * part);
         let mut from = (self.rho - self.rho0) * T::splat(fraction);
         for j in 0..i {
-            from += self.arcs[j].prefix * self.arcs[j].map.end();
+            from += self.arcs[j].prefix * c.arc_end(&self.arcs[j].map);
         }
         let prefix = self.arcs[i].prefix;
-        (from + prefix * arc.end(), prefix * arc.rotation())
+        (from + prefix * c.arc_end(&arc), prefix * arc.rotation())
     }
 }
 

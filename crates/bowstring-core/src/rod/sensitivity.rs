@@ -156,6 +156,12 @@ fn source<const A: usize>(
                     + tangent.cross(on_tangent)
                     + gradient.r[i].tr_mul(on_end);
             }
+            if let Some(coupling) = c.coupling() {
+                let torques = state.sway_torques(c, coupling);
+                for (moment, torque) in source.moment.iter_mut().zip(torques) {
+                    *moment -= torque;
+                }
+            }
             source.place = -(state.compliance(c) * state.n);
         }
         _ => {}

@@ -70,8 +70,8 @@ pub(super) fn rows_each(robots: &[Robot], count: usize) -> Result<usize, InputEr
     };
     if let Some(i) = robots.iter().position(|robot| !alike(first, robot)) {
         return Err(InputError::other(format!(
-            "robot {i} has other disks or end disks of tendons than robot 0: give robots that \
-             differ in their numbers only"
+            "robot {i} has other disks, end disks of tendons or kinds of sections than robot 0: \
+             give robots that differ in their numbers only"
         )));
     }
     if !count.is_multiple_of(robots.len()) {
@@ -84,11 +84,13 @@ pub(super) fn rows_each(robots: &[Robot], count: usize) -> Result<usize, InputEr
     Ok(count / robots.len())
 }
 
-/// Whether two robots have as many disks, and tendons with the same end disks.
+/// Whether two robots have as many disks, tendons with the same end disks, and both or none coupled
+/// sections.
 fn alike(a: &Robot, b: &Robot) -> bool {
     let ends =
         |robot: &Robot| -> Vec<_> { robot.spec().tendons.iter().map(|t| t.end_disk).collect() };
-    a.module_count() == b.module_count() && ends(a) == ends(b)
+    let same_kind = a.module_count() == b.module_count() && a.is_coupled() == b.is_coupled();
+    same_kind && ends(a) == ends(b)
 }
 
 /// Solvers of a thread.

@@ -91,14 +91,17 @@ impl Levels {
 /// Elements of the finer lanes.
 pub(crate) const FINER: usize = 2;
 
-/// A solver for one or two elements in a module, where the processor has SIMD lanes. If
-/// `automatic`, a solution that needs more elements is rejected.
+/// A solver for one or two elements in a module, where the processor has SIMD lanes and the robot no
+/// coupled sections. If `automatic`, a solution that needs more elements is rejected.
 fn side_by_side(
     robot: &Robot,
     model: Model,
     elements: usize,
     automatic: bool,
 ) -> Option<Box<dyn SideBySide>> {
+    if robot.is_coupled() {
+        return None;
+    }
     if let Some(simd) = Avx512::detect() {
         return with(simd, robot, model, elements, automatic);
     }

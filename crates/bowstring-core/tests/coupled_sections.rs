@@ -1,0 +1,222 @@
+//! Backbones by their full stiffness matrix, against independent solutions.
+
+#[path = "common/random.rs"]
+mod random;
+
+use bowstring_core::math::lie;
+use bowstring_core::math::linalg::{Mat3, Vec3};
+use bowstring_core::model::load::{Load, Model, Theory};
+use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Tendon};
+use bowstring_core::statics::solver::{Solver, Status};
+use random::Draw;
+
+type Stiffness = [[f64; 6]; 6];
+
+/// Curvature, twist, shear and extension of a rod of 0.4 m that bends by tens of degrees under 1 N,
+/// without couplings.
+const SIZES: [f64; 6] = [0.06, 0.09, 0.05, 800.0, 1100.0, 1500.0];
+
+/// A random matrix in which couplings are this share of the largest possible.
+fn coupled(draw: &mut Draw, share: f64) -> Stiffness {
+    // sum of squares over more rows than columns
+    let rows: Vec<[f64; 6]> = (0..9)
+        .map(|_| [0; 6].map(|_| draw.within(-1.0, 1.0)))
+        .collect();
+    let product = |i: usize, j: usize| rows.iter().map(|r| r[i] * r[j]).sum::<f64>();
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let (own, size) = (product(i, i) * product(j, j), SIZES[i] * SIZES[j]);
+            let cosine = product(i, j) / own.sqrt();
+            size.sqrt() * if i == j { 1.0 } else { share * cosine }
+        })
+    })
+}
+
+const REST: [f64; 3] = [0.8, -0.5, 1.1];
+const LENGTH: f64 = 0.4;
+
+/// A robot of equal modules with three tendons, or none.
+fn robot(profile: Profile, modules: usize, tendons: usize) -> Robot {
+    let disk = |k: usize| Disk {
+        hole_length: 0.0,
+        station: LENGTH * (k + 1) as f64 / modules as f64,
+        clamped_length: 0.0,
+        mass: 0.01,
+        inertia: [2e-6, 4e-6],
+        segment: 0,
+    };
+    let hole = |i: usize| {
+        let angle = 0.3 + 2.1 * i as f64;
+        [0.02 * angle.cos(), 0.02 * angle.sin()]
+    };
+    Robot::new(RobotSpec {
+        payloads: vec![],
+        backbone: vec![profile],
+        disks: (0..modules).map(disk).collect(),
+        tendons: (0..tendons)
+            .map(|i| Tendon::parallel(hole(i), modules - 1))
+            .collect(),
+        gravity: [0.0; 3],
+    })
+    .unwrap()
+}
+
+/// Inverse by Gauss's elimination with pivoting.
+fn inverse(m: &Stiffness) -> Stiffness {
+    let mut a = *m;
+    let mut b: Stiffness = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j)));
+    for c in 0..6 {
+        let p = (c..6).max_by(|&i, &j| a[i][c].abs().total_cmp(&a[j][c].abs()));
+        let p = p.unwrap();
+        a.swap(c, p);
+        b.swap(c, p);
+        for i in (0..6).filter(|&i| i != c) {
+            let f = a[i][c] / a[c][c];
+            for j in 0..6 {
+                a[i][j] -= f * a[c][j];
+                b[i][j] -= f * b[c][j];
+            }
+        }
+    }
+    std::array::from_fn(|i| std::array::from_fn(|j| b[i][j] / a[i][i]))
+}
+
+/// A rod in the base frame: position, rotation and internal moment.
+#[derive(Clone, Copy)]
+struct Here {
+    place: Vec3,
+    turn: Mat3,
+    moment: Vec3,
+}
+
+/// Integrates the rod's equations from the base by the compliance matrix, under a force at the tip;
+/// `moment` is that at the base. The rotation advances by Munthe-Kaas's method, of fourth order.
+fn integrate(compliance: &Stiffness, force: Vec3, moment: Vec3, steps: usize) -> Here {
+    let h = LENGTH / steps as f64;
+    let rate = |at: &Here| {
+        let (m, n) = (at.turn.tr_mul(at.moment), at.turn.tr_mul(force));
+        let wrench = [m[0], m[1], m[2], n[0], n[1], n[2]];
+        let strain = compliance.map(|row| row.iter().zip(wrench).map(|(c, w)| c * w).sum::<f64>());
+        let curvature = Vec3([0, 1, 2].map(|i| strain[i] + REST[i]));
+        let along = at.turn * Vec3([strain[3], strain[4], 1.0 + strain[5]]);
+        (along, curvature, -along.cross(force))
+    };
+    let mut at = Here {
+        place: Vec3::zero(),
+        turn: Mat3::identity(),
+        moment,
+    };
+    for _ in 0..steps {
+        let stage = |t: Vec3, rates: (Vec3, Vec3, Vec3), by: f64| Here {
+            place: at.place + rates.0 * by,
+            turn: at.turn * lie::exp(t),
+            moment: at.moment + rates.2 * by,
+        };
+        let zero = Vec3::zero();
+        // inverse of the right Jacobian of the exponential, to second order
+        let pull = |t: Vec3, u: Vec3| {
+            let c = t.cross(u);
+            u + c * 0.5 + t.cross(c) * (1.0 / 12.0)
+        };
+        let k1 = rate(&at);
+        let t1 = k1.1;
+        let k2 = rate(&stage(t1 * (0.5 * h), k1, 0.5 * h));
+        let t2 = pull(t1 * (0.5 * h), k2.1);
+        let k3 = rate(&stage(t2 * (0.5 * h), k2, 0.5 * h));
+        let t3 = pull(t2 * (0.5 * h), k3.1);
+        let k4 = rate(&stage(t3 * h, k3, h));
+        let t4 = pull(t3 * h, k4.1);
+        let mean = |a: Vec3, b: Vec3, c: Vec3, d: Vec3| (a + (b + c) * 2.0 + d) * (1.0 / 6.0);
+        at = stage(
+            mean(t1, t2, t3, t4) * h,
+            (
+                mean(k1.0, k2.0, k3.0, k4.0),
+                zero,
+                mean(k1.2, k2.2, k3.2, k4.2),
+            ),
+            h,
+        );
+    }
+    at
+}
+
+/// Shoots for the moment at the base.
+fn shoot(stiffness: &Stiffness, force: Vec3, moment: Vec3, steps: usize) -> Here {
+    let compliance = inverse(stiffness);
+    let mut base = moment;
+    let miss = |base: Vec3| integrate(&compliance, force, base, steps).moment - moment;
+    // the loads in steps, from a rod without force
+    for share in [0.25, 0.5, 0.75, 1.0] {
+        for _ in 0..12 {
+            let miss = |b: Vec3| integrate(&compliance, force * share, b, steps).moment - moment;
+            let at = miss(base);
+            let columns = [0, 1, 2].map(|i| {
+                let mut by = Vec3::zero();
+                by[i] = 1e-6;
+                (miss(base + by) - miss(base - by)) * 0.5e6
+            });
+            let by_columns = Mat3(columns.map(|c| c.0)).transpose();
+            base -= by_columns.inverse() * at;
+            if at.norm() < 1e-13 {
+                break;
+            }
+        }
+    }
+    assert!(miss(base).norm() < 1e-12);
+    integrate(&compliance, force, base, steps)
+}
+
+fn solver(robot: &Robot, theory: Theory, elements: usize) -> Solver {
+    let model = Model {
+        theory,
+        ..Model::default()
+    };
+    Solver::new(robot, model, elements).unwrap()
+}
+
+/// A tip wrench on random coupled rods: the tip is that of the integrated rod within the error
+/// estimate, which falls with the elements.
+#[test]
+fn a_tip_wrench_bends_the_rod_as_integrated() {
+    let mut least = [f64::INFINITY; 2];
+    for number in 0..12 {
+        let draw = &mut Draw::new(61, number);
+        let stiffness = coupled(draw, draw_share(number));
+        let force = Vec3([0; 3].map(|_| draw.within(-0.6, 0.6)));
+        let moment = Vec3([0; 3].map(|_| draw.within(-0.05, 0.05)));
+        let expected = shoot(&stiffness, force, moment, 400);
+        let profile = Profile::of_stiffness(stiffness, 0.0, 0.0, REST);
+        let robot = robot(profile, 5, 0);
+        let mut errors = vec![];
+        for elements in [1, 2, 4, 8] {
+            let mut solver = solver(&robot, Theory::Cosserat, elements);
+            let load = Load {
+                tip_force: force.0,
+                tip_moment: moment.0,
+                ..Load::default()
+            };
+            let mut outcome = solver.solve(&load).unwrap();
+            solver.estimate_error(&mut outcome);
+            assert_eq!(outcome.status, Status::Converged, "{number}");
+            let tip = solver.tip().unwrap();
+            let error = (tip.position - expected.place).norm();
+            let turn = lie::log(&(tip.rotation.transpose() * expected.turn)).norm();
+            let stated = outcome.error.unwrap().tip;
+            assert!(
+                error < stated.max(1e-9),
+                "{number} {elements}: {error} {stated}"
+            );
+            errors.push((error, turn));
+        }
+        least = [
+            least[0].min(errors[0].0 / errors[1].0),
+            least[1].min(errors[0].1 / errors[2].1),
+        ];
+    }
+    // fourth order in the rotation; that of the place is limited by the mean contact force
+    assert!(least[0] > 2.5 && least[1] > 20.0, "{least:?}");
+}
+
+fn draw_share(number: usize) -> f64 {
+    [0.2, 0.5, 0.8][number % 3]
+}

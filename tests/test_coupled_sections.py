@@ -1,0 +1,263 @@
+"""Backbones by a full 6x6 stiffness matrix, against the integrated rod and in closed form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp, solve_ivp
+from scipy.spatial.transform import Rotation
+
+import bowstring as bs
+from bowstring.errors import InputError
+from bowstring.robot.model import check_round
+
+LENGTH = 0.4
+PLAIN = np.diag([0.06, 0.09, 0.05, 900.0, 900.0, 1500.0])
+
+
+def _robot(stiffness: Any, count: int = 5, **changes: Any) -> bs.Robot:
+    backbone = {
+        "stiffness": np.asarray(stiffness).tolist(),
+        "mass_per_length": "30 g/m",
+        "rotary_inertia": "0.05 g*mm",
+    }
+    backbone |= changes.pop("backbone", {})
+    tendons = {"count": 3, "pitch_radius": "20 mm"}
+    disks = {"count": count, "mass": "10 g", "radius": "25 mm", "thickness": "2 mm"}
+    segment = {
+        "length": f"{LENGTH} m",
+        "backbone": backbone,
+        "disks": disks | {"clamped_length": "0 mm"},
+        "tendons": tendons,
+    }
+    return bs.Robot.model_validate({"name": "coupled", "segments": [segment], **changes})
+
+
+def _solve(robot: bs.Robot, tensions: Any, model: Any = None, **load: Any) -> bs.Solution:
+    return bs.solve(robot, tensions, load=bs.Load(**load), model=model)
+
+
+def _coupled(seed: int, share: float) -> np.ndarray:
+    """Random matrix with couplings of some share of the largest possible."""
+    rows = np.random.default_rng(seed).uniform(-1.0, 1.0, (9, 6))
+    product = rows.T @ rows
+    cosine = product / np.sqrt(np.outer(product.diagonal(), product.diagonal()))
+    size = np.sqrt(PLAIN.diagonal())
+    return np.asarray(np.outer(size, size) * (share * cosine + (1.0 - share) * np.eye(6)))
+
+
+def _integrated(stiffness: Any, force: Any, moment: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Tip of the rod under a wrench, by collocation of its equations with quaternions."""
+    compliance = np.linalg.inv(stiffness)
+
+    def rates(_: Any, y: np.ndarray) -> np.ndarray:
+        turn = Rotation.from_quat(y[3:7].T)
+        wrench = np.hstack(
+            [turn.inv().apply(y[7:10].T), turn.inv().apply(np.tile(force, (y.shape[1], 1)))]
+        )
+        strain = wrench @ compliance
+        along = turn.apply(strain[:, 3:] + [0.0, 0.0, 1.0])
+        q, u = y[3:7].T, strain[:, :3]
+        vector = 0.5 * (q[:, 3:] * u + np.cross(q[:, :3], u))
+        scalar = -0.5 * (q[:, :3] * u).sum(axis=1, keepdims=True)
+        return np.hstack([along, vector, scalar, -np.cross(along, force)]).T
+
+    def ends(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.concatenate([a[:3], a[3:7] - [0.0, 0.0, 0.0, 1.0], b[7:10] - moment])
+
+    s = np.linspace(0.0, LENGTH, 41)
+    y = np.zeros((10, 41))
+    y[2], y[6], y[7:10] = s, 1.0, np.asarray(moment)[:, None]
+    for share in (0.25, 0.5, 0.75, 1.0):
+        whole = np.asarray(force, dtype=float)
+        force, kept = share * whole, whole
+        found = solve_bvp(rates, ends, s, y, tol=1e-9, max_nodes=200_000)
+        assert found.success
+        s, y, force = found.x, found.y, kept
+    return y[:3, -1], Rotation.from_quat(y[3:7, -1]).as_matrix()
+
+
+@pytest.mark.parametrize(("seed", "share"), [(1, 0.3), (2, 0.6), (3, 0.8)])
+def test_a_tip_wrench_bends_the_rod_as_integrated(seed: int, share: float) -> None:
+    stiffness = _coupled(seed, share)
+    force, moment = np.array([0.4, -0.3, -0.2]), np.array([0.02, 0.03, -0.02])
+    position, rotation = _integrated(stiffness, force, moment)
+    found = _solve(_robot(stiffness), tensions=[0.0] * 3, tip_force=force, tip_moment=moment)
+    assert np.linalg.norm(found.tip.position - position) < found.error_estimate.tip
+    assert found.error_estimate.tip < 1e-5 * LENGTH
+    assert abs(found.tip.rotation - rotation).max() < 5e-5
+
+
+def test_tendons_bend_the_rod_as_integrated() -> None:
+    """The forces of the spans, by the solved poses, on the rod's equations from the base."""
+    stiffness, tensions = _coupled(8, 0.7), np.array([7.0, 2.0, 4.0])
+    compliance, robot = np.linalg.inv(stiffness), _robot(stiffness)
+    found = _solve(robot, tensions)
+    place = np.array([np.zeros(3), *(disk.position for disk in found.disks)])
+    turn = np.array([np.eye(3), *(disk.rotation for disk in found.disks)])
+    arm = np.einsum("kij,tj->kti", turn, np.pad(robot.tendons.hole_m, ((0, 0), (0, 1))))
+    span = np.diff(place[:, None] + arm, axis=0)
+    pull = tensions[:, None] * span / np.linalg.norm(span, axis=2, keepdims=True)
+    force = -pull
+    force[:-1] += pull[1:]
+    moment = np.cross(arm[1:], force).sum(axis=1)
+    force = force.sum(axis=1)
+    beyond = np.cumsum(force[::-1], axis=0)[::-1]
+    base = (np.cross(place[1:], force) + moment).sum(axis=0)
+
+    def rates(_: float, y: np.ndarray, n: np.ndarray) -> np.ndarray:
+        r = y[3:12].reshape(3, 3)
+        strain = compliance @ np.concatenate([r.T @ y[12:], r.T @ n])
+        along = r @ (strain[3:] + [0.0, 0.0, 1.0])
+        rotated = np.cross(r, -strain[:3])
+        return np.concatenate([along, rotated.ravel(), -np.cross(along, n)])
+
+    y = np.concatenate([np.zeros(3), np.eye(3).ravel(), base])
+    ends = np.linspace(0.0, LENGTH, len(place))
+    for k in range(len(place) - 1):
+        y = solve_ivp(rates, ends[k : k + 2], y, args=(beyond[k],), rtol=1e-11, atol=1e-12).y[:, -1]
+        y[12:] -= moment[k]
+        assert np.linalg.norm(y[:3] - place[k + 1]) < 1e-6 * LENGTH
+    assert abs(y[12:]).max() < 1e-6
+    assert np.linalg.norm(y[:3] - place[-1]) < found.error_estimate.tip
+
+
+def test_without_couplings_it_is_the_plain_robot() -> None:
+    young, poisson, diameter = 35e9, 0.3, 0.005
+    area, second = np.pi / 4 * diameter**2, np.pi / 64 * diameter**4
+    shear = young / (2 * (1 + poisson))
+    plain = bs.load_robot("amouri2019")
+    matrix = np.diag([young * second] * 2 + [2 * shear * second, *[shear * area] * 2, young * area])
+    fields = ("E", "nu", "density", "diameter")
+    robot = plain.with_(
+        {f"segments.0.backbone.{name}": None for name in fields}
+        | {
+            "segments.0.backbone.stiffness": matrix.tolist(),
+            "segments.0.backbone.mass_per_length": 1800.0 * area,
+        }
+    )
+    load: dict[str, Any] = {"tensions": [60, 10, 0], "tip_force": [0.5, -0.2, 0.1]}
+    a, b = _solve(plain, **load), _solve(robot, **load)
+    assert abs(a.tip.position - b.tip.position).max() < 1e-12
+    assert abs(a.tip.rotation - b.tip.rotation).max() < 1e-12
+    assert robot.mass_per_length == pytest.approx(plain.mass_per_length, rel=1e-14)
+    assert robot.bending_stiffness == pytest.approx(plain.bending_stiffness, rel=1e-12)
+
+
+def test_turned_axes_turn_the_answer() -> None:
+    stiffness, angle = _coupled(4, 0.7), 2.0 * np.pi / 3.0
+    turn = Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()
+    both = np.kron(np.eye(2), turn)
+    force, moment = np.array([0.3, 0.1, -0.2]), np.array([0.01, -0.02, 0.03])
+    a = _solve(_robot(stiffness), tensions=[5, 2, 1], tip_force=force, tip_moment=moment)
+    # tendons are 120 degrees apart
+    b = _solve(
+        _robot(both @ stiffness @ both.T),
+        tensions=[1, 5, 2],
+        tip_force=turn @ force,
+        tip_moment=turn @ moment,
+    )
+    assert abs(turn @ a.tip.position - b.tip.position).max() < 1e-12
+    assert abs(turn @ a.tip.rotation @ turn.T - b.tip.rotation).max() < 1e-12
+
+
+def test_a_pull_turns_the_tip_of_a_spiral() -> None:
+    stiffness = PLAIN.copy()
+    stiffness[2, 5] = stiffness[5, 2] = 4.0
+    pull = 3.0
+    found = _solve(_robot(stiffness), tensions=[0.0] * 3, tip_force=[0, 0, pull])
+    twist, extension = np.linalg.solve(stiffness[np.ix_([2, 5], [2, 5])], [0.0, pull])
+    turned = Rotation.from_matrix(found.tip.rotation).as_rotvec()
+    assert turned == pytest.approx([0.0, 0.0, twist * LENGTH], rel=1e-12, abs=1e-12)
+    expected = [0.0, 0.0, (1.0 + extension) * LENGTH]
+    assert found.tip.position == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+def test_an_offset_reference_line_is_the_same_rod() -> None:
+    """Strains at a parallel line ``c`` are ``v + u x c``, and its tip moves by ``R c``."""
+    offset = np.array([0.012, -0.007, 0.0])
+    x, y, z = offset
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    # strains at the line from those at the offset one: v = v' - u x c = v' + [c] u
+    back = np.eye(6)
+    back[3:, :3] = cross
+    shifted = back.T @ PLAIN @ back
+    force, moment = np.array([0.5, -0.3, -0.1]), np.array([0.02, 0.01, 0.03])
+    centre = _integrated(PLAIN, force, moment)
+    load = _solve(
+        _robot(shifted, 8),
+        tensions=[0.0] * 3,
+        tip_force=force,
+        tip_moment=moment - np.cross(centre[1] @ offset, force),
+    )
+    assert load.error_estimate.tip < 1e-5 * LENGTH
+    expected = centre[0] + centre[1] @ offset - offset
+    assert np.linalg.norm(load.tip.position - expected) < max(
+        load.error_estimate.tip, 1e-6 * LENGTH
+    )
+    assert abs(load.tip.rotation - centre[1]).max() < 2e-5
+
+
+def test_batches_sweeps_and_single_solves_agree() -> None:
+    robot = _robot(_coupled(5, 0.7), gravity="0 0 -9.81 m/s^2")
+    tensions = np.random.default_rng(6).uniform(0.0, 8.0, (20, 3))
+    batch = bs.solve_batch(robot, tensions=tensions)
+    assert set(batch.status) == {"converged"}
+    for row, position in zip(tensions, batch.tip_position, strict=True):
+        assert _solve(robot, tensions=row).tip.position == pytest.approx(position, abs=1e-9)
+
+
+def test_derivatives_are_those_of_richardson_differences() -> None:
+    robot = _robot(_coupled(7, 0.8), gravity="1 2 -9.81 m/s^2")
+    tensions, force = np.array([6.0, 2.0, 3.0]), np.array([0.2, -0.1, 0.15])
+    model = bs.RodModel(elements=2)
+
+    def tip(t: Any, f: Any) -> np.ndarray:
+        return _solve(robot, tensions=t, tip_force=f, model=model).tip.position
+
+    by = bs.jacobians(_solve(robot, tensions=tensions, tip_force=force, model=model))
+    for i in range(3):
+        for found, size, of in (
+            (by.tip_position_by_tension[:, i], 0.1, lambda x: tip(tensions + x, force)),
+            (by.tip_position_by_tip_force[:, i], 0.01, lambda x: tip(tensions, force + x)),
+        ):
+            step = np.eye(3)[i] * size
+            coarse, fine = ((of(h * step) - of(-h * step)) / (2 * h * size) for h in (1.0, 0.5))
+            expected = (4.0 * fine - coarse) / 3.0
+            assert abs(found - expected).max() < 1e-6 * abs(expected).max()
+
+
+def test_a_matrix_that_cannot_be_is_refused() -> None:
+    robot = _robot(PLAIN)
+
+    def refused(changes: dict[str, Any]) -> str:
+        with pytest.raises(InputError) as error:
+            robot.with_({f"segments.0.backbone.{name}": value for name, value in changes.items()})
+        return str(error.value)
+
+    wrong = PLAIN.copy()
+    wrong[0, 2] = 0.01
+    assert "must be symmetric" in refused({"stiffness": wrong.tolist()})
+    wrong[2, 0], wrong[0, 2] = 0.06, 0.06
+    assert "not positive definite" in refused({"stiffness": wrong.tolist()})
+    wrong = PLAIN.copy()
+    wrong[3, 3] = -1.0
+    assert "row 4 on the diagonal" in refused({"stiffness": wrong.tolist()})
+    wrong[3, 3] = np.nan
+    assert "not finite" in refused({"stiffness": wrong.tolist()})
+    assert "six rows of six numbers" in refused({"stiffness": [[1.0]]})
+    assert "E: given with stiffness" in refused({"E": "35 GPa"})
+    assert "mass_per_length: missing" in refused({"mass_per_length": None})
+    fields = {name: None for name in ("stiffness", "mass_per_length", "rotary_inertia")}
+    assert "E: missing" in refused(fields)
+    assert "mass_per_length: given without stiffness" in refused({"stiffness": None})
+
+
+def test_what_needs_a_shape_is_refused() -> None:
+    robot = _robot(_coupled(3, 0.5))
+    with pytest.raises(InputError, match="shape and material of the section"):
+        check_round(robot, "a solid")
+    with pytest.raises(InputError, match="straight tendons only"):
+        _solve(robot, [1, 0, 0], bs.RodModel(tendon_path="continuous"))
