@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,12 @@ from scipy.integrate import solve_bvp, solve_ivp
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
+from bowstring.dynamics.load_history import ramp
 from bowstring.errors import InputError
+from bowstring.robot.designs import Designs
 from bowstring.robot.model import check_round
+from bowstring.robot.writer import to_yaml
+from bowstring.statics.designs import sweep_designs
 
 LENGTH = 0.4
 PLAIN = np.diag([0.06, 0.09, 0.05, 900.0, 900.0, 1500.0])
@@ -95,8 +100,8 @@ def test_tendons_bend_the_rod_as_integrated() -> None:
     stiffness, tensions = _coupled(8, 0.7), np.array([7.0, 2.0, 4.0])
     compliance, robot = np.linalg.inv(stiffness), _robot(stiffness)
     found = _solve(robot, tensions)
-    place = np.array([np.zeros(3), *(disk.position for disk in found.disks)])
-    turn = np.array([np.eye(3), *(disk.rotation for disk in found.disks)])
+    place = np.array([np.zeros(3), *found.disk_positions])
+    turn = np.array([np.eye(3), *found.disk_rotations])
     arm = np.einsum("kij,tj->kti", turn, np.pad(robot.tendons.hole_m, ((0, 0), (0, 1))))
     span = np.diff(place[:, None] + arm, axis=0)
     pull = tensions[:, None] * span / np.linalg.norm(span, axis=2, keepdims=True)
@@ -110,8 +115,8 @@ def test_tendons_bend_the_rod_as_integrated() -> None:
     def rates(_: float, y: np.ndarray, n: np.ndarray) -> np.ndarray:
         r = y[3:12].reshape(3, 3)
         strain = compliance @ np.concatenate([r.T @ y[12:], r.T @ n])
-        along = r @ (strain[3:] + [0.0, 0.0, 1.0])
-        rotated = np.cross(r, -strain[:3])
+        along = r @ np.add(strain[3:], [0.0, 0.0, 1.0])
+        rotated = np.cross(r, strain[:3])
         return np.concatenate([along, rotated.ravel(), -np.cross(along, n)])
 
     y = np.concatenate([np.zeros(3), np.eye(3).ravel(), base])
@@ -248,11 +253,34 @@ def test_a_matrix_that_cannot_be_is_refused() -> None:
     wrong[3, 3] = np.nan
     assert "not finite" in refused({"stiffness": wrong.tolist()})
     assert "six rows of six numbers" in refused({"stiffness": [[1.0]]})
+    wrong = PLAIN.tolist()
+    wrong[1][1] = "9 GPa"
+    assert 'got "9 GPa"' in refused({"stiffness": wrong})
+    wrong[1][1] = 10**400
+    assert "six rows of six numbers" in refused({"stiffness": wrong})
     assert "E: given with stiffness" in refused({"E": "35 GPa"})
     assert "mass_per_length: missing" in refused({"mass_per_length": None})
     fields = {name: None for name in ("stiffness", "mass_per_length", "rotary_inertia")}
     assert "E: missing" in refused(fields)
     assert "mass_per_length: given without stiffness" in refused({"stiffness": None})
+
+
+def test_a_file_is_written_and_read_again(tmp_path: Path) -> None:
+    robot = _robot(_coupled(2, 0.5))
+    (tmp_path / "coupled.yaml").write_text(to_yaml(robot))
+    again = bs.load_robot(tmp_path / "coupled.yaml")
+    assert again == robot and again.hash == robot.hash and not robot.warnings
+    assert robot.hash != _robot(_coupled(2, 0.4)).hash
+    assert robot.with_({"segments.0.disks.mass": "11 g"}).segments[0].backbone.stiffness
+
+
+def test_designs_of_one_matrix() -> None:
+    robot, masses = _robot(_coupled(2, 0.5), gravity="0 0 9.81 m/s^2"), [0.01, 0.03]
+    designs = Designs(robot, {"segments.0.disks.mass": masses})
+    found = sweep_designs(designs, np.tile([5.0, 1.0, 0.0], (2, 1, 1)))
+    for mass, position in zip(masses, found.tip_position, strict=True):
+        one = _solve(robot.with_({"segments.0.disks.mass": mass}), [5.0, 1.0, 0.0])
+        assert one.tip.position == pytest.approx(position.reshape(3), abs=1e-9)
 
 
 def test_what_needs_a_shape_is_refused() -> None:
@@ -261,3 +289,43 @@ def test_what_needs_a_shape_is_refused() -> None:
         check_round(robot, "a solid")
     with pytest.raises(InputError, match="straight tendons only"):
         _solve(robot, [1, 0, 0], bs.RodModel(tendon_path="continuous"))
+
+
+def test_strains_along_the_backbone_are_those_of_the_matrix() -> None:
+    stiffness = _coupled(9, 0.8)
+    robot = _robot(stiffness, backbone={"rest_twist": "40 deg"}, gravity="0 1 -9.81 m/s^2")
+    found = _solve(robot, [6.0, 2.0, 1.0]).to_dataset()
+    wrench = np.concatenate([found.moment, found.force], axis=-1)[0]
+    strain = np.concatenate([found.curvature, found.strain], axis=-1)[0]
+    strain[:, 2] -= np.deg2rad(40.0) / LENGTH
+    assert strain @ stiffness == pytest.approx(wrench, rel=1e-9, abs=1e-9)
+    assert np.isnan(found.von_mises).all()
+
+
+def test_a_motion_keeps_its_energy_and_settles_in_the_equilibrium() -> None:
+    robot = _robot(_coupled(9, 0.8))
+    tensions, gravity, model = [6.0, 2.0, 1.0], [0.0, 1.0, -9.81], bs.RodModel(elements=4)
+    load = bs.Load(tensions=ramp(tensions, 0.1), gravity=gravity)
+    run = bs.simulate(robot, duration=0.2, load=load, model=model)
+    assert run.status == "converged"
+    values = run.to_dataset()
+    assert abs(values.energy_balance).max() < 2e-3 * abs(values.work).max()
+    damped = bs.Integrator(mass_damping=10.0)
+    end = bs.simulate(robot, duration=3.0, load=load, model=model, integrator=damped)
+    expected = _solve(robot, tensions, model, gravity=gravity)
+    assert np.linalg.norm(end.tip_position[-1] - expected.tip.position) < 1e-5 * LENGTH
+
+
+def test_a_column_buckles_at_the_softer_of_its_coupled_bends() -> None:
+    """Shear and extension, coupled to nothing, lower Euler's load by the closed form."""
+    stiffness = PLAIN.copy()
+    stiffness[0, 1] = stiffness[1, 0] = 0.04
+    stiffness[0, 2] = stiffness[2, 0] = 0.03
+    soft = 1.0 / np.linalg.eigvalsh(np.linalg.inv(stiffness)[:2, :2])[-1]
+    euler = (np.pi / (2.0 * LENGTH)) ** 2 * soft
+    robot = _robot(stiffness)
+    model = bs.RodModel("kirchhoff", elements=4)
+    for share, stable in ((0.995, True), (1.005, False)):
+        found = _solve(robot, [0.0] * 3, model, tip_force=[0.0, 0.0, -share * euler])
+        straight = abs(found.tip.position[:2]).max() < 1e-9
+        assert straight == stable

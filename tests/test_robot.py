@@ -173,7 +173,7 @@ def test_each_segment_has_its_own_disks_and_tendons(load):
 
 def test_documented_example_matches_its_comments(load):
     text = (ROOT / "docs" / "reference" / "robot-file.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```yaml\n(.*?)```", text, re.S)
+    example, coupled = re.findall(r"```yaml\n(.*?)```", text, re.S)
     robot = load(example)
     jsonschema.validate(yaml.safe_load(example), robot_schema())
     assert (robot.name, robot.gravity) == ("two_segments", (0, 0, -9.80665))
@@ -188,7 +188,12 @@ def test_documented_example_matches_its_comments(load):
     schema = robot_schema()
     for part in (schema, *schema["$defs"].values()):
         for field in part["properties"]:
-            assert re.search(rf"\b{field}:", example), field
+            assert re.search(rf"\b{field}:", example + coupled), field
+    # the other kind of backbone in place of the first one's
+    tree = yaml.safe_load(example)
+    tree["segments"][0] |= yaml.safe_load(coupled)
+    jsonschema.validate(tree, robot_schema())
+    assert load(yaml.safe_dump(tree)).segments[0].backbone.stiffness[0][2] == 0.03
 
 
 def test_robot_names():
@@ -695,8 +700,9 @@ def test_positions_forms(load):
             "outer_diameter:",
             "segments[0].backbone.outer_diameter: unknown field; did you mean diameter? "
             "Known here: diameter, inner_diameter, end_diameter, end_inner_diameter, width, "
-            "height, end_width, end_height, width_direction, E, G, nu, density, yield_strength, "
-            "strain_limit, rest_bend, rest_direction, rest_twist.",
+            "height, end_width, end_height, width_direction, E, G, nu, density, stiffness, "
+            "mass_per_length, rotary_inertia, yield_strength, strain_limit, rest_bend, "
+            "rest_direction, rest_twist.",
         ),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from numbers import Real
 from typing import Any, Final
@@ -10,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring.units import Marker, quote, wrong
+from bowstring.units import NUMBER, Marker, quote, wrong
 
 __all__ = ["StiffnessMatrix", "flexibility", "without_couplings"]
 
@@ -29,9 +30,9 @@ class StiffnessMatrix(Marker):
     def read(self, value: Any) -> tuple[tuple[float, ...], ...]:
         """Check a matrix given by rows."""
         rows = value.tolist() if isinstance(value, np.ndarray) else value
-        if not _is_row(rows, Sequence) or not all(_is_row(row, Real) for row in rows):
+        if not _is_row(rows) or not all(_is_row(row) for row in rows):
             raise wrong(f"got {quote(value)}; {_ADVICE}")
-        given = np.array([[float(x) for x in row] for row in rows])
+        given = np.array([[_number(x) for x in row] for row in rows])
         if not np.isfinite(given).all():
             raise wrong(f"got a number that is not finite; {_ADVICE}")
         diagonal = given.diagonal()
@@ -61,10 +62,19 @@ class StiffnessMatrix(Marker):
         return {"type": "array", "items": row, "minItems": _SIZE, "maxItems": _SIZE}
 
 
-def _is_row(value: Any, kind: type) -> bool:
-    if isinstance(value, str) or not isinstance(value, Sequence) or len(value) != _SIZE:
-        return False
-    return all(isinstance(item, kind) and not isinstance(item, (bool, str)) for item in value)
+def _is_row(value: Any) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, str) and len(value) == _SIZE
+
+
+def _number(value: Any) -> float:
+    # YAML reads 9e3 as text
+    plain = isinstance(value, str) and re.fullmatch(NUMBER, value) is not None
+    if not plain and (isinstance(value, bool) or not isinstance(value, Real)):
+        raise wrong(f"got {quote(value)}; {_ADVICE}")
+    try:
+        return float(value)
+    except (OverflowError, TypeError):
+        raise wrong(f"got {quote(value)}; {_ADVICE}") from None
 
 
 def flexibility(stiffness: ArrayLike) -> NDArray[np.float64]:

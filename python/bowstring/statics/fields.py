@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 import bowstring._core as _core
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot, check_round
+from bowstring.robot.stiffness import flexibility
 from bowstring.statics.model import RodModel
 
 if TYPE_CHECKING:
@@ -166,6 +167,23 @@ FIELDS: Final[tuple[Field, ...]] = (
 _RAW: Final = frozenset(Frames.__dataclass_fields__)
 
 
+def _coupled(
+    robot: Robot, segment: Ints, model: RodModel, free: NDArray[np.bool_]
+) -> Floats | None:
+    """Strains by moment and force (P, 6, 6) where a stiffness matrix is given, NaN elsewhere."""
+    if np.isnan(robot.section_stiffness).all():
+        return None
+    by_segment = np.full((len(robot.segments), 6, 6), np.nan)
+    strains = [
+        q for q in range(6) if (q != 2 or model.twist) and (q < 3 or model.theory != "kirchhoff")
+    ]
+    for own, stiffness in zip(by_segment, robot.section_stiffness, strict=True):
+        if not np.isnan(stiffness).any():
+            own[:] = 0.0
+            own[np.ix_(strains, strains)] = flexibility(stiffness[np.ix_(strains, strains)])
+    return np.asarray(by_segment[segment] * free[:, :, None])
+
+
 class Section:
     """Properties of backbone sections at stations (P,) for stress and strain, SI.
 
@@ -179,7 +197,8 @@ class Section:
     model : RodModel
         A Kirchhoff rod has no shear and no extension; one without twist does not twist.
     partly : bool
-        Whether segments may be rectangular; stress and strain there are NaN.
+        Whether segments may be rectangular, where stress and strain are NaN, or by a stiffness
+        matrix, where stress is.
     """
 
     def __init__(
@@ -221,6 +240,7 @@ class Section:
         beside = np.clip([after - 1, after], 0, len(d.station_m) - 1)
         depth = 0.5 * d.clamped_length_m[beside] - abs(station - d.station_m[beside])
         free = np.all(depth <= 1e-9 * robot.length, axis=0)[:, None]
+        self.coupled: Floats | None = _coupled(robot, segment, model, free)
         self.bending_compliance: Floats = np.stack([bend, bend, turn], axis=1) * free
         self.rest_curvature: Floats = robot.rest_curvature[segment] * free
         force_compliance = np.stack([slide, slide, stretch], axis=1) * free
@@ -307,6 +327,12 @@ def derive(robot: Robot, frames: Frames, sec: Section) -> dict[str, Floats]:
     """
     vectors = (frames.position, frames.rotation, frames.force, frames.moment)
     out = _core.derive(sec.columns, *map(_floats, vectors))
+    if sec.coupled is not None:
+        wrench = np.concatenate([frames.moment, frames.force], axis=-1)
+        strain = np.einsum("pij,tpj->tpi", sec.coupled, wrench)
+        known = ~np.isnan(strain[..., :1])
+        out["curvature"] = np.where(known, strain[..., :3], out["curvature"])
+        out["strain"] = np.where(known, strain[..., 3:], out["strain"])
     # the moments give the change from the unloaded backbone
     out["curvature"] = out["curvature"] + sec.rest_curvature
     value, place = out["von_mises"], out["von_mises_place"]
@@ -486,7 +512,9 @@ def to_dataset(
 
     check_frames(robot, frames)
     model = RodModel(settings.get("theory"), twist=bool(settings.get("twist", True)))
-    sections = Section(robot, frames.station, frames.module, model)
+    # a stiffness matrix gives strain, but no stress
+    partly = not np.isnan(robot.section_stiffness).all()
+    sections = Section(robot, frames.station, frames.module, model, partly=partly)
     values = derive(robot, frames, sections)
     end = float(frames.time[-1]) if len(frames.time) else math.nan
     return xr.Dataset(
