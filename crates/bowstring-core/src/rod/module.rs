@@ -134,7 +134,7 @@ pub(crate) struct Response<T, const A: usize> {
 }
 
 /// Motion of a module's end by the rotation added by each arc, and the forces that it causes.
-struct ThroughEnd<T, const A: usize> {
+struct ThroughEnd<'a, T, const A: usize> {
     /// Motion.
     j: [Mat3<T>; A],
     /// Motion along the contact force, without compliance.
@@ -144,7 +144,7 @@ struct ThroughEnd<T, const A: usize> {
     /// Moment on the end.
     torque: [Mat3<T>; A],
     /// Of a coupled section.
-    sway: Option<Sway<T, A>>,
+    sway: Option<&'a Sway<T, A>>,
 }
 
 /// Tolerance of the residual of `rho`, over the module's length.
@@ -512,7 +512,7 @@ impl<T: Real, const A: usize> State<T, A> {
             along,
             force: j,
             torque: j,
-            sway,
+            sway: sway.as_ref(),
         };
         for i in 0..A {
             through.force[i] = g_hat.mul_add(j[i], km.transpose());
@@ -643,13 +643,13 @@ impl<T: Real, const A: usize> State<T, A> {
         c: &Constants<T, A>,
         t: &Tendons<T>,
         grad: &Gradient<T, A>,
-        through: &ThroughEnd<T, A>,
+        through: &ThroughEnd<'_, T, A>,
         [i, b]: [usize; 2],
     ) -> Mat3<T> {
         let mut block = self.stiffness_through_end(c, through, [i, b]);
         block += grad.nu.cross_mat(grad.r[b]).transpose();
         block = block.add_skew(grad.torque * T::splat(0.5));
-        if let Some(sway) = &through.sway {
+        if let Some(sway) = through.sway {
             block = block.add_skew(sway.torque[b] * T::splat(0.5)) + sway.stiffness[b];
         }
         if i % 2 == 0 && b == i + 1 {
@@ -670,13 +670,13 @@ impl<T: Real, const A: usize> State<T, A> {
         c: &Constants<T, A>,
         t: &Tendons<T>,
         grad: &Gradient<T, A>,
-        through: &ThroughEnd<T, A>,
+        through: &ThroughEnd<'_, T, A>,
         i: usize,
     ) -> Mat3<T> {
         let (nu, tail) = (-grad.nu, self.tail[i]);
         let Arc { map, prefix: p } = &self.arcs[i];
         let mut torque = grad.torque;
-        if let Some(sway) = &through.sway {
+        if let Some(sway) = through.sway {
             torque += sway.torque[i];
         }
         let turned = c.arc_hessian(map, p.tr_mul(nu), p.tr_mul(torque + tail.cross(nu)));
@@ -690,7 +690,7 @@ impl<T: Real, const A: usize> State<T, A> {
             .add_diagonal([-nu.dot(tail); 3]);
         let strain = &grad.to_strain[i];
         let mut block = self.stiffness_through_end(c, through, [i, i]) + lever;
-        if let Some(sway) = &through.sway {
+        if let Some(sway) = through.sway {
             block += sway.stiffness[i];
         }
         strain
@@ -704,7 +704,7 @@ impl<T: Real, const A: usize> State<T, A> {
     fn stiffness_through_end(
         &self,
         c: &Constants<T, A>,
-        through: &ThroughEnd<T, A>,
+        through: &ThroughEnd<'_, T, A>,
         [i, b]: [usize; 2],
     ) -> Mat3<T> {
         let along = &through.along;
