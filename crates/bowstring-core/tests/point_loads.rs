@@ -298,7 +298,7 @@ fn a_force_per_length_is_a_weight() {
     let gravity = [3.0, -5.0, -9.81];
     let mass = match &robot.spec().backbone[0] {
         bowstring_core::model::robot::Profile::Uniform(section) => section.mass_per_length,
-        bowstring_core::model::robot::Profile::Tapered(_) => unreachable!(),
+        _ => unreachable!(),
     };
     let lines = [gravity.map(|g| g * mass); 9];
     for elements in [1, 2] {

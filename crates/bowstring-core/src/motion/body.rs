@@ -43,7 +43,7 @@ impl<L: Layout, const A: usize> Body<L, A> {
     #[cold]
     pub fn divide(&mut self) {
         for (own, c) in self.constants.iter_mut().zip(&mut self.rod.constants) {
-            if (0..A).any(|a| own.ends[a].lane(0) != c.ends[a].lane(0)) {
+            if !own.divided_as(c) {
                 if self.scheme.rigid {
                     c.d[0] += c.d[3] * L::Module::splat(NEARLY_RIGID);
                 }

@@ -288,7 +288,9 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             put::<L>(&mut state.lambda, i, lambda);
             lambda -= get::<L>(&state.load_moment, i);
             if rod.attached.has_between() {
-                rod.add_moments_between(k, &mut lambda);
+                let start = &rod.rotations[k];
+                let between = &mut rod.attached.between;
+                lambda += between.torque_on::<L, A>(k, start, state);
             }
         }
     }
@@ -305,9 +307,9 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             let (state, out) = (&rod.states[g], &mut rod.gradients[g]);
             state.gradient(c, &t, out);
             if rod.attached.has_between() {
-                rod.add_torques(g);
+                let between = &rod.attached.between;
+                between.add_torques::<L, A>(self.moment.len(), g, out);
             }
-            let (state, out) = (&rod.states[g], &mut rod.gradients[g]);
             let forces = &mut self.modules[g];
             let damped = rod.constants[g].bending_moments(&offset.w);
             for i in 0..A {

@@ -20,6 +20,7 @@ use crate::rod::defect::LoadsOnNodes;
 use crate::rod::elimination::Blocks;
 #[cfg(doc)]
 use crate::rod::module::Tendons;
+use crate::rod::module::{Gradient, State};
 use std::ops::Range;
 
 /// Loads between disks, and the sections on which they act, both from base to tip.
@@ -233,6 +234,47 @@ impl<C: Real> Between<C> {
         }
     }
 
+    /// Moments on the sections of module `k` about its start, whose rotation is given; they are kept
+    /// for the gradient of its arcs.
+    #[cold]
+    pub fn torque_on<L: Layout<Chain = C>, const A: usize>(
+        &mut self,
+        k: usize,
+        start: &Mat3<C>,
+        state: &State<L::Module, A>,
+    ) -> Vec3<C> {
+        let mut sum = Vec3::zero();
+        for at in self.in_module(k) {
+            let section = &self.sections[at];
+            let turned = get_mat::<L>(&state.node(section.element), k % L::WIDTH);
+            let rotation = *start * turned;
+            let couple = Vec3::ez().cross(rotation.tr_mul(section.couple));
+            let moment = sum_of_moments(self.on(at), &rotation) + couple;
+            let torque = -(turned * moment);
+            self.sections[at].torque = torque;
+            sum += torque;
+        }
+        sum
+    }
+
+    /// Adds the moments on the sections of a group of `n` modules to the gradient of its arcs.
+    #[cold]
+    pub fn add_torques<L: Layout<Chain = C>, const A: usize>(
+        &self,
+        n: usize,
+        g: usize,
+        out: &mut Gradient<L::Module, A>,
+    ) {
+        for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
+            for section in &self.sections[self.in_module(g * L::WIDTH + i)] {
+                for own in &mut out.g[..section.arcs()] {
+                    let sum = get::<L>(own, i) + section.torque;
+                    put::<L>(own, i, sum);
+                }
+            }
+        }
+    }
+
     /// Largest force on a section (N), in one lane.
     pub fn largest_force(&self, lane: usize) -> f64 {
         let sizes = self.sections.iter().map(|s| s.force.norm().lane(lane));
@@ -260,12 +302,13 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let sections = &mut self.attached.between.sections[range];
             let fractions: Vec<_> = sections.iter().map(|s| s.fraction).collect();
             let base = if fractions.is_empty() { 1 } else { base };
+            let divided = !fractions.is_empty();
             let (ends, elements) = ends_of_arcs::<A>(&fractions, base);
+            let ends = divided.then_some(ends);
             for (section, element) in sections.iter_mut().zip(elements) {
                 section.element = element;
             }
-            let now = &self.fixed.modules[k].ends;
-            if (0..A).any(|a| now[a].lane(0) != ends[a]) {
+            if !self.fixed.modules[k].ends_at(ends) {
                 let (robot, model) = &**source;
                 let c = [Constants::divided(robot, k, *model, ends)];
                 self.fixed.modules[k] = Constants::gather(&c);
@@ -366,36 +409,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
         }
         out
-    }
-
-    /// Adds the moments on the sections of module `k` to the costate of its start, and keeps them
-    /// for the gradient of its arcs.
-    #[cold]
-    pub fn add_moments_between(&mut self, k: usize, lambda: &mut Vec3<L::Chain>) {
-        for at in self.between().in_module(k) {
-            let section = &self.between().sections[at];
-            let turned = self.turned(section);
-            let rotation = self.rotations[k] * turned;
-            let couple = Vec3::ez().cross(rotation.tr_mul(section.couple));
-            let moment = sum_of_moments(self.between().on(at), &rotation) + couple;
-            let torque = -(turned * moment);
-            self.attached.between.sections[at].torque = torque;
-            *lambda += torque;
-        }
-    }
-
-    /// Adds the moments on the sections of a group to the gradient of its arcs.
-    #[cold]
-    pub fn add_torques(&mut self, g: usize) {
-        for i in 0..L::WIDTH.min(self.module_count() - g * L::WIDTH) {
-            let range = self.between().in_module(g * L::WIDTH + i);
-            for section in &self.attached.between.sections[range] {
-                for own in &mut self.gradients[g].g[..section.arcs()] {
-                    let sum = get::<L>(own, i) + section.torque;
-                    put::<L>(own, i, sum);
-                }
-            }
-        }
     }
 
     /// Adds the second derivatives of constant moments on the sections of a group.

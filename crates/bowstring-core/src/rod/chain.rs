@@ -660,29 +660,35 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let n = self.module_count();
         let mut lambda = Vec3::zero();
         let mut residual = L::Module::zero();
-        for g in (0..self.states.len()).rev() {
+        for (g, (state, c)) in self
+            .states
+            .iter_mut()
+            .zip(&self.constants)
+            .enumerate()
+            .rev()
+        {
             for i in (0..L::WIDTH.min(n - g * L::WIDTH)).rev() {
                 let k = g * L::WIDTH + i;
                 if self.attached.acts() {
                     lambda -= self.attached.moment(k, &self.rotations[k + 1]);
                 }
-                let state = &mut self.states[g];
                 lambda = get_mat::<L>(&state.s, i) * lambda;
                 put::<L>(&mut state.lambda, i, lambda);
                 lambda -= get::<L>(&state.load_moment, i);
                 if self.attached.has_between() {
-                    self.add_moments_between(k, &mut lambda);
+                    let start = &self.rotations[k];
+                    let between = &mut self.attached.between;
+                    lambda += between.torque_on::<L, A>(k, start, state);
                 }
             }
             let mut t = in_group(&self.tendons, &self.tensions, path, g);
             t.on_nodes = nodes_of(&self.on_nodes, g);
-            let state = &self.states[g];
-            state.gradient(&self.constants[g], &t, &mut self.gradients[g]);
+            let out = &mut self.gradients[g];
+            state.gradient(c, &t, out);
             if self.attached.has_between() {
-                self.add_torques(g);
+                self.attached.between.add_torques::<L, A>(n, g, out);
             }
-            let state = &self.states[g];
-            for v in &self.gradients[g].g {
+            for v in &out.g {
                 residual = residual.max(v.max_abs());
             }
             // the residual of the end's position, times its force, is an imbalance as well

@@ -146,9 +146,9 @@ pub(crate) struct Constants<T: Real, const A: usize> {
     /// Coefficients d0 to d3 (m/N) of the compliance D, theory Eq. 2.5. With a coupled section that of
     /// shear and extension is its own.
     pub d: [T; 4],
-    /// Fractions of the flexible length at the ends of the arcs: equally spaced unless loads between
-    /// two disks divide the module.
-    pub ends: [T; A],
+    /// Fractions of the flexible length at the ends of the arcs where loads between two disks divide
+    /// the module, in scalars only; nothing if they are equally spaced.
+    pub ends: T::Maybe<[T; A]>,
     /// Section with coupled strains, in scalars only; the other numbers are then those without
     /// couplings.
     pub coupled: T::Maybe<Coupling<T>>,
@@ -160,14 +160,20 @@ pub(crate) struct Constants<T: Real, const A: usize> {
 pub(crate) const NEAR: f64 = 1.866_025_403_784_438_6;
 pub(crate) const FAR: f64 = 0.133_974_596_215_561_36;
 
+/// Fractions of a length at the ends of equally long arcs.
+fn equal<const A: usize>() -> [f64; A] {
+    std::array::from_fn(|a| (a + 1) as f64 / A as f64)
+}
+
 impl<const A: usize> Constants<f64, A> {
     pub fn new(robot: &Robot, k: usize, model: Model) -> Self {
-        let equal = std::array::from_fn(|a| (a + 1) as f64 / A as f64);
-        Self::divided(robot, k, model, equal)
+        Self::divided(robot, k, model, None)
     }
 
-    /// Constants of a module whose arcs end at these fractions of its flexible length.
-    pub fn divided(robot: &Robot, k: usize, model: Model, ends: [f64; A]) -> Self {
+    /// Constants of a module whose arcs end at these fractions of its flexible length, equally
+    /// spaced if none are given.
+    pub fn divided(robot: &Robot, k: usize, model: Model, given: Option<[f64; A]>) -> Self {
+        let ends = given.unwrap_or_else(equal);
         let elements = A as f64 / 2.0;
         let start = |e: usize| if e == 0 { 0.0 } else { ends[2 * e - 1] };
         let part = |e: usize| (ends[2 * e + 1] - start(e)) * elements;
@@ -220,7 +226,7 @@ impl<const A: usize> Constants<f64, A> {
                 length * (axial - shear) / 12.0 - bubble,
                 bubble,
             ],
-            ends,
+            ends: given,
         }
     }
 }
@@ -238,7 +244,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
             axial_compliance: self.axial_compliance.lane(lane),
             rest: self.rest.of_lane(lane),
             d: self.d.map(|x| x.lane(lane)),
-            ends: self.ends.map(|x| x.lane(lane)),
+            ends: self.ends.get().map(|ends| ends.map(|x| x.lane(lane))),
             coupled: self.coupled.get().map(|c| c.of_lane(lane)),
         }
     }
@@ -256,7 +262,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
             axial_compliance: T::from_fn(|i| at(i).axial_compliance),
             rest: Vec3(std::array::from_fn(|q| T::from_fn(|i| at(i).rest[q]))),
             d: std::array::from_fn(|q| T::from_fn(|i| at(i).d[q])),
-            ends: std::array::from_fn(|q| T::from_fn(|i| at(i).ends[q])),
+            ends: Maybe::new(of[0].ends.map(|ends| ends.map(T::splat))),
             coupled: Maybe::new(of[0].coupled.map(|c| c.splat())),
         }
     }
@@ -267,10 +273,13 @@ impl<T: Real, const A: usize> Constants<T, A> {
         if A == 2 {
             return T::splat(1.0);
         }
-        let end = self.ends[2 * element + 1];
+        let Some(ends) = self.ends.get() else {
+            return T::splat(1.0);
+        };
+        let end = ends[2 * element + 1];
         let length = match element {
             0 => end,
-            _ => end - self.ends[2 * element - 1],
+            _ => end - ends[2 * element - 1],
         };
         length * T::splat(A as f64 / 2.0)
     }
@@ -278,12 +287,9 @@ impl<T: Real, const A: usize> Constants<T, A> {
     /// Fraction of the flexible part that lies before this many arcs.
     #[inline(always)]
     pub fn fraction(&self, arcs: usize) -> T {
-        if A == 2 {
-            return T::splat(arcs as f64 / A as f64);
-        }
-        match arcs {
-            0 => T::zero(),
-            _ => self.ends[arcs - 1],
+        match self.ends.get() {
+            Some(ends) if A > 2 && arcs > 0 => ends[arcs - 1],
+            _ => T::splat(arcs as f64 / A as f64),
         }
     }
 
@@ -293,12 +299,23 @@ impl<T: Real, const A: usize> Constants<T, A> {
         self.fraction(arc + 1)
     }
 
+    /// Whether its arcs end at these fractions of the flexible length.
+    pub fn ends_at(&self, ends: Option<[f64; A]>) -> bool {
+        let own = self.ends.get().map(|own| own.map(|end| end.lane(0)));
+        own.unwrap_or_else(equal) == ends.unwrap_or_else(equal)
+    }
+
+    /// Whether its arcs end where those of another module do.
+    pub fn divided_as(&self, other: &Self) -> bool {
+        self.ends_at(other.ends.get().map(|ends| ends.map(|end| end.lane(0))))
+    }
+
     /// Number of arcs before a fraction of the flexible part; lanes have equal elements.
     pub fn arcs_before(&self, fraction: f64) -> f64 {
-        if A == 2 {
+        let Some(ends) = self.ends.get() else {
             return fraction * A as f64;
-        }
-        let ends = self.ends.map(|end| end.lane(0));
+        };
+        let ends = ends.map(|end| end.lane(0));
         let e = (0..A / 2 - 1).find(|e| fraction <= ends[2 * e + 1]);
         let e = e.unwrap_or(A / 2 - 1);
         let start = if e == 0 { 0.0 } else { ends[2 * e - 1] };
