@@ -16,7 +16,7 @@ from bowstring.cli import main
 from bowstring.dynamics.run_file import read_run
 from bowstring.dynamics.start_stability import judged_start
 from bowstring.errors import StabilityWarning
-from bowstring.statics.load import InstantLoad
+from bowstring.statics.load_tables import InstantLoad
 
 ROBOT = bs.load_robot("amouri2019")
 COLUMN = ROBOT.with_(

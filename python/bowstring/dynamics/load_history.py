@@ -17,15 +17,8 @@ from bowstring.dynamics.base_motion import BaseHistory, BaseMotion
 from bowstring.errors import InputError
 from bowstring.formatting import plain
 from bowstring.statics import actuation
-from bowstring.statics.load import (
-    ON_DISKS,
-    InstantLoad,
-    Load,
-    PointLoad,
-    disk_shape,
-    per_disk,
-    point_loads,
-)
+from bowstring.statics.load import Load, PointLoad, point_loads
+from bowstring.statics.load_tables import ON_DISKS, InstantLoad, disk_shape, per_disk
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot

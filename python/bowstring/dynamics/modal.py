@@ -20,7 +20,8 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
 from bowstring.statics.actuation import Given
-from bowstring.statics.load import Load, as_load, points_have_potential, with_arrays
+from bowstring.statics.load import Load, as_load
+from bowstring.statics.load_tables import points_have_potential, with_arrays
 from bowstring.statics.model import as_model
 
 if TYPE_CHECKING:

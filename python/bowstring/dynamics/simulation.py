@@ -38,13 +38,10 @@ from bowstring.formatting import in_mm, in_percent
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
 from bowstring.statics.fields import Frames, Section, to_dataset
-from bowstring.statics.load import (
+from bowstring.statics.load import Load, PointLoad, as_load, point_loads
+from bowstring.statics.load_tables import (
     InstantLoad,
-    Load,
-    PointLoad,
-    as_load,
     least_elements,
-    point_loads,
     same_points,
     table_of,
     with_arrays,

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.statics import messages
-from bowstring.statics.load import InstantLoad, Load
+from bowstring.statics.load import Load
+from bowstring.statics.load_tables import InstantLoad
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel

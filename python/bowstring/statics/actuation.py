@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import validation
 from bowstring._core import PathSolver, check_memory
 from bowstring.errors import InputError
-from bowstring.statics.load import Load, PointLoad, table_of
+from bowstring.statics.load import Load, PointLoad
+from bowstring.statics.load_tables import table_of
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel

@@ -17,10 +17,9 @@ from bowstring._core import follow_branches
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import check_robot
-from bowstring.statics.load import (
+from bowstring.statics.load import Load, as_load
+from bowstring.statics.load_tables import (
     POINT_NUMBERS,
-    Load,
-    as_load,
     same_points,
     with_arrays,
     without_wrenches,

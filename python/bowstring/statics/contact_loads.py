@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from bowstring import validation
 from bowstring.errors import InputError
 from bowstring.statics import actuation
-from bowstring.statics.load import ON_DISKS, Load, per_disk, with_arrays, without_wrenches
+from bowstring.statics.load import Load
+from bowstring.statics.load_tables import ON_DISKS, per_disk, with_arrays, without_wrenches
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot

@@ -17,7 +17,8 @@ from bowstring.statics import actuation
 from bowstring.statics.contact_loads import dead_loads, unloaded
 from bowstring.statics.contact_slip import energy_norm, sliding_force
 from bowstring.statics.contact_solution import ContactSolution, State
-from bowstring.statics.load import Load, points_have_potential, same_points
+from bowstring.statics.load import Load
+from bowstring.statics.load_tables import points_have_potential, same_points
 from bowstring.statics.plane import Plane
 from bowstring.statics.solution import Solution
 

@@ -11,7 +11,8 @@ from bowstring._core import follow_designs
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
-from bowstring.statics.load import ON_DISKS, Load, disk_shape, per_disk, with_arrays
+from bowstring.statics.load import Load
+from bowstring.statics.load_tables import ON_DISKS, disk_shape, per_disk, with_arrays
 from bowstring.statics.model import RodModel, as_model
 from bowstring.validation import floats, shown
 

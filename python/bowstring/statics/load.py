@@ -1,37 +1,21 @@
-"""Loads on a robot: actuation, gravity, forces and moments on tip, disks and backbone."""
+"""Loads on a robot: actuation, gravity, forces and moments on tip, disks and backbone.
+
+`bowstring.statics.load_tables` has them as arrays.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError
-from bowstring.validation import is_whole, number, read, row, shown, truth
+from bowstring.validation import is_whole, number, row, shown, truth
 
-__all__ = [
-    "ON_DISKS",
-    "POINT_NUMBERS",
-    "InstantLoad",
-    "Load",
-    "PointLoad",
-    "as_load",
-    "disk_shape",
-    "least_elements",
-    "per_disk",
-    "point_loads",
-    "points_have_potential",
-    "same_points",
-    "table_of",
-    "with_arrays",
-    "without_wrenches",
-]
-
-Floats = NDArray[np.float64]
+__all__ = ["Load", "PointLoad", "as_load", "depends_on_time", "point_loads"]
 
 
 @short_repr
@@ -90,7 +74,7 @@ class PointLoad:
         object.__setattr__(self, "disk", int(self.disk))
         for name, unit in (("force", "N"), ("moment", "N m"), ("point", "m")):
             value = getattr(self, name)
-            if name != "point" and _depends_on_time(value):
+            if name != "point" and depends_on_time(value):
                 continue
             numbers = row(name, value, 3, unit)
             object.__setattr__(self, name, tuple(numbers.tolist()))
@@ -152,12 +136,12 @@ class PointLoad:
         return cls(disk, *wrench, item["point_m"], item["follower"], place)
 
 
-def _depends_on_time(value: object) -> bool:
+def depends_on_time(value: object) -> bool:
     return callable(value) or hasattr(value, "knots")
 
 
 def _plain(value: Any) -> Any:
-    if _depends_on_time(value):
+    if depends_on_time(value):
         return "function of time" if callable(value) else value.to_dict()
     return list(value)
 
@@ -251,12 +235,6 @@ class Load:
 
 
 _NO_LOAD = Load()
-_BESIDE_TIP: Final = ("disk_forces", "disk_moments", "point_loads", "line_forces", "base")
-ON_DISKS: Final = {"disk_forces": "N", "disk_moments": "N m", "line_forces": "N/m"}
-"""Loads with a vector for each disk, with their units."""
-POINT_NUMBERS: Final = 12
-"""Numbers of a point load; see `PointLoad.numbers`."""
-_WRENCH: Final = slice(4, 10)  # force and moment among the numbers of a point load
 
 
 def as_load(tensions: object, load: Load | None) -> Load:
@@ -274,13 +252,6 @@ def as_load(tensions: object, load: Load | None) -> Load:
     return merged
 
 
-def disk_shape(name: str, disks: int | str = "N", rows: str = "") -> str:
-    """Write the shape of a load on disks for a message; `rows` is a further one."""
-    if name == "line_forces":
-        rows = " or (3,)"
-    return f"({disks}, 3){rows}: one vector for each disk, in {ON_DISKS[name]}"
-
-
 def point_loads(given: Any) -> tuple[PointLoad, ...]:
     """Check a sequence of point loads."""
     loads = () if given is None else given
@@ -293,128 +264,3 @@ def point_loads(given: Any) -> tuple[PointLoad, ...]:
     if not all(isinstance(load, PointLoad) for load in loads):
         raise InputError(f"point_loads is {shown(given)}, it must be a sequence of PointLoad")
     return loads
-
-
-def _numbers_of(loads: tuple[PointLoad, ...]) -> Floats:
-    for i, load in enumerate(loads):
-        for name in ("force", "moment"):
-            if _depends_on_time(getattr(load, name)):
-                raise InputError(
-                    f"the {name} of point load {i + 1} depends on time, which only "
-                    "bowstring.simulate takes"
-                )
-    return np.array([load.numbers() for load in loads], dtype=float)
-
-
-def with_arrays(load: Load, rows: str = "") -> Load:
-    """Return a load with the loads on its disks as arrays, as the core takes them.
-
-    `rows` is a shape beside (N, 3) for messages.
-    """
-    if all(getattr(load, name) is None for name in _BESIDE_TIP):
-        return load
-    if load.base is not None:
-        raise InputError("load has a motion of the base, which only bowstring.simulate takes")
-    given = {name: getattr(load, name) for name in ON_DISKS}
-    arrays = {
-        name: read(name, value, f"numbers of shape {disk_shape(name, rows=rows)}")
-        for name, value in given.items()
-        if value is not None and not _is_array(value)
-    }
-    if load.point_loads is not None and not _is_array(load.point_loads):
-        loads = point_loads(load.point_loads)
-        load = replace(load, point_loads=_numbers_of(loads) if loads else None)
-    return replace(load, **arrays) if arrays else load
-
-
-def _is_array(value: object) -> bool:
-    return type(value) is np.ndarray and value.dtype == np.float64
-
-
-class InstantLoad(NamedTuple):
-    """Checked loads at one time: actuation, and forces and moments at the tip and on disks."""
-
-    actuation: Floats
-    """Tension in N or displacement in m of each tendon (T,)."""
-    tip_force: Floats
-    tip_moment: Floats
-    disk_forces: Floats
-    """Components of all disks, one after the other (3 N,); empty if there are none."""
-    disk_moments: Floats
-    point_loads: Floats
-    """Numbers of all point loads, one after the other (12 P,); empty if there are none."""
-    line_forces: Floats
-    """Components before all disks (3 N,); empty if there are none."""
-    base: Floats
-    """Accelerations of the base (9,); empty where it does not move."""
-
-    @property
-    def dead(self) -> Load:
-        """Forces and moments as a load with the robot's gravity."""
-        return Load(
-            tip_force=self.tip_force,
-            tip_moment=self.tip_moment,
-            disk_forces=_by_disks(self.disk_forces),
-            disk_moments=_by_disks(self.disk_moments),
-            point_loads=table_of(self.point_loads) if len(self.point_loads) else None,
-            line_forces=_by_disks(self.line_forces),
-        )
-
-    @property
-    def has_potential(self) -> bool:
-        """Whether all loads have a potential: moments and followers have none."""
-        return not (self.tip_moment.any() or self.disk_moments.any()) and points_have_potential(
-            table_of(self.point_loads)
-        )
-
-    @property
-    def row(self) -> InstantLoad:
-        """Each array as one row of a table."""
-        return InstantLoad(*(array[None] for array in self))
-
-
-def least_elements(load: Load, stations: Floats) -> int:
-    """Count elements between two disks that suffice for all arc lengths at which a load acts."""
-    loads = point_loads(load.point_loads)
-    places = {each.arc_length for each in loads if each.arc_length is not None}
-    between = np.searchsorted(stations, sorted(places - set(stations.tolist())))
-    most = int(np.bincount(between, minlength=1).max())
-    return min(1 << most.bit_length(), 8)
-
-
-def table_of(numbers: Floats) -> Floats:
-    """Return the numbers of point loads, one after the other, as a table (P, 12)."""
-    return numbers.reshape(-1, POINT_NUMBERS)
-
-
-def same_points(a: Floats, b: Floats) -> bool:
-    """Whether two tables of point loads (P, 12) act on the same points, with any size."""
-    return a.shape == b.shape and bool(
-        (np.delete(a, _WRENCH, axis=1) == np.delete(b, _WRENCH, axis=1)).all()
-    )
-
-
-def without_wrenches(numbers: Floats) -> Floats:
-    """Copy a table of point loads (P, 12) with forces and moments of zero."""
-    none: Floats = np.array(numbers, dtype=float)
-    none[:, _WRENCH] = 0.0
-    return none
-
-
-def per_disk(name: str, value: Floats, disks: int) -> Floats:
-    """Return a load of `ON_DISKS` with a row for each disk: one force per length is for all."""
-    if name == "line_forces" and value.shape == (3,):
-        return np.tile(value, (disks, 1))
-    return value
-
-
-def points_have_potential(numbers: Floats | None) -> bool:
-    """Whether point loads, as numbers (P, 12), have a potential: no moment and no follower."""
-    if numbers is None:
-        return True
-    follows = numbers[:, 10:11] * numbers[:, 4:7]
-    return not (numbers[:, 7:10].any() or follows.any())
-
-
-def _by_disks(components: Floats) -> Floats | None:
-    return components.reshape(-1, 3) if len(components) else None

@@ -16,7 +16,8 @@ from bowstring import validation
 from bowstring.errors import InputError
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
-from bowstring.statics.load import Load, as_load, with_arrays
+from bowstring.statics.load import Load, as_load
+from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.model import as_model
 from bowstring.statics.solution import Solution, Sweep, solution
 

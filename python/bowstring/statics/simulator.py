@@ -11,7 +11,8 @@ from bowstring._core import Simulator
 from bowstring.errors import NoSolutionError
 from bowstring.statics import actuation
 from bowstring.statics.fields import Frames
-from bowstring.statics.load import InstantLoad, Load, with_arrays
+from bowstring.statics.load import Load
+from bowstring.statics.load_tables import InstantLoad, with_arrays
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel

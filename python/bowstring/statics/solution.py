@@ -22,7 +22,8 @@ from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.formatting import plain
 from bowstring.robot.plausibility import load_advice
 from bowstring.statics import actuation, messages
-from bowstring.statics.load import ON_DISKS, Load, PointLoad, with_arrays
+from bowstring.statics.load import Load, PointLoad
+from bowstring.statics.load_tables import ON_DISKS, with_arrays
 from bowstring.validation import whole
 
 if TYPE_CHECKING:
