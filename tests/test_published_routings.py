@@ -201,6 +201,7 @@ def solved(routing: Routing, tensions: Array, disks: int, *, continuous: bool) -
                 end_disk=np.repeat(each * (of_segments + 1) - 1, routing.per_segment),
             ),
             sections=np.tile(np.array(section, float), (segments, 1, 1)),
+            section_stiffness=np.full((segments, 6, 6), np.nan),
             payload_numbers=np.zeros((0, 8)),
             gravity=[0.0, 0.0, -9.81],
             is_embedded=continuous,

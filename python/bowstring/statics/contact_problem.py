@@ -409,6 +409,7 @@ class ContactProblem:
         return _Contact(here.core, force, here.tip, place, state, residual)
 
     def result(self, found: _Contact | None) -> ContactSolution:
+        """Contact as a solution; one that failed if nothing was found."""
         if found is None or found.core is None:
             none = np.full(3, np.nan)
             status = self.failure

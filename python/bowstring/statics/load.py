@@ -137,6 +137,7 @@ class PointLoad:
 
 
 def depends_on_time(value: object) -> bool:
+    """Whether a force or moment is a function of time."""
     return callable(value) or hasattr(value, "knots")
 
 

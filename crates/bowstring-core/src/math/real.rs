@@ -6,7 +6,7 @@
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 /// An optional value of scalars, which numbers in lanes never hold.
-pub trait Maybe<C>: Copy + Send + Sync + 'static {
+pub trait Maybe<C>: Clone + Send + Sync + 'static {
     /// The value, or nothing in lanes.
     fn new(value: Option<C>) -> Self;
     /// The value.
@@ -15,18 +15,19 @@ pub trait Maybe<C>: Copy + Send + Sync + 'static {
     fn get_mut(&mut self) -> Option<&mut C>;
 }
 
-impl<C: Copy + Send + Sync + 'static> Maybe<C> for Option<C> {
+// in a box, so that what has no such value stays small
+impl<C: Copy + Send + Sync + 'static> Maybe<C> for Option<Box<C>> {
     #[inline(always)]
     fn new(value: Option<C>) -> Self {
-        value
+        value.map(Box::new)
     }
     #[inline(always)]
     fn get(&self) -> Option<&C> {
-        self.as_ref()
+        self.as_deref()
     }
     #[inline(always)]
     fn get_mut(&mut self) -> Option<&mut C> {
-        self.as_mut()
+        self.as_deref_mut()
     }
 }
 
@@ -130,7 +131,7 @@ pub trait Real:
 
 impl Real for f64 {
     const LANES: usize = 1;
-    type Maybe<C: Copy + Send + Sync + 'static> = Option<C>;
+    type Maybe<C: Copy + Send + Sync + 'static> = Option<Box<C>>;
     #[inline(always)]
     fn splat(x: f64) -> Self {
         x

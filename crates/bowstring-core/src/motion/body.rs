@@ -47,7 +47,7 @@ impl<L: Layout, const A: usize> Body<L, A> {
                 if self.scheme.rigid {
                     c.d[0] += c.d[3] * L::Module::splat(NEARLY_RIGID);
                 }
-                *own = *c;
+                own.clone_from(c);
             }
         }
         if let Some(source) = &self.rod.fixed.source {

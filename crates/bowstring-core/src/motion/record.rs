@@ -176,7 +176,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 path: rod.path,
                 on_nodes: &[],
             };
-            let mut c = rod.constants[g];
+            let mut c = rod.constants[g].clone();
             if self.body.scheme.rigid {
                 // remove the compliance that only regularises a Kirchhoff rod
                 c.d[0] = L::Module::zero();

@@ -219,14 +219,14 @@ impl<const A: usize> Constants<f64, A> {
             own: std::array::from_fn(own),
             axial_compliance: axial,
             rest: rest * h,
-            coupled,
+            coupled: Maybe::new(coupled),
             d: [
                 length * shear,
                 length * (axial - shear),
                 length * (axial - shear) / 12.0 - bubble,
                 bubble,
             ],
-            ends: given,
+            ends: Maybe::new(given),
         }
     }
 }
@@ -244,8 +244,8 @@ impl<T: Real, const A: usize> Constants<T, A> {
             axial_compliance: self.axial_compliance.lane(lane),
             rest: self.rest.of_lane(lane),
             d: self.d.map(|x| x.lane(lane)),
-            ends: self.ends.get().map(|ends| ends.map(|x| x.lane(lane))),
-            coupled: self.coupled.get().map(|c| c.of_lane(lane)),
+            ends: Maybe::new(self.ends.get().map(|ends| ends.map(|x| x.lane(lane)))),
+            coupled: Maybe::new(self.coupled.get().map(|c| c.of_lane(lane))),
         }
     }
 
@@ -262,8 +262,8 @@ impl<T: Real, const A: usize> Constants<T, A> {
             axial_compliance: T::from_fn(|i| at(i).axial_compliance),
             rest: Vec3(std::array::from_fn(|q| T::from_fn(|i| at(i).rest[q]))),
             d: std::array::from_fn(|q| T::from_fn(|i| at(i).d[q])),
-            ends: Maybe::new(of[0].ends.map(|ends| ends.map(T::splat))),
-            coupled: Maybe::new(of[0].coupled.map(|c| c.splat())),
+            ends: Maybe::new(of[0].ends.get().map(|ends| ends.map(T::splat))),
+            coupled: Maybe::new(of[0].coupled.get().map(|c| c.splat())),
         }
     }
 
