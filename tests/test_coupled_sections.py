@@ -329,3 +329,14 @@ def test_a_column_buckles_at_the_softer_of_its_coupled_bends() -> None:
         found = _solve(robot, [0.0] * 3, model, tip_force=[0.0, 0.0, -share * euler])
         straight = abs(found.tip.position[:2]).max() < 1e-9
         assert straight == stable
+
+
+def test_a_load_between_disks_is_refused() -> None:
+    robot, between = _robot(_coupled(4, 0.7)), 0.55 * LENGTH / 5.0
+    load = bs.Load(point_loads=[bs.PointLoad(arc_length=between, force=[0.1, 0.0, 0.0])])
+    with pytest.raises(InputError, match="put a disk there"):
+        bs.solve(robot, load=load)
+    on_disk = bs.Load(point_loads=[bs.PointLoad(2, force=[0.1, 0.0, 0.0])])
+    assert bs.solve(robot, load=on_disk).status == "converged"
+    with pytest.raises(InputError, match="put a disk there"):
+        bs.simulate(robot, load=load, duration=0.01)

@@ -14,7 +14,7 @@ use crate::math::real::{Maybe, Real};
 use crate::model::coupled::{CoupledSection, Mixed};
 use crate::model::load::{Model, Theory};
 use crate::rod::constants::{Constants, FAR, NEAR, RIGID_IN_TORSION};
-use crate::rod::module::State;
+use crate::rod::module::{Gradient, Hessian, Response, State, Tendons};
 
 /// Coupled section of a module.
 #[derive(Clone, Copy, Debug)]
@@ -155,6 +155,15 @@ impl<T: Real, const A: usize> Constants<T, A> {
         self.coupled.get()
     }
 
+    /// The same where passes are those of coupled sections, else nothing.
+    #[inline(always)]
+    pub fn coupling_if<const COUPLED: bool>(&self) -> Option<&Coupling<T>> {
+        match COUPLED {
+            true => self.coupling(),
+            false => None,
+        }
+    }
+
     /// End point of an arc (m).
     #[inline(always)]
     pub fn arc_end(&self, map: &ArcMap<T>) -> Vec3<T> {
@@ -166,8 +175,8 @@ impl<T: Real, const A: usize> Constants<T, A> {
 
     /// Derivative of the end point of an arc with respect to its rotation vector (m).
     #[inline(always)]
-    pub fn arc_end_jacobian(&self, map: &ArcMap<T>) -> Mat3<T> {
-        match self.coupling() {
+    pub fn arc_end_jacobian<const COUPLED: bool>(&self, map: &ArcMap<T>) -> Mat3<T> {
+        match self.coupling_if::<COUPLED>() {
             Some(coupling) => coupling.end_jacobian(map),
             None => map.end_jacobian(),
         }
@@ -175,8 +184,13 @@ impl<T: Real, const A: usize> Constants<T, A> {
 
     /// Hessian of an arc; see [`ArcMap::hessian`].
     #[inline(always)]
-    pub fn arc_hessian(&self, map: &ArcMap<T>, n: Vec3<T>, m: Vec3<T>) -> Mat3<T> {
-        match self.coupling() {
+    pub fn arc_hessian<const COUPLED: bool>(
+        &self,
+        map: &ArcMap<T>,
+        n: Vec3<T>,
+        m: Vec3<T>,
+    ) -> Mat3<T> {
+        match self.coupling_if::<COUPLED>() {
             Some(coupling) => coupling.hessian(map, n, m),
             None => map.hessian(n, m),
         }
@@ -184,8 +198,8 @@ impl<T: Real, const A: usize> Constants<T, A> {
 
     /// Sum of a matrix and the elastic stiffness of an arc (N m).
     #[inline(always)]
-    pub fn plus_own(&self, i: usize, m: Mat3<T>) -> Mat3<T> {
-        match self.coupling() {
+    pub fn plus_own<const COUPLED: bool>(&self, i: usize, m: Mat3<T>) -> Mat3<T> {
+        match self.coupling_if::<COUPLED>() {
             Some(coupling) => m + coupling.own,
             None => self.own[i].plus_mat(m),
         }
@@ -193,8 +207,8 @@ impl<T: Real, const A: usize> Constants<T, A> {
 
     /// Product of the elastic stiffness between the arcs of an element and a matrix (N m).
     #[inline(always)]
-    pub fn mutual_times(&self, e: usize, m: Mat3<T>) -> Mat3<T> {
-        match self.coupling() {
+    pub fn mutual_times<const COUPLED: bool>(&self, e: usize, m: Mat3<T>) -> Mat3<T> {
+        match self.coupling_if::<COUPLED>() {
             Some(coupling) => coupling.mutual() * m,
             None => self.mutual(e).times_mat(m),
         }
@@ -218,6 +232,26 @@ impl<T: Real, const A: usize> State<T, A> {
             Some(next) => &next.prefix,
             None => &self.s,
         }
+    }
+
+    /// Gradient of a coupled section; see [`State::gradient`].
+    #[cold]
+    #[inline(never)]
+    pub fn coupled_gradient(&self, c: &Constants<T, A>, t: &Tendons<T>, out: &mut Gradient<T, A>) {
+        self.gradient_of::<true>(c, t, out);
+    }
+
+    /// Second derivatives of a coupled section; see [`State::hessian`].
+    #[cold]
+    #[inline(never)]
+    pub fn coupled_hessian<const CONDENSED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        grad: &Gradient<T, A>,
+        out: &mut Hessian<T, A>,
+    ) -> Response<T, A> {
+        self.hessian_of::<CONDENSED, true>(c, t, grad, out)
     }
 
     /// Displacement of the end by a unit contact force, by shear and extension (m/N).

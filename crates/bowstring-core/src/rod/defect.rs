@@ -121,8 +121,8 @@ struct Material<T> {
     axial: T,
 }
 
-/// Properties and loads of one element.
-struct Element<'a, T: Real, const A: usize, const TAPERED: bool> {
+/// Properties and loads of one element; `VARIED`: it may be tapered or have coupled strains.
+struct Element<'a, T: Real, const A: usize, const VARIED: bool> {
     /// Mean of the module.
     material: Material<T>,
     taper: Option<&'a Taper<T>>,
@@ -137,11 +137,11 @@ struct Element<'a, T: Real, const A: usize, const TAPERED: bool> {
     gravity: Vec3<T>,
 }
 
-impl<T: Real, const A: usize, const TAPERED: bool> Element<'_, T, A, TAPERED> {
+impl<T: Real, const A: usize, const VARIED: bool> Element<'_, T, A, VARIED> {
     /// Material at a distance from the start of the module (m).
     #[inline(always)]
     fn material(&self, at: T) -> Material<T> {
-        let (true, Some(taper)) = (TAPERED, self.taper) else {
+        let (true, Some(taper)) = (VARIED, self.taper) else {
             return self.material;
         };
         let (stiffness, shear, axial) = taper.at(at * self.constants.per_flexible);
@@ -157,7 +157,7 @@ impl<T: Real, const A: usize, const TAPERED: bool> Element<'_, T, A, TAPERED> {
     #[inline(always)]
     fn weight_between(&self, from: T, to: T) -> Vec3<T> {
         let (c, mut weight) = (self.constants, self.weight);
-        if let (true, Some(taper)) = (TAPERED, self.taper) {
+        if let (true, Some(taper)) = (VARIED, self.taper) {
             let [line, parabola] = taper.mass;
             let middle = (from + to) * T::splat(0.5) * c.per_flexible - T::splat(0.5);
             let part = (to - from) * c.per_flexible;
@@ -198,7 +198,7 @@ impl<T: Real, const A: usize, const TAPERED: bool> Element<'_, T, A, TAPERED> {
     #[inline(always)]
     fn rate(&self, at: &Section<T>, force: Vec3<T>, from_start: T) -> Section<T> {
         let r = &at.rotation;
-        if let Some(coupling) = self.constants.coupling() {
+        if let Some(coupling) = self.constants.coupling_if::<VARIED>() {
             return self.coupled_rate(coupling, at, force);
         }
         let material = self.material(from_start);
@@ -321,9 +321,10 @@ const NEWTON_ROUNDS: usize = 3;
 
 impl<T: Real, const A: usize> State<T, A> {
     /// Computes the defect. `rhs` becomes the imbalance of the arcs whose Newton step removes the
-    /// defects of their strain and their own residual.
+    /// defects of their strain and their own residual. `VARIED`: the module may be tapered or have
+    /// coupled strains.
     #[inline(always)]
-    pub fn defect<const TAPERED: bool>(
+    pub fn defect<const VARIED: bool>(
         &self,
         c: &Constants<T, A>,
         t: &Tendons<T>,
@@ -337,7 +338,7 @@ impl<T: Real, const A: usize> State<T, A> {
         let weight = load.mean;
         let shear = c.d[0] * c.per_flexible;
         let stiffness = c.mutual(0).scaled(T::splat(4.0) * mean_length * c.part(0));
-        let element = Element::<T, A, TAPERED> {
+        let element = Element::<T, A, VARIED> {
             material: Material {
                 stiffness,
                 flexibility: stiffness.inverse(),
@@ -354,7 +355,7 @@ impl<T: Real, const A: usize> State<T, A> {
         };
         // force and couples by which the change of the weight was replaced
         let (shift, turns) = match load.taper {
-            Some(taper) if TAPERED => taper.lumped(c.flexible, load.gravity),
+            Some(taper) if VARIED => taper.lumped(c.flexible, load.gravity),
             _ => (Vec3::zero(), [Vec3::zero(); 2]),
         };
         let tangent = self.s.column(2);

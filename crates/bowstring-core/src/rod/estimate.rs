@@ -164,9 +164,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let on_nodes = between.then(|| self.loads_on_nodes(g));
             load.on_nodes = on_nodes.as_ref();
             let (state, gradient) = (&self.states[g], &self.gradients[g]);
-            let defect = match self.tapers.is_empty() {
-                true => state.defect::<false>(c, &t, gradient, &load, &mut rhs),
-                false => state.defect::<true>(c, &t, gradient, &load, &mut rhs),
+            let defect = match !self.tapers.is_empty() || c.coupling().is_some() {
+                false => state.defect::<false>(c, &t, gradient, &load, &mut rhs),
+                true => state.defect::<true>(c, &t, gradient, &load, &mut rhs),
             };
             self.gradients[g].g = rhs;
             for i in 0..L::WIDTH.min(n - g * L::WIDTH) {

@@ -147,6 +147,13 @@ struct ThroughEnd<'a, T, const A: usize> {
     sway: Option<&'a Sway<T, A>>,
 }
 
+impl<T, const A: usize> ThroughEnd<'_, T, A> {
+    #[inline(always)]
+    fn sway_if<const COUPLED: bool>(&self) -> Option<&Sway<T, A>> {
+        self.sway.filter(|_| COUPLED)
+    }
+}
+
 /// Tolerance of the residual of `rho`, over the module's length.
 const SETTLED: f64 = 1e-13;
 /// Most iterations for `rho` and `N`; two are usual.
@@ -410,16 +417,30 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Moment imbalance of each arc, with the costate in `lambda` (theory Eq. 3.2).
     #[inline(always)]
     pub fn gradient(&self, c: &Constants<T, A>, t: &Tendons<T>, out: &mut Gradient<T, A>) {
+        match c.coupling() {
+            None => self.gradient_of::<false>(c, t, out),
+            Some(_) => self.coupled_gradient(c, t, out),
+        }
+    }
+
+    /// Moment imbalance of each arc; `COUPLED`: the strains of the section are.
+    #[inline(always)]
+    pub fn gradient_of<const COUPLED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        out: &mut Gradient<T, A>,
+    ) {
         let tangent = self.s.column(2);
         let (on_end, on_tangent) = self.compliance_forces(c);
         out.torque = self.span_torque - tangent.cross(self.f[1] + on_tangent) + self.lambda;
         out.nu = self.end_force + on_end;
         let elastic = self.elastic_gradient(c, t);
         for e in 0..A / 2 {
-            self.arc_gradient(c, t, 2 * e, elastic[2 * e], out);
-            self.arc_gradient(c, t, 2 * e + 1, elastic[2 * e + 1], out);
+            self.arc_gradient::<COUPLED>(c, t, 2 * e, elastic[2 * e], out);
+            self.arc_gradient::<COUPLED>(c, t, 2 * e + 1, elastic[2 * e + 1], out);
         }
-        if let Some(coupling) = c.coupling() {
+        if let Some(coupling) = c.coupling_if::<COUPLED>() {
             let torques = self.sway_torques(c, coupling);
             for (g, torque) in out.g.iter_mut().zip(torques) {
                 *g += torque;
@@ -429,7 +450,7 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Derivatives by one arc, whose elastic moment is `elastic`.
     #[inline(always)]
-    fn arc_gradient(
+    fn arc_gradient<const COUPLED: bool>(
         &self,
         c: &Constants<T, A>,
         t: &Tendons<T>,
@@ -438,7 +459,10 @@ impl<T: Real, const A: usize> State<T, A> {
         out: &mut Gradient<T, A>,
     ) {
         let Arc { map: arc, prefix } = &self.arcs[i];
-        let (q, inverse) = (c.arc_end_jacobian(arc), arc.left_jacobian_inverse());
+        let (q, inverse) = (
+            c.arc_end_jacobian::<COUPLED>(arc),
+            arc.left_jacobian_inverse(),
+        );
         let tail = self.tail[i].skew();
         if i == 0 {
             out.to_strain[0] = inverse;
@@ -486,6 +510,21 @@ impl<T: Real, const A: usize> State<T, A> {
         grad: &Gradient<T, A>,
         out: &mut Hessian<T, A>,
     ) -> Response<T, A> {
+        match c.coupling() {
+            None => self.hessian_of::<CONDENSED, false>(c, t, grad, out),
+            Some(_) => self.coupled_hessian::<CONDENSED>(c, t, grad, out),
+        }
+    }
+
+    /// Second derivatives; `COUPLED`: the strains of the section are.
+    #[inline(always)]
+    pub fn hessian_of<const CONDENSED: bool, const COUPLED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        grad: &Gradient<T, A>,
+        out: &mut Hessian<T, A>,
+    ) -> Response<T, A> {
         let (g, k, mut e) = self.span_stiffness(c, t);
         e += self.tangent_stiffness(c);
         let (mut m, mut d_hat, mut g_hat) = (Mat3::identity(), Mat3::zero(), g);
@@ -500,7 +539,8 @@ impl<T: Real, const A: usize> State<T, A> {
             core = (-kd).mul_add(k.transpose(), core).mirrored();
         }
         let along = self.along_force(grad);
-        let sway = c.coupling().map(|coupling| self.sway(c, coupling));
+        let coupling = c.coupling_if::<COUPLED>();
+        let sway = coupling.map(|coupling| self.sway(c, coupling));
         let mut j = self.end_motions(c, grad, &along);
         if let Some(sway) = &sway {
             for i in 0..A {
@@ -520,12 +560,12 @@ impl<T: Real, const A: usize> State<T, A> {
         }
         for e in 0..A / 2 {
             let (i, k) = (2 * e, 2 * e + 1);
-            out.uu[i][i] = self.own_stiffness(c, t, grad, &through, i);
-            out.uu[k][i] = self.stiffness_between(c, t, grad, &through, [i, k]);
-            out.uu[k][k] = self.own_stiffness(c, t, grad, &through, k);
+            out.uu[i][i] = self.own_stiffness::<COUPLED>(c, t, grad, &through, i);
+            out.uu[k][i] = self.stiffness_between::<COUPLED>(c, t, grad, &through, [i, k]);
+            out.uu[k][k] = self.own_stiffness::<COUPLED>(c, t, grad, &through, k);
             for b in k + 1..A {
-                out.uu[b][i] = self.stiffness_between(c, t, grad, &through, [i, b]);
-                out.uu[b][k] = self.stiffness_between(c, t, grad, &through, [k, b]);
+                out.uu[b][i] = self.stiffness_between::<COUPLED>(c, t, grad, &through, [i, b]);
+                out.uu[b][k] = self.stiffness_between::<COUPLED>(c, t, grad, &through, [k, b]);
             }
         }
         // -[f1] [tangent] - [lambda] / 2
@@ -547,7 +587,7 @@ impl<T: Real, const A: usize> State<T, A> {
             for node in 1..A / 2 {
                 weights[2 * node - 1] = self.node_load(c, t.on_nodes, node);
             }
-            self.add_dead_loads(c, grad, &weights, &moved, out);
+            self.add_dead_loads_of::<COUPLED>(c, grad, &weights, &moved, out);
         }
         Response {
             j,
@@ -638,7 +678,7 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Coupling of two arcs: through the end, through the chain, and through a common element.
     #[inline(always)]
-    fn stiffness_between(
+    fn stiffness_between<const COUPLED: bool>(
         &self,
         c: &Constants<T, A>,
         t: &Tendons<T>,
@@ -649,12 +689,12 @@ impl<T: Real, const A: usize> State<T, A> {
         let mut block = self.stiffness_through_end(c, through, [i, b]);
         block += grad.nu.cross_mat(grad.r[b]).transpose();
         block = block.add_skew(grad.torque * T::splat(0.5));
-        if let Some(sway) = through.sway {
+        if let Some(sway) = through.sway_if::<COUPLED>() {
             block = block.add_skew(sway.torque[b] * T::splat(0.5)) + sway.stiffness[b];
         }
         if i % 2 == 0 && b == i + 1 {
             let strain = &grad.to_strain[i];
-            let mut moment = c.mutual_times(i / 2, *strain);
+            let mut moment = c.mutual_times::<COUPLED>(i / 2, *strain);
             if t.path == TendonPath::Continuous {
                 moment = self.continuous_blocks(c, t, i)[1].mul_add(*strain, moment);
             }
@@ -665,7 +705,7 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Stiffness of an arc: through the end, and its own.
     #[inline(always)]
-    fn own_stiffness(
+    fn own_stiffness<const COUPLED: bool>(
         &self,
         c: &Constants<T, A>,
         t: &Tendons<T>,
@@ -676,11 +716,11 @@ impl<T: Real, const A: usize> State<T, A> {
         let (nu, tail) = (-grad.nu, self.tail[i]);
         let Arc { map, prefix: p } = &self.arcs[i];
         let mut torque = grad.torque;
-        if let Some(sway) = through.sway {
+        if let Some(sway) = through.sway_if::<COUPLED>() {
             torque += sway.torque[i];
         }
-        let turned = c.arc_hessian(map, p.tr_mul(nu), p.tr_mul(torque + tail.cross(nu)));
-        let mut local = c.plus_own(i, turned);
+        let turned = c.arc_hessian::<COUPLED>(map, p.tr_mul(nu), p.tr_mul(torque + tail.cross(nu)));
+        let mut local = c.plus_own::<COUPLED>(i, turned);
         if t.path == TendonPath::Continuous {
             local += self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)];
         }
@@ -690,7 +730,7 @@ impl<T: Real, const A: usize> State<T, A> {
             .add_diagonal([-nu.dot(tail); 3]);
         let strain = &grad.to_strain[i];
         let mut block = self.stiffness_through_end(c, through, [i, i]) + lever;
-        if let Some(sway) = through.sway {
+        if let Some(sway) = through.sway_if::<COUPLED>() {
             block += sway.stiffness[i];
         }
         strain
@@ -753,6 +793,22 @@ impl<T: Real, const A: usize> State<T, A> {
         moved: &[Mat3<T>; A],
         out: &mut Hessian<T, A>,
     ) -> Vec3<T> {
+        match c.coupling() {
+            None => self.add_dead_loads_of::<false>(c, grad, loads, moved, out),
+            Some(_) => self.add_dead_loads_of::<true>(c, grad, loads, moved, out),
+        }
+    }
+
+    /// The same; `COUPLED`: the strains of the section are.
+    #[inline(always)]
+    fn add_dead_loads_of<const COUPLED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        grad: &Gradient<T, A>,
+        loads: &[Vec3<T>; A],
+        moved: &[Mat3<T>; A],
+        out: &mut Hessian<T, A>,
+    ) -> Vec3<T> {
         let mut stretching = Vec3::zero();
         for (a, load) in loads[..A - 1].iter().enumerate() {
             stretching += *load * c.share(a);
@@ -770,7 +826,7 @@ impl<T: Real, const A: usize> State<T, A> {
             crossed[i] = load.cross_mat(grad.r[i]) + product.transpose().add_diagonal([-trace; 3]);
             let moment = load.cross(self.tail[i]) - Vec3([y[2] - z[1], z[0] - x[2], x[1] - y[0]]);
             let Arc { map, prefix: p } = &self.arcs[i];
-            let local = c.arc_hessian(map, p.tr_mul(-load), p.tr_mul(moment));
+            let local = c.arc_hessian::<COUPLED>(map, p.tr_mul(-load), p.tr_mul(moment));
             let lever = load.dot(self.tail[i]) - trace;
             out.uu[i][i] += grad.to_strain[i].tr_mat(local * grad.to_strain[i])
                 + (product - load.outer(self.tail[i]))
