@@ -333,10 +333,11 @@ def test_a_column_buckles_at_the_softer_of_its_coupled_bends() -> None:
 
 def test_a_load_between_disks_is_refused() -> None:
     robot, between = _robot(_coupled(4, 0.7)), 0.55 * LENGTH / 5.0
+    tensions = [1.0, 0.0, 0.0]
     load = bs.Load(point_loads=[bs.PointLoad(arc_length=between, force=[0.1, 0.0, 0.0])])
     with pytest.raises(InputError, match="put a disk there"):
-        bs.solve(robot, load=load)
-    on_disk = bs.Load(point_loads=[bs.PointLoad(2, force=[0.1, 0.0, 0.0])])
-    assert bs.solve(robot, load=on_disk).status == "converged"
+        bs.solve(robot, tensions, load=load)
     with pytest.raises(InputError, match="put a disk there"):
-        bs.simulate(robot, load=load, duration=0.01)
+        bs.simulate(robot, tensions, 0.01, load=load)
+    on_disk = bs.Load(point_loads=[bs.PointLoad(2, force=[0.1, 0.0, 0.0])])
+    assert bs.solve(robot, tensions, load=on_disk).status == "converged"
