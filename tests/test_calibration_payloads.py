@@ -75,7 +75,7 @@ def test_a_mass_and_its_centre_synthetic() -> None:
 
 
 def test_a_mass_under_displacements_synthetic() -> None:
-    """Displacements count from the home pose, in which the payload already hangs."""
+    """Displacements count from the home pose, in which the payload already acts."""
     displaced = np.array([[0.02, -0.02, -0.012], [0.01, 0.005, -0.02], [-0.02, 0.02, -0.004]])
     solved = [bs.solve(ROBOT, load=bs.Load(displacements=row)) for row in displaced]
     tips = np.array([each.raise_for_status().tip.position for each in solved])

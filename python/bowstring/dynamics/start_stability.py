@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowstring.statics import messages
 from bowstring.statics.load import Load
-from bowstring.statics.load_tables import InstantLoad
+from bowstring.statics.load_tables import WRENCH, InstantLoad
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["Judged", "judged_start"]
 
 _HALVINGS: Final = 10  # of the share of the load at which stability is lost
-_WRENCH: Final = slice(4, 10)  # force and moment among the numbers of a point load
 
 
 class Judged(NamedTuple):
@@ -115,7 +114,7 @@ def _scaled(load: Load, share: float) -> Load:
     if points is not None:
         points = points.copy()
         follows = points[:, 10] != 0
-        points[follows, _WRENCH] *= share
+        points[follows, WRENCH] *= share
         points[~follows, 7:10] *= share
     return load.replace(
         tip_moment=part(load.tip_moment), disk_moments=part(load.disk_moments), point_loads=points

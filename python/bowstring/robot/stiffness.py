@@ -111,11 +111,11 @@ def without_couplings(stiffness: ArrayLike) -> tuple[float, ...]:
         axial and shear stiffness.
     """
     free = flexibility(stiffness)
-    (soft, hard), axes = np.linalg.eigh(free[:2, :2])
+    (hard, soft), axes = np.linalg.eigh(free[:2, :2])
     if free[0, 1] == 0.0:
         first, second, angle = free[0, 0], free[1, 1], 0.0
     else:
-        first, second = soft, hard
+        first, second = hard, soft
         angle = math.atan2(axes[1, 0], axes[0, 0])
     shear = 2.0 / (free[3, 3] + free[4, 4])
     return (

@@ -15,6 +15,7 @@ from bowstring.validation import read
 __all__ = [
     "ON_DISKS",
     "POINT_NUMBERS",
+    "WRENCH",
     "InstantLoad",
     "disk_shape",
     "least_elements",
@@ -33,7 +34,8 @@ ON_DISKS: Final = {"disk_forces": "N", "disk_moments": "N m", "line_forces": "N/
 """Loads with a vector for each disk, with their units."""
 POINT_NUMBERS: Final = 12
 """Numbers of a point load; see `PointLoad.numbers`."""
-_WRENCH: Final = slice(4, 10)  # force and moment among the numbers of a point load
+WRENCH: Final = slice(4, 10)
+"""Force and moment among the numbers of a point load."""
 
 
 def disk_shape(name: str, disks: int | str = "N", rows: str = "") -> str:
@@ -138,14 +140,14 @@ def table_of(numbers: Floats) -> Floats:
 def same_points(a: Floats, b: Floats) -> bool:
     """Whether two tables of point loads (P, 12) act on the same points, with any size."""
     return a.shape == b.shape and bool(
-        (np.delete(a, _WRENCH, axis=1) == np.delete(b, _WRENCH, axis=1)).all()
+        (np.delete(a, WRENCH, axis=1) == np.delete(b, WRENCH, axis=1)).all()
     )
 
 
 def without_wrenches(numbers: Floats) -> Floats:
     """Copy a table of point loads (P, 12) with forces and moments of zero."""
     none: Floats = np.array(numbers, dtype=float)
-    none[:, _WRENCH] = 0.0
+    none[:, WRENCH] = 0.0
     return none
 
 
