@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 import bowstring as bs
 from bowstring.errors import InputError
@@ -100,6 +101,23 @@ def test_a_tilted_base_ends_in_the_static_pose() -> None:
     assert np.abs(run.tip_position[0] - run.tip_position[-1]).max() > 0.03
 
 
+@pytest.mark.parametrize("by_displacement", [False, True])
+def test_the_start_is_an_equilibrium_on_the_tilted_base(*, by_displacement: bool) -> None:
+    """A base that stays tilted: its gravity is that of the world turned back."""
+    upright = ROBOT.with_({"gravity": "0 0 -9.81"})
+    tilt = np.array([0.2, 1.1, -0.3])
+    weight = Rotation.from_rotvec(tilt).inv().apply([0, 0, -9.81])
+    rest = bs.solve(upright, TENSIONS, load=bs.Load(gravity=weight)).raise_for_status()
+    given: dict[str, Any] = {"tensions": TENSIONS}
+    if by_displacement:
+        given = {"displacements": rest.displacements()}
+    load = bs.Load(base=bs.BaseMotion([0, 1], rotations=[tilt, tilt]), **given)
+    run = bs.simulate(upright, duration=0.5, load=load).raise_for_status()
+    level = bs.solve(upright, TENSIONS).raise_for_status()
+    assert np.linalg.norm(level.tip.position - rest.tip.position) > 5e-3
+    assert np.abs(run.tip_position - rest.tip.position).max() < 1e-6
+
+
 def test_energy_relative_to_the_base() -> None:
     way = 0.1 * np.sin(5 * TIMES)[:, None] * [1, 0.5, 0]
     turn = 0.3 * np.sin(4 * TIMES)[:, None] * [0.2, 1, 0.4]
@@ -120,7 +138,6 @@ def test_accelerations_are_those_of_the_poses() -> None:
     gravity = np.array([1.0, 2.0, -9.0])
     t, h = 0.437, 1e-4
     at = base.accelerations([t], gravity)[0]
-    from scipy.spatial.transform import Rotation
 
     def turn(s: float) -> np.ndarray:
         return Rotation.from_rotvec(
@@ -132,7 +149,8 @@ def test_accelerations_are_those_of_the_poses() -> None:
         return np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
 
     acceleration = np.array([-np.sin(t), 6 * t, -4 * np.cos(2 * t)])
-    np.testing.assert_allclose(at[:3], turn(t).T @ (acceleration - gravity) + gravity, atol=1e-3)
+    change = turn(t).T @ gravity - turn(0.0).T @ gravity
+    np.testing.assert_allclose(at[:3], turn(t).T @ acceleration - change, atol=1e-3)
     np.testing.assert_allclose(at[3:6], rate(t), atol=1e-5)
     np.testing.assert_allclose(at[6:], (rate(t + h) - rate(t - h)) / (2 * h), atol=1e-3)
 
@@ -173,6 +191,8 @@ def test_it_moves_in_simulations_only() -> None:
         bs.simulate(ROBOT, TENSIONS, 0.5, load=bs.Load(base="x"))
     with pytest.raises(InputError, match="starts at rest on its base"):
         bs.simulate(ROBOT, TENSIONS, 0.5, start=bs.Start(load))
+    with pytest.raises(InputError, match=r"start\.load has gravity, which is that of load"):
+        bs.simulate(ROBOT, TENSIONS, 0.5, start=bs.Start(bs.Load(gravity=[0, 0, -9.81])))
 
 
 def test_a_motion_from_plain_values() -> None:

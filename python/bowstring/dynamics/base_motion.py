@@ -114,20 +114,40 @@ class BaseMotion:
         Returns
         -------
         ndarray (n, 9)
-            Acceleration of the origin in m/s^2, with the change of gravity in axes of the base;
-            angular velocity in rad/s and angular acceleration in rad/s^2.
+            Acceleration of the origin in m/s^2, with the change of gravity in axes of the base
+            since time zero; angular velocity in rad/s and angular acceleration in rad/s^2.
         """
         at = np.asarray(times, dtype=float)
-        weight = np.asarray(gravity, dtype=float)
         out = np.zeros((len(at), 9))
         moved = np.zeros((len(at), 3)) if self._place is None else self._place(at, 2)
         if self._turn is None:
             out[:, :3] = moved
             return out
-        out[:, :3] = self._turn(at).inv().apply(moved - weight) + weight
+        change = self.gravity(at, gravity) - self.gravity([0.0], gravity)
+        out[:, :3] = self._turn(at).inv().apply(moved) - change
         out[:, 3:6] = self._turn(at, 1)
         out[:, 6:] = self._turn(at, 2)
         return out
+
+    def gravity(self, times: ArrayLike, gravity: ArrayLike) -> Floats:
+        """Compute gravity in axes of the base.
+
+        Parameters
+        ----------
+        times : array_like (n,)
+            Times in s.
+        gravity : array_like (3,)
+            Gravity in world axes, m/s^2.
+
+        Returns
+        -------
+        ndarray (n, 3)
+            Gravity in axes of the base, m/s^2.
+        """
+        at, weight = np.asarray(times, dtype=float), np.asarray(gravity, dtype=float)
+        if self._turn is None:
+            return np.tile(weight, (len(at), 1))
+        return np.asarray(self._turn(at).inv().apply(weight))
 
     @property
     def duration(self) -> float:
@@ -181,7 +201,7 @@ class BaseHistory:
 
     is_sampled = False
 
-    def __init__(self, base: BaseMotion, gravity: Floats) -> None:
+    def __init__(self, base: BaseMotion, gravity: ArrayLike) -> None:
         self.base, self.gravity = base, gravity
 
     def rows(self, times: Floats, *, before: bool = False) -> Floats:

@@ -535,7 +535,7 @@ def on_points(given: Any, disks: int) -> _History | _PointHistory:
     return _PointHistory(loads) if loads else _NONE
 
 
-def of_base(given: Any, gravity: Floats, duration: float) -> _History | BaseHistory:
+def of_base(given: Any, gravity: ArrayLike, duration: float) -> _History | BaseHistory:
     """Convert a motion of the base to a load history, without columns where it does not move."""
     if given is None:
         return _NONE

@@ -415,9 +415,11 @@ def simulate(
     given, history = validation.instance("start.load", start.load, Load), start.history
     if given.base is not None:
         raise InputError("start.load has a motion of the base; a run starts at rest on its base")
-    gravity = load.gravity
-    if gravity is not None:
-        gravity = validation.row("gravity", gravity, 3, "m/s^2").tolist()
+    if given.gravity is not None:
+        raise InputError("start.load has gravity, which is that of load from the start on")
+    world = robot.gravity
+    if load.gravity is not None:
+        world = validation.row("gravity", load.gravity, 3, "m/s^2").tolist()
     disks = robot.core.disk_count
     loads = Loads(
         Actuation(robot, load, duration),
@@ -427,8 +429,9 @@ def simulate(
         on_disks("disk_moments", load.disk_moments, disks),
         on_points(load.point_loads, disks),
         on_disks("line_forces", load.line_forces, disks),
-        of_base(load.base, np.asarray(gravity or robot.gravity, dtype=float), duration),
+        of_base(load.base, world, duration),
     )
+    gravity = world if load.base is None else load.base.gravity([0.0], world)[0].tolist()
     actuated = loads.actuation
     before = loads.at(0.0, before=True)
     initial = InstantLoad(
@@ -457,7 +460,7 @@ def simulate(
     scheme = integrator.scheme(robot.length, longest_step=min(every, DEFAULT_INTERVAL))
     settings: dict[str, Any] = {
         "theory": model.theory,
-        "gravity_m_per_s2": [float(g) for g in (robot.gravity if gravity is None else gravity)],
+        "gravity_m_per_s2": [float(g) for g in world],
         "tendon": model.tendon_path,
         "twist": model.twist,
         "elements": model.elements,
@@ -631,7 +634,7 @@ def _why_no_start(status: str) -> str:
     )
 
 
-def _held(initial: InstantLoad, holding: Floats | None, gravity: Sequence[float] | None) -> Load:
+def _held(initial: InstantLoad, holding: Floats | None, gravity: Sequence[float]) -> Load:
     """Load at the start without its actuation, with the forces that hold the disks."""
     load = initial.dead.replace(gravity=gravity)
     if holding is None:
@@ -769,7 +772,7 @@ def _with_modal_damping(
     actuated: Actuation,
     initial: InstantLoad,
     model: RodModel,
-    gravity: Sequence[float] | None,
+    gravity: Sequence[float],
 ) -> Scheme:
     """Return the scheme with mass and material damping for a modal damping ratio."""
     if not initial.has_potential:
