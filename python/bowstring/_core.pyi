@@ -1,6 +1,6 @@
 """The compiled core; `bowstring.statics` and `bowstring.constant_curvature` are its public face."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, Protocol, final
 
 import numpy as np
@@ -82,6 +82,7 @@ class Robot:
     def tendon_count(self) -> int: ...
     @property
     def disk_count(self) -> int: ...
+    def least_elements(self, arc_lengths: Sequence[float]) -> int: ...
     def solve(self, tensions: ArrayLike, load: _DeadLoad, model: RodModel) -> Solution: ...
     def sweep(
         self, tensions: Floats, load: _DeadLoad, model: RodModel, warm: bool, disks: bool

@@ -6,6 +6,7 @@ mod common;
 use bowstring_core::dynamics::integrator::{Damping, Integrator, Simulator, Step};
 use bowstring_core::model::load::{Load, Model, PointLoad, TendonPath, Theory};
 use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Section, Tendon};
+use bowstring_core::statics::path::{Command, Line, PathSolver};
 use bowstring_core::statics::solver::{Outcome, Solver, Status};
 use common::{study_robot, Draw};
 
@@ -591,4 +592,87 @@ fn several_sections_between_two_disks() {
             "{trial}: {off:e}"
         );
     }
+}
+
+/// The loads of a motion may come in another order, and on a disk by its arc length; not elsewhere.
+#[test]
+fn motion_takes_loads_on_the_same_sections_in_any_order() {
+    let robot = robot(None, 0.004);
+    let at = |s: f64, force: f64| PointLoad {
+        arc_length: Some(s),
+        force: [force, 0.0, 0.1],
+        ..PointLoad::default()
+    };
+    let run = |then: &[PointLoad]| {
+        let settings = Integrator {
+            step: Step::Fixed(1e-3),
+            damping: Damping {
+                mass: 0.0,
+                material: 0.0,
+            },
+            gravity: [0.0, 0.0, -9.81],
+            spectral_radius: 0.9,
+        };
+        let mut simulator = Simulator::new(&robot, Model::default(), 4, settings).unwrap();
+        let under = |point_loads| Load {
+            tensions: &[10.0, 4.0],
+            point_loads,
+            ..Load::default()
+        };
+        let start = [at(0.23, 0.2), at(0.365, -0.1)];
+        simulator.rest(&under(&start)).unwrap();
+        simulator.advance(0.05, &under(then)).map(|(stop, _)| {
+            assert!(stop.is_none());
+            simulator.tip()
+        })
+    };
+    let (a, b) = (at(0.23, 0.6), at(0.365, 0.3));
+    let expected = run(&[a, b]).unwrap();
+    assert!((run(&[b, a]).unwrap() - expected).norm() < 1e-12);
+    let on_disk = PointLoad {
+        arc_length: Some(0.2),
+        ..PointLoad::default()
+    };
+    assert!((run(&[b, on_disk, a]).unwrap() - expected).norm() < 1e-12);
+    let error = run(&[a, at(0.33, 0.3)]).unwrap_err().to_string();
+    assert!(
+        error.contains("act on other sections than before"),
+        "{error}"
+    );
+}
+
+/// A path divides modules at the sections of the load before too, and says so where they are many.
+#[test]
+fn a_path_names_the_load_before() {
+    let robot = robot(None, 0.004);
+    let at = |share: f64| PointLoad {
+        arc_length: Some(0.2 + 0.1 * share),
+        force: [0.1, 0.0, 0.0],
+        ..PointLoad::default()
+    };
+    let lines = vec![Line::default(); robot.tendon_count()];
+    let mut path = PathSolver::new(&robot, Model::default(), 4, &lines).unwrap();
+    let commands = [Command::Tension(10.0), Command::Tension(4.0)];
+    let mut step = |shares: &[f64]| {
+        let point_loads: Vec<_> = shares.iter().map(|share| at(*share)).collect();
+        let load = Load {
+            point_loads: &point_loads,
+            ..Load::default()
+        };
+        path.step(&commands, &load).map(|found| found.status)
+    };
+    assert_eq!(step(&[0.2, 0.4]).unwrap(), Status::Converged);
+    assert_eq!(step(&[0.4, 0.2, 0.6]).unwrap(), Status::Converged);
+    let error = step(&[0.3]).unwrap_err().to_string();
+    assert!(
+        error.contains("loads of this load and of the load before it on 4 sections"),
+        "{error}"
+    );
+    let error = step(&[0.25, 0.35, 0.45, 0.55, 0.65])
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("point loads of this load and of the load before it act on 8 sections"),
+        "{error}"
+    );
 }

@@ -7,7 +7,7 @@ use crate::model::{DeadLoad, DesignArrays, OwnLoads, RobotArrays, RodModel};
 use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
 use bowstring_core::model::load::RodModel as Settings;
-use bowstring_core::model::load::{OwnedLoad, TendonPath};
+use bowstring_core::model::load::{Load, OwnedLoad, PointLoad, TendonPath};
 use bowstring_core::robot_arcs::{self, Law};
 use bowstring_core::rod::sensitivity::Derivative;
 use bowstring_core::statics::adaptive::Adaptive;
@@ -54,6 +54,20 @@ impl Robot {
     #[getter]
     fn disk_count(&self) -> usize {
         self.inner.module_count()
+    }
+
+    /// The fewest elements in a module that take loads at arc lengths (m).
+    fn least_elements(&self, arc_lengths: Vec<f64>) -> usize {
+        let at = |arc_length| PointLoad {
+            arc_length: Some(arc_length),
+            ..PointLoad::default()
+        };
+        let point_loads: Vec<_> = arc_lengths.into_iter().map(at).collect();
+        let load = Load {
+            point_loads: &point_loads,
+            ..Load::default()
+        };
+        load.least_elements(&self.inner)
     }
 
     /// One equilibrium from the straight backbone.

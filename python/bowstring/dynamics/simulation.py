@@ -405,7 +405,7 @@ def simulate(
         raise InputError("simulate needs a duration, in s")
     duration = _check_time("duration", validation.number("duration", duration, "s", zero=True))
     load, model = as_load(tensions, load), as_model(model)
-    elements = model.elements or least_elements(load, robot.disks.station_m)
+    elements = model.elements or least_elements(robot, load)
     model = model.replace(elements=elements)
     start = validation.instance("start", start, Start)
     integrator = validation.instance("integrator", integrator, Integrator)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 from bowstring.statics.load import Load, PointLoad, depends_on_time, point_loads
 from bowstring.validation import read
+
+if TYPE_CHECKING:
+    from bowstring.robot.model import Robot
 
 __all__ = [
     "ON_DISKS",
@@ -123,13 +126,11 @@ class InstantLoad(NamedTuple):
         return InstantLoad(*(array[None] for array in self))
 
 
-def least_elements(load: Load, stations: Floats) -> int:
+def least_elements(robot: Robot, load: Load) -> int:
     """Count elements between two disks that suffice for all arc lengths at which a load acts."""
-    loads = point_loads(load.point_loads)
-    places = {each.arc_length for each in loads if each.arc_length is not None}
-    between = np.searchsorted(stations, sorted(places - set(stations.tolist())))
-    most = int(np.bincount(between, minlength=1).max())
-    return min(1 << most.bit_length(), 8)
+    places = (each.arc_length for each in point_loads(load.point_loads))
+    count: int = robot.core.least_elements([place for place in places if place is not None])
+    return count
 
 
 def table_of(numbers: Floats) -> Floats:

@@ -253,8 +253,7 @@ impl Simulator {
 
     fn check(&self, load: &Load) -> Result<(), InputError> {
         let last = self.integration.point_loads();
-        let divides = load.least_elements_beside(&self.robot, last) > 1;
-        if divides && !load.divides_as(last) {
+        if !load.divides_as(&self.robot, last) {
             return Err(InputError::other(
                 "loads between two disks act on other sections than before, which cannot change in \
                  motion; give one that does not act a force of zero",

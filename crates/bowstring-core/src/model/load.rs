@@ -446,35 +446,45 @@ impl Load<'_> {
             k => format!("disk {k}"),
         };
         Err(InputError::other(format!(
-            "point loads act on {most} sections between {before} and disk {}; at most {} sections \
-             between two disks can be loaded",
+            "{} act on {most} sections between {before} and disk {}; at most {} sections between \
+             two disks can be loaded",
+            self.named_beside(robot, most, "point loads"),
             module + 1,
             MOST_ELEMENTS - 1
         )))
     }
 
+    /// Names these loads, and says where they have so many loaded sections in a module only with
+    /// others.
+    fn named_beside(&self, robot: &Robot, most: usize, name: &str) -> String {
+        let own = self.most_sections(robot, &[]).0;
+        match most > own {
+            true => format!("{name} of this load and of the load before it"),
+            false => name.to_string(),
+        }
+    }
+
     /// Largest number of loaded sections in a module, by these loads and `others`, and the module.
     fn most_sections(&self, robot: &Robot, others: &[PointLoad]) -> (usize, usize) {
-        let loads = others.iter().chain(self.point_loads);
-        let of = |arc_length: f64| match place(robot.lengths(), arc_length) {
-            Place::Between { module, fraction } => Some((module, fraction)),
-            _ => None,
-        };
-        let arc_lengths = loads.filter_map(|load| load.arc_length);
-        let mut sections: Vec<_> = arc_lengths.filter_map(of).collect();
-        sections.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        sections.dedup_by(|b, a| a.0 == b.0 && same_section(a.1, b.1));
+        let sections = loaded_sections(robot, others.iter().chain(self.point_loads));
         let counts = sections.chunk_by(|a, b| a.0 == b.0);
         let counts = counts.map(|module| (module.len(), module[0].0));
         counts.max_by_key(|(count, _)| *count).unwrap_or((0, 0))
     }
 
-    /// Whether all sections of the backbone that may be divided are those of other point loads.
-    pub(crate) fn divides_as(&self, others: &[PointLoad]) -> bool {
-        fn sections(loads: &[PointLoad]) -> impl Iterator<Item = f64> + '_ {
-            loads.iter().filter_map(|load| load.arc_length)
+    /// Whether it divides the modules of a robot at the same sections as other point loads.
+    pub(crate) fn divides_as(&self, robot: &Robot, others: &[PointLoad]) -> bool {
+        let mut both = others.iter().chain(self.point_loads);
+        if both.all(|load| load.arc_length.is_none()) {
+            return true; // without allocating
         }
-        sections(self.point_loads).eq(sections(others))
+        let own = loaded_sections(robot, self.point_loads);
+        let others = loaded_sections(robot, others);
+        own.len() == others.len()
+            && own
+                .iter()
+                .zip(&others)
+                .all(|(a, b)| a.0 == b.0 && same_section(a.1, b.1))
     }
 
     /// Whether any load may act between two disks.
@@ -513,12 +523,32 @@ impl Load<'_> {
         }
         let what = match self.most_sections(robot, others).0 {
             1 => "a load between two disks needs".to_string(),
-            most => format!("loads on {most} sections between two disks need"),
+            most => {
+                let loads = self.named_beside(robot, most, "loads");
+                format!("{loads} on {most} sections between two disks need")
+            }
         };
         Err(InputError::other(format!(
             "{what} {least} elements or more between them, and elements is {elements}"
         )))
     }
+}
+
+/// Sections of the backbone between two disks on which point loads act, each once: module and
+/// fraction of its flexible part.
+fn loaded_sections<'a>(
+    robot: &Robot,
+    loads: impl IntoIterator<Item = &'a PointLoad>,
+) -> Vec<(usize, f64)> {
+    let of = |arc_length: f64| match place(robot.lengths(), arc_length) {
+        Place::Between { module, fraction } => Some((module, fraction)),
+        _ => None,
+    };
+    let arc_lengths = loads.into_iter().filter_map(|load| load.arc_length);
+    let mut sections: Vec<_> = arc_lengths.filter_map(of).collect();
+    sections.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    sections.dedup_by(|b, a| a.0 == b.0 && same_section(a.1, b.1));
+    sections
 }
 
 /// Most elements in a module.

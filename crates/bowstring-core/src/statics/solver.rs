@@ -164,7 +164,7 @@ impl Solver {
     /// straight backbone.
     pub fn solve_next(&mut self, load: &Load) -> Result<Outcome, InputError> {
         load.check(&self.robot)?;
-        if self.known == 0 || !load.divides_as(&self.load.point_loads) {
+        if self.known == 0 || !load.divides_as(&self.robot, &self.load.point_loads) {
             return self.solve(load);
         }
         let load = &self.settings.without_negligible(load);
