@@ -5,18 +5,16 @@ from __future__ import annotations
 import json
 import re
 import warnings
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import bowstring as bs
 from bowstring.cli import main
 from bowstring.dynamics.run_file import read_run
-from bowstring.dynamics.start_stability import judged_start
 from bowstring.errors import StabilityWarning
-from bowstring.statics.load_tables import InstantLoad
 
 ROBOT = bs.load_robot("amouri2019")
 COLUMN = ROBOT.with_(
@@ -90,24 +88,35 @@ def test_starts_on_a_path() -> None:
     assert run.settings["initial_stable"] is None
 
 
-def test_buckling_by_name() -> None:
-    """Stability that is lost to False at once is lost without oscillation."""
-    moment = np.array([0.0, 0.0, 2.0])
+def test_a_column_that_buckles_under_a_follower() -> None:
+    """A dead force of 0.9 Euler loads compresses a column, and a follower pulls at its end.
 
-    def solve(tensions: Any, load: bs.Load, model: Any) -> Any:
-        stable = abs(load.tip_moment[2]) < 1.5
-        return SimpleNamespace(converged=True, stable=stable, model=model)
+    With the dead force P, the follower F and k^2 = (P - F) / EI a slightly bent column is in
+    equilibrium where P cos(k l) = F. Stability is lost there without oscillation.
+    """
+    euler = np.pi**2 / 4 * float(COLUMN.bending_stiffness[0]) / COLUMN.length**2
 
-    none = np.zeros(0)
-    robot: Any = SimpleNamespace(core=SimpleNamespace(solve=solve))
-    initial = InstantLoad(none, none, moment, none, none, none, none, none)
-    load = bs.Load(tip_moment=moment)
-    stable, said = judged_start(robot, initial, load, bs.RodModel(), on_path=False)
-    assert stable is False
-    assert said.endswith(
-        "under a dead moment small motions about it grow, without oscillating (buckling) from 75 % "
-        "of it on"
+    def bent(pull: float) -> float:
+        return float(0.9 * np.cos(np.pi / 2 * np.sqrt(0.9 - pull)) - pull)
+
+    def pulled(pull: float) -> bs.Load:
+        follower = bs.PointLoad(force=[0, 0, pull * euler], follower=True)
+        return bs.Load(tip_force=[0, 0, -0.9 * euler], point_loads=[follower])
+
+    onset = brentq(bent, 0.1, 0.6)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert simulated(COLUMN, pulled(0.95 * onset)).settings["initial_stable"] is True
+    with pytest.warns(StabilityWarning, match="not stable"):
+        run = simulated(COLUMN, pulled(0.8))
+    assert run.settings["initial_stable"] is False
+    (sentence,) = run.warnings
+    found = re.search(
+        r"under a follower load .* without oscillating \(buckling\) from (.*) % of it on\.$",
+        sentence,
     )
+    assert found is not None, sentence
+    assert float(found[1]) == pytest.approx(100 * onset / 0.8, rel=5e-3)
 
 
 def test_on_the_command_line(capsys: pytest.CaptureFixture[str], tmp_path: Any) -> None:
