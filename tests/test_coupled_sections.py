@@ -234,6 +234,74 @@ def test_derivatives_are_those_of_richardson_differences() -> None:
             assert abs(found - expected).max() < 1e-6 * abs(expected).max()
 
 
+def test_derivatives_by_stiffness_are_those_of_scaled_matrices() -> None:
+    """In a robot whose second segment is plain; all stiffnesses of a segment change together."""
+    stiffness = _coupled(7, 0.8)
+    plain = {"diameter": "6 mm", "E": "2 GPa", "nu": 0.3, "density": "1800 kg/m^3"}
+    robot = _robot(stiffness, 3, gravity="1 2 -9.81 m/s^2")
+    first = robot.segments[0].model_dump(exclude_none=True)
+    outer = {**first["tendons"], "first_angle": "60 deg"}
+    robot = robot.with_({"segments": [first, first | {"backbone": plain, "tendons": outer}]})
+    tensions = [3.0, 1.0, 2.0, 4.0, 1.0, 0.0]
+    model, force = bs.RodModel(elements=2), [0.2, -0.1, 0.15]
+
+    def solved(segment: int, scale: float) -> bs.Solution:
+        changed = {"segments.0.backbone.stiffness": (scale * stiffness).tolist()}
+        if segment == 1:
+            changed = {"segments.1.backbone.E": scale * 2e9}
+        return _solve(robot.with_(changed), tensions, model, tip_force=force)
+
+    by = bs.jacobians(_solve(robot, tensions, model, tip_force=force))
+    for k in range(2):
+        ends = {h: [solved(k, 1.0 + s * h) for s in (1.0, -1.0)] for h in (0.02, 0.01)}
+        for found, of in (
+            (by.tip_position_by_stiffness[:, k], lambda x: x.tip.position),
+            (by.lengths_by_stiffness[:, k], lambda x: x.tendon_lengths),
+        ):
+            coarse, fine = ((of(a) - of(b)) / (2 * h) for h, (a, b) in ends.items())
+            expected = (4.0 * fine - coarse) / 3.0
+            assert abs(found - expected).max() < 1e-6 * abs(expected).max()
+
+
+def test_a_tip_on_a_plane_bends_the_rod_as_integrated() -> None:
+    """Under load and contact force together; the tip is on the plane, which only pushes."""
+    stiffness, pull = _coupled(2, 0.6), np.array([0.5, -0.2, -0.1])
+    free = _integrated(stiffness, pull, [0.0] * 3)[0]
+    plane = bs.Plane([0.6 * free[0], 0.0, 0.0], [-1.0, 0.2, 0.1])
+    load = bs.Load([0.0] * 3, tip_force=pull)
+    contact = bs.solve_contact(_robot(stiffness), load=load, plane=plane).raise_for_status()
+    tip, turn = contact.solution.tip.position, contact.solution.tip.rotation
+    assert contact.state == "sliding" and contact.stable is True
+    assert contact.normal_force > 0.05 and abs(plane.gap(tip)) < 1e-9 * LENGTH
+    assert abs(contact.force - contact.normal_force * np.array(plane.normal)).max() < 1e-12
+    position, rotation = _integrated(stiffness, pull + contact.force, [0.0] * 3)
+    assert np.linalg.norm(tip - position) < contact.solution.error_estimate.tip < 1e-5 * LENGTH
+    assert abs(turn - rotation).max() < 5e-5
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_turned_axes_turn_a_path_on_a_plane(friction: float) -> None:
+    stiffness, angle = _coupled(4, 0.7), 2.0 * np.pi / 3.0
+    turn = Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()
+    both = np.kron(np.eye(2), turn)
+    rows = np.array([[x, 1.0, 2.0] for x in (3.0, 6.0, 9.0, 6.0)])
+    free = bs.sweep(_robot(stiffness), rows).tip_position
+    point, normal = free[1], np.array([-1.0, 0.4, 0.2])
+    here = bs.sweep_contact(_robot(stiffness), rows, plane=bs.Plane(point, normal, friction))
+    there = bs.sweep_contact(
+        _robot(both @ stiffness @ both.T),
+        np.roll(rows, 1, axis=1),
+        plane=bs.Plane(turn @ point, turn @ normal, friction),
+    )
+    states = [found.state for found in here]
+    assert states[0] == "separated" and states[2] != "separated"
+    for a, b in zip(here, there, strict=True):
+        assert a.converged and b.converged and a.state == b.state
+        tips = [found.solution.tip.position for found in (a, b)]
+        assert abs(turn @ tips[0] - tips[1]).max() < 1e-8 * LENGTH
+        assert abs(turn @ a.force - b.force).max() < 1e-6
+
+
 def test_a_matrix_that_cannot_be_is_refused() -> None:
     robot = _robot(PLAIN)
 
@@ -316,19 +384,36 @@ def test_a_motion_keeps_its_energy_and_settles_in_the_equilibrium() -> None:
     assert np.linalg.norm(end.tip_position[-1] - expected.tip.position) < 1e-5 * LENGTH
 
 
-def test_a_column_buckles_at_the_softer_of_its_coupled_bends() -> None:
-    """Shear and extension, coupled to nothing, lower Euler's load by the closed form."""
+@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
+def test_a_column_buckles_at_the_softer_of_its_coupled_bends(theory: str) -> None:
+    """At Euler's load with the softer bend; with shear and extension, coupled to nothing, at P with
+    P (1 + P/GA - P/EA) equal to it, 1.4 % lower."""
     stiffness = PLAIN.copy()
     stiffness[0, 1] = stiffness[1, 0] = 0.04
     stiffness[0, 2] = stiffness[2, 0] = 0.03
+    stiffness[3:, 3:] = np.diag([15.0, 15.0, 60.0])
     soft = 1.0 / np.linalg.eigvalsh(np.linalg.inv(stiffness)[:2, :2])[-1]
-    euler = (np.pi / (2.0 * LENGTH)) ** 2 * soft
+    critical = euler = (np.pi / (2.0 * LENGTH)) ** 2 * soft
+    if theory == "cosserat":
+        softer = 1.0 / 15.0 - 1.0 / 60.0
+        critical = (np.sqrt(1.0 + 4.0 * euler * softer) - 1.0) / (2.0 * softer)
+        assert critical < 0.987 * euler
     robot = _robot(stiffness)
-    model = bs.RodModel("kirchhoff", elements=4)
+    model = bs.RodModel(theory, elements=8)
+    push = bs.Load([0.0] * 3, tip_force=[0.0, 0.0, -critical])
+    found = bs.critical_load(robot, load=push, model=model)
+    assert found.kind == "bifurcation" and found.factor == pytest.approx(1.0, rel=1e-3)
     for share, stable in ((0.995, True), (1.005, False)):
-        found = _solve(robot, [0.0] * 3, model, tip_force=[0.0, 0.0, -share * euler])
-        straight = abs(found.tip.position[:2]).max() < 1e-9
-        assert straight == stable
+        search = bs.BranchSearch(max_factor=share, deflation=False)
+        straight = bs.branch_diagram(robot, load=push, model=model, search=search).branches[0]
+        assert straight.factor[-1] == pytest.approx(share, rel=1e-9)
+        assert abs(straight.tip_position[:, :2]).max() < 1e-9
+        assert straight.stable[-1] is stable
+        # a solve goes on to a stable equilibrium
+        bent = _solve(robot, [0.0] * 3, model, tip_force=[0.0, 0.0, -share * critical])
+        assert bent.converged and bent.stable is True
+        across = np.linalg.norm(bent.tip.position[:2])
+        assert across < 1e-9 if stable else across > 0.01 * LENGTH
 
 
 def test_a_load_between_disks_is_refused() -> None:
@@ -339,5 +424,14 @@ def test_a_load_between_disks_is_refused() -> None:
         bs.solve(robot, tensions, load=load)
     with pytest.raises(InputError, match="put a disk there"):
         bs.simulate(robot, tensions, 0.01, load=load)
+    # also on a plain segment beyond the coupled one; without couplings a matrix is a plain section
+    first = robot.segments[0].model_dump(exclude_none=True)
+    outer = first | {"tendons": [], "backbone": first["backbone"] | {"stiffness": PLAIN.tolist()}}
+    on_plain = [bs.PointLoad(arc_length=LENGTH + between, force=[0.1, 0.0, 0.0])]
+    with pytest.raises(InputError, match="put a disk there"):
+        bs.solve(
+            robot.with_({"segments": [first, outer]}), tensions, load=bs.Load(point_loads=on_plain)
+        )
+    assert bs.solve(_robot(PLAIN), tensions, load=load).status == "converged"
     on_disk = bs.Load(point_loads=[bs.PointLoad(2, force=[0.1, 0.0, 0.0])])
     assert bs.solve(robot, tensions, load=on_disk).status == "converged"

@@ -1,0 +1,298 @@
+"""A plain robot in another description, whose sections are coupled: the same robot.
+
+The reference line of the second robot is parallel to the backbone's axis, so that its stiffness
+matrix has couplings. Holes, masses and loads are where they were. The first robot is solved by the
+equations of plain sections.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import bowstring as bs
+from bowstring.dynamics import modes, ramp
+from bowstring.errors import InputError
+
+Floats = NDArray[np.float64]
+
+LENGTH, DISKS, DIAMETER, YOUNG, POISSON = 0.4, 4, 0.001, 1.25e12, 0.3
+AREA, SECOND = np.pi / 4 * DIAMETER**2, np.pi / 64 * DIAMETER**4
+SHEAR = YOUNG / (2 * (1 + POISSON))
+BENDING = YOUNG * SECOND
+STIFFNESS = np.diag([BENDING] * 2 + [2 * SHEAR * SECOND] + [SHEAR * AREA] * 2 + [YOUNG * AREA])
+ANGLES = np.radians([0.0, 120.0, 240.0])
+HOLES = 0.02 * np.stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros(3)], axis=-1)
+CENTRE = np.array([0.003, 0.002, 0.004])
+GRAVITY = [1.0, 2.0, -9.0]
+TENSIONS = [6.0, 1.0, 3.0]
+#: Distance of all disks in m up to which the two robots are the same: shear and extension of an
+#: element are integrated by other rules.
+SAME = 1e-8
+
+
+def _robot(offset: Floats, backbone: dict[str, Any], **tendons: Any) -> bs.Robot:
+    holes = HOLES - offset
+    each = [
+        {
+            "angle": float(np.arctan2(y, x)),
+            "pitch_radius": float(np.hypot(x, y)),
+            "compliance": "0.02 mm/N",
+            **tendons,
+        }
+        for x, y, _ in holes
+    ]
+    body = {"mass": "15 g", "centre": (CENTRE - offset).tolist(), "inertia": "3 4 5 kg*mm^2"}
+    segment = {
+        "length": LENGTH,
+        "backbone": backbone,
+        "disks": {"count": DISKS, "mass": "0 g", "radius": "30 mm", "thickness": "0 mm"},
+        "tendons": each,
+    }
+    payloads = [{**body, "disk": k + 1} for k in range(DISKS)]
+    return bs.Robot.model_validate({"name": "rod", "segments": [segment], "payloads": payloads})
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A robot, and the same by a line with an offset from its axis."""
+
+    plain: bs.Robot
+    other: bs.Robot
+    offset: Floats
+
+    @classmethod
+    def of(cls, offset: Any, **tendons: Any) -> Pair:
+        round_ = {"diameter": DIAMETER, "E": YOUNG, "nu": POISSON, "density": 0.0}
+        x, y, z = offset = np.array(offset)
+        # strains of the axis by those of the line: v = v' - u x offset
+        back = np.eye(6)
+        back[3:, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
+        stiffness = back.T @ STIFFNESS @ back
+        # no effect, but without couplings the core would take it for the plain section
+        stiffness[3, 3] *= 1.0 + 1e-12
+        coupled = {"stiffness": stiffness.tolist(), "mass_per_length": 0.0, "diameter": DIAMETER}
+        plain = _robot(np.zeros(3), round_, **tendons)
+        return cls(plain, _robot(offset, coupled, **tendons), offset)
+
+    def axis(self, position: Any, rotation: Any) -> Floats:
+        """Positions on the axis of the second robot, in the base frame of the first."""
+        moved: Floats = np.asarray(position) + self.offset - np.asarray(rotation) @ self.offset
+        return moved
+
+    def load(self, **given: Any) -> tuple[bs.Load, bs.Load]:
+        """Load of both; point loads are given by points from the axis."""
+        points = given.pop("point_loads", [])
+        moved = [
+            bs.PointLoad(
+                p.disk, p.force, p.moment, tuple(np.array(p.point) - self.offset), p.follower
+            )
+            for p in points
+        ]
+        both = [{**given, "point_loads": loads} if loads else given for loads in (points, moved)]
+        return bs.Load(**both[0]), bs.Load(**both[1])
+
+    def are_same(self, a: bs.Solution, b: bs.Solution, within: float = SAME) -> None:
+        """Hold two solutions to the same tensions and disks."""
+        assert a.converged and b.converged
+        assert np.abs(a.tensions - b.tensions).max() < 1e4 * within
+        assert np.abs(a.disk_rotations - b.disk_rotations).max() < within / 0.02
+        on_axis = self.axis(b.disk_positions, b.disk_rotations)
+        assert np.abs(a.disk_positions - on_axis).max() < within
+
+
+DEAD = bs.PointLoad(1, force=[0.3, -0.5, 0.2], moment=[0.01, 0.0, 0.02], point=[0.01, 0.0, 0.02])
+FOLLOWER = bs.PointLoad(
+    force=[0.2, 0.3, -0.4], moment=[0.0, 0.02, 0.01], point=[0.0, 0.01, 0.0], follower=True
+)
+FINE = bs.RodModel(elements=4)
+
+
+@pytest.fixture(params=[[0.004, -0.003, 0.0], [0.0, 0.0, 0.0]], ids=["beside", "axis"])
+def pair(request: pytest.FixtureRequest) -> Pair:
+    return Pair.of(request.param)
+
+
+def test_the_other_description_is_coupled(pair: Pair) -> None:
+    between = bs.Load(TENSIONS, point_loads=[bs.PointLoad(arc_length=0.15, force=[0, 1, 0])])
+    assert bs.solve(pair.plain, load=between).converged
+    with pytest.raises(InputError, match="with couplings"):
+        bs.solve(pair.other, load=between)
+
+
+@pytest.mark.parametrize("points", [[], [DEAD], [FOLLOWER], [DEAD, FOLLOWER]])
+def test_dead_loads_and_followers(pair: Pair, points: list[bs.PointLoad]) -> None:
+    here, there = pair.load(tensions=TENSIONS, gravity=GRAVITY, point_loads=points)
+    found = [bs.solve(r, load=x, model=FINE) for r, x in ((pair.plain, here), (pair.other, there))]
+    pair.are_same(*found)
+    assert found[0].stable is found[1].stable
+    assert points or found[0].stable is True
+    # without the loads the disks are elsewhere
+    bare = bs.solve(pair.plain, [0, 0, 0], model=FINE).disk_positions
+    assert np.abs(bare - found[0].disk_positions).max() > 0.02
+
+
+def test_displacement_control(pair: Pair) -> None:
+    given: dict[str, Any] = {"gravity": GRAVITY, "point_loads": [DEAD, FOLLOWER]}
+    here, there = pair.load(displacements=[0.012, -0.02, -0.003], **given)
+    a = bs.solve(pair.plain, load=here, model=FINE)
+    b = bs.solve(pair.other, load=there, model=FINE)
+    pair.are_same(a, b, 10 * SAME)
+    assert (a.tensions > 0).sum() == 2 and a.tensions[1] == 0.0
+    again = bs.solve(pair.other, a.tensions, load=pair.load(**given)[1], model=FINE)
+    pair.are_same(a, again, 10 * SAME)
+
+
+def test_friction_along_a_path(pair: Pair) -> None:
+    """Loading and unloading by displacements, then by tensions: each hysteresis is the same."""
+    rough = Pair.of(pair.offset, friction=0.15)
+    up = np.linspace(0.0, 0.015, 4)
+    by_displacement = [[x, -x / 2, -x / 2] for x in (*up, *up[-2::-1], 0.005)]
+    by_tension = [[x, 2.0, 1.0] for x in (2.0, 5.0, 8.0, 5.0, 2.0)]
+    for name, rows in (("displacements", by_displacement), ("tensions", by_tension)):
+        loads = rough.load(**{name: rows}, gravity=GRAVITY, point_loads=[FOLLOWER])
+        a, b = (
+            bs.sweep(r, load=x, model=FINE)
+            for r, x in zip((rough.plain, rough.other), loads, strict=True)
+        )
+        assert a.converged.all() and b.converged.all()
+        on_axis = rough.axis(b.disk_positions, b.disk_rotations)
+        assert np.abs(a.disk_positions - on_axis).max() < 10 * SAME
+        assert np.abs(a.tensions - b.tensions).max() < 1e-4
+        # on the way back the robot is elsewhere
+        there, back = (1, 5) if name == "displacements" else (1, 3)
+        assert np.linalg.norm(a.tip_position[there] - a.tip_position[back]) > 1e-4
+
+
+def test_natural_frequencies(pair: Pair) -> None:
+    dead = bs.PointLoad(1, force=DEAD.force, point=DEAD.point)
+    here, there = pair.load(tensions=TENSIONS, gravity=GRAVITY, point_loads=[dead])
+    a = modes(pair.plain, load=here, model=FINE, count=20)
+    b = modes(pair.other, load=there, model=FINE, count=20)
+    assert a.frequency_hz[0] > 0.5 and a.kind == b.kind and set(a.kind) == {"bending", "torsion"}
+    np.testing.assert_allclose(b.frequency_hz, a.frequency_hz, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "damping",
+    [{}, {"mass_damping": 3.0}, {"material_damping": 0.004}, {"modal_damping": 0.05}],
+    ids=["none", "mass", "material", "modal"],
+)
+def test_motions_without_and_with_damping(pair: Pair, damping: dict[str, float]) -> None:
+    """Under tensions, dead loads and followers that rise, until the robot swings back."""
+
+    def rising(load: bs.PointLoad) -> bs.PointLoad:
+        force, moment = ramp(np.array(load.force), 0.05), ramp(np.array(load.moment), 0.05)
+        return bs.PointLoad(load.disk, force, moment, load.point, load.follower)
+
+    loads = pair.load(gravity=[0.0, 0.0, -5.0], point_loads=[rising(DEAD), rising(FOLLOWER)])
+    steps = bs.Integrator(dt=2e-3, spectral_radius=1.0, **damping)
+    a, b = (
+        bs.simulate(r, ramp(TENSIONS, 0.05), 0.3, load=x, model=bs.RodModel(), integrator=steps)
+        for r, x in zip((pair.plain, pair.other), loads, strict=True)
+    )
+    first, second = a.raise_for_status().to_dataset(), b.raise_for_status().to_dataset()
+    tip = second["disk_position"][:, -1].to_numpy(), second["disk_rotation"][:, -1].to_numpy()
+    assert np.abs(pair.axis(*tip) - a.tip_position).max() < 5e-7
+    scale = float(np.abs(first["work"]).max())
+    for name in ("kinetic_energy", "elastic_energy", "gravity_energy", "work", "dissipated_energy"):
+        assert np.abs(first[name] - second[name]).max() < 1e-5 * scale, name
+    assert np.abs(second["energy_balance"]).max() < 1e-4 * scale
+    lost = float(second["dissipated_energy"][-1])
+    assert lost > 0.01 * scale if damping else lost == 0.0
+
+
+def test_columns_under_dead_and_follower_forces(pair: Pair) -> None:
+    """Along the axis: Euler's load pi^2 EI / (4 l^2), and near Beck's flutter load 20.05 EI / l^2.
+
+    Shear and extension change them by less than 1e-4.
+    """
+    unit = BENDING / LENGTH**2
+    euler, beck = np.pi**2 / 4 * unit, 20.05 * unit
+    dead = pair.load(tensions=[0, 0, 0], point_loads=[bs.PointLoad(force=[0, 0, -euler])])
+    factors = [
+        bs.critical_load(r, load=x, model=FINE)
+        for r, x in zip((pair.plain, pair.other), dead, strict=True)
+    ]
+    for found in factors:
+        assert found.kind == "bifurcation" and found.factor == pytest.approx(1.0, rel=2e-4)
+    assert factors[1].factor == pytest.approx(factors[0].factor, rel=1e-7)
+    # the mass of Beck's column is uniform, here it is in four disks
+    stable = []
+    for share in (0.5, 0.8, 1.2, 1.6):
+        push = bs.PointLoad(force=[0, 0, -share * beck], follower=True)
+        loads = pair.load(tensions=[0, 0, 0], point_loads=[push])
+        a, b = (
+            bs.solve(r, load=x, model=FINE)
+            for r, x in zip((pair.plain, pair.other), loads, strict=True)
+        )
+        pair.are_same(a, b)
+        assert a.stable is b.stable
+        stable.append(a.stable)
+    assert stable[0] is True and stable[-1] is False
+
+
+def test_a_branch_diagram(pair: Pair) -> None:
+    """Buckling under a tip force, with a small transverse one: all equilibria are the same."""
+    euler = np.pi**2 / 4 * BENDING / LENGTH**2
+    push = bs.PointLoad(force=[0.02 * euler, 0.01 * euler, -1.5 * euler])
+    loads = pair.load(tensions=[0, 0, 0], point_loads=[push])
+    a, b = (
+        bs.branch_diagram(r, load=x, model=FINE)
+        for r, x in zip((pair.plain, pair.other), loads, strict=True)
+    )
+    assert len(a.equilibria()) == 3
+
+    def tips(found: bs.BranchDiagram, of: Pair | None) -> list[tuple[float, ...]]:
+        out = []
+        for i, k in found.equilibria():
+            branch = found.branches[i]
+            tip = branch.disk_positions[k, -1]
+            if of is not None:
+                tip = of.axis(tip, branch.disk_rotations[k, -1])
+            out.append((*tip, float(branch.stable[k] is True)))
+        return sorted(out)
+
+    np.testing.assert_allclose(tips(b, pair), tips(a, None), atol=100 * SAME)
+    events = [sorted((e.kind, e.factor) for _, e in found.events) for found in (a, b)]
+    assert [kind for kind, _ in events[0]] == [kind for kind, _ in events[1]] == ["limit_point"]
+    assert events[1][0][1] == pytest.approx(events[0][0][1], rel=1e-5)
+
+
+def test_batches_and_sweeps(pair: Pair) -> None:
+    tensions = np.random.default_rng(4).uniform(0.0, 8.0, (60, 3))
+    loads = pair.load(gravity=GRAVITY, point_loads=[DEAD, FOLLOWER])
+    a = bs.solve_batch(pair.plain, tensions, load=loads[0], model=FINE)
+    assert a.converged.all()
+    for solve in (bs.solve_batch, bs.sweep):
+        b = solve(pair.other, tensions, load=loads[1], model=FINE)
+        assert b.converged.all() and b.stable == a.stable
+        assert np.abs(a.tip_position - pair.axis(b.tip_position, b.tip_rotation)).max() < 4 * SAME
+        assert np.abs(a.tendon_lengths - b.tendon_lengths).max() < SAME
+
+
+def test_derivatives_by_loads_and_stiffness(pair: Pair) -> None:
+    points = [bs.PointLoad(1, DEAD.force, point=DEAD.point), bs.PointLoad(force=[0.1, -0.2, 0.3])]
+    loads = pair.load(tensions=TENSIONS, gravity=GRAVITY, point_loads=points)
+    a, b = (
+        bs.solve(r, load=x, model=FINE)
+        for r, x in zip((pair.plain, pair.other), loads, strict=True)
+    )
+    first, second = bs.jacobians(a), bs.jacobians(b)
+    arm = b.tip.rotation @ pair.offset
+    for name in ("tension", "tip_moment", "stiffness"):
+        turned = getattr(second, f"tip_rotation_by_{name}")
+        moved = getattr(second, f"tip_position_by_{name}") - np.cross(turned, arm, axis=0)
+        for found, expected in (
+            (turned, getattr(first, f"tip_rotation_by_{name}")),
+            (moved, getattr(first, f"tip_position_by_{name}")),
+            (
+                getattr(second, f"lengths_by_{name}"),
+                getattr(first, f"lengths_by_{name}"),
+            ),
+        ):
+            np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
