@@ -5,17 +5,20 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// An optional value of scalars, which numbers in lanes never hold.
+/// Place for a value of type `C` that a struct over a number type [`Real`] may have.
+///
+/// For `f64` it is an `Option<Box<C>>`. For all other number types, those in lanes, it is [`Never`],
+/// without size and value. Robots that have such values are not solved in lanes.
 pub trait Maybe<C>: Clone + Send + Sync + 'static {
-    /// The value, or nothing in lanes.
+    /// Stores the value. [`Never`] drops it.
     fn new(value: Option<C>) -> Self;
-    /// The value.
+    /// The value, if there is one.
     fn get(&self) -> Option<&C>;
-    /// The value, to be changed.
+    /// The value, if there is one, to be changed.
     fn get_mut(&mut self) -> Option<&mut C>;
 }
 
-// in a box, so that what has no such value stays small
+// boxed, so that a struct without the value stays small
 impl<C: Copy + Send + Sync + 'static> Maybe<C> for Option<Box<C>> {
     #[inline(always)]
     fn new(value: Option<C>) -> Self {
@@ -31,7 +34,7 @@ impl<C: Copy + Send + Sync + 'static> Maybe<C> for Option<Box<C>> {
     }
 }
 
-/// Nothing, at no cost.
+/// The [`Maybe`] of numbers in lanes: no value, no size.
 #[derive(Clone, Copy, Debug)]
 pub struct Never;
 
@@ -66,7 +69,7 @@ pub trait Real:
 {
     /// Number of lanes.
     const LANES: usize;
-    /// Holder of values that scalars alone can have.
+    /// Place for an optional value that structs over `f64` can have, and structs over lanes cannot.
     type Maybe<C: Copy + Send + Sync + 'static>: Maybe<C>;
     /// The same number in every lane.
     fn splat(x: f64) -> Self;

@@ -78,8 +78,8 @@ impl CoupledSection {
         &self.section
     }
 
-    /// The plain section where there are no couplings but of the two curvatures, and the shear
-    /// stiffnesses are equal.
+    /// The plain section where there are no couplings except between the two curvatures, and the
+    /// shear stiffnesses are equal.
     pub(crate) fn plain(&self) -> Option<Section> {
         let k = &self.stiffness;
         let alone = |i: usize, j: usize| i == j || (i < 2 && j < 2) || k[i][j] == 0.0;

@@ -494,13 +494,15 @@ impl Load<'_> {
             .any(|load| load.arc_length.is_some())
     }
 
-    /// The fewest elements in a module that take it, more than one where loads act between two
-    /// disks; the largest number where none do.
+    /// The fewest elements in a module that take the load: the least power of two above the largest
+    /// number of loaded sections in a module, hence 1 where no load acts between two disks. At most
+    /// the largest number of elements that there is, also for a load that needs more and that
+    /// [`Load::check`] refuses.
     pub fn least_elements(&self, robot: &Robot) -> usize {
         usize::min(self.least_elements_beside(robot, &[]), MOST_ELEMENTS)
     }
 
-    /// The fewest elements in a module that take it and other point loads.
+    /// The fewest elements in a module that take the load and other point loads, without a bound.
     pub(crate) fn least_elements_beside(&self, robot: &Robot, others: &[PointLoad]) -> usize {
         (self.most_sections(robot, others).0 + 1).next_power_of_two()
     }
