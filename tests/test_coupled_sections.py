@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_bvp, solve_ivp
+from scipy.optimize import curve_fit
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
-from bowstring.dynamics.load_history import ramp
+from bowstring.dynamics import modes, ramp
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import check_round
@@ -382,6 +383,41 @@ def test_a_motion_keeps_its_energy_and_settles_in_the_equilibrium() -> None:
     end = bs.simulate(robot, duration=3.0, load=load, model=model, integrator=damped)
     expected = _solve(robot, tensions, model, gravity=gravity)
     assert np.linalg.norm(end.tip_position[-1] - expected.tip.position) < 1e-5 * LENGTH
+
+
+@pytest.mark.parametrize("seed", [2, 9])
+def test_small_motions_have_the_frequency_of_the_modes_and_its_damping(seed: int) -> None:
+    """Released in the shape of the first mode, without other loads: Kelvin-Voigt damping then has
+    the ratio omega tau / 2."""
+    robot, model = _robot(_coupled(seed, 0.8), 3), bs.RodModel(elements=2)
+    first = modes(robot, [0.0] * 3, model=model, count=1)
+    shape, period = first.displacement[0], 1.0 / first.frequency_hz[0]
+    omega = 2.0 * np.pi / period
+    place = np.array([[0.0, 0.0, z] for z in robot.disks.station_m])
+    for ratio in (0.0, 0.02):
+        steps = bs.Integrator(
+            dt=period / 200.0, spectral_radius=1.0, material_damping=2.0 * ratio / omega
+        )
+        run = bs.simulate(
+            robot,
+            [0.0] * 3,
+            3.0 * period,
+            start=bs.Start(disk_forces=1e-3 * shape),
+            model=model,
+            integrator=steps,
+            output=bs.Output(every=period / 50.0),
+        ).raise_for_status()
+        position = run.to_dataset()["disk_position"].to_numpy()
+        moved = np.einsum("tka,ka->t", position - place, shape)
+
+        def decaying(t: np.ndarray, x: float, y: float, w: float, decay: float) -> np.ndarray:
+            return np.asarray(np.exp(-decay * t) * (x * np.cos(w * t) + y * np.sin(w * t)))
+
+        guess = [moved[0], 0.0, 1.02 * omega, 0.01 * omega]
+        found = curve_fit(decaying, run.time, moved, guess)[0]
+        assert abs(decaying(run.time, *found) - moved).max() < 2e-3 * abs(moved).max()
+        assert found[2] == pytest.approx(omega * np.sqrt(1.0 - ratio**2), rel=5e-4)
+        assert found[3] / omega == pytest.approx(ratio, rel=1e-3, abs=1e-5)
 
 
 @pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
