@@ -299,7 +299,7 @@ fn build<B: Build>(robot: &Robot, elements: usize, of: B) -> Result<B::Built, In
 fn check_model(robot: &Robot, model: Model) -> Result<(), InputError> {
     if robot.is_coupled() && model.tendon == TendonPath::Continuous {
         return Err(InputError::other(
-            "a backbone by its stiffness matrix with couplings has straight tendons only: set the \
+            "a backbone given by a stiffness matrix with couplings has straight tendons only: set the \
              tendon path to straight",
         ));
     }

@@ -272,7 +272,9 @@ class Start:
     ----------
     load : Load, optional
         Initial load; values that it leaves out are those at time 0, before a jump there. A
-        different load at time 0 releases the robot. Gravity is that of the motion.
+        different load at time 0 releases the robot. Gravity is that of the motion. Its point loads
+        act on the points of those of the motion, in the same order; one that only acts before
+        time 0 has a force of zero in the motion.
     disk_forces : array_like (N, 3), optional
         Further dead forces on the disks in N, which are released at time 0.
     history : mapping, optional
