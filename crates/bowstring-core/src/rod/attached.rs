@@ -225,6 +225,7 @@ impl<C: Real, const A: usize> Attached<C, A> {
     }
 
     /// Potential of the dead forces by the rotation of a disk (J).
+    #[inline(always)]
     fn potential(&self, k: usize, rotation: &Mat3<C>) -> C {
         potential_of(self.on(k), rotation)
     }
@@ -294,6 +295,7 @@ pub(crate) fn sum_of_moments<C: Real>(loads: &[PointLoad], rotation: &Mat3<C>) -
 }
 
 /// Potential of dead forces by the rotation (J).
+#[inline(always)]
 pub(crate) fn potential_of<C: Real>(loads: &[PointLoad], rotation: &Mat3<C>) -> C {
     let mut sum = C::zero();
     for load in loads.iter().filter(|load| !load.follower) {
@@ -362,6 +364,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// Adds forces on the disks, between them, and per length before them, in the base frame, to the
     /// loads on the modules.
+    #[inline(always)]
     fn add_resultants(
         &mut self,
         lines: &[[f64; 3]],
@@ -386,6 +389,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// `evaluate` with point loads: followers turn with their disks.
     #[cold]
     pub fn evaluate_attached(&mut self) -> L::Chain {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.evaluate_with_points(),
+        )
+    }
+
+    #[inline(always)]
+    fn evaluate_with_points(&mut self) -> L::Chain {
         if self.attached.followed > 0 {
             self.turn_disks();
             self.dead.modules.clone_from(&self.attached.constant);

@@ -565,12 +565,17 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// The shape without loads and tensions.
     pub fn make_unloaded(&mut self) {
-        for (s, c) in self.states.iter_mut().zip(&self.constants) {
-            for a in 0..A {
-                s.w[a] = c.rest_of(a);
-            }
-            s.n = Vec3::zero();
-        }
+        self.layout.vectorize(
+            #[inline(always)]
+            || {
+                for (s, c) in self.states.iter_mut().zip(&self.constants) {
+                    for a in 0..A {
+                        s.w[a] = c.rest_of(a);
+                    }
+                    s.n = Vec3::zero();
+                }
+            },
+        );
     }
 
     /// Forward pass: shapes, rotations (theory Eq. 2.3) and forces; returns the potential energy
@@ -584,6 +589,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Shapes and rotations of the disks.
+    #[inline(always)]
     pub(crate) fn turn_disks(&mut self) {
         let (path, n) = (self.path(), self.module_count());
         let mut rotation = Mat3::identity();
