@@ -303,6 +303,19 @@ def test_branches_under_a_force_per_length() -> None:
     assert "N/m along the backbone more" in " ".join(found.more)
 
 
+def test_a_motion_takes_a_load_between_disks_by_default(shell: Shell) -> None:
+    """It has as many elements between two disks as the load needs, as in Python."""
+    run = ["simulate", "amouri2019", "--tension", "10,0,0", "--from", "10,0,0", "--rise", "0"]
+    moved = shell.json(*run, "--hold", "0.02", "--point-force", "137 mm:0,1,0")
+    load = bs.Load([10, 0, 0], point_loads=[bs.PointLoad(arc_length=0.137, force=[0, 1, 0])])
+    same = bs.simulate(ROBOT, load=load, duration=0.02, start=bs.Start(bs.Load([10, 0, 0])))
+    assert moved["provenance"]["settings"]["elements"] == same.settings["elements"] == 2
+    assert moved["tip_position_m"][-1] == pytest.approx(same.tip_position[-1], abs=1e-6)
+    assert shell.json(*run, "--hold", "0.02")["provenance"]["settings"]["elements"] == 1
+    flags = ("--point-force", "137 mm:0,1,0", "--elements", "1")
+    assert "needs 2 elements or more" in shell.error(*run, "--hold", "0.02", *flags)
+
+
 def test_flags(shell: Shell) -> None:
     point = "5:0,0.6,0.2@20 mm,0,0.05"
     follower = "9:0.3,0.2,-500 mN@0,30 mm,0.01"
@@ -327,6 +340,8 @@ def test_flags(shell: Shell) -> None:
     [
         ("--point-force", "9:0,1,0", "a point of the disk must follow the force after an @"),
         ("--point-force", "10:0,1,0@0,0,0", "must be a disk of amouri2019 from 1 to 9"),
+        ("--point-force", "x:0,1,0", "from 1 to 9 or an arc length with its unit and, after"),
+        ("--point-force", "9:0,1,0", 'in place of the disk, such as "137 mm:0,1,0"'),
         ("--point-force", "9:0,1,0@0,0", "got 2 numbers; write x, y and z"),
         ("--follower-force", "9:0,1,0@0,0,20", "20 mm"),
         ("--follower-force", "9:0,x,0", 'got "x", which is not a number'),

@@ -147,7 +147,7 @@ def simulate(
         option("m", "Tolerated error of one adaptive step.  [default: 2e-6 of the length]"),
     ] = None,
     every: Annotated[str, option("s", "Time between outputs.")] = "0.01",
-    elements: Elements = 1,
+    elements: Elements = None,
     out: Annotated[
         Path | None,
         option(

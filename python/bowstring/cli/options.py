@@ -68,7 +68,13 @@ Theory = Annotated[
 Gravity = Annotated[str | None, option("x,y,z", "Gravity, in place of that of the robot file.")]
 _ELEMENTS: Final = completion.words("1", "2", "4", "8")
 Elements = Annotated[
-    int, option("1|2|4|8", "Fourth-order elements between two disks.", values=_ELEMENTS)
+    int | None,
+    option(
+        "1|2|4|8",
+        "Fourth-order elements between two disks.  [default: 1, or as many as loads between disks "
+        "need]",
+        values=_ELEMENTS,
+    ),
 ]
 AutomaticElements = Annotated[
     int | None,
@@ -99,8 +105,9 @@ PointForces = Annotated[
     list[str] | None,
     option(
         "N:x,y,z@px,py,pz",
-        "Dead load: force at a point of disk N, which is given in the disk's axes from its centre; "
-        'or on the backbone at an arc length with its unit in place of N, as "137 mm:0,1,0". '
+        "Dead load: force at a point of disk N, counted from 1 at the base; the point is given in "
+        "the disk's axes from its centre; or force "
+        'on the backbone at an arc length with its unit in place of N, as "137 mm:0,1,0". '
         "Repeatable.",
         "--point-force",
     ),
@@ -109,8 +116,8 @@ FollowerForces = Annotated[
     list[str] | None,
     option(
         "N:x,y,z[@px,py,pz]",
-        "Follower load: force on disk N, or at a point of it, in the disk's axes; or at an arc "
-        "length as for --point-force. Repeatable.",
+        "Follower load: force on disk N, counted from 1 at the base, or at a point of it, in the "
+        "disk's axes; or at an arc length as for --point-force. Repeatable.",
         "--follower-force",
     ),
 ]
@@ -321,6 +328,9 @@ def vector(flag: str, text: str, si: str) -> list[float]:
     return values
 
 
+_AT_POINTS: Final = ("--point-force", "--follower-force")
+
+
 def on_disks(
     flag: str, texts: Sequence[str] | None, si: str, robot: Robot
 ) -> list[list[float]] | None:
@@ -345,10 +355,13 @@ def _disk_of(flag: str, text: str, robot: Robot) -> tuple[int, str]:
     number, colon, components = text.partition(":")
     number = number.strip()
     short = number.isdecimal() and len(number) < 10
+    point = "@0,0,0" if flag == "--point-force" else ""
+    place = " or an arc length with its unit" if flag in _AT_POINTS else ""
     if not (colon and short and 1 <= int(number) <= count):
         raise InputError(
-            f"{flag}: got {quote(text)}; must be a disk of {robot.name} from 1 to {count} and, "
-            f"after a colon, x, y and z, for example {flag} {min(4, count)}:0,1,0."
+            f"{flag}: got {quote(text)}; must be a disk of {robot.name} from 1 to {count}"
+            f"{place} and, after a colon, x, y and z, for example {flag} {min(4, count)}:0,1,0"
+            f"{point}."
         )
     return int(number), components
 
@@ -368,7 +381,7 @@ def at_points(
     from bowstring.statics.load import PointLoad
 
     loads = []
-    for flag, texts in (("--point-force", dead), ("--follower-force", followers)):
+    for flag, texts in zip(_AT_POINTS, (dead, followers), strict=True):
         for text in texts or ():
             place, _, components = text.partition(":")
             arc_length = _arc_length_of(flag, place)
@@ -381,7 +394,8 @@ def at_points(
                 raise InputError(
                     f"{flag}: got {quote(text)}; a point of the disk must follow the force after "
                     f"an @, for example {flag} {_EXAMPLES[flag]}; --disk-force takes a force on "
-                    "the centre."
+                    "the centre; for a force on the backbone give an arc length in place of the "
+                    'disk, such as "137 mm:0,1,0".'
                 )
             offset: Sequence[float] = (0.0, 0.0, 0.0)
             if at:
