@@ -27,6 +27,7 @@ from bowstring.data.rigid import align
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import in_mm, listed, plain, significant, with_error
 from bowstring.robot.model import Robot, check_robot
+from bowstring.robot.paths import example_path
 from bowstring.significance import NOISE, chi_square_p, explained_p
 from bowstring.statics.model import RodModel, as_model
 from bowstring.validation import shown
@@ -298,7 +299,7 @@ def fit(
     begin = {name: value for name, value in said.items() if value} | dict(start or {})
     unknowns = Unknowns(robot, parameters, begin)
     if not unknowns.items:
-        raise InputError("parameters is empty; name one at least, as segments.0.backbone.E")
+        raise InputError(f"parameters is empty; name one at least, as {example_path(robot)}")
     if rod is not None and any(name.startswith("bend_gain") for name in unknowns.names):
         raise InputError('bend_gain is of constant curvature; give model="arc"')
     commands = observations.commands(data, unknowns.robot)

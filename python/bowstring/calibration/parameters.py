@@ -8,6 +8,7 @@ SI.
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,6 +22,8 @@ from bowstring.robot.fields import number_fields, quantity_of
 from bowstring.robot.model import Robot
 from bowstring.robot.overrides import expand
 from bowstring.robot.parts import TendonRing
+from bowstring.robot.paths import example_path
+from bowstring.robot.stiffness import entry_of
 from bowstring.units import read_number, unit_of_size
 from bowstring.validation import shown
 
@@ -329,7 +332,8 @@ class Unknowns:
         hint = f"did you mean {near[0]}? It" if near else "it"
         return InputError(
             f"there is no parameter {shown(name)}; {hint} must be a number of the robot "
-            f"file, as segments.0.backbone.E, or one of {', '.join([*_FRAMES, 'delay', *_EACH])}",
+            f"file, as {example_path(self.robot)}, or one of "
+            f"{', '.join([*_FRAMES, 'delay', *_EACH])}",
             argument="parameters",
         )
 
@@ -359,6 +363,8 @@ class Unknowns:
                 unit = unit_of_size(start, quantity.si, quantity.example.rpartition(" ")[2])
                 per_unit = read_number(f"1 {unit}", quantity.si)
             natural = _STEP.get(leaf, 0.0)
+            if (entry := entry_of(paths[0])) is not None:
+                natural, low, high = self._of_matrix(paths, *entry)
             if field := _field_of_payload(name):
                 natural = _PAYLOAD_STEP[field]
             step = max(natural, _SHARE * abs(start))
@@ -366,6 +372,21 @@ class Unknowns:
         key = name if name in _EXTRA else name.partition(".")[0]
         start, step, low, unit, per_unit = _EXTRA[key]
         return Unknown(name, unit, per_unit, given.get(name, start), step, low, np.inf)
+
+    def _of_matrix(self, paths: Sequence[str], row: int, column: int) -> tuple[float, float, float]:
+        """Natural step, least and largest value of an entry of stiffness matrices."""
+        sizes = []
+        for path in paths:
+            matrix = path.rsplit(".", 2)[0]
+            both = (self._leaves[f"{matrix}.{i}.{i}"] for i in (row, column))
+            sizes.append(math.sqrt(math.prod(both)))
+        if row == column:
+            return _SHARE * min(sizes), 0.0, math.inf
+        return (
+            _SHARE * min(sizes),
+            -min(sizes),
+            min(sizes),
+        )  # beyond, no matrix is positive definite
 
 
 def _field_of_payload(name: str) -> str:

@@ -17,7 +17,7 @@ from bowstring.display import short_repr
 from bowstring.robot.consistency import bores, problems
 from bowstring.robot.disk import distinct_holes, drilled_disk, stacked
 from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Part, Payload, Segment, Tendon
-from bowstring.robot.stiffness import without_couplings
+from bowstring.robot.stiffness import has_couplings, matrix_of, without_couplings
 from bowstring.units import Quantity, Text
 
 __all__ = ["RobotArrays", "RobotDisks", "RobotTendons", "frozen"]
@@ -516,7 +516,14 @@ class RobotArrays(Part):
         """Stiffness matrix (S, 6, 6) of the section of each segment, in SI; NaN where not given."""
         none = np.full((6, 6), math.nan)
         given = [s.backbone.stiffness for s in self.segments]
-        return frozen(np.array([none if matrix is None else matrix for matrix in given]))
+        each = [none if rows is None else matrix_of(rows) for rows in given]
+        lead = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in each))
+        return frozen(np.stack([np.broadcast_to(m, (*lead, 6, 6)) for m in each], axis=-3))
+
+    @cached_property
+    def is_coupled(self) -> bool:
+        """Whether a stiffness matrix couples strains that a plain section does not couple."""
+        return bool(has_couplings(self.section_stiffness).any())
 
     @cached_property
     def mass_per_length(self) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -18,6 +18,7 @@ from bowstring.robot.arrays import RobotArrays
 from bowstring.robot.disk import stacked
 from bowstring.robot.model import Robot, check_robot
 from bowstring.robot.paths import full_paths
+from bowstring.robot.stiffness import entry_of, mirrored
 from bowstring.validation import floats
 
 __all__ = ["Designs"]
@@ -82,13 +83,16 @@ class Designs:
                         f"{path} changes the number of disks or tendons; make a robot for each"
                     )
                 wide[each] = array
+        for path, array in list(wide.items()):  # a matrix stays symmetric
+            if (other := mirrored(path)) is not None:
+                wide.setdefault(other, array)
         object.__setattr__(self, "values", wide)
         self._check_extremes()
 
     def __len__(self) -> int:
         return len(np.asarray(next(iter(self.values.values())))) if self.values else 1
 
-    def __getitem__(self, rows: slice) -> Designs:
+    def __getitem__(self, rows: slice | NDArray[np.intp]) -> Designs:
         """Some of the robots, not checked again."""
         part = object.__new__(Designs)
         object.__setattr__(part, "robot", self.robot)
@@ -143,8 +147,35 @@ class Designs:
 
     @property
     def section_stiffness(self) -> Floats:
-        """Stiffness matrices (S, 6, 6) of the sections of all robots; NaN where not given."""
+        """Stiffness matrices (S, 6, 6) of the sections of all robots; NaN where not given.
+
+        Of robots that differ in them there are none here: `by_stiffness` divides these.
+        """
+        if self.varies_stiffness:
+            return np.full((len(self.robot.segments), 6, 6), np.nan)
         return self.robot.section_stiffness
+
+    @property
+    def varies_stiffness(self) -> bool:
+        """Whether the robots differ in entries of stiffness matrices."""
+        return any(entry_of(path) is not None for path in self.values)
+
+    def by_stiffness(self) -> Iterator[tuple[NDArray[np.intp], Designs]]:
+        """Yield robots with the same stiffness matrices, and their indices."""
+        paths = [path for path in self.values if entry_of(path) is not None]
+        table = np.stack([np.asarray(self.values[path]) for path in paths], axis=1)
+        kinds, of = np.unique(table, axis=0, return_inverse=True)
+        for kind, entries in enumerate(kinds.tolist()):
+            rows = np.flatnonzero(of.ravel() == kind)
+            part = self[rows]
+            left = {path: v for path, v in part.values.items() if path not in paths}
+            if not left:  # one number stands for all, so that there are as many robots
+                length = self.robot.segments[0].length
+                left = {"segments.0.length": np.full(len(rows), length)}
+            same = self.robot.with_(dict(zip(paths, entries, strict=True)))
+            object.__setattr__(part, "robot", same)
+            object.__setattr__(part, "values", left)
+            yield rows, part
 
     @cached_property
     def disks(self) -> Floats:

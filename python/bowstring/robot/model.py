@@ -90,7 +90,8 @@ class Robot(RobotArrays):
             New values, such as ``{"segments.0.disks.clamped_length": "3 mm"}``. A string may have
             a unit; numbers without one are SI. In a path ``*`` stands for every index of a list,
             as in ``segments.*.backbone.E``. None removes a field. Setting one of ``G`` and
-            ``nu``, or of ``count`` and ``positions``, removes the other.
+            ``nu``, or of ``count`` and ``positions``, removes the other. An entry of a stiffness
+            matrix, such as ``segments.0.backbone.stiffness.0.2``, sets the mirrored one too.
 
         Returns
         -------
@@ -253,15 +254,20 @@ def check_straight(robot: Robot, what: str) -> None:
         )
 
 
-def check_round(robot: Robot, what: str) -> None:
-    """Refuse a robot with a backbone that is not round, or whose shape is not known."""
+def check_round(robot: Robot, what: str, instead: str = "") -> None:
+    """Refuse a robot with a backbone that is not round, or whose shape is not known.
+
+    `instead` is what such a robot can have, as the end of the sentence.
+    """
     if any(s.backbone.stiffness is not None for s in robot.segments):
         raise InputError(
             f"{what} needs shape and material of the section, which a backbone by its stiffness "
-            "matrix does not have; give diameter, E, nu and density in place of stiffness"
+            f"matrix does not have; give diameter, E, nu and density in place of stiffness{instead}"
         )
     if not robot.is_round:
-        raise InputError(f"{what} takes round backbones only; give diameter, not width and height")
+        raise InputError(
+            f"{what} takes round backbones only; give diameter, not width and height{instead}"
+        )
 
 
 def check_disks(robot: Robot, what: str) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from bowstring.errors import InputError
 from bowstring.robot.safe_yaml import read_yaml
+from bowstring.robot.stiffness import mirrored
 from bowstring.units import NUMBER, quote
 from bowstring.validation import shown
 
@@ -86,7 +87,7 @@ def fill(tree: Any, whole: Any, keys: Sequence[str]) -> None:
 
 def override(tree: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Set the fields of ``overrides`` in ``tree`` (which changes) and return it."""
-    overrides = expand_all(tree, overrides)
+    overrides = _symmetric(expand_all(tree, overrides))
     for path, value in overrides.items():
         if not (isinstance(path, str) and path.isprintable() and len(path) <= 100):
             raise InputError(f'Override {quote(path)}: write it as "segments.0.length".')
@@ -109,6 +110,17 @@ def override(tree: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, An
         if other and isinstance(here, dict) and not also_set:
             here.pop(other, None)
     return tree
+
+
+def _symmetric(overrides: dict[Any, Any]) -> dict[Any, Any]:
+    """Add the mirrored entries of a stiffness matrix, so that one override keeps it symmetric."""
+    out = dict(overrides)
+    given = {".".join(_keys(path)) for path in overrides if isinstance(path, str)}
+    for path, value in overrides.items():
+        other = mirrored(".".join(_keys(path))) if isinstance(path, str) else None
+        if other is not None and other not in given:
+            out[other] = value
+    return out
 
 
 def _step(here: Any, key: str, above: list[str], path: str) -> Any:

@@ -9,7 +9,16 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    SerializerFunctionWrapHandler,
+    Tag,
+    model_serializer,
+    model_validator,
+)
 
 from bowstring.errors import InputError
 from bowstring.robot.disk import stacked
@@ -84,7 +93,7 @@ def _check_stiffness(backbone: Backbone) -> None:
         )
     shape = ("inner_diameter", "width", "height", "width_direction")
     for name in ("E", "G", "nu", "density", *shape, "yield_strength", "strain_limit"):
-        if getattr(backbone, name):
+        if name in backbone.model_fields_set and getattr(backbone, name) is not None:
             raise wrong(f"{name}: given with stiffness, which replaces it; leave one of them out")
     if backbone.is_tapered:
         raise wrong(
@@ -270,6 +279,18 @@ class Backbone(Part):
             _exactly_one(self, "G", "nu")
             _rest_of_section(self)
         return self
+
+    @property
+    def replaced(self) -> tuple[str, ...]:
+        """Fields with a value that do not count beside a stiffness matrix."""
+        return ("inner_diameter", "width_direction") if self.stiffness is not None else ()
+
+    @model_serializer(mode="wrap")
+    def _without_replaced(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        found: dict[str, Any] = dump(self)
+        for name in self.replaced:
+            found.pop(name, None)
+        return found
 
     def _given(self, name: str) -> Any:
         value = getattr(self, name)

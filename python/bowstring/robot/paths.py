@@ -13,7 +13,7 @@ from bowstring.robot.model import Robot
 from bowstring.robot.overrides import expand
 from bowstring.units import quote
 
-__all__ = ["find", "full_paths", "no_such", "numbers_of"]
+__all__ = ["example_path", "find", "full_paths", "no_such", "numbers_of"]
 
 _VECTORS: Final = ("gravity", "tip_force", "tip_moment")
 _MOST_NEAR: Final = 2  # paths that an error suggests
@@ -69,6 +69,12 @@ def full_paths(robot: Robot, path: str) -> list[str]:
     return list(find(robot, path, ())[1])
 
 
+def example_path(robot: Robot) -> str:
+    """Path of a number that this robot has, for a message."""
+    by_matrix = robot.segments[0].backbone.stiffness is not None
+    return f"segments.0.{'length' if by_matrix else 'backbone.E'}"
+
+
 def find(robot: Robot, path: str, loads: Collection[str]) -> tuple[str, tuple[str, ...]]:
     """Find the numbers that a path means, of the robot file or of its loads.
 
@@ -116,7 +122,9 @@ def find(robot: Robot, path: str, loads: Collection[str]) -> tuple[str, tuple[st
         raise no_such(robot, path, loads, known)
     if len(found) == 1:
         return _lettered(found[0]), tuple(found)
-    return path if "*" in path.split(".") else _kind(found[0]), tuple(found)
+    if "*" in path.split("."):
+        return path, tuple(found)
+    return f"{_kind(found[0].removesuffix(path))}{path}", tuple(found)
 
 
 def no_such(
@@ -137,11 +145,12 @@ def no_such(
     """
     if known is None:
         known = [p for p, _ in numbers_of(robot)]
-    near = _near(path[:_LONGEST], known, loads)
+    near, end = _near(path[:_LONGEST], known, loads), example_path(robot).rpartition(".")[2]
     hint = (
         f"did you mean {' or '.join(near)}?"
         if near
-        else "write for example E, disks.clamped_length, pitch_radius, gravity.z or tip_force.x"
+        else f"write for example {end}, disks.clamped_length, pitch_radius, gravity.z or "
+        "tip_force.x"
     )
     return InputError(f"{robot.name} has no number {quote(path)}; {hint}")
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.robot.disk import room_for_holes
-from bowstring.robot.model import Robot
+from bowstring.robot.model import Robot, check_round
 from bowstring.robot.parts import TendonRing, tendon_field
 from bowstring.units import number_with_unit
 
@@ -76,12 +76,14 @@ def sizes_of(robot: Robot) -> Sizes:
     Raises
     ------
     InputError
-        If the disks have no thickness, or do not hold holes for a tendon of the given diameter.
+        If a backbone is not round, the disks have no thickness, or do not hold holes for a tendon
+        of the given diameter.
     """
     if robot.is_embedded:
         raise InputError(
             f"{robot.name}: drawings and solids take tendons in disks only, not tendons_in body"
         )
+    check_round(robot, f"{robot.name}: a drawing or solid")
     for k, s in enumerate(robot.segments):
         if s.disks.thickness == 0:
             raise InputError(

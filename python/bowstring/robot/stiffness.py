@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from numbers import Real
@@ -13,9 +12,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from bowstring.units import NUMBER, Marker, quote, wrong
 
-__all__ = ["StiffnessMatrix", "flexibility", "without_couplings"]
+__all__ = [
+    "StiffnessMatrix",
+    "couples",
+    "entry_of",
+    "flexibility",
+    "has_couplings",
+    "matrix_of",
+    "mirrored",
+    "without_couplings",
+]
 
 _SIZE: Final = 6
+_ALONE: Final = np.diag([1, 1, 1, 0, 0, 1]).astype(bool)  # entries of a plain section
+_ALONE[:2, :2] = True
 _SYMMETRY: Final = 1e-9
 _LEAST_PIVOT: Final = 1e-12
 _ADVICE: Final = (
@@ -30,9 +40,12 @@ class StiffnessMatrix(Marker):
     def read(self, value: Any) -> tuple[tuple[float, ...], ...]:
         """Check a matrix given by rows."""
         rows = value.tolist() if isinstance(value, np.ndarray) else value
-        if not _is_row(rows) or not all(_is_row(row) for row in rows):
+        if not _is_row(rows):
             raise wrong(f"got {quote(value)}; {_ADVICE}")
-        given = np.array([[_number(x) for x in row] for row in rows])
+        for i, row in enumerate(rows):
+            if not _is_row(row):
+                raise wrong(f"got {quote(row)} as row {i + 1}; {_ADVICE}")
+        given = np.array([[_number(x, i + 1) for x in row] for i, row in enumerate(rows)])
         if not np.isfinite(given).all():
             raise wrong(f"got a number that is not finite; {_ADVICE}")
         diagonal = given.diagonal()
@@ -66,15 +79,65 @@ def _is_row(value: Any) -> bool:
     return isinstance(value, Sequence) and not isinstance(value, str) and len(value) == _SIZE
 
 
-def _number(value: Any) -> float:
+def _number(value: Any, row: int) -> float:
     # YAML reads 9e3 as text
     plain = isinstance(value, str) and re.fullmatch(NUMBER, value) is not None
     if not plain and (isinstance(value, bool) or not isinstance(value, Real)):
-        raise wrong(f"got {quote(value)}; {_ADVICE}")
+        raise wrong(f"got {quote(value)} in row {row}; {_ADVICE}")
     try:
         return float(value)
     except (OverflowError, TypeError):
-        raise wrong(f"got {quote(value)}; {_ADVICE}") from None
+        raise wrong(f"got {quote(value)} in row {row}; {_ADVICE}") from None
+
+
+def entry_of(path: str) -> tuple[int, int] | None:
+    """Row and column, from 0, of the entry of a stiffness matrix at a path; None for others."""
+    found = re.fullmatch(r"(?:.*\.)?stiffness\.(\d)\.(\d)", path)
+    return None if found is None else (int(found[1]), int(found[2]))
+
+
+def mirrored(path: str) -> str | None:
+    """Path of the entry on the other side of the diagonal; None for all other paths."""
+    entry = entry_of(path)
+    if entry is None or entry[0] == entry[1]:
+        return None
+    return f"{path[:-3]}{entry[1]}.{entry[0]}"
+
+
+def couples(path: str) -> bool:
+    """Whether the entry of a stiffness matrix at a path couples strains of a plain section.
+
+    So does a single shear stiffness, which makes two different ones.
+    """
+    entry = entry_of(path)
+    return entry is not None and not _ALONE[entry]
+
+
+def matrix_of(rows: Sequence[Sequence[ArrayLike]]) -> NDArray[np.float64]:
+    """Matrix (..., 6, 6) of rows whose entries may be arrays (...) of many robots."""
+    entries = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for row in rows for x in row))
+    matrix = np.stack(entries, axis=-1).reshape(*entries[0].shape, _SIZE, _SIZE)
+    return np.asarray(matrix, dtype=np.float64)
+
+
+def has_couplings(stiffness: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether a section couples strains beyond what the numbers of a plain section describe.
+
+    Parameters
+    ----------
+    stiffness : ndarray (..., 6, 6)
+        Moments and forces by strains, in SI; NaN without a matrix.
+
+    Returns
+    -------
+    ndarray of bool (...)
+        False for a matrix that couples the two curvatures alone and has equal shear stiffnesses,
+        and without a matrix.
+    """
+    couple = ~(np.eye(_SIZE, dtype=bool) | _ALONE)
+    coupled = (stiffness[..., couple] != 0.0).any(axis=-1)
+    coupled |= stiffness[..., 3, 3] != stiffness[..., 4, 4]
+    return np.asarray(coupled & ~np.isnan(stiffness[..., 0, 0]))
 
 
 def flexibility(stiffness: ArrayLike) -> NDArray[np.float64]:
@@ -82,47 +145,48 @@ def flexibility(stiffness: ArrayLike) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    stiffness : array_like (6, 6)
+    stiffness : array_like (..., n, n)
         Moments and forces by strains, in SI.
 
     Returns
     -------
-    ndarray (6, 6)
-        Inverse of the matrix.
+    ndarray (..., n, n)
+        Inverses of the matrices.
     """
     matrix = np.asarray(stiffness, dtype=np.float64)
-    scale = 1.0 / np.sqrt(matrix.diagonal())
-    inverse = np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
-    return np.asarray(inverse, dtype=np.float64)
+    scale = 1.0 / np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))
+    size = scale[..., :, None] * scale[..., None, :]
+    return np.asarray(np.linalg.inv(matrix * size) * size, dtype=np.float64)
 
 
-def without_couplings(stiffness: ArrayLike) -> tuple[float, ...]:
+def without_couplings(rows: Sequence[Sequence[ArrayLike]]) -> tuple[ArrayLike, ...]:
     """Numbers of a plain section that bends, twists, shears and stretches as much by one load.
 
     Parameters
     ----------
-    stiffness : array_like (6, 6)
-        Moments and forces by strains, in SI.
+    rows : sequence of sequence of array_like (...)
+        Rows of the matrix: moments and forces by strains, in SI. Entries may be arrays of many
+        robots.
 
     Returns
     -------
-    tuple of float
+    tuple of array_like (...)
         Bending stiffness about both principal axes, angle of the first one from x, torsional,
         axial and shear stiffness.
     """
-    free = flexibility(stiffness)
-    (hard, soft), axes = np.linalg.eigh(free[:2, :2])
-    if free[0, 1] == 0.0:
-        first, second, angle = free[0, 0], free[1, 1], 0.0
-    else:
-        first, second = hard, soft
-        angle = math.atan2(axes[1, 0], axes[0, 0])
-    shear = 2.0 / (free[3, 3] + free[4, 4])
-    return (
-        float(1.0 / first),
-        float(1.0 / second),
+    free = flexibility(matrix_of(rows))
+    bends, axes = np.linalg.eigh(free[..., :2, :2])
+    straight = free[..., 0, 1] == 0.0
+    first = np.where(straight, free[..., 0, 0], bends[..., 0])
+    second = np.where(straight, free[..., 1, 1], bends[..., 1])
+    angle = np.where(straight, 0.0, np.arctan2(axes[..., 1, 0], axes[..., 0, 0]))
+    shear = 2.0 / (free[..., 3, 3] + free[..., 4, 4])
+    numbers = (
+        1.0 / first,
+        1.0 / second,
         angle,
-        float(1.0 / free[2, 2]),
-        float(1.0 / free[5, 5]),
-        float(shear),
+        1.0 / free[..., 2, 2],
+        1.0 / free[..., 5, 5],
+        shear,
     )
+    return tuple(number[()] for number in numbers)

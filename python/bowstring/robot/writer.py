@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from bowstring.robot.model import Robot
+from bowstring.robot.parts import Backbone
 from bowstring.units import Quantity, printable
 
 __all__ = ["to_yaml"]
@@ -34,10 +35,11 @@ def to_yaml(robot: Robot, comment: str = "") -> str:
 
 def _plain(part: BaseModel) -> dict[str, Any]:
     fields: dict[str, Any] = {}
+    without = part.replaced if isinstance(part, Backbone) else ()
     for name, info in type(part).model_fields.items():
         value = getattr(part, name)
         unit = next((mark.si for mark in info.metadata if isinstance(mark, Quantity)), "")
-        if value is None or value in ("", ()):
+        if value is None or value in ("", ()) or name in without:
             continue
         if isinstance(value, BaseModel):
             fields[name] = _plain(value)

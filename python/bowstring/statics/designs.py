@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,17 @@ from bowstring.validation import floats, shown
 __all__ = ["DesignSweep", "sweep_designs"]
 
 Floats = NDArray[np.float64]
+
+_WIDE: Final = ("gravity", "tip_force", "tip_moment")
+_FOUND: Final = (
+    "tensions",
+    "slack_lengths",
+    "converged",
+    "status",
+    "tip_position",
+    "tendon_lengths",
+    "tip_error",
+)
 
 
 @short_repr
@@ -110,27 +122,56 @@ def sweep_designs(
         tip_moment=_wide(rows, "tip_moment", load.tip_moment, None),
         **_on_disks(designs, load),
     )
-    values = rows.values.reshape(-1, tendons)
-    if rows.by_displacement.any() or designs.arrays.tendons.friction.any():
-        by_displacement = np.ascontiguousarray(rows.by_displacement.reshape(-1, tendons))
-        found = follow_designs(
-            designs.robot.core, designs, (by_displacement, values), dead, as_model(model), threads
-        )
-        given, slack = found["tensions"], found["slack_lengths"]
+    if designs.varies_stiffness:
+        found = _by_stiffness(designs, rows, dead, as_model(model), threads)
     else:
-        found = designs.robot.core.sweep_designs(designs, values, dead, as_model(model), threads)
-        given, slack = values, np.zeros(values.shape)
+        found = _solved(designs, rows, dead, as_model(model), threads)
     shape = (count, each)
     return DesignSweep(
         designs,
-        given.reshape(*shape, tendons),
-        slack.reshape(*shape, tendons),
+        found["tensions"].reshape(*shape, tendons),
+        found["slack_lengths"].reshape(*shape, tendons),
         found["converged"].reshape(shape),
-        np.array(found["status"]).reshape(shape),
+        found["status"].reshape(shape),
         found["tip_position"].reshape(*shape, 3),
         found["tendon_lengths"].reshape(*shape, tendons),
         found["tip_error"].reshape(shape),
     )
+
+
+def _solved(
+    designs: Designs, rows: _Commands, dead: Load, model: RodModel, threads: int
+) -> dict[str, NDArray[Any]]:
+    """Arrays of all loads of robots with the same stiffness matrices."""
+    tendons = rows.values.shape[-1]
+    values = rows.values.reshape(-1, tendons)
+    if rows.by_displacement.any() or designs.arrays.tendons.friction.any():
+        by_displacement = np.ascontiguousarray(rows.by_displacement.reshape(-1, tendons))
+        found = follow_designs(
+            designs.robot.core, designs, (by_displacement, values), dead, model, threads
+        )
+    else:
+        found = designs.robot.core.sweep_designs(designs, values, dead, model, threads)
+        found |= {"tensions": values, "slack_lengths": np.zeros(values.shape)}
+    return {name: np.asarray(found[name]) for name in _FOUND}
+
+
+def _by_stiffness(
+    designs: Designs, rows: _Commands, dead: Load, model: RodModel, threads: int
+) -> dict[str, NDArray[Any]]:
+    """The same of robots that differ in stiffness matrices, which the core has one of at a time."""
+    each = rows.values.shape[1]
+    parts, places = [], []
+    for index, same in designs.by_stiffness():
+        at = (index[:, None] * each + np.arange(each)).ravel()
+        wide = {name: getattr(dead, name) for name in _WIDE}
+        own = {name: v[at] for name, v in wide.items() if v is not None and v.ndim == 2}
+        some = _Commands(rows.values[index], rows.by_displacement[index])
+        found = _solved(same, some, dead.replace(**own), model, threads)
+        parts.append({name: v.reshape(len(at), -1) for name, v in found.items()})
+        places.append(at)
+    order = np.argsort(np.concatenate(places))
+    return {name: np.concatenate([part[name] for part in parts])[order] for name in _FOUND}
 
 
 @dataclass(frozen=True)

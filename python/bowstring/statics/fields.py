@@ -211,7 +211,11 @@ class Section:
         partly: bool = False,
     ) -> None:
         if not (robot.is_round or partly):
-            check_round(robot, f"{robot.name}: stress and strain")
+            check_round(
+                robot,
+                f"{robot.name}: a file with stress and strain",
+                ", or write a table of tip and tendons, as --out run.csv does",
+            )
         segment = robot.disks.segment[module]
         ends = np.cumsum([s.length for s in robot.segments])
         numbers = np.full((8, len(station)), np.nan)

@@ -11,7 +11,8 @@ from bowstring.errors import InputError
 from bowstring.formatting import listed
 from bowstring.robot.fields import number_fields, quantity_of
 from bowstring.robot.model import Robot, check_robot
-from bowstring.robot.paths import find, no_such
+from bowstring.robot.paths import example_path, find, no_such
+from bowstring.robot.stiffness import entry_of
 from bowstring.units import has_no_unit, quote, read_number, rounded, unit_of_size
 
 __all__ = ["LOADS", "NumberAtPath", "NumbersByPath"]
@@ -154,10 +155,16 @@ class NumbersByPath:
             raise InputError(str(error), argument="distributions") from None
         if targets[0] in self._loads:
             return self._load(name, targets)
+        if entry_of(targets[0]) is not None:
+            raise InputError(
+                f"{name} is an entry of a stiffness matrix, which takes no distribution; give one "
+                "to another number, as pitch_radius",
+                argument="distributions",
+            )
         if targets[0] not in self._fields:
             raise InputError(
                 f"{name} is a whole number or a share; a distribution is of a number that varies "
-                "continuously, as E",
+                f"continuously, as {example_path(self._robot)}",
                 argument="distributions",
             )
         quantity = quantity_of(self._robot, targets[0])

@@ -15,6 +15,7 @@ from bowstring.robot.fields import quantity_of
 from bowstring.robot.messages import units_of_field
 from bowstring.robot.model import Robot
 from bowstring.robot.paths import find, full_paths, numbers_of
+from bowstring.robot.stiffness import entry_of
 from bowstring.units import NUMBER, has_no_unit, quote, read_number
 from bowstring.validation import shown
 
@@ -142,6 +143,8 @@ class Axis:
     @property
     def words(self) -> str:
         """The number in words."""
+        if (entry := entry_of(self.path)) is not None:
+            return f"stiffness in row {entry[0] + 1}, column {entry[1] + 1} (SI)"
         name = self.path.rpartition(".")[2]
         return LOADS[self.path][2] if self.is_load else _LABELS.get(name, name.replace("_", " "))
 

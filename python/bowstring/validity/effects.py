@@ -54,8 +54,9 @@ def acting(rods: Rods) -> list[str]:
     tendons = rods.designs.arrays.tendons
     stretch = 1.0 / tendons.axial_stiffness_N + tendons.compliance_m_per_N
     acts = {
-        # a continuous tendon has no displacement control
-        "straight_spans": rods.model.tendon_path == "straight" and not rods.by_displacement,
+        # a continuous tendon has no displacement control, and none runs beside coupled strains
+        "straight_spans": rods.model.tendon_path == "straight"
+        and not (rods.by_displacement or rods.designs.arrays.is_coupled),
         "clamps": bool(np.any(rods.designs.arrays.disks.clamped_length_m)),
         "hole_planes": bool(np.any(rods.designs.arrays.disks.hole_length_m)),
         "shear_extension": rods.model.theory == "cosserat",

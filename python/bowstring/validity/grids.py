@@ -29,6 +29,7 @@ from bowstring.validity.question import Metric, Question
 from bowstring.validity.sentences import (
     in_causes,
     limits_in_words,
+    notes_on_causes,
     notes_on_limits,
     notes_on_slack,
     undefined_in_words,
@@ -245,7 +246,7 @@ class ValidityGrid:
         if self.slack is not None and self.slack.any():
             out.append(f"{int(self.slack.sum())} of {self.slack.size} points: a tendon is slack.")
             out += notes_on_slack(self.question, self.slack)
-        return out
+        return out + notes_on_causes(self.question, self.value, self.cause)
 
     def to_dict(self) -> schema.GridValues:
         """Return plain values: axes in SI, errors in percent of the length, tensions in N."""

@@ -296,7 +296,7 @@ _FRICTIONLESS: Final = (
 )
 _LISTED: Final = (
     "This robot file lists the positions of its disks, so that their number is no axis: the map is "
-    'over the tension alone; a second axis may be given, such as "E=30:40 GPa".'
+    'over the tension alone; a second axis may be given, such as "pitch_radius=20:30 mm".'
 )
 _SOURCE: Final = "simulated: constant curvature against statics of the rod"
 

@@ -235,7 +235,7 @@ def _metric(space: Space, metric: Metric | None) -> Metric:
     if ramp is not None and chosen != "error":
         raise InputError(
             f"metric {chosen} is over a sweep of the {ramp}, which is an axis here; give other "
-            "axes, such as E=30:40 GPa"
+            "axes, such as pitch_radius=20:30 mm"
         )
     if chosen == "error" and ramp is None:
         raise InputError(

@@ -18,8 +18,10 @@ from bowstring.validity.question import Question
 __all__ = [
     "described",
     "in_causes",
+    "in_not_examined",
     "in_ranges",
     "limits_in_words",
+    "notes_on_causes",
     "notes_on_limits",
     "notes_on_slack",
     "undefined_in_words",
@@ -70,8 +72,7 @@ def described(found: ValidityMap) -> list[str]:
         )
     slack = found.state == 3
     out += notes_on_slack(found.question, slack)
-    outside = {name: value > found.tolerance for name, value in found.value.items()}
-    out += _notes_on_causes(found, outside)
+    out += notes_on_causes(found.question, found.value, found.cause)
     return out
 
 
@@ -220,16 +221,24 @@ def notes_on_slack(question: Question, slack: Mask) -> list[str]:
     ]
 
 
-def _notes_on_causes(found: ValidityMap, outside: dict[str, Mask]) -> list[str]:
+def notes_on_causes(
+    question: Question, value: dict[str, Floats], cause: dict[str, NDArray[np.str_]]
+) -> list[str]:
     """Say which effect is not examined where no main cause was found."""
-    if not found.by_displacement or found.metric == "valid_to":
+    why = question.space.not_examined
+    if not why or question.metric == "valid_to":
         return []
-    for name, cause in found.cause.items():
-        step = coarse_step(outside[name].shape, outside[name].ndim)
-        coarse = outside[name][(slice(None, None, step),) * outside[name].ndim]
-        if (cause[coarse] == "").any():
-            return [
-                "Where no main cause is found, it may be that tendons run straight between the "
-                "disks: with commanded bends this effect is not examined."
-            ]
+    for name, effects in cause.items():
+        step = coarse_step(value[name].shape, value[name].ndim)
+        coarse = value[name][(slice(None, None, step),) * value[name].ndim]
+        if (effects[coarse > question.tolerance] == "").any():
+            return [in_not_examined(why)]
     return []
+
+
+def in_not_examined(why: str) -> str:
+    """Sentence on straight spans where they are not among the causes."""
+    return (
+        "Where no main cause is found, it may be that tendons run straight between the disks: "
+        f"{why}."
+    )

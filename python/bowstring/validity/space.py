@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from bowstring.display import short_repr
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot
 from bowstring.robot.paths import full_paths
+from bowstring.robot.stiffness import couples
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validity.axes import RAMPS, Axis
@@ -19,9 +21,12 @@ from bowstring.validity.dead_loads import dead_loads
 from bowstring.validity.effects import EFFECTS, Rods, acting, without
 from bowstring.validity.errors import Ramps, follow, tip_offsets
 
-__all__ = ["Errors", "Space"]
+__all__ = ["COUPLED", "Errors", "Space"]
 
 Floats = NDArray[np.float64]
+
+COUPLED: Final = "beside coupled strains of the backbone this effect is not examined"
+"""Why straight spans of a backbone with coupled strains are not among the causes."""
 
 
 @short_repr
@@ -230,6 +235,15 @@ class Space:
         """Whether the tendons of some point may have friction."""
         varies = any(axis.path.endswith(".friction") for axis in self.all_axes)
         return varies or self.robot.has_friction
+
+    @property
+    def not_examined(self) -> str:
+        """Why straight spans are not among the causes, in words; empty where they are."""
+        if self.by_displacement:
+            return "with commanded bends this effect is not examined"
+        if self.robot.is_coupled or any(couples(axis.path) for axis in self.all_axes):
+            return COUPLED
+        return ""
 
     def at(self, values: Mapping[int, float]) -> Space:
         """The space with one value for some axes, by their index, SI."""

@@ -294,6 +294,8 @@ def validity_spread(
 def assumed_distributions(robot: Robot) -> Distributions:
     """Assume how roughly a robot is known: E to 5 %, the pitch radius to 1 % (standard deviations).
 
+    A robot by stiffness matrices alone has no E, and its pitch radius only varies.
+
     Parameters
     ----------
     robot : Robot
@@ -302,12 +304,16 @@ def assumed_distributions(robot: Robot) -> Distributions:
     -------
     Distributions
     """
-    found: dict[str, Any] = {"segments.*.backbone.E": {"normal": {"sd": "5 %"}}}
+    found: dict[str, Any] = {}
+    if any(segment.backbone.E is not None for segment in robot.segments):
+        found["segments.*.backbone.E"] = {"normal": {"sd": "5 %"}}
     rings = all(isinstance(segment.tendons, TendonRing) for segment in robot.segments)
     path = f"segments.*.tendons.{'' if rings else '*.'}pitch_radius"
     try:
         return read_distributions({**found, path: {"normal": {"sd": "1 %"}}}, robot)
     except InputError:  # a hole next to the rim, or tendons of both forms
+        if not found:
+            raise
         return read_distributions(found, robot)
 
 

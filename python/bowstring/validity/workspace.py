@@ -24,7 +24,8 @@ from bowstring.validity.causes import main_cause
 from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
 from bowstring.validity.maps import APART
-from bowstring.validity.sentences import in_causes, undefined_in_words
+from bowstring.validity.sentences import in_causes, in_not_examined, undefined_in_words
+from bowstring.validity.space import COUPLED
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -116,6 +117,11 @@ class WorkspaceMap:
             without = self.undefined(name)
             if without.any():
                 out.append(undefined_in_words(name, without[self.solved], things="poses"))
+        if self.robot.is_coupled and any(
+            (self.cause[name][error > self.tolerance * self.robot.length] == "").any()
+            for name, error in self.error.items()
+        ):
+            out.append(in_not_examined(COUPLED))
         out.append(
             "The figure shows the largest error of the poses in each hexagon, and its cause."
         )
@@ -246,8 +252,8 @@ def workspace_map(
         choice("models", name, list(LAWS))
     load = instance("load", load, Load)
     robot = with_tendons(robot, {"friction": 0.0})
-    count = len(robot.tendons.segment)
-    points = qmc.Sobol(count, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
+    tendons = len(robot.tendons.segment)
+    points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
     tensions = max_tension * points[:poses]
     one = Designs(robot, {"segments.0.length": [robot.segments[0].length]})
     rods = Rods(one, RodModel(), load)
@@ -259,13 +265,13 @@ def workspace_map(
     notify = progress or (lambda what, done: None)
     for first in range(0, poses, _PART):
         rows = slice(first, first + _PART)
+        count, parts = min(_PART, poses - first), 2 + len(effects)
         ramps = _poses(rods, tensions[rows])
         tip[rows] = ramps.tip[0]
         here = tip_errors(one, ramps, models)
         without_it = {}
         for i, effect in enumerate(effects, 1):
-            share = (first + _PART * i / (2 + len(effects))) / poses
-            notify("poses", min(1.0, share))
+            notify("poses", (first + count * i / parts) / poses)
             rest = tip_errors(one, _poses(without(rods, effect), tensions[rows]), models)
             without_it[effect] = {name: value[0] for name, value in rest.items()}
         for name, value in here.items():
@@ -275,7 +281,7 @@ def workspace_map(
             cause[name][rows] = main_cause(
                 value[0] / least, {k: v / least for k, v in rest_of.items()}
             )
-        notify("second equilibria", min(1.0, (first + _PART * 0.9) / poses))
+        notify("second equilibria", (first + count * (parts - 1) / parts) / poses)
         two[rows] = _two_equilibria(rods, tensions[rows], ramps, max_tension)
     notify("poses", 1.0)
     return WorkspaceMap(robot, tolerance, max_tension, tensions, tip, error, cause, two)
