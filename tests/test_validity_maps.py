@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from tests.shell import Shell
 
 import bowstring as bs
@@ -23,7 +24,7 @@ from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.robot.paths import full_paths
 from bowstring.statics.designs import sweep_designs
-from bowstring.validity import space
+from bowstring.validity import space, workspace
 from bowstring.validity.axes import Axis, axes_of, read_axis
 from bowstring.validity.contour import contours
 from bowstring.validity.effects import Rods
@@ -718,6 +719,58 @@ def test_second_equilibria_of_the_workspace_are_those_of_its_branches() -> None:
         assert stable == (2 if i in two else 1)
     texts = [text.get_text() for text in found.figure().legends[0].get_texts()]
     assert "pose: two equilibria, the robot may snap through" in texts
+
+
+def test_progress_of_the_workspace_is_that_of_its_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A part may have room for more poses than there are."""
+    robot = ROBOT.with_({"gravity": [1.0, 0.0, 0.0]})
+    for part, poses in ((16384, 32), (24, 32)):
+        monkeypatch.setattr(workspace, "_PART", part)
+        shares: list[float] = []
+        bs.workspace_map(
+            robot, 40.0, poses=poses, progress=lambda _, at, own=shares: own.append(at)
+        )
+        assert shares == sorted(shares) and shares[-1] == 1.0
+        assert max(shares[:-1]) < 0.99 and len(set(shares)) == len(shares)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.2])
+def test_rings_of_second_equilibria_are_seen_on_every_colour(error: float) -> None:
+    """The ring is dark, with a bright edge on both sides."""
+    found = bs.workspace_map(ROBOT, 40.0, poses=64, models=[FORCE])
+    same = {FORCE: np.full(64, error * ROBOT.length)}
+    ringed = replace(found, error=same, two_equilibria=np.arange(64) == 40)
+    shown = []
+    for each in (replace(ringed, two_equilibria=np.zeros(64, bool)), ringed):
+        figure = each.figure()
+        figure.set_dpi(200)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        image = np.asarray(canvas.buffer_rgba())[..., :3] / 255.0
+        panel = figure.axes[0]
+        x, y = panel.transData.transform(1e3 * found.tip[40, :2])
+        row, column = image.shape[0] - 1 - round(y), round(x)
+        shown.append(image[row - 12 : row + 13, column - 12 : column + 13])
+    before, after = shown
+    changed = np.abs(after - before).max(axis=-1) > 0.1
+    light = after.min(axis=-1)
+    ground = before[12, 12].max()
+    assert (light[changed] < 0.35).sum() > 20
+    if ground < 0.9:
+        assert (light[changed] > 0.9).sum() > 20
+
+
+def test_holes_with_planes_have_a_colour() -> None:
+    robot = ROBOT.with_({"segments.0.disks.hole_length": "10 mm"})
+    found = validity_map(robot, ["tension=0:80 N:3", "E=30:40 GPa:2"], models=[FORCE])
+    cause = {FORCE: np.full_like(found.cause[FORCE], "hole_planes")}
+    texts = replace(found, cause=cause).figure().legends[0].get_texts()
+    label = "mainly entry and exit planes of the holes"
+    assert label in [text.get_text() for text in texts]
+    poses = bs.workspace_map(robot, 80.0, poses=64, models=[FORCE])
+    cause = {FORCE: np.full(64, "hole_planes")}
+    texts = replace(poses, cause=cause, tolerance=1e-5).figure().legends[0].get_texts()
+    assert label in [text.get_text() for text in texts]
 
 
 # -- in blocks ---------------------------------------------------------------------------------

@@ -42,6 +42,7 @@ Floats = NDArray[np.float64]
 CAUSES: Final = {
     "straight_spans": "blue",
     "clamps": "amber",
+    "hole_planes": "sky",
     "shear_extension": "ink",
     "torsion": "green",
     "gravity": "red",
@@ -206,6 +207,7 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
 
     handles: list[Line2D | Patch] = []
     white: Any = {"fc": "white", "ec": LIGHT["muted"]}
+    space = found.question.space
     if found.metric != "valid_to":
         tolerance = in_percent(found.tolerance)
         line = Line2D([], [], color=LIGHT["ink"], lw=2.0, label=f"error {tolerance} of length")
@@ -224,8 +226,7 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
             label = f"mainly {EFFECTS[key]}"
             handles.append(Patch(fc=LIGHT[colour], alpha=SHADE, label=label))
     if "" in present:
-        # by displacement straight spans are not examined
-        words = "no main cause found" if found.by_displacement else "no single main cause"
+        words = "no main cause found" if space.not_examined else "no single main cause"
         handles.append(Patch(fc=LIGHT["grid"], label=words))
     for state, hatch in HATCHES:
         if np.any(found.state == state):

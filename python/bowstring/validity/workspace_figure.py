@@ -77,6 +77,7 @@ def _places(found: WorkspaceMap) -> tuple[Floats, Floats]:
 
 def _errors(figure: Figure, panel: Axes, found: WorkspaceMap, name: str) -> None:
     from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib.patheffects import withStroke
 
     along, up = _places(found)
     error = 100.0 * found.error[name] / found.robot.length
@@ -100,9 +101,10 @@ def _errors(figure: Figure, panel: Axes, found: WorkspaceMap, name: str) -> None
         )
         bar = figure.colorbar(cells, ax=panel, label="largest error (% of length)")
         bar.ax.axhline(100.0 * found.tolerance, color=LIGHT["ink"], lw=2.0)
+    bright = [withStroke(linewidth=2.5, foreground="white")]  # also on dark colours
     for where, mark in ((found.undefined(name), _CROSS), (found.two_equilibria, _RING)):
         if where.any():
-            panel.plot(along[where], up[where], **mark)
+            panel.plot(along[where], up[where], **mark, path_effects=bright)
 
 
 def _causes(panel: Axes, found: WorkspaceMap, name: str) -> set[str]:
@@ -163,7 +165,8 @@ def _handles(found: WorkspaceMap, present: set[str]) -> list[Line2D | Patch]:
         if key in present:
             handles.append(Patch(fc=LIGHT[colour], alpha=SHADE, label=f"mainly {EFFECTS[key]}"))
     if "" in present:
-        handles.append(Patch(fc=LIGHT["grid"], label="no single main cause"))
+        words = "no main cause found" if found.robot.is_coupled else "no single main cause"
+        handles.append(Patch(fc=LIGHT["grid"], label=words))
     if _NO_ARC in present:
         handles.append(Line2D([], [], **_CROSS, label=f"pose: {STATES[4]}"))
         handles.append(Patch(fc=LIGHT["muted"], label=STATES[4]))
