@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,8 +24,8 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.robot.paths import full_paths
-from bowstring.statics.designs import sweep_designs
-from bowstring.validity import space, workspace
+from bowstring.statics.designs import DesignSweep, sweep_designs
+from bowstring.validity import limit_search, space, workspace
 from bowstring.validity.axes import Axis, axes_of, read_axis
 from bowstring.validity.contour import contours
 from bowstring.validity.effects import Rods
@@ -771,6 +772,48 @@ def test_holes_with_planes_have_a_colour() -> None:
     cause = {FORCE: np.full(64, "hole_planes")}
     texts = replace(poses, cause=cause, tolerance=1e-5).figure().legends[0].get_texts()
     assert label in [text.get_text() for text in texts]
+
+
+# -- beyond the largest load -------------------------------------------------------------------
+
+
+def beyond(robots: Designs, top: float) -> tuple[Rods, np.ndarray]:
+    ends = np.linspace(0.1, 1.0, len(robots)) * top
+    ramps = ends[:, None, None] * np.linspace(0.0, 1.0, 9)[:, None] * [1.0, 0.0, 0.0]
+    return Rods(robots, bs.RodModel(), bs.Load(gravity=[0.3, 0.0, -9.81])), ramps
+
+
+@pytest.mark.parametrize("top", [80.0, 4000.0])
+def test_loads_up_to_the_last_equilibrium_are_those_of_a_whole_ramp(top: float) -> None:
+    robots = Designs(ROBOT, {"segments.0.backbone.E": np.linspace(20e9, 60e9, 12)})
+    rods, ramps = beyond(robots, top)
+    found = limit_search.solve_ramps(rods, ramps)
+    whole = sweep_designs(rods.designs, ramps, load=rods.load)
+    assert (found.converged == whole.converged).all()
+    assert found.converged.all() == (top == 80.0)
+    for name in ("tip_position", "tendon_lengths", "tip_error"):
+        own = getattr(found, name.removesuffix("_position"))
+        # a robot beside others in lanes differs by rounding
+        np.testing.assert_allclose(own, getattr(whole, name), rtol=1e-6, atol=1e-11)
+
+
+def test_few_loads_without_equilibrium_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two of each ramp: its first one without equilibrium, and its end."""
+    robots = Designs(ROBOT, {"segments.0.backbone.E": np.linspace(30e9, 40e9, 8)})
+    rods, ramps = beyond(robots, 8000.0)
+    ramps[:] = ramps[-1]
+    failed = []
+
+    def counted(designs: Designs, tensions: np.ndarray, **options: Any) -> DesignSweep:
+        found = sweep_designs(designs, tensions, **options)
+        if options["model"].elements is None:
+            failed.append((~found.converged).sum())
+        return found
+
+    monkeypatch.setattr(limit_search, "sweep_designs", counted)
+    found = limit_search.solve_ramps(rods, ramps)
+    assert (~found.converged).sum() > 6 * len(robots)
+    assert sum(failed) <= 3 * len(robots)
 
 
 # -- in blocks ---------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.statics.designs import sweep_designs
 from bowstring.validity.effects import Rods
+from bowstring.validity.limit_search import solve_ramps
 
 __all__ = [
     "INPUTS",
@@ -76,7 +77,7 @@ class Ramps:
     tensions: Floats
     """Tensions of all tendons (D, L, T), N."""
     converged: NDArray[np.bool_]
-    """Whether each load has a stable equilibrium (D, L)."""
+    """Whether each load has a stable equilibrium (D, L); see `limit_search.solve_ramps`."""
     tip: Floats
     """Tips (D, L, 3), m; NaN where not converged."""
     tendon_lengths: Floats
@@ -108,17 +109,7 @@ def follow(rods: Rods, ramp: Floats, shares: Floats) -> Ramps:
     if rods.by_displacement:
         return _follow_displacements(rods, ramp, shares)
     tensions = ramp[..., None] * shares
-    found = sweep_designs(
-        rods.designs, tensions, load=rods.load, model=rods.model, threads=threads()
-    )
-    return Ramps(
-        ramp,
-        found.tensions,
-        found.converged,
-        found.tip_position,
-        found.tendon_lengths,
-        found.tip_error,
-    )
+    return Ramps(ramp, tensions, *solve_ramps(rods, tensions))
 
 
 def _follow_displacements(rods: Rods, bend: Floats, shares: Floats) -> Ramps:
