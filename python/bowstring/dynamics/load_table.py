@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -19,6 +19,8 @@ from bowstring.robot.model import Robot
 from bowstring.units import quote, read_number
 
 __all__ = ["read_actuation", "read_base_motion"]
+
+_Rows = Iterator[tuple[str, list[str]]]
 
 _LARGEST: Final = 100_000_000  # bytes
 _LONG: Final = 100  # characters of the name of a column
@@ -55,20 +57,11 @@ def read_actuation(path: str | Path, robot: Robot) -> dict[str, Table]:
         If the file cannot be read or a value is wrong; the message names file and line.
     """
     count = len(robot.tendons.end_disk)
-    rows = _rows(Path(path))
-    try:
-        line, header = next(rows)
-    except StopIteration:
-        raise InputError(f"{path}: the file is empty; {_wanted(count)}") from None
-    columns, kinds = _columns(f"{path}, line {line}", header, count)
+    here, header, rows = _opened(Path(path), _wanted(count))
+    columns, kinds = _columns(here, header, count)
     times: list[float] = []
     values: list[list[float]] = []
-    for line, cells in rows:
-        here = f"{path}, line {line}"
-        if len(cells) != len(header):
-            raise InputError(f"{here}: it has {len(cells)} cells, the header has {len(header)}")
-        row = [_cell(here, header[i], cells[i], factor) for i, factor in columns]
-        time, given = row[0], row[1:]
+    for here, (time, *given) in _numbers(header, rows, columns):
         for i, value in enumerate(given):
             if value < 0 and kinds[i] == "tension":
                 raise InputError(
@@ -127,19 +120,11 @@ def read_base_motion(path: str | Path) -> BaseMotion:
     InputError
         If the file cannot be read or a value is wrong; the message names file and line.
     """
-    rows = _rows(Path(path))
-    try:
-        line, header = next(rows)
-    except StopIteration:
-        raise InputError(f"{path}: the file is empty; write the header {_POSE}") from None
-    columns = _pose_columns(f"{path}, line {line}", header)
+    here, header, rows = _opened(Path(path), f"write the header {_POSE}")
+    columns = _pose_columns(here, header)
     times: list[float] = []
     values: list[list[float]] = []
-    for line, cells in rows:
-        here = f"{path}, line {line}"
-        if len(cells) != len(header):
-            raise InputError(f"{here}: it has {len(cells)} cells, the header has {len(header)}")
-        time, *pose = (_cell(here, header[i], cells[i], factor) for i, factor in columns.values())
+    for here, (time, *pose) in _numbers(header, rows, columns.values()):
         if not times and time != 0:
             raise InputError(f"{here}: the first time is {time:g} s; a run begins at 0")
         if times and time < times[-1] + CLOSEST:
@@ -194,8 +179,28 @@ def _pose_columns(here: str, header: list[str]) -> dict[str, tuple[int, float]]:
     return {"t": found.pop("t"), **found}
 
 
-def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number of each line, from 1, and its cells."""
+def _opened(path: Path, wanted: str) -> tuple[str, list[str], _Rows]:
+    """Place and cells of the header, and the rows below it."""
+    rows = _rows(path)
+    try:
+        here, header = next(rows)
+    except StopIteration:
+        raise InputError(f"{path}: the file is empty; {wanted}") from None
+    return here, header, rows
+
+
+def _numbers(
+    header: list[str], rows: _Rows, columns: Iterable[tuple[int, float]]
+) -> Iterator[tuple[str, list[float]]]:
+    """Yield the place of each row and its numbers in SI, in the order of the columns."""
+    for here, cells in rows:
+        if len(cells) != len(header):
+            raise InputError(f"{here}: it has {len(cells)} cells, the header has {len(header)}")
+        yield here, [_cell(here, header[i], cells[i], factor) for i, factor in columns]
+
+
+def _rows(path: Path) -> _Rows:
+    """Yield the place of each line, as file and number, and its cells."""
     try:
         # pipes are read too; a device such as /dev/zero has no end
         with readable(path) as file:
@@ -206,7 +211,7 @@ def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
         for cells in reader:
             text = [cell.strip() for cell in cells]
             if any(text) and not text[0].startswith("#"):
-                yield reader.line_num, text
+                yield f"{path}, line {reader.line_num}", text
     except OSError as error:
         why = "it is a folder" if path.is_dir() else error.strerror
         raise InputError(f"{path}: the table cannot be read: {why}") from None
