@@ -18,7 +18,14 @@ from bowstring.errors import InputError
 from bowstring.formatting import plain
 from bowstring.statics import actuation
 from bowstring.statics.load import Load, PointLoad, point_loads
-from bowstring.statics.load_tables import ON_DISKS, InstantLoad, disk_shape, per_disk
+from bowstring.statics.load_tables import (
+    FORCE,
+    MOMENT,
+    ON_DISKS,
+    InstantLoad,
+    disk_shape,
+    per_disk,
+)
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -385,8 +392,8 @@ class _PointHistory:
         parts = []
         for load, (force, moment) in zip(self.loads, self.wrenches, strict=True):
             columns = np.tile(load.numbers((0, 0, 0), (0, 0, 0)), (len(times), 1))
-            columns[:, 4:7] = force.rows(times, before=before)
-            columns[:, 7:10] = moment.rows(times, before=before)
+            columns[:, FORCE] = force.rows(times, before=before)
+            columns[:, MOMENT] = moment.rows(times, before=before)
             parts.append(columns)
         return np.concatenate(parts, axis=1)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowstring.statics import messages
 from bowstring.statics.load import Load
-from bowstring.statics.load_tables import WRENCH, InstantLoad
+from bowstring.statics.load_tables import FOLLOWER, MOMENT, WRENCH, InstantLoad
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel
@@ -113,9 +113,9 @@ def _scaled(load: Load, share: float) -> Load:
     points = load.point_loads
     if points is not None:
         points = points.copy()
-        follows = points[:, 10] != 0
+        follows = points[:, FOLLOWER] != 0
         points[follows, WRENCH] *= share
-        points[~follows, 7:10] *= share
+        points[~follows, MOMENT] *= share
     return load.replace(
         tip_moment=part(load.tip_moment), disk_moments=part(load.disk_moments), point_loads=points
     )

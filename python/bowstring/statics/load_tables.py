@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
 __all__ = [
+    "FOLLOWER",
+    "FORCE",
+    "MOMENT",
     "ON_DISKS",
     "POINT_NUMBERS",
     "WRENCH",
@@ -37,8 +40,11 @@ ON_DISKS: Final = {"disk_forces": "N", "disk_moments": "N m", "line_forces": "N/
 """Loads with a vector for each disk, with their units."""
 POINT_NUMBERS: Final = 12
 """Numbers of a point load; see `PointLoad.numbers`."""
+FORCE: Final = slice(4, 7)
+MOMENT: Final = slice(7, 10)
 WRENCH: Final = slice(4, 10)
-"""Force and moment among the numbers of a point load."""
+FOLLOWER: Final = 10
+"""Columns of force, moment, both, and 1 for a follower among the numbers of a point load."""
 
 
 def disk_shape(name: str, disks: int | str = "N", rows: str = "") -> str:
@@ -163,8 +169,8 @@ def points_have_potential(numbers: Floats | None) -> bool:
     """Whether point loads, as numbers (P, 12), have a potential: no moment and no follower."""
     if numbers is None:
         return True
-    follows = numbers[:, 10:11] * numbers[:, 4:7]
-    return not (numbers[:, 7:10].any() or follows.any())
+    follows = numbers[:, FOLLOWER] != 0
+    return not (numbers[:, MOMENT].any() or numbers[follows, FORCE].any())
 
 
 def _by_disks(components: Floats) -> Floats | None:
