@@ -9,7 +9,7 @@ use crate::model::error::InputError;
 use crate::model::load::RodModel;
 use crate::model::robot::Robot;
 pub use crate::statics::continuation::LoadPath;
-use crate::statics::continuation::{Curve, Plane, State, Vector};
+use crate::statics::continuation::{Curve, Plane, Side, State, Vector};
 use crate::statics::deflation;
 pub use crate::statics::events::EventKind;
 use crate::statics::events::{leaving, Located, Step};
@@ -200,6 +200,10 @@ pub fn diagram(
             bifurcations: vec![],
             left: VecDeque::new(),
             needed: elements,
+            enough: match model.elements {
+                Some(_) => usize::MAX,
+                None => elements,
+            },
             complete: true,
         };
         let mut deflated = false;
@@ -209,7 +213,7 @@ pub fn diagram(
                 deflated = found.deflate();
             }
         }
-        if model.elements.is_some() || found.needed <= elements || interrupt::interrupted() {
+        if !found.is_coarse() || interrupt::interrupted() {
             return Ok(Diagram {
                 start,
                 branches: found.branches,
@@ -233,10 +237,17 @@ struct Following {
     left: VecDeque<(usize, usize, Located)>,
     /// Elements that the points ask for.
     needed: usize,
+    /// Elements beyond which the search is repeated with more of them.
+    enough: usize,
     complete: bool,
 }
 
 impl Following {
+    /// Whether the search ends, to be repeated with more elements.
+    fn is_coarse(&self) -> bool {
+        self.needed > self.enough
+    }
+
     /// The first branch, and all that leave it and each other.
     fn follow_all(&mut self) {
         let mut first = State::empty(&self.curve);
@@ -252,6 +263,9 @@ impl Following {
     /// All branches that leave the bifurcations found.
     fn follow_left(&mut self) {
         while let Some((branch, event, located)) = self.left.pop_front() {
+            if self.is_coarse() {
+                return;
+            }
             let origin = &located.state;
             let states = leaving(&mut self.curve, &located);
             let family = self.curve.family;
@@ -293,12 +307,15 @@ impl Following {
         {
             return false;
         }
-        let (mut tried, mut pushed) = (0, 0);
+        let mut tried = deflation::Tried::default();
         loop {
+            if self.is_coarse() {
+                return false;
+            }
             self.curve.family = false;
             let known = self.at_load(one);
             let state = deflation::another(&mut self.curve, &known, one, &mut tried)
-                .or_else(|| deflation::pushed(&mut self.curve, &known, one, &mut pushed));
+                .or_else(|| deflation::pushed(&mut self.curve, &known, one, &mut tried));
             let Some(state) = state else {
                 return true;
             };
@@ -406,10 +423,12 @@ impl Following {
             end: End::Points,
         };
         let mut base = first;
-        let mut next = State::empty(&self.curve);
+        let (mut last, mut next) = (State::empty(&self.curve), State::empty(&self.curve));
+        let mut steps = 0;
         let mut step = FIRST_STEP * self.search.step;
         while branch.points.len() < self.search.points {
-            let taken = self.step(&base, step, &mut next);
+            let other = (steps > 0).then_some((&last, Side::Behind));
+            let taken = self.step(&base, step, other, &mut next);
             let located = taken.and_then(|corrections| {
                 let events = Step {
                     base: &base,
@@ -426,6 +445,9 @@ impl Following {
                 continue;
             };
             self.needed = self.needed.max(next.needed);
+            if self.is_coarse() {
+                break;
+            }
             let before = branch.points.last().map_or(0.0, |p| p.arclength);
             let mut joined = false;
             for event in located {
@@ -476,16 +498,24 @@ impl Following {
                 _ => 1.0,
             };
             step = f64::min(step, self.search.step);
+            std::mem::swap(&mut last, &mut base);
             std::mem::swap(&mut base, &mut next);
+            steps += 1;
         }
         self.branches.push(branch);
     }
 
     /// One step of the continuation, at most to the end of the load's range; returns the Newton
     /// steps of its correction.
-    fn step(&mut self, base: &State, step: f64, next: &mut State) -> Option<usize> {
+    fn step(
+        &mut self,
+        base: &State,
+        step: f64,
+        last: Option<(&State, Side)>,
+        next: &mut State,
+    ) -> Option<usize> {
         let curve = &mut self.curve;
-        curve.at.set_sum(&base.at, step, &base.tangent);
+        curve.predict(base, step, last);
         let plane = Plane {
             origin: &base.at,
             normal: &base.tangent,

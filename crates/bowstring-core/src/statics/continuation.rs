@@ -26,6 +26,11 @@ const REGULARISING_SHIFT: f64 = 1e-9;
 const FAMILY_SHIFT: f64 = 1e-6;
 /// Residual below which a correction ends at once; a neutral direction needs it to be recognised.
 const FINE_RESIDUAL: f64 = 1e-13;
+/// Change of rotations and load by a correction (rad, and of the scaled load) below which the
+/// derivative by the load is kept.
+const SHORT_CORRECTION: f64 = 1e-3;
+/// Least distance of the point before over the step for a prediction from it.
+const LEAST_MEMORY: f64 = 0.2;
 /// Ratio of successive residuals above which rounding prevents a smaller one.
 const STAGNATION: f64 = 0.1;
 /// Increment of the scaled load for its derivative.
@@ -152,6 +157,13 @@ pub(super) struct Plane<'a> {
     pub origin: &'a Vector,
     pub normal: &'a Vector,
     pub offset: f64,
+}
+
+/// Where a second point of a branch is, seen along the tangent of the first.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Side {
+    Behind,
+    Ahead,
 }
 
 /// What changes at a limit point or a bifurcation.
@@ -293,7 +305,15 @@ impl Curve {
         engine.gradient() / self.solver.settings.moment_scale
     }
 
-    /// Imbalance at the present point, and its derivative with respect to the load.
+    /// Imbalance at the present point.
+    pub fn residual_alone(&mut self) -> f64 {
+        let at = &self.at;
+        self.solver.engine.set_strains(&|i| at.strain[i]);
+        self.imbalance = self.evaluate(self.at.load);
+        self.imbalance
+    }
+
+    /// The same, and its derivative with respect to the load.
     pub fn residual(&mut self) -> f64 {
         let at = &self.at;
         self.solver.engine.set_strains(&|i| at.strain[i]);
@@ -336,11 +356,16 @@ impl Curve {
             true => FAMILY_SHIFT,
             false => REGULARISING_SHIFT,
         });
+        self.solve_to_root();
+        self.solve_for_load();
+    }
+
+    /// Newton step at constant load, for the last elimination.
+    fn solve_to_root(&mut self) {
         let engine = &mut self.solver.engine;
         engine.newton_step(self.symmetric);
         let to_root = &mut self.to_root;
         engine.steps(&mut |i, s| to_root[i] = s);
-        self.solve_for_load();
     }
 
     /// Newton step at constant load, after `residual`.
@@ -352,23 +377,91 @@ impl Curve {
         step.load = 0.0;
     }
 
+    /// Sets the present point to that predicted on the plane across the tangent of `base`, at a
+    /// step from it: on the cubic through another point of the branch, behind `base` or ahead, with
+    /// both tangents; without one, on the tangent.
+    pub fn predict(&mut self, base: &State, step: f64, other: Option<(&State, Side)>) {
+        self.at.set_sum(&base.at, step, &base.tangent);
+        let Some((other, side)) = other else { return };
+        if self.family {
+            // both points are anywhere along the family
+            return;
+        }
+        let bent = base.tangent.distance(&other.tangent);
+        // length of the arc over the chord
+        let apart = base.at.distance(&other.at) * (1.0 + bent * bent / 24.0);
+        if !(apart > LEAST_MEMORY * step) {
+            return;
+        }
+        let behind = match side {
+            Side::Behind => apart,
+            Side::Ahead => -apart,
+        };
+        // divided differences: the second one with both arguments here, and the third one
+        let ahead = &base.tangent;
+        let (mut second, mut third) = (Vector::zero(self.arcs()), Vector::zero(self.arcs()));
+        second.set_sum(&other.at, -1.0, &base.at);
+        second.scale(1.0 / behind);
+        third.set_sum(ahead, 1.0, &other.tangent);
+        third.add(2.0, &second);
+        third.scale(1.0 / (behind * behind));
+        second.add(1.0, ahead);
+        second.scale(1.0 / behind);
+        // the length whose point is on the plane
+        let (a, b) = (second.dot(ahead), third.dot(ahead));
+        let mut length = step;
+        for _ in 0..2 {
+            length = step - length * length * (a + (length + behind) * b);
+        }
+        if (length - step).abs() > 0.1 * step {
+            return;
+        }
+        self.at.add(length - step, ahead);
+        self.at.add(length * length, &second);
+        self.at.add(length * length * (length + behind), &third);
+    }
+
     /// Newton's method from the present point to the equilibrium on a plane; returns its steps.
     pub fn correct(&mut self, plane: &Plane) -> Option<usize> {
-        let mut before = f64::INFINITY;
+        self.correct_to(FINE_RESIDUAL, plane)
+    }
+
+    /// The same to a residual.
+    ///
+    /// A step keeps the tangent of the one before where its residual shows that this suffices. The
+    /// derivative by the load is kept after a short step, but new at the end: the tangent of the
+    /// branch needs it where a mode is soft.
+    pub fn correct_to(&mut self, fine: f64, plane: &Plane) -> Option<usize> {
+        let (mut before, mut last) = (f64::INFINITY, f64::INFINITY);
+        let mut ends = false;
         for step in 0..=MAX_CORRECTIONS {
             if interrupt::work(4 * self.solver.settings.work) {
                 return None;
             }
-            let residual = self.residual();
+            let short = last < SHORT_CORRECTION;
+            let residual = match short && !ends {
+                true => self.residual_alone(),
+                false => self.residual(),
+            };
             let stagnates = residual > STAGNATION * before;
-            if residual <= FINE_RESIDUAL || residual <= TOLERANCE && stagnates {
+            if residual <= fine || residual <= TOLERANCE && stagnates {
+                if short && !ends {
+                    self.residual();
+                }
                 return Some(step);
             }
-            before = residual;
             if !residual.is_finite() || step == MAX_CORRECTIONS {
                 return None;
             }
-            self.solve_both();
+            // by quadratic convergence, the residual after a step with the same tangent
+            let kept = 2.0 * residual * residual / before;
+            let keep = short && kept <= 0.1 * fine && !self.family;
+            match keep {
+                true => self.solve_to_root(),
+                false => self.solve_both(),
+            }
+            ends = keep || residual * residual <= 0.1 * fine;
+            before = residual;
             let arcs = self.arcs() as f64;
             let normal = plane.normal;
             let along = |v: &[Vec3]| {
@@ -385,6 +478,7 @@ impl Curve {
                 *w += change;
             }
             self.at.load += load;
+            last = f64::max(largest, load.abs());
             // a NaN is not small
             if !(largest <= MAX_CHANGE) || !load.is_finite() {
                 return None;
@@ -412,12 +506,35 @@ impl Curve {
             (self.solver.engine.negative_pivots() % 2, 0)
         };
         self.solve_for_load();
+        self.set_tangent(along, tangent);
+        counts
+    }
+
+    /// Determines place, tangent and collision at the present point, after `residual` or a
+    /// correction; `along` orients its tangent.
+    pub fn pass(&mut self, along: &Vector, out: &mut State) {
+        self.solver.engine.linearise();
+        self.eliminate(REGULARISING_SHIFT);
+        self.solve_for_load();
+        self.set_tangent(along, &mut out.tangent);
+        out.at.clone_from(&self.at);
+        self.solver.engine.finish();
+        out.collision = self.solver.engine.collision();
+    }
+
+    /// Whether disks collide at the present point.
+    pub fn collides(&mut self) -> bool {
+        self.solver.engine.finish();
+        self.solver.engine.collision().is_some()
+    }
+
+    /// Unit tangent from the motion by the load.
+    fn set_tangent(&self, along: &Vector, tangent: &mut Vector) {
         tangent.strain.copy_from_slice(&self.motion);
         tangent.load = 1.0;
         let norm = tangent.norm();
         let side = if tangent.dot(along) < 0.0 { -1.0 } else { 1.0 };
         tangent.scale(side / norm);
-        counts
     }
 
     fn signature(&self, unstable: usize, tangent: &Vector, before: bool) -> Signature {

@@ -2,7 +2,7 @@
 //!
 //! Theory: docs/theory/statics.md (Limit points and bifurcations).
 
-use crate::statics::continuation::{Curve, Plane, Signature, State, Vector};
+use crate::statics::continuation::{Curve, Plane, Side, Signature, State, Vector};
 
 /// Length of the interval that encloses an event.
 const LOCATED: f64 = 1e-9;
@@ -63,9 +63,7 @@ impl Step<'_> {
 
     /// Moves the curve to the point at a length along the tangent.
     fn go(&self, curve: &mut Curve, s: f64) -> bool {
-        let share = s / self.length();
-        curve.at.set_sum(&self.base.at, share, &self.next.at);
-        curve.at.add(-share, &self.base.at);
+        curve.predict(self.base, s, Some((self.next, Side::Ahead)));
         let plane = Plane {
             origin: &self.base.at,
             normal: &self.base.tangent,
