@@ -30,6 +30,8 @@ pub(crate) trait Passes: RoutedRod + Send + Sync {
     fn finish(&mut self);
     fn estimate(&mut self) -> Correction<f64>;
     fn correct(&mut self, coefficients: &[f64]) -> f64;
+    /// Motion as of [`Correction`] by the step for the present gradient, after `estimate`.
+    fn correct_step(&mut self) -> f64;
 
     fn load(&mut self, load: &Load);
     fn make_unloaded(&mut self);
@@ -157,6 +159,15 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
         )
     }
 
+    fn correct_step(&mut self) -> f64 {
+        self.layout.vectorize(
+            #[inline(always)]
+            || {
+                self.rotations_of_last_elimination();
+                self.correction().lane(0)
+            },
+        )
+    }
     fn load(&mut self, load: &Load) {
         Rod::load(self, load);
     }

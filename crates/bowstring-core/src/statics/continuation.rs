@@ -242,8 +242,8 @@ pub(super) struct Curve {
     /// Newton step at constant load, and motion by the scaled load.
     to_root: Vec<Vec3>,
     motion: Vec<Vec3>,
-    /// Strain that removes the discretisation error.
-    error: Vector,
+    /// Right-hand side of the discretisation error.
+    error: Vec<Vec3>,
 }
 
 impl Curve {
@@ -264,7 +264,7 @@ impl Curve {
             by_load: vec![Vec3::zero(); arcs],
             to_root: vec![Vec3::zero(); arcs],
             motion: vec![Vec3::zero(); arcs],
-            error: Vector::zero(arcs),
+            error: vec![Vec3::zero(); arcs],
         }
     }
 
@@ -581,15 +581,16 @@ impl Curve {
             found.motion = 0.0;
         }
         // near a limit point the error at constant load is large, that across the branch is not
+        let (rhs, by_load) = (&mut self.error, &self.by_load);
+        engine.gradients(&mut |i, g| rhs[i] = g);
         engine.newton_step(self.symmetric);
-        let error = &mut self.error;
-        engine.steps(&mut |i, s| error.strain[i] = s);
-        error.load = 0.0;
-        let all = error.norm();
-        if all > 0.0 {
-            let along = error.dot(&out.tangent);
-            error.add(-along, &out.tangent);
-            found.motion *= error.norm() / all;
+        let (mut along, arcs) = (0.0, by_load.len() as f64);
+        let tangent = &out.tangent;
+        engine.steps(&mut |i, s| along += s.dot(tangent.strain[i]) * arcs);
+        let by = -along * tangent.load;
+        if !self.family {
+            engine.set_gradient(&|i| by_load[i].scaled_add(by, rhs[i]));
+            found.motion = engine.correct_step();
         }
         let length = self.solver.settings.length;
         let verdict = Verdict::new(&found, [0.0; 2], stable, length, self.solver.elements);
