@@ -284,8 +284,8 @@ trait Build {
     fn build<L: Layout, const A: usize>(self, layout: L) -> Self::Built;
 }
 
-/// Constructs it in the fastest number type of this processor. SIMD lanes are used for the default
-/// of one element only, finer rods verify it; and not for coupled sections, which are rare.
+/// Constructs it in the fastest number type of this processor. SIMD lanes are used for one element
+/// in a module only, and not for coupled sections, which are rare.
 fn build<B: Build>(robot: &Robot, elements: usize, of: B) -> Result<B::Built, InputError> {
     #[cfg(target_arch = "x86_64")]
     if elements == 1 && !robot.is_coupled() {
@@ -331,13 +331,27 @@ pub(crate) fn quickest(
             Box::new(Rod::<L, A>::new(layout, self.0, self.1))
         }
     }
+    // two elements are often chosen; finer rods are rare, and verify these
+    #[cfg(target_arch = "x86_64")]
+    if elements == 2 && !robot.is_coupled() {
+        if let Some(simd) = Avx512::detect() {
+            return Ok(AtRest(robot, model).build::<_, 4>(Modules(simd)));
+        }
+        if let Some(simd) = Avx2::detect() {
+            return Ok(AtRest(robot, model).build::<_, 4>(Modules(simd)));
+        }
+    }
     build(robot, elements, AtRest(robot, model))
 }
 
-/// A rod with its modules in SIMD lanes.
+/// A rod of `A` arcs in a module with its modules in SIMD lanes.
 #[cfg(all(test, target_arch = "x86_64"))]
-pub(crate) fn side_by_side<S: Simd>(simd: S, robot: &Robot, model: Model) -> Box<dyn Passes> {
-    Box::new(Rod::<_, 2>::new(Modules(simd), robot, model))
+pub(crate) fn side_by_side<S: Simd, const A: usize>(
+    simd: S,
+    robot: &Robot,
+    model: Model,
+) -> Box<dyn Passes> {
+    Box::new(Rod::<_, A>::new(Modules(simd), robot, model))
 }
 
 /// Memory of a rod (bytes) and of the responses to `columns` single tensions; a rod in SIMD lanes

@@ -349,6 +349,14 @@ impl Curve {
         engine.steps(&mut |i, s| motion[i] = s);
     }
 
+    /// Sets the present point to the unloaded shape, at a load.
+    pub fn make_unloaded(&mut self, load: f64) {
+        let (engine, at) = (&mut self.solver.engine, &mut self.at);
+        engine.make_unloaded();
+        engine.strains(&mut |i, w| at.strain[i] = w);
+        at.load = load;
+    }
+
     /// Newton step at constant load and motion by the load (theory Eq. 3.7), after `residual`.
     pub fn solve_both(&mut self) {
         self.solver.engine.linearise();

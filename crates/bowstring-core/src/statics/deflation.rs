@@ -46,6 +46,8 @@ const SAME: f64 = 1e-4;
 /// What has been tried at a load.
 #[derive(Default)]
 pub(super) struct Tried {
+    /// Whether a start from the unloaded shape finds nothing more.
+    unloaded: bool,
     /// Equilibria, with the number of starts used near each.
     starts: Vec<(Vector, usize)>,
     /// Equilibria, each with one of the forces, along which all is known.
@@ -83,6 +85,14 @@ pub(super) fn another(
     load: f64,
     tried: &mut Tried,
 ) -> Option<State> {
+    if !tried.unloaded {
+        curve.make_unloaded(load);
+        let state = deflated(curve, known).then(|| settled(curve)).flatten();
+        tried.unloaded = state.is_none();
+        if state.is_some() {
+            return state;
+        }
+    }
     for from in known {
         let used = *tried.starts_near(from);
         if used >= STARTS {

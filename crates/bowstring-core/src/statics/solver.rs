@@ -467,14 +467,21 @@ mod tests {
     /// All engines that this processor can run give the same solution.
     #[test]
     fn engines_agree() {
+        check_engines::<2>();
+        check_engines::<4>();
+    }
+
+    fn check_engines<const ARCS: usize>() {
         let robot = robot();
-        let model = Model::default();
-        let mut engines: Vec<Box<dyn Passes>> = vec![dispatch::plain(&robot, model, 1).unwrap()];
+        let (model, elements) = (Model::default(), ARCS / 2);
+        let mut engines: Vec<Box<dyn Passes>> =
+            vec![dispatch::plain(&robot, model, elements).unwrap()];
         #[cfg(target_arch = "x86_64")]
         {
             use crate::math::simd::{Avx2, Avx512, Simd};
-            engines.extend(Avx2::detect().map(|s| dispatch::side_by_side(s, &robot, model)));
-            engines.extend(Avx512::detect().map(|s| dispatch::side_by_side(s, &robot, model)));
+            let (avx2, avx512) = (Avx2::detect(), Avx512::detect());
+            engines.extend(avx2.map(|s| dispatch::side_by_side::<_, ARCS>(s, &robot, model)));
+            engines.extend(avx512.map(|s| dispatch::side_by_side::<_, ARCS>(s, &robot, model)));
         }
         for (tip_force, tip_moment) in [([0.3, -0.2, 0.1], [0.0; 3]), ([0.0; 3], [0.05, 0.1, 0.1])]
         {
@@ -485,7 +492,7 @@ mod tests {
                 tip_moment,
                 ..Load::default()
             };
-            let mut solver = Solver::new(&robot, model, 1).unwrap();
+            let mut solver = Solver::new(&robot, model, elements).unwrap();
             let mut first = None;
             for engine in &engines {
                 solver.engine = engine.clone();
