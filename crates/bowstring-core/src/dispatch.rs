@@ -60,6 +60,8 @@ pub(crate) trait Passes: RoutedRod + Send + Sync {
     fn length_error(&self, i: usize) -> f64;
     fn disk(&self, k: usize) -> Pose;
     fn collision(&self) -> Option<usize>;
+    /// Whether its modules can be divided at loads between two disks.
+    fn divides(&self) -> bool;
     fn has_potential(&self) -> bool;
     fn module_count(&self) -> usize;
     fn energy_scale(&self, length: f64) -> f64;
@@ -239,6 +241,9 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
     fn module_count(&self) -> usize {
         Rod::module_count(self)
     }
+    fn divides(&self) -> bool {
+        self.fixed.source.is_some()
+    }
     fn has_potential(&self) -> bool {
         Rod::has_potential(self)
     }
@@ -331,7 +336,8 @@ pub(crate) fn quickest(
             Box::new(Rod::<L, A>::new(layout, self.0, self.1))
         }
     }
-    // two elements are often chosen; finer rods are rare, and verify these
+    // two elements are often chosen; finer rods are rare, and verify these. Where a load acts between
+    // two disks, plain numbers take their place ([`Passes::divides`]).
     #[cfg(target_arch = "x86_64")]
     if elements == 2 && !robot.is_coupled() {
         if let Some(simd) = Avx512::detect() {

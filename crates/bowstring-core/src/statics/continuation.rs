@@ -299,8 +299,8 @@ impl Curve {
 
     fn evaluate(&mut self, load: f64) -> f64 {
         self.path.at(load * self.scale, &mut self.load);
+        self.solver.take_load(&self.load.borrow());
         let engine = &mut self.solver.engine;
-        engine.load(&self.load.borrow());
         engine.evaluate();
         engine.gradient() / self.solver.settings.moment_scale
     }

@@ -116,7 +116,11 @@ pub(super) fn another(
                     modes = curve.null_vectors(&origin, MODES, &[]);
                 }
                 let start = number - MIRRORS.len();
-                let amount = if start % 2 == 0 { AMOUNT } else { -AMOUNT };
+                let amount = if start.is_multiple_of(2) {
+                    AMOUNT
+                } else {
+                    -AMOUNT
+                };
                 curve.at.set_sum(&origin, amount, &modes[start / 2]);
             }
             if deflated(curve, known) {

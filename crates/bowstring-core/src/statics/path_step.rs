@@ -318,11 +318,11 @@ impl PathStep {
         self.transmission.start(old, commands);
         let tendons = &mut self.transmission.tendons;
         tendons.now.load.set_dead(load);
-        let engine = &mut *self.solver.engine;
-        engine.load(&Load {
+        self.solver.take_load(&Load {
             tensions: &tendons.now.tensions,
             ..*load
         });
+        let engine = &mut *self.solver.engine;
         engine.make_unloaded();
         engine.set_strains(&|i| old.strain[i]);
         tendons.apply(engine);

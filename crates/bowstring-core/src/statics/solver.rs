@@ -131,6 +131,17 @@ impl Solver {
         self.known = 1;
     }
 
+    /// Hands a load over to the engine. Loads between two disks divide modules, which takes a rod in
+    /// plain numbers.
+    pub(super) fn take_load(&mut self, load: &Load) {
+        if self.elements > 1 && load.has_arc_lengths() && !self.engine.divides() {
+            let mut plain = self.new_plain();
+            plain.take(load, &*self.engine, self.history[0].len());
+            self.engine = plain;
+        }
+        self.engine.load(load);
+    }
+
     /// Accepts the equilibrium held by the engine as the last solution; returns the module in which
     /// two disks collide.
     pub(crate) fn settle(&mut self, load: &Load) -> Option<usize> {
@@ -169,6 +180,7 @@ impl Solver {
         }
         let load = &self.settings.without_negligible(load);
         self.load.set(load);
+        self.take_load(load);
         let [a, b, c] = &self.history;
         let ahead = |i: usize| match self.known {
             1 => a[i],
@@ -177,7 +189,6 @@ impl Solver {
         };
         // loads that jump are not extrapolated
         let close = (0..a.len()).all(|i| (ahead(i) - a[i]).max_abs() < MAX_EXTRAPOLATION);
-        self.engine.load(load);
         self.engine
             .set_strains(&|i| if close { ahead(i) } else { a[i] });
         let mut outcome = self.equilibrium(load, false);
@@ -196,7 +207,7 @@ impl Solver {
     pub(crate) fn solve_from(&mut self, strain: Option<&[Vec3]>, load: &Load) -> Outcome {
         let load = &self.settings.without_negligible(load);
         self.load.set(load);
-        self.engine.load(load);
+        self.take_load(load);
         // also discards the contact forces of other loads
         self.engine.make_unloaded();
         if let Some(strain) = strain {
@@ -240,7 +251,7 @@ impl Solver {
 
     fn solve_from_straight(&mut self, load: &Load) -> Outcome {
         self.load.set(load);
-        self.engine.load(load);
+        self.take_load(load);
         self.engine.make_unloaded();
         self.equilibrium(load, true)
     }
@@ -372,7 +383,7 @@ impl Solver {
 
     /// Newton's method from a strain, with its steps added to `outcome`.
     fn attempt_from(&mut self, start: &[Vec3], load: &Load, outcome: &mut Outcome) -> Attempt {
-        self.engine.load(load);
+        self.take_load(load);
         self.engine.make_unloaded();
         self.engine.set_strains(&|i| start[i]);
         let mut part = Outcome {
@@ -419,19 +430,28 @@ impl Solver {
 
     /// The present state in plain numbers, evaluated.
     fn plain(&self) -> Box<dyn Plain> {
-        let mut plain = dispatch::plain(&self.robot, self.model, self.elements)
-            .expect("elements were checked when the solver was made");
+        let mut plain = self.new_plain();
         plain.take(&self.load.borrow(), &*self.engine, self.history[0].len());
         plain
+    }
+
+    fn new_plain(&self) -> Box<dyn Plain> {
+        dispatch::plain(&self.robot, self.model, self.elements)
+            .expect("elements were checked when the solver was made")
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::robot::{Disk, RobotSpec, Section, Tendon};
+    use crate::model::load::PointLoad;
+    use crate::model::robot::{Disk, Profile, RobotSpec, Section, Tendon};
 
     fn robot() -> Robot {
+        with_backbone(|section| section.into())
+    }
+
+    fn with_backbone(profile: impl Fn(Section) -> Profile) -> Robot {
         let section = |bending: f64| Section {
             bending: [bending; 2],
             principal_angle: 0.0,
@@ -456,7 +476,7 @@ mod tests {
         });
         Robot::new(RobotSpec {
             payloads: vec![],
-            backbone: vec![section(1.1).into(), section(0.7).into()],
+            backbone: vec![profile(section(1.1)), profile(section(0.7))],
             disks: disks.collect(),
             tendons: tendons.collect(),
             gravity: [0.0, 0.0, -9.81],
@@ -509,6 +529,76 @@ mod tests {
                 assert_eq!(solution.2, iterations);
             }
         }
+    }
+
+    /// Lanes hold neither couplings nor loads between two disks: those are solved in plain numbers.
+    #[test]
+    fn couplings_and_loads_between_disks_take_plain_numbers() {
+        let coupled = with_backbone(|s| {
+            let mut stiffness = [[0.0; 6]; 6];
+            let own = [
+                s.bending[0],
+                s.bending[1],
+                s.torsion,
+                s.shear,
+                s.shear,
+                s.axial,
+            ];
+            for (q, x) in own.into_iter().enumerate() {
+                stiffness[q][q] = x;
+            }
+            // bending with twist
+            (stiffness[0][2], stiffness[2][0]) = (0.4 * s.torsion, 0.4 * s.torsion);
+            Profile::of_stiffness(stiffness, s.mass_per_length, s.rotary_inertia, [0.0; 3])
+        });
+        assert!(coupled.is_coupled());
+        let between = [PointLoad {
+            arc_length: Some(0.21),
+            force: [0.5, 0.2, -1.0],
+            moment: [0.02, 0.0, 0.01],
+            ..PointLoad::default()
+        }];
+        let load = Load {
+            tensions: &[5.0, 20.0, 10.0, 0.0, 15.0],
+            gravity: [0.0, 0.0, -9.81],
+            tip_force: [0.3, -0.2, 0.1],
+            ..Load::default()
+        };
+        let loaded = Load {
+            point_loads: &between,
+            ..load
+        };
+        for elements in [2, 4] {
+            for (robot, loads) in [(&coupled, vec![load]), (&robot(), vec![load, loaded, load])] {
+                let model = Model::default();
+                let mut solver = Solver::new(robot, model, elements).unwrap();
+                let mut plain = solver.clone();
+                plain.engine = dispatch::plain(robot, model, elements).unwrap();
+                for load in loads {
+                    for next in [false, true] {
+                        let [tip, other] = [&mut solver, &mut plain].map(|solver| {
+                            let outcome = match next {
+                                false => solver.solve(&load).unwrap(),
+                                true => solver.solve_next(&load).unwrap(),
+                            };
+                            assert_eq!(outcome.status, Status::Converged);
+                            solver.tip().unwrap().position
+                        });
+                        assert!((tip - other).norm() < 1e-10, "{elements}");
+                    }
+                }
+            }
+        }
+        // the strain is kept where plain numbers take the place of lanes
+        let mut solver = Solver::new(&robot(), Model::default(), 2).unwrap();
+        solver.solve(&load).unwrap();
+        let mut before = vec![Vec3::zero(); solver.history[0].len()];
+        solver.engine.strains(&mut |i, w| before[i] = w);
+        solver.take_load(&loaded);
+        assert!(solver.engine.divides());
+        solver
+            .engine
+            .strains(&mut |i, w| assert_eq!(w.0, before[i].0));
     }
 
     /// No results are available without convergence.
