@@ -64,6 +64,40 @@ def test_cables_to_the_base_raise_the_load() -> None:
     assert 3 * found.factor == pytest.approx(4 * EULER, rel=1e-3)
 
 
+@pytest.mark.parametrize("force", [-26, -24.5, -37.3])
+def test_a_column_loaded_between_disks(force: float) -> None:
+    """Euler's load of the part before it; a family of equal branches is followed once."""
+    at = 0.33
+    point = bs.PointLoad(arc_length=at, force=[0, 0, force])
+    found = bs.branch_diagram(ROBOT, load=bs.Load(point_loads=[point]), model=THIN)
+    assert found.complete and not found.deflated
+    assert [(b.origin, b.end) for b in found.branches] == [(None, "range"), ((0, 0), "range")]
+    (event,) = found.branches[0].events
+    assert -event.factor * force == pytest.approx(EULER * (LENGTH / at) ** 2, rel=1e-4)
+    assert [b.factor[-1] for b in found.branches] == [1.0, 1.0]
+    assert "1 bifurcation" in found.text[0]
+
+
+def test_a_robot_that_its_weight_has_bent() -> None:
+    """A transverse force leaves one stable equilibrium of the family, which leans with it."""
+    thin = ROBOT.with_({"segments.0.backbone.diameter": "2 mm", "gravity": "0 0 -9.80665 m/s^2"})
+    load = bs.Load(tip_force=[0.03, 0.04, 0])
+    found = bs.branch_diagram(thin, load=load)
+    assert [b.factor[0] for b in found.branches[:2]] == [0.0, 0.0]
+    for branch, side in zip(found.branches, (1, -1), strict=False):
+        across = branch.tip_position @ [0.6, 0.8, 0]
+        assert (
+            np.all(across * side > 0) and np.abs(branch.tip_position @ [0.8, -0.6, 0]).max() < 1e-8
+        )
+    stable = [found.branches[i].stable[k] for i, k in found.equilibria()]
+    assert stable.count(True) == 1 and found.branches[0].stable[-1]
+    solved = bs.solve(thin, load=load).raise_for_status()
+    tip = found.branches[0].tip_position[-1]
+    assert np.linalg.norm(solved.tip_position - tip) < 1e-5 * LENGTH
+    critical = bs.critical_load(thin, load=load)
+    assert critical.factor is None and critical.stable_to == 1.0
+
+
 def planar_case(seed: int) -> tuple[bs.Robot, bs.Load, PlanarRod]:
     draw = np.random.default_rng(seed)
     count = int(draw.integers(2, 5))

@@ -1,6 +1,6 @@
 //! Branches of equilibria against classical buckling loads.
 
-use bowstring_core::model::load::{Load, Model, OwnedLoad, RodModel, Theory};
+use bowstring_core::model::load::{Load, Model, OwnedLoad, PointLoad, RodModel, Theory};
 use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
 use bowstring_core::statics::branches::{
     diagram, Diagram, End, EventKind, LoadPath, Point, Search,
@@ -134,6 +134,169 @@ fn euler_column_buckles_at_its_load() {
         assert!((mix(&|p| p.factor) * 10.0 - ratio).abs() < 1e-3);
         assert!((mix(&|p| p.disks.last().unwrap().position[2]) / LENGTH - z).abs() < 1e-3);
     }
+}
+
+/// Euler's column is as long as the part before the load; one branch of its family is followed,
+/// whatever the rounding of the load factor.
+#[test]
+fn a_column_loaded_between_disks_buckles_once_at_eulers_load() {
+    let robot = column(9, 0.0);
+    for (at, over, most) in [
+        (0.33, 1.07, 1.0),
+        (0.33, 1.3, 1.0),
+        (0.6, 1.07, 1.0),
+        (0.1, 1.1, 1.0),
+        (0.45, 1.21, 1.0),
+        (0.45, 1.33, 1.0),
+        (0.2, 1.17, 1.0),
+        (0.33, 1.1, 1.3),
+    ] {
+        let euler = PI * PI * BENDING / (4.0 * at * at);
+        let point_loads = [PointLoad {
+            arc_length: Some(at),
+            force: [0.0, 0.0, -over * euler],
+            ..PointLoad::default()
+        }];
+        let to = Load {
+            point_loads: &point_loads,
+            ..compressed(0.0)
+        };
+        let search = Search {
+            most,
+            ..Search::default()
+        };
+        let all = found(&robot, to, search);
+        check_first(&all, 1.0 / over, 2);
+        let ends: Vec<_> = all.branches.iter().map(|b| (b.origin, b.end)).collect();
+        assert_eq!(
+            ends,
+            [(None, End::Range), (Some((0, 0)), End::Range)],
+            "{at} {over}"
+        );
+        assert!(!all.deflated && all.complete);
+        for branch in &all.branches {
+            assert_eq!(branch.points.last().unwrap().factor, most);
+        }
+        // the elastica with an end angle of 20 degrees
+        let angle = |p: &Point| p.disks.last().unwrap().rotation.0[2][2].acos().to_degrees();
+        let buckled = all.branches[1].points.windows(2);
+        let [a, b] = buckled
+            .map(|pair| [&pair[0], &pair[1]])
+            .find(|[_, b]| angle(b) > 20.0)
+            .unwrap();
+        let share = (20.0 - angle(a)) / (angle(b) - angle(a));
+        let factor = a.factor + share * (b.factor - a.factor);
+        assert!((factor * over - 1.0154).abs() < 1e-3, "{factor}");
+    }
+}
+
+/// Base angle and tip of a rod under its weight and a tip force, integrated from the tip.
+fn heavy_elastica(tip_angle: f64, force: [f64; 2], weight: f64) -> [f64; 3] {
+    let steps = 4000;
+    let h = LENGTH / f64::from(steps);
+    let rate = |beyond: f64, [angle, moment, ..]: [f64; 4]| {
+        let axial = force[1] - weight * beyond;
+        let of_moment = force[0] * angle.cos() - axial * angle.sin();
+        [-moment / BENDING, of_moment, angle.sin(), angle.cos()]
+    };
+    let mut y = [tip_angle, 0.0, 0.0, 0.0];
+    for i in 0..steps {
+        let beyond = h * f64::from(i);
+        let ahead = |k: [f64; 4], by: f64| [0, 1, 2, 3].map(|q| y[q] + by * k[q]);
+        let a = rate(beyond, y);
+        let b = rate(beyond + 0.5 * h, ahead(a, 0.5 * h));
+        let c = rate(beyond + 0.5 * h, ahead(b, 0.5 * h));
+        let d = rate(beyond + h, ahead(c, h));
+        y = [0, 1, 2, 3].map(|q| y[q] + h / 6.0 * (a[q] + 2.0 * b[q] + 2.0 * c[q] + d[q]));
+    }
+    [y[0], y[2], y[3]]
+}
+
+/// Twice the weight under which it buckles.
+const HEAVY: f64 = 2.0 * 7.837347 * BENDING / (LENGTH * LENGTH * LENGTH);
+
+fn from_heavy(robot: &Robot, tip_force: [f64; 3]) -> Diagram {
+    let from = OwnedLoad {
+        tensions: vec![0.0; 3],
+        gravity: [0.0, 0.0, -HEAVY / 0.2],
+        ..OwnedLoad::default()
+    };
+    let to = OwnedLoad {
+        tip_force,
+        ..from.clone()
+    };
+    let path = LoadPath { from, to };
+    diagram(robot, &kirchhoff(), &path, &Search::default()).unwrap()
+}
+
+/// A transverse force leaves two equilibria of the family: the robot leans with it or against it.
+#[test]
+fn a_column_bent_by_its_weight_leans_with_a_force_or_against_it() {
+    let robot = column(9, 0.2);
+    let force = 0.1 * PI * PI * BENDING / (4.0 * LENGTH * LENGTH);
+    let direction = [0.6, -0.8];
+    let all = from_heavy(&robot, [force * direction[0], force * direction[1], 0.0]);
+    assert!(all.complete && all.deflated);
+    let counts: Vec<_> = all
+        .branches
+        .iter()
+        .map(|b| b.points.last().unwrap().unstable_modes)
+        .collect();
+    // beside them the nearly straight one
+    assert_eq!(counts, [Some(0), Some(1), Some(2)]);
+    for (branch, side) in all.branches.iter().zip([1.0, -1.0, -1.0]) {
+        assert_eq!((branch.end, branch.origin), (End::Range, None));
+        for point in branch.points.iter().filter(|p| p.factor > 0.0) {
+            assert!(point.residual < 1e-10);
+            let tip = point.disks.last().unwrap();
+            let [x, y, z] = tip.position.0;
+            let along = x * direction[0] + y * direction[1];
+            assert!(along * side > 0.0);
+            assert!((x * direction[1] - y * direction[0]).abs() < 1e-8);
+            let lean = tip.rotation.0[0][2] * direction[0] + tip.rotation.0[1][2] * direction[1];
+            let angle = lean.atan2(tip.rotation.0[2][2]);
+            let [base, across, up] = heavy_elastica(angle, [point.factor * force, 0.0], HEAVY);
+            assert!(base.abs() < 2e-4, "{base}");
+            assert!((across - along).abs() < 1e-4 * LENGTH && (up - z).abs() < 1e-4 * LENGTH);
+        }
+    }
+}
+
+/// A force along the axis keeps the family, up to the force that straightens the robot.
+#[test]
+fn a_column_bent_by_its_weight_is_straightened_by_a_force_along_its_axis() {
+    let robot = column(9, 0.2);
+    let force = 3.0 * PI * PI * BENDING / (4.0 * LENGTH * LENGTH);
+    let all = from_heavy(&robot, [0.0, 0.0, force]);
+    let ends: Vec<_> = all.branches.iter().map(|b| (b.origin, b.end)).collect();
+    let straight = [(Some((0, 0)), End::Range); 2];
+    assert_eq!(ends, [(None, End::Joined), straight[0], straight[1]]);
+    let bent = &all.branches[0];
+    assert!(bent.points.iter().all(|p| p.neutral_modes > 0));
+    let hub = bent.events.last().unwrap();
+    assert_eq!(hub.kind, EventKind::Bifurcation);
+    let critical = bent.points[hub.point].factor;
+    let least = heavy_elastica(1e-5, [0.0, critical * force], HEAVY);
+    assert!(least[0].abs() < 1e-9, "{}", least[0]);
+    for branch in &all.branches[1..] {
+        for point in branch
+            .points
+            .iter()
+            .filter(|p| (p.factor - critical).abs() > 1e-4)
+        {
+            assert_eq!(point.stable, Some(point.factor > critical));
+            assert!((point.disks.last().unwrap().position.0[2] - LENGTH).abs() < 1e-6);
+        }
+    }
+    // compressed, it stays bent
+    let all = from_heavy(&robot, [0.0, 0.0, -0.2 * force]);
+    assert_eq!((all.branches.len(), all.branches[0].end), (1, End::Range));
+    let point = all.branches[0].points.last().unwrap();
+    assert_eq!((point.factor, point.unstable_modes), (1.0, Some(0)));
+    let tip = point.disks.last().unwrap();
+    let angle = tip.rotation.0[2][2].acos();
+    let [base, _, up] = heavy_elastica(angle, [0.0, -0.2 * force], HEAVY);
+    assert!(base.abs() < 2e-4 && (up - tip.position.0[2]).abs() < 1e-4 * LENGTH);
 }
 
 #[test]

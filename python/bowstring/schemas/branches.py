@@ -39,8 +39,8 @@ class BranchOfEquilibria(Object):
     origin: Annotated[
         list[int] | None,
         about(
-            "Branch and event at which it begins, from 0; `null` for the first branch and those "
-            "that deflation found."
+            "Branch and event at which it begins, from 0; `null` for the first branch, those that "
+            "begin at load factor 0 beside it, and those that deflation found."
         ),
     ]
     end: Annotated[

@@ -155,8 +155,8 @@ class Branch:
     disk_rotations : ndarray (n, N, 3, 3)
     events : tuple of BranchEvent
     origin : tuple of int or None
-        Branch and event at which it begins; None for the first branch and those that deflation
-        found.
+        Branch and event at which it begins; None for the first branch, for those that begin at load
+        factor 0 beside it, and for those that deflation found.
     end : str
         Why it ends: ``range``, ``closed``, ``joined`` (at a bifurcation of another branch),
         ``collision`` (of two disks), ``points``, ``lost`` (it does not converge).
@@ -398,9 +398,9 @@ def branch_diagram(
     Returns
     -------
     BranchDiagram
-        Branches that are connected to the equilibrium at load factor 0, and those that deflation
-        finds at load factor 1. Completeness is not guaranteed (theory of statics, Search for all
-        equilibria).
+        Branches that are connected to the equilibrium at load factor 0, or to those equal to it if
+        it has buckled in any plane, and those that deflation finds at load factor 1. Completeness
+        is not guaranteed (theory of statics, Search for all equilibria).
 
     Raises
     ------

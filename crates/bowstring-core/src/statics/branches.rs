@@ -13,6 +13,7 @@ use crate::statics::continuation::{Curve, Plane, Side, State, Vector};
 use crate::statics::deflation;
 pub use crate::statics::events::EventKind;
 use crate::statics::events::{leaving, Located, Step};
+use crate::statics::family::{self, Fate};
 use crate::statics::outcome::Outcome;
 use crate::statics::solver::{Solver, Status};
 use std::collections::VecDeque;
@@ -34,6 +35,8 @@ pub(super) const STRAIGHT: f64 = 0.93;
 pub(super) const STRETCH: f64 = 1.1;
 /// Distance within which two points are the same.
 const SAME: f64 = 1e-4;
+/// Difference of scaled loads within which they are the same.
+const SAME_LOAD: f64 = 1e-9;
 /// Distance from a chord of a branch within which a point may be on it, over the chord.
 const BESIDE_CHORD: f64 = 0.2;
 /// Points of a branch before it can close.
@@ -143,8 +146,8 @@ pub struct Branch {
     pub points: Vec<Point>,
     /// Events in order.
     pub events: Vec<Event>,
-    /// Branch and event at which it begins; `None` for the first branch and those that deflation
-    /// found.
+    /// Branch and event at which it begins; `None` for the first branch, for those that begin at
+    /// load factor 0 beside it, and for those that deflation found.
     pub origin: Option<(usize, usize)>,
     /// Why it ends.
     pub end: End,
@@ -255,8 +258,26 @@ impl Following {
         along.load = 1.0;
         self.curve.residual();
         self.curve.settle(&along, true, &mut first);
-        let begun = vec![self.record(&first, 0.0)];
-        self.follow(first, begun, None);
+        match family::fate(&mut self.curve, &first) {
+            Fate::Alone => {}
+            Fate::Kept => self.curve.family = true,
+            Fate::Parted(mut entered) => {
+                // those that remain stable first
+                entered.sort_by_key(|[_, next]| next.unstable);
+                for [origin, next] in entered {
+                    let length = next.at.distance(&origin.at);
+                    let begun = vec![self.record(&origin, 0.0), self.record(&next, length)];
+                    self.follow(next, begun, None);
+                }
+            }
+        }
+        if self.branches.is_empty() {
+            self.curve.at.clone_from(&first.at);
+            self.curve.residual();
+            self.curve.settle(&along, true, &mut first);
+            let begun = vec![self.record(&first, 0.0)];
+            self.follow(first, begun, None);
+        }
         self.follow_left();
     }
 
@@ -298,13 +319,8 @@ impl Following {
     /// sought.
     fn deflate(&mut self) -> bool {
         let one = 1.0 / self.curve.scale;
-        let round = self.branches.iter().flat_map(|b| &b.points);
         // a family of equal equilibria cannot be excluded by some of them
-        if self.search.most < 1.0
-            || round
-                .clone()
-                .any(|p| p.neutral_modes > 0 && p.factor == 1.0)
-        {
+        if self.search.most < 1.0 || self.has_family_at(one) {
             return false;
         }
         let mut tried = deflation::Tried::default();
@@ -323,6 +339,8 @@ impl Following {
                 self.complete = false;
                 return true;
             }
+            let is_one_of_many = state.neutral > 0;
+            self.curve.family = is_one_of_many;
             let mut begun = vec![self.record(&state, 0.0)];
             let mut back = state.clone();
             back.tangent.scale(-1.0);
@@ -351,17 +369,33 @@ impl Following {
                         *event = before - 1 - *event;
                     }
                 }
+                self.curve.family = is_one_of_many;
                 self.follow_on(state, begun, events, None);
             }
             self.follow_left();
+            if is_one_of_many {
+                return false;
+            }
         }
+    }
+
+    /// Whether a branch of a family of equal ones reaches a load.
+    fn has_family_at(&self, load: f64) -> bool {
+        let is_on = |p: &Point| p.neutral_modes > 0;
+        self.branches.iter().any(|branch| {
+            let mut pairs = branch.points.windows(2);
+            pairs.any(|pair| {
+                let [a, b] = [0, 1].map(|i| pair[i].at.load - load);
+                is_on(&pair[0]) && is_on(&pair[1]) && (a * b <= 0.0 || b.abs() < SAME_LOAD)
+            })
+        })
     }
 
     /// Points of all branches at a load.
     fn at_load(&self, load: f64) -> Vec<Vector> {
         let mut known: Vec<Vector> = vec![];
         for point in self.branches.iter().flat_map(|b| &b.points) {
-            let near = (point.at.load - load).abs() < 1e-9;
+            let near = (point.at.load - load).abs() < SAME_LOAD;
             if near && !known.iter().any(|k| k.distance(&point.at) < SAME) {
                 known.push(point.at.clone());
             }
@@ -390,8 +424,12 @@ impl Following {
     }
 
     fn record(&self, state: &State, arclength: f64) -> Point {
+        let is_last = state.at.load == self.search.most / self.curve.scale;
         Point {
-            factor: self.curve.factor(state.at.load),
+            factor: match is_last {
+                true => self.search.most,
+                false => self.curve.factor(state.at.load),
+            },
             arclength,
             stable: state.stable,
             unstable_modes: self.curve.symmetric.then_some(state.unstable),
@@ -465,7 +503,11 @@ impl Following {
                         break;
                     }
                     self.bifurcations.push(place.clone());
+                    joined = event.is_hub;
                     self.left.push_back((index, branch.events.len() - 1, event));
+                    if joined {
+                        break;
+                    }
                 }
             }
             if joined {

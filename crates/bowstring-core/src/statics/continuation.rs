@@ -495,6 +495,32 @@ impl Curve {
         None
     }
 
+    /// Motion by the scaled load along a direction at the present point.
+    pub fn motion_along(&mut self, direction: &Vector) -> f64 {
+        self.residual();
+        self.solver.engine.linearise();
+        self.eliminate(REGULARISING_SHIFT);
+        self.solve_for_load();
+        let pairs = direction.strain.iter().zip(&self.motion);
+        pairs.map(|(d, m)| d.dot(*m)).sum::<f64>() * self.arcs() as f64
+    }
+
+    /// Unit direction of the branch at a point that is orthogonal to so many null vectors there.
+    pub fn motion_across(&mut self, at: &Vector, count: usize) -> Vector {
+        let null = self.null_vectors(at, count, &[]);
+        // for the elimination and the derivative by the load at that point
+        self.solve_for_load();
+        let mut out = Vector::zero(self.arcs());
+        out.strain.copy_from_slice(&self.motion);
+        out.load = 1.0;
+        for other in &null {
+            let part = out.dot(other);
+            out.add(-part, other);
+        }
+        out.scale(1.0 / out.norm());
+        out
+    }
+
     /// Sets the unit tangent at a corrected point, oriented `along` another direction, and returns
     /// the number of negative eigenvalues and that of zero ones.
     fn linearised(&mut self, along: &Vector, tangent: &mut Vector) -> (usize, usize) {

@@ -45,6 +45,8 @@ pub(super) struct Located {
     pub kind: EventKind,
     /// Number of eigenvalues that change their sign.
     pub multiplicity: usize,
+    /// Whether it is where all branches of a family meet: on another branch, which crosses them.
+    pub is_hub: bool,
     pub state: State,
 }
 
@@ -100,7 +102,10 @@ impl Step<'_> {
             let after = self.signature(curve, beyond, &mut scratch)?;
             let multiplicity = after.unstable.abs_diff(now.unstable);
             let turns = after.rising != now.rising;
+            // where a family turns as it passes its hub, its halves are equally stable
+            let is_hub = curve.family && turns && self.base.unstable == self.next.unstable;
             let kind = match (turns, multiplicity) {
+                (true, _) if curve.family && !is_hub => EventKind::LimitPoint,
                 (true, 1) => EventKind::LimitPoint,
                 (false, 0) => break,
                 _ => EventKind::Bifurcation,
@@ -112,9 +117,15 @@ impl Step<'_> {
             curve.settle(&self.base.tangent, now.rising, &mut state);
             // at a limit point the tangent is that of constant load
             state.signature = now;
+            if is_hub {
+                // all branches of the family meet: eigenvalues there are zero within rounding
+                (state.unstable, state.neutral) = (self.base.unstable, self.base.neutral);
+                state.stable = self.base.stable;
+            }
             found.push(Located {
                 kind,
                 multiplicity: multiplicity.max(1),
+                is_hub,
                 state,
             });
             if found.len() == MAX_EVENTS || beyond >= length {
@@ -131,6 +142,13 @@ impl Step<'_> {
 pub(super) fn leaving(curve: &mut Curve, from: &Located) -> Vec<State> {
     let origin = &from.state;
     curve.family = false;
+    if from.is_hub {
+        let mut across = curve.motion_across(&origin.at, 2);
+        let there = leave(curve, origin, &across);
+        across.scale(-1.0);
+        let back = leave(curve, origin, &across);
+        return there.into_iter().chain(back).collect();
+    }
     let null = curve.null_vectors(&origin.at, from.multiplicity, &[&origin.tangent]);
     let mut out: Vec<State> = vec![];
     let mut sides_taken: Vec<Vector> = vec![];

@@ -9,6 +9,7 @@ mod continuation;
 mod deflation;
 pub mod designs;
 mod events;
+mod family;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod lanes;
 mod nearest;
