@@ -190,18 +190,21 @@ fn a_column_loaded_between_disks_buckles_once_at_eulers_load() {
     }
 }
 
-/// Base angle and tip of a rod under its weight and a tip force, integrated from the tip.
-fn heavy_elastica(tip_angle: f64, force: [f64; 2], weight: f64) -> [f64; 3] {
+/// Base angle and tip of a rod under its weight and a force at an arc length, integrated from the
+/// tip.
+fn heavy_elastica(tip_angle: f64, force: [f64; 2], at: f64, weight: f64) -> [f64; 3] {
     let steps = 4000;
     let h = LENGTH / f64::from(steps);
-    let rate = |beyond: f64, [angle, moment, ..]: [f64; 4]| {
-        let axial = force[1] - weight * beyond;
-        let of_moment = force[0] * angle.cos() - axial * angle.sin();
+    let rate = |share: f64, beyond: f64, [angle, moment, ..]: [f64; 4]| {
+        let axial = share * force[1] - weight * beyond;
+        let of_moment = share * force[0] * angle.cos() - axial * angle.sin();
         [-moment / BENDING, of_moment, angle.sin(), angle.cos()]
     };
     let mut y = [tip_angle, 0.0, 0.0, 0.0];
     for i in 0..steps {
         let beyond = h * f64::from(i);
+        let share = f64::from(u8::from(LENGTH - beyond < at + 0.5 * h));
+        let rate = |beyond: f64, y: [f64; 4]| rate(share, beyond, y);
         let ahead = |k: [f64; 4], by: f64| [0, 1, 2, 3].map(|q| y[q] + by * k[q]);
         let a = rate(beyond, y);
         let b = rate(beyond + 0.5 * h, ahead(a, 0.5 * h));
@@ -215,16 +218,21 @@ fn heavy_elastica(tip_angle: f64, force: [f64; 2], weight: f64) -> [f64; 3] {
 /// Twice the weight under which it buckles.
 const HEAVY: f64 = 2.0 * 7.837347 * BENDING / (LENGTH * LENGTH * LENGTH);
 
-fn from_heavy(robot: &Robot, tip_force: [f64; 3]) -> Diagram {
+fn from_heavy(robot: &Robot, force: [f64; 3], at: f64) -> Diagram {
     let from = OwnedLoad {
         tensions: vec![0.0; 3],
         gravity: [0.0, 0.0, -HEAVY / 0.2],
         ..OwnedLoad::default()
     };
-    let to = OwnedLoad {
-        tip_force,
-        ..from.clone()
-    };
+    let mut to = from.clone();
+    match at {
+        LENGTH => to.tip_force = force,
+        _ => to.point_loads.push(PointLoad {
+            arc_length: Some(at),
+            force,
+            ..PointLoad::default()
+        }),
+    }
     let path = LoadPath { from, to };
     diagram(robot, &kirchhoff(), &path, &Search::default()).unwrap()
 }
@@ -232,10 +240,24 @@ fn from_heavy(robot: &Robot, tip_force: [f64; 3]) -> Diagram {
 /// A transverse force leaves two equilibria of the family: the robot leans with it or against it.
 #[test]
 fn a_column_bent_by_its_weight_leans_with_a_force_or_against_it() {
+    check_leaning(LENGTH);
+}
+
+/// The load at factor 0 divides modules as those after it.
+#[test]
+fn a_column_bent_by_its_weight_leans_with_a_force_between_disks() {
+    check_leaning(0.5 * LENGTH);
+}
+
+fn check_leaning(at: f64) {
     let robot = column(9, 0.2);
     let force = 0.1 * PI * PI * BENDING / (4.0 * LENGTH * LENGTH);
     let direction = [0.6, -0.8];
-    let all = from_heavy(&robot, [force * direction[0], force * direction[1], 0.0]);
+    let all = from_heavy(
+        &robot,
+        [force * direction[0], force * direction[1], 0.0],
+        at,
+    );
     assert!(all.complete && all.deflated);
     let counts: Vec<_> = all
         .branches
@@ -255,7 +277,7 @@ fn a_column_bent_by_its_weight_leans_with_a_force_or_against_it() {
             assert!((x * direction[1] - y * direction[0]).abs() < 1e-8);
             let lean = tip.rotation.0[0][2] * direction[0] + tip.rotation.0[1][2] * direction[1];
             let angle = lean.atan2(tip.rotation.0[2][2]);
-            let [base, across, up] = heavy_elastica(angle, [point.factor * force, 0.0], HEAVY);
+            let [base, across, up] = heavy_elastica(angle, [point.factor * force, 0.0], at, HEAVY);
             assert!(base.abs() < 2e-4, "{base}");
             assert!((across - along).abs() < 1e-4 * LENGTH && (up - z).abs() < 1e-4 * LENGTH);
         }
@@ -267,7 +289,7 @@ fn a_column_bent_by_its_weight_leans_with_a_force_or_against_it() {
 fn a_column_bent_by_its_weight_is_straightened_by_a_force_along_its_axis() {
     let robot = column(9, 0.2);
     let force = 3.0 * PI * PI * BENDING / (4.0 * LENGTH * LENGTH);
-    let all = from_heavy(&robot, [0.0, 0.0, force]);
+    let all = from_heavy(&robot, [0.0, 0.0, force], LENGTH);
     let ends: Vec<_> = all.branches.iter().map(|b| (b.origin, b.end)).collect();
     let straight = [(Some((0, 0)), End::Range); 2];
     assert_eq!(ends, [(None, End::Joined), straight[0], straight[1]]);
@@ -276,7 +298,7 @@ fn a_column_bent_by_its_weight_is_straightened_by_a_force_along_its_axis() {
     let hub = bent.events.last().unwrap();
     assert_eq!(hub.kind, EventKind::Bifurcation);
     let critical = bent.points[hub.point].factor;
-    let least = heavy_elastica(1e-5, [0.0, critical * force], HEAVY);
+    let least = heavy_elastica(1e-5, [0.0, critical * force], LENGTH, HEAVY);
     assert!(least[0].abs() < 1e-9, "{}", least[0]);
     for branch in &all.branches[1..] {
         for point in branch
@@ -289,13 +311,13 @@ fn a_column_bent_by_its_weight_is_straightened_by_a_force_along_its_axis() {
         }
     }
     // compressed, it stays bent
-    let all = from_heavy(&robot, [0.0, 0.0, -0.2 * force]);
+    let all = from_heavy(&robot, [0.0, 0.0, -0.2 * force], LENGTH);
     assert_eq!((all.branches.len(), all.branches[0].end), (1, End::Range));
     let point = all.branches[0].points.last().unwrap();
     assert_eq!((point.factor, point.unstable_modes), (1.0, Some(0)));
     let tip = point.disks.last().unwrap();
     let angle = tip.rotation.0[2][2].acos();
-    let [base, _, up] = heavy_elastica(angle, [0.0, -0.2 * force], HEAVY);
+    let [base, _, up] = heavy_elastica(angle, [0.0, -0.2 * force], LENGTH, HEAVY);
     assert!(base.abs() < 2e-4 && (up - tip.position.0[2]).abs() < 1e-4 * LENGTH);
 }
 

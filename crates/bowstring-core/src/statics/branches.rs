@@ -193,9 +193,10 @@ pub fn diagram(
     let scale = f64::min(scale, search.most);
     let mut elements = model.elements.unwrap_or(least);
     to.check_elements_beside(robot, elements, &path.from.point_loads)?;
+    let begin = path.begin();
     loop {
         let mut solver = Solver::new(robot, model.model, elements)?;
-        let start = solver.solve(&path.from.borrow())?;
+        let start = solver.solve(&begin.borrow())?;
         let mut found = Following {
             search: *search,
             curve: Curve::new(solver, path, scale),
@@ -265,6 +266,10 @@ impl Following {
                 // those that remain stable first
                 entered.sort_by_key(|[_, next]| next.unstable);
                 for [origin, next] in entered {
+                    if self.branches.len() == self.search.branches {
+                        self.complete = false;
+                        break;
+                    }
                     let length = next.at.distance(&origin.at);
                     let begun = vec![self.record(&origin, 0.0), self.record(&next, length)];
                     self.follow(next, begun, None);

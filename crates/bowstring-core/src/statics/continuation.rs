@@ -55,6 +55,20 @@ impl LoadPath {
         out.between_dead(&self.from, &self.to.borrow(), factor);
     }
 
+    /// Load at factor 0, with the point loads that begin there: they divide modules as later on.
+    pub(super) fn begin(&self) -> OwnedLoad {
+        let mut all = OwnedLoad::default();
+        self.at(0.0, &mut all);
+        for load in &mut all.point_loads {
+            // without a load there is nothing to follow
+            load.follower &= load.force != [0.0; 3] || load.moment != [0.0; 3];
+        }
+        OwnedLoad {
+            point_loads: all.point_loads,
+            ..self.from.clone()
+        }
+    }
+
     /// Load factor that belongs to a moment of (bending stiffness / length) at the base.
     pub(super) fn scale(&self, robot: &Robot) -> f64 {
         let spec = robot.spec();

@@ -78,11 +78,22 @@ impl Step<'_> {
         self.go(curve, s).then(|| curve.probe(self.base, scratch))
     }
 
+    /// Whether the step ends at load factor 0 on a family of equal equilibria, where one eigenvalue
+    /// becomes zero without a change of its sign.
+    fn ends_on_family(&self) -> bool {
+        let [base, next] = [self.base, self.next];
+        let both = |state: &State| state.unstable + state.neutral;
+        next.at.load == 0.0
+            && next.neutral > base.neutral
+            && both(next) == both(base)
+            && next.signature.rising == base.signature.rising
+    }
+
     /// Locates the events of the step; `None` where the points between do not converge.
     pub fn events(&self, curve: &mut Curve) -> Option<Vec<Located>> {
         let mut found = vec![];
         let (mut now, last) = (self.base.signature, self.next.signature);
-        if now == last {
+        if now == last || self.ends_on_family() {
             return Some(found);
         }
         let length = self.length();

@@ -9,7 +9,7 @@ use crate::statics::continuation::{Curve, Plane, State, Vector};
 
 /// Motion along the direction of the softest mode by the scaled load, from which a point is on a
 /// family that the load does not keep: elsewhere it is of the order of one.
-const PULLED: f64 = 1e5;
+const PULLED: f64 = 1e3;
 /// Longest and shortest step along a family, and most steps.
 const STEP: f64 = 0.3;
 const LEAST_STEP: f64 = 1e-3;
