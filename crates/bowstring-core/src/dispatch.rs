@@ -426,6 +426,10 @@ pub(crate) trait Plain: Passes {
     /// Points of the backbone (m), `per_module` in each module, base and tip included.
     fn centerline(&self, per_module: usize) -> Vec<Vec3>;
     fn jacobians(&mut self, segments: &[usize]) -> Option<Jacobians>;
+    /// Derivatives of the tip alone; see [`sensitivity::tip_by_tensions`].
+    fn tip_by_tensions(&mut self, rotation: bool, columns: &mut [[Vec3; 2]]) -> bool;
+    /// Change of strain; see [`sensitivity::add_strain_by_tensions`].
+    fn add_strain_by_tensions(&self, changes: &[f64], strain: &mut [Vec3]);
 }
 
 impl<const A: usize> Plain for Rod<Scalar, A> {
@@ -433,6 +437,8 @@ impl<const A: usize> Plain for Rod<Scalar, A> {
         let mut strains = vec![Vec3::zero(); arcs];
         from.strains(&mut |i, w| strains[i] = w);
         self.load(load);
+        // discards the contact forces of an earlier state, from which the balance would start
+        Rod::make_unloaded(self);
         Rod::set_span_tensions(self, |k, i| from.span_tension(k, i));
         self.set_strains(|i| strains[i]);
         self.evaluate();
@@ -455,6 +461,14 @@ impl<const A: usize> Plain for Rod<Scalar, A> {
 
     fn jacobians(&mut self, segments: &[usize]) -> Option<Jacobians> {
         sensitivity::jacobians(self, segments)
+    }
+
+    fn tip_by_tensions(&mut self, rotation: bool, columns: &mut [[Vec3; 2]]) -> bool {
+        sensitivity::tip_by_tensions(self, rotation, columns)
+    }
+
+    fn add_strain_by_tensions(&self, changes: &[f64], strain: &mut [Vec3]) {
+        sensitivity::add_strain_by_tensions(self, changes, strain);
     }
 }
 

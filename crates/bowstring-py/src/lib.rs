@@ -10,6 +10,7 @@ mod dynamics;
 mod fields;
 mod input;
 mod interrupt;
+mod inverse;
 mod model;
 mod path;
 mod rod;
@@ -32,6 +33,8 @@ mod _core {
     use crate::fields::{derive, surface_stress, von_mises};
     #[pymodule_export]
     use crate::input::check_memory;
+    #[pymodule_export]
+    use crate::inverse::inverse_kinematics;
     #[pymodule_export]
     use crate::model::RodModel;
     #[pymodule_export]

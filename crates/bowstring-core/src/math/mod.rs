@@ -1,6 +1,8 @@
-//! Real numbers and lanes, small linear algebra, rotations, the MLCP, Anderson acceleration.
+//! Real numbers and lanes, small linear algebra, rotations, the MLCP, bounded least squares,
+//! Anderson acceleration.
 
 pub(crate) mod anderson;
+pub(crate) mod bounded;
 pub(crate) mod eigenvalues;
 pub mod instructions;
 pub mod lie;

@@ -39,8 +39,10 @@ pub struct Jacobians {
     pub stiffness: Vec<Derivative>,
 }
 
-enum Parameter {
+enum Parameter<'a> {
     Tension(usize),
+    /// Tensions in proportion to these (N).
+    Tensions(&'a [f64]),
     Force(usize),
     Moment(usize),
     Stiffness(usize),
@@ -69,15 +71,120 @@ pub(crate) fn jacobians<const A: usize>(
     }
     rod.gradient();
     rod.linearise();
-    let responses = rod.newton.responses.clone();
     let jacobians = if rod.has_potential() {
         rod.eliminate::<true>(0.0);
-        all::<A, true>(rod, &responses, segments)
+        all::<A, true>(rod, segments)
     } else {
         rod.eliminate::<false>(0.0);
-        all::<A, false>(rod, &responses, segments)
+        all::<A, false>(rod, segments)
     };
     jacobians.is_finite().then_some(jacobians)
+}
+
+/// Derivatives of the tip's position (m/N) and, if wanted, rotation (rad/N) with respect to each
+/// tension, at the equilibrium held and evaluated by the rod; false for continuous tendons and where
+/// they are not finite.
+///
+/// With a potential, the tip moves by a unit tension as the tendon shortens by a unit force or moment
+/// on the tip (Maxwell-Betti): with many tendons this takes fewer right-hand sides.
+pub(crate) fn tip_by_tensions<const A: usize>(
+    rod: &mut Rod<Scalar, A>,
+    rotation: bool,
+    columns: &mut [[Vec3; 2]],
+) -> bool {
+    if rod.path == TendonPath::Continuous {
+        return false;
+    }
+    rod.gradient();
+    rod.linearise();
+    let symmetric = rod.has_potential();
+    if symmetric {
+        rod.eliminate::<true>(0.0);
+    } else {
+        rod.eliminate::<false>(0.0);
+    }
+    let wrenches = if rotation { 6 } else { 3 };
+    if symmetric && columns.len() > wrenches {
+        let mut scratch = Scratch::with_spans(rod);
+        let mut lengths = vec![0.0; columns.len()];
+        for i in 0..wrenches {
+            lengths.fill(0.0);
+            let wrench = match i < 3 {
+                true => Parameter::Force(i),
+                false => Parameter::Moment(i - 3),
+            };
+            substitute::<A, true>(rod, &[], &wrench, &mut scratch, &mut lengths);
+            for (column, length) in columns.iter_mut().zip(&lengths) {
+                column[i / 3][i % 3] = -length;
+            }
+        }
+    } else {
+        let mut scratch = Scratch::new(rod);
+        for (i, column) in columns.iter_mut().enumerate() {
+            let tension = Parameter::Tension(i);
+            *column = if symmetric {
+                substitute::<A, true>(rod, &[], &tension, &mut scratch, &mut [])
+            } else {
+                substitute::<A, false>(rod, &[], &tension, &mut scratch, &mut [])
+            };
+        }
+    }
+    let mut entries = columns.iter().flatten().flat_map(|v| v.0);
+    entries.all(f64::is_finite)
+}
+
+/// Adds the change of every arc's strain by changes of tension (N) to first order, after
+/// `tip_by_tensions`.
+pub(crate) fn add_strain_by_tensions<const A: usize>(
+    rod: &Rod<Scalar, A>,
+    changes: &[f64],
+    strain: &mut [Vec3],
+) {
+    let mut scratch = Scratch::new(rod);
+    let tensions = Parameter::Tensions(changes);
+    if rod.newton.symmetric {
+        substitute::<A, true>(rod, &[], &tensions, &mut scratch, &mut []);
+    } else {
+        substitute::<A, false>(rod, &[], &tensions, &mut scratch, &mut []);
+    }
+    for (k, (gradient, turns)) in rod.gradients.iter().zip(&scratch.solutions).enumerate() {
+        for a in 0..A {
+            strain[k * A + a] += gradient.to_strain[a] * turns[a];
+        }
+    }
+}
+
+/// Scratch memory of `substitute`, by modules.
+struct Scratch<const A: usize> {
+    sources: Vec<Source<A>>,
+    /// Own solutions of the arcs.
+    solutions: Vec<[Vec3; A]>,
+    /// Change of the force beyond each module by followers, where its disks do not turn further.
+    followers: Vec<Vec3>,
+    /// Spans by modules and tendons; needed for changes of lengths only.
+    spans: Vec<Span<f64>>,
+}
+
+impl<const A: usize> Scratch<A> {
+    fn new(rod: &Rod<Scalar, A>) -> Self {
+        let n = rod.module_count();
+        Scratch {
+            sources: Vec::with_capacity(n),
+            solutions: vec![[Vec3::zero(); A]; n],
+            followers: vec![Vec3::zero(); n],
+            spans: vec![],
+        }
+    }
+
+    fn with_spans(rod: &Rod<Scalar, A>) -> Self {
+        let mut scratch = Scratch::new(rod);
+        for (k, (state, c)) in rod.states.iter().zip(&rod.constants).enumerate() {
+            let holes = rod.tendons.in_group(k).iter();
+            let spans = holes.map(|holes| Span::new(c, holes, &state.s, state.rho));
+            scratch.spans.extend(spans);
+        }
+        scratch
+    }
 }
 
 impl Jacobians {
@@ -99,10 +206,10 @@ impl Jacobians {
 
 fn all<const A: usize, const SYMMETRIC: bool>(
     rod: &Rod<Scalar, A>,
-    responses: &[Response<f64, A>],
     segments: &[usize],
 ) -> Jacobians {
-    let by = |p: Parameter| derivative::<A, SYMMETRIC>(rod, responses, segments, &p);
+    let mut scratch = Scratch::with_spans(rod);
+    let mut by = |p: Parameter<'_>| derivative::<A, SYMMETRIC>(rod, segments, &p, &mut scratch);
     let count = segments[segments.len() - 1] + 1;
     Jacobians {
         tensions: (0..rod.placed.lengths.len())
@@ -125,7 +232,7 @@ fn source<const A: usize>(
     response: &Response<f64, A>,
     segments: &[usize],
     k: usize,
-    parameter: &Parameter,
+    parameter: &Parameter<'_>,
 ) -> Source<A> {
     let (state, c, gradient) = (&rod.states[k], &rod.constants[k], &rod.gradients[k]);
     let tangent = state.s.column(2);
@@ -141,6 +248,16 @@ fn source<const A: usize>(
             let span = Span::new(c, &rod.tendons.in_group(k)[i], &state.s, state.rho);
             source.force = -span.direction;
             source.moment = [span.arm.cross(span.direction); A];
+        }
+        Parameter::Tensions(changes) => {
+            for (i, change) in changes.iter().enumerate() {
+                if k <= rod.tendons.end_disks[i] {
+                    let span = Span::new(c, &rod.tendons.in_group(k)[i], &state.s, state.rho);
+                    source.force -= span.direction * *change;
+                    let moment = span.arm.cross(span.direction) * *change;
+                    source.moment.iter_mut().for_each(|m| *m += moment);
+                }
+            }
         }
         Parameter::Force(i) => {
             let f = rod.rotations[k].tr_mul(unit(i));
@@ -187,28 +304,47 @@ fn source<const A: usize>(
 
 fn derivative<const A: usize, const SYMMETRIC: bool>(
     rod: &Rod<Scalar, A>,
-    responses: &[Response<f64, A>],
     segments: &[usize],
-    parameter: &Parameter,
+    parameter: &Parameter<'_>,
+    scratch: &mut Scratch<A>,
 ) -> Derivative {
+    let mut lengths = vec![0.0; rod.placed.lengths.len()];
+    let [position, rotation] =
+        substitute::<A, SYMMETRIC>(rod, segments, parameter, scratch, &mut lengths);
+    Derivative {
+        position,
+        rotation,
+        lengths,
+    }
+}
+
+/// Motion of the tip (m, rad) for a unit of the parameter, with the rotations that the arcs add in
+/// place of their own solutions; adds the changes of the tendons' lengths
+/// (m) unless there is no place for them. They need the spans in the scratch memory.
+fn substitute<const A: usize, const SYMMETRIC: bool>(
+    rod: &Rod<Scalar, A>,
+    segments: &[usize],
+    parameter: &Parameter<'_>,
+    scratch: &mut Scratch<A>,
+    lengths: &mut [f64],
+) -> [Vec3; 2] {
     let n = rod.module_count();
     if interrupt::work(n * (16 + 2 * rod.placed.lengths.len())) {
-        return Derivative {
-            position: Vec3::splat([f64::NAN; 3]),
-            rotation: Vec3::zero(),
-            lengths: vec![],
-        };
+        return [Vec3::splat([f64::NAN; 3]); 2];
     }
-    let sources: Vec<_> = (0..n)
-        .map(|k| source(rod, &responses[k], segments, k, parameter))
-        .collect();
+    let responses = &rod.newton.responses;
+    let Scratch {
+        sources,
+        solutions,
+        followers,
+        spans,
+    } = scratch;
+    sources.clear();
+    sources.extend((0..n).map(|k| source(rod, &responses[k], segments, k, parameter)));
     let mut p = match *parameter {
         Parameter::Moment(i) => -rod.rotations[n].tr_mul(unit(i)),
         _ => Vec3::zero(),
     };
-    let mut solutions = vec![[Vec3::zero(); A]; n];
-    // change of the force beyond each module by followers, where its disks do not turn further
-    let mut followers = vec![Vec3::zero(); n];
     let mut beyond = Vec3::zero();
     for k in (0..n).rev() {
         let at_start = rod.states[k].s * p;
@@ -232,10 +368,11 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
     }
     let mut x = Vec3::zero();
     let mut position = Vec3::zero();
-    let mut lengths = vec![0.0; rod.placed.lengths.len()];
+    let count = rod.placed.lengths.len();
     for k in 0..n {
         let (state, c, response) = (&rod.states[k], &rod.constants[k], &responses[k]);
         let u = rod.newton.eliminated[k].forward(&solutions[k], &[x]);
+        solutions[k] = u;
         let mut turn = Vec3::zero();
         let mut moved = sources[k].place;
         for i in 0..A {
@@ -255,16 +392,12 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
         position += rod.rotations[k] * offset;
         for (i, length) in lengths.iter_mut().enumerate() {
             if k <= rod.tendons.end_disks[i] {
-                let span = Span::new(c, &rod.tendons.in_group(k)[i], &state.s, state.rho);
+                let span = &spans[k * count + i];
                 *length += span.direction.dot(rho + turn.cross(span.arm));
             }
         }
         x = state.s.tr_mul(x + turn);
     }
     let tip: Mat3 = rod.rotations[n];
-    Derivative {
-        position,
-        rotation: tip * x,
-        lengths,
-    }
+    [position, tip * x]
 }

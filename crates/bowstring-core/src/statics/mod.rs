@@ -1,4 +1,5 @@
-//! Equilibria: Newton iteration, load stepping, paths, choice of elements, many loads at once.
+//! Equilibria: Newton iteration, load stepping, paths, choice of elements, many loads at once;
+//! inverse kinematics.
 //!
 //! Theory: docs/theory/statics.md and docs/theory/actuation.md.
 
@@ -10,6 +11,7 @@ mod deflation;
 pub mod designs;
 mod events;
 mod family;
+pub mod inverse;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod lanes;
 mod nearest;

@@ -135,7 +135,7 @@ impl Solver {
     /// plain numbers.
     pub(super) fn take_load(&mut self, load: &Load) {
         if self.elements > 1 && load.has_arc_lengths() && !self.engine.divides() {
-            let mut plain = self.new_plain();
+            let mut plain = self.empty_plain();
             plain.take(load, &*self.engine, self.history[0].len());
             self.engine = plain;
         }
@@ -428,16 +428,32 @@ impl Solver {
         self.plain().jacobians(&segments)
     }
 
-    /// The present state in plain numbers, evaluated.
-    fn plain(&self) -> Box<dyn Plain> {
-        let mut plain = self.new_plain();
+    /// Derivatives of the tip's position and, if wanted, rotation by each tension at the last
+    /// equilibrium, in a rod of [`Solver::empty_plain`]; false where `jacobians` is `None`.
+    pub(super) fn tip_by_tensions(
+        &self,
+        plain: &mut dyn Plain,
+        rotation: bool,
+        columns: &mut [[Vec3; 2]],
+    ) -> bool {
+        if !self.settled {
+            return false;
+        }
         plain.take(&self.load.borrow(), &*self.engine, self.history[0].len());
-        plain
+        plain.tip_by_tensions(rotation, columns)
     }
 
-    fn new_plain(&self) -> Box<dyn Plain> {
+    /// A rod in plain numbers with the same modules.
+    pub(super) fn empty_plain(&self) -> Box<dyn Plain> {
         dispatch::plain(&self.robot, self.model, self.elements)
             .expect("elements were checked when the solver was made")
+    }
+
+    /// The present state in plain numbers, evaluated.
+    fn plain(&self) -> Box<dyn Plain> {
+        let mut plain = self.empty_plain();
+        plain.take(&self.load.borrow(), &*self.engine, self.history[0].len());
+        plain
     }
 }
 
