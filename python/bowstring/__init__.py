@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         dynamics,
         errors,
         fem,
+        inverse,
         robot,
         statics,
         study,
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
     from bowstring.dynamics.integrator import Integrator
     from bowstring.dynamics.modal import Modes, modes
     from bowstring.dynamics.simulation import Output, Run, Start, simulate
+    from bowstring.inverse.kinematics import inverse_kinematics
+    from bowstring.inverse.solution import InverseSolution
     from bowstring.robot.model import Robot
     from bowstring.robot.reader import load_robot, robot_names, robot_schema
     from bowstring.statics.branches import (
@@ -86,6 +89,7 @@ __all__ = [
     "Extras",
     "Fit",
     "Integrator",
+    "InverseSolution",
     "Jacobians",
     "Load",
     "Loading",
@@ -121,6 +125,8 @@ __all__ = [
     "errors",
     "fem",
     "fit",
+    "inverse",
+    "inverse_kinematics",
     "jacobians",
     "load_robot",
     "make_solid",
@@ -162,6 +168,8 @@ _HOME = {
         "dynamics.integrator": "Integrator",
         "dynamics.modal": "Modes modes",
         "dynamics.simulation": "Output Run Start simulate",
+        "inverse.kinematics": "inverse_kinematics",
+        "inverse.solution": "InverseSolution",
         "robot.model": "Robot",
         "robot.reader": "load_robot robot_names robot_schema",
         "statics.branches": (

@@ -128,6 +128,14 @@ def follow_branches(
     model: RodModel,
     search: Any,
 ) -> dict[str, Any]: ...
+def inverse_kinematics(
+    robot: Robot,
+    targets: Any,
+    limits: tuple[Floats, Floats],
+    load: _DeadLoad,
+    model: RodModel,
+    threads: int | None,
+) -> dict[str, Any]: ...
 
 @final
 class Simulator:

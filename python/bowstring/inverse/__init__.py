@@ -1,0 +1,1 @@
+"""Inverse kinematics: tensions and displacements for a position of the tip."""

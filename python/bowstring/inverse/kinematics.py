@@ -1,0 +1,321 @@
+"""Inverse kinematics by physics and by constant curvature."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring import validation
+from bowstring._core import RodModel
+from bowstring._core import inverse_kinematics as _inverse_kinematics
+from bowstring.constant_curvature import RobotArcs
+from bowstring.errors import InputError
+from bowstring.inverse.arcs import arcs_to, tensions_of
+from bowstring.inverse.solution import InverseSolution
+from bowstring.robot.model import check_robot
+from bowstring.statics.load import Load
+from bowstring.statics.load_tables import with_arrays
+from bowstring.units import number_with_unit
+from bowstring.validation import shown
+
+if TYPE_CHECKING:
+    from bowstring.robot.model import Robot
+
+__all__ = ["default_max_tension", "inverse_kinematics"]
+
+Floats = NDArray[np.float64]
+
+_REACHED: Final = 1e-6  # distance over length of a reached tip
+_ROUNDING: Final = 1e-15
+_BEYOND: Final = 1.001  # distance from the base over length beyond which no tip can be
+
+
+def inverse_kinematics(
+    robot: Robot,
+    position: ArrayLike,
+    *,
+    direction: ArrayLike | None = None,
+    load: Load | None = None,
+    model: RodModel | Literal["constant_curvature"] | None = None,
+    min_tension: ArrayLike = 0.0,
+    max_tension: ArrayLike | None = None,
+    path: bool = True,
+) -> InverseSolution:
+    """Find tensions that bring the tip to a position.
+
+    By physics the tip is that of the stable equilibrium, to 1e-8 of the length. Where several sets
+    of tensions lead to the position, the result has the least sum of squares near it; where none
+    does, the nearest tip.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot without friction.
+    position : array_like (3,) or (n, 3)
+        Wanted position of the tip in the base frame, m.
+    direction : array_like (3,) or (n, 3), optional
+        Wanted direction of the tangent at the tip; its length does not matter. Where the pose
+        cannot be reached, the error of the direction weighs as much as the same share of the
+        length.
+    load : Load, optional
+        Gravity and dead loads, without actuation. Rows as for `bowstring.sweep`.
+    model : RodModel or "constant_curvature", optional
+        Physics as for `bowstring.solve`, which is the default; or arcs, which know neither loads
+        nor shortening: in closed form for one segment and a position, otherwise by iteration, of
+        the arcs through the position those with the least squared bends; tensions follow from the
+        linear law.
+    min_tension, max_tension : array_like () or (T,), optional
+        Limits of the tensions in N. The default is 0 N, and for each tendon the tension that bends
+        its segment by half a turn by the linear law.
+    path : bool
+        Whether rows are a path, each started from the previous one. Otherwise each has its own
+        start, and they are solved on all cores.
+
+    Returns
+    -------
+    InverseSolution
+        Check `reached`, or call `raise_for_status`.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, for a position farther from the base than the robot is long, and
+        for tendons with friction or without derivatives.
+
+    Examples
+    --------
+    >>> import bowstring as bs
+    >>> robot = bs.load_robot("rao2021")
+    >>> found = bs.inverse_kinematics(robot, [0.12, 0.05, 0.36])
+    >>> found.status, bool(found.distance < 1e-8)
+    ('reached', True)
+    >>> bs.solve(robot, found.tensions).tip.position.round(6)
+    array([0.12, 0.05, 0.36])
+    """
+    check_robot(robot)
+    path = validation.truth("path", path)
+    targets, single = _positions(robot, position)
+    tangents = _directions(direction, len(targets), single)
+    least, most = _limits(robot, min_tension, max_tension)
+    load = _dead(load)
+    chosen: RodModel | Literal["constant_curvature"] = "constant_curvature"
+    if isinstance(model, str):
+        validation.choice("model", model, ("constant_curvature",))
+        if any(value is not None for value in load.__dict__.values()):
+            raise InputError(
+                "constant curvature knows no loads; leave load out, or give model=RodModel()"
+            )
+        found = _by_arcs(robot, targets, tangents, (least, most))
+    else:
+        chosen = rod = validation.instance("model", model, RodModel)
+        found = _by_physics(robot, (targets, tangents), (least, most), load, rod, path)
+    if single:
+        found = {name: value[0] for name, value in found.items()}
+        found |= {name: v.item() for name, v in found.items() if isinstance(v, np.generic)}
+        targets = targets[0]
+        tangents = None if tangents is None else tangents[0]
+    return InverseSolution(
+        robot=robot,
+        model=chosen,
+        load=load,
+        position=targets,
+        direction=tangents,
+        min_tension=least,
+        max_tension=most,
+        **found,
+    )
+
+
+def default_max_tension(robot: Robot) -> Floats:
+    """Tension of each tendon that bends its segment by half a turn by the linear law.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot.
+
+    Returns
+    -------
+    ndarray (T,)
+        In N.
+    """
+    segments = robot.tendons.segment
+    lengths = np.array([segment.length for segment in robot.segments])
+    every = np.arange(len(segments))
+    arms = np.linalg.norm(robot.tendons.mean_hole_m[segments, every], axis=-1)
+    arms = np.maximum(arms, 1e-3 * robot.length)
+    stiffness = np.asarray(robot.bending_stiffness)
+    return np.asarray(np.pi * stiffness[segments] / (lengths[segments] * arms))
+
+
+def _by_physics(
+    robot: Robot,
+    targets: tuple[Floats, Floats | None],
+    limits: tuple[Floats, Floats],
+    load: Load,
+    model: RodModel,
+    path: bool,
+) -> dict[str, Any]:
+    if robot.has_friction:
+        raise InputError(
+            f"the tendons of {robot.name} have friction: the tip then depends on the load history, "
+            "and the inverse is for tendons without friction; set friction to 0"
+        )
+    if model.tendon_path == "continuous" or robot.is_embedded:
+        raise InputError(
+            "inverse kinematics needs derivatives, which continuous and embedded tendons do not "
+            'have; use tendon_path="straight" or model="constant_curvature"'
+        )
+    given = SimpleNamespace(positions=targets[0], directions=targets[1])
+    threads = None if path else 0
+    found = _inverse_kinematics(robot.core, given, limits, load, model, threads)
+    # the core's unit of tension rounds
+    tensions = found["tensions"]
+    for limit in limits:
+        tensions = np.where(np.abs(tensions - limit) <= _ROUNDING * limit, limit, tensions)
+    return found | {"tensions": tensions}
+
+
+def _by_arcs(
+    robot: Robot, targets: Floats, tangents: Floats | None, limits: tuple[Floats, Floats]
+) -> dict[str, Any]:
+    least, most = limits
+    wanted = arcs_to(robot, targets, tangents)
+    tensions = tensions_of(robot, wanted, least, most)
+    # the arcs of these tensions: those wanted, unless limits bind
+    arcs = RobotArcs.from_tensions(robot, np.nan_to_num(tensions))
+    moved = np.linalg.norm(arcs.arc.bend - wanted.arc.bend, axis=-1).max(axis=-1)
+    bound = moved > 1e-7
+    if not bound.any():
+        arcs = wanted
+    tip = arcs.tip
+    distance = np.linalg.norm(tip.position - targets, axis=-1)
+    size = distance / robot.length
+    error = np.full(len(targets), np.nan)
+    if tangents is not None:
+        chord = np.linalg.norm(tip.rotation[..., 2] - tangents, axis=-1)
+        error = 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
+        size = np.hypot(size, chord)
+    reached = size <= _REACHED
+    at_least, at_most = tensions <= least, tensions >= most
+    binding = np.where(at_most, 1, np.where(at_least, -1, 0))
+    binding = np.where((bound & ~reached)[:, None], binding, 0).astype(np.int8)
+    count = len(targets)
+    return {
+        "status": ["reached" if done else "unreachable" for done in reached],
+        "stable": [None] * count,
+        "tensions": tensions,
+        "tip_position": tip.position,
+        "tip_rotation": tip.rotation,
+        "distance": distance,
+        "direction_error": error,
+        "tendon_lengths": arcs.lengths(),
+        "binding": binding,
+        "iterations": np.zeros(count, dtype=np.int64),
+        "restarted": np.zeros(count, dtype=bool),
+        "elements": np.zeros(count, dtype=np.int64),
+        "tip_error": np.full(count, np.nan),
+        "arcs": arcs,
+    }
+
+
+# -- arguments ---------------------------------------------------------------------------------
+
+
+def _positions(robot: Robot, given: ArrayLike) -> tuple[Floats, bool]:
+    """Positions (n, 3), and whether a single one was given."""
+    found = _rows("position", given, "m")
+    single = found.ndim == 1
+    found = np.atleast_2d(found)
+    if not len(found):
+        raise InputError("position has no rows; give one or more")
+    distance = np.linalg.norm(found, axis=-1)
+    far = np.flatnonzero(distance > _BEYOND * robot.length)
+    if far.size:
+        k = int(far[0])
+        where = "position" if single else f"row {k + 1} of position"
+        raise InputError(
+            f"{where} is {number_with_unit(float(distance[k]), 'm')} from the base, out of any "
+            f"reach: {robot.name} is {number_with_unit(robot.length, 'm')} long"
+        )
+    return found, single
+
+
+def _directions(given: ArrayLike | None, count: int, single: bool) -> Floats | None:
+    if given is None:
+        return None
+    found = _rows("direction", given, "")
+    if found.ndim == 2 and (single or len(found) != count):
+        wanted = "(3,)" if single else f"(3,) or ({count}, 3)"
+        raise InputError(f"direction has shape {found.shape}, it must be {wanted}")
+    found = np.atleast_2d(found)
+    norms = np.linalg.norm(found, axis=-1, keepdims=True)
+    if not (norms > 0.0).all() or not np.isfinite(norms).all():
+        k = int(np.flatnonzero(~(norms[:, 0] > 0.0) | ~np.isfinite(norms[:, 0]))[0])
+        raise InputError(f"direction is {found[k].tolist()}, it must not be zero or too large")
+    return np.array(np.broadcast_to(found / norms, (count, 3)))
+
+
+def _rows(name: str, given: ArrayLike, unit: str) -> Floats:
+    what = "three numbers, or rows of three" + (f", in {unit}" if unit else "")
+    found = validation.read(name, given, what)
+    if found.ndim not in (1, 2) or found.shape[-1] != 3:
+        raise InputError(f"{name} has shape {found.shape}, it must be (3,) or (n, 3)")
+    bad = ~np.isfinite(found)
+    if bad.any():
+        if found.ndim == 1:
+            raise InputError(f"{name} is {found.tolist()}, all must be finite numbers")
+        k = int(np.flatnonzero(bad.any(axis=-1))[0])
+        raise InputError(
+            f"row {k + 1} of {name} is {found[k].tolist()}, all must be finite numbers"
+        )
+    return found
+
+
+def _limits(
+    robot: Robot, min_tension: ArrayLike, max_tension: ArrayLike | None
+) -> tuple[Floats, Floats]:
+    least = _limit(robot, "min_tension", min_tension)
+    if max_tension is None:
+        most = np.maximum(default_max_tension(robot), least)
+    else:
+        most = _limit(robot, "max_tension", max_tension)
+    for i in np.flatnonzero(least > most)[:1]:
+        raise InputError(
+            f"min_tension of tendon {i + 1} is {least[i]:g} N and its max_tension {most[i]:g} N; "
+            "the least must not be above the largest"
+        )
+    return least, most
+
+
+def _limit(robot: Robot, name: str, given: ArrayLike) -> Floats:
+    count = robot.core.tendon_count
+    found = validation.read(name, given, f"a number or {count} numbers in N")
+    if found.shape not in ((), (count,)):
+        raise InputError(f"{name} has shape {found.shape}, it must be one number or ({count},)")
+    found = np.array(np.broadcast_to(found, (count,)))
+    for i in np.flatnonzero(~(np.isfinite(found) & (found >= 0.0)))[:1]:
+        raise InputError(
+            f"{name} of tendon {i + 1} is {found[i]:g} N; it must be a finite number, 0 N or more"
+        )
+    return found
+
+
+def _dead(load: Load | None) -> Load:
+    """Dead loads; the actuation is what is sought."""
+    if load is None:
+        return Load()
+    if not isinstance(load, Load):
+        raise InputError(f"load is {shown(load)}, it must be a bowstring.Load")
+    if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
+        raise InputError("load has an actuation, which is what the inverse finds; leave it out")
+    if load.base is not None:
+        raise InputError("load has a motion of the base, which is for bowstring.simulate only")
+    load = with_arrays(load, " or (n, N, 3)")
+    given = {name: getattr(load, name) for name in ("gravity", "tip_force", "tip_moment")}
+    shape = "numbers of shape (3,) or (n, 3)"
+    read = {n: validation.read(n, v, shape) for n, v in given.items() if v is not None}
+    return load.replace(**read)

@@ -1,0 +1,335 @@
+"""Result of inverse kinematics."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.constant_curvature import RobotArcs
+from bowstring.display import html_table, millimetres, sampled_rows
+from bowstring.errors import InputError, NoSolutionError, StabilityWarning
+from bowstring.formatting import in_mm, listed, plain, significant
+from bowstring.statics import actuation
+from bowstring.statics.load import Load
+from bowstring.statics.rod import solve_batch, sweep
+from bowstring.statics.solution import Pose, Sweep
+from bowstring.validation import choice
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+    from bowstring._core import RodModel
+    from bowstring.robot.model import Robot
+    from bowstring.schemas import inverse as schema
+
+__all__ = ["InverseSolution"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class InverseSolution:
+    """Tensions for positions of the tip; made by `inverse_kinematics`.
+
+    Arrays have the shape that is stated for one position. For n positions they have a leading
+    dimension n, and a value of a position is a list or an array of n.
+
+    Attributes
+    ----------
+    robot : Robot
+    model : RodModel or "constant_curvature"
+    load : Load
+        Dead loads of the equilibria; without tensions.
+    position : ndarray (3,)
+        Wanted position of the tip in m.
+    direction : ndarray (3,) or None
+        Wanted direction of the tangent at the tip, of length one.
+    min_tension, max_tension : ndarray (T,)
+        Limits of the tensions in N.
+    status : str or list of str
+        ``"reached"``, the tip is within 1e-6 of the robot's length of the wanted position (with a
+        direction, distance over length and error of the direction together are);
+        ``"unreachable"``, the tip is the nearest that the limits and the robot allow, as far as
+        small changes of tension show; ``"max_iterations"``, it is not proven to be the nearest;
+        ``"no_equilibrium"``, the loads have no stable equilibrium, and the numbers are NaN.
+    tensions : ndarray (T,)
+        Tensions in N; the least sum of squares near them that leads to the same tip.
+    tip_position, tip_rotation : ndarray (3,) in m, (3, 3)
+        Pose of the tip under the tensions, by the model.
+    distance : float or ndarray
+        Distance from the tip to the wanted position, m.
+    direction_error : float or ndarray
+        Angle between the tangent at the tip and the wanted direction, rad; NaN without one.
+    tendon_lengths : ndarray (T,)
+        In m.
+    binding : ndarray of int (T,)
+        Where the tip is not reached: -1 if the least tension keeps it from coming nearer, 1 if the
+        largest does, otherwise 0. Zeros where it is reached.
+    stable : bool, None, or a list of them
+        As `Solution.stable`; None by constant curvature.
+    iterations : int or ndarray of int
+        Gauss-Newton iterations of all starts.
+    restarted : bool or ndarray of bool
+        Whether a row of a path was found from another start than the previous row, so that the
+        robot may jump between them.
+    elements : int or ndarray of int
+        Elements in a module; 0 by constant curvature.
+    tip_error : float or ndarray
+        Estimated discretisation error of the tip in m; NaN by constant curvature.
+    arcs : RobotArcs or None
+        Arcs by constant curvature.
+    """
+
+    robot: Robot
+    model: RodModel | Literal["constant_curvature"]
+    load: Load
+    position: Floats
+    direction: Floats | None
+    min_tension: Floats
+    max_tension: Floats
+    status: Any
+    tensions: Floats
+    tip_position: Floats
+    tip_rotation: Floats
+    distance: Any
+    direction_error: Any
+    tendon_lengths: Floats
+    binding: NDArray[np.int8]
+    stable: Any
+    iterations: Any
+    restarted: Any
+    elements: Any
+    tip_error: Any
+    arcs: RobotArcs | None = None
+
+    def __len__(self) -> int:
+        if self.position.ndim == 1:
+            raise TypeError("the result for one position has no length")
+        return len(self.position)
+
+    @property
+    def reached(self) -> Any:
+        """Whether the tip is reached: bool, or ndarray of bool (n,)."""
+        if self.position.ndim == 1:
+            return bool(self.status == "reached")
+        return np.array([word == "reached" for word in self.status], dtype=bool)
+
+    @property
+    def tip(self) -> Pose:
+        """Pose of the tip under the tensions."""
+        return Pose(self.tip_position, self.tip_rotation)
+
+    def displacements(self) -> Floats | None:
+        """Tendon displacements since the home pose in m, positive where shortened.
+
+        By physics with the compliance of the tendons. By constant curvature from the lengths of the
+        arcs alone.
+
+        Returns
+        -------
+        ndarray (T,), or (n, T), or None
+            None if the robot's pretension has no home pose.
+        """
+        if isinstance(self.model, str):
+            disks = self.robot.disks.station_m
+            return np.asarray(disks[self.robot.tendons.end_disk] - self.tendon_lengths)
+        return actuation.displacements(self.robot, self.model, self.tendon_lengths, self.tensions)
+
+    def land(
+        self,
+        *,
+        control: Literal["tensions", "displacements"] = "tensions",
+        load: Load | None = None,
+        model: RodModel | None = None,
+    ) -> Sweep:
+        """Equilibria under the commands: where the robot goes by physics.
+
+        Parameters
+        ----------
+        control : {"tensions", "displacements"}
+            Which of the commands the motors hold. Displacements are followed as a path from the
+            home pose.
+        load : Load, optional
+            Dead loads; by default those of the result.
+        model : RodModel, optional
+            As for `bowstring.solve`; by default that of the result.
+
+        Returns
+        -------
+        Sweep
+            Of one row for one position.
+        """
+        choice("control", control, ("tensions", "displacements"))
+        given = self.load if load is None else load
+        if not isinstance(given, Load):
+            raise InputError(f"load is {given!r:.60}, it must be a bowstring.Load")
+        if model is None and not isinstance(self.model, str):
+            model = self.model
+        values = self.tensions if control == "tensions" else self.displacements()
+        if values is None:
+            raise InputError(f"{self.robot.name} has no home pose, so there are no displacements")
+        rows = np.nan_to_num(np.atleast_2d(values))
+        if control == "tensions":
+            return solve_batch(self.robot, rows, load=given, model=model)
+        return sweep(self.robot, load=given.replace(displacements=rows), model=model)
+
+    def __repr__(self) -> str:
+        if self.position.ndim == 1:
+            tensions = ", ".join(f"{v:.6g}" for v in self.tensions)
+            return (
+                f"<InverseSolution of {self.robot.name}: {self.status}, tensions {tensions} N, "
+                f"distance {in_mm(float(self.distance))}>"
+            )
+        done = int(self.reached.sum())
+        return f"<InverseSolution of {self.robot.name}: {done} of {len(self)} positions reached>"
+
+    def _repr_html_(self) -> str:
+        single = self.position.ndim == 1
+
+        def row(k: int) -> tuple[object, ...]:
+            at: Any = ... if single else k
+            return (
+                millimetres(self.position[at]),
+                ", ".join(f"{v:.6g}" for v in self.tensions[at]),
+                in_mm(float(np.asarray(self.distance)[at])),
+                self.status if single else self.status[k],
+            )
+
+        count = 1 if single else len(self)
+        header = ("position", "tensions, N", "distance", "status")
+        return html_table(repr(self).strip("<>"), sampled_rows(count, row), header)
+
+    def message(self, row: int | None = None) -> str:
+        """How the inverse of a position ended, as a sentence.
+
+        Parameters
+        ----------
+        row : int, optional
+            Index of the position; left out for a result of one position.
+
+        Returns
+        -------
+        str
+            Status, distance and binding limits.
+        """
+        single = self.position.ndim == 1
+        if single != (row is None):
+            raise InputError("row is the index of a position, left out for one position")
+        at: Any = ... if row is None else row
+        status = self.status if row is None else self.status[row]
+        if status == "no_equilibrium":
+            return "The robot has no stable equilibrium under the loads from which to start."
+        distance = in_mm(float(np.asarray(self.distance)[at]))
+        if status == "reached":
+            return f"The tip is reached, within {distance}."
+        said = f"The tip comes within {distance} of the position"
+        if self.direction is not None:
+            angle = np.degrees(float(np.asarray(self.direction_error)[at]))
+            said += f" and {significant(angle)} deg of the direction"
+        if status == "max_iterations":
+            return said + ", and may come nearer: the iteration did not converge."
+        binding = self.binding[at]
+        parts = []
+        for value, what, limit in (
+            (1, "largest", self.max_tension),
+            (-1, "least", self.min_tension),
+        ):
+            tendons = np.flatnonzero(binding == value)
+            if tendons.size:
+                each = [f"{i + 1} ({significant(limit[i])} N)" for i in tendons]
+                named = f"tendon {each[0]}" if len(each) == 1 else f"tendons {listed(each)}"
+                parts.append(f"the {what} tension of {named}")
+        if parts:
+            binds = "bind" if (binding != 0).sum() > 1 else "binds"
+            return f"{said}; {listed(parts)} {binds}."
+        return f"{said}; no limit binds: the robot does not reach it from there."
+
+    def raise_for_status(self) -> Self:
+        """Return self if all positions are reached, else raise.
+
+        Raises
+        ------
+        NoSolutionError
+            The message has the first position that is not reached, and their number.
+
+        Warns
+        -----
+        StabilityWarning
+            If an equilibrium is unstable, or its stability is unknown.
+        """
+        reached = np.atleast_1d(self.reached)
+        failed = np.flatnonzero(~reached)
+        if failed.size:
+            k = int(failed[0])
+            if self.position.ndim == 1:
+                raise NoSolutionError(f"{self.robot.name}: {self.message()}", status=self.status)
+            raise NoSolutionError(
+                f"{self.robot.name}: {failed.size} of {len(self)} positions are not reached, first "
+                f"row {k + 1}: {self.message(k)}",
+                status=self.status[k],
+            )
+        stable = [self.stable] if self.position.ndim == 1 else self.stable
+        if self.arcs is None and not all(stable):
+            warnings.warn(
+                f"{self.robot.name}: an equilibrium of the inverse is unstable, or its stability "
+                "is unknown",
+                StabilityWarning,
+                stacklevel=2,
+            )
+        return self
+
+    def to_dict(self) -> schema.InverseRow | schema.InverseRows:
+        """Return plain values with units in the names, ready for `json.dumps`.
+
+        Returns
+        -------
+        dict
+            ``status, message, stable, iterations, restarted, elements, position_m, direction,
+            distance_m, direction_error_rad, tip, tensions_N, displacements_m, tendon_lengths_m,
+            binding, tip_error_m``; for n positions ``count, reached, rows``.
+        """
+        displacements = self.displacements()
+        if self.position.ndim == 1:
+            return self._row(None, displacements)
+        rows = [self._row(k, displacements) for k in range(len(self))]
+        return {"count": len(self), "reached": int(self.reached.sum()), "rows": rows}
+
+    def _row(self, row: int | None, displacements: Floats | None) -> schema.InverseRow:
+        at: Any = ... if row is None else row
+        failed = (self.status if row is None else self.status[row]) == "no_equilibrium"
+
+        def value(name: str) -> Any:
+            found = getattr(self, name)
+            return plain(found if row is None else found[row])
+
+        binding = self.binding[at]
+        return {
+            "status": value("status"),
+            "message": self.message(row),
+            "stable": value("stable"),
+            "iterations": value("iterations"),
+            "restarted": value("restarted"),
+            "elements": value("elements"),
+            "position_m": plain(self.position[at]),
+            "direction": None if self.direction is None else plain(self.direction[at]),
+            "distance_m": value("distance"),
+            "direction_error_rad": value("direction_error"),
+            "tip": None
+            if failed
+            else {
+                "position_m": plain(self.tip_position[at]),
+                "rotation": plain(self.tip_rotation[at]),
+            },
+            "tensions_N": plain(self.tensions[at]),
+            "displacements_m": None if displacements is None else plain(displacements[at]),
+            "tendon_lengths_m": plain(self.tendon_lengths[at]),
+            "binding": [
+                {"tendon": int(i) + 1, "limit": "least" if binding[i] < 0 else "largest"}
+                for i in np.flatnonzero(binding)
+            ],
+            "tip_error_m": value("tip_error"),
+        }

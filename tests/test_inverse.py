@@ -1,0 +1,287 @@
+"""Inverse kinematics: tips of forward solves, other optimisers, limits, bad input."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares, minimize
+
+import bowstring as bs
+from bowstring.constant_curvature import RobotArcs
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.inverse.kinematics import default_max_tension
+
+ROBOTS = ("amouri2019", "rao2021", "crl-ftdcr-v4")
+
+
+def forward(robot, count, seed, share=0.5, load=None):
+    """Stable equilibria under random tensions: tensions (n, T), tips, and the largest tensions."""
+    rng = np.random.default_rng(seed)
+    most = share * default_max_tension(robot)
+    tensions = rng.uniform(0.0, 1.0, (count, len(most))) * most
+    found = bs.solve_batch(robot, tensions, load=load, disks=False)
+    good = np.array([stable is True for stable in found.stable])
+    assert good.mean() > 0.9
+    return tensions[good], found.tip_position[good], most
+
+
+def check_reached(name, count, seed):
+    robot = bs.load_robot(name)
+    tensions, tips, most = forward(robot, count, seed)
+    found = bs.inverse_kinematics(robot, tips, max_tension=most, path=False)
+    assert (found.tensions >= 0.0).all() and (found.tensions <= most).all()
+    assert found.reached.mean() > 0.999
+    reached = found.reached
+    assert found.distance[reached].max() < 1e-6 * robot.length
+    # the tip of a solve that knows nothing of the inverse
+    landed = found.land()
+    off = np.linalg.norm(landed.tip_position - tips, axis=1)[reached]
+    # it may take other elements, which agree to their estimated error
+    assert (off < 1e-6 * robot.length + found.tip_error[reached]).mean() > 0.999
+    # never more than what made the tip, as far as it is the same branch
+    more = np.linalg.norm(found.tensions, axis=1) / np.linalg.norm(tensions, axis=1)
+    assert np.median(more) <= 1.0 + 1e-9
+    assert all(found.stable[row] is True for row in np.flatnonzero(reached))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_tips_of_forward_solves_are_reached(name):
+    check_reached(name, 400, 11)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ROBOTS)
+def test_ten_thousand_tips_of_forward_solves_are_reached(name):
+    check_reached(name, 10_000, 12)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_tips_under_gravity_and_a_tip_force_are_reached(name):
+    robot = bs.load_robot(name)
+    load = bs.Load(gravity=(0.0, -9.81, 0.0), tip_force=(0.02, 0.0, -0.03))
+    _, tips, most = forward(robot, 200, 3, load=load)
+    found = bs.inverse_kinematics(robot, tips, load=load, max_tension=most, path=False)
+    assert found.reached.mean() > 0.99
+    landed = found.land().tip_position[found.reached]
+    assert np.abs(landed - tips[found.reached]).max() < 1e-5 * robot.length
+
+
+def by_slsqp(robot, target, start, most):
+    """Least tensions that lead to a tip, by scipy from a start that leads to it."""
+    scale = most.max()
+
+    def tip(t):
+        return bs.solve(robot, np.clip(t, 0.0, 1.0) * scale)
+
+    def residual(t):
+        return (tip(t).tip.position - target) / robot.length
+
+    def jacobian(t):
+        return bs.jacobians(tip(t)).tip_position_by_tension * scale / robot.length
+
+    return minimize(
+        lambda t: 0.5 * t @ t,
+        start / scale,
+        jac=lambda t: t,
+        bounds=[(0.0, m / scale) for m in most],
+        constraints={"type": "eq", "fun": residual, "jac": jacobian},
+        method="SLSQP",
+        options={"ftol": 1e-12, "maxiter": 200},
+    ), scale
+
+
+@pytest.mark.parametrize("name", ["rao2021", "crl-ftdcr-v4"])
+def test_tensions_are_the_least(name):
+    """SLSQP from the result finds no smaller tensions, and from others no smaller ones near."""
+    robot = bs.load_robot(name)
+    _, tips, most = forward(robot, 12, 21)
+    found = bs.inverse_kinematics(robot, tips, max_tension=most, path=False)
+    for row in np.flatnonzero(found.reached):
+        best, scale = by_slsqp(robot, tips[row], found.tensions[row], most)
+        assert np.linalg.norm(best.x) * scale > np.linalg.norm(found.tensions[row]) * (1.0 - 1e-5)
+        assert np.abs(best.x * scale - found.tensions[row]).max() < 1e-2 * most.max()
+
+
+def test_unreachable_tips_are_the_nearest():
+    """scipy's bounded least squares on forward solves comes no nearer."""
+    robot = bs.load_robot("amouri2019")
+    rng = np.random.default_rng(5)
+    for _ in range(12):
+        way = rng.normal(size=3)
+        target = way / np.linalg.norm(way) * rng.uniform(0.3, 0.6)
+        target[2] = abs(target[2])
+        found = bs.inverse_kinematics(robot, target, max_tension=80.0)
+        assert found.status == "unreachable"
+
+        def residual(t, target=target):
+            return bs.solve(robot, 80.0 * np.clip(t, 0, 1)).tip.position - target
+
+        def jacobian(t):
+            return 80.0 * bs.jacobians(bs.solve(robot, 80.0 * t)).tip_position_by_tension
+
+        best = min(
+            least_squares(
+                residual, start, jacobian, bounds=(0.0, 1.0), x_scale=1.0, xtol=1e-14, ftol=1e-14
+            ).cost
+            for start in (found.tensions / 80.0 * 0.98 + 0.01, [0.3, 0.3, 0.3], [0.7, 0.2, 0.2],
+                          [0.2, 0.7, 0.2], [0.2, 0.2, 0.7])
+        )  # fmt: skip
+        assert found.distance <= np.sqrt(2.0 * best) * (1.0 + 1e-5)
+
+
+def test_limits_that_bind_are_named():
+    robot = bs.load_robot("amouri2019")
+    tip = bs.solve(robot, [60.0, 0.0, 0.0]).tip.position
+    found = bs.inverse_kinematics(robot, tip, max_tension=30.0)
+    assert found.status == "unreachable"
+    assert found.tensions[0] == 30.0 and found.binding[0] == 1
+    assert "the largest tension of tendon 1 (30 N)" in found.message()
+    with pytest.raises(NoSolutionError, match="largest tension of tendon 1"):
+        found.raise_for_status()
+    # each tendon has its own limits
+    found = bs.inverse_kinematics(robot, tip, min_tension=[2.0, 3.0, 4.0], max_tension=70.0)
+    assert (found.tensions >= [2.0, 3.0, 4.0]).all()
+    held = bs.inverse_kinematics(robot, tip, min_tension=[0, 5, 0], max_tension=[70, 5, 70])
+    assert held.tensions[1] == 5.0
+
+
+@pytest.mark.parametrize("name", ["rao2021", "crl-ftdcr-v4"])
+def test_positions_with_directions_are_reached(name):
+    robot = bs.load_robot(name)
+    tensions, _, most = forward(robot, 150, 8)
+    poses = bs.solve_batch(robot, tensions)
+    tips, tangents = poses.tip_position, poses.tip_rotation[..., 2]
+    found = bs.inverse_kinematics(
+        robot, tips, direction=3.0 * tangents, max_tension=most, path=False
+    )
+    # two segments have four bends and the pose five numbers: only the tensions' own pose is exact
+    assert found.reached.mean() > (0.95 if name == "crl-ftdcr-v4" else 0.9)
+    reached = found.reached
+    assert found.direction_error[reached].max() < 2e-6
+    landed = found.land()
+    assert np.abs(landed.tip_rotation[reached][..., 2] - tangents[reached]).max() < 1e-5
+
+
+def test_path_is_followed_without_jumps():
+    robot = bs.load_robot("crl-ftdcr-v4")
+    angle = np.linspace(0.0, 2.0 * np.pi, 201)
+    tips = np.stack(
+        [0.05 * np.cos(angle), 0.05 * np.sin(angle), np.full_like(angle, 0.165)], axis=-1
+    )
+    found = bs.inverse_kinematics(robot, tips).raise_for_status()
+    assert not found.restarted.any()
+    assert np.abs(np.diff(found.tensions, axis=0)).max() < 0.05 * found.tensions.max()
+    # the same tips each from its own start
+    cold = bs.inverse_kinematics(robot, tips, path=False)
+    assert cold.reached.all()
+    again = bs.inverse_kinematics(robot, tips, path=False)
+    np.testing.assert_array_equal(cold.tensions, again.tensions)
+
+
+def test_displacements_lead_to_the_same_pose():
+    robot = bs.load_robot("rao2021")
+    tips = np.linspace([0.05, 0.02, 0.385], [0.12, 0.05, 0.36], 10)
+    found = bs.inverse_kinematics(robot, tips, min_tension=0.5).raise_for_status()
+    landed = found.land(control="displacements").raise_for_status()
+    assert np.abs(landed.tip_position - tips).max() < 1e-7
+    assert np.abs(landed.tensions - found.tensions).max() < 5e-3
+
+
+def test_constant_curvature_in_closed_form():
+    robot = bs.load_robot("amouri2019")
+    rng = np.random.default_rng(2)
+    tensions = rng.uniform(0.0, 60.0, (200, 3))
+    arcs = RobotArcs.from_tensions(robot, tensions)
+    found = bs.inverse_kinematics(robot, arcs.tip.position, model="constant_curvature")
+    assert found.reached.all() and found.distance.max() < 1e-12
+    # the least tensions leave one tendon slack
+    least = tensions - tensions.min(axis=1, keepdims=True)
+    np.testing.assert_allclose(found.tensions, least, atol=1e-8)
+    np.testing.assert_allclose(found.tendon_lengths, arcs.lengths(), atol=1e-13)
+    straight = robot.length - arcs.lengths()
+    np.testing.assert_allclose(found.displacements(), straight, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", ["rao2021", "crl-ftdcr-v4"])
+def test_constant_curvature_of_several_segments(name):
+    robot = bs.load_robot(name)
+    most = 0.5 * default_max_tension(robot)
+    tensions = np.random.default_rng(4).uniform(0.0, 1.0, (300, len(most))) * most
+    arcs = RobotArcs.from_tensions(robot, tensions)
+    found = bs.inverse_kinematics(robot, arcs.tip.position, model="constant_curvature")
+    assert found.reached.mean() > 0.98
+    reached = found.reached
+    assert found.distance[reached].max() < 1e-6 * robot.length
+    again = RobotArcs.from_tensions(robot, found.tensions).tip.position
+    assert np.abs(again - arcs.tip.position)[reached].max() < 2e-6 * robot.length
+
+
+def test_landing_of_constant_curvature_is_that_of_a_solve():
+    robot = bs.load_robot("amouri2019")
+    found = bs.inverse_kinematics(robot, [0.3, 0.0, 0.53], model="constant_curvature")
+    direct = bs.solve(robot, found.tensions).tip.position
+    np.testing.assert_allclose(found.land().tip_position[0], direct, atol=1e-12)
+    assert np.linalg.norm(direct - found.tip_position) > 1e-3
+
+
+def test_single_and_rows_agree_and_are_shown():
+    robot = bs.load_robot("amouri2019")
+    one = bs.inverse_kinematics(robot, [0.3, 0.0, 0.53])
+    rows = bs.inverse_kinematics(robot, [[0.3, 0.0, 0.53]])
+    np.testing.assert_array_equal(one.tensions, rows.tensions[0])
+    assert isinstance(one.status, str) and isinstance(one.distance, float)
+    assert len(rows) == 1 and rows.status == [one.status]
+    assert one.to_dict() == rows.to_dict()["rows"][0]
+    for found in (one, rows):
+        assert "amouri2019" in repr(found) and "<table>" in found._repr_html_()
+    with pytest.raises(TypeError):
+        len(one)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"position": [0.1, 0.0]}, r"shape \(2,\)"),
+        ({"position": [[[0.1, 0.0, 0.5]]]}, "shape"),
+        ({"position": "here"}, "position is 'here'"),
+        ({"position": [0.1, np.nan, 0.5]}, "finite"),
+        ({"position": [[0.1, 0.0, 0.5], [0.1, np.inf, 0.5]]}, "row 2 of position"),
+        ({"position": np.zeros((0, 3))}, "no rows"),
+        ({"position": [100.0, 0.0, 300.0]}, "out of any reach"),
+        ({"position": [[0.1, 0.0, 0.5], [0.0, 0.0, 0.7]]}, "row 2 of position is 700 mm"),
+        ({"direction": [0.0, 0.0, 0.0]}, "must not be zero"),
+        ({"direction": [[0.0, 0.0, 1.0]]}, "direction has shape"),
+        ({"direction": [0.0, np.nan, 1.0]}, "finite"),
+        ({"min_tension": -1.0}, "0 N or more"),
+        ({"max_tension": np.inf}, "finite"),
+        ({"max_tension": [1.0, 2.0]}, r"shape \(2,\)"),
+        ({"min_tension": 5.0, "max_tension": 4.0}, "must not be above"),
+        ({"model": "physics"}, "constant_curvature"),
+        ({"model": 3}, "RodModel"),
+        ({"model": bs.RodModel(tendon_path="continuous")}, "needs derivatives"),
+        ({"model": "constant_curvature", "load": bs.Load(tip_force=[0, 0, 1])}, "no loads"),
+        ({"load": bs.Load([1.0, 0.0, 0.0])}, "has an actuation"),
+        ({"load": 3}, "bowstring.Load"),
+        ({"load": bs.Load(gravity=[0, 0, np.nan])}, "finite"),
+        ({"load": bs.Load(gravity=[[0, 0, 1], [0, 0, 2]])}, "gravity"),
+        ({"path": 1}, "True or False"),
+    ],
+)
+def test_bad_input(arguments, words):
+    robot = bs.load_robot("amouri2019")
+    given = {"position": [0.3, 0.0, 0.53], **arguments}
+    with pytest.raises(InputError, match=words):
+        bs.inverse_kinematics(robot, given.pop("position"), **given)
+
+
+def test_friction_is_refused():
+    robot = bs.load_robot("amouri2019").with_({"segments.0.tendons.friction": 0.1})
+    with pytest.raises(InputError, match="friction"):
+        bs.inverse_kinematics(robot, [0.3, 0.0, 0.53])
+
+
+def test_behind_the_base_is_answered():
+    robot = bs.load_robot("rao2021")
+    found = bs.inverse_kinematics(robot, [0.0, 0.0, -0.2], max_tension=8.0)
+    assert found.status == "unreachable" and np.isfinite(found.distance)
+    assert (found.tensions <= 8.0).all()
