@@ -164,6 +164,8 @@ _EXAMPLES: Final = {
     "--displacement": '"10 mm",-0.005,-0.005',
     "--angle": '"90 deg",-0.5,-0.5',
     "--tip": "0.1,0,0.6",
+    "--direction": "0.5,0,0.9",
+    "--min-tension": '"1 N"',
     "--gravity": "0,0,-9.81",
     "--tip-force": "0,1,0",
     "--tip-moment": "0,0.1,0",

@@ -1,4 +1,4 @@
-"""Commands of robots and statics: robots, schema, fk, ik, solve."""
+"""Commands of robots and statics: robots, schema, fk, solve."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
-
-import typer
+from typing import TYPE_CHECKING, Annotated, Final
 
 from bowstring.cli.actuation import (
     Angle,
@@ -59,7 +57,6 @@ from bowstring.cli.output import (
     write_tables,
 )
 from bowstring.errors import InputError
-from bowstring.units import number_with_unit
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -67,7 +64,7 @@ if TYPE_CHECKING:
     from bowstring.constant_curvature import RobotArcs
     from bowstring.robot.model import Robot
     from bowstring.schemas import program
-    from bowstring.schemas.statics import Arc, FittedArc, Fk, Ik, Solve
+    from bowstring.schemas.statics import Arc, FittedArc, Fk, Solve
     from bowstring.statics import limits
     from bowstring.statics.solution import Solution
 
@@ -133,7 +130,7 @@ def fk(
         raise InputError(f"--lengths: {error}") from None
     segments: list[FittedArc] = [
         {**segment, "misfit_m": float(misfit)}
-        for segment, misfit in zip(_segments(arcs), arcs.misfit, strict=True)
+        for segment, misfit in zip(arc_rows(arcs), arcs.misfit, strict=True)
     ]
     result: Fk = {
         "segments": segments,
@@ -143,60 +140,7 @@ def fk(
     if as_json:
         return write_json(result)
     misfits = [segment["misfit_m"] for segment in segments]
-    write_tables(_arc_table(segments, misfits), tip_line(arcs.tip.position, arcs.tip.rotation))
-
-
-def ik(
-    robot: RobotSource,
-    tip: Annotated[str, option("x,y,z", "Desired tip position, base axes.")],
-    free_length: Annotated[
-        bool,
-        typer.Option("--free-length", help="Let the length of the arc change to meet the point."),
-    ] = False,
-    chord: Chord = False,
-    overrides: Overrides = None,
-    as_json: AsJson = False,
-) -> None:
-    """Inverse kinematics, constant curvature: tip to arc and lengths.
-
-    The arc has the robot's own length and comes as near to the point as it can; the miss is
-    reported.
-    """
-    import numpy as np
-
-    from bowstring.constant_curvature import RobotArcs
-
-    model = load(robot, overrides)
-    point = np.array(vector("--tip", tip, "m"))
-    check_bare("--tip", tip, "m", model, _FAR * model.length, "mm")
-    if len(model.segments) != 1:
-        raise InputError(
-            f"{model.name} has {len(model.segments)} segments; ik is for robots of one segment."
-        )
-    if not free_length:
-        distance, reach = math.hypot(*point), model.length
-        if distance > reach:
-            raise InputError(
-                f"--tip: got a point {number_with_unit(distance, 'm')} from the base, out of "
-                f"reach: {model.name} is {number_with_unit(reach, 'm')} long."
-            )
-    arcs = RobotArcs.ik(model, point, "chord" if chord else None, free_length=free_length)
-    segments, tendons, miss = _segments(arcs), arcs.lengths(), float(arcs.misfit[0])
-    result: Ik = {
-        "segments": segments,
-        "tendon_lengths_m": tendons.tolist(),
-        "distance_m": miss,
-        "tip": frame(arcs.tip.position, arcs.tip.rotation),
-        **provenance_of(model, tip_m=point, free_length=free_length, chord=chord),
-    }
-    if as_json:
-        return write_json(result)
-    write_tables(
-        _arc_table(segments),
-        tip_line(arcs.tip.position, arcs.tip.rotation)
-        + f"; misses the point by {1e3 * miss:.3f} mm",
-        _tendon_table(model, tendons),
-    )
+    write_tables(arc_table(segments, misfits), tip_line(arcs.tip.position, arcs.tip.rotation))
 
 
 def solve(
@@ -325,7 +269,7 @@ def solve(
         )
 
 
-def _segments(arcs: RobotArcs) -> list[Arc]:
+def arc_rows(arcs: RobotArcs) -> list[Arc]:
     columns = (arcs.kappa, arcs.phi, arcs.theta, arcs.length)
     return [
         {"kappa_per_m": kappa, "phi_rad": phi, "theta_rad": theta, "length_m": length}
@@ -333,7 +277,7 @@ def _segments(arcs: RobotArcs) -> list[Arc]:
     ]
 
 
-def _arc_table(segments: Sequence[Arc], misfits: Sequence[float] = ()) -> Table:
+def arc_table(segments: Sequence[Arc], misfits: Sequence[float] = ()) -> Table:
     names = ("segment", ">kappa 1/m", ">phi deg", ">theta deg", ">length mm")
     table = new_table(*names, *([">misfit mm"] if misfits else []))
     for i, s in enumerate(segments):
@@ -345,14 +289,6 @@ def _arc_table(segments: Sequence[Arc], misfits: Sequence[float] = ()) -> Table:
             fixed(1e3 * s["length_m"], 3),
             *[fixed(1e3 * misfit, 3) for misfit in misfits[i : i + 1]],
         )
-    return table
-
-
-def _tendon_table(robot: Robot, lengths: Any) -> Table:
-    straight = robot.disks.station_m[robot.tendons.end_disk]
-    table = new_table("tendon", ">length mm", ">displacement mm")
-    for i, length in enumerate(lengths):
-        table.add_row(str(i + 1), fixed(1e3 * length, 3), fixed(1e3 * (straight[i] - length), 3))
     return table
 
 

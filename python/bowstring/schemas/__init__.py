@@ -9,14 +9,26 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from bowstring.schemas import bench, branches, dynamics, fit, maps, program, solids, statics, study
+from bowstring.schemas import (
+    bench,
+    branches,
+    dynamics,
+    fit,
+    inverse,
+    maps,
+    program,
+    solids,
+    statics,
+    study,
+)
 
 #: The object that each command prints; that of `schema` is a JSON Schema itself.
 COMMANDS: Final[dict[str, Any]] = {
     "robots": program.Robots,
     "doctor": program.Doctor,
     "fk": statics.Fk,
-    "ik": statics.Ik,
+    "ik": inverse.Ik,
+    "ik --path": inverse.IkPath,
     "solve": statics.Solve,
     "branches": branches.Branches,
     "simulate": dynamics.Simulate,

@@ -1,4 +1,4 @@
-"""JSON of the commands fk, ik and solve."""
+"""JSON of the commands fk and solve."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ __all__ = [
     "Equilibrium",
     "ErrorEstimate",
     "Fk",
-    "Ik",
     "Pose",
     "Solve",
 ]
@@ -40,15 +39,6 @@ class Fk(OfRobot):
     """Output of `bowstring fk`."""
 
     segments: Annotated[list[FittedArc], about("Arcs, inner segment first.")]
-    tip: Annotated[Pose, about("Tip.")]
-
-
-class Ik(OfRobot):
-    """Output of `bowstring ik`."""
-
-    segments: Annotated[list[Arc], about("The arc.")]
-    tendon_lengths_m: Annotated[list[float], about("Length of each tendon.")]
-    distance_m: Annotated[float, about("Distance between the tip and the point.")]
     tip: Annotated[Pose, about("Tip.")]
 
 

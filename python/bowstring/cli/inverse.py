@@ -1,0 +1,398 @@
+"""Command ik: inverse kinematics by constant curvature and by physics."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+import typer
+
+from bowstring.cli.options import (
+    AsJson,
+    AutomaticElements,
+    Chord,
+    Gravity,
+    Overrides,
+    RobotSource,
+    Theory,
+    check_bare,
+    check_elements,
+    load,
+    not_negative,
+    of_flag,
+    option,
+    per_tendon,
+    vector,
+)
+from bowstring.cli.output import (
+    fixed,
+    frame,
+    new_table,
+    progress_bar,
+    provenance_of,
+    say,
+    tip_line,
+    write_json,
+    write_tables,
+)
+from bowstring.cli.statics import arc_rows, arc_table
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.formatting import in_mm, plain
+from bowstring.units import number_with_unit
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from bowstring.inverse.solution import InverseSolution
+    from bowstring.robot.model import Robot
+    from bowstring.schemas.inverse import Ik, IkPath
+    from bowstring.statics.load import Load
+
+#: Coordinate over the robot's length above which a number without a unit is hardly in m.
+_FAR: Final = 10.0
+#: Distance between two rows of a path over the length from which it is a jump.
+_JUMP: Final = 0.1
+_SUFFIXES: Final = (".png", ".pdf", ".svg")
+
+
+def ik(
+    robot: RobotSource,
+    tip: Annotated[str | None, option("x,y,z", "Desired tip position, base axes.", "--tip")] = None,
+    direction: Annotated[
+        str | None,
+        option("x,y,z", "Desired direction of the tangent at the tip, base axes.", "--direction"),
+    ] = None,
+    path: Annotated[
+        Path | None,
+        option("FILE", "CSV of tip positions, in place of --tip: tip_x_mm, tip_y_mm, tip_z_mm."),
+    ] = None,
+    model: Annotated[
+        Literal["cc", "physics"],
+        typer.Option(help="Constant curvature, or the equilibrium of the rod."),
+    ] = "cc",
+    min_tension: Annotated[
+        str | None,
+        option("T or T1,T2,...", "Least tension of all tendons, or of each.  [default: 0 N]"),
+    ] = None,
+    max_tension: Annotated[
+        str | None,
+        option(
+            "T or T1,T2,...",
+            "Largest tension of all tendons, or of each.  [default: half a turn of its segment]",
+        ),
+    ] = None,
+    free_length: Annotated[
+        bool,
+        typer.Option("--free-length", help="Let the length of the arc change to meet the point."),
+    ] = False,
+    chord: Chord = False,
+    theory: Theory = "cosserat",
+    gravity: Gravity = None,
+    tip_force: Annotated[
+        str | None, option("x,y,z", "Dead load: force at the tip, base axes.")
+    ] = None,
+    elements: AutomaticElements = None,
+    out: Annotated[
+        Path | None,
+        option("FILE", "Table of the commands for --path (.csv).  [default: commands.csv]"),
+    ] = None,
+    figure: Annotated[
+        Path | None,
+        option("FILE", "Figure for --path (.png, .pdf, .svg).  [default: beside the table]"),
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Inverse kinematics: tip to tensions and tendon displacements.
+
+    By constant curvature the arcs have the segments' own lengths. By physics the tip is that of the
+    equilibrium. Where the point is not reached, the nearest tip is given. With --path the figure
+    shows where the commands of both models lead by physics.
+    """
+    robot_ = load(robot, overrides)
+    if (tip is None) == (path is None):
+        raise InputError("--tip: give either --tip or --path.")
+    if model == "cc":
+        given = (
+            ("--theory", theory != "cosserat"),
+            ("--gravity", gravity is not None),
+            ("--tip-force", tip_force is not None),
+            ("--elements", elements is not None),
+        )
+        for flag, there in given:
+            if there and path is None:
+                raise InputError(
+                    f"{flag}: constant curvature does not use it; add --model physics."
+                )
+    for flag, there in (("--free-length", free_length), ("--chord", chord)):
+        if there and (model == "physics" or path is not None):
+            raise InputError(f"{flag}: it is for --tip with --model cc.")
+    for flag, file in (("--out", out), ("--figure", figure)):
+        if file is not None and path is None:
+            raise InputError(f"{flag}: it is for --path; a single tip is printed.")
+    check_elements(elements)
+    options = _Options(
+        robot_, model, min_tension, max_tension, theory, elements, gravity, tip_force
+    )
+    if path is not None:
+        if direction is not None:
+            raise InputError("--direction: a path has its directions as columns; leave it out.")
+        return _path(options, path, out, figure, as_json)
+    assert tip is not None
+    point = vector("--tip", tip, "m")
+    check_bare("--tip", tip, "m", robot_, _FAR * robot_.length, "mm")
+    distance, reach = math.hypot(*point), robot_.length
+    if distance > reach and not free_length:
+        raise InputError(
+            f"--tip: got a point {number_with_unit(distance, 'm')} from the base, out of "
+            f"reach: {robot_.name} is {number_with_unit(reach, 'm')} long."
+        )
+    tangent = None if direction is None else vector("--direction", direction, "1")
+    if tangent is not None and not any(tangent):
+        raise InputError("--direction: got 0,0,0; a direction must not be zero.")
+    if free_length or chord:
+        if tangent is not None or min_tension is not None or max_tension is not None:
+            raise InputError(
+                f"{'--free-length' if free_length else '--chord'}: it gives tendon lengths without "
+                "tensions; leave --direction and limits of tensions out."
+            )
+        return _arc(robot_, point, free_length, chord, as_json)
+    found = options.solve(point, tangent)
+    if found.status == "no_equilibrium":
+        raise NoSolutionError(f"{robot_.name}: {found.message()}", status="no_equilibrium")
+    row: Any = found.to_dict()
+    segments = None if found.arcs is None else arc_rows(found.arcs)
+    if as_json:
+        about = provenance_of(robot_, tip_m=point, direction=tangent, **options.settings())
+        return write_json({**row, "model": model, "segments": segments, **about})
+    if found.stable is False:
+        say("Warning", "the equilibrium is unstable.")
+    where = f"\nmisses the point by {1e3 * found.distance:.3f} mm"
+    if tangent is not None:
+        where += f" and the direction by {math.degrees(found.direction_error):.3f} deg"
+    write_tables(
+        f"{robot_.name}, {_name(model)}: {found.message()}",
+        *([] if segments is None else [arc_table(segments)]),
+        tip_line(found.tip_position, found.tip_rotation) + where,
+        _tendon_table(found),
+    )
+
+
+class _Options:
+    """Flags of both forms of the command."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        model: Literal["cc", "physics"],
+        *texts: Any,
+    ) -> None:
+        min_tension, max_tension, theory, elements, gravity, tip_force = texts
+        self.robot, self.model, self.theory, self.elements = robot, model, theory, elements
+        self.least = _limit("--min-tension", min_tension, robot)
+        self.most = _limit("--max-tension", max_tension, robot)
+        self.gravity = robot.gravity if gravity is None else vector("--gravity", gravity, "m/s^2")
+        self.force = [0.0] * 3 if tip_force is None else vector("--tip-force", tip_force, "N")
+
+    @property
+    def load(self) -> Load:
+        from bowstring.statics.load import Load
+
+        return Load(gravity=self.gravity, tip_force=self.force)
+
+    def solve(
+        self, point: Any, tangent: Any, model: Literal["cc", "physics"] | None = None
+    ) -> InverseSolution:
+        from bowstring._core import RodModel
+        from bowstring.inverse.kinematics import inverse_kinematics
+
+        limits: dict[str, Any] = {"min_tension": 0.0 if self.least is None else self.least}
+        limits["max_tension"] = self.most
+        try:
+            if (model or self.model) == "cc":
+                return inverse_kinematics(
+                    self.robot, point, direction=tangent, model="constant_curvature", **limits
+                )
+            rod = RodModel(self.theory, elements=self.elements)
+            return inverse_kinematics(
+                self.robot, point, direction=tangent, load=self.load, model=rod, **limits
+            )
+        except InputError as error:
+            if "min_tension" in str(error):
+                raise InputError(f"--min-tension: {error}") from None
+            raise
+
+    def settings(self) -> dict[str, Any]:
+        physics = self.model == "physics"
+        return {
+            "model": self.model,
+            "min_tension_N": self.least,
+            "max_tension_N": self.most,
+            "theory": self.theory if physics else None,
+            "gravity_m_per_s2": self.gravity if physics else None,
+            "tip_force_N": self.force if physics else None,
+            "elements": self.elements,
+        }
+
+
+def _limit(flag: str, text: str | None, robot: Robot) -> Any:
+    """Read one tension, or one for each tendon."""
+    if text is None:
+        return None
+    if "," in text:
+        return per_tendon(flag, text, "N", robot)
+    return not_negative(flag, text, "N")
+
+
+def _name(model: str) -> str:
+    return "constant curvature" if model == "cc" else "physics"
+
+
+def _arc(robot: Robot, point: list[float], free_length: bool, chord: bool, as_json: bool) -> None:
+    """The arc of one segment with a free length or with chords, without tensions."""
+    import numpy as np
+
+    from bowstring.constant_curvature import RobotArcs
+
+    if len(robot.segments) != 1:
+        flag = "--free-length" if free_length else "--chord"
+        raise InputError(
+            f"{flag}: {robot.name} has {len(robot.segments)} segments; this is for robots of one "
+            "segment."
+        )
+    arcs = RobotArcs.ik(robot, np.array(point), "chord" if chord else None, free_length=free_length)
+    segments, miss = arc_rows(arcs), float(arcs.misfit[0])
+    lengths = arcs.lengths()
+    straight = robot.disks.station_m[robot.tendons.end_disk]
+    reached = miss <= 1e-6 * robot.length
+    if as_json:
+        content: Ik = {
+            "model": "cc",
+            "status": "reached" if reached else "unreachable",
+            "message": "The arc meets the point."
+            if reached
+            else "The arc does not meet the point.",
+            "stable": None,
+            "iterations": 0,
+            "restarted": False,
+            "elements": 0,
+            "position_m": plain(point),
+            "direction": None,
+            "distance_m": miss,
+            "direction_error_rad": None,
+            "segments": segments,
+            "tip": frame(arcs.tip.position, arcs.tip.rotation),
+            "tensions_N": None,
+            "displacements_m": (straight - lengths).tolist(),
+            "tendon_lengths_m": lengths.tolist(),
+            "binding": [],
+            "tip_error_m": None,
+            **provenance_of(robot, tip_m=point, free_length=free_length, chord=chord),
+        }
+        return write_json(content)
+    table = new_table("tendon", ">length mm", ">displacement mm")
+    for i, length in enumerate(lengths):
+        table.add_row(str(i + 1), fixed(1e3 * length, 3), fixed(1e3 * (straight[i] - length), 3))
+    write_tables(
+        arc_table(segments),
+        tip_line(arcs.tip.position, arcs.tip.rotation)
+        + f"; misses the point by {1e3 * miss:.3f} mm",
+        table,
+    )
+
+
+def _tendon_table(found: InverseSolution) -> Table:
+    table = new_table("tendon", ">tension N", ">length mm", ">displacement mm", "binding limit")
+    displacements = found.displacements()
+    words = {-1: "least", 0: "", 1: "largest"}
+    for i, tension in enumerate(found.tensions):
+        table.add_row(
+            str(i + 1),
+            fixed(tension, 4),
+            fixed(1e3 * found.tendon_lengths[i], 3),
+            "-" if displacements is None else fixed(1e3 * displacements[i], 3),
+            words[int(found.binding[i])],
+        )
+    return table
+
+
+def _path(
+    options: _Options, path: Path, out: Path | None, figure: Path | None, as_json: bool
+) -> None:
+    """Commands for a path, and where they and those of constant curvature lead by physics."""
+    import numpy as np
+
+    from bowstring._core import RodModel
+    from bowstring.inverse.table import Landing, check_commands, read_tips, write_commands
+    from bowstring.viz.inverse import draw_path
+    from bowstring.viz.style import check_figure_file, write_figure
+
+    robot = options.robot
+    tips = of_flag("--path", read_tips, path)
+    table = of_flag("--out", check_commands, out or Path("commands.csv"))
+
+    def check(name: str | Path) -> Path:
+        return check_figure_file(name, "figure", _SUFFIXES)
+
+    drawing = of_flag("--figure", check, figure or table.with_suffix(".png"))
+    steps = np.linalg.norm(np.diff(tips.positions, axis=0), axis=1)
+    for row in np.flatnonzero(steps > _JUMP * robot.length)[:1]:
+        say(
+            "Warning",
+            f"--path: row {row + 2} is {in_mm(float(steps[row]))} from the row before it; the "
+            "robot jumps there.",
+        )
+    rod = RodModel(options.theory, elements=options.elements)
+    with progress_bar("inverse kinematics") as notify:
+        try:
+            found = options.solve(tips.positions, tips.directions)
+        except InputError as error:
+            raise InputError(f"--path: {error}") from None
+        notify("constant curvature", 0.4)
+        arcs = (
+            found if options.model == "cc" else options.solve(tips.positions, tips.directions, "cc")
+        )
+        notify("landing of constant curvature", 0.6)
+        landed = arcs.land(load=options.load, model=rod).tip_position
+        notify("figure", 0.8)
+        models = {"constant curvature": landed}
+        if options.model == "physics":
+            models = {"physics": found.tip_position, **models}
+        write_commands(found, table, Landing(arcs.tensions, landed))
+        write_figure(lambda: draw_path(tips.positions, models), drawing, "figure", 160, check)
+    reached = found.reached
+    miss = np.linalg.norm(landed - tips.positions, axis=1)
+    good = miss[np.isfinite(miss)]
+    jumps = int(np.sum(found.restarted))
+    if jumps:
+        say(
+            "Warning",
+            f"{jumps} of {len(found)} rows were found from another start than the row before them; "
+            "the tensions may jump there.",
+        )
+    far = np.asarray(found.distance)
+    far = far[np.isfinite(far)]
+    summary: IkPath = {
+        "model": options.model,
+        "count": len(found),
+        "reached": int(reached.sum()),
+        "restarted": jumps,
+        "max_distance_m": float(far.max()) if far.size else None,
+        "constant_curvature_mean_miss_m": float(good.mean()) if good.size else None,
+        "constant_curvature_max_miss_m": float(good.max()) if good.size else None,
+        "files": [str(table), str(drawing)],
+        **provenance_of(robot, path=str(path), **options.settings()),
+    }
+    if as_json:
+        return write_json(summary)
+    name, all_reached = _name(options.model), bool(reached.all())
+    others = "" if all_reached or not far.size else f", the others within {in_mm(far.max())}"
+    lines = [f"{robot.name}, {name}: {int(reached.sum())} of {len(found)} reached{others}."]
+    if good.size:
+        lines.append(
+            f"Commanded by constant curvature, the tip lands {in_mm(good.mean())} from the path in "
+            f"the mean and {in_mm(good.max())} at most."
+        )
+    lines.append(f"Commands: {table}\nFigure: {drawing}")
+    write_tables("\n".join(lines))

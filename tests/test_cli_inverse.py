@@ -1,0 +1,157 @@
+"""Command ik: a tip by both models, and paths of tips."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.shell import Shell
+
+import bowstring as bs
+
+
+def write_tips(file: Path, tips: np.ndarray, unit: str = "mm", extra: str = "") -> Path:
+    factor = 1e3 if unit == "mm" else 1.0
+    rows = [",".join(f"{factor * x:.9g}" for x in tip) for tip in tips]
+    header = f"tip_x_{unit},tip_y_{unit},tip_z_{unit}"
+    file.write_text("\n".join([header, *rows]) + "\n" + extra)
+    return file
+
+
+def circle(count: int) -> np.ndarray:
+    angle = np.linspace(0.0, 2.0 * np.pi, count)
+    return np.stack([0.1 * np.cos(angle), 0.1 * np.sin(angle), np.full(count, 0.37)], axis=-1)
+
+
+def test_a_tip_by_physics(shell: Shell) -> None:
+    found = shell.json("ik", "rao2021", "--tip", "120 mm,0.05,0.36", "--model", "physics")
+    assert found["status"] == "reached" and found["stable"] is True
+    tension = ",".join(map(repr, found["tensions_N"]))
+    tip = shell.json("solve", "rao2021", "--tension", tension)["tip"]["position_m"]
+    np.testing.assert_allclose(tip, [0.12, 0.05, 0.36], atol=1e-8)
+    displacement = bs.solve(bs.load_robot("rao2021"), found["tensions_N"]).displacements()
+    np.testing.assert_allclose(found["displacements_m"], displacement, atol=1e-12)
+
+
+def test_a_tip_with_a_load_and_limits(shell: Shell) -> None:
+    options = ["--gravity", "0,0,-9.81", "--tip-force", "0.05,0,0", "--max-tension", "12 N"]
+    options += ["--min-tension", "0.5,0.5,0.5,1,1,1", "--theory", "kirchhoff", "--elements", "2"]
+    found = shell.json("ik", "rao2021", "--tip", "0.1,0,0.37", "--model", "physics", *options)
+    assert found["status"] == "reached" and found["elements"] == 2
+    assert min(found["tensions_N"]) >= 0.5 and max(found["tensions_N"]) <= 12.0
+
+
+def test_an_unreachable_tip_names_the_limit(shell: Shell) -> None:
+    code, out, _ = shell(
+        *("ik", "amouri2019", "--tip", "0.31,0,0.527", "--model", "physics"),
+        *("--max-tension", "30 N"),
+    )
+    assert code == 0 and "the largest tension of tendon 1 (30 N) and" in " ".join(out.split())
+
+
+def test_a_direction_by_constant_curvature(shell: Shell) -> None:
+    found = shell.json("ik", "crl-ftdcr-v4", "--tip", "0.04,0.02,0.17", "--direction", "0,0,1")
+    assert found["status"] == "reached" and found["direction_error_rad"] < 1e-5
+    assert len(found["segments"]) == 3
+
+
+@pytest.mark.parametrize("model", ["physics", "cc"])
+def test_a_path(shell: Shell, tmp_path: Path, model: str) -> None:
+    tips = circle(60)
+    file = write_tips(tmp_path / "tips.csv", tips)
+    out = tmp_path / "commands.csv"
+    found = shell.json("ik", "rao2021", "--path", str(file), "--out", str(out), "--model", model)
+    assert found["count"] == found["reached"] == 60 and found["restarted"] == 0
+    assert found["files"] == [str(out), str(tmp_path / "commands.png")]
+    assert (tmp_path / "commands.png").stat().st_size > 10_000
+    with out.open() as stream:
+        assert stream.readline().startswith("# commands by Bowstring")
+        rows = list(csv.DictReader(stream))
+    robot = bs.load_robot("rao2021")
+
+    def table(form: str, count: int) -> np.ndarray:
+        names = [form.format(i) for i in (range(1, count + 1) if count == 6 else "xyz")]
+        return np.array([[float(row[name]) for name in names] for row in rows])
+
+    landed = bs.sweep(robot, table("tension_{}_N", 6)).tip_position
+    miss = np.linalg.norm(landed - tips, axis=1)
+    if model == "physics":
+        assert miss.max() < 1e-6
+    # where constant curvature's commands lead
+    other = bs.sweep(robot, table("other_tension_{}_N", 6)).tip_position
+    np.testing.assert_allclose(1e3 * other, table("other_tip_{}_mm", 3), atol=1e-4)
+    mean = np.linalg.norm(other - tips, axis=1).mean()
+    assert found["constant_curvature_mean_miss_m"] == pytest.approx(mean, rel=1e-6)
+    assert mean > 1e-3
+    # again, over its own files
+    assert shell("ik", "rao2021", "--path", str(file), "--out", str(out))[0] == 0
+
+
+def test_a_path_with_directions_in_metres(shell: Shell, tmp_path: Path) -> None:
+    robot = bs.load_robot("crl-ftdcr-v4")
+    tensions = np.linspace([1.0, 0, 0, 2, 0, 0, 0, 3, 0], [0, 2.0, 0, 0, 3, 0, 1, 0, 2], 12)
+    poses = bs.sweep(robot, tensions)
+    both = np.concatenate([poses.tip_position, poses.tip_rotation[..., 2]], axis=1)
+    rows = [",".join(map(repr, row)) for row in both.tolist()]
+    names = "tip_x_m,tip_y_m,tip_z_m,direction_x,direction_y,direction_z"
+    file = tmp_path / "tips.csv"
+    file.write_text("# wanted\n" + "\n".join([names, *rows]))
+    out = str(tmp_path / "c.csv")
+    found = shell.json("ik", robot.name, "--path", str(file), "--out", out, "--model", "physics")
+    assert found["reached"] == 12
+
+
+def test_jumps_are_pointed_out(shell: Shell, tmp_path: Path) -> None:
+    file = write_tips(tmp_path / "tips.csv", circle(60)[[0, 1, 30, 31]])
+    _, _, err = shell("ik", "rao2021", "--path", str(file), "--out", str(tmp_path / "c.csv"))
+    assert "row 3 is 2" in err and "jumps" in err
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("tip_x_mm,tip_y_mm,tip_z_mm\n1,2,nan\n", "line 2: tip_z_mm is"),
+        ("tip_x_mm,tip_y_mm,tip_z_mm\n1,2,300\n\n1,,300\n", "line 4: tip_y_mm is nothing"),
+        ("tip_x_mm,tip_y_mm,tip_z_mm\n1,2\n", "line 2: tip_z_mm is nothing"),
+        ("tip_x_mm,tip_y_mm,tip_z_mm\n", "no rows"),
+        ("x,y,z\n1,2,3\n", "must include tip_x_mm"),
+        ("", "empty"),
+        ("tip_x_m,tip_y_m,tip_z_m\n10,20,350\n", "out of any reach"),
+        ("tip_x_m,tip_y_m,tip_z_m,direction_x\n0,0,0.3,1\n", "none direction_y"),
+    ],
+)
+def test_bad_tables(shell: Shell, tmp_path: Path, content: str, words: str) -> None:
+    file = tmp_path / "tips.csv"
+    file.write_text(content)
+    said = shell.error("ik", "rao2021", "--path", str(file), "--out", str(tmp_path / "c.csv"))
+    assert words in said and said.startswith("--path: ")
+    assert not (tmp_path / "c.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "give either --tip or --path"),
+        (["--tip", "0,0,0.3", "--path", "x.csv"], "give either --tip or --path"),
+        (["--path", "none.csv"], "cannot be read"),
+        (["--tip", "0,0,0.3", "--out", "c.csv"], "--out: it is for --path"),
+        (["--tip", "0,0,0.3", "--theory", "kirchhoff"], "add --model physics"),
+        (["--tip", "0,0,0.3", "--chord", "--model", "physics"], "--chord: it is for"),
+        (["--tip", "0,0,0.3", "--direction", "0,0,0"], "must not be zero"),
+        (["--tip", "0,0,0.3", "--direction", "0,1"], "write x, y and z"),
+        (["--tip", "0,0,0.3", "--max-tension", "-1"], "must be 0 or more"),
+        (["--tip", "0,0,0.3", "--max-tension", "1,2"], "has 6 tendons"),
+        (["--tip", "0,0,0.3", "--max-tension", "1", "--min-tension", "2 N"], "--min-tension: "),
+        (["--tip", "0,0,500 m"], "out of reach"),
+        (["--tip", "0,0,300"], '"300 mm"'),
+    ],
+)
+def test_bad_flags(shell: Shell, arguments: list[str], words: str) -> None:
+    assert words in shell.error("ik", "rao2021", *arguments)
+
+
+def test_friction_is_refused(shell: Shell) -> None:
+    changes = ["--set", "segments.0.tendons.friction=0.1", "--model", "physics"]
+    assert "friction" in shell.error("ik", "rao2021", "--tip", "0,0,0.3", *changes)
