@@ -78,6 +78,13 @@ def displacement_loads() -> bs.Load:
     return bs.Load(displacements=displacements, gravity=(0, 0, -9.81), tip_force=tip_force)
 
 
+def inverse_targets() -> np.ndarray:
+    """Tips of 1000 equilibria on a path of the tensions, under the load of the figures."""
+    t = np.linspace(0.0, 1.0, 1000)[:, None]
+    tensions = 30.0 + 25.0 * np.sin(2.0 * np.pi * t + np.array([0.0, 2.1, 4.2]))
+    return bs.sweep(ROBOT, tensions, load=load(LOADED), disks=False).tip_position
+
+
 def figures() -> dict[str, float]:
     """Times through Python on the load of the core's micro-benchmarks, in us."""
     solve = partial(bs.solve, ROBOT, FIGURE_TENSIONS[-1], load=load(LOADED))
@@ -90,6 +97,8 @@ def figures() -> dict[str, float]:
         ROBOT.with_({"segments.0.tendons.friction": 0.1}),
         {"segments.0.backbone.E": np.linspace(30e9, 40e9, 512)},
     )
+    targets = inverse_targets()
+    inverse = partial(bs.inverse_kinematics, ROBOT, load=load(LOADED))
     ramp = np.outer(np.linspace(0.0, 80.0, 51), [1.0, 0.0, 0.0])
     paths = partial(sweep_designs, friction, ramp)
     return {
@@ -99,6 +108,8 @@ def figures() -> dict[str, float]:
         "warm17_cosserat": 1e3 * median_ms(partial(sweep, model=cosserat), 1.0),
         "batch_per_solve": 1e3 * median_ms(batch, 1.0) / len(many_tensions),
         "displacement_per_solve": 1e3 * median_ms(displaced, 1.0) / BATCH,
+        "inverse_cold": 1e3 * median_ms(partial(inverse, targets[300]), 1.0),
+        "inverse_on_path": 1e3 * median_ms(partial(inverse, targets), 1.0) / len(targets),
         "friction_per_step": 1e3 * median_ms(paths, 1.0) / (512 * len(ramp)),
     }
 

@@ -348,6 +348,8 @@ def figures(reports: dict) -> Table:
     displaced, paths = python["displacement_per_solve"], python["friction_per_step"]
     row("displacement batch on both cores", ">=", 150e3, 1e6 / displaced, "solves/s")
     row("friction, 512 robots on both cores", ">=", 60e3, 1e6 / paths, "steps/s")
+    row("inverse of a tip, cold, one call from Python", "<=", 300, python["inverse_cold"], "us")
+    row("inverse along a path of 1000 tips", "<=", 100, python["inverse_on_path"], "us/tip")
     row("450 disks / 9 disks", "<=", 55, core["disks_450"] / core["disks_9"])
     for setting in ("cold, in one sweep call", "one call"):
         ratio = times_exudyn(reports, setting, equal_error=True)

@@ -66,7 +66,14 @@ def blocks(language: str) -> list[object]:
 def beginner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An empty folder with the robot files that the README and the start pages say to copy."""
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    for name in ("my_robot.yaml", "small.yaml", "bench.csv", "foreign.csv", "foreign.yaml"):
+    for name in (
+        "my_robot.yaml",
+        "small.yaml",
+        "bench.csv",
+        "foreign.csv",
+        "foreign.yaml",
+        "tips.csv",
+    ):
         shutil.copy(ROOT / "examples" / name, tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
@@ -240,7 +247,7 @@ def test_equations_cited_in_the_code_exist() -> None:
     cited = set()
     for source in sources:
         text = source.read_text("utf-8")
-        cited.update(*re.findall(r"Eq\. (\d\.\d+)(?: and (\d\.\d+))?", text))
+        cited.update(*re.findall(r"Eq\. (\d+\.\d+)(?: and (\d+\.\d+))?", text))
         for page in re.findall(r"docs/theory/([\w-]+)\.md", text):
             assert (theory / f"{page}.md").exists(), source
     assert len(cited) > 25 and cited - {""} <= equations
