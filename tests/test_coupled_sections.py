@@ -54,8 +54,10 @@ def _coupled(seed: int, share: float) -> np.ndarray:
     return np.asarray(np.outer(size, size) * (share * cosine + (1.0 - share) * np.eye(6)))
 
 
-def _integrated(stiffness: Any, force: Any, moment: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Tip of the rod under a wrench, by collocation of its equations with quaternions."""
+def _integrated(
+    stiffness: Any, force: Any, moment: Any, length: float = LENGTH
+) -> tuple[np.ndarray, np.ndarray]:
+    """End of a rod under a wrench there, by collocation of its equations with quaternions."""
     compliance = np.linalg.inv(stiffness)
 
     def rates(_: Any, y: np.ndarray) -> np.ndarray:
@@ -73,7 +75,7 @@ def _integrated(stiffness: Any, force: Any, moment: Any) -> tuple[np.ndarray, np
     def ends(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return np.concatenate([a[:3], a[3:7] - [0.0, 0.0, 0.0, 1.0], b[7:10] - moment])
 
-    s = np.linspace(0.0, LENGTH, 41)
+    s = np.linspace(0.0, length, 41)
     y = np.zeros((10, 41))
     y[2], y[6], y[7:10] = s, 1.0, np.asarray(moment)[:, None]
     for share in (0.25, 0.5, 0.75, 1.0):
@@ -452,22 +454,67 @@ def test_a_column_buckles_at_the_softer_of_its_coupled_bends(theory: str) -> Non
         assert across < 1e-9 if stable else across > 0.01 * LENGTH
 
 
-def test_a_load_between_disks_is_refused() -> None:
-    robot, between = _robot(_coupled(4, 0.7)), 0.55 * LENGTH / 5.0
-    tensions = [1.0, 0.0, 0.0]
-    load = bs.Load(point_loads=[bs.PointLoad(arc_length=between, force=[0.1, 0.0, 0.0])])
-    with pytest.raises(InputError, match="put a disk there"):
-        bs.solve(robot, tensions, load=load)
-    with pytest.raises(InputError, match="put a disk there"):
-        bs.simulate(robot, tensions, 0.01, load=load)
-    # also on a plain segment beyond the coupled one; without couplings a matrix is a plain section
-    first = robot.segments[0].model_dump(exclude_none=True)
+@pytest.mark.parametrize(("seed", "at"), [(1, 0.3), (2, 0.55), (3, 0.97)])
+def test_a_wrench_between_disks_bends_the_rod_as_integrated(seed: int, at: float) -> None:
+    """Beyond the loaded section the rod is straight.
+
+    Elements do not refine shear and extension, whose part of the error stays.
+    """
+    stiffness = _coupled(seed, 0.7)
+    force, moment = np.array([0.5, -0.4, -0.3]), np.array([0.02, 0.03, -0.02])
+    position, rotation = _integrated(stiffness, force, moment, at * LENGTH)
+    tip = position + rotation[:, 2] * (1.0 - at) * LENGTH
+    on_section = bs.PointLoad(arc_length=at * LENGTH, force=force, moment=moment)
+    found = _solve(_robot(stiffness), tensions=[0.0] * 3, point_loads=[on_section])
+    assert found.stable is True
+    # the estimate is itself an approximation
+    assert np.linalg.norm(found.tip.position - tip) < 1.02 * found.error_estimate.tip
+    assert found.error_estimate.tip < 2e-5 * LENGTH
+    assert abs(found.tip.rotation - rotation).max() < 5e-5
+
+
+def test_derivatives_with_loads_between_disks() -> None:
+    """Those of Richardson's differences; the second segment has a plain section."""
+    first = _robot(_coupled(7, 0.8)).segments[0].model_dump(exclude_none=True)
     outer = first | {"tendons": [], "backbone": first["backbone"] | {"stiffness": PLAIN.tolist()}}
-    on_plain = [bs.PointLoad(arc_length=LENGTH + between, force=[0.1, 0.0, 0.0])]
-    with pytest.raises(InputError, match="put a disk there"):
-        bs.solve(
-            robot.with_({"segments": [first, outer]}), tensions, load=bs.Load(point_loads=on_plain)
+    robot = _robot(_coupled(7, 0.8), segments=[first, outer])
+    points = [
+        bs.PointLoad(arc_length=0.13, force=[0.2, 0.1, -0.1]),
+        bs.PointLoad(arc_length=LENGTH + 0.05, force=[0.1, -0.2, 0.1], point=[0.01, 0.0, 0.0]),
+    ]
+    load = bs.Load([6.0, 2.0, 3.0], point_loads=points)
+
+    def solved(k: int = 0, more: float = 0.0) -> bs.Solution:
+        tensions = np.add(load.tensions, more * np.eye(3)[k])
+        model = bs.RodModel(elements=2)
+        return bs.solve(robot, load=load.replace(tensions=tensions), model=model)
+
+    by = bs.jacobians(solved())
+    for k in range(3):
+        coarse, fine = (
+            (solved(k, h).tip.position - solved(k, -h).tip.position) / (2.0 * h)
+            for h in (0.1, 0.05)
         )
-    assert bs.solve(_robot(PLAIN), tensions, load=load).status == "converged"
-    on_disk = bs.Load(point_loads=[bs.PointLoad(2, force=[0.1, 0.0, 0.0])])
-    assert bs.solve(robot, tensions, load=on_disk).status == "converged"
+        expected = (4.0 * fine - coarse) / 3.0
+        assert abs(by.tip_position_by_tension[:, k] - expected).max() < 1e-6 * abs(expected).max()
+
+
+def test_a_motion_with_a_load_between_disks_keeps_its_energy_and_settles() -> None:
+    robot = _robot(_coupled(4, 0.7))
+    push = {"force": np.array([0.3, -0.2, 0.1]), "moment": np.array([0.01, 0.02, -0.01])}
+    at = 0.55 * LENGTH / 5.0
+    rising = bs.PointLoad(arc_length=at, **{name: ramp(v, 0.05) for name, v in push.items()})
+    load = bs.Load(point_loads=[rising])
+    free = bs.Integrator(dt=1e-3, spectral_radius=1.0)
+    run = bs.simulate(robot, [1.0, 0.0, 0.0], 0.3, load=load, integrator=free)
+    found = run.raise_for_status().to_dataset()
+    scale = float(np.abs(found["work"]).max())
+    assert np.abs(found["energy_balance"]).max() < 1e-4 * scale
+    still = bs.Load(point_loads=[bs.PointLoad(arc_length=at, **push)])
+    damped = bs.Integrator(mass_damping=20.0)
+    run = bs.simulate(robot, [1.0, 0.0, 0.0], 4.0, load=load, integrator=damped)
+    rest = bs.solve(robot, [1.0, 0.0, 0.0], load=still, model=bs.RodModel(elements=2))
+    away = np.linalg.norm(run.raise_for_status().tip_position[-1] - rest.tip.position)
+    assert away < 1e-6 * LENGTH
+    bare = bs.solve(robot, [1.0, 0.0, 0.0]).tip.position
+    assert np.linalg.norm(bare - rest.tip.position) > 1e-3 * LENGTH

@@ -7,7 +7,7 @@ equations of plain sections.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 import bowstring as bs
 from bowstring.dynamics import modes, ramp
-from bowstring.errors import InputError
 
 Floats = NDArray[np.float64]
 
@@ -87,12 +86,7 @@ class Pair:
     def load(self, **given: Any) -> tuple[bs.Load, bs.Load]:
         """Load of both; point loads are given by points from the axis."""
         points = given.pop("point_loads", [])
-        moved = [
-            bs.PointLoad(
-                p.disk, p.force, p.moment, tuple(np.array(p.point) - self.offset), p.follower
-            )
-            for p in points
-        ]
+        moved = [replace(p, point=tuple(np.array(p.point) - self.offset)) for p in points]
         both = [{**given, "point_loads": loads} if loads else given for loads in (points, moved)]
         return bs.Load(**both[0]), bs.Load(**both[1])
 
@@ -109,7 +103,16 @@ DEAD = bs.PointLoad(1, force=[0.3, -0.5, 0.2], moment=[0.01, 0.0, 0.02], point=[
 FOLLOWER = bs.PointLoad(
     force=[0.2, 0.3, -0.4], moment=[0.0, 0.02, 0.01], point=[0.0, 0.01, 0.0], follower=True
 )
+ON_SECTION = bs.PointLoad(
+    arc_length=0.153, force=[0.2, 0.4, -0.3], moment=[0.0, 0.03, 0.02], point=[0.01, 0.0, 0.0]
+)
+TURNING = bs.PointLoad(
+    arc_length=0.371, force=[-0.3, 0.1, -0.2], moment=[0.02, 0.0, 0.01], follower=True
+)
 FINE = bs.RodModel(elements=4)
+SECTIONS = pytest.mark.parametrize(
+    "sections", [[], [ON_SECTION, TURNING]], ids=["disks", "sections"]
+)
 
 
 @pytest.fixture(params=[[0.004, -0.003, 0.0], [0.0, 0.0, 0.0]], ids=["beside", "axis"])
@@ -118,13 +121,21 @@ def pair(request: pytest.FixtureRequest) -> Pair:
 
 
 def test_the_other_description_is_coupled(pair: Pair) -> None:
-    between = bs.Load(TENSIONS, point_loads=[bs.PointLoad(arc_length=0.15, force=[0, 1, 0])])
-    assert bs.solve(pair.plain, load=between).converged
-    with pytest.raises(InputError, match="with couplings"):
-        bs.solve(pair.other, load=between)
+    assert pair.other.is_coupled and not pair.plain.is_coupled
 
 
-@pytest.mark.parametrize("points", [[], [DEAD], [FOLLOWER], [DEAD, FOLLOWER]])
+@pytest.mark.parametrize(
+    "points",
+    [
+        [],
+        [DEAD],
+        [FOLLOWER],
+        [DEAD, FOLLOWER],
+        [ON_SECTION],
+        [TURNING],
+        [replace(ON_SECTION, arc_length=0.11), ON_SECTION, TURNING, FOLLOWER],
+    ],
+)
 def test_dead_loads_and_followers(pair: Pair, points: list[bs.PointLoad]) -> None:
     here, there = pair.load(tensions=TENSIONS, gravity=GRAVITY, point_loads=points)
     found = [bs.solve(r, load=x, model=FINE) for r, x in ((pair.plain, here), (pair.other, there))]
@@ -136,8 +147,9 @@ def test_dead_loads_and_followers(pair: Pair, points: list[bs.PointLoad]) -> Non
     assert np.abs(bare - found[0].disk_positions).max() > 0.02
 
 
-def test_displacement_control(pair: Pair) -> None:
-    given: dict[str, Any] = {"gravity": GRAVITY, "point_loads": [DEAD, FOLLOWER]}
+@SECTIONS
+def test_displacement_control(pair: Pair, sections: list[bs.PointLoad]) -> None:
+    given: dict[str, Any] = {"gravity": GRAVITY, "point_loads": [DEAD, FOLLOWER, *sections]}
     here, there = pair.load(displacements=[0.012, -0.02, -0.003], **given)
     a = bs.solve(pair.plain, load=here, model=FINE)
     b = bs.solve(pair.other, load=there, model=FINE)
@@ -147,14 +159,15 @@ def test_displacement_control(pair: Pair) -> None:
     pair.are_same(a, again, 10 * SAME)
 
 
-def test_friction_along_a_path(pair: Pair) -> None:
+@SECTIONS
+def test_friction_along_a_path(pair: Pair, sections: list[bs.PointLoad]) -> None:
     """Loading and unloading by displacements, then by tensions: each hysteresis is the same."""
     rough = Pair.of(pair.offset, friction=0.15)
     up = np.linspace(0.0, 0.015, 4)
     by_displacement = [[x, -x / 2, -x / 2] for x in (*up, *up[-2::-1], 0.005)]
     by_tension = [[x, 2.0, 1.0] for x in (2.0, 5.0, 8.0, 5.0, 2.0)]
     for name, rows in (("displacements", by_displacement), ("tensions", by_tension)):
-        loads = rough.load(**{name: rows}, gravity=GRAVITY, point_loads=[FOLLOWER])
+        loads = rough.load(**{name: rows}, gravity=GRAVITY, point_loads=[FOLLOWER, *sections])
         a, b = (
             bs.sweep(r, load=x, model=FINE)
             for r, x in zip((rough.plain, rough.other), loads, strict=True)
@@ -168,8 +181,9 @@ def test_friction_along_a_path(pair: Pair) -> None:
         assert np.linalg.norm(a.tip_position[there] - a.tip_position[back]) > 1e-4
 
 
-def test_natural_frequencies(pair: Pair) -> None:
-    dead = bs.PointLoad(1, force=DEAD.force, point=DEAD.point)
+@pytest.mark.parametrize("at", [{"disk": 1}, {"arc_length": 0.153}])
+def test_natural_frequencies(pair: Pair, at: dict[str, Any]) -> None:
+    dead = bs.PointLoad(**at, force=DEAD.force, point=DEAD.point)
     here, there = pair.load(tensions=TENSIONS, gravity=GRAVITY, point_loads=[dead])
     a = modes(pair.plain, load=here, model=FINE, count=20)
     b = modes(pair.other, load=there, model=FINE, count=20)
@@ -182,17 +196,22 @@ def test_natural_frequencies(pair: Pair) -> None:
     [{}, {"mass_damping": 3.0}, {"material_damping": 0.004}, {"modal_damping": 0.05}],
     ids=["none", "mass", "material", "modal"],
 )
-def test_motions_without_and_with_damping(pair: Pair, damping: dict[str, float]) -> None:
+@SECTIONS
+def test_motions_without_and_with_damping(
+    pair: Pair, damping: dict[str, float], sections: list[bs.PointLoad]
+) -> None:
     """Under tensions, dead loads and followers that rise, until the robot swings back."""
 
     def rising(load: bs.PointLoad) -> bs.PointLoad:
         force, moment = ramp(np.array(load.force), 0.05), ramp(np.array(load.moment), 0.05)
-        return bs.PointLoad(load.disk, force, moment, load.point, load.follower)
+        return replace(load, force=force, moment=moment)
 
-    loads = pair.load(gravity=[0.0, 0.0, -5.0], point_loads=[rising(DEAD), rising(FOLLOWER)])
+    points = [rising(load) for load in (DEAD, FOLLOWER, *sections)]
+    loads = pair.load(gravity=[0.0, 0.0, -5.0], point_loads=points)
     steps = bs.Integrator(dt=2e-3, spectral_radius=1.0, **damping)
+    model = bs.RodModel(elements=2) if sections else bs.RodModel()
     a, b = (
-        bs.simulate(r, ramp(TENSIONS, 0.05), 0.3, load=x, model=bs.RodModel(), integrator=steps)
+        bs.simulate(r, ramp(TENSIONS, 0.05), 0.3, load=x, model=model, integrator=steps)
         for r, x in zip((pair.plain, pair.other), loads, strict=True)
     )
     first, second = a.raise_for_status().to_dataset(), b.raise_for_status().to_dataset()
@@ -236,10 +255,11 @@ def test_columns_under_dead_and_follower_forces(pair: Pair) -> None:
     assert stable[0] is True and stable[-1] is False
 
 
-def test_a_branch_diagram(pair: Pair) -> None:
-    """Buckling under a tip force, with a small transverse one: all equilibria are the same."""
-    euler = np.pi**2 / 4 * BENDING / LENGTH**2
-    push = bs.PointLoad(force=[0.02 * euler, 0.01 * euler, -1.5 * euler])
+@pytest.mark.parametrize("at", [{}, {"arc_length": 0.37}])
+def test_a_branch_diagram(pair: Pair, at: dict[str, float]) -> None:
+    """Buckling under a dead force, with a small transverse one: all equilibria are the same."""
+    euler = np.pi**2 / 4 * BENDING / at.get("arc_length", LENGTH) ** 2
+    push = bs.PointLoad(**at, force=[0.02 * euler, 0.01 * euler, -1.5 * euler])
     loads = pair.load(tensions=[0, 0, 0], point_loads=[push])
     a, b = (
         bs.branch_diagram(r, load=x, model=FINE)
@@ -263,9 +283,10 @@ def test_a_branch_diagram(pair: Pair) -> None:
     assert events[1][0][1] == pytest.approx(events[0][0][1], rel=1e-5)
 
 
-def test_batches_and_sweeps(pair: Pair) -> None:
+@SECTIONS
+def test_batches_and_sweeps(pair: Pair, sections: list[bs.PointLoad]) -> None:
     tensions = np.random.default_rng(4).uniform(0.0, 8.0, (60, 3))
-    loads = pair.load(gravity=GRAVITY, point_loads=[DEAD, FOLLOWER])
+    loads = pair.load(gravity=GRAVITY, point_loads=[DEAD, FOLLOWER, *sections])
     a = bs.solve_batch(pair.plain, tensions, load=loads[0], model=FINE)
     assert a.converged.all()
     for solve in (bs.solve_batch, bs.sweep):
@@ -275,8 +296,10 @@ def test_batches_and_sweeps(pair: Pair) -> None:
         assert np.abs(a.tendon_lengths - b.tendon_lengths).max() < SAME
 
 
-def test_derivatives_by_loads_and_stiffness(pair: Pair) -> None:
+@SECTIONS
+def test_derivatives_by_loads_and_stiffness(pair: Pair, sections: list[bs.PointLoad]) -> None:
     points = [bs.PointLoad(1, DEAD.force, point=DEAD.point), bs.PointLoad(force=[0.1, -0.2, 0.3])]
+    points += sections
     loads = pair.load(tensions=TENSIONS, gravity=GRAVITY, point_loads=points)
     a, b = (
         bs.solve(r, load=x, model=FINE)

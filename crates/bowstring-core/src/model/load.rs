@@ -432,12 +432,6 @@ impl Load<'_> {
         others: &[PointLoad],
     ) -> Result<(), InputError> {
         let (most, module) = self.most_sections(robot, others);
-        if most > 0 && robot.is_coupled() {
-            return Err(InputError::other(
-                "a load between two disks does not act on a backbone given by a stiffness matrix \
-                 with couplings: put a disk there, of mass 0 if need be",
-            ));
-        }
         if most < MOST_ELEMENTS {
             return Ok(());
         }

@@ -112,23 +112,6 @@ impl Body {
     }
 }
 
-/// Weight of the end of the first `a` arcs of a module in Simpson's rule over each element, in thirds
-/// of a mean arc.
-#[inline(always)]
-pub(super) fn simpson<T: Real, const A: usize>(c: &Constants<T, A>, a: usize) -> T {
-    if a % 2 == 1 {
-        return c.part(a / 2) * T::splat(4.0);
-    }
-    let mut sum = T::zero();
-    if a > 0 {
-        sum += c.part(a / 2 - 1);
-    }
-    if a < A {
-        sum += c.part(a / 2);
-    }
-    sum
-}
-
 /// The same vector in all lanes.
 #[inline(always)]
 pub(super) fn wide<T: Real>(v: Vec3) -> Vec3<T> {
@@ -154,8 +137,8 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
             let module = robot.modules[k];
             let c = &modules[k];
             let section = |a: usize| robot.section(k, c.fraction(a).lane(0));
-            let arc = module.flexible / A as f64;
-            let lump = |a: usize| section(a).mass_per_length * arc / 3.0 * simpson(c, a).lane(0);
+            let lump =
+                |a: usize| section(a).mass_per_length * module.flexible * c.simpson(a).lane(0);
             for a in 1..=A {
                 points[k * A + a - 1] += lump(a);
             }

@@ -331,6 +331,19 @@ impl<T: Real, const A: usize> Constants<T, A> {
         longest
     }
 
+    /// Fraction of the flexible part that the end of this many arcs stands for, by Simpson's rule over
+    /// each element.
+    #[inline(always)]
+    pub fn simpson(&self, arcs: usize) -> T {
+        let thirds = match arcs {
+            middle if middle % 2 == 1 => self.part(arcs / 2) * T::splat(4.0),
+            0 => self.part(0),
+            end if end == A => self.part(A / 2 - 1),
+            between => self.part(between / 2 - 1) + self.part(between / 2),
+        };
+        thirds * T::splat(1.0 / (3 * A) as f64)
+    }
+
     /// Weight of the node before an element, over that of a mean element.
     #[inline(always)]
     pub fn node_weight(&self, element: usize) -> T {
@@ -414,7 +427,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
     #[inline(always)]
     pub fn moments_of_element(&self, e: usize, [a, b]: [Vec3<T>; 2]) -> [Vec3<T>; 2] {
         if let Some(coupling) = self.coupling() {
-            return coupling.moments_of_element([a, b]);
+            return coupling.moments_of_element(self.part(e), [a, b]);
         }
         let i = 2 * e;
         let mutual = self.mutual(e);

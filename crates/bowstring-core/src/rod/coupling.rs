@@ -3,8 +3,8 @@
 //! Theory: docs/theory/rod.md (Coupled sections).
 //!
 //! With the strain `u` of an arc, its points move along `e3 + B (u - rest)` instead of `e3`. Shear
-//! and extension by the contact force, `R D R'` of every section, are integrated over the module by
-//! Simpson's rule with the ends of all arcs. Rotations are those of `rod::module`.
+//! and extension by the contact force, `R D R'` of every section, are integrated over each element by
+//! Simpson's rule. Rotations are those of `rod::module`.
 //!
 //! Functions are not inlined, so that they do not slow the passes of plain sections.
 
@@ -29,7 +29,8 @@ pub(crate) struct Coupling<T> {
     pub compliance: Mat3<T>,
     /// Direction of points without curvature and force: `e3` less the shift at rest.
     pub along: Vec3<T>,
-    /// Second derivative of the elastic energy with respect to the rotation vector of each arc (N m).
+    /// Second derivative of the elastic energy with respect to the rotation vector of an arc, in an
+    /// element of mean length (N m).
     own: Mat3<T>,
 }
 
@@ -45,7 +46,7 @@ pub(crate) struct Sway<T, const A: usize> {
 }
 
 impl Coupling<f64> {
-    /// In elements of length `h`, with the unloaded curvature `rest`.
+    /// In elements of mean length `h`, with the unloaded curvature `rest`.
     pub fn new(section: &CoupledSection, model: Model, rest: Vec3, h: f64) -> Self {
         let Mixed {
             mut moment,
@@ -131,19 +132,27 @@ impl<T: Real> Coupling<T> {
         map.end_along_jacobian(self.chord(map)) + map.left_jacobian() * self.shift
     }
 
-    /// Second derivative of the elastic energy with respect to both arcs of an element (N m).
+    /// Second derivative of the elastic energy with respect to the rotation vector of an arc, where
+    /// `part` is the length of its element over the mean (N m).
     #[cold]
     #[inline(never)]
-    fn mutual(&self) -> Mat3<T> {
-        self.own * T::splat(2.0 * NEAR * FAR / (NEAR * NEAR + FAR * FAR))
+    fn own(&self, part: T) -> Mat3<T> {
+        self.own * (T::splat(1.0) / part)
+    }
+
+    /// The same with respect to both arcs of the element (N m).
+    #[cold]
+    #[inline(never)]
+    fn mutual(&self, part: T) -> Mat3<T> {
+        self.own * (T::splat(2.0 * NEAR * FAR / (NEAR * NEAR + FAR * FAR)) / part)
     }
 
     /// Moments of an element by the elastic rotation vectors of its arcs.
     #[cold]
     #[inline(never)]
-    pub fn moments_of_element(&self, [a, b]: [Vec3<T>; 2]) -> [Vec3<T>; 2] {
-        let mutual = self.mutual();
-        [self.own * a + mutual * b, self.own * b + mutual * a]
+    pub fn moments_of_element(&self, part: T, [a, b]: [Vec3<T>; 2]) -> [Vec3<T>; 2] {
+        let (own, mutual) = (self.own(part), self.mutual(part));
+        [own * a + mutual * b, own * b + mutual * a]
     }
 }
 
@@ -200,7 +209,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
     #[inline(always)]
     pub fn plus_own<const COUPLED: bool>(&self, i: usize, m: Mat3<T>) -> Mat3<T> {
         match self.coupling_if::<COUPLED>() {
-            Some(coupling) => m + coupling.own,
+            Some(coupling) => m + coupling.own(self.part(i / 2)),
             None => self.own[i].plus_mat(m),
         }
     }
@@ -209,20 +218,10 @@ impl<T: Real, const A: usize> Constants<T, A> {
     #[inline(always)]
     pub fn mutual_times<const COUPLED: bool>(&self, e: usize, m: Mat3<T>) -> Mat3<T> {
         match self.coupling_if::<COUPLED>() {
-            Some(coupling) => coupling.mutual() * m,
+            Some(coupling) => coupling.mutual(self.part(e)) * m,
             None => self.mutual(e).times_mat(m),
         }
     }
-}
-
-/// Weight of the section at the end of an arc, over the module: Simpson's rule over all arcs.
-fn weight<T: Real, const A: usize>(arc: usize) -> T {
-    let times = match arc + 1 {
-        end if end == A => 1.0,
-        odd if odd % 2 == 1 => 4.0,
-        _ => 2.0,
-    };
-    T::splat(times / (3 * A) as f64)
 }
 
 impl<T: Real, const A: usize> State<T, A> {
@@ -258,10 +257,10 @@ impl<T: Real, const A: usize> State<T, A> {
     #[cold]
     #[inline(never)]
     pub fn coupled_compliance(&self, c: &Constants<T, A>, coupling: &Coupling<T>) -> Mat3<T> {
-        let mut sum = coupling.compliance * T::splat(1.0 / (3 * A) as f64);
+        let mut sum = coupling.compliance * c.simpson(0);
         for i in 0..A {
             let r = self.turned(i);
-            sum += (*r * coupling.compliance * r.transpose()) * weight::<T, A>(i);
+            sum += (*r * coupling.compliance * r.transpose()) * c.simpson(i + 1);
         }
         (sum * c.flexible).mirrored()
     }
@@ -275,7 +274,7 @@ impl<T: Real, const A: usize> State<T, A> {
         for i in (0..A).rev() {
             let r = self.turned(i);
             let strain = *r * (coupling.compliance * r.tr_mul(self.n));
-            sum += self.n.cross(strain) * (weight::<T, A>(i) * c.flexible);
+            sum += self.n.cross(strain) * (c.simpson(i + 1) * c.flexible);
             torques[i] = sum;
         }
         torques
@@ -297,7 +296,7 @@ impl<T: Real, const A: usize> State<T, A> {
             let r = self.turned(i);
             let compliance = *r * coupling.compliance * r.transpose();
             let strain = compliance * n;
-            let share = weight::<T, A>(i) * c.flexible;
+            let share = c.simpson(i + 1) * c.flexible;
             let moved = compliance * turn;
             motion += (moved - strain.skew()) * share;
             let second = turn.tr_mat(moved)
