@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from bowstring.study.settings import Extras, Ramp
     from bowstring.study.study import Study, run_study
     from bowstring.validity.chart import ValidityChart, validity_chart
+    from bowstring.validity.control import ControlErrors, control_errors
     from bowstring.validity.grids import ValidityGrid, validity_grid
     from bowstring.validity.loading import Loading
     from bowstring.validity.maps import ValidityMap, validity_map
@@ -84,6 +85,7 @@ __all__ = [
     "BranchSearch",
     "Calibration",
     "ContactSolution",
+    "ControlErrors",
     "CriticalLoad",
     "DisplacementJacobian",
     "Extras",
@@ -118,6 +120,7 @@ __all__ = [
     "calibration",
     "check_tendons",
     "constant_curvature",
+    "control_errors",
     "critical_load",
     "data",
     "displacement_jacobian",
@@ -185,6 +188,7 @@ _HOME = {
         "study.settings": "Extras Ramp",
         "study.study": "Study run_study",
         "validity.chart": "ValidityChart validity_chart",
+        "validity.control": "ControlErrors control_errors",
         "validity.grids": "ValidityGrid validity_grid",
         "validity.loading": "Loading",
         "validity.maps": "ValidityMap validity_map",

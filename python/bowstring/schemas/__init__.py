@@ -29,6 +29,7 @@ COMMANDS: Final[dict[str, Any]] = {
     "fk": statics.Fk,
     "ik": inverse.Ik,
     "ik --path": inverse.IkPath,
+    "control": inverse.Control,
     "solve": statics.Solve,
     "branches": branches.Branches,
     "simulate": dynamics.Simulate,

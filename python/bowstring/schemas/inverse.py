@@ -7,7 +7,15 @@ from typing import Annotated, Literal
 from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, Vector, about
 from bowstring.schemas.statics import Arc
 
-__all__ = ["BindingLimit", "Ik", "IkPath", "InverseRow", "InverseRows"]
+__all__ = [
+    "BindingLimit",
+    "Control",
+    "ControlValues",
+    "Ik",
+    "IkPath",
+    "InverseRow",
+    "InverseRows",
+]
 
 InverseStatus = Literal["reached", "unreachable", "max_iterations", "no_equilibrium"]
 
@@ -104,3 +112,82 @@ class IkPath(OfRobot):
     ]
     constant_curvature_max_miss_m: Annotated[OrNull, about("Largest such distance.")]
     files: Annotated[list[str], about("Table of the commands and figure.")]
+
+
+class ControlDistance(Object):
+    """Distances of the tip from the wanted tips."""
+
+    mean_m: Annotated[OrNull, about("Mean over the tips that land.")]
+    rms_m: Annotated[OrNull, about("Root mean square over them.")]
+    max_m: Annotated[OrNull, about("Largest of them.")]
+    valid_percent: Annotated[float, about("Share of all wanted tips within the tolerance.")]
+    without_equilibrium: Annotated[
+        int, about("Commands without a stable equilibrium, which are not in the distances.")
+    ]
+
+
+class ControlCommand(Object):
+    """Where one command leads."""
+
+    name: Annotated[
+        Literal[
+            "tensions",
+            "tensions_arm",
+            "tensions_calibrated",
+            "displacements",
+            "displacements_chord",
+            "physics",
+        ],
+        about("Command of constant curvature, or `physics`: the exact inverse."),
+    ]
+    after_corrections: Annotated[
+        list[ControlDistance], about("Without a correction, after one, and so on.")
+    ]
+    distance_m: Annotated[
+        list[list[OrNull]],
+        about("The same for each wanted tip; `null` without a stable equilibrium."),
+    ]
+
+
+class ControlByLoad(Object):
+    """Distances at shares of the dead loads, without corrections."""
+
+    name: Annotated[str, about("Command.")]
+    mean_m: Annotated[list[OrNull], about("Mean distance at each share.")]
+    max_m: Annotated[list[OrNull], about("Largest distance at each share.")]
+
+
+class ControlSeconds(Object):
+    """Time for one command in this run."""
+
+    constant_curvature: Annotated[float, about("Tensions by constant curvature, in s.")]
+    physics: Annotated[
+        OrNull, about("Exact inverse on all cores, in s; `null` where it is not available.")
+    ]
+
+
+class ControlValues(Object):
+    """Distances between wanted tips and where commands lead."""
+
+    tolerance_percent: Annotated[float, about("Tolerated distance in percent of the length.")]
+    max_tension_N: Annotated[list[float], about("Largest tension of each tendon.")]
+    poses: Annotated[int, about("Number of poses drawn.")]
+    without_equilibrium: Annotated[
+        int, about("Number of those without a stable equilibrium, which are not wanted.")
+    ]
+    wanted_m: Annotated[list[Vector], about("Wanted tips.")]
+    stiffness_scale: Annotated[
+        float | None,
+        about("Factor on the bending stiffness of `tensions_calibrated`; `null` without it."),
+    ]
+    seconds_per_command: Annotated[ControlSeconds, about("Time for one command in this run.")]
+    commands: Annotated[list[ControlCommand], about("All commands.")]
+    load_shares: Annotated[list[float], about("Shares of the dead loads of `by_load`.")]
+    by_load: Annotated[list[ControlByLoad], about("Distances by load; empty without dead loads.")]
+
+
+class Control(OfRobot, ControlValues):
+    """Output of `bowstring control`."""
+
+    text: Annotated[list[str], about("What the result says, in sentences.")]
+    file: Annotated[str, about("File of the figure.")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -16,13 +17,15 @@ from bowstring.viz.style import LIGHT, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.collections import PolyCollection
+    from matplotlib.figure import Figure, SubFigure
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    from bowstring.robot.model import Robot
     from bowstring.validity.workspace import WorkspaceMap
 
-__all__ = ["draw_workspace"]
+__all__ = ["draw_bar", "draw_cells", "draw_workspace", "places"]
 
 Floats = NDArray[np.float64]
 
@@ -70,41 +73,72 @@ def draw_workspace(found: WorkspaceMap) -> Figure:
 
 
 def _places(found: WorkspaceMap) -> tuple[Floats, Floats]:
-    """Horizontal and vertical place of each pose in a panel, mm."""
-    x, y, z = 1e3 * found.tip.T
-    return (x, y) if len(found.robot.segments) == 1 else (np.hypot(x, y), z)
+    return places(found.robot, found.tip)
+
+
+def places(robot: Robot, tip: Floats) -> tuple[Floats, Floats]:
+    """Horizontal and vertical place of tips (P, 3) in a panel, mm."""
+    x, y, z = 1e3 * tip.T
+    return (x, y) if len(robot.segments) == 1 else (np.hypot(x, y), z)
 
 
 def _errors(figure: Figure, panel: Axes, found: WorkspaceMap, name: str) -> None:
-    from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.patheffects import withStroke
 
     along, up = _places(found)
-    error = 100.0 * found.error[name] / found.robot.length
-    known = np.isfinite(error)
-    bounds = sorted({0.0, *_SHARES, found.tolerance})
-    within = bounds.index(found.tolerance)
-    colours = ListedColormap(
-        [*_shades("Blues_r", within), *_shades("Oranges", len(bounds) - within)]
-    )
-    norm: Any = BoundaryNorm([100.0 * b for b in bounds], colours.N, extend="max")
-    if known.any():
-        cells = panel.hexbin(
-            along[known],
-            up[known],
-            error[known],
-            reduce_C_function=np.max,
-            gridsize=_CELLS,
-            norm=norm,
-            cmap=colours,
-            linewidths=0.1,
-        )
-        bar = figure.colorbar(cells, ax=panel, label="largest error (% of length)")
-        bar.ax.axhline(100.0 * found.tolerance, color=LIGHT["ink"], lw=2.0)
+    share = found.error[name] / found.robot.length
+    cells = draw_cells(panel, (along, up), share, found.tolerance)
+    if cells is not None:
+        draw_bar(figure, [panel], cells, found.tolerance)
     bright = [withStroke(linewidth=2.5, foreground="white")]  # also on dark colours
     for where, mark in ((found.undefined(name), _CROSS), (found.two_equilibria, _RING)):
         if where.any():
             panel.plot(along[where], up[where], **mark, path_effects=bright)
+
+
+def draw_cells(
+    panel: Axes, places: tuple[Floats, Floats], error: Floats, tolerance: float
+) -> PolyCollection | None:
+    """Draw the largest error in each hexagon; None without an error.
+
+    `places` are horizontal and vertical (P,) in mm; `error` (P,) and `tolerance` are shares of the
+    length. Places with an error of NaN are left out.
+    """
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    along, up = places
+    error = 100.0 * error
+    known = np.isfinite(error)
+    bounds = sorted({0.0, *_SHARES, tolerance})
+    within = bounds.index(tolerance)
+    colours = ListedColormap(
+        [*_shades("Blues_r", within), *_shades("Oranges", len(bounds) - within)]
+    )
+    norm: Any = BoundaryNorm([100.0 * b for b in bounds], colours.N, extend="max")
+    if not known.any():
+        return None
+    return panel.hexbin(
+        along[known],
+        up[known],
+        error[known],
+        reduce_C_function=np.max,
+        gridsize=_CELLS,
+        norm=norm,
+        cmap=colours,
+        linewidths=0.1,
+    )
+
+
+def draw_bar(
+    figure: Figure | SubFigure,
+    panels: Sequence[Axes],
+    cells: PolyCollection,
+    tolerance: float,
+    word: str = "error",
+) -> None:
+    """Draw the colour bar of `draw_cells` beside panels, with a line at the tolerance."""
+    bar = figure.colorbar(cells, ax=list(panels), label=f"largest {word} (% of length)")
+    bar.ax.axhline(100.0 * tolerance, color=LIGHT["ink"], lw=2.0)
 
 
 def _causes(panel: Axes, found: WorkspaceMap, name: str) -> set[str]:

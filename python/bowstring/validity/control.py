@@ -1,0 +1,470 @@
+"""Where a robot lands when constant curvature commands it, over its workspace and load."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring._core import RodModel
+from bowstring.display import short_repr
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.formatting import in_mm, in_percent, significant
+from bowstring.inverse.kinematics import default_max_tension, inverse_kinematics
+from bowstring.robot.model import Robot, check_robot, with_tendons
+from bowstring.statics.load import Load
+from bowstring.statics.load_tables import with_arrays
+from bowstring.statics.rod import solve, solve_batch
+from bowstring.validation import choice, floats, instance, share_of_length, whole
+from bowstring.validity.control_commands import BY_ARCS, COMMANDS, Commander
+from bowstring.viz.style import check_figure_file, write_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from bowstring.schemas import inverse as schema
+
+__all__ = ["ControlErrors", "check_control_file", "control_errors"]
+
+Floats = NDArray[np.float64]
+
+_POSES: Final = 1024
+_SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the dead loads
+
+
+@short_repr
+@dataclass(frozen=True)
+class ControlErrors:
+    """Distances between wanted tips and where commands lead; made by `control_errors`."""
+
+    robot: Robot
+    """Robot, its friction left out."""
+    load: Load
+    """Dead loads."""
+    tolerance: float
+    """Tolerated distance as a share of the length."""
+    max_tension: Floats
+    """Largest tension of each tendon (T,), N."""
+    drawn: int
+    """Number of poses drawn; those without a stable equilibrium are not wanted."""
+    wanted: Floats
+    """Wanted tips (P, 3), m: each is the tip of a stable equilibrium within the limits."""
+    landed: dict[str, Floats]
+    """Tips by physics (C + 1, P, 3), m, by command: without a correction, and after each one; NaN
+    without a stable equilibrium. The exact inverse has no corrections (1, P, 3)."""
+    scale: float | None
+    """Factor on the bending stiffness of ``tensions_calibrated``; None without it."""
+    seconds: dict[str, float]
+    """Time of a command in s, in this call: ``constant_curvature`` and ``physics``."""
+    load_shares: Floats
+    """Shares of the dead loads (F,) of `by_load`; empty without dead loads."""
+    by_load: dict[str, Floats]
+    """Mean and largest distance (F, 2) in m at each share of the dead loads, by command."""
+
+    def distance(self, name: str) -> Floats:
+        """Distances from the wanted tips after each correction (C + 1, P), m."""
+        return np.asarray(np.linalg.norm(self.landed[name] - self.wanted, axis=-1))
+
+    def summary(self, name: str) -> list[dict[str, float]]:
+        """Mean, root mean square and largest distance after each correction.
+
+        Parameters
+        ----------
+        name : str
+            A command of `landed`.
+
+        Returns
+        -------
+        list of dict
+            ``mean_m``, ``rms_m``, ``max_m`` over the tips that land, ``without_equilibrium``, and
+            ``valid_percent``: the share of all wanted tips within the tolerance.
+        """
+        out: list[dict[str, float]] = []
+        for row in self.distance(name):
+            known = row[np.isfinite(row)]
+            mean, rms, most = float("nan"), float("nan"), float("nan")
+            if known.size:
+                mean, most = float(known.mean()), float(known.max())
+                rms = float(np.sqrt((known**2).mean()))
+            valid = float((row <= self.tolerance * self.robot.length).mean())
+            out.append(
+                {
+                    "mean_m": mean,
+                    "rms_m": rms,
+                    "max_m": most,
+                    "valid_percent": 100.0 * valid,
+                    "without_equilibrium": int(len(row) - known.size),
+                }
+            )
+        return out
+
+    def described(self) -> list[str]:
+        """What the result says, in sentences."""
+        lost = self.drawn - len(self.wanted)
+        out = [
+            f"{len(self.wanted)} tips of stable equilibria within the limits of tension are wanted"
+            + (f"; {lost} drawn poses have no stable equilibrium." if lost else ".")
+        ]
+        rows = {name: self.summary(name) for name in self.landed if name != "physics"}
+        known = [name for name, found in rows.items() if np.isfinite(found[0]["mean_m"])]
+        if known:
+            out += self._compared(rows, known)
+        fallen = {name: int(found[0]["without_equilibrium"]) for name, found in rows.items()}
+        for name, lost in fallen.items():
+            if lost:
+                verb = "commands have" if lost > 1 else "command has"
+                out.append(
+                    f"By {COMMANDS[name]}, {lost} {verb} no stable equilibrium and no part in the "
+                    "distances."
+                )
+        if "physics" in self.landed:
+            exact = self.summary("physics")[0]["max_m"]
+            out.append(f"The exact inverse lands {in_mm(exact)} from the wanted tip at most.")
+        if self.scale is not None:
+            out.append(
+                f"The calibrated bending stiffness is {significant(self.scale, 4)} times that of "
+                "the robot file, fitted to these tips."
+            )
+        out.append(
+            "Robot and measured tip are simulated; a correction moves the arcs by the measured "
+            "distance with the Jacobian of constant curvature."
+        )
+        return out
+
+    def _compared(self, rows: dict[str, list[dict[str, float]]], known: list[str]) -> list[str]:
+        """Say which commands land nearest and farthest, of those that land."""
+        length = self.robot.length
+        means = {name: rows[name][0]["mean_m"] for name in known}
+        best, worst = min(known, key=means.__getitem__), max(known, key=means.__getitem__)
+        text = (
+            f"Of the commands of constant curvature, {COMMANDS[best]} land nearest, "
+            f"{in_mm(means[best])} from the wanted tip in the mean "
+            f"({in_percent(means[best] / length, 2)} of length) and "
+            f"{in_mm(rows[best][0]['max_m'])} at most"
+        )
+        if worst != best:
+            text += (
+                f"; {COMMANDS[worst]} land farthest, {in_mm(means[worst])} "
+                f"({in_percent(means[worst] / length, 2)}) in the mean"
+            )
+        out = [text + "."]
+        count = max(len(found) for found in rows.values()) - 1
+        if count:
+            least, most = (f([rows[name][-1]["mean_m"] for name in known]) for f in (min, max))
+            times = "one correction" if count == 1 else f"{count} corrections"
+            span = in_mm(least) if least == most else f"{in_mm(least)} to {in_mm(most)}"
+            out.append(f"After {times} by the measured tip the mean distances are {span}.")
+        return out
+
+    def to_dict(self) -> schema.ControlValues:
+        """Return plain values in m, N and percent."""
+        return {
+            "tolerance_percent": 100.0 * self.tolerance,
+            "max_tension_N": self.max_tension.tolist(),
+            "poses": self.drawn,
+            "without_equilibrium": self.drawn - len(self.wanted),
+            "wanted_m": self.wanted.tolist(),
+            "stiffness_scale": self.scale,
+            "seconds_per_command": {
+                "constant_curvature": self.seconds["constant_curvature"],
+                "physics": self.seconds.get("physics"),
+            },
+            "commands": [
+                {
+                    "name": name,  # type: ignore[typeddict-item]
+                    "after_corrections": self.summary(name),  # type: ignore[typeddict-item]
+                    "distance_m": self.distance(name).tolist(),
+                }
+                for name in self.landed
+            ],
+            "load_shares": self.load_shares.tolist(),
+            "by_load": [
+                {"name": name, "mean_m": v[:, 0].tolist(), "max_m": v[:, 1].tolist()}
+                for name, v in self.by_load.items()
+            ],
+        }
+
+    def figure(self) -> Figure:
+        """Draw the distance over the workspace, after corrections, and by load.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A map for each command of constant curvature, and one or two panels of lines.
+        """
+        from bowstring.validity.control_figure import draw_control
+
+        return draw_control(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the figure to a file (PNG, PDF or SVG), whole or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+            A figure of before is replaced.
+
+        Returns
+        -------
+        Path
+            Absolute path of the file.
+        """
+        return write_figure(self.figure, path, "figure", 160, check_control_file)
+
+
+def check_control_file(path: str | Path) -> Path:
+    """Check before any work that a figure of the control error may be written.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Path
+        Absolute path.
+    """
+    return check_figure_file(path, "figure of the control error", (".png", ".pdf", ".svg"))
+
+
+def control_errors(
+    robot: Robot,
+    max_tension: ArrayLike | None = None,
+    *,
+    poses: int = _POSES,
+    corrections: int = 3,
+    commands: Sequence[str] | None = None,
+    tolerance: float | str = 0.01,
+    load: Load | None = None,
+    model: RodModel | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> ControlErrors:
+    """Command a robot by the inverse of constant curvature and solve where its tip lands.
+
+    Wanted tips are those of equilibria at tensions drawn between zero and the limits, so that each
+    can be reached. For each command the robot lands by physics; then its tip is measured (here:
+    simulated without noise), the arcs are corrected by the Jacobian of constant curvature, and so
+    on. The exact inverse stands beside them.
+
+    Parameters
+    ----------
+    robot : Robot
+        Its friction is left out.
+    max_tension : array_like () or (T,), optional
+        Largest tensions in N, of the drawn poses and of all commands; by default those that bend
+        each segment by a quarter turn by the linear law.
+    poses : int
+        Number of drawn poses: points of a Sobol' sequence over the tensions of all tendons.
+    corrections : int
+        Number of corrections by the measured tip, 0 to 20.
+    commands : sequence of str, optional
+        Of ``tensions`` (linear law), ``tensions_arm`` (mean lever arm of straight spans),
+        ``tensions_calibrated`` (linear law with the bending stiffness that fits these tips best),
+        ``displacements`` and ``displacements_chord`` (with straight spans between disks); by
+        default all that the robot takes.
+    tolerance : float or str
+        Tolerated distance as a share of the length: 0.01 or "1 %".
+    load : Load, optional
+        Gravity (that of the robot if left out) and dead loads. With dead loads the commands are
+        also tried at shares of them.
+    model : RodModel, optional
+        As for `bowstring.solve`.
+    progress : callable, optional
+        Called with a word and the finished share.
+
+    Returns
+    -------
+    ControlErrors
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, or the robot does not take a command.
+    NoSolutionError
+        If no drawn pose has a stable equilibrium.
+
+    Examples
+    --------
+    >>> import bowstring as bs
+    >>> found = bs.control_errors(bs.load_robot("rao2021"), poses=64, corrections=1)
+    >>> before, after = (row["mean_m"] for row in found.summary("tensions"))
+    >>> 10 * after < before
+    True
+    """
+    check_robot(robot)
+    whole("poses", poses, 1, 100_000)
+    whole("corrections", corrections, 0, 20)
+    tolerance = share_of_length("tolerance", tolerance)
+    load = instance("load", load, Load)
+    if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
+        raise InputError("load has an actuation, which the commands give; leave it out")
+    if load.base is not None:
+        raise InputError("load has a motion of the base, which is for bowstring.simulate only")
+    load = with_arrays(load)
+    model = instance("model", model, RodModel)
+    robot = with_tendons(robot, {"friction": 0.0})
+    most = _limits(robot, max_tension)
+    solve(robot, np.zeros(len(most)), load=load, model=model)  # refuses loads that cannot be
+    chosen = _chosen(Commander(robot, load, model, np.zeros(len(most)), most), commands)
+    notify = progress or (lambda what, done: None)
+    shares = np.array(_SHARES if _is_loaded(robot, load) else ())
+    rounds = 1.0 + len(shares)
+    notify("poses", 0.0)
+
+    def at(part: Load, count: int, times: int, begin: float) -> _Landed:
+        def tell(what: str, done: float) -> None:
+            notify(what, (begin + done) / rounds)
+
+        commander = Commander(robot, part, model, np.zeros(len(most)), most)
+        return _landed(commander, count, chosen, times, tell)
+
+    whole_load = at(load, poses, corrections, 0.0)
+    if not len(whole_load.wanted):
+        raise NoSolutionError(
+            f"{robot.name}: none of {poses} drawn poses has a stable equilibrium; give a smaller "
+            "max_tension",
+            status="no_equilibrium",
+        )
+    by_load: dict[str, list[list[float]]] = {name: [] for name in whole_load.landed}
+    for k, share in enumerate(shares):
+        part = _scaled(robot, load, float(share))
+        found = whole_load if share == 1.0 else at(part, min(poses, 256), 0, 1.0 + k)
+        for name, rows in by_load.items():
+            away = np.linalg.norm(found.landed[name][0] - found.wanted, axis=-1)
+            known = away[np.isfinite(away)]
+            none = [float("nan")] * 2
+            rows.append([float(known.mean()), float(known.max())] if known.size else none)
+    notify("poses", 1.0)
+    return ControlErrors(
+        robot,
+        load,
+        tolerance,
+        most,
+        poses,
+        whole_load.wanted,
+        whole_load.landed,
+        whole_load.scale,
+        whole_load.seconds,
+        shares,
+        {name: np.array(rows) for name, rows in by_load.items() if rows},
+    )
+
+
+@dataclass(frozen=True)
+class _Landed:
+    """Wanted tips, and where commands lead at one load."""
+
+    wanted: Floats
+    landed: dict[str, Floats]
+    scale: float | None
+    seconds: dict[str, float]
+
+
+def _landed(
+    commander: Commander,
+    poses: int,
+    names: Sequence[str],
+    corrections: int,
+    notify: Callable[[str, float], None],
+) -> _Landed:
+    from scipy.stats import qmc
+
+    robot, load, model = commander.robot, commander.load, commander.model
+    tendons = len(commander.most)
+    points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
+    tensions = commander.most * points[:poses]
+    drawn = solve_batch(robot, tensions, load=load, model=model, disks=False)
+    wanted = drawn.tip_position[drawn.converged]
+    landed: dict[str, Floats] = {}
+    seconds: dict[str, float] = {}
+    if not len(wanted):
+        return _Landed(wanted, {name: np.zeros((1, 0, 3)) for name in names}, None, seconds)
+    steps = len(names) + 1.0
+    start = time.perf_counter()
+    bends = commander.bends_to(wanted)
+    commander.command("tensions", bends)
+    seconds["constant_curvature"] = (time.perf_counter() - start) / len(wanted)
+    for i, name in enumerate(names):
+        notify(COMMANDS[name], i / steps)
+        if name == "tensions_calibrated":
+            commander.calibrate(bends, wanted)
+        rows: list[Floats] = []
+        asked = bends
+        for k in range(corrections + 1):
+            if k > 0:
+                asked = commander.corrected(asked, wanted - rows[-1])
+            rows.append(commander.land(name, commander.command(name, asked)))
+        landed[name] = np.stack(rows)
+    if not _is_embedded(robot, model):
+        notify(COMMANDS["physics"], len(names) / steps)
+        start = time.perf_counter()
+        exact = inverse_kinematics(
+            robot, wanted, load=load, model=model, max_tension=commander.most, path=False
+        )
+        seconds["physics"] = (time.perf_counter() - start) / len(wanted)
+        landed["physics"] = commander.land("physics", exact.tensions)[None]
+    scale = commander.scale if "tensions_calibrated" in names else None
+    return _Landed(wanted, landed, scale, seconds)
+
+
+def _is_embedded(robot: Robot, model: RodModel) -> bool:
+    return robot.is_embedded or model.tendon_path == "continuous"
+
+
+def _limits(robot: Robot, given: ArrayLike | None) -> Floats:
+    count = robot.core.tendon_count
+    if given is None:
+        return 0.5 * default_max_tension(robot)
+    found = floats(given)
+    if found.shape not in ((), (count,)) or not (np.isfinite(found) & (found > 0.0)).all():
+        raise InputError(
+            f"max_tension is {found.tolist()}, it must be a number or {count} numbers above 0 N"
+        )
+    return np.array(np.broadcast_to(found, (count,)))
+
+
+def _chosen(commander: Commander, names: Sequence[str] | None) -> tuple[str, ...]:
+    if names is None:
+        return commander.available()
+    if isinstance(names, str) or not names:
+        raise InputError(f"commands is {names!r:.60}, it must be names in a list")
+    for name in names:
+        choice("commands", name, BY_ARCS)
+        refusal = commander.refusal(name)
+        if refusal is not None:
+            raise InputError(f"{commander.robot.name} takes no commands {name}: {refusal}")
+    return tuple(dict.fromkeys(names))
+
+
+def _gravity(robot: Robot, load: Load) -> Floats:
+    return floats(robot.gravity if load.gravity is None else load.gravity)
+
+
+_SCALED: Final = ("tip_force", "tip_moment", "disk_forces", "disk_moments", "line_forces")
+
+
+def _is_loaded(robot: Robot, load: Load) -> bool:
+    given = [getattr(load, name, None) for name in _SCALED]
+    dead = any(value is not None and floats(value).any() for value in given)
+    return bool(dead or load.point_loads or _gravity(robot, load).any())
+
+
+def _scaled(robot: Robot, load: Load, share: float) -> Load:
+    """A share of the dead loads."""
+    values = {"gravity": share * _gravity(robot, load)}
+    for name in _SCALED:
+        value = getattr(load, name, None)
+        if value is not None:
+            values[name] = share * floats(value)
+    if load.point_loads:
+        points = [
+            replace(p, force=share * floats(p.force), moment=share * floats(p.moment))
+            for p in load.point_loads
+        ]
+        return load.replace(**values, point_loads=points)
+    return load.replace(**values)

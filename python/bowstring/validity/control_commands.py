@@ -1,0 +1,188 @@
+"""Commands of constant curvature for wanted arcs, and where they lead by physics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.constant_curvature import RobotArcs
+from bowstring.constant_curvature.arc import Arc
+from bowstring.constant_curvature.series import series_jacobian
+from bowstring.errors import InputError
+from bowstring.inverse.arcs import arcs_to, tensions_of
+from bowstring.robot.designs import Designs
+from bowstring.statics.designs import sweep_designs
+from bowstring.statics.rod import solve_batch
+
+if TYPE_CHECKING:
+    from bowstring._core import RodModel
+    from bowstring.robot.model import Robot
+    from bowstring.statics.load import Load
+
+__all__ = ["BY_ARCS", "COMMANDS", "Commander"]
+
+Floats = NDArray[np.float64]
+
+COMMANDS: Final = {
+    "tensions": "tensions by the linear law",
+    "tensions_arm": "tensions by the mean lever arm",
+    "tensions_calibrated": "tensions, E I calibrated",
+    "displacements": "displacements",
+    "displacements_chord": "displacements along chords",
+    "physics": "tensions by physics",
+}
+"""Labels of the commands; all but the last are those of constant curvature."""
+BY_ARCS: Final = tuple(name for name in COMMANDS if name != "physics")
+
+_ARM_ROUNDS: Final = 8
+_RAMP: Final = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # shares of displacements on the way from the home pose
+_GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
+_SCALES: Final = (0.3, 3.0)  # of the calibrated stiffness
+_ROUNDS: Final = 30  # of the golden section: to 1e-6 of the interval
+_SINGULAR: Final = 0.02  # singular value over the largest below which a direction is not corrected
+_LARGEST: Final = 0.5  # rad, of a correction of a bend
+
+
+@dataclass
+class Commander:
+    """Turns wanted tips into commands by constant curvature, and solves where they lead."""
+
+    robot: Robot
+    """Robot without friction."""
+    load: Load
+    """Dead loads."""
+    model: RodModel
+    """Model of the physics."""
+    least: Floats
+    """Least tensions (T,), N."""
+    most: Floats
+    """Largest tensions (T,), N."""
+    scale: float = field(default=1.0, init=False)
+    """Factor on the bending stiffness of ``tensions_calibrated``."""
+
+    @cached_property
+    def _one(self) -> Designs:
+        return Designs(self.robot, {"segments.0.length": [self.robot.segments[0].length]})
+
+    @cached_property
+    def _at_rest(self) -> RobotArcs:
+        return RobotArcs.from_tensions(self.robot, np.zeros(len(self.least)))
+
+    def bends_to(self, tips: Floats) -> Floats:
+        """Bends (P, S, 2) in rad of the arcs whose tips are nearest to tips (P, 3)."""
+        arcs = arcs_to(self.robot, tips, None)
+        return np.asarray(arcs.arc.bend[..., :2])
+
+    def command(self, name: str, bends: Floats) -> Floats:
+        """Tensions in N or displacements in m (P, T) for bends (P, S, 2)."""
+        if name == "displacements":
+            return self._displacements(bends, chord=False)
+        if name == "displacements_chord":
+            return self._displacements(bends, chord=True)
+        if name == "tensions_arm":
+            return self._by_arm(bends)
+        scale = self.scale if name == "tensions_calibrated" else 1.0
+        return self._by_law(bends, scale)
+
+    def land(self, name: str, commands: Floats) -> Floats:
+        """Tips (P, 3) in m by physics under commands (P, T); NaN without a stable equilibrium."""
+        if not name.startswith("displacements"):
+            tensions = np.nan_to_num(commands)
+            found = solve_batch(self.robot, tensions, load=self.load, model=self.model, disks=False)
+            tips = np.where(found.converged[:, None], found.tip_position, np.nan)
+        else:
+            each = {"segments.0.length": np.full(len(commands), self.robot.segments[0].length)}
+            path = np.nan_to_num(commands)[:, None, :] * np.array(_RAMP)[:, None]
+            ways = sweep_designs(
+                Designs(self.robot, each), displacements=path, load=self.load, model=self.model
+            )
+            tips = np.where(ways.converged[:, -1:], ways.tip_position[:, -1], np.nan)
+        tips[~np.isfinite(commands).all(axis=-1)] = np.nan
+        return np.asarray(tips)
+
+    def corrected(self, bends: Floats, missing: Floats) -> Floats:
+        """Bends after a correction of tips by vectors (P, 3) in m, by constant curvature."""
+        lengths = [segment.length for segment in self.robot.segments]
+        arcs = np.concatenate(
+            [bends, np.broadcast_to(lengths, bends.shape[:2])[..., None]], axis=-1
+        )
+        _, jacobian = series_jacobian(arcs, np.ones(bends.shape[:2]))
+        columns = np.ravel(3 * np.arange(bends.shape[1])[:, None] + np.arange(2))
+        known = np.asarray(np.isfinite(missing).all(axis=-1))
+        step = np.linalg.pinv(jacobian[:, :3, columns], rcond=_SINGULAR)
+        step = (step @ np.where(known[:, None], missing, 0.0)[..., None])[..., 0]
+        largest = np.abs(step).max(axis=-1, keepdims=True)
+        step *= np.minimum(1.0, _LARGEST / np.maximum(largest, _LARGEST))
+        return np.asarray(bends + step.reshape(bends.shape))
+
+    def calibrate(self, bends: Floats, wanted: Floats) -> None:
+        """Choose the factor on the bending stiffness with the least mean squared distance."""
+        free = tensions_of(
+            self.robot, self._arcs(bends), self.least, np.full_like(self.most, np.inf)
+        )
+
+        def mean(log_scale: float) -> float:
+            scaled = np.clip(np.exp(log_scale) * free, self.least, self.most)
+            squared = np.sum((self.land("tensions", scaled) - wanted) ** 2, axis=-1)
+            # a command without an equilibrium is no better than a robot that does not bend
+            return float(np.where(np.isfinite(squared), squared, self.robot.length**2).mean())
+
+        low, high = np.log(_SCALES)
+        a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+        at_a, at_b = mean(a), mean(b)
+        for _ in range(_ROUNDS):
+            if at_a < at_b:
+                high, b, at_b = b, a, at_a
+                a = high - _GOLDEN * (high - low)
+                at_a = mean(a)
+            else:
+                low, a, at_a = a, b, at_b
+                b = low + _GOLDEN * (high - low)
+                at_b = mean(b)
+        self.scale = float(np.exp(0.5 * (low + high)))
+
+    def available(self) -> tuple[str, ...]:
+        """Names of the commands of constant curvature that this robot takes."""
+        return tuple(name for name in BY_ARCS if self.refusal(name) is None)
+
+    def refusal(self, name: str) -> str | None:
+        """Say why the robot does not take a command, or None."""
+        straight = np.zeros((1, len(self.robot.segments), 2))
+        try:
+            self.land(name, self.command(name, straight))
+        except InputError as error:
+            return str(error).removeprefix("row 1: ")
+        return None
+
+    def _arcs(self, bends: Floats, correction: str | None = None) -> RobotArcs:
+        lengths = np.array([segment.length for segment in self.robot.segments])
+        kappa = np.linalg.norm(bends, axis=-1) / lengths
+        arc = Arc(
+            kappa,
+            np.arctan2(bends[..., 1], bends[..., 0]),
+            np.broadcast_to(lengths, kappa.shape),
+        )
+        return RobotArcs(self.robot, arc, correction)  # type: ignore[arg-type]
+
+    def _displacements(self, bends: Floats, *, chord: bool) -> Floats:
+        correction = "chord" if chord else None
+        rest = RobotArcs(self.robot, self._at_rest.arc, correction)  # type: ignore[arg-type]
+        return np.asarray(rest.lengths() - self._arcs(bends, correction).lengths())
+
+    def _by_law(self, bends: Floats, scale: float) -> Floats:
+        """Tensions by the linear law with a scaled bending stiffness."""
+        limits = self.least / scale, self.most / scale
+        return scale * tensions_of(self.robot, self._arcs(bends), *limits)
+
+    def _by_arm(self, bends: Floats) -> Floats:
+        """Tensions whose arcs by the law with the mean lever arm are those wanted."""
+        asked = bends
+        for _ in range(_ARM_ROUNDS):
+            tensions = tensions_of(self.robot, self._arcs(asked), self.least, self.most)
+            arcs = RobotArcs.from_tensions(self.robot, np.nan_to_num(tensions), "arm")
+            asked = asked + bends - arcs.arc.bend[..., :2]
+        return tensions
