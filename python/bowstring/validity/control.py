@@ -280,6 +280,7 @@ def control_errors(
     Returns
     -------
     ControlErrors
+        Wanted tips, and where each command leads.
 
     Raises
     ------
