@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from bowstring.validity.grids import ValidityGrid, validity_grid
     from bowstring.validity.loading import Loading
     from bowstring.validity.maps import ValidityMap, validity_map
+    from bowstring.validity.reach import Reach, reach
     from bowstring.validity.spread import Spread, validity_spread
     from bowstring.validity.workspace import WorkspaceMap, workspace_map
 
@@ -101,6 +102,7 @@ __all__ = [
     "Plane",
     "PointLoad",
     "Ramp",
+    "Reach",
     "Robot",
     "RodModel",
     "Run",
@@ -134,6 +136,7 @@ __all__ = [
     "load_robot",
     "make_solid",
     "modes",
+    "reach",
     "read_measurements",
     "robot",
     "robot_names",
@@ -192,6 +195,7 @@ _HOME = {
         "validity.grids": "ValidityGrid validity_grid",
         "validity.loading": "Loading",
         "validity.maps": "ValidityMap validity_map",
+        "validity.reach": "Reach reach",
         "validity.spread": "Spread validity_spread",
         "validity.workspace": "WorkspaceMap workspace_map",
     }.items()

@@ -1,4 +1,4 @@
-"""Command control: where a robot lands when constant curvature commands it."""
+"""Commands control and reach: commands of constant curvature, and what a robot reaches."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.robot.model import Robot
-    from bowstring.schemas.inverse import Control
+    from bowstring.schemas.inverse import Control, ReachFound
     from bowstring.validity.control import ControlErrors
 
 
@@ -120,6 +120,90 @@ def control(
         **provenance_of(
             model, gravity_m_per_s2=acting, tip_force_N=force, poses=poses, corrections=corrections
         ),
+        **found.to_dict(),
+        "text": found.described(),
+        "file": written,
+    }
+    return write_json(content)
+
+
+def reach(
+    robot: RobotSource = "amouri2019",
+    max_tension: Annotated[
+        str | None,
+        option(
+            "T or T1,T2,...",
+            "Largest tension of all tendons, or of each.  [default: a quarter turn of its segment "
+            "by the linear law]",
+        ),
+    ] = None,
+    poses: Annotated[int, option("N", "Number of poses to draw.")] = 2048,
+    payload_direction: Annotated[
+        str | None,
+        option(
+            "x,y,z",
+            "Direction of the payload's force, base axes.  [default: that of gravity, else -z]",
+        ),
+    ] = None,
+    tolerance: Annotated[
+        str,
+        typer.Option(
+            help='Displacement that a payload may cause, a share of the length: 0.01 or "1 %".'
+        ),
+    ] = "1 %",
+    gravity: Gravity = None,
+    tip_force: TipForce = "0,0,0",
+    theory: Theory = "cosserat",
+    elements: AutomaticElements = None,
+    out: Annotated[
+        Path | None,
+        option("FILE", "Figure (.png, .pdf, .svg).  [default: NAME-reach.png]"),
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """What the robot reaches under tension limits, by physics and by constant curvature.
+
+    With the dexterity, the compliance of the tip, and the largest payload for a displacement
+    allowed, over the workspace.
+    """
+    tolerated = share_of(
+        "--tolerance",
+        tolerance,
+        "a share of the length above 0 and below 1",
+        lambda value: 0 < value < 1,
+    )
+    check_elements(elements)
+    model = load(robot, overrides)
+    most = None if max_tension is None else _tensions(max_tension, model)
+    acting = None if gravity is None else vector("--gravity", gravity, "m/s^2")
+    force = vector("--tip-force", tip_force, "N")
+    along = None
+    if payload_direction is not None:
+        along = vector("--payload-direction", payload_direction, "1")
+
+    from bowstring._core import RodModel
+    from bowstring.statics.load import Load
+    from bowstring.validity.reach import check_reach_file
+    from bowstring.validity.reach import reach as find_reach
+
+    file = of_flag("--out", check_reach_file, out or Path(f"{model.name}-reach.png"))
+    with progress_bar("poses") as notify:
+        found = find_reach(
+            model,
+            most,
+            poses=poses,
+            payload_direction=along,
+            tolerance=tolerated,
+            load=Load(gravity=acting, tip_force=force),
+            model=RodModel(theory, elements=elements),
+            progress=notify,
+        )
+        written = str(found.save(file))
+    if not as_json:
+        return write_tables("\n".join([*found.described(), f"Figure: {written}"]))
+    content: ReachFound = {
+        **provenance_of(model, gravity_m_per_s2=acting, tip_force_N=force, poses=poses),
         **found.to_dict(),
         "text": found.described(),
         "file": written,

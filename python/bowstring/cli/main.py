@@ -82,6 +82,7 @@ for _command in (
     statics.fk,
     inverse.ik,
     control.control,
+    control.reach,
     statics.solve,
     branches.branches,
     study.study,

@@ -173,6 +173,7 @@ _EXAMPLES: Final = {
     "--disk-moment": "4:0,0.1,0",
     "--plane": "0.2,0,0:-1,0,0",
     "--plane-friction": "0.2",
+    "--payload-direction": "0,0,-1",
     "--tolerance": '"1 %"',
     "--max-tension": '"80 N"',
     "--from": '"40 N",0,0',

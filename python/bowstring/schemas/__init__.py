@@ -30,6 +30,7 @@ COMMANDS: Final[dict[str, Any]] = {
     "ik": inverse.Ik,
     "ik --path": inverse.IkPath,
     "control": inverse.Control,
+    "reach": inverse.ReachFound,
     "solve": statics.Solve,
     "branches": branches.Branches,
     "simulate": dynamics.Simulate,

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, Vector, about
+from pydantic import Field
+
+from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, Vector, VectorOrNull, about
 from bowstring.schemas.statics import Arc
 
 __all__ = [
@@ -15,6 +17,8 @@ __all__ = [
     "IkPath",
     "InverseRow",
     "InverseRows",
+    "ReachFound",
+    "ReachValues",
 ]
 
 InverseStatus = Literal["reached", "unreachable", "max_iterations", "no_equilibrium"]
@@ -188,6 +192,50 @@ class ControlValues(Object):
 
 class Control(OfRobot, ControlValues):
     """Output of `bowstring control`."""
+
+    text: Annotated[list[str], about("What the result says, in sentences.")]
+    file: Annotated[str, about("File of the figure.")]
+
+
+class ReachValues(Object):
+    """Tips under tension limits, and how the robot moves, yields and carries there.
+
+    Numbers of a pose are `null` without a stable equilibrium.
+    """
+
+    max_tension_N: Annotated[list[float], about("Largest tension of each tendon.")]
+    tensions_N: Annotated[list[list[float]], about("Tensions of all tendons at each pose.")]
+    tip_position_m: Annotated[list[VectorOrNull], about("Tip by physics.")]
+    constant_curvature_tip_m: Annotated[
+        list[Vector], about("Tip by the linear law of constant curvature, without loads.")
+    ]
+    manipulability: Annotated[
+        list[OrNull],
+        about(
+            "Product of the singular values of the tip's derivative by all tensions over their "
+            "largest ones: m^2 for one segment, m^3 for more."
+        ),
+    ]
+    dexterity: Annotated[list[OrNull], about("Least over largest of these singular values.")]
+    compliance_m_per_N: Annotated[
+        list[Annotated[list[VectorOrNull], Field(min_length=3, max_length=3)]],
+        about("Displacement of the tip by a force on it at fixed tensions."),
+    ]
+    payload_direction: Annotated[Vector, about("Direction of the payload's force.")]
+    tolerance_percent: Annotated[
+        float, about("Displacement that a payload may cause, in percent of the length.")
+    ]
+    payload_N: Annotated[
+        list[OrNull],
+        about(
+            "Largest force in that direction within this displacement; `null` also where ten times "
+            "the force by the compliance moves the tip less."
+        ),
+    ]
+
+
+class ReachFound(OfRobot, ReachValues):
+    """Output of `bowstring reach`."""
 
     text: Annotated[list[str], about("What the result says, in sentences.")]
     file: Annotated[str, about("File of the figure.")]

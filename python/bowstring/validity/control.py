@@ -15,13 +15,13 @@ from bowstring._core import RodModel
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, significant
-from bowstring.inverse.kinematics import default_max_tension, inverse_kinematics
+from bowstring.inverse.kinematics import inverse_kinematics
 from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.rod import solve, solve_batch
 from bowstring.validation import choice, floats, instance, share_of_length, whole
-from bowstring.validity.control_commands import BY_ARCS, COMMANDS, Commander
+from bowstring.validity.control_commands import BY_ARCS, COMMANDS, Commander, largest_tensions
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -309,7 +309,7 @@ def control_errors(
     load = with_arrays(load)
     model = instance("model", model, RodModel)
     robot = with_tendons(robot, {"friction": 0.0})
-    most = _limits(robot, max_tension)
+    most = largest_tensions(robot, max_tension)
     solve(robot, np.zeros(len(most)), load=load, model=model)  # refuses loads that cannot be
     chosen = _chosen(Commander(robot, load, model, np.zeros(len(most)), most), commands)
     notify = progress or (lambda what, done: None)
@@ -415,18 +415,6 @@ def _landed(
 
 def _is_embedded(robot: Robot, model: RodModel) -> bool:
     return robot.is_embedded or model.tendon_path == "continuous"
-
-
-def _limits(robot: Robot, given: ArrayLike | None) -> Floats:
-    count = robot.core.tendon_count
-    if given is None:
-        return 0.5 * default_max_tension(robot)
-    found = floats(given)
-    if found.shape not in ((), (count,)) or not (np.isfinite(found) & (found > 0.0)).all():
-        raise InputError(
-            f"max_tension is {found.tolist()}, it must be a number or {count} numbers above 0 N"
-        )
-    return np.array(np.broadcast_to(found, (count,)))
 
 
 def _chosen(commander: Commander, names: Sequence[str] | None) -> tuple[str, ...]:

@@ -7,23 +7,25 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bowstring.constant_curvature import RobotArcs
 from bowstring.constant_curvature.arc import Arc
 from bowstring.constant_curvature.series import series_jacobian
 from bowstring.errors import InputError
 from bowstring.inverse.arcs import arcs_to, tensions_of
+from bowstring.inverse.kinematics import default_max_tension
 from bowstring.robot.designs import Designs
 from bowstring.statics.designs import sweep_designs
 from bowstring.statics.rod import solve_batch
+from bowstring.validation import floats
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
     from bowstring.statics.load import Load
 
-__all__ = ["BY_ARCS", "COMMANDS", "Commander"]
+__all__ = ["BY_ARCS", "COMMANDS", "Commander", "largest_tensions"]
 
 Floats = NDArray[np.float64]
 
@@ -186,3 +188,27 @@ class Commander:
             arcs = RobotArcs.from_tensions(self.robot, np.nan_to_num(tensions), "arm")
             asked = asked + bends - arcs.arc.bend[..., :2]
         return tensions
+
+
+def largest_tensions(robot: Robot, given: ArrayLike | None) -> Floats:
+    """Largest tensions (T,) in N, given or those of a quarter turn by the linear law.
+
+    Parameters
+    ----------
+    robot : Robot
+    given : array_like () or (T,), or None
+
+    Returns
+    -------
+    ndarray (T,)
+        In N.
+    """
+    count = robot.core.tendon_count
+    if given is None:
+        return 0.5 * default_max_tension(robot)
+    found = floats(given)
+    if found.shape not in ((), (count,)) or not (np.isfinite(found) & (found > 0.0)).all():
+        raise InputError(
+            f"max_tension is {found.tolist()}, it must be a number or {count} numbers above 0 N"
+        )
+    return np.array(np.broadcast_to(found, (count,)))

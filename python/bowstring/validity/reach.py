@@ -1,0 +1,385 @@
+"""What a robot reaches under tension limits, and how well it moves and carries there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring._core import RodModel
+from bowstring.constant_curvature import RobotArcs
+from bowstring.display import short_repr
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.formatting import in_mm, in_percent, significant
+from bowstring.robot.model import Robot, check_robot, with_tendons
+from bowstring.statics.derivatives import jacobians
+from bowstring.statics.load import Load
+from bowstring.statics.load_tables import with_arrays
+from bowstring.statics.rod import solve, solve_batch
+from bowstring.validation import floats, instance, row, share_of_length, whole
+from bowstring.validity.control_commands import largest_tensions
+from bowstring.viz.style import check_figure_file, write_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from bowstring.schemas import inverse as schema
+
+__all__ = ["Reach", "check_reach_file", "reach"]
+
+Floats = NDArray[np.float64]
+
+_POSES: Final = 2048
+_THIRD: Final = 1.0 / 3.0
+_FIRST: Final = 0.25  # of the payload in the softest direction
+_GROWTH: Final = 1.5
+_MOST: Final = 10.0  # times the payload by the compliance
+_HALVINGS: Final = 20
+_ROUNDING: Final = 1e-9  # value over the largest that is zero
+
+
+@short_repr
+@dataclass(frozen=True)
+class Reach:
+    """Tips under tension limits by physics and by constant curvature; made by `reach`.
+
+    Numbers of a pose are NaN without a stable equilibrium.
+    """
+
+    robot: Robot
+    """Robot, its friction left out."""
+    load: Load
+    """Dead loads."""
+    max_tension: Floats
+    """Largest tension of each tendon (T,), N."""
+    tensions: Floats
+    """Drawn tensions (P, T), N."""
+    tip: Floats
+    """Tips by physics (P, 3), m."""
+    arc_tip: Floats
+    """Tips by constant curvature at the same tensions (P, 3), m: the linear law, without loads."""
+    by_share: Floats
+    """Derivative of the tip by each tension over its largest one (P, 3, T), m."""
+    compliance: Floats
+    """Tip displacement by a force on the tip at fixed tensions (P, 3, 3), m/N."""
+    payload_direction: Floats
+    """Direction of the payload's force in base axes (3,), of length one."""
+    tolerance: float
+    """Displacement that a payload may cause, as a share of the length."""
+    payload: Floats
+    """Largest force on the tip in that direction whose displacement stays within the tolerance
+    (P,), N; inf where ten times the force by the compliance moves it less."""
+
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """Whether a pose has a stable equilibrium (P,)."""
+        return np.isfinite(self.tip[:, 0])
+
+    @property
+    def _singular(self) -> Floats:
+        """Singular values of `by_share` in directions that the robot has (P, 2) or (P, 3)."""
+        out = np.full((len(self.tip), 3), np.nan)
+        out[self.solved] = np.linalg.svd(self.by_share[self.solved], compute_uv=False)[:, :3]
+        return out[:, : min(3, 2 * len(self.robot.segments))]
+
+    @property
+    def manipulability(self) -> Floats:
+        """Product of the singular values of `by_share` (P,).
+
+        In m^2 for one segment, whose tip moves on a surface, and in m^3 for more (Yoshikawa 1985).
+        """
+        return np.asarray(self._singular.prod(axis=-1))
+
+    @property
+    def dexterity(self) -> Floats:
+        """Least over largest of these singular values (P,): 1 moves alike in all directions."""
+        values = self._singular
+        return np.asarray(values[:, -1] / values[:, 0])
+
+    @property
+    def softness(self) -> Floats:
+        """Largest principal compliance (P,), m/N."""
+        out = np.full(len(self.tip), np.nan)
+        out[self.solved] = np.linalg.norm(self.compliance[self.solved], 2, axis=(1, 2))
+        return out
+
+    def described(self) -> list[str]:
+        """What the result says, in sentences."""
+        solved = self.solved
+        lost = int((~solved).sum())
+        out = [
+            f"{len(solved) - lost} of {len(solved)} drawn poses have a stable equilibrium: the tip "
+            f"is {_span(1e3 * np.hypot(*self.tip[solved, :2].T))} mm from the axis of the base, "
+            f"{_span(1e3 * self.tip[solved, 2])} mm along it."
+        ]
+        away = np.linalg.norm(self.tip - self.arc_tip, axis=1)[solved]
+        out.append(
+            f"At the same tensions constant curvature has the tip {in_mm(float(away.mean()))} away "
+            f"in the mean ({in_percent(float(away.mean()) / self.robot.length, 2)} of length), "
+            f"{in_mm(float(away.max()))} at most; it knows no loads."
+        )
+        out.append(
+            f"Dexterity is {_span(self.dexterity[solved])}; the softest direction gives "
+            f"{_span(1e3 * self.softness[solved])} mm/N."
+        )
+        carried = self.payload[solved]
+        known = carried[np.isfinite(carried)]
+        where = "(" + ", ".join(f"{v:.3g}" for v in self.payload_direction) + ")"
+        if known.size:
+            out.append(
+                f"A force in direction {where} moves the tip by at most "
+                f"{in_percent(self.tolerance)} of length up to {_span(known)} N."
+            )
+        out.append("All numbers are simulated, at fixed tensions.")
+        return out
+
+    def to_dict(self) -> schema.ReachValues:
+        """Return plain values in SI units."""
+        return {
+            "max_tension_N": self.max_tension.tolist(),
+            "tensions_N": self.tensions.tolist(),
+            "tip_position_m": self.tip.tolist(),
+            "constant_curvature_tip_m": self.arc_tip.tolist(),
+            "manipulability": self.manipulability.tolist(),
+            "dexterity": self.dexterity.tolist(),
+            "compliance_m_per_N": self.compliance.tolist(),
+            "payload_direction": self.payload_direction.tolist(),
+            "tolerance_percent": 100.0 * self.tolerance,
+            "payload_N": np.where(np.isfinite(self.payload), self.payload, np.nan).tolist(),
+        }
+
+    def figure(self) -> Figure:
+        """Draw both reachable sets, dexterity, compliance and payload.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Four panels by the distance from the base's axis and the height.
+        """
+        from bowstring.validity.reach_figure import draw_reach
+
+        return draw_reach(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the figure to a file (PNG, PDF or SVG), whole or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+            A figure of before is replaced.
+
+        Returns
+        -------
+        Path
+            Absolute path of the file.
+        """
+        return write_figure(self.figure, path, "figure", 160, check_reach_file)
+
+
+def _span(values: Floats) -> str:
+    largest = float(np.abs(values).max())
+    ends = (float(values.min()), float(values.max()))
+    low, high = (significant(v if abs(v) > _ROUNDING * largest else 0.0) for v in ends)
+    return low if low == high else f"{low} to {high}"
+
+
+def check_reach_file(path: str | Path) -> Path:
+    """Check before any work that a figure of the reach may be written.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Path
+        Absolute path.
+    """
+    return check_figure_file(path, "figure of the reach", (".png", ".pdf", ".svg"))
+
+
+def reach(
+    robot: Robot,
+    max_tension: ArrayLike | None = None,
+    *,
+    poses: int = _POSES,
+    payload_direction: ArrayLike | None = None,
+    tolerance: float | str = 0.01,
+    load: Load | None = None,
+    model: RodModel | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Reach:
+    """Find where the tip can be under tension limits, and how it moves, yields and carries there.
+
+    Poses are drawn between zero and the largest tensions, half of them with most tendons at a
+    limit, so that the boundary shows. Constant curvature stands beside physics.
+
+    Parameters
+    ----------
+    robot : Robot
+        Its friction is left out.
+    max_tension : array_like () or (T,), optional
+        Largest tensions in N; by default those that bend each segment by a quarter turn by the
+        linear law.
+    poses : int
+        Number of poses: points of a Sobol' sequence over the tensions of all tendons.
+    payload_direction : array_like (3,), optional
+        Direction of the payload's force in base axes; by default that of gravity, and -z without.
+    tolerance : float or str
+        Displacement that a payload may cause at fixed tensions, as a share of the length: 0.01 or
+        "1 %".
+    load : Load, optional
+        Gravity (that of the robot if left out) and dead loads.
+    model : RodModel, optional
+        As for `bowstring.solve`.
+    progress : callable, optional
+        Called with a word and the finished share.
+
+    Returns
+    -------
+    Reach
+        Tips, derivatives and payloads of all poses.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, and for tendons without derivatives.
+    NoSolutionError
+        If no drawn pose has a stable equilibrium.
+
+    Examples
+    --------
+    >>> import bowstring as bs
+    >>> found = bs.reach(bs.load_robot("amouri2019"), 60.0, poses=64)
+    >>> bool((1e3 * found.softness).max() > 100)  # mm/N
+    True
+    """
+    check_robot(robot)
+    whole("poses", poses, 1, 100_000)
+    tolerance = share_of_length("tolerance", tolerance)
+    load, model = instance("load", load, Load), instance("model", model, RodModel)
+    if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
+        raise InputError("load has an actuation, which is drawn; leave it out")
+    if robot.is_embedded or model.tendon_path == "continuous":
+        raise InputError(
+            "the reach needs derivatives, which continuous and embedded tendons do not have; use "
+            'tendon_path="straight"'
+        )
+    load = with_arrays(load)
+    robot = with_tendons(robot, {"friction": 0.0})
+    most = largest_tensions(robot, max_tension)
+    solve(robot, np.zeros(len(most)), load=load, model=model)  # refuses loads that cannot be
+    direction = _direction(robot, load, payload_direction)
+    notify = progress or (lambda what, done: None)
+    notify("poses", 0.0)
+    tensions = most * _drawn(len(most), poses)
+    found = solve_batch(robot, tensions, load=load, model=model, disks=False)
+    tip = np.where(found.converged[:, None], found.tip_position, np.nan)
+    if not found.converged.any():
+        raise NoSolutionError(
+            f"{robot.name}: none of {poses} drawn poses has a stable equilibrium; give a smaller "
+            "max_tension",
+            status="no_equilibrium",
+        )
+    by_share = np.full((poses, 3, len(most)), np.nan)
+    compliance = np.full((poses, 3, 3), np.nan)
+    for k in np.flatnonzero(found.converged):
+        if k % 64 == 0:
+            notify("derivatives", 0.1 + 0.6 * k / poses)
+        by = jacobians(solve(robot, tensions[k], load=load, model=model))
+        by_share[k], compliance[k] = by.tip_position_by_tension * most, by.tip_position_by_tip_force
+    notify("payload", 0.7)
+    payload = _payload(
+        (robot, load, model), tensions, tip, compliance, direction, tolerance * robot.length
+    )
+    notify("payload", 1.0)
+    arcs = RobotArcs.from_tensions(robot, tensions)
+    return Reach(
+        robot,
+        load,
+        most,
+        tensions,
+        tip,
+        np.asarray(arcs.tip.position),
+        by_share,
+        compliance,
+        direction,
+        tolerance,
+        payload,
+    )
+
+
+def _drawn(tendons: int, poses: int) -> Floats:
+    """Shares of the largest tensions (P, T); of every second pose most are at a limit."""
+    from scipy.stats import qmc
+
+    points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
+    points = np.asarray(points[:poses])
+    points[1::2] = np.clip((points[1::2] - _THIRD) / _THIRD, 0.0, 1.0)
+    return points
+
+
+def _payload(
+    of: tuple[Robot, Load, RodModel],
+    tensions: Floats,
+    tip: Floats,
+    compliance: Floats,
+    direction: Floats,
+    allowed: float,
+) -> Floats:
+    """Force (P,) in a direction that moves each tip by the allowed distance, N.
+
+    It grows step by step, so that the first crossing is found, and is then bisected.
+    """
+    robot, load, model = of
+    out = np.full(len(tip), np.nan)
+    rows = np.flatnonzero(np.isfinite(tip[:, 0]))
+    most = _MOST * allowed / np.linalg.norm(compliance[rows] @ direction, axis=-1)
+    force = _FIRST * allowed / np.linalg.norm(compliance[rows], 2, axis=(1, 2))
+    given = np.zeros(3) if load.tip_force is None else floats(load.tip_force)
+
+    def within(at: NDArray[np.intp], force: Floats) -> NDArray[np.bool_]:
+        forces = given + force[:, None] * direction
+        found = solve_batch(
+            robot,
+            tensions[rows[at]],
+            load=load.replace(tip_force=forces),
+            model=model,
+            disks=False,
+        )
+        moved = np.linalg.norm(found.tip_position - tip[rows[at]], axis=-1)
+        return np.asarray(found.converged & (moved <= allowed))
+
+    low, high = np.zeros(len(rows)), np.full(len(rows), np.inf)
+    at = np.arange(len(rows))
+    while at.size:
+        good = within(at, force[at])
+        low[at[good]], high[at[~good]] = force[at[good]], force[at[~good]]
+        force = _GROWTH * force
+        at = at[good & (force[at] < most[at])]
+    at = np.flatnonzero(np.isfinite(high))
+    for _ in range(_HALVINGS if at.size else 0):
+        middle = 0.5 * (low[at] + high[at])
+        good = within(at, middle)
+        low[at[good]], high[at[~good]] = middle[good], middle[~good]
+    out[rows] = np.where(np.isfinite(high), low, np.inf)
+    return out
+
+
+def _direction(robot: Robot, load: Load, given: ArrayLike | None) -> Floats:
+    if given is None:
+        found = floats(robot.gravity if load.gravity is None else load.gravity)
+        if not found.any():
+            found = np.array([0.0, 0.0, -1.0])
+    else:
+        found = row("payload_direction", given, 3, "")
+        if not found.any():
+            raise InputError("payload_direction is zero; it must have a length")
+    size = float(np.linalg.norm(found))
+    if not np.isfinite(size) or size < 1e-300:
+        raise InputError(f"payload_direction is {found.tolist()}; it is too small or too large")
+    return np.asarray(found / size)

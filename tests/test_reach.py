@@ -1,0 +1,128 @@
+"""What a robot reaches, and how it moves, yields and carries there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.shell import Shell
+
+import bowstring as bs
+from bowstring.errors import InputError, NoSolutionError
+
+AMOURI, RAO = bs.load_robot("amouri2019"), bs.load_robot("rao2021")
+
+
+def test_tips_are_those_of_single_solves_and_within_the_limits() -> None:
+    load = bs.Load(gravity=[0.0, 0.0, -9.81], tip_force=[0.02, 0.0, -0.03])
+    most = np.array([3.0, 4.0, 5.0, 2.0, 2.5, 3.0])
+    found = bs.reach(RAO, most, poses=24, load=load)
+    assert (found.tensions >= 0).all() and (found.tensions <= most).all()
+    at_limit = (found.tensions == 0) | (found.tensions == most)
+    assert at_limit[1::2].mean() > 0.5
+    for k in range(0, 24, 5):
+        single = bs.solve(RAO, found.tensions[k], load=load)
+        assert np.linalg.norm(single.tip.position - found.tip[k]) < 1e-7
+        arcs = bs.constant_curvature.RobotArcs.from_tensions(RAO, found.tensions[k])
+        np.testing.assert_allclose(arcs.tip.position, found.arc_tip[k], atol=1e-12)
+
+
+def test_derivatives_are_those_of_differences() -> None:
+    found = bs.reach(RAO, 3.0, poses=16)
+    for k in (3, 9):
+        tensions = np.maximum(found.tensions[k], 0.1)
+
+        def tip(change: Any, force: Any, at: Any = tensions) -> Any:
+            return bs.solve(RAO, at + change, load=bs.Load(tip_force=force)).tip.position
+
+        if (found.tensions[k] < 0.1).any():
+            continue
+        for i in range(6):
+            step = 1e-3 * np.eye(6)[i]
+            slope = (tip(step, [0, 0, 0]) - tip(-step, [0, 0, 0])) / 2e-3
+            np.testing.assert_allclose(found.by_share[k, :, i], 3.0 * slope, atol=1e-5)
+    step = 1e-4 * np.eye(3)
+    k = 7
+    for i in range(3):
+        up, down = (
+            bs.solve(RAO, found.tensions[k], load=bs.Load(tip_force=s * step[i])).tip.position
+            for s in (1.0, -1.0)
+        )
+        np.testing.assert_allclose(found.compliance[k, :, i], (up - down) / 2e-4, atol=1e-3)
+
+
+def test_compliance_is_symmetric_and_that_of_a_cantilever() -> None:
+    """Dead loads have a potential; the straight robot bends by l^3 / (3 E I)."""
+    found = bs.reach(AMOURI, 50.0, poses=8)
+    turned = found.compliance.transpose(0, 2, 1)
+    np.testing.assert_allclose(found.compliance, turned, atol=1e-9)
+    straight = found.compliance[0]
+    assert (found.tensions[0] == 0).all()
+    beam = AMOURI.length**3 / (3.0 * AMOURI.bending_stiffness[0])
+    assert straight[0, 0] == pytest.approx(beam, rel=1e-3)
+    assert found.softness[0] == pytest.approx(beam, rel=1e-3)
+
+
+def test_one_segment_moves_alike_in_all_directions_where_it_is_straight() -> None:
+    found = bs.reach(AMOURI, 50.0, poses=8)
+    assert found.dexterity[0] == pytest.approx(1.0, abs=1e-6)
+    # on a surface: along no direction is the tip faster than T l r / (2 E I) times sqrt(3 / 2)
+    arm = np.linalg.norm(AMOURI.tendons.mean_hole_m[0, 0])
+    speed = 50.0 * arm * AMOURI.length**2 / (2.0 * AMOURI.bending_stiffness[0])
+    assert found.manipulability[0] == pytest.approx(1.5 * speed**2, rel=2e-2)
+
+
+def test_payload_moves_the_tip_by_the_tolerance() -> None:
+    direction = np.array([1.0, 2.0, -2.0]) / 3.0
+    found = bs.reach(RAO, 3.0, poses=24, payload_direction=3.0 * direction, tolerance=0.02)
+    assert np.isfinite(found.payload).all()
+    for tensions, tip, force in zip(found.tensions, found.tip, found.payload, strict=True):
+        for factor in (0.5, 1.0):
+            load = bs.Load(tip_force=factor * force * direction)
+            moved = np.linalg.norm(bs.solve(RAO, tensions, load=load).tip.position - tip)
+            limit = 0.02 * RAO.length
+            assert moved < limit if factor < 1 else moved == pytest.approx(limit, rel=1e-3)
+
+
+def test_a_straight_robot_carries_its_buckling_load() -> None:
+    found = bs.reach(AMOURI, 50.0, poses=2, tolerance=0.01)
+    euler = np.pi**2 * AMOURI.bending_stiffness[0] / (4.0 * AMOURI.length**2)
+    assert found.payload_direction.tolist() == [0.0, 0.0, -1.0]
+    # a slender robot: shear and extension change it by less than 1 %; just beyond it deflects
+    assert found.payload[0] == pytest.approx(euler, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"max_tension": -1.0}, "above 0 N"),
+        ({"poses": 0}, "poses"),
+        ({"payload_direction": [0, 0, 0]}, "zero"),
+        ({"payload_direction": [0, np.inf, 0]}, "payload_direction"),
+        ({"payload_direction": [0, 1]}, "payload_direction"),
+        ({"load": bs.Load([1, 0, 0])}, "leave it out"),
+        ({"load": bs.Load(tip_force=[0, np.nan, 0])}, "tip force"),
+        ({"model": bs.RodModel(tendon_path="continuous")}, "derivatives"),
+    ],
+)
+def test_bad_input_is_refused(given: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        bs.reach(AMOURI, **{"poses": 4, **given})
+
+
+def test_without_equilibria_there_is_no_result() -> None:
+    with pytest.raises(NoSolutionError, match="smaller max_tension"):
+        bs.reach(AMOURI, poses=2, load=bs.Load(tip_force=[1e6, 0.0, 0.0]))
+
+
+def test_command(shell: Shell, tmp_path: Path) -> None:
+    file = tmp_path / "reach.svg"
+    flags = ["--poses", "12", "--payload-direction", "0,1,0", "--out", str(file)]
+    found = shell.json("reach", "rao2021", *flags)
+    assert file.read_text().startswith("<?xml")
+    assert len(found["payload_N"]) == len(found["dexterity"]) == 12
+    code, text, _ = shell("reach", "rao2021", *flags)
+    assert code == 0 and "simulated" in text
+    assert "--payload-direction" in shell.error("reach", "rao2021", "--payload-direction", "x")
