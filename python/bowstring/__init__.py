@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from bowstring.data.tendon_check import check_tendons
     from bowstring.dynamics.base_motion import BaseMotion
     from bowstring.dynamics.integrator import Integrator
+    from bowstring.dynamics.linear import LinearModel, linearise
     from bowstring.dynamics.modal import Modes, modes
     from bowstring.dynamics.simulation import Output, Run, Start, simulate
     from bowstring.inverse.kinematics import inverse_kinematics
@@ -94,6 +95,7 @@ __all__ = [
     "Integrator",
     "InverseSolution",
     "Jacobians",
+    "LinearModel",
     "Load",
     "Loading",
     "Measurements",
@@ -133,6 +135,7 @@ __all__ = [
     "inverse",
     "inverse_kinematics",
     "jacobians",
+    "linearise",
     "load_robot",
     "make_solid",
     "modes",
@@ -172,6 +175,7 @@ _HOME = {
         "data.tendon_check": "check_tendons",
         "dynamics.base_motion": "BaseMotion",
         "dynamics.integrator": "Integrator",
+        "dynamics.linear": "LinearModel linearise",
         "dynamics.modal": "Modes modes",
         "dynamics.simulation": "Output Run Start simulate",
         "inverse.kinematics": "inverse_kinematics",

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bowstring import validation
 from bowstring._core import check_memory, flexibility, flexibility_at
-from bowstring.display import html_table, sampled_rows
+from bowstring.display import html_table, sampled_rows, short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
@@ -166,8 +166,22 @@ def modes(
     NoSolutionError
         If there is no stable equilibrium.
     """
+    model = as_model(model)
+    commands, dead, path = checked(robot, tensions, load, model, history, count)
+    return about(robot, commands, dead, model, path, count=count)
+
+
+def checked(
+    robot: Robot,
+    tensions: Given | None,
+    load: Load | None,
+    model: RodModel,
+    history: Mapping[str, Any] | None,
+    count: int,
+) -> tuple[tuple[NDArray[np.bool_], Floats], Load, actuation.Path | None]:
+    """Commands, dead loads and path of an equilibrium to oscillate about."""
     check_robot(robot)
-    load, model = as_load(tensions, load), as_model(model)
+    load = as_load(tensions, load)
     if load.tensions is None and load.is_tension_controlled:
         load = load.replace(tensions=np.zeros(robot.core.tendon_count))
     commands = actuation.commands(robot, load)
@@ -197,7 +211,7 @@ def modes(
         path = actuation.Path(robot, model, history)
     else:
         validation.check_values("tensions", commands[1])
-    return about(robot, commands, load, model, path, count=count)
+    return commands, load, path
 
 
 def about(
@@ -214,6 +228,58 @@ def about(
     ``commands`` are those of `bowstring.statics.actuation.commands`, ``load`` has gravity and
     the loads at the tip and on disks.
     """
+    found = oscillation(robot, commands, load, model, path, count=count)
+    moved, turned = found.displacement, found.rotation
+    size = np.linalg.norm(moved, axis=2).max(axis=1)
+    spin = np.linalg.norm(turned, axis=2).max(axis=1)
+    scale = np.where(size > 1e-9 * spin, size, spin)
+    # choose the sign so that the largest component of the tip's displacement is positive
+    tip = np.where((size > 1e-9 * spin)[:, None], moved[:, -1], turned[:, -1])
+    sign = np.sign(tip[np.arange(len(tip)), np.abs(tip).argmax(axis=1)])
+    scale = (scale * np.where(sign == 0, 1.0, sign))[:, None, None]
+    return Modes(
+        robot=robot,
+        frequency_hz=found.speed / (2.0 * np.pi),
+        kind=found.kind,
+        displacement=moved / scale,
+        rotation=turned / scale,
+        position=found.position,
+        orientation=found.orientation,
+        tensions=found.tensions,
+    )
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Oscillation:
+    """Modes whose mass is 1 kg, slowest first; made by `oscillation`."""
+
+    speed: Floats
+    """Angular frequencies (K,), rad/s."""
+    kind: list[str]
+    """As of `Modes`."""
+    displacement: Floats
+    """Of the disks in base axes, by the modal coordinate (K, N, 3)."""
+    rotation: Floats
+    """Of the disks in their own axes, by the modal coordinate (K, N, 3), rad/m."""
+    position: Floats
+    """Positions of the disks in the equilibrium (N, 3), m."""
+    orientation: Floats
+    """Rotations of the disks in the equilibrium (N, 3, 3)."""
+    tensions: Floats
+    """Tensions in the equilibrium (T,), N."""
+
+
+def oscillation(
+    robot: Robot,
+    commands: tuple[NDArray[np.bool_], Floats],
+    load: Load,
+    model: RodModel,
+    path: actuation.Path | None,
+    *,
+    count: int,
+) -> Oscillation:
+    """Modes as of `about`, in modal coordinates of unit mass."""
     status: str
     if path is not None:
         solution = path.core.step(*commands, load)
@@ -266,19 +332,11 @@ def about(
         # from the motion of the common centre of mass to that of the disk
         both = np.concatenate([moved[:, disk], turned[:, disk]], axis=1) @ motion.T
         moved[:, disk], turned[:, disk] = both[:, :3], both[:, 3:]
-    size = np.linalg.norm(moved, axis=2).max(axis=1)
-    spin = np.linalg.norm(turned, axis=2).max(axis=1)
-    scale = np.where(size > 1e-9 * spin, size, spin)
-    # choose the sign so that the largest component of the tip's displacement is positive
-    tip = np.where((size > 1e-9 * spin)[:, None], moved[:, -1], turned[:, -1])
-    sign = np.sign(tip[np.arange(len(values)), np.abs(tip).argmax(axis=1)])
-    scale = (scale * np.where(sign == 0, 1.0, sign))[:, None, None]
-    return Modes(
-        robot=robot,
-        frequency_hz=1.0 / (2.0 * np.pi * np.sqrt(values)),
+    return Oscillation(
+        speed=1.0 / np.sqrt(values),
         kind=kinds,
-        displacement=moved / scale,
-        rotation=turned / scale,
+        displacement=moved,
+        rotation=turned,
         position=positions,
         orientation=frames,
         tensions=solution.tensions,
