@@ -29,7 +29,8 @@ from bowstring.validity import limit_search, space, workspace
 from bowstring.validity.axes import Axis, axes_of, read_axis
 from bowstring.validity.contour import contours
 from bowstring.validity.effects import Rods
-from bowstring.validity.errors import Ramps, displacement_per_bend
+from bowstring.validity.errors import LABELS, Ramps, displacement_per_bend
+from bowstring.validity.grids import compute_grid
 from bowstring.validity.jobs import map_job
 from bowstring.validity.loading import Loading
 from bowstring.validity.maps import STATES, validity_map
@@ -269,8 +270,8 @@ def test_regions_without_equilibrium_and_with_two_are_named() -> None:
     """Upright, a soft robot buckles, and a slightly stiffer one has more than one stable pose."""
     upright = ROBOT.with_({"gravity": [0.0, 0.0, -9.81]})
     soft = validity_map(upright, ["segments.0.backbone.E=0.5:6 GPa:6"], loading=Loading(20.0))
-    assert soft.state[0] == 2 and (soft.state[1:] != 2).all()
-    assert STATES[2] in " ".join(described(soft))
+    assert STATES[soft.state[0]] == "not solved" and not soft.unsolved[1:].any()
+    assert "1 of 6 points: not solved (at 0.5 GPa)" in " ".join(described(soft))
     pushed = upright.with_({"segments.0.backbone.E": "2 GPa"})
     found = validity_map(pushed, ["tip_force.x=0.8:1 N:3"], loading=Loading(20.0))
     assert 1 in found.state and STATES[1] in " ".join(described(found))
@@ -420,6 +421,139 @@ def test_between_a_value_and_none_the_map_is_not_white() -> None:
     assert edges[:, 1].max() == pytest.approx(top, abs=0.01)
 
 
+# -- sweeps that are not solved to their end ---------------------------------------------------
+
+
+LOST = [
+    (["E=0.01:0.1 GPa:2"], 80.0),  # at every point, at the first load above zero
+    (["pitch_radius=20:29 mm:2"], 4000.0),  # at every point, half way
+    (["tension=400:2000 N:3"], None),  # at some points
+    (["tension=600:1800 N:2", "pitch_radius=20:29 mm:2"], None),
+    (["length=500:900 mm:2", "gravity.z=-9.81:9.81:2"], 1200.0),
+]
+SWEPT = ("largest_error", "mean_error", "valid_to")
+
+
+def solved_loads(space_: space.Space, points: np.ndarray) -> list[np.ndarray]:
+    """Tensions of each sweep up to its first load without equilibrium, by single robots."""
+    out = []
+    for point in points:
+        changes, top, loads = {}, space_.max_tension, {"gravity": np.zeros(3), "tip_force": None}
+        for axis, value in zip(space_.axes, point, strict=True):
+            name, _, along = axis.path.partition(".")
+            if name == "tension":
+                top = value
+            elif name in loads:
+                loads[name] = value * np.eye(3)["xyz".index(along)]
+            else:
+                changes[axis.path] = value
+        tensions = np.linspace(0.0, top, space_.loads)
+        found = bs.sweep(
+            ROBOT.with_(changes), tensions[:, None] * space_.shares, load=bs.Load(**loads)
+        )
+        out.append(tensions[: np.argmin([*found.converged, False])])
+    return out
+
+
+@pytest.mark.parametrize(
+    ("over", "top", "metric"),
+    [
+        pytest.param(over, top, metric, marks=[pytest.mark.slow] * (len(over) > 1))
+        for over, top in LOST
+        for metric in (("error",) if over[0].startswith("tension") else SWEPT)
+    ],
+)
+def test_a_sweep_that_is_not_solved_to_its_end_never_holds(
+    over: list[str], top: float | None, metric: str
+) -> None:
+    found = validity_map(ROBOT, over, metric=metric, tolerance=0.5, loading=Loading(top, 7))
+    grid = np.meshgrid(*[axis.values for axis in found.axes], indexing="xy")
+    points = np.stack([values.ravel() for values in grid], axis=1)
+    loads = solved_loads(found.question.space, points)
+    whole = np.reshape([len(one) == 7 for one in loads], found.shape)
+    ends = np.reshape([one[-1] for one in loads], found.shape)
+    np.testing.assert_allclose(found.solved_to, ends)
+    content = found.to_dict()
+    said = " ".join(described(found))
+    for own in content["maps"]:
+        value, defined = np.array(own["values"], dtype=float), np.array(own["defined"])
+        if metric == "valid_to":
+            assert not (value > ends).any() and not np.isnan(value[defined]).any()
+            assert whole[defined & (value == ends)].all()  # others end where they are solved
+            continue
+        assert np.isnan(value[~whole]).all() and not defined[~whole].any()
+        assert not np.isnan(value[defined]).any()
+        for low, high in own["ranges"] if len(found.axes) == 1 else []:
+            inside = (found.axes[0].values >= low) & (found.axes[0].values <= high)
+            assert whole[inside].all()
+        if not defined.any():
+            assert f"curvature {LABELS[own['name']]} holds" not in said
+    if metric != "valid_to":
+        assert (found.unsolved == ~whole).all()
+        assert f"{(~whole).sum()} of {whole.size} points: not solved" in said
+        job = compute_grid(
+            map_job(ROBOT, over, metric=metric, tolerance=0.5, loading=Loading(top, 7))
+        )
+        order = tuple(reversed(range(whole.ndim)))
+        assert (job.solved.transpose(order) == whole).all()
+        for name in found.value:
+            assert (job.defined[name].transpose(order) == found.defined[name]).all()
+        held = sum(int((found.value[name] <= 0.5).sum()) for name in found.value)
+        shown = [
+            int(s.split(" of length at ")[1].split()[0])
+            for s in job.described()[:4]
+            if " of length at " in s
+        ]
+        assert sum(shown) == held
+        assert f"{(~whole).sum()} of {whole.size} points: not solved" in " ".join(job.described())
+
+
+def test_where_the_solver_gave_up_is_not_without_equilibrium(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A load at which only an unstable equilibrium was found has no stable one, as far as known."""
+    over = ["E=0.01:0.1 GPa:2"]
+    gave_up = validity_map(ROBOT, over, loading=Loading(80.0, 5))
+    assert {STATES[i] for i in gave_up.state} == {"not solved"}
+    assert "2 of 2 points: not solved" in " ".join(described(gave_up))
+    assert "no stable equilibrium" not in " ".join(described(gave_up))
+    assert "not solved" in legend_of(gave_up.figure().axes[0])
+    solve = limit_search.sweep_designs
+
+    def unstable(*arguments: Any, **options: Any) -> DesignSweep:
+        found = solve(*arguments, **options)
+        return replace(found, status=np.where(found.converged, found.status, "unstable"))
+
+    monkeypatch.setattr(limit_search, "sweep_designs", unstable)
+    lost = validity_map(ROBOT, over, loading=Loading(80.0, 5))
+    assert {STATES[i] for i in lost.state} == {"no stable equilibrium"}
+    assert "2 of 2 points: no stable equilibrium" in " ".join(described(lost))
+    assert "no stable equilibrium" in legend_of(lost.figure().axes[0])
+
+
+def test_a_limit_before_the_end_of_what_is_solved_counts_as_solved() -> None:
+    """Loads beyond 1000 N, which are not solved, do not matter to a limit of 56 N."""
+    options: dict[str, Any] = {"metric": "valid_to", "loading": Loading(1600.0, 33)}
+    found = validity_map(ROBOT, ["E=34:36 GPa:2"], models=[FORCE], **options)
+    assert not found.unsolved.any() and found.defined[FORCE].all()
+    assert (found.solved_to < 1600.0).all()
+    assert found.value[FORCE] == pytest.approx(56.09, rel=0.1)
+    wide = validity_map(ROBOT, ["E=34:36 GPa:2"], models=[FORCE], tolerance=0.9, **options)
+    assert wide.unsolved.all() and not wide.defined[FORCE].any()
+    np.testing.assert_array_equal(wide.value[FORCE], wide.solved_to)
+    assert "has its last solved load as limit" in " ".join(described(wide))
+
+
+def test_poses_that_are_not_solved_are_counted_by_why() -> None:
+    found = bs.workspace_map(ROBOT, 1500.0, poses=64, models=[FORCE])
+    assert (found.unknown == (~found.solved & found.gave_up)).all() and found.unknown.any()
+    content = found.to_dict()
+    assert content["not_solved"] == found.unknown.sum()
+    assert content["without_equilibrium"] + content["not_solved"] == (~found.solved).sum()
+    assert f"At {found.unknown.sum()} of the others the solver gave up" in found.described()[1]
+    assert f"{found.unknown.sum()} of 64 poses: not solved" in found.figure().get_suptitle()
+
+
 # -- sentences ----------------------------------------------------------------------------------
 
 
@@ -432,14 +566,14 @@ def test_a_wide_axis_finds_the_same_crossing() -> None:
 def test_a_map_that_is_solved_at_one_point_says_so() -> None:
     found = validity_map(ROBOT, ["tension=0:1e9 N:2"], loading=Loading(None, 5), models=[FORCE])
     said = " ".join(described(found))
-    assert "at 0 N, the only point with an equilibrium" in said
-    assert "1 of 2 points: no stable equilibrium (at 1000000000 N)" in said
+    assert "at 0 N, the only point with a value" in said
+    assert "1 of 2 points: not solved (at 1000000000 N): the solver gave up beyond 0 N" in said
 
 
 def test_a_map_that_is_solved_in_a_part_names_their_number() -> None:
     axes = ["tension=0:1e9 N:2", "E=30:40 GPa:2"]
     found = validity_map(ROBOT, axes, loading=Loading(None, 5), models=[LENGTHS])
-    assert "at the 2 of 4 points that have an equilibrium" in described(found)[0]
+    assert "at the 2 of 4 points that have a value" in described(found)[0]
 
 
 def test_limits_below_the_first_load_are_not_stated() -> None:

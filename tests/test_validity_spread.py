@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -186,3 +187,21 @@ def test_samples_that_hold_nowhere_are_counted() -> None:
     few = validity_spread(ROBOT, numbers, points=256)
     assert 0.025 < few.share_exceeded < 0.5
     assert f"{100.0 * few.share_exceeded:.0f} % of the samples exceed the tolerance" in few.text[0]
+
+
+def test_samples_that_are_not_solved_to_their_limit_are_counted() -> None:
+    """With a tolerance that no arc exceeds, the limit is where the solved loads of a robot end."""
+    wide = {E: {"uniform": {"from": 20e9, "to": 60e9}}}
+    options = {"points": 64, "loading": Loading(1000.0, 5), "tolerance": 0.95}
+    found = validity_spread(ROBOT, wide, **options)  # type: ignore[arg-type]
+    assert 0.02 < (~found.solved).mean() < 0.9 and found.nominal_solved
+    lost = found.limit[~found.solved]
+    assert np.isfinite(lost).all() and np.isnan(found.error[~found.solved]).all()
+    share = found.to_dict()["not_solved_percent"]
+    assert share == pytest.approx(100.0 * (~found.solved).mean())
+    assert "% of the samples are not solved to their limit" in found.text[0]
+    assert "nominal robot holds up to 1000 N or more" in found.text[0]
+    short = replace(found, nominal=875.0, nominal_solved=False)
+    assert "holds as far as it is solved, up to 875 N" in short.text[0]
+    none = replace(found, nominal=float("nan"), nominal_solved=False)
+    assert "The nominal robot has no limit" in none.text[0] and "or more" not in none.text[0]

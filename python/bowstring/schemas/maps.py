@@ -50,7 +50,10 @@ class MapOfModel(Object):
     ]
     defined: Annotated[
         list[bool] | list[list[bool]],
-        about("Whether the model has an arc at all loads of each point, as `values`."),
+        about(
+            "Whether the model has an error at all loads that the metric is of, as `values`: an "
+            "equilibrium and an arc."
+        ),
     ]
 
 
@@ -83,9 +86,20 @@ class MapValues(QuestionValues):
                 "no stable equilibrium",
                 "a tendon is slack",
                 "constant curvature not defined",
+                "not solved",
             ]
         ],
-        about("State of each point, row by row."),
+        about(
+            "State of each point, row by row. `not solved`: the solver gave up at some load, which "
+            "may have an equilibrium or not."
+        ),
+    ]
+    solved_to: Annotated[
+        list[OrNull] | list[list[OrNull]],
+        about(
+            "Tension (N) or bend (rad) up to which the sweep of each point is solved, as "
+            "`values`; `null` where its first load is not."
+        ),
     ]
     statics_error_percent: Annotated[
         OrNull, about("Largest estimated error of the tips by statics, in percent of the length.")
@@ -104,7 +118,11 @@ class GridOfModel(Object):
         ),
     ]
     defined: Annotated[
-        Any, about("Whether the model has an arc at all loads of each point, as `values`.")
+        Any,
+        about(
+            "Whether the model has an error at all loads that the metric is of, as `values`: an "
+            "equilibrium and an arc."
+        ),
     ]
 
 
@@ -113,7 +131,25 @@ class GridValues(QuestionValues):
 
     maps: Annotated[list[GridOfModel], about("Map of each model.")]
     solved: Annotated[
-        Any, about("Whether all loads have a stable equilibrium, nested lists as of the values.")
+        Any,
+        about(
+            "Whether all loads that the metric is of have a stable equilibrium, nested lists as of "
+            "the values."
+        ),
+    ]
+    gave_up: Annotated[
+        Any,
+        about(
+            "Whether the solver gave up at the first load that is not solved, which may have an "
+            "equilibrium or not, as `solved`."
+        ),
+    ]
+    solved_to: Annotated[
+        Any,
+        about(
+            "Tension (N) or bend (rad) up to which each sweep is solved, as `solved`; `null` where "
+            "its first load is not."
+        ),
     ]
 
 
@@ -150,6 +186,10 @@ class WorkspaceValues(Object):
     ]
     tensions_N: Annotated[list[list[float]], about("Tensions of all tendons at each pose.")]
     without_equilibrium: Annotated[int, about("Number of poses without a stable equilibrium.")]
+    not_solved: Annotated[
+        int,
+        about("Number of poses at which the solver gave up, which may have an equilibrium or not."),
+    ]
     two_equilibria: Annotated[
         list[bool],
         about("Whether another stable equilibrium was found at the tensions of each pose."),
@@ -221,7 +261,25 @@ class SpreadValues(Object):
     tolerance_percent: Annotated[float, about("Tolerated tip error in percent of the length.")]
     max_tension_N: Annotated[float, about("End of the sweep.")]
     nominal_limit_N: Annotated[
-        OrNull, about("Validity limit of the nominal robot; `null` where all loads hold.")
+        OrNull,
+        about(
+            "Validity limit of the nominal robot; `null` where all loads hold, or where it has no "
+            "result."
+        ),
+    ]
+    nominal_solved: Annotated[
+        bool,
+        about(
+            "Whether the nominal robot is solved to its limit or the end of the sweep; if not, its "
+            "limit is the last load that is solved."
+        ),
+    ]
+    not_solved_percent: Annotated[
+        float,
+        about(
+            "Share of the samples that are not solved to their limit or the end of the sweep; "
+            "their limit is the last load that is solved."
+        ),
     ]
     exceeded_at_first_load_percent: Annotated[
         float, about("Share of the samples whose error is above the tolerance at 0 N already.")

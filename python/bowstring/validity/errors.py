@@ -16,7 +16,7 @@ from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.statics.designs import sweep_designs
 from bowstring.validity.effects import Rods
-from bowstring.validity.limit_search import solve_ramps
+from bowstring.validity.limit_search import gave_up, solve_ramps
 
 __all__ = [
     "INPUTS",
@@ -84,6 +84,8 @@ class Ramps:
     """Tendon lengths (D, L, T), m."""
     tip_error: Floats
     """Estimated error of the tip by statics (D, L), m."""
+    gave_up: NDArray[np.bool_]
+    """Whether the solver gave up at each load (D, L), so that an equilibrium may exist."""
     commanded_lengths: Floats | None = None
     """Tendon lengths that the motors command (D, L, T), m; None by tension."""
     slack: NDArray[np.bool_] | None = None
@@ -138,6 +140,7 @@ def _follow_displacements(rods: Rods, bend: Floats, shares: Floats) -> Ramps:
         found.tip_position,
         found.tendon_lengths,
         found.tip_error,
+        gave_up(found.status),
         straight[:, None, :] - displacements,
         np.asarray(loose.any(axis=-1)),
     )

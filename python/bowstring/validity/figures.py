@@ -12,7 +12,7 @@ from bowstring.formatting import in_percent, listed, significant
 from bowstring.validity.causes import coarse_step
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import INPUTS, LABELS
-from bowstring.validity.maps import STATES, ValidityMap
+from bowstring.validity.maps import STATES, UNSOLVED, ValidityMap
 from bowstring.validity.question import Metric
 from bowstring.validity.sentences import in_ranges
 from bowstring.viz.style import LIGHT, legend_above, subplots
@@ -50,7 +50,7 @@ CAUSES: Final = {
     "friction": "yellow",
     "tendon_stretch": "blue",  # by displacement, where straight spans have no entry
 }
-HATCHES: Final = ((1, "...."), (2, "////"), (3, "\\\\"))
+HATCHES: Final = (((1,), "...."), (UNSOLVED, "////"), ((3,), "\\\\"))
 """Indices in `STATES`, and their hatches; that without an arc is of each model."""
 UNDEFINED: Final = "xxxx"
 """Hatch of a region where a model has no arc."""
@@ -159,9 +159,15 @@ def _crossings(found: ValidityMap, name: str) -> str:
     return f": {in_percent(found.tolerance)} at {listed(shown)}{unit}{more}"
 
 
+def _states_label(found: ValidityMap, states: Sequence[int]) -> str:
+    """Those of some states that a map has, in words."""
+    return ", or ".join(STATES[state] for state in states if np.any(found.state == state))
+
+
 def _shade_states(panel: Axes, found: ValidityMap, x: Floats) -> None:
-    for state, hatch in HATCHES:
-        _shade(panel, x, found.state == state, hatch, LIGHT["muted"], STATES[state])
+    for states, hatch in HATCHES:
+        where = np.isin(found.state, states)
+        _shade(panel, x, where, hatch, LIGHT["muted"], _states_label(found, states))
 
 
 def _shade(
@@ -216,7 +222,7 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
     if _END in present:
         handles.append(Patch(**white, label=_end_label(found)))
     if _NONE in present:
-        handles.append(Patch(fc=LIGHT["grid"], label="no limit: no arc or no equilibrium"))
+        handles.append(Patch(fc=LIGHT["grid"], label="no limit: no arc, or not solved"))
     if _NO_ARC in present:
         look: Any = {"fc": LIGHT["grid"], "ec": LIGHT["muted"], "hatch": UNDEFINED, "lw": 0.0}
         label = STATES[4] + (" beyond its limit" if found.metric == "valid_to" else "")
@@ -228,11 +234,9 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
     if "" in present:
         words = "no main cause found" if space.not_examined else "no single main cause"
         handles.append(Patch(fc=LIGHT["grid"], label=words))
-    for state, hatch in HATCHES:
-        if np.any(found.state == state):
-            handles.append(
-                Patch(fc="none", ec=LIGHT["muted"], hatch=hatch, lw=0.0, label=STATES[state])
-            )
+    for states, hatch in HATCHES:
+        if label := _states_label(found, states):
+            handles.append(Patch(fc="none", ec=LIGHT["muted"], hatch=hatch, lw=0.0, label=label))
     if _marked(found):
         label = "this robot"
         handles.append(Line2D([], [], color=LIGHT["ink"], lw=0.8, ls="--", label=label))
@@ -315,8 +319,8 @@ def _finish(panel: Axes, found: ValidityMap) -> None:
 
     bright = [withStroke(linewidth=2.0, foreground="white", alpha=0.7)]  # also on dark colours
     x, y = (axis.values / axis.factor for axis in found.axes)
-    for state, hatch in HATCHES:
-        _hatch(panel, x, y, np.where(found.state == state, 1.0, 0.0), hatch)
+    for states, hatch in HATCHES:
+        _hatch(panel, x, y, np.where(np.isin(found.state, states), 1.0, 0.0), hatch)
     for i, own in _marked(found):
         mark = panel.axvline if i == 0 else panel.axhline
         mark(own, color=LIGHT["ink"], lw=0.8, ls="--", path_effects=bright)

@@ -50,8 +50,8 @@ class _Kinds(NamedTuple):
     """Kinds of points: by effect outside the tolerance, or by validity limit."""
 
     of: NDArray[np.int64]
-    """Kind of each point of the map; -1 where the tolerance holds, `len(colours) - 1` without a
-    stable equilibrium at all loads, or where constant curvature is not defined."""
+    """Kind of each point of the map; -1 where the tolerance holds, `len(colours) - 1` where the
+    error is not known at all loads, or constant curvature is not defined."""
     colours: list[Any]
     """Colour of each kind."""
     causes: list[str]
@@ -128,9 +128,13 @@ def _line_handles(found: ValidityGrid) -> list[Line2D | Patch]:
     if any(_own(found, axis) is not None for axis in found.axes):
         label = "this robot"
         out.append(Line2D([], [], color=LIGHT["ink"], lw=0.8, ls="--", label=label))
-    no_arc = any(undefined.any() for undefined in found.undefined.values())
-    if no_arc or not found.solved.all():
-        label = f"{STATES[2]}, or {STATES[4]}" if no_arc else STATES[2]
+    missing = {
+        2: np.any(~found.solved & ~found.gave_up),
+        5: np.any(~found.solved & found.gave_up),
+        4: any(undefined.any() for undefined in found.undefined.values()),
+    }
+    if any(missing.values()):
+        label = ", or ".join(STATES[state] for state, has in missing.items() if has)
         out.append(Patch(fc="none", ec=LIGHT["muted"], hatch="////", lw=0.0, label=label))
     return out
 
@@ -191,7 +195,7 @@ def _kinds(found: ValidityGrid, name: str) -> _Kinds:
         of = np.full(value.shape, -1)
         for kind, key in enumerate(causes):
             of[(value > found.tolerance) & (effect == key)] = kind
-    of[~(np.isfinite(value) & found.solved) | found.undefined[name]] = len(colours)
+    of[~(np.isfinite(value) & found.defined[name])] = len(colours)
     return _Kinds(of, [*colours, "none"], causes)
 
 

@@ -33,6 +33,7 @@ from bowstring.validity.sentences import (
     notes_on_limits,
     notes_on_slack,
     undefined_in_words,
+    unsolved_in_words,
 )
 from bowstring.validity.space import Space
 from bowstring.viz.style import check_figure_file, write_figure
@@ -76,9 +77,15 @@ class ValidityGrid:
     value: dict[str, Floats]
     """Metric by model, a dimension for each axis in their order; NaN without a value."""
     solved: NDArray[np.bool_]
-    """Whether all loads of a point have a stable equilibrium, with the same dimensions."""
-    undefined: dict[str, NDArray[np.bool_]]
-    """Where a model has no arc at some load that the metric is of, with the same dimensions."""
+    """Whether all loads of a point that the metric is of have a stable equilibrium, with the same
+    dimensions."""
+    gave_up: NDArray[np.bool_]
+    """Whether the solver gave up at the first load of a point that is not solved, with the same
+    dimensions."""
+    solved_to: Floats
+    """Tension (N) or bend (rad) up to which the sweep of each point is solved; NaN without any."""
+    defined: dict[str, NDArray[np.bool_]]
+    """Where a model has an error at all loads that the metric is of, with the same dimensions."""
     cause: dict[str, NDArray[np.str_]]
     """Effect with more than half of the error, by model, on every `step`-th point of each axis;
     empty text where none has. Without entries for the metric ``valid_to``."""
@@ -86,6 +93,11 @@ class ValidityGrid:
     """Step along each axis between the points of `cause`."""
     slack: NDArray[np.bool_] | None = None
     """Whether a tendon is slack at the end of a ramp of bends, with the same dimensions."""
+
+    @property
+    def undefined(self) -> dict[str, NDArray[np.bool_]]:
+        """Where a model has no arc at some load that the metric is of, with the same dimensions."""
+        return {name: self.solved & ~defined for name, defined in self.defined.items()}
 
     @property
     def question(self) -> Question:
@@ -209,11 +221,13 @@ class ValidityGrid:
         if file.suffix.lower() not in _NUMBERS:
             return write_figure(self.figure, file, "map", 160, check_grid_file)
         flat = {name: value.ravel() for name, value in self.value.items()}
-        for name, undefined in self.undefined.items():
-            flat[f"{name}_defined"] = (~undefined).ravel().astype(np.int8)
+        for name, defined in self.defined.items():
+            flat[f"{name}_defined"] = defined.ravel().astype(np.int8)
         if self.slack is not None:
             flat["slack"] = self.slack.ravel().astype(np.int8)
         flat["solved"] = self.solved.ravel().astype(np.int8)
+        flat["gave_up"] = self.gave_up.ravel().astype(np.int8)
+        flat["solved_to"] = self.solved_to.ravel()
 
         def read(first: int, count: int) -> dict[str, NDArray[Any]]:
             return {name: values[first : first + count] for name, values in flat.items()}
@@ -239,10 +253,12 @@ class ValidityGrid:
             if undefined.any():
                 out.append(undefined_in_words(name, undefined))
         if self.metric == "valid_to":
-            out += notes_on_limits(self.question, self.value)
-        missing = int((~self.solved).sum())
-        if missing:
-            out.append(f"{missing} of {self.solved.size} points: no stable equilibrium.")
+            out += notes_on_limits(self.question, self.value, self.solved_to)
+        out += unsolved_in_words(
+            self.question,
+            {2: ~self.solved & ~self.gave_up, 5: ~self.solved & self.gave_up},
+            self.solved_to,
+        )
         if self.slack is not None and self.slack.any():
             out.append(f"{int(self.slack.sum())} of {self.slack.size} points: a tendon is slack.")
             out += notes_on_slack(self.question, self.slack)
@@ -257,11 +273,13 @@ class ValidityGrid:
                 {
                     "name": name,
                     "values": (scale * value).tolist(),
-                    "defined": (~self.undefined[name]).tolist(),
+                    "defined": self.defined[name].tolist(),
                 }
                 for name, value in self.value.items()
             ],
             "solved": self.solved.tolist(),
+            "gave_up": self.gave_up.tolist(),
+            "solved_to": self.solved_to.tolist(),
         }
 
 
@@ -453,6 +471,7 @@ def _grid(job: Job, flat: Mapping[str, NDArray[Any]]) -> ValidityGrid:
         cause = {name: effects.reshape(part.shape) for name, effects in found.items()}
     step = coarse_step(shape, len(shape))
     slack = flat["slack"].reshape(shape) == 1 if "slack" in flat else None
-    undefined = {name: flat[f"{name}_defined"].reshape(shape) == 0 for name in asked.models}
-    solved = flat["solved"].reshape(shape) == 1
-    return ValidityGrid(job, value, solved, undefined, cause, step, slack)
+    defined = {name: flat[f"{name}_defined"].reshape(shape) == 1 for name in asked.models}
+    solved, gave_up = (flat[name].reshape(shape) == 1 for name in ("solved", "gave_up"))
+    solved_to = np.asarray(flat["solved_to"]).reshape(shape)
+    return ValidityGrid(job, value, solved, gave_up, solved_to, defined, cause, step, slack)

@@ -46,7 +46,10 @@ class Points:
         out: dict[str, NDArray[Any]] = {**self.question.measure(errors)}
         for name, is_defined in self.question.defined(errors).items():
             out[f"{name}_defined"] = is_defined.astype(np.int8)
-        out["solved"] = np.asarray(errors.converged.all(axis=1), dtype=np.int8)
+        solved = np.all(list(self.question.solved(errors).values()), axis=0)
+        out["solved"] = solved.astype(np.int8)
+        out["gave_up"] = np.asarray(~solved & errors.unknown, dtype=np.int8)
+        out["solved_to"] = errors.solved_to
         if space.by_displacement:
             out["slack"] = errors.slack.astype(np.int8)
         return out
@@ -87,10 +90,11 @@ def map_job(
     Returns
     -------
     Job
-        Its variables are the metric by model, ``NAME_defined``, 1 where a model has an arc at all
-        loads that the metric is of, ``solved``, 1 where all loads have a stable
-        equilibrium, and with an axis bend ``slack``, 1 where a tendon is slack at that bend; its
-        axes are ``axis_1`` and so on, in SI.
+        Its variables are the metric by model; ``NAME_defined``, 1 where a model has an error at all
+        loads that the metric is of; ``solved``, 1 where these loads have a stable equilibrium;
+        ``gave_up``, 1 where the solver gave up at the first one without; ``solved_to``, the tension
+        or bend up to which a sweep is solved; and with an axis bend ``slack``, 1 where a tendon is
+        slack at that bend. Its axes are ``axis_1`` and so on, in SI.
 
     Raises
     ------
@@ -126,11 +130,19 @@ def map_job(
             },
             **{
                 f"{name}_defined": Variable(
-                    "1", f"1 where constant curvature {LABELS[name]} has an arc", dtype="int8"
+                    "1",
+                    f"1 where constant curvature {LABELS[name]} has an error at all loads",
+                    dtype="int8",
                 )
                 for name in question.models
             },
             "solved": Variable("1", "1 where all loads have a stable equilibrium", dtype="int8"),
+            "gave_up": Variable(
+                "1", "1 where the solver gave up at the first load not solved", dtype="int8"
+            ),
+            "solved_to": Variable(
+                "rad" if space.by_displacement else "N", "load up to which the sweep is solved"
+            ),
             **({"slack": _SLACK} if space.by_displacement else {}),
         },
         {

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bowstring.blocks import threads
 from bowstring.statics.designs import sweep_designs
@@ -22,12 +22,22 @@ _FEWEST: Final = 4  # loads of a ramp that is worth a search
 
 
 class Solved(NamedTuple):
-    """Results of D robots at L loads each; NaN without an equilibrium."""
+    """Results of D robots at L loads each; NaN without an equilibrium.
+
+    `gave_up` is where the solver found no equilibrium, which does not prove that there is none; it
+    is false at loads that were not tried.
+    """
 
     converged: NDArray[np.bool_]
     tip: Floats
     tendon_lengths: Floats
     tip_error: Floats
+    gave_up: NDArray[np.bool_]
+
+
+def gave_up(status: ArrayLike) -> NDArray[np.bool_]:
+    """Where the solver gave up, by the status of solutions."""
+    return np.asarray(np.asarray(status) == "max_iterations")
 
 
 def solve_ramps(rods: Rods, tensions: Floats) -> Solved:
@@ -66,6 +76,7 @@ def solve_ramps(rods: Rods, tensions: Floats) -> Solved:
         np.full((count, loads, 3), np.nan),
         np.full((count, loads, tendons), np.nan),
         np.full((count, loads), np.nan),
+        np.zeros((count, loads), bool),
     )
     whole, beyond = [rows[ends]], rows[~ends]
     stop, step = _last_reached(rods, tensions, beyond), 1
@@ -134,4 +145,10 @@ def _solve(rods: Rods, tensions: Floats) -> Solved:
     found = sweep_designs(
         rods.designs, tensions, load=rods.load, model=rods.model, threads=threads()
     )
-    return Solved(found.converged, found.tip_position, found.tendon_lengths, found.tip_error)
+    return Solved(
+        found.converged,
+        found.tip_position,
+        found.tendon_lengths,
+        found.tip_error,
+        gave_up(found.status),
+    )

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 __all__ = [
     "MOST_SOLVES",
     "STATES",
+    "UNSOLVED",
     "ValidityMap",
     "check_map_file",
     "compute_map",
@@ -50,10 +51,17 @@ STATES: Final = (
     "no stable equilibrium",
     "a tendon is slack",
     "constant curvature not defined",
+    "not solved",
 )
 """States of a point: solved; another stable equilibrium exists at the end of the ramp, so that the
 robot may snap through; some load of the ramp has no stable equilibrium; a tendon under displacement
-control is slack at the end of the ramp; some model has no arc, so that its error is not defined."""
+control is slack at the end of the ramp; some model has no arc, so that its error is not defined;
+the solver gave up at some load, which may have an equilibrium or not.
+
+A ramp that is not solved to its end has no error. For ``valid_to`` it counts as solved if the
+tolerance of each model is exceeded before."""
+UNSOLVED: Final = (2, 5)
+"""Indices in `STATES` of points that are not solved."""
 
 MOST_SOLVES: Final = 100_000_000
 """Most equilibria of one map in memory."""
@@ -93,6 +101,11 @@ class ValidityMap:
     """Index in `STATES`, (Y, X) or (X,)."""
     undefined: dict[str, NDArray[np.bool_]]
     """Where a model has no arc at some load that the metric is of, (Y, X) or (X,)."""
+    solved: dict[str, NDArray[np.bool_]]
+    """Where all loads that the metric of a model is of are solved, (Y, X) or (X,)."""
+    solved_to: Floats
+    """Tension (N) or bend (rad) up to which the ramp of each point is solved, (Y, X) or (X,); NaN
+    without any."""
     statics_error: float
     """Largest estimated error of the tips by statics, as a share of the length."""
     notes: tuple[str, ...] = ()
@@ -138,6 +151,16 @@ class ValidityMap:
         """Whether motors command bends, so that there is no sweep of tension."""
         return self.question.space.by_displacement
 
+    @property
+    def unsolved(self) -> NDArray[np.bool_]:
+        """Points with a load without equilibrium that the metric is of, (Y, X) or (X,)."""
+        return np.isin(self.state, UNSOLVED)
+
+    @property
+    def defined(self) -> dict[str, NDArray[np.bool_]]:
+        """Where each model has an error at all loads that its metric is of, (Y, X) or (X,)."""
+        return {name: self.solved[name] & ~self.undefined[name] for name in self.value}
+
     def label(self, axis: int) -> str:
         """Label of an axis with its unit; that of the tension names the tendon."""
         return self.question.label(axis)
@@ -153,9 +176,11 @@ class ValidityMap:
         Returns
         -------
         xarray.Dataset
-            Variables for each model: its metric, with its name; ``NAME_defined``, 1 where it has an
-            arc; and ``NAME_cause``, on axes of their own, which may have fewer points. Also
-            ``state``. The attributes have the metric, the tolerance, the load and the sweep.
+            Variables for each model: its metric, with its name; ``NAME_defined``, 1 where all loads
+            that the metric is of have an equilibrium and an arc; and ``NAME_cause``, on axes of
+            their own, which may have fewer points. Also ``state`` and ``solved_to``, the tension or
+            bend up to which each sweep is solved. The attributes have the metric, the tolerance,
+            the load and the sweep.
         """
         import xarray as xr
 
@@ -174,11 +199,14 @@ class ValidityMap:
             for name, value in self.value.items()
         }
         data["state"] = (dims, self.state, {"flag_meanings": " / ".join(STATES)})
-        for name, undefined in self.undefined.items():
-            about = f"1 where constant curvature {LABELS[name]} has an arc at all loads"
+        about = "load up to which the sweep is solved"
+        unit = "rad" if self.by_displacement else "N"
+        data["solved_to"] = (dims, self.solved_to, {"units": unit, "long_name": about})
+        for name, defined in self.defined.items():
+            about = f"1 where constant curvature {LABELS[name]} has an error at all loads"
             data[f"{name}_defined"] = (
                 dims,
-                (~undefined).astype(np.int8),
+                defined.astype(np.int8),
                 {"units": "1", "long_name": about},
             )
         coarse = [f"cause_{dim}" for dim in dims]
@@ -259,12 +287,13 @@ class ValidityMap:
                     "contour": [line.tolist() for line in self.contour[name]],
                     "ranges": self.ranges.get(name, np.zeros((0, 2))).tolist(),
                     "causes": self.cause[name].tolist(),
-                    "defined": (~self.undefined[name]).tolist(),
+                    "defined": self.defined[name].tolist(),
                 }
                 for name, value in self.value.items()
             ],
             "cause_points": [places.tolist() for places in self.cause_points],
             "states": [STATES[i] for i in self.state.ravel()],
+            "solved_to": self.solved_to.tolist(),
             "statics_error_percent": 100.0 * self.statics_error,
         }
 
@@ -395,14 +424,17 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
     value = {name: v.reshape(shape) for name, v in question.measure(found).items()}
     notify("causes", 0.7)
     defined = question.defined(found)
-    undefined = {name: ~is_defined.reshape(shape) for name, is_defined in defined.items()}
+    solved = {name: is_solved.reshape(shape) for name, is_solved in question.solved(found).items()}
+    undefined = {name: solved[name] & ~is_.reshape(shape) for name, is_ in defined.items()}
     part = coarser(shape, len(axes))
-    state = np.where(found.converged.all(axis=1), 0, 2).reshape(shape)
+    whole = np.all(list(solved.values()), axis=0)
+    state = np.where(whole, 0, np.where(found.unknown.reshape(shape), 5, 2))
     if not space.has_friction:  # with friction, a pose depends on the path to it
-        state = np.where(_two_equilibria(space, points, found, part), np.maximum(state, 1), state)
+        two = _two_equilibria(space, points, found, part)
+        state = np.where((state == 0) & two, 1, state)
     state = np.where((state == 0) & found.slack.reshape(shape), 3, state)
     no_arc = np.any(list(undefined.values()), axis=0)
-    state = np.where((state != 2) & no_arc, 4, state)
+    state = np.where(whole & no_arc, 4, state)
     total = {name: v.ravel()[part.ravel()] for name, v in value.items()}
     cause = causes_of(question, points[part.ravel()], total)
     notify("contour", 0.9)
@@ -439,6 +471,8 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
         cause_points=tuple(values.ravel()[part] for values in grid),
         state=state,
         undefined=undefined,
+        solved=solved,
+        solved_to=found.solved_to.reshape(shape),
         statics_error=float(known.max()) if known.size else float("nan"),
     )
 
@@ -475,6 +509,7 @@ def _in_parts(question: Question, points: Floats, notify: Callable[[float], None
         joined(lambda e: e.tip_error),
         {name: joined(lambda e, name=name: e.error[name]) for name in parts[0].error},  # type: ignore[misc]
         joined(lambda e: e.slack),
+        joined(lambda e: e.gave_up),
     )
 
 

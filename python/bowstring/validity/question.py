@@ -100,8 +100,12 @@ class Question:
         return {name: errors.metric(self.metric, name, self.tolerance) for name in self.models}
 
     def defined(self, errors: Errors) -> dict[str, NDArray[np.bool_]]:
-        """Whether each model has an arc at all loads that the metric is of (P,)."""
+        """Whether each model has an error at all loads that its metric is of (P,)."""
         return {name: errors.is_defined(self.metric, name, self.tolerance) for name in self.models}
+
+    def solved(self, errors: Errors) -> dict[str, NDArray[np.bool_]]:
+        """Whether all loads that the metric of each model is of have an equilibrium (P,)."""
+        return {name: errors.is_solved(self.metric, name, self.tolerance) for name in self.models}
 
     @property
     def attributes(self) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from bowstring.validity.axes import RAMPS, Axis
 from bowstring.validity.causes import coarse_step
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import LABELS
-from bowstring.validity.maps import STATES, ValidityMap
+from bowstring.validity.maps import STATES, UNSOLVED, ValidityMap
 from bowstring.validity.question import Question
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "notes_on_limits",
     "notes_on_slack",
     "undefined_in_words",
+    "unsolved_in_words",
 ]
 
 Floats = NDArray[np.float64]
@@ -57,18 +59,21 @@ def described(found: ValidityMap) -> list[str]:
         if undefined.any():
             out.append(undefined_in_words(name, undefined, _at_points(found, undefined)))
     if found.metric == "valid_to":
-        out += notes_on_limits(found.question, found.value)
-    counts = {STATES[i]: found.state == i for i in (1, 2, 3)}
-    for state, where in counts.items():
+        out += notes_on_limits(found.question, found.value, found.solved_to)
+    for i in (1, 3):
+        where = found.state == i
         if where.any():
-            said = f"{int(where.sum())} of {where.size} points: {state}"
+            said = f"{int(where.sum())} of {where.size} points: {STATES[i]}"
             out.append(f"{said}{_at_points(found, where)}.")
-    if 2 * int((found.state == 2).sum()) > found.state.size:
+    unsolved = {i: found.state == i for i in UNSOLVED}
+    places = {i: _at_points(found, where) for i, where in unsolved.items()}
+    out += unsolved_in_words(found.question, unsolved, found.solved_to, places)
+    if 2 * int(found.unsolved.sum()) > found.state.size:
         many = any(axis.path in RAMPS for axis in found.axes)
         out.append(
-            "Most of the map has no equilibrium; give a smaller range of the tension or bend."
+            "Most of the map is not solved; give a smaller range of the tension or bend."
             if many
-            else "Most sweeps have a load without equilibrium; give a smaller largest tension."
+            else "Most sweeps are not solved to their end; give a smaller largest tension."
         )
     slack = found.state == 3
     out += notes_on_slack(found.question, slack)
@@ -79,25 +84,29 @@ def described(found: ValidityMap) -> list[str]:
 def _lacks(found: ValidityMap, name: str) -> str:
     if found.metric == "valid_to":
         return "validity limit anywhere"
-    return "arc anywhere" if found.undefined[name].any() else "equilibrium to compare with"
+    if found.undefined[name].any():
+        return "value anywhere" if found.unsolved.any() else "arc anywhere"
+    if found.metric == "error":
+        return "equilibrium to compare with"
+    return "sweep with an equilibrium at all loads to compare with"
 
 
 def _where(found: ValidityMap, name: str) -> str:
     """Where the tolerance holds."""
     value = found.value[name]
     inside = value <= found.tolerance  # false without a value
-    known = np.isfinite(value) & (found.state != 2)
+    known = np.isfinite(value)
     if inside.all() and known.all() and not found.contour[name]:
         return "everywhere"
     ranges = found.ranges.get(name)
     if len(found.axes) == 1 and ranges is not None:
         if known.sum() == 1 and inside[known].all() and len(ranges) == 1 and np.ptp(ranges) == 0.0:
-            return f"{in_ranges(found.axes[0], ranges)}, the only point with an equilibrium"
+            return f"{in_ranges(found.axes[0], ranges)}, the only point with a value"
         return in_ranges(found.axes[0], ranges) if len(ranges) else "nowhere"
     if not inside.any() and not found.contour[name]:
         return "nowhere"
     if inside[known].all() and not found.contour[name]:
-        return f"at the {int(known.sum())} of {value.size} points that have an equilibrium"
+        return f"at the {int(known.sum())} of {value.size} points that have a value"
     where = "on a part of the map"
     if found.along is None or ranges is None:
         return where
@@ -151,7 +160,7 @@ def _text(value: float, axis: Axis) -> str:
 
 def _at_points(found: ValidityMap, where: Mask) -> str:
     """Part of a single axis that has some of its points, in brackets."""
-    if len(found.axes) != 1:
+    if len(found.axes) != 1 or not where.any():
         return ""
     axis = found.axes[0]
     order = np.argsort(axis.values)
@@ -167,6 +176,62 @@ def undefined_in_words(name: str, undefined: Mask, where: str = "", things: str 
         why = "the tension reaches the buckling load between two disks"
     count = f"{int(undefined.sum())} of {undefined.size} {things}"
     return f"Constant curvature {LABELS[name]} is not defined at {count}{where}: {why}."
+
+
+def unsolved_in_words(
+    question: Question,
+    unsolved: Mapping[int, Mask],
+    solved_to: Floats,
+    places: Mapping[int, str] | None = None,
+) -> list[str]:
+    """Sentences on the points that are not solved, by their index in `STATES`.
+
+    Parameters
+    ----------
+    question : Question
+    unsolved : mapping from int to ndarray (N,)
+        Points of each state.
+    solved_to : ndarray (N,)
+        Tension (N) or bend (rad) up to which each sweep is solved; NaN without any.
+    places : mapping from int to str, optional
+        Where these points are.
+
+    Returns
+    -------
+    list of str
+    """
+    out = []
+    for state, where in unsolved.items():
+        if not where.any():
+            continue
+        said = f"{int(where.sum())} of {where.size} points: {STATES[state]}"
+        said += "" if places is None else places[state]
+        beyond = _beyond(question, solved_to[where])
+        if STATES[state] == "not solved":
+            said += f": the solver gave up {beyond}, where the robot may have no equilibrium."
+        else:
+            said += f" {beyond}."
+        out.append(said)
+    part = np.any([where & (solved_to > 0.0) for where in unsolved.values()])
+    if part and question.metric == "valid_to":
+        out.append("A sweep that holds as far as it is solved has its last solved load as limit.")
+    return out
+
+
+def _beyond(question: Question, solved_to: Floats) -> str:
+    """Loads of sweeps that are not solved, such as ``beyond 20 to 35 N``."""
+    known = solved_to[np.isfinite(solved_to)]
+    words = []
+    if known.size:
+        ends = float(known.min()), float(known.max())
+        if question.space.by_displacement:
+            shown = list(dict.fromkeys(significant(math.degrees(end)) for end in ends))
+            words.append(f"beyond {' to '.join(shown)} deg")
+        else:
+            words.append(f"beyond {in_newtons(*ends)}")
+    if known.size < solved_to.size:
+        words.append("at the first load")
+    return " or ".join(words)
 
 
 def limits_in_words(question: Question, limit: Floats) -> str:
@@ -185,17 +250,24 @@ def _first_load(question: Question) -> float:
     return question.space.max_tension / (question.space.loads - 1)
 
 
-def notes_on_limits(question: Question, value: dict[str, Floats]) -> list[str]:
+def notes_on_limits(question: Question, value: dict[str, Floats], solved_to: Floats) -> list[str]:
     """Sentences on validity limits that the loads of the sweep do not resolve."""
     step = _first_load(question)
-    if not any(
-        np.any(np.isnan(limit) | ((limit > 0.0) & (limit < step))) for limit in value.values()
-    ):
-        return []
-    return [
-        f"Some limits lie below {significant(step)} N, the first load of the sweep, and are not "
-        "resolved; give a smaller largest tension."
-    ]
+    first = f"{significant(step)} N, the first load of the sweep"
+    none = ~(solved_to > 0.0)  # not known where nothing is solved
+    unresolved = none & np.any([np.isnan(limit) for limit in value.values()], axis=0)
+    below = [np.isnan(limit) | ((limit > 0.0) & (limit < step)) for limit in value.values()]
+    out = []
+    if np.any(below & ~unresolved):
+        out.append(
+            f"Some limits lie below {first}, and are not resolved; give a smaller largest tension."
+        )
+    if unresolved.any():
+        out.append(
+            f"At {int(unresolved.sum())} of {unresolved.size} points the sweep is not solved at "
+            f"{first}, so that no limit is found; give a smaller largest tension."
+        )
+    return out
 
 
 def in_causes(value: Floats, cause: NDArray[np.str_], step: int, tolerance: float) -> str:

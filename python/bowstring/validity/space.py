@@ -48,6 +48,8 @@ class Errors:
     """Tip errors by model (P, L), m."""
     slack: NDArray[np.bool_]
     """Whether a tendon is slack at the end of a ramp of bends (P,)."""
+    gave_up: NDArray[np.bool_]
+    """Whether the solver gave up at each load (P, L)."""
 
     @classmethod
     def empty(cls, points: int, loads: int, names: Sequence[str]) -> Errors:
@@ -61,6 +63,7 @@ class Errors:
             np.full(shape, np.nan),
             {name: np.full(shape, np.nan) for name in names},
             np.zeros(points, bool),
+            np.zeros(shape, bool),
         )
 
     def put(
@@ -74,15 +77,52 @@ class Errors:
         self.converged[rows] = ramps.converged
         self.tip[rows] = ramps.tip
         self.tip_error[rows] = ramps.tip_error
+        self.gave_up[rows] = ramps.gave_up
         for name, offset in offsets.items():
             self.error[name][rows] = np.linalg.norm(offset, axis=-1)
+
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """Whether all loads of a ramp have a stable equilibrium (P,)."""
+        return np.asarray(self.converged.all(axis=1))
+
+    @property
+    def solved_to(self) -> Floats:
+        """Load up to which a ramp is solved (P,), N or rad; NaN where its first load is not."""
+        loads = self.converged.shape[1]
+        count = np.where(self.solved, loads, np.argmin(self.converged, axis=1))
+        ends = self.ramp[np.arange(len(count)), np.maximum(count - 1, 0)]
+        return np.asarray(np.where(count > 0, ends, np.nan))
+
+    @property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Whether the solver gave up at the first load of a ramp that is not solved (P,)."""
+        first = np.argmin(self.converged, axis=1)
+        return np.asarray(~self.solved & self.gave_up[np.arange(len(first)), first])
+
+    def is_solved(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
+        """Whether all loads that a metric of a model is of have a stable equilibrium (P,).
+
+        Every metric is of the whole ramp, except that ``valid_to`` ends at the first crossing of
+        the tolerance.
+        """
+        if metric != "valid_to":
+            return self.solved
+        first, loads = self._stop(name, tolerance), self.converged.shape[1]
+        at_end = self.converged[np.arange(len(first)), np.minimum(first, loads - 1)]
+        return np.asarray((first == loads) | at_end)
 
     def undefined(self, name: str) -> NDArray[np.bool_]:
         """Loads with an equilibrium at which a model has no arc (P, L)."""
         return np.asarray(self.converged & ~np.isfinite(self.error[name]))
 
     def is_defined(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
-        """Whether a model has an arc at all loads that a metric is of (P,).
+        """Whether a model has an error at all loads that a metric is of (P,)."""
+        solved = self.is_solved(metric, name, tolerance)
+        return np.asarray(solved & self._has_arc(metric, name, tolerance))
+
+    def _has_arc(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
+        """Whether a model has an arc at all solved loads that a metric is of (P,).
 
         For ``valid_to`` these are the loads up to the first crossing of the tolerance.
         """
@@ -99,7 +139,8 @@ class Errors:
     def metric(self, metric: str, name: str, tolerance: float) -> Floats:
         """A metric of a model (P,), one of `bowstring.validity.question.METRICS`.
 
-        An error over the ramp is NaN where the model has no arc at some load.
+        An error is NaN where some load of the ramp has no equilibrium, or the model has no arc at a
+        load that the metric is of. So a point without an error at the end of its ramp never holds.
         """
         if metric == "valid_to":
             return self.valid_to(name, tolerance)

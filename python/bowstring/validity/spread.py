@@ -71,10 +71,17 @@ class Spread:
     max_tension: float
     """End of the ramp, N."""
     nominal: float
-    """Validity limit of the nominal robot, N; infinite where it holds to the end of the ramp."""
-    limit: Floats
-    """Validity limit of each sample (n,), N; infinite where it holds to the end of the ramp, NaN
+    """Validity limit of the nominal robot, N; infinite where it holds to the end of the ramp, NaN
     without a result."""
+    nominal_solved: bool
+    """Whether the nominal robot is solved to its limit or the end of the ramp; if not, `nominal` is
+    the last load of its ramp that is solved."""
+    limit: Floats
+    """Validity limit of each sample (n,), N; infinite where it holds to the end of the ramp, the
+    last solved load where the ramp is not solved to its end and holds so far, NaN without a
+    result."""
+    solved: NDArray[np.bool_]
+    """Whether each sample is solved to its limit or the end of the ramp (n,)."""
     error: Floats
     """Tip error of each sample at the end of the ramp (n,), as a share of the length."""
     limit_summary: Summary
@@ -100,7 +107,6 @@ class Spread:
         """What the samples say, in sentences."""
         percent, top = in_percent(self.tolerance, 3), f"{significant(self.max_tension)} N"
         at_end = spread_text(self.error_summary, self.error_indices, "%", 0.01)
-        own = f"{significant(self.nominal)} N" if math.isfinite(self.nominal) else f"{top} or more"
         middle = math.isfinite(float(self.limit_summary.quantiles[0.5].value))
         model = f"onstant curvature {LABELS[self.name]}"
         said = f"{'In the median c' if middle else 'C'}{model} holds to {percent} of length up to"
@@ -115,10 +121,31 @@ class Spread:
             )
         elif self.share_exceeded > _NAMED:
             said += f" {exceeded} exceed the tolerance already at 0 N."
+        if not self.solved.all():
+            share = 100.0 * float((~self.solved).mean())
+            said += (
+                f" {significant(share, 2)} % of the samples are not solved to their limit or to "
+                "the end of the sweep: their limit is the last solved load."
+            )
         return (
-            f"{said} The nominal robot holds up to {own}.",
+            f"{said} {self._nominal_text}",
             f"Its error at {top}, in percent of length, is {at_end}.",
         )
+
+    @property
+    def _nominal_text(self) -> str:
+        """How far constant curvature holds for the nominal robot."""
+        end = f"{significant(self.nominal)} N"
+        if math.isnan(self.nominal):
+            return (
+                "The nominal robot has no limit: its sweep is not solved at the first load; give "
+                "a smaller largest tension."
+            )
+        if not self.nominal_solved:
+            return f"The nominal robot holds as far as it is solved, up to {end}."
+        if math.isinf(self.nominal):
+            end = f"{significant(self.max_tension)} N or more"
+        return f"The nominal robot holds up to {end}."
 
     @property
     def share_exceeded(self) -> float:
@@ -158,6 +185,8 @@ class Spread:
             "tolerance_percent": 100.0 * self.tolerance,
             "max_tension_N": self.max_tension,
             "nominal_limit_N": self.nominal,
+            "nominal_solved": self.nominal_solved,
+            "not_solved_percent": 100.0 * float((~self.solved).mean()),
             "exceeded_at_first_load_percent": 100.0 * self.share_exceeded,
             "samples": len(self.limit),
             "limit": statistics(self.limit_summary, 1.0),
@@ -252,7 +281,7 @@ def validity_spread(
 
     theory = as_model(model)
     own = ramps(Rods(nominal, theory, load), top)
-    limit = _limit(nominal, own, name, tolerance)[0]
+    (limit,), (own_solved,) = _limit(nominal, own, name, tolerance)
     if loading.max_tension is None and math.isfinite(limit) and limit > 0.0:
         top = min(top, _MARGIN * float(limit))
 
@@ -260,7 +289,7 @@ def validity_spread(
         rods = replace(_rods(robot, load, joint.by_path(samples)), model=theory)
         found = ramps(rods, top)
         error = _known_errors(nominal, found, name)
-        return np.stack([_limit(nominal, found, name, tolerance), error[:, -1]], axis=1)
+        return np.stack([*_limit(nominal, found, name, tolerance), error[:, -1]], axis=1)
 
     design = SaltelliDesign(joint, points)
     report = progress or (lambda what, done: None)
@@ -272,7 +301,7 @@ def validity_spread(
         of_limit = sobol_indices(design, outputs[:, 0])
     except NoSolutionError:  # it holds to the end of the ramp in most samples
         of_limit = None
-    of_error = sobol_indices(design, outputs[:, 1])
+    of_error = sobol_indices(design, outputs[:, 2])
     sample = outputs[design.rows_of_sample]
     report("done", 1.0)
     return Spread(
@@ -282,10 +311,12 @@ def validity_spread(
         tolerance,
         top,
         float(limit),
+        bool(own_solved),
         sample[:, 0],
-        sample[:, 1],
+        sample[:, 1] > 0.0,
+        sample[:, 2],
         summarise(sample[:, 0]),
-        summarise(sample[:, 1], tolerance=tolerance),
+        summarise(sample[:, 2], tolerance=tolerance),
         of_limit,
         of_error,
     )
@@ -358,13 +389,19 @@ def _known_errors(nominal: Designs, ramps: Ramps, name: str) -> Floats:
         ramps.tip.reshape(1, -1, 3),
         ramps.tendon_lengths.reshape(1, -1, tendons),
         ramps.tip_error.reshape(1, -1),
+        ramps.gave_up.reshape(1, -1),
     )
     apart = np.linalg.norm(arc_tips(nominal, name, one) - one.tip, axis=-1)
     return np.asarray(apart.reshape(rows, loads) / nominal.length[0])
 
 
-def _limit(nominal: Designs, ramps: Ramps, name: str, tolerance: float) -> Floats:
-    """Validity limit of each rod (D,), N; infinite where it holds to the end of the ramp."""
+def _limit(
+    nominal: Designs, ramps: Ramps, name: str, tolerance: float
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Validity limit of each rod (D,), N, and whether it is solved to it or the end of its ramp.
+
+    The limit is infinite where it holds to the end of the ramp.
+    """
     share = _known_errors(nominal, ramps, name)
     errors = Errors(
         ramps.ramp,
@@ -374,8 +411,10 @@ def _limit(nominal: Designs, ramps: Ramps, name: str, tolerance: float) -> Float
         ramps.tip_error,
         {name: share},
         np.zeros(len(share), bool),
+        ramps.gave_up,
     )
     found = errors.valid_to(name, tolerance)
     with np.errstate(invalid="ignore"):
         holds = (share <= tolerance).all(axis=1)
-    return np.where(holds, np.inf, found)
+    solved = errors.is_solved("valid_to", name, tolerance)
+    return np.where(holds, np.inf, found), solved

@@ -23,6 +23,7 @@ from bowstring.validation import choice, instance, number, share_of_length, whol
 from bowstring.validity.causes import main_cause
 from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
+from bowstring.validity.limit_search import gave_up
 from bowstring.validity.maps import APART
 from bowstring.validity.sentences import in_causes, in_not_examined, undefined_in_words
 from bowstring.validity.space import COUPLED
@@ -66,11 +67,18 @@ class WorkspaceMap:
     two_equilibria: NDArray[np.bool_]
     """Whether another stable equilibrium was found at the same tensions (P,), so that the robot may
     snap through: which of the two it takes depends on how it came there."""
+    gave_up: NDArray[np.bool_]
+    """Whether the solver gave up at a pose (P,), so that it may have an equilibrium."""
 
     @property
     def solved(self) -> NDArray[np.bool_]:
         """Whether a pose has a stable equilibrium (P,)."""
         return np.isfinite(self.tip[:, 0])
+
+    @property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Whether a pose is not solved because the solver gave up (P,)."""
+        return np.asarray(~self.solved & self.gave_up)
 
     def undefined(self, name: str) -> NDArray[np.bool_]:
         """Whether a model has no arc at a pose with an equilibrium (P,)."""
@@ -95,6 +103,12 @@ class WorkspaceMap:
                 else "."
             )
         ]
+        unknown = int(self.unknown.sum())
+        if unknown:
+            out.append(
+                f"At {unknown} of the others the solver gave up, so that they may have one; "
+                "tensions near or beyond the largest that the robot carries end so."
+            )
         several = int(self.two_equilibria.sum())
         if several:
             verb = "have" if several > 1 else "has"
@@ -135,7 +149,8 @@ class WorkspaceMap:
             "max_tension_N": self.max_tension,
             "tip_position_m": self.tip.tolist(),
             "tensions_N": self.tensions.tolist(),
-            "without_equilibrium": int((~self.solved).sum()),
+            "without_equilibrium": int((~self.solved & ~self.gave_up).sum()),
+            "not_solved": int(self.unknown.sum()),
             "two_equilibria": self.two_equilibria.tolist(),
             "errors": [
                 {
@@ -261,13 +276,13 @@ def workspace_map(
     tip = np.full((poses, 3), np.nan)
     error = {name: np.full(poses, np.nan) for name in models}
     cause = {name: np.full(poses, "", dtype="U16") for name in models}
-    two = np.zeros(poses, dtype=bool)
+    two, unknown = np.zeros(poses, dtype=bool), np.zeros(poses, dtype=bool)
     notify = progress or (lambda what, done: None)
     for first in range(0, poses, _PART):
         rows = slice(first, first + _PART)
         count, parts = min(_PART, poses - first), 2 + len(effects)
         ramps = _poses(rods, tensions[rows])
-        tip[rows] = ramps.tip[0]
+        tip[rows], unknown[rows] = ramps.tip[0], ramps.gave_up[0]
         here = tip_errors(one, ramps, models)
         without_it = {}
         for i, effect in enumerate(effects, 1):
@@ -284,7 +299,7 @@ def workspace_map(
         notify("second equilibria", (first + count * (parts - 1) / parts) / poses)
         two[rows] = _two_equilibria(rods, tensions[rows], ramps, max_tension)
     notify("poses", 1.0)
-    return WorkspaceMap(robot, tolerance, max_tension, tensions, tip, error, cause, two)
+    return WorkspaceMap(robot, tolerance, max_tension, tensions, tip, error, cause, two, unknown)
 
 
 def _poses(rods: Rods, tensions: Floats) -> Ramps:
@@ -299,6 +314,7 @@ def _poses(rods: Rods, tensions: Floats) -> Ramps:
         found.tip_position[None],
         found.tendon_lengths[None],
         found.tip_error[None],
+        gave_up(found.status)[None],
     )
 
 

@@ -65,8 +65,12 @@ def draw_workspace(found: WorkspaceMap) -> Figure:
     handles = _handles(found, present)
     if handles:
         figure.legend(handles=handles, loc="outside lower left", ncols=1)
-    without = int((~found.solved).sum())
-    more = f"\n{without} of {len(found.tip)} poses: {STATES[2]}, not shown" if without else ""
+    kinds = {2: ~found.solved & ~found.gave_up, 5: found.unknown}
+    more = "".join(
+        f"\n{int(where.sum())} of {len(found.tip)} poses: {STATES[state]}, not shown"
+        for state, where in kinds.items()
+        if where.any()
+    )
     title = f"{found.robot.name}: workspace to {significant(found.max_tension)} N (simulated){more}"
     figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
     return figure
