@@ -638,6 +638,22 @@ def test_friction_has_a_colour_of_its_own() -> None:
     assert list(CAUSES.values()).count(CAUSES["friction"]) == 1
 
 
+@pytest.mark.parametrize("over", [["tilt=0:180 deg:3"], None])
+def test_gravity_of_the_load_is_that_of_the_robot(over: list[str] | None) -> None:
+    """The default end of the sweep too: upright, 60 N bend this robot by 80 degrees, not 80 N."""
+    upright = [0.0, 0.0, -9.81]
+    options: dict[str, Any] = {"models": [LENGTHS], "loading": Loading(None, 5)}
+    one = validity_map(ROBOT, over, load=bs.Load(gravity=upright), **options)
+    other = validity_map(ROBOT.with_({"gravity": upright}), over, **options)
+    assert one.max_tension == other.max_tension != validity_map(ROBOT, ["E=1:2 GPa:2"]).max_tension
+    np.testing.assert_allclose(one.value[LENGTHS], other.value[LENGTHS], atol=1e-12)
+    if over is not None:
+        end = f"The error is the largest of 5 loads from 0 to {one.max_tension:g} N of tendon 1."
+        assert end in described(one)
+        grid = bs.validity_grid(ROBOT, over, load=bs.Load(gravity=upright), **options)
+        assert end in grid.described()
+
+
 # -- figures -----------------------------------------------------------------------------------
 
 

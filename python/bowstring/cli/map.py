@@ -188,7 +188,7 @@ def map_(
     file = of_flag("--out", check, out or Path(f"{model.name}-map.png"))
     axes = None
     if over:
-        axes = of_flag("--over", lambda texts: read_axes(model, texts, loading), over)
+        axes = of_flag("--over", lambda texts: read_axes(model, texts, loading, dead), over)
         count = math.prod(len(axis.values) for axis in axes)
         if count > _MANY and count * points <= MOST_SOLVES:
             say(
@@ -200,7 +200,7 @@ def map_(
         if workspace:
             poses = workspace_map(
                 model,
-                end_of_ramp(model, loading),
+                end_of_ramp(model, loading, dead),
                 poses=points,
                 tolerance=tolerated,
                 models=names,

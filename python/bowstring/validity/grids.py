@@ -32,6 +32,7 @@ from bowstring.validity.sentences import (
     notes_on_causes,
     notes_on_limits,
     notes_on_slack,
+    sweep_in_words,
     undefined_in_words,
     unsolved_in_words,
 )
@@ -252,6 +253,7 @@ class ValidityGrid:
                 out.append(f"{words}{causes}.")
             if undefined.any():
                 out.append(undefined_in_words(name, undefined))
+        out += sweep_in_words(self.question)
         if self.metric == "valid_to":
             out += notes_on_limits(self.question, self.value, self.solved_to)
         out += unsolved_in_words(

@@ -390,7 +390,7 @@ def validity_map(
     >>> [f"{line[0, 0]:.1f} N" for line in found.contour["cc_from_force"]]
     ['56.1 N']
     """
-    axes = read_axes(robot, over, instance("loading", loading, Loading))
+    axes = read_axes(robot, over, instance("loading", loading, Loading), load)
     space = space_of(robot, axes, loading, load)
     found = compute_map(Question.of(space, tolerance, metric, models), progress)
     notes = []

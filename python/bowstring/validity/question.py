@@ -136,7 +136,10 @@ class Question:
 
 
 def read_axes(
-    robot: Robot, over: Sequence[str | Axis] | str | Axis | None, loading: Loading
+    robot: Robot,
+    over: Sequence[str | Axis] | str | Axis | None,
+    loading: Loading,
+    load: Load | None = None,
 ) -> tuple[Axis, ...]:
     """Read the one or two axes of a map.
 
@@ -147,6 +150,8 @@ def read_axes(
         Axes as for `validity_map`; None takes the default.
     loading : Loading
         End of the ramp of the default.
+    load : Load, optional
+        Gravity of that ramp, that of the robot if left out.
 
     Returns
     -------
@@ -159,7 +164,7 @@ def read_axes(
     """
     check_robot(robot)
     if over is None:
-        top = end_of_ramp(robot, loading)
+        top = end_of_ramp(robot, loading, load)
         over = [f"tension=0:{top:g} N:41"]
         if all(segment.disks.count is not None for segment in robot.segments):
             over.append("segments.*.disks.count=3:20")
@@ -220,14 +225,16 @@ def space_of(
         raise InputError("load has loads on disks; a map takes gravity and tip force only")
     check_dead_loads(robot, paths, load)
     shares = np.array(loading.shares(robot))
-    top = float("nan") if "bend" in paths else end_of_ramp(robot, loading)
+    top = float("nan") if "bend" in paths else end_of_ramp(robot, loading, load)
     return Space(robot, axes, shares, top, RodModel(), load, loading.points)
 
 
-def end_of_ramp(robot: Robot, loading: Loading) -> float:
-    """End of the ramp of tension in N, as given or chosen for the robot."""
+def end_of_ramp(robot: Robot, loading: Loading, load: Load | None = None) -> float:
+    """End of the ramp of tension in N, as given or chosen for the robot and its gravity."""
     if loading.max_tension is not None:
         return loading.max_tension
+    if load is not None and load.gravity is not None:
+        robot = robot.with_({"gravity": [float(g) for g in np.asarray(load.gravity)]})
     return largest_load(robot, np.array(loading.shares(robot)), RodModel())
 
 

@@ -13,6 +13,7 @@ from bowstring.validity.axes import RAMPS, Axis
 from bowstring.validity.causes import coarse_step
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import LABELS
+from bowstring.validity.loading import actuated
 from bowstring.validity.maps import STATES, UNSOLVED, ValidityMap
 from bowstring.validity.question import Question
 
@@ -25,6 +26,7 @@ __all__ = [
     "notes_on_causes",
     "notes_on_limits",
     "notes_on_slack",
+    "sweep_in_words",
     "undefined_in_words",
     "unsolved_in_words",
 ]
@@ -58,6 +60,7 @@ def described(found: ValidityMap) -> list[str]:
             out.append(f"Constant curvature {label} holds to {percent} {where}{causes}.")
         if undefined.any():
             out.append(undefined_in_words(name, undefined, _at_points(found, undefined)))
+    out += sweep_in_words(found.question)
     if found.metric == "valid_to":
         out += notes_on_limits(found.question, found.value, found.solved_to)
     for i in (1, 3):
@@ -176,6 +179,19 @@ def undefined_in_words(name: str, undefined: Mask, where: str = "", things: str 
         why = "the tension reaches the buckling load between two disks"
     count = f"{int(undefined.sum())} of {undefined.size} {things}"
     return f"Constant curvature {LABELS[name]} is not defined at {count}{where}: {why}."
+
+
+def sweep_in_words(question: Question) -> list[str]:
+    """Sentence on the sweep that the errors of a metric are of."""
+    what = {"largest_error": "largest", "mean_error": "mean"}.get(question.metric)
+    if what is None:
+        return []
+    space = question.space
+    end = significant(space.max_tension)
+    return [
+        f"The error is the {what} of {space.loads} loads from 0 to {end} N of "
+        f"{actuated(space.shares)}."
+    ]
 
 
 def unsolved_in_words(

@@ -273,7 +273,7 @@ def validity_spread(
         robot = with_tendons(robot, {"friction": 0.0})
     shares = np.array(loading.shares(robot))
     nominal = Designs(robot, {"segments.0.length": [robot.segments[0].length]})
-    top = end_of_ramp(robot, loading)
+    top = end_of_ramp(robot, loading, load)
 
     def ramps(rods: Rods, end: float) -> Ramps:
         ramp = np.linspace(0.0, end, loading.points)
