@@ -563,6 +563,43 @@ def test_a_wide_axis_finds_the_same_crossing() -> None:
     assert "from 0 to 56.1 N" in described(found)[0]
 
 
+def test_all_ranges_of_the_robot_as_it_is_are_named() -> None:
+    """The curve from force comes back within 1 % from 860 to 930 N, between two points."""
+    wide = "tension=0:1200 N:7"
+    found = validity_map(ROBOT, [wide, "disks.count=9:10:2"], models=[FORCE])
+    ranges = found.ranges[FORCE]
+    assert len(ranges) == 2 and ranges[0] == pytest.approx([0.0, 56.1], abs=0.1)
+    for tension in (*ranges[1] + [1.0, -1.0], ranges[1].mean()):
+        assert single_error(tension) <= 0.01
+    for tension in (*ranges[1] + [-1.0, 1.0], 100.0, 700.0, 1000.0):
+        assert single_error(tension) > 0.01
+    said = " ".join(described(found))
+    assert f"from 0 to 56.1 N and from {ranges[1][0]:.0f} to {ranges[1][1]:.0f} N" in said
+    line = validity_map(ROBOT, [wide], models=[FORCE])
+    np.testing.assert_allclose(line.ranges[FORCE], ranges, rtol=2e-3)
+    assert len(line.value[FORCE]) == 7  # as asked
+
+
+def single_error(tension: float) -> float:
+    """Error of the linear law over the length, by one solve."""
+    tip = bs.sweep(ROBOT, np.outer(np.linspace(0.0, tension, 9), [1.0, 0.0, 0.0])).tip_position[-1]
+    arc = RobotArcs.from_tensions(ROBOT, np.array([[tension, 0.0, 0.0]])).tip.position[0]
+    return float(np.linalg.norm(arc - tip)) / ROBOT.length
+
+
+def test_a_curve_goes_through_its_marks() -> None:
+    found = validity_map(ROBOT, ["tension=0:400 N:3"], models=[FORCE])
+    (panel,) = found.figure().axes
+    curve, *others = panel.lines
+    marks = [one.get_xydata()[0] for one in others if one.get_marker() == "D"]
+    assert len(marks) == len(found.contour[FORCE]) > 0
+    x, y = curve.get_data()
+    for at, percent in marks:
+        assert np.interp(at, x, y) == pytest.approx(percent)
+    for at in (30.0, 110.0, 333.0):  # between the points that were asked for
+        assert np.interp(at, x, y) == pytest.approx(100.0 * single_error(at), abs=0.02)
+
+
 def test_a_map_that_is_solved_at_one_point_says_so() -> None:
     found = validity_map(ROBOT, ["tension=0:1e9 N:2"], loading=Loading(None, 5), models=[FORCE])
     said = " ".join(described(found))

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Line", "Refined", "contours", "crossings", "holding"]
+__all__ = ["Line", "Refined", "contours", "crossings", "halved", "holding"]
 
 Floats = NDArray[np.float64]
 Line = NDArray[np.float64]
@@ -96,6 +96,43 @@ def contours(
         on_level: Any = contour_generator(x, y, np.ma.masked_invalid(grid)).lines(level)
         lines.append([np.asarray(line) for line in on_level])
     return Refined(x, y, grids, lines)
+
+
+def halved(
+    x: Floats, values: Sequence[Floats], evaluate: Callable[[Floats], Sequence[Floats]]
+) -> tuple[Floats, list[Floats]]:
+    """Halve the steps of functions of one number until they are 1/128 of its range.
+
+    Between two points without a value of any function nothing is evaluated.
+
+    Parameters
+    ----------
+    x : ndarray (X,)
+        Points, increasing.
+    values : sequence of ndarray (X,)
+        Values of each function there; NaN where it has none.
+    evaluate : callable
+        Maps points (P,) to the values (P,) of all functions.
+
+    Returns
+    -------
+    x : ndarray (U,)
+        Points, with those of before.
+    values : list of ndarray (U,)
+        Values of each function there.
+    """
+    grid = np.stack([np.asarray(one, dtype=float) for one in values])
+    while len(x) - 1 < _CELLS:
+        known = np.isfinite(grid).any(axis=0)
+        wanted = known[1:] | known[:-1]
+        middle = 0.5 * (x[1:] + x[:-1])
+        new = np.full((len(grid), len(middle)), np.nan)
+        if wanted.any():
+            new[:, wanted] = np.stack(list(evaluate(middle[wanted])))
+        order = np.argsort(np.concatenate([x, middle]))
+        x = np.concatenate([x, middle])[order]
+        grid = np.concatenate([grid, new], axis=1)[:, order]
+    return x, list(grid)
 
 
 def crossings(

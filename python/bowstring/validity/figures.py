@@ -116,11 +116,22 @@ def _curves(found: ValidityMap) -> Figure:
     for (name, value), colour, dashes in styles:
         mark = "o" if axis.is_whole else ""
         style: Any = {"color": LIGHT[colour], "linestyle": dashes, "marker": mark}
-        panel.plot(x, scale * value, label=LABELS[name] + _crossings(found, name), **style)
+        at, shown = x, value
+        if name in found.fine:  # computed to find the crossings, which lie on the curve
+            marks = np.array([line[0, 0] for line in found.contour[name]])
+            at = np.concatenate([found.fine_axes[0], marks]) / axis.factor
+            shown = np.concatenate([found.fine[name], np.full(len(marks), found.tolerance)])
+            order = np.argsort(at)
+            at, shown = at[order], shown[order]
+        panel.plot(at, scale * shown, label=LABELS[name] + _crossings(found, name), **style)
         for line in found.contour[name]:
-            at = line[0, 0] / axis.factor
             panel.plot(
-                at, scale * found.tolerance, "D", color=LIGHT[colour], clip_on=False, zorder=3
+                line[0, 0] / axis.factor,
+                scale * found.tolerance,
+                "D",
+                color=LIGHT[colour],
+                clip_on=False,
+                zorder=3,
             )
     ink: Any = {"color": LIGHT["ink"], "lw": 1.0}
     if limits:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from bowstring.statics.load import Load
 from bowstring.validation import instance
 from bowstring.validity.axes import RAMPS, Axis
 from bowstring.validity.causes import causes_of, coarser
-from bowstring.validity.contour import Line, Refined, contours, crossings, holding
+from bowstring.validity.contour import Line, Refined, contours, crossings, halved, holding
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
 from bowstring.validity.question import METRICS, Metric, Question, read_axes, space_of
@@ -88,10 +88,11 @@ class ValidityMap:
     along: int | None
     """Index of the axis of `ranges`; None without."""
     fine_axes: tuple[Floats, ...]
-    """Values of two axes on the refined grid (U,), (V,), SI; empty of one axis."""
+    """Values of the axes on the refined grid (U,), (V,), SI; empty of one axis of whole numbers and
+    of `valid_to`."""
     fine: dict[str, Floats]
     """Metric by model on the refined grid (V, U): computed near the lines, interpolated elsewhere;
-    empty of one axis and of `valid_to`."""
+    of one axis (U,), computed. Empty as `fine_axes`."""
     cause: dict[str, NDArray[np.str_]]
     """Effect with more than half of the error, by model, at the points of `cause_points`; empty
     text where none has."""
@@ -445,7 +446,7 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
     along = None
     if question.metric != "valid_to" and len(axes) == 1:
         along = 0
-        contour, ranges = _on_one_axis(question, value)
+        contour, ranges, fine_axes, fine = _on_one_axis(question, value)
     elif question.metric != "valid_to":
         refined = _refined(question, list(value.values()))
         contour = dict(zip(value, refined.lines, strict=True))
@@ -454,7 +455,7 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
         if along is not None:
             line = replace(question, space=space.at(own))
             errors = line.errors(line.space.axes[0].values[:, None])
-            ranges = _on_one_axis(line, line.measure(errors))[1]
+            ranges = _on_one_axis(line, line.measure(errors)).ranges
     notify("done", 1.0)
     with np.errstate(invalid="ignore"):
         accuracy = found.tip_error / found.length[:, None]
@@ -564,14 +565,25 @@ def _own_ramp(space: Space) -> tuple[int | None, dict[int, float]]:
     return ramps[0], {other: own}
 
 
-def _on_one_axis(
-    question: Question, value: dict[str, Floats]
-) -> tuple[dict[str, list[Line]], dict[str, Floats]]:
+class _OneAxis(NamedTuple):
+    """Functions of one axis, by model."""
+
+    lines: dict[str, list[Line]]
+    """Crossings of the tolerance."""
+    ranges: dict[str, Floats]
+    """Ranges in which it holds."""
+    axes: tuple[Floats, ...] = ()
+    """Points of the refined axis; empty of whole numbers."""
+    fine: dict[str, Floats] = {}  # noqa: RUF012 - never changed
+    """Values there."""
+
+
+def _on_one_axis(question: Question, value: dict[str, Floats]) -> _OneAxis:
     """Crossings of the tolerance on one axis, and ranges in which it holds, by model."""
     (axis,), level = question.space.axes, question.tolerance
 
     def at(new: Floats) -> list[Floats]:
-        return list(question.measure(question.errors(new[:, :1])).values())
+        return list(question.measure(question.errors(new[:, None])).values())
 
     ahead = np.argsort(axis.values)
     x = axis.values[ahead]
@@ -580,16 +592,15 @@ def _on_one_axis(
         empty: dict[str, list[Line]] = {name: [] for name in value}
         nothing = np.zeros(0)
         pairs = zip(value, grids, strict=True)
-        return empty, {name: holding(x, one, nothing, level) for name, one in pairs}
-    # a strip of two equal rows
-    strips = [np.stack([one] * 2) for one in grids]
-    found = contours(x, np.array([0.0, 1.0]), strips, level, at, (False, True))
-    fine = [one[0] for one in found.values]
-    marks = crossings(found.x, fine, level, lambda new: at(new[:, None]))
-    return (
+        return _OneAxis(empty, {name: holding(x, one, nothing, level) for name, one in pairs})
+    x, fine = halved(x, grids, at)
+    marks = crossings(x, fine, level, at)
+    return _OneAxis(
         {n: [np.array([[mark]]) for mark in one] for n, one in zip(value, marks, strict=True)},
         {
-            name: holding(found.x, one, mark, level)
+            name: holding(x, one, mark, level)
             for name, one, mark in zip(value, fine, marks, strict=True)
         },
+        (x,),
+        dict(zip(value, fine, strict=True)),
     )
