@@ -172,6 +172,11 @@ def test_bad_motions_are_refused(given: tuple[Any, ...], says: str) -> None:
         bs.BaseMotion(*given)
 
 
+def test_a_base_without_a_motion_is_refused() -> None:
+    with pytest.raises(InputError, match="neither positions nor rotations"):
+        bs.BaseMotion([0.0, 1.0])
+
+
 def test_it_moves_in_simulations_only() -> None:
     base = bs.BaseMotion([0.0, 1.0], [[0, 0, 0], [0, 0, 1]])
     load = bs.Load(base=base)

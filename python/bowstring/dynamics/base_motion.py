@@ -82,6 +82,10 @@ class BaseMotion:
             raise InputError("times must begin at 0 s and increase")
         object.__setattr__(self, "times", times)
         place = turn = None
+        if self.positions is None and self.rotations is None:
+            raise InputError(
+                "got neither positions nor rotations, so that the base would stay; give one of them"
+            )
         if self.positions is not None:
             positions = numbers("positions", self.positions, (len(times), 3), "m")
             object.__setattr__(self, "positions", positions)
