@@ -840,8 +840,18 @@ def test_the_command_has_as_many_poses_as_points(shell: Shell, tmp_path: Path) -
     assert shell.error(*args, "0") == says
 
 
+def test_a_workspace_that_holds_everywhere_says_so_instead_of_causes() -> None:
+    found = bs.workspace_map(ROBOT, 20.0, poses=64, models=[FORCE])
+    figure = found.figure()
+    figure.draw_without_rendering()
+    errors, causes = figure.axes[:2]
+    assert [text.get_text() for text in causes.texts] == ["holds to 1 % at all poses"]
+    assert not any(len(c.get_offsets()) for c in causes.collections)
+    assert causes.get_position().width == pytest.approx(errors.get_position().width, abs=1e-3)
+
+
 def test_hexagons_of_the_workspace_lie_within_the_figure() -> None:
-    found = bs.workspace_map(ROBOT, 40.0, poses=256)
+    found = bs.workspace_map(ROBOT, 80.0, poses=256, models=[FORCE])
     figure = found.figure()
     figure.draw_without_rendering()
     for panel in figure.axes[:2]:

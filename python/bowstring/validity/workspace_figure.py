@@ -149,8 +149,16 @@ def _causes(panel: Axes, found: WorkspaceMap, name: str) -> set[str]:
     """Draw the cause of the largest error in each hexagon; return the keys of those drawn."""
     from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgba
 
-    along, up = _places(found)
     error = found.error[name]
+    if found.solved.any() and (error[found.solved] <= found.tolerance * found.robot.length).all():
+        words = f"holds to {in_percent(found.tolerance)} at all poses"
+        panel.text(0.5, 0.5, words, transform=panel.transAxes, ha="center", va="center")
+        along, up = (v[found.solved] for v in _places(found))
+        panel.plot(along, up, ls="none")  # the same range as the panel of the errors
+        _room_of_a_bar(panel, panel.scatter([], [], c=[]))
+        panel.grid(False)
+        return {_HOLDS}
+    along, up = _places(found)
     outside = ~(error <= found.tolerance * found.robot.length)
     keys = np.where(outside, found.cause[name], _HOLDS)
     keys = np.where(found.undefined(name), _NO_ARC, keys)
@@ -179,16 +187,20 @@ def _causes(panel: Axes, found: WorkspaceMap, name: str) -> set[str]:
         linewidths=0.3,
         edgecolors=LIGHT["muted"],
     )
-    # an empty bar takes the room of that of the errors, so that both panels have one scale
-    bar: Any = panel.figure.colorbar(cells, ax=panel, label="largest error", format="10.0")
+    _room_of_a_bar(panel, cells)
+    panel.grid(False)
+    shown = np.asarray(cells.get_array()).astype(int)
+    return {_KINDS[i] for i in np.unique(shown)}
+
+
+def _room_of_a_bar(panel: Axes, shown: Any) -> None:
+    """Leave the room of the bar of the errors, so that both panels have one scale."""
+    bar: Any = panel.figure.colorbar(shown, ax=panel, label="largest error", format="10.0")
     for part in (bar.outline, bar.solids):
         part.set_visible(False)
     bar.minorticks_off()
     bar.ax.tick_params(colors="none")
     bar.ax.yaxis.label.set_color("none")
-    panel.grid(False)
-    shown = np.asarray(cells.get_array()).astype(int)
-    return {_KINDS[i] for i in np.unique(shown)}
 
 
 def _handles(found: WorkspaceMap, present: set[str]) -> list[Line2D | Patch]:
