@@ -189,6 +189,31 @@ def test_samples_that_hold_nowhere_are_counted() -> None:
     assert f"{100.0 * few.share_exceeded:.0f} % of the samples exceed the tolerance" in few.text[0]
 
 
+def test_samples_and_their_sampling_error_are_stated(found: Spread) -> None:
+    """That of the median: order statistics of a binomial distribution, as in other software."""
+    from scipy.stats import binom
+
+    ends = np.sort(found.limit)[binom.ppf([0.025, 0.975], 256, 0.5).astype(int)]
+    said = found.text[0]
+    assert said.startswith("In the median of 256 samples constant curvature from force holds")
+    low, high = said.split("The median is known to ")[1].split(" N.")[0].split(" to ")
+    np.testing.assert_allclose([float(low), float(high)], ends, rtol=0.02)
+    held = validity_spread(ROBOT, {E: {"normal": {"sd": "2 %"}}}, name="cc_from_lengths", points=64)
+    assert "With 64 samples that share is known to 94 to 100 %" in held.text[0]
+
+
+def test_the_legend_names_the_bound_that_is_drawn() -> None:
+    wide = validity_spread(ROBOT, {E: {"normal": {"sd": "5 %"}}}, points=64, loading=Loading(60.0))
+    for top, label in (
+        (wide, "97.5 % of the samples lie above"),
+        (replace(wide, limit_summary=wide.error_summary), "95 % of the samples"),
+    ):
+        legend = top.figure().axes[0].get_legend()
+        assert legend is not None
+        texts = [text.get_text() for text in legend.get_texts()]
+        assert label in texts and sum("of the samples" in text for text in texts) == 1
+
+
 def test_samples_that_are_not_solved_to_their_limit_are_counted() -> None:
     """With a tolerance that no arc exceeds, the limit is where the solved loads of a robot end."""
     wide = {E: {"uniform": {"from": 20e9, "to": 60e9}}}

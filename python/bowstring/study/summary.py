@@ -121,7 +121,9 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         how = "assumed" if study.uncertainty_assumed else "standard deviations"
         known = [s for s in study.spreads if s.limit_indices is not None] or study.spreads
         limits = [f"{LABELS[s.name]} to {s.limit_text}" for s in known]
-        yield f"Valid with {study.uncertain_numbers} ({how}), median", "; ".join(limits)
+        count = f"{len(known[0].limit)} samples"
+        title = f"Valid with {study.uncertain_numbers} ({how}), median of {count}"
+        yield title, "; ".join(limits)
     fits = [model for model in study.shapes.models if model.kind == "fit"]
     if fits:
         means = [f"{FITS[m.name].partition(' ')[0]} {in_mm(m.comparison.mean)}" for m in fits]

@@ -194,7 +194,8 @@ def spread_text(
     Returns
     -------
     str
-        Such as "56 N (95 %: 49 to 63 N); 71 % of that spread is E".
+        Such as "56 N (95 %: 49 to 63 N); 71 % of that spread is E", or with the 95 % interval of a
+        share that is known roughly, "about 71 % (62 to 80 %) of that spread is E".
     """
     low, middle, high = (float(summary.quantiles[p].value) / size for p in _QUANTILES)
     if not math.isfinite(middle):
@@ -228,10 +229,13 @@ def _main_factor(indices: SobolIndices) -> str:
         raise InputError("indices are of several outputs; give those of one")
     main = int(np.argmax(total.value))
     share, ends = float(first.value[main]), (float(first.low[main]), float(first.high[main]))
-    about = "about " if ends[1] - ends[0] > 2.0 * _SHARP else ""
+    about, between = "", ""
+    if ends[1] - ends[0] > 2.0 * _SHARP:
+        low, high = (f"{100.0 * min(max(end, 0.0), 1.0):.0f}" for end in ends)
+        about, between = "about ", f" ({low} to {high} %)"
     interacts = float(total.low[main]) > max(ends[1], share + _SHARP)
     more = f", with its interactions {_percent(float(total.value[main]))}" if interacts else ""
-    return f"{about}{_percent(share)} of that spread is {indices.factors[main]}{more}"
+    return f"{about}{_percent(share)}{between} of that spread is {indices.factors[main]}{more}"
 
 
 def _percent(share: float) -> str:

@@ -424,10 +424,11 @@ def draw_spread(found: Spread) -> Figure:
         above.bar(
             found.max_tension + wide, held, wide, color=LIGHT["green"], alpha=0.6, label=label
         )
+    two_sided = np.isfinite([float(summary.quantiles[p].value) for p in (0.025, 0.975)]).all()
     for p, style, label in (
         (0.5, "-", "median"),
-        (0.025, ":", "95 % of the samples"),
-        (0.975, ":", ""),
+        (0.025, ":", "95 % of the samples" if two_sided else "97.5 % of the samples lie above"),
+        (0.975, ":", "" if two_sided else "97.5 % of the samples lie below"),
     ):
         at = float(summary.quantiles[p].value) * scale
         if np.isfinite(at):

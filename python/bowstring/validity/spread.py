@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.formatting import in_percent, significant
+from bowstring.formatting import in_newtons, in_percent, significant
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.robot.parts import TendonRing
@@ -109,8 +109,8 @@ class Spread:
         at_end = spread_text(self.error_summary, self.error_indices, "%", 0.01)
         middle = math.isfinite(float(self.limit_summary.quantiles[0.5].value))
         model = f"onstant curvature {LABELS[self.name]}"
-        said = f"{'In the median c' if middle else 'C'}{model} holds to {percent} of length up to"
-        said += f" {self.limit_text}."
+        first = f"In the median of {len(self.limit)} samples c" if middle else "C"
+        said = f"{first}{model} holds to {percent} of length up to {self.limit_text}."
         exceeded = f"{100.0 * self.share_exceeded:.0f} % of the samples"
         if self.share_exceeded >= 0.5:
             high = float(self.limit_summary.quantiles[0.975].value)
@@ -128,9 +128,27 @@ class Spread:
                 "the end of the sweep: their limit is the last solved load."
             )
         return (
-            f"{said} {self._nominal_text}",
+            f"{said}{self._sampling_text} {self._nominal_text}",
             f"Its error at {top}, in percent of length, is {at_end}.",
         )
+
+    @property
+    def _sampling_text(self) -> str:
+        """Sampling error of the median or of the share that is stated, by the samples."""
+        n, middle = len(self.limit), self.limit_summary.quantiles[0.5]
+        if self.share_exceeded >= 0.5:
+            return f" There are {n} samples."
+        if not math.isfinite(float(middle.value)):
+            from scipy.stats import binomtest
+
+            held = binomtest(int(np.isinf(self.limit).sum()), n).proportion_ci(0.95, "wilson")
+            low, high = (f"{100.0 * end:.0f}" for end in (held.low, held.high))
+            share = f"{low} %" if low == high else f"{low} to {high} %"
+            return f" With {n} samples that share is known to {share}."
+        low, high = float(middle.low), float(middle.high)
+        if not math.isfinite(high):
+            return f" The median lies above {significant(low)} N."
+        return f" The median is known to {in_newtons(low, high)}."
 
     @property
     def _nominal_text(self) -> str:
