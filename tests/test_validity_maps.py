@@ -24,6 +24,7 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.robot.paths import full_paths
+from bowstring.robot.writer import to_yaml
 from bowstring.statics.designs import DesignSweep, sweep_designs
 from bowstring.validity import limit_search, space, workspace
 from bowstring.validity.axes import Axis, axes_of, read_axis
@@ -333,6 +334,38 @@ def test_the_same_number_twice_is_refused() -> None:
             axes_of(ROBOT, pair)
     with pytest.raises(InputError, match=r"both have segments\.0\.backbone\.E"):
         axes_of(bs.load_robot("crl-ftdcr-v4"), ["segments.0.backbone.E=50:60 GPa", "E=50:60 GPa"])
+
+
+def coupled() -> bs.Robot:
+    stiffness = np.diag([0.44, 0.44, 0.34, 1e4, 1e4, 4e5])
+    stiffness[1, 2] = stiffness[2, 1] = 0.1
+    removed = dict.fromkeys(("E", "nu", "density", "diameter"))
+    changes = {**removed, "stiffness": stiffness.tolist(), "mass_per_length": 0.02}
+    return ROBOT.with_({f"segments.0.backbone.{name}": v for name, v in changes.items()})
+
+
+def test_entries_of_a_matrix_as_axes_are_named() -> None:
+    """Positive definite up to sqrt(0.44 * 0.34) = 0.387."""
+    robot = coupled()
+    axes_of(robot, ["stiffness.1.2=0:0.386"])
+    says = r"stiffness.1.2: 0.388 gives a matrix that is not positive definite.*smaller range"
+    with pytest.raises(InputError, match=says):
+        axes_of(robot, ["stiffness.1.2=0:0.388"])
+    with pytest.raises(InputError, match="are the same entry of the symmetric stiffness matrix"):
+        axes_of(robot, ["stiffness.1.2=0:0.1", "stiffness.2.1=0:0.1"])
+
+
+def test_set_takes_the_end_of_a_path_as_an_axis_does(shell: Shell, tmp_path: Path) -> None:
+    solve = ("--tension", "40,0,0", "--set")
+    short = shell.json("solve", "amouri2019", *solve, "E=40 GPa")
+    whole = shell.json("solve", "amouri2019", *solve, "segments.0.backbone.E=40 GPa")
+    assert short["tip"] == whole["tip"]
+    file = tmp_path / "coupled.yaml"
+    file.write_text(to_yaml(coupled()))
+    assert shell.json("solve", str(file), *solve, "stiffness.1.2=0")["tip"]["position_m"][
+        1
+    ] == pytest.approx(0.0, abs=1e-9)
+    assert "--set" in shell.error("solve", "amouri2019", *solve, "youngs=40 GPa")
 
 
 def test_a_wide_range_of_disks_has_few_points() -> None:

@@ -215,7 +215,8 @@ def load(source: str, overrides: Sequence[str] | None) -> Robot:
 
     if not source.strip():
         raise InputError("ROBOT: got nothing; name a built-in robot or a robot file (YAML).")
-    changes = changes_of("--set", overrides, 'segments.0.length="500 mm"')
+    given = changes_of("--set", overrides, 'segments.0.length="500 mm"')
+    changes = _whole_paths(source, given)
     check_bare_changes("--set", lambda change: load_robot(source, change), changes)
     try:
         robot = load_robot(source, changes)
@@ -227,6 +228,26 @@ def load(source: str, overrides: Sequence[str] | None) -> Robot:
     for sentence in robot.warnings:
         say("Warning", sentence)
     return robot
+
+
+def _whole_paths(source: str, changes: Mapping[str, str]) -> dict[str, str]:
+    """Changes by the paths of the robot file, where some have the end of a path, as of an axis."""
+    from bowstring.robot.model import Robot
+    from bowstring.robot.paths import full_paths
+    from bowstring.robot.reader import load_robot
+
+    ends = [path for path in changes if re.split(r"[.\[]", path)[0] not in Robot.model_fields]
+    if not ends:
+        return dict(changes)
+    robot = load_robot(source)
+    out: dict[str, str] = {}
+    for path, value in changes.items():
+        targets = [path]
+        if path in ends:
+            with suppress(InputError):  # the robot's own message names what is there
+                targets = full_paths(robot, path)
+        out.update(dict.fromkeys(targets, value))
+    return out
 
 
 def changes_of(flag: str, texts: Sequence[str] | None, example: str) -> dict[str, str]:

@@ -15,7 +15,7 @@ from bowstring.robot.fields import quantity_of
 from bowstring.robot.messages import units_of_field
 from bowstring.robot.model import Robot
 from bowstring.robot.paths import find, full_paths, numbers_of
-from bowstring.robot.stiffness import entry_of
+from bowstring.robot.stiffness import entry_of, mirrored
 from bowstring.units import NUMBER, has_no_unit, quote, read_number
 from bowstring.validation import shown
 
@@ -283,16 +283,24 @@ def axes_of(robot: Robot, over: Sequence[str | Axis]) -> tuple[Axis, ...]:
         for target in targets:
             if seen.get(target) == path:
                 raise InputError(f"two axes are {path}; give different ones")
+            if target in seen and mirrored(target) is not None and seen[target] != path:
+                raise InputError(
+                    f"axes {seen[target]} and {path} are the same entry of the symmetric stiffness "
+                    "matrix; leave one of them out"
+                )
             if target in seen:
                 raise InputError(
                     f"axes {seen[target]} and {path} both have {target}; leave one of them out"
                 )
-        seen.update(dict.fromkeys(targets, path))
+        mirrors = [mirror for target in targets if (mirror := mirrored(target)) is not None]
+        seen.update(dict.fromkeys([*targets, *mirrors], path))
     return tuple(axes)
 
 
 def _check_range(axis: Axis, robot: Robot, target: str) -> None:
     """Refuse an axis with values that the robot refuses."""
+    if entry_of(target) is not None:
+        _check_entry(axis, robot, target)
     quantity = None if axis.is_load else quantity_of(robot, target)
     if quantity is None:
         return
@@ -303,6 +311,20 @@ def _check_range(axis: Axis, robot: Robot, target: str) -> None:
                 f"axis {axis.path}: got {end / axis.factor:g} {axis.units[1]}".rstrip()
                 + f"; must lie between {quantity.low} and {quantity.high}"
             )
+
+
+def _check_entry(axis: Axis, robot: Robot, target: str) -> None:
+    """Refuse an entry of a stiffness matrix with which it is not positive definite.
+
+    Between two values with which it is, it is so too.
+    """
+    for end in (axis.start, axis.stop):
+        try:
+            robot.with_({target: end})
+        except InputError as error:
+            why = str(error).partition("got a matrix ")[2].partition(";")[0]
+            said = f"gives a matrix {why}" if why else f"is refused: {error}"
+            raise InputError(f"axis {axis.path}: {end:g} {said}; give a smaller range") from None
 
 
 def _place(path: str, robot: Robot) -> tuple[str, tuple[str, ...]]:
