@@ -768,6 +768,18 @@ def test_the_colours_of_a_map_end_at_its_line() -> None:
     assert near < 1.0  # pixels
 
 
+def test_labels_of_lines_lie_apart() -> None:
+    """All lines run close to each other at the left edge of this range."""
+    found = validity_map(ROBOT, ["tension=0:300 N:7", "disks.count=8:20:4"], models=[FORCE])
+    figure = found.figure()
+    figure.draw_without_rendering()
+    (panel,) = figure.axes
+    boxes = [text.get_window_extent() for text in panel.texts]
+    assert boxes and not any(
+        one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i]
+    )
+
+
 def test_a_start_takes_the_unit_of_the_end() -> None:
     axis = read_axis("E=20:50 GPa:4", ROBOT)
     assert (axis.start, axis.stop, axis.path) == (20e9, 50e9, "segments.0.backbone.E")
@@ -835,6 +847,18 @@ def test_bad_input_is_one_sentence(
     monkeypatch.chdir(tmp_path)
     assert message in shell.error("map", "amouri2019", *arguments)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_range_beyond_what_the_robot_carries_is_warned_of_at_once(
+    shell: Shell, tmp_path: Path
+) -> None:
+    out = ("--points", "5", "--models", FORCE, "--out", str(tmp_path / "map.svg"))
+    said = shell("map", "amouri2019", "--over", "tension=0:3 kN:2", *out)[2]
+    reached = float(said.split("solved up to about ")[1].split()[0])
+    whole = bs.sweep(ROBOT, np.outer(np.linspace(0.0, 3000.0, 65), [1.0, 0.0, 0.0])).converged
+    assert reached == pytest.approx(3000.0 * (np.argmin(whole) - 1) / 64, abs=100.0)
+    assert "of 3000 N, and loads beyond take long; give a smaller range" in said
+    assert shell("map", "amouri2019", "--over", "tension=0:80 N:2", *out)[2] == ""
 
 
 # -- the workspace -----------------------------------------------------------------------------

@@ -25,6 +25,7 @@ from bowstring.cli.options import (
 )
 from bowstring.cli.output import Stopped, progress_bar, provenance_of, say, write, write_json
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.formatting import significant
 
 if TYPE_CHECKING:
     from bowstring.blocks import Job
@@ -141,7 +142,7 @@ def map_(
     from bowstring.validity.jobs import map_job
     from bowstring.validity.loading import Loading
     from bowstring.validity.maps import MOST_SOLVES, check_map_file, validity_map
-    from bowstring.validity.question import end_of_ramp, read_axes
+    from bowstring.validity.question import end_of_ramp, reach_of_ramp, read_axes, space_of
     from bowstring.validity.sentences import described
     from bowstring.validity.workspace import POSES, check_workspace_file, workspace_map
 
@@ -195,6 +196,15 @@ def map_(
                 "Warning",
                 f"{count} points are computed in memory, and a stop loses them; --store DIR keeps "
                 "what is done.",
+            )
+        space = space_of(model, axes, loading, dead)
+        top, reached = reach_of_ramp(space)
+        if reached < top:
+            say(
+                "Warning",
+                f"the robot as it is is solved up to about {significant(reached)} N of "
+                f"{significant(top)} N, and loads beyond take long; give a smaller range of the "
+                "tension.",
             )
     with progress_bar("errors") as notify:
         if workspace:

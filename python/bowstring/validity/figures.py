@@ -19,6 +19,7 @@ from bowstring.viz.style import LIGHT, legend_above, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.contour import ContourSet
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -58,6 +59,7 @@ SHADE: Final = 0.35
 _LEVELS: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # share of length
 _LINES: Final = ("blue", "red", "green", "purple", "amber")
 _DASHES: Final = ("-", "-", (0, (5, 1.5)), "-.", (0, (1, 1)))
+_LABEL: Final = 0.05  # least distance of labels along x over the width
 _BINS: Final = 40
 _MOST_CROSSINGS: Final = 4  # of a curve in its legend
 _END: Final = "holds to the end"  # keys of areas beside those of the causes
@@ -316,11 +318,28 @@ def _errors(panel: Axes, found: ValidityMap, name: str) -> set[str]:
         thin = panel.contour(
             x, y, fine, levels=levels, colors=LIGHT["muted"], linewidths=0.7, linestyles=":"
         )
-        panel.clabel(thin, fmt=lambda v: in_percent(v), fontsize=7.0)
+        labelled = _apart(thin, x, y)
+        panel.clabel(thin, labelled, fmt=lambda v: in_percent(v), fontsize=7.0)
     for line in found.contour[name]:
         u, v = (line[:, i] / found.axes[i].factor for i in range(2))
         panel.plot(u, v, color=LIGHT["ink"], lw=2.0)
     return present
+
+
+def _apart(lines: ContourSet, x: Floats, y: Floats) -> list[float]:
+    """Levels of the lines whose middles lie apart, so that their labels do."""
+    size = np.array([x.max() - x.min(), y.max() - y.min()])
+    places: list[Floats] = []
+    out = []
+    for level, path in zip(lines.levels, lines.get_paths(), strict=True):
+        points = path.vertices / size
+        if len(points) < 2:
+            continue
+        place = points[len(points) // 2]
+        if all(np.abs(place - other)[0] > _LABEL for other in places):
+            places.append(place)
+            out.append(float(level))
+    return out
 
 
 def _finish(panel: Axes, found: ValidityMap) -> None:

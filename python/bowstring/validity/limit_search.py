@@ -102,6 +102,28 @@ def solve_ramps(rods: Rods, tensions: Floats) -> Solved:
     return out
 
 
+def reach(rods: Rods, tensions: Floats) -> int:
+    """Find about how far a ramp of one robot is solved, by a few quick solves.
+
+    Parameters
+    ----------
+    rods : Rods
+        One robot with given tensions.
+    tensions : ndarray (L, T)
+        Ramp from a load with an equilibrium on, N.
+
+    Returns
+    -------
+    int
+        Index of about the last load with an equilibrium.
+    """
+    ramp, row = tensions[None], np.zeros(1, dtype=int)
+    last = len(tensions) - 1
+    if _reached(rods, ramp, row, np.array([last]))[0]:
+        return last
+    return int(_last_reached(rods, ramp, row)[0])
+
+
 def _start(rods: Rods, tensions: Floats, rows: Ints, count: Ints, *, end: bool = False) -> Solved:
     """Solve the first loads of some ramps, `count` of each, and then their ends if asked.
 

@@ -11,24 +11,28 @@ from numpy.typing import NDArray
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, share_of_length
 from bowstring.validity.axes import BY_DISPLACEMENT, RAMPS, Axis, axes_of
 from bowstring.validity.dead_loads import check_dead_loads
+from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS
+from bowstring.validity.limit_search import reach
 from bowstring.validity.loading import Loading, largest_load, named
 from bowstring.validity.space import Errors, Space
 
 if TYPE_CHECKING:
     from bowstring.schemas import maps as schema
 
-__all__ = ["METRICS", "Metric", "Question", "end_of_ramp", "read_axes", "space_of"]
+__all__ = ["METRICS", "Metric", "Question", "end_of_ramp", "reach_of_ramp", "read_axes", "space_of"]
 
 Floats = NDArray[np.float64]
 Metric = Literal["largest_error", "mean_error", "error", "valid_to"]
 
+_TRIED: Final = 65  # loads of the search for the end of what is solved
 METRICS: Final[dict[str, str]] = {
     "largest_error": "largest tip error over the sweep, share of length",
     "mean_error": "mean tip error over the sweep, share of length",
@@ -236,6 +240,21 @@ def end_of_ramp(robot: Robot, loading: Loading, load: Load | None = None) -> flo
     if load is not None and load.gravity is not None:
         robot = robot.with_({"gravity": [float(g) for g in np.asarray(load.gravity)]})
     return largest_load(robot, np.array(loading.shares(robot)), RodModel())
+
+
+def reach_of_ramp(space: Space) -> tuple[float, float]:
+    """Largest tension of a map, and about how far the robot as it is is solved to it, N.
+
+    Both are infinite with an axis ``bend``.
+    """
+    if space.by_displacement:
+        return np.inf, np.inf
+    ends = [max(axis.start, axis.stop) for axis in space.axes if axis.path == "tension"]
+    top = max([*ends, 0.0 if ends else space.max_tension])
+    one = Designs(space.robot, {"segments.0.length": [space.robot.segments[0].length]})
+    ramp = np.linspace(0.0, top, _TRIED)
+    at = reach(Rods(one, space.model, space.load), ramp[:, None] * space.shares)
+    return top, float(ramp[at])
 
 
 def _metric(space: Space, metric: Metric | None) -> Metric:

@@ -145,10 +145,10 @@ class Spread:
             low, high = (f"{100.0 * end:.0f}" for end in (held.low, held.high))
             share = f"{low} %" if low == high else f"{low} to {high} %"
             return f" With {n} samples that share is known to {share}."
-        low, high = float(middle.low), float(middle.high)
-        if not math.isfinite(high):
-            return f" The median lies above {significant(low)} N."
-        return f" The median is known to {in_newtons(low, high)}."
+        ends = float(middle.low), float(middle.high)
+        if not math.isfinite(ends[1]):
+            return f" The median lies above {significant(ends[0])} N."
+        return f" The median is known to {in_newtons(*ends)}."
 
     @property
     def _nominal_text(self) -> str:
