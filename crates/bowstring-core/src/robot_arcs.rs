@@ -21,6 +21,9 @@ pub enum Law {
     LeverArm,
 }
 
+/// Relative difference of bending flexibilities that is rounding.
+const ALIKE: f64 = 1e-12;
+
 /// The segments of a robot as constant curvature sees them.
 pub struct RobotArcs {
     segments: Vec<Segment>,
@@ -38,7 +41,7 @@ struct Segment {
     first: usize,
     /// First tendon beyond those anchored to its end disk.
     next: usize,
-    /// Holes of the tendons from `first` on.
+    /// Holes of the tendons from `first` on; under a law of tensions from the tension centre.
     holes: Vec<Hole>,
     spans: Spans,
     /// Fit to tendon lengths; an error if they do not determine an arc.
@@ -85,7 +88,16 @@ impl RobotArcs {
             let first = spec.tendons.partition_point(|t| t.end_disk < disks[0]);
             let next = spec.tendons.partition_point(|t| t.end_disk <= last);
             let tendons = spec.tendons[first..].iter();
-            let holes: Vec<_> = tendons.map(|t| mean_hole(t, spec, &disks)).collect();
+            // tensions bend by their moments about the tension centre
+            let centre = match law {
+                Law::Linear | Law::LeverArm => profile.tension_centre(),
+                Law::Lengths | Law::Chords => [0.0; 2],
+            };
+            let hole = |t| {
+                let [x, y] = mean_hole(t, spec, &disks);
+                [x - centre[0], y - centre[1]]
+            };
+            let holes: Vec<_> = tendons.map(hole).collect();
             let spans = match law {
                 Law::Chords => {
                     let mut before = start;
@@ -155,7 +167,7 @@ impl Segment {
             Law::LeverArm if self.rest != [0.0; 2] => Err(Error::NoSolution(
                 "the lever-arm law is for a backbone that is straight without load".into(),
             )),
-            Law::LeverArm if product != 0.0 || about_x != about_y => Err(Error::NoSolution(
+            Law::LeverArm if product.hypot(about_x - about_y) > ALIKE * about_x => Err(Error::NoSolution(
                 "the lever-arm law is for a backbone with equal bending stiffness about all axes"
                     .into(),
             )),

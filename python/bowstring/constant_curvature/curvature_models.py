@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring.constant_curvature.arc import to_array
 from bowstring.constant_curvature.variable_curvature import MAX_DEGREE, VariableCurvature, legendre
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.arrays import principal_bending
 from bowstring.validation import is_whole, shown
 
 if TYPE_CHECKING:
@@ -280,10 +281,9 @@ def _stiffness(robot: Robot, degree: int) -> Array:
     out = []
     for segment in robot.segments:
         backbone = segment.backbone.at(at)
-        first, second = (
-            np.broadcast_to(backbone.young * i, at.shape) for i in backbone.second_moments
-        )
-        sin, cos = np.sin(backbone.width_direction), np.cos(backbone.width_direction)
+        *both, angle = principal_bending(backbone)
+        first, second = (np.broadcast_to(stiffness, at.shape) for stiffness in both)
+        sin, cos = np.sin(angle), np.cos(angle)
         between = (second - first) * sin * cos
         bending = np.array(
             [
@@ -308,9 +308,9 @@ def _masses(robot: Robot) -> Array:
 def _by_tendons(robot: Robot, tensions: Array, stiffness: Array) -> Array:
     """Coefficients (K, S, degree + 1, 2) by rest curvature and tensions.
 
-    The moment of a tendon is its tension times the place of its hole, which varies evenly between
-    two disks; it is projected on the polynomials. A backbone that is twisted without load turns
-    holes and rest curvature against the frame without torsion.
+    The moment of a tendon is its tension times the place of its hole from the tension centre of the
+    section, which varies evenly between two disks; it is projected on the polynomials. A backbone
+    that is twisted without load turns holes and rest curvature against the frame without torsion.
     """
     degree = stiffness.shape[-1] // 2 - 1
     tendons, rest = robot.tendons, robot.rest_curvature
@@ -332,7 +332,7 @@ def _by_tendons(robot: Robot, tensions: Array, stiffness: Array) -> Array:
             holes = tendons.holes_m[passing]
             ends = holes[:, [0, 0]] if holes.shape[1] == 1 else holes[:, i : i + 2]
             share = ((at - low) / (high - low))[:, None, None]
-            place = (1.0 - share) * ends[:, 0] + share * ends[:, 1]
+            place = (1.0 - share) * ends[:, 0] + share * ends[:, 1] - robot.tension_centre_m[k]
             twist = angle + rest[k, 2] * (at - start)
             turn = np.moveaxis(
                 np.array([[np.cos(twist), -np.sin(twist)], [np.sin(twist), np.cos(twist)]]), -1, 0

@@ -187,8 +187,11 @@ class RobotArcs:
             raise InputError(
                 "the lever-arm law is for a backbone that is straight without load; use linear"
             )
-        if law == "arm" and not robot.is_round:
-            raise InputError("the lever-arm law is for round backbones; use linear")
+        if law == "arm" and not robot.bends_alike:
+            raise InputError(
+                "the lever-arm law is for backbones with equal bending stiffness about all axes; "
+                "use linear"
+            )
         arcs = []
         for segment in segments:
             passing = np.union1d(segment.own, segment.further)
@@ -196,7 +199,9 @@ class RobotArcs:
             if not passing.size:
                 arcs.append(_unactuated(robot, segment, given.shape[:-1]))
                 continue
-            routing = Routing.from_holes(robot.tendons.mean_hole_m[segment.index, passing], modules)
+            # tensions bend by their moments about the tension centre
+            holes = robot.tendons.mean_hole_m[segment.index, passing]
+            routing = Routing.from_holes(holes - robot.tension_centre_m[segment.index], modules)
             with segment.named():
                 arc = Arc.from_tensions(
                     given[..., passing], routing, segment.length, segment.bending_stiffness

@@ -422,6 +422,8 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
     if m.tendon_count != len(robot.tendons.angle_rad):
         needed = len(robot.tendons.angle_rad)
         return f"the data have {m.tendon_count} tendons, {robot.name} has {needed}", None
+    if robot.is_coupled:
+        return "constant curvature does not know the coupled strains of the backbone", None
     if m.points.shape[1]:
         if m.scale is None:
             return "points are in pixels", None
@@ -469,7 +471,8 @@ def _by_tension(robot: Robot) -> Floats:
     out = np.zeros((2 * len(robot.segments), len(tendons.angle_rad)))
     for j, by_moment in enumerate(robot.bend_by_moment):
         passes = tendons.segment >= j
-        out[2 * j : 2 * j + 2, passes] = by_moment @ tendons.mean_hole_m[j, passes].T
+        holes = tendons.mean_hole_m[j, passes] - robot.tension_centre_m[j]
+        out[2 * j : 2 * j + 2, passes] = by_moment @ holes.T
     return out
 
 

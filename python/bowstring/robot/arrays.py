@@ -17,10 +17,15 @@ from bowstring.display import short_repr
 from bowstring.robot.consistency import bores, problems
 from bowstring.robot.disk import distinct_holes, drilled_disk, stacked
 from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Part, Payload, Segment, Tendon
-from bowstring.robot.stiffness import has_couplings, matrix_of, without_couplings
+from bowstring.robot.stiffness import (
+    has_couplings,
+    matrix_of,
+    tension_centre,
+    without_couplings,
+)
 from bowstring.units import Quantity, Text
 
-__all__ = ["RobotArrays", "RobotDisks", "RobotTendons", "frozen"]
+__all__ = ["RobotArrays", "RobotDisks", "RobotTendons", "frozen", "principal_bending"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -111,8 +116,21 @@ def _rotary(backbone: Backbone) -> Any:
     return backbone.density * backbone.second_moment
 
 
-def _bending(backbone: Backbone) -> tuple[Any, Any, Any]:
-    """Bending stiffness about both principal axes in N m^2, and the angle of the first in rad."""
+def principal_bending(backbone: Backbone) -> tuple[Any, Any, Any]:
+    """Bending stiffness of a section about both principal axes, and where these are.
+
+    Parameters
+    ----------
+    backbone : Backbone
+
+    Returns
+    -------
+    first, second : float
+        Bending stiffness at the start of the segment, N m^2; of a stiffness matrix that by a moment
+        alone, all other loads zero.
+    angle : float
+        Angle of the first axis from x, rad.
+    """
     if backbone.stiffness is not None:
         first, second, angle, *_ = without_couplings(backbone.stiffness)
         return first, second, angle
@@ -461,10 +479,10 @@ class RobotArrays(Part):
         for principal in (0, 1):
 
             def own(backbone: Backbone, axis: int = principal) -> Any:
-                return 1.0 / _bending(backbone)[axis]
+                return 1.0 / principal_bending(backbone)[axis]
 
             flexibility.append(self._by_segment(own))
-        angle = stacked([_bending(s.backbone)[2] for s in self.segments])
+        angle = stacked([principal_bending(s.backbone)[2] for s in self.segments])
         length = stacked([s.length for s in self.segments])
         cos, sin = np.cos(angle), np.sin(angle)
         first, second = (f * length for f in flexibility)
@@ -475,9 +493,26 @@ class RobotArrays(Part):
         return frozen(np.stack([np.stack(both[:2], -1), np.stack(both[1:], -1)], axis=-2))
 
     @cached_property
+    def tension_centre_m(self) -> Floats:
+        """Place (S, 2) in each section through which an axial force does not bend it, in m.
+
+        Off the backbone's line only where a stiffness matrix couples bending and extension.
+        """
+        given = ~np.isnan(self.section_stiffness[..., 0, 0])
+        matrices = np.where(given[..., None, None], self.section_stiffness, np.eye(6))
+        return frozen(tension_centre(matrices))
+
+    @cached_property
+    def bends_alike(self) -> bool:
+        """Whether each section has the same bending stiffness about all axes."""
+        return bool(np.all(self.sections[..., 0] == self.sections[..., 1]))
+
+    @cached_property
     def bending_stiffness(self) -> Floats:
         """E I of each segment in N m^2: the inverse of the mean flexibility 1/(E I)."""
-        return frozen(1.0 / self._by_segment(lambda b: sum(1.0 / k for k in _bending(b)[:2]) / 2.0))
+        return frozen(
+            1.0 / self._by_segment(lambda b: sum(1.0 / k for k in principal_bending(b)[:2]) / 2.0)
+        )
 
     @cached_property
     def rest_curvature(self) -> Floats:

@@ -20,6 +20,7 @@ __all__ = [
     "has_couplings",
     "matrix_of",
     "mirrored",
+    "tension_centre",
     "without_couplings",
 ]
 
@@ -28,6 +29,7 @@ _ALONE: Final = np.diag([1, 1, 1, 0, 0, 1]).astype(bool)  # entries of a plain s
 _ALONE[:2, :2] = True
 _SYMMETRY: Final = 1e-9
 _LEAST_PIVOT: Final = 1e-12
+_ALIKE: Final = 1e-12  # difference of bending stiffnesses that is rounding
 _ADVICE: Final = (
     "write six rows of six numbers in SI, for curvature about x and y, twist, shear along x and "
     "y, and extension"
@@ -159,6 +161,26 @@ def flexibility(stiffness: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(np.linalg.inv(matrix * size) * size, dtype=np.float64)
 
 
+def tension_centre(stiffness: ArrayLike) -> NDArray[np.float64]:
+    """Place in a section through which an axial force bends it about no axis.
+
+    Parameters
+    ----------
+    stiffness : array_like (..., 6, 6)
+        Moments and forces by strains, in SI.
+
+    Returns
+    -------
+    ndarray (..., 2)
+        x and y in m.
+    """
+    free = flexibility(stiffness)
+    # a force at (x, y) bends by its moment (y, -x) and by itself
+    by_place = np.stack([-free[..., :2, 1], free[..., :2, 0]], axis=-1)
+    by_force = free[..., :2, 5, None]
+    return np.asarray(-np.linalg.solve(by_place, by_force)[..., 0] + 0.0)
+
+
 def without_couplings(rows: Sequence[Sequence[ArrayLike]]) -> tuple[ArrayLike, ...]:
     """Numbers of a plain section that bends, twists, shears and stretches as much by one load.
 
@@ -176,9 +198,10 @@ def without_couplings(rows: Sequence[Sequence[ArrayLike]]) -> tuple[ArrayLike, .
     """
     free = flexibility(matrix_of(rows))
     bends, axes = np.linalg.eigh(free[..., :2, :2])
-    straight = free[..., 0, 1] == 0.0
+    alike = bends[..., 1] - bends[..., 0] <= _ALIKE * bends[..., 1]
+    straight = alike | (free[..., 0, 1] == 0.0)
     first = np.where(straight, free[..., 0, 0], bends[..., 0])
-    second = np.where(straight, free[..., 1, 1], bends[..., 1])
+    second = np.where(alike, first, np.where(straight, free[..., 1, 1], bends[..., 1]))
     angle = np.where(straight, 0.0, np.arctan2(axes[..., 1, 0], axes[..., 0, 0]))
     shear = 2.0 / (free[..., 3, 3] + free[..., 4, 4])
     numbers = (

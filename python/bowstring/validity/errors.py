@@ -174,7 +174,8 @@ def displacement_per_bend(designs: Designs, shares: Floats) -> Floats:
         holes = means[:, k]
         radius = np.linalg.norm(holes, axis=-1)
         passing = arrays.tendons.segment >= k
-        moment = np.einsum("t,dtq->dq", shares * passing, holes)
+        levers = holes - np.expand_dims(arrays.tension_centre_m[..., k, :], -2)
+        moment = np.einsum("t,dtq->dq", shares * passing, levers)
         compliance = np.asarray(arrays.segments[k].length / arrays.bending_stiffness[..., k])
         by_moment = arrays.bend_by_moment[..., k, :, :]
         bends.append((moment[:, None] @ by_moment)[:, 0])

@@ -145,7 +145,8 @@ def linear_bend(robot: Robot, shares: Floats) -> Floats:
     out = np.zeros((len(robot.segments), 2))
     for k in range(len(robot.segments)):
         passing = robot.tendons.segment >= k
-        moment = shares[passing] @ robot.tendons.mean_hole_m[k, passing]
+        holes = robot.tendons.mean_hole_m[k, passing] - robot.tension_centre_m[k]
+        moment = shares[passing] @ holes
         size = float(np.abs(shares[passing]) @ robot.tendons.pitch_radius_m[passing])
         if np.linalg.norm(moment) > 1e-9 * size:  # otherwise the tendons balance each other
             out[k] = robot.bend_by_moment[k] @ moment

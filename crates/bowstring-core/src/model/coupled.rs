@@ -78,6 +78,19 @@ impl CoupledSection {
         &self.section
     }
 
+    /// Place in the section (m) through which an axial force neither bends it about x nor about y.
+    pub(crate) fn tension_centre(&self) -> [f64; 2] {
+        let Mixed { moment, shift, .. } = self.mixed(true);
+        let (bent, along) = (moment.inverse().0, shift.0[2]);
+        // a force N at (x, y) has the moment N (y, -x) and bends by `bent` as N (y, -x, 0) + N along
+        let twisted = [bent[0][2], bent[1][2]].map(|b| b * along[2]);
+        let [[a, b], [c, d]] = [[bent[0][0], bent[0][1]], [bent[1][0], bent[1][1]]];
+        let det = a * d - b * c;
+        let y = -along[0] - (d * twisted[0] - b * twisted[1]) / det;
+        let x = along[1] + (a * twisted[1] - c * twisted[0]) / det;
+        [x, y]
+    }
+
     /// The plain section where there are no couplings except between the two curvatures, and the
     /// shear stiffnesses are equal.
     pub(crate) fn plain(&self) -> Option<Section> {

@@ -128,6 +128,14 @@ impl Profile {
         sum / (18.0 * parts)
     }
 
+    /// Place in the section (m) through which an axial force does not bend it.
+    pub fn tension_centre(&self) -> [f64; 2] {
+        match self {
+            Profile::Coupled(section) => section.tension_centre(),
+            _ => [0.0; 2],
+        }
+    }
+
     /// Mean bending flexibility over the segment (1/(N m^2)): about x, about y, and their product.
     pub fn bending_flexibility(&self) -> [f64; 3] {
         let by = |q: usize| self.mean(0.0, 1.0, |s| 1.0 / s.bending[q]);
