@@ -12,6 +12,7 @@ from tests.shell import Shell
 import bowstring as bs
 from bowstring.calibration import Data, fit
 from bowstring.constant_curvature import RobotArcs
+from bowstring.dynamics.run_file import read_run
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.robot.paths import find, full_paths
@@ -237,14 +238,18 @@ def test_solids_name_what_they_need(shell: Shell, tmp_path: Path) -> None:
     assert "needs shape and material" in says and "nan" not in says.lower()
 
 
-def test_a_motion_has_a_table_and_no_file_of_stress(shell: Shell, tmp_path: Path) -> None:
+def test_a_motion_has_files_but_no_surface_with_stress(shell: Shell, tmp_path: Path) -> None:
     (tmp_path / "coupled.yaml").write_text(to_yaml(ROBOT))
     run = ("simulate", str(tmp_path / "coupled.yaml"), "--tension", "1,0,0", "--rise", "0.01")
-    run += ("--hold", "0.01", "--out")
-    says = shell.error(*run, str(tmp_path / "run.nc"))
-    assert "stress and strain needs shape" in says and "--out run.csv" in says
-    assert shell(*run, str(tmp_path / "run.csv"))[0] == 0
+    run += ("--hold", "0.01")
+    says = shell.error(*run, "--vtk", str(tmp_path / "series"))
+    assert "surface needs shape" in says and "--out run.nc" in says
+    assert not (tmp_path / "series").exists()
+    assert shell(*run, "--out", str(tmp_path / "run.csv"))[0] == 0
     assert "\nt_s,tip_x_mm" in (tmp_path / "run.csv").read_text()
+    assert shell(*run, "--out", str(tmp_path / "run.nc"))[0] == 0
+    written = read_run(tmp_path / "run.nc")
+    assert np.isfinite(written.strain).all() and np.isnan(written.von_mises).all()
 
 
 def test_advice_is_on_numbers_that_the_robot_has() -> None:

@@ -64,6 +64,7 @@ if TYPE_CHECKING:
 
     from bowstring.dynamics.base_motion import BaseMotion
     from bowstring.dynamics.simulation import Run
+    from bowstring.robot.model import Robot
     from bowstring.schemas import dynamics as schema
     from bowstring.schemas.basic import StaticsStatus
 
@@ -215,7 +216,7 @@ def simulate(
     )
     modal = ratio("--modal-damping", modal_damping)
     error = None if tolerance is None else positive("--tolerance", tolerance, "m")
-    targets = _Targets(out, vtk, animation, duration)
+    targets = _Targets(model, out, vtk, animation, duration)
 
     from bowstring._core import RodModel
     from bowstring.dynamics import simulation
@@ -410,7 +411,12 @@ class _Targets:
     """Output files of a run, each checked before the work begins."""
 
     def __init__(
-        self, out: Path | None, vtk: Path | None, animation: Path | None, duration: float
+        self,
+        robot: Robot,
+        out: Path | None,
+        vtk: Path | None,
+        animation: Path | None,
+        duration: float,
     ) -> None:
         self.vtk, self.animation = vtk, animation
         #: Of --out: the run as it goes on, or its table, which is written at its end.
@@ -432,8 +438,9 @@ class _Targets:
                 )
             self.out = of_flag("--out", check_file, out)
         if vtk is not None:
-            from bowstring.viz.vtk import check_folder
+            from bowstring.viz.vtk import check_folder, check_surface
 
+            check_surface(robot)
             self.vtk = of_flag("--vtk", check_folder, vtk)
         if animation is not None:
             from bowstring.viz.animation import check_length, check_picture

@@ -37,7 +37,7 @@ from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.formatting import in_mm, in_percent
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
-from bowstring.statics.fields import Frames, Section, to_dataset
+from bowstring.statics.fields import Frames, Section, completing, has_matrix, to_dataset
 from bowstring.statics.load import Load, PointLoad, as_load, point_loads
 from bowstring.statics.load_tables import (
     InstantLoad,
@@ -516,8 +516,10 @@ def simulate(
         from bowstring.dynamics.run_file import RunFile
 
         planned = RunFile.open(output.path, robot, settings, *places, times=len(times))
-        sections = Section(robot, *places, model)
-        simulator.write_to(sections.columns, places[0], planned.room, planned.append)
+        # a stiffness matrix gives strain, but no stress
+        sections = Section(robot, *places, model, partly=has_matrix(robot))
+        append = completing(robot, sections, places[0], planned.append)
+        simulator.write_to(sections.columns, places[0], planned.room, append)
     file: RunFile | None = None
     aside = 0.0  # s of output to files
     begun = clock.perf_counter()

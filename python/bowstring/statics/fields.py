@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -36,8 +36,10 @@ __all__ = [
     "Section",
     "attributes",
     "check_frames",
+    "completing",
     "coordinates",
     "derive",
+    "has_matrix",
     "surface_stress",
     "to_dataset",
     "von_mises",
@@ -252,11 +254,15 @@ class Section:
         self.columns: Floats = np.hstack([sizes, self.bending_compliance, force_compliance])
 
 
+def has_matrix(robot: Robot) -> bool:
+    """Whether the section of any segment is given by its stiffness matrix."""
+    return any(segment.backbone.stiffness is not None for segment in robot.segments)
+
+
 def check_frames(robot: Robot, frames: Frames) -> None:
     """Raise `InputError` if the arrays of ``frames`` do not fit each other or the robot."""
     t, p = len(frames.time), len(frames.station)
-    n, m = len(robot.disks.station_m), len(robot.tendons.end_disk)
-    sizes = {"station": p, "axis": 3, "row": 3, "column": 3, "disk": n, "tendon": m}
+    n, sizes = len(robot.disks.station_m), _sizes(robot, p)
     shapes = {field.name: (t, *(sizes[dim] for dim in field.dims)) for field in FIELDS}
     shapes |= {"time": (t,), "station": (p,), "module": (p,)}
     for name in Frames.__dataclass_fields__:
@@ -331,24 +337,94 @@ def derive(robot: Robot, frames: Frames, sec: Section) -> dict[str, Floats]:
     """
     vectors = (frames.position, frames.rotation, frames.force, frames.moment)
     out = _core.derive(sec.columns, *map(_floats, vectors))
-    if sec.coupled is not None:
-        wrench = np.concatenate([frames.moment, frames.force], axis=-1)
-        strain = np.einsum("pij,tpj->tpi", sec.coupled, wrench)
-        known = ~np.isnan(strain[..., :1])
-        out["curvature"] = np.where(known, strain[..., :3], out["curvature"])
-        out["strain"] = np.where(known, strain[..., 3:], out["strain"])
-    # the moments give the change from the unloaded backbone
-    out["curvature"] = out["curvature"] + sec.rest_curvature
-    value, place = out["von_mises"], out["von_mises_place"]
-    times, top = np.arange(len(frames.time)), value.argmax(axis=1)
-    out["von_mises_max"] = value[times, top]
-    out["von_mises_max_arc_length"] = frames.station[top]
-    out["von_mises_max_place"] = place[times, top]
+    out |= _of_sections(sec, frames.station, out, frames.force, frames.moment)
     out["tip_displacement"] = frames.disk_position[:, -1] - (0.0, 0.0, robot.length)
     energy = frames.kinetic_energy + frames.elastic_energy + frames.gravity_energy
     balance = energy - frames.work + frames.dissipated_energy  # theory Eq. 5.3
     out["energy_balance"] = balance - (balance[0] if len(balance) else 0.0)
     return {f.name: getattr(frames, f.name) if f.name in _RAW else out[f.name] for f in FIELDS}
+
+
+def _of_sections(
+    sec: Section, station: Floats, found: Mapping[str, Floats], force: Floats, moment: Floats
+) -> dict[str, Floats]:
+    """Fields that depend on more than the columns of `sec`, from what the core finds by these."""
+    curvature, strain = found["curvature"], found["strain"]
+    if sec.coupled is not None:
+        wrench = np.concatenate([moment, force], axis=-1)
+        by_matrix = np.einsum("pij,tpj->tpi", sec.coupled, wrench)
+        known = ~np.isnan(by_matrix[..., :1])
+        curvature = np.where(known, by_matrix[..., :3], curvature)
+        strain = np.where(known, by_matrix[..., 3:], strain)
+    stress = found["von_mises"]
+    times = np.arange(len(stress))
+    top = np.where(np.isnan(stress), -math.inf, stress).argmax(axis=1)
+    largest = stress[times, top]
+    return {
+        # the moments give the change from the unloaded backbone
+        "curvature": curvature + sec.rest_curvature,
+        "strain": strain,
+        "von_mises_max": largest,
+        "von_mises_max_arc_length": np.where(np.isnan(largest), math.nan, station[top]),
+        "von_mises_max_place": found["von_mises_place"][times, top],
+    }
+
+
+def completing(
+    robot: Robot, sec: Section, station: Floats, append: Callable[[NDArray[np.uint8]], None]
+) -> Callable[[NDArray[np.uint8]], None]:
+    """Complete records of the core before they are appended to a file.
+
+    Parameters
+    ----------
+    robot : Robot
+    sec : Section
+        Sections at P stations.
+    station : ndarray (P,)
+        Arc lengths in m.
+    append : callable
+        Takes whole records as bytes: time and all of `FIELDS`, big-endian.
+
+    Returns
+    -------
+    callable
+        `append` itself where the core knows all of the sections: plain ones, straight without load.
+    """
+    if sec.coupled is None and not sec.rest_curvature.any():
+        return append
+    sizes = _sizes(robot, len(station))
+    shapes = {field.name: tuple(sizes[dim] for dim in field.dims) for field in FIELDS}
+    ends = 1 + np.cumsum([math.prod(shape) for shape in shapes.values()])
+    places = {
+        name: slice(end - math.prod(shapes[name]), end)
+        for name, end in zip(shapes, ends, strict=True)
+    }
+
+    def complete(records: NDArray[np.uint8]) -> None:
+        rows = records.view(">f8").reshape(-1, int(ends[-1]))
+        found = {
+            name: rows[:, places[name]].reshape(-1, *shapes[name]).astype(float)
+            for name in ("force", "moment", "curvature", "strain", "von_mises", "von_mises_place")
+        }
+        better = _of_sections(sec, station, found, found["force"], found["moment"])
+        for name, values in better.items():
+            rows[:, places[name]] = values.reshape(len(rows), -1)
+        append(records)
+
+    return complete
+
+
+def _sizes(robot: Robot, stations: int) -> dict[str, int]:
+    """Sizes of the dimensions of `FIELDS`."""
+    disks, tendons = len(robot.disks.station_m), len(robot.tendons.end_disk)
+    return {
+        "station": stations,
+        "axis": 3,
+        "row": 3,
+        "column": 3,
+        "disk": disks,
+        "tendon": tendons,
+    }
 
 
 def _floats(values: Floats) -> Floats:
@@ -517,7 +593,7 @@ def to_dataset(
     check_frames(robot, frames)
     model = RodModel(settings.get("theory"), twist=bool(settings.get("twist", True)))
     # a stiffness matrix gives strain, but no stress
-    partly = not np.isnan(robot.section_stiffness).all()
+    partly = has_matrix(robot)
     sections = Section(robot, frames.station, frames.module, model, partly=partly)
     values = derive(robot, frames, sections)
     end = float(frames.time[-1]) if len(frames.time) else math.nan

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from bowstring.atomic_io import check_whole_folder, not_overwritten, write_whole
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot, check_robot
+from bowstring.robot.model import Robot, check_robot, check_round
 from bowstring.statics.fields import Section, surface_stress
 from bowstring.statics.model import RodModel
 from bowstring.validation import is_whole, shown
@@ -31,7 +31,16 @@ from bowstring.validation import is_whole, shown
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Part", "Tendons", "check_data", "check_folder", "holes", "write_series", "write_vtk"]
+__all__ = [
+    "Part",
+    "Tendons",
+    "check_data",
+    "check_folder",
+    "check_surface",
+    "holes",
+    "write_series",
+    "write_vtk",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -230,10 +239,20 @@ class Part:
         )
 
 
+def check_surface(robot: Robot) -> None:
+    """Raise `InputError` if the surface of a robot's backbone, with its stress, is not known."""
+    check_round(
+        robot,
+        f"{robot.name}: a VTK series with the stress on the backbone's surface",
+        ", or write a run without it, as --out run.nc does",
+    )
+
+
 class _Backbone(Part):
     name = "backbone"
 
     def __init__(self, robot: Robot, data: xr.Dataset, angles: int) -> None:
+        check_surface(robot)
         station, module = data["arc_length"].to_numpy(), data["module"].to_numpy() - 1
         sec = Section(robot, station, module, RodModel())
         around = circle(angles)
