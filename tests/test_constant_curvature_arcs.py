@@ -697,6 +697,8 @@ def one_segment(stations=None):
         bending_stiffness=np.array([STIFFNESS]),
         rest_curvature=np.zeros((1, 3)),
         is_round=True,
+        bends_alike=True,
+        tension_centre_m=np.zeros((1, 2)),
         tendons=SimpleNamespace(
             mean_hole_m=RADIUS * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)[None],
             segment=np.zeros(3, int),
@@ -713,6 +715,8 @@ def two_segments():
         bending_stiffness=np.array([0.0102, 0.0102]),
         rest_curvature=np.zeros((2, 3)),
         is_round=True,
+        bends_alike=True,
+        tension_centre_m=np.zeros((2, 2)),
         tendons=SimpleNamespace(
             mean_hole_m=np.tile(hole, (2, 2, 1)), segment=np.array([0, 0, 0, 1, 1, 1])
         ),

@@ -207,11 +207,37 @@ def test_impossible_sections_are_refused(changes: dict[str, object], said: str) 
 def test_what_takes_round_backbones_only_says_so() -> None:
     robot = robot_with(FLAT)
     with pytest.raises(InputError, match="round backbones only"):
-        bs.run_study(robot)
-    with pytest.raises(InputError, match="round backbones only"):
         bs.solve(robot, LOADS[0]).to_dataset()
-    with pytest.raises(InputError, match="lever-arm law is for round backbones"):
+    with pytest.raises(InputError, match="with equal bending stiffness about all axes"):
         RobotArcs.from_tensions(robot, LOADS[0], "arm")
+
+
+def test_the_lever_arm_law_takes_all_sections_that_bend_alike() -> None:
+    side = 3e-3
+    square = {**FLAT["segments.0.backbone"], "width": side, "height": side}
+    round_ = (side**4 / 12.0 * 64.0 / np.pi) ** 0.25  # of the same E I
+    arcs = [
+        RobotArcs.from_tensions(robot_with(changes), LOADS[0], "arm")
+        for changes in (
+            {"segments.0.backbone": square},
+            {"segments.0.backbone.diameter": round_},
+        )
+    ]
+    assert arcs[0].tip.position == pytest.approx(arcs[1].tip.position, abs=1e-12)
+
+
+def test_a_study_of_a_rectangular_backbone_has_no_stress() -> None:
+    robot = robot_with(FLAT)
+    study = bs.run_study(robot, loading=bs.Loading(max_tension=25.0, points=3, tendon=2))
+    assert "computed: the section is rectangular" in study.without_surface
+    assert study.without_surface in study.notes
+    assert np.isnan(study.statics.surface.strain).all()
+    tip = bs.solve(robot, LOADS[1]).raise_for_status().tip.position
+    assert study.statics.tip_position[-1] == pytest.approx(tip, abs=1e-6)
+    law = RobotArcs.from_tensions(robot, LOADS[1]).tip.position
+    error = study.comparison("cc_from_force").error[-1]
+    assert error == pytest.approx(np.linalg.norm(law - tip), abs=1e-6)
+    assert {"straight_spans", "E_minus_10"} < {row.effect for row in study.budget.rows}
 
 
 @pytest.mark.cad

@@ -197,7 +197,7 @@ def of_sweep(
             f"{significant(float(tension[deepest]))} N {_lowest(disk_positions[deepest, :, 2])}. "
             "Give a smaller largest tension if something is there."
         )
-    known = np.flatnonzero(np.isfinite(surface).all(axis=(0, 2)))
+    known = np.flatnonzero(np.isfinite(surface).any(axis=(0, 2)))
     each = {int(i): used(robot, surface[0, i], surface[1, i]) for i in known}
     for what, k in dict.fromkeys((u.what, u.segment) for some in each.values() for u in some):
         mine = {i: u for i, some in each.items() for u in some if (u.what, u.segment) == (what, k)}

@@ -135,6 +135,11 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibrat
     few = len(data) * data.tendon_count <= _MOST_SLOW
     friction = _friction(robot) if few else []
     found, notes = _identifiable(robot, data, [*names, *friction, "base"], theory, friction)
+    if not by_displacement and any(s.backbone.stiffness is not None for s in robot.segments):
+        notes.append(
+            "A stiffness matrix is no single number and stays as in the robot file; bowstring.fit "
+            "fits its entries."
+        )
     if not few:
         notes.append(
             f"With more than {_MOST_SLOW} commands (rows times tendons) a study holds friction and "
@@ -230,11 +235,14 @@ def _frame(found: Fit) -> Rigid:
 
 
 def _stiffness(robot: Robot) -> list[str]:
-    """Names of the stiffness parameters: one if all segments have the same value."""
-    values = {segment.backbone.E for segment in robot.segments}
-    if len(values) == 1:
+    """Names of the stiffness parameters: one if all segments have the same value.
+
+    A stiffness matrix has no single number to fit.
+    """
+    values = [segment.backbone.E for segment in robot.segments]
+    if len(set(values)) == 1 and values[0] is not None:
         return ["segments.*.backbone.E"]
-    return [f"segments.{k}.backbone.E" for k in range(len(robot.segments))]
+    return [f"segments.{k}.backbone.E" for k, value in enumerate(values) if value is not None]
 
 
 def _friction(robot: Robot) -> list[str]:

@@ -22,6 +22,7 @@ from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError
 from bowstring.robot.model import Robot, with_tendons
+from bowstring.robot.parts import Backbone
 from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
@@ -97,7 +98,7 @@ MEANINGS: Final = ("cc_from_lengths", "cc_from_force")
 @short_repr
 @dataclass(frozen=True)
 class Physics:
-    """Set of physical assumptions; the defaults are the baseline."""
+    """Set of physical assumptions; the defaults are the baseline of a plain backbone."""
 
     tendon: Literal["straight", "continuous"] = "continuous"
     """Tendon between the disks: straight spans or a continuous curve."""
@@ -114,7 +115,7 @@ class Physics:
     tip_force: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Dead force at the tip in base axes, N."""
     stiffness: float = 1.0
-    """Factor on Young's modulus."""
+    """Factor on Young's modulus, or on a whole stiffness matrix."""
 
     @property
     def model(self) -> RodModel:
@@ -224,6 +225,14 @@ def _by_arcs(
     return out, reason
 
 
+def _stiffer(k: int, backbone: Backbone, factor: float) -> dict[str, Any]:
+    """Change of a segment's stiffness by a factor on E, or on all of its stiffness matrix."""
+    if backbone.stiffness is None:
+        return {f"segments.{k}.backbone.E": backbone.young * factor}
+    rows = (factor * np.array(backbone.stiffness)).tolist()
+    return {f"segments.{k}.backbone.stiffness": rows}
+
+
 class Model:
     """Robot, actuated tendons and theory, with common computations of a study.
 
@@ -267,6 +276,8 @@ class Model:
             gravity=robot.gravity,
         )
         """Assumptions of the main sweep."""
+        self.baseline = Physics(tendon="straight" if robot.is_coupled else "continuous")
+        """Assumptions of the baseline: no continuous tendon beside coupled strains."""
         self._variants: dict[tuple[str, str, float], Robot] = {}
 
     def tensions(self, tension: Array) -> Array:
@@ -291,7 +302,7 @@ class Model:
 
     def _angle(self) -> float:
         """Direction of bending by the tendons, angle from x, rad."""
-        alone = np.count_nonzero(self.shares) == 1
+        alone = np.count_nonzero(self.shares) == 1 and self.robot.is_round
         whole = self.linear_bend.sum(axis=0)
         if alone or not whole.any():
             return float(self.robot.tendons.angle_rad[self.tendon])
@@ -313,7 +324,7 @@ class Model:
         """Robot with the clamped length, holes and stiffness of given assumptions."""
         key = (physics.clamped, physics.holes, physics.stiffness)
         if key not in self._variants:
-            changes: dict[str, float] = {}
+            changes: dict[str, Any] = {}
             for k, segment in enumerate(self.robot.segments):
                 disks = segment.disks
                 for name, choice, now, assumed in (
@@ -324,7 +335,7 @@ class Model:
                     if value != now:
                         changes[f"segments.{k}.disks.{name}"] = value
                 if physics.stiffness != 1.0:
-                    changes[f"segments.{k}.backbone.E"] = segment.backbone.young * physics.stiffness
+                    changes |= _stiffer(k, segment.backbone, physics.stiffness)
             self._variants[key] = self.robot.with_(changes) if changes else self.robot
         return self._variants[key]
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from bowstring.errors import InputError
+from bowstring.robot.model import check_round
+
 if TYPE_CHECKING:
     from bowstring.study.study import Study
 
@@ -64,14 +67,18 @@ def counterparts(study: Study) -> tuple[Counterpart, ...]:
     """
     here = {"equations": "Equations with this robot's numbers", "robot": "The robot"}
     here |= {figure.stem: figure.title for figure in study.figures}
-    disks = study.without_disks
+    reasons = {"fig02_disk": study.without_disks}
+    try:
+        check_round(study.robot, "the solid")
+    except InputError as error:
+        reasons["fig01_robot"] = str(error)
     return tuple(
         Counterpart(
             source,
             shows,
             anchor if anchor in here else None,
             here.get(anchor or "", ""),
-            disks if anchor == "fig02_disk" else missing,
+            reasons.get(anchor or "", missing),
         )
         for source, shows, anchor, missing in _ALL
     )

@@ -744,7 +744,11 @@ def _decomposition(
             made = with_tendons(made, {"friction": 0.0})
         if "stiffness" not in on and stiff:
             made = made.with_(
-                {f"segments.{k}.backbone.E": s.backbone.young for k, s in enumerate(robot.segments)}
+                {
+                    f"segments.{k}.backbone.E": s.backbone.E
+                    for k, s in enumerate(robot.segments)
+                    if s.backbone.E is not None
+                }
             )
         gain = calibration.gain if "gain" in on else 1.0
         sweep = predicted(made, data, theory, gain)

@@ -65,9 +65,9 @@ def without_map(robot: Robot) -> str:
         )
     if design_axis(robot) is None:
         return (
-            "The map of validity is left out: the segments differ in number of disks, pitch "
-            "radius, diameter and Young's modulus, so that no number of all is varied; bowstring "
-            "map takes a number of one segment."
+            "The map of validity is left out: number of disks, pitch radius, diameter and Young's "
+            "modulus are not the same everywhere, or cannot vary, so that no number of all is "
+            "varied; bowstring map takes a number of one segment."
         )
     return ""
 
@@ -110,7 +110,11 @@ def _axes(robot: Robot) -> Iterator[Axis]:
         least = max(1, min(2, count - 1), count // 3)
         for top in range(count + max(3, count // 2), count, -1):
             yield Axis("segments.*.disks.count", least, top, max(2, min(_POINTS, top)))
+    by_matrix = any(segment.backbone.stiffness is not None for segment in robot.segments)
     for name in _NUMBERS:
+        # beside a stiffness matrix there is no E, and the diameter changes nothing
+        if by_matrix and name.startswith("backbone."):
+            continue
         path = find(robot, name, ())[0]
         own = _own(robot, path)
         if own is not None:

@@ -378,13 +378,16 @@ def _forces(study: Study, segment: FirstSegment) -> list[Equation]:
     model, n = study.model, len(segment.stations)
     robot = model.robot
     tensions = model.tensions(np.array([segment.tension]))[0]
-    moment = float(
-        np.linalg.norm(tensions @ robot.tendons.mean_hole_m[0])
-    )  # all tendons pass segment 1
+    centre = robot.tension_centre_m[0]
+    both = tensions @ (robot.tendons.mean_hole_m[0] - centre)  # all tendons pass segment 1
+    moment = float(np.linalg.norm(both))
     force, stiffness = float(tensions.sum()), float(robot.bending_stiffness[0])
     length, dot = float(robot.segments[0].length), _dot()
     if moment < 1e-9 * force * float(robot.tendons.pitch_radius_m.max()):
         return []  # the tensions balance each other
+    if not robot.bends_alike:  # that in the direction of this moment
+        bend = robot.bend_by_moment[0] @ both
+        stiffness = moment * float(robot.segments[0].length) / float(np.linalg.norm(bend))
     arcs = RobotArcs.from_tensions(robot, tensions)
     theta = float(arcs.theta[0])
     alone = study.settings.actuated_alone
@@ -403,6 +406,9 @@ def _forces(study: Study, segment: FirstSegment) -> list[Equation]:
     )
     is_moment = f"{by} {'=' if alone else 'is'} {significant(moment, 6)} N m"
     given = f"{is_moment}; E I = {significant(stiffness, 6)} N m²; {_ELL} = {_mm(length)} mm"
+    if centre.any():
+        x, y = (significant(1e3 * float(c)) for c in centre)
+        given += f"; the moment is about the section's tension centre at ({x}, {y}) mm"
     note = f"{given}. Numbers are in N and m. {_beside(study, segment, arcs)}"
     out = [Equation("Linear law", "bend angle from force", (line,), note)]
     if not segment.equal_modules:

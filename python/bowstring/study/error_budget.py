@@ -38,6 +38,12 @@ SIDES: Final[dict[Side, str]] = {
 """Parts of the budget in report and figures, with their titles."""
 GRAVITY: Final = 9.81
 """Gravity in all gravity cases of the budget, m/s^2."""
+_ON_COUPLED: Final = (
+    "Straight spans are no row here: there is no continuous tendon beside coupled strains of the "
+    "backbone to compare them with, so the baseline has straight spans too.",
+    "Without shear and extension, or without torsion, a coupled section has none of these strains "
+    "whatever the load, so its couplings with them do not act.",
+)
 _MAX_SIDEWAYS: Final = 0.13  # tip displacement over length by 1 N transverse to the study's robot
 
 
@@ -234,8 +240,12 @@ def error_budget(
     -------
     Budget
     """
-    effects = _effects(model)
-    plain = Physics()
+    effects = [
+        effect
+        for effect in _effects(model)
+        if effect.key != "straight_spans" or model.baseline.tendon == "continuous"
+    ]
+    plain = model.baseline
     cases: dict[Physics, Case] = {}
 
     def case(physics: Physics) -> Case:
@@ -282,29 +292,32 @@ def error_budget(
         else "each disk clamps as much backbone as it is thick (3 mm if its thickness is zero)"
     )
     x, y, _ = model.towards
+    stiffness, coupled = _stiffness_word(model.robot), model.robot.is_coupled
+    of_file = stiffness if stiffness.startswith("E") else f"the {stiffness}"
     return Budget(
         baseline=case(plain),
         full_model=case(full),
         sweep=case(model.main),
         rows=tuple(rows),
-        baseline_description="continuous tendon, no clamps, no shear or extension, no twist, no "
-        "gravity, no tip force, E as in the file",
+        baseline_description=f"{'straight spans' if coupled else 'continuous tendon'}, no clamps, "
+        f"no shear or extension, no twist, no gravity, no tip force, {stiffness} as in the file",
         full_model_description="straight spans, clamps, shear and extension, twist, gravity "
-        f"({posture}), tip force, E 10 % lower",
+        f"({posture}), tip force, {stiffness} 10 % lower",
         notes=(
             "A contribution is the mean error with the effect less the mean error without it, all "
             "else the same: positive if the effect makes the error larger.",
             "Effects interact and can cancel: contributions do not add up to the whole, one effect "
             "can lower the error that another one makes, and the contribution of an effect depends "
             "on the other effects that act.",
-            "Constant curvature from force always uses E and length of the robot file, as a user "
-            "would, also where the simulated robot is stiffer, softer or clamped.",
+            f"Constant curvature from force always uses {of_file} and length of the robot file, as "
+            "a user would, also where the simulated robot is stiffer, softer or clamped.",
             "'In this sweep' changes one effect in the physics of the main sweep: it is removed if "
             "it acts there and added if it does not. Gravity in an orientation replaces the "
             "gravity of the robot file; its contribution is the change from the same sweep without "
             "gravity.",
             "'In the full model' removes one effect from the full model. Gravity in another "
-            "orientation and E 10 % higher replace the gravity and the E of the full model.",
+            f"orientation and {stiffness} 10 % higher replace the gravity and the {stiffness} of "
+            "the full model.",
             f"Gravity is {GRAVITY} m/s2: upright along -z (base below), hanging along +z, "
             f"horizontal along ({_zero(-x):.3g}, {_zero(-y):.3g}, 0), in the bending plane; "
             "the actuated tendon is on the upper side.",
@@ -314,7 +327,9 @@ def error_budget(
             f"Clamps: {clamps}.",
             "Holes: a straight tendon bends at entry and exit of a hole, which is as long as the "
             f"disk is thick ({' / '.join(f'{h * 1e3:.4g}' for h in model.budget_holes)} mm); "
-            "otherwise in the mid-plane of the disk. A continuous tendon has no such points.",
+            "otherwise in the mid-plane of the disk."
+            + ("" if coupled else " A continuous tendon has no such points."),
+            *(_ON_COUPLED if coupled else ()),
         ),
         actuation=actuation,
     )
@@ -336,7 +351,7 @@ class _Effect:
 def _effects(model: Model) -> list[_Effect]:
     clamps = sorted({f"{c * 1e3:.4g}" for c in model.budget_clamps})
     holes = sorted({f"{h * 1e3:.4g}" for h in model.budget_holes})
-    force = transverse_force(model.robot, _MAX_SIDEWAYS)
+    force, stiffness = transverse_force(model.robot, _MAX_SIDEWAYS), _stiffness_word(model.robot)
     spans = "straight spans, not a continuous tendon"
     horizontal, across = _times(model.towards, -GRAVITY), _times(model.across, force)
     return [
@@ -351,9 +366,17 @@ def _effects(model: Model) -> list[_Effect]:
         _Effect("gravity_hanging", "gravity, hanging", {"gravity": (0.0, 0.0, GRAVITY)}, True),
         _Effect("gravity_horizontal", "gravity, horizontal", {"gravity": horizontal}, True),
         _Effect("tip_force", f"transverse tip force {force:g} N", {"tip_force": across}),
-        _Effect("E_minus_10", "E 10 % lower", {"stiffness": 0.9}),
-        _Effect("E_plus_10", "E 10 % higher", {"stiffness": 1.1}, True),
+        _Effect("E_minus_10", f"{stiffness} 10 % lower", {"stiffness": 0.9}),
+        _Effect("E_plus_10", f"{stiffness} 10 % higher", {"stiffness": 1.1}, True),
     ]
+
+
+def _stiffness_word(robot: Robot) -> str:
+    """What the robot file gives as the stiffness of its backbones."""
+    by_matrix = [s.backbone.stiffness is not None for s in robot.segments]
+    if not any(by_matrix):
+        return "E"
+    return "stiffness matrix" if all(by_matrix) else "E or stiffness matrix"
 
 
 def transverse_force(robot: Robot, share: float, unit: float = 1.0) -> float:

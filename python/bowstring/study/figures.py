@@ -25,6 +25,7 @@ from bowstring.study.data_figures import (
 )
 from bowstring.study.error_budget import SIDES, Budget, Side
 from bowstring.study.geometry_figures import draw_arc, draw_module
+from bowstring.study.ramp_response import has_surface
 from bowstring.study.shape_figures import draw_shapes
 from bowstring.study.shapes import backbones
 from bowstring.study.study import Study
@@ -62,7 +63,13 @@ def draw(study: Study) -> Iterator[tuple[str, Figure]]:
 
 
 def _tip_against_force(study: Study) -> Figure:
-    figure, (tip, moved, stress, strain) = subplots(4, 8.0, sharex=True, height_ratios=(3, 2, 2, 2))
+    whole = has_surface(study.robot)
+    figure, axes = (
+        subplots(4, 8.0, sharex=True, height_ratios=(3, 2, 2, 2))
+        if whole
+        else subplots(2, 5.0, sharex=True, height_ratios=(3, 2))
+    )
+    tip, moved = axes[:2]
     s, force = study.statics, study.comparison("cc_from_force")
     motion = study.dynamics
     rising = motion.rising if motion else slice(0)
@@ -102,7 +109,11 @@ def _tip_against_force(study: Study) -> Figure:
     over = motion.displacement * 1e3 if motion else none
     draw_on(moved, "", ("ink", "o", "-"), away, over)
     moved.set(ylabel="displacement\nof the tip (mm)")
+    if not whole:
+        moved.set(xlabel=_force_label(study))
+        return figure
 
+    stress, strain = axes[2:]
     at, run = s.surface, motion.surface if motion else s.surface
     von_mises, normal = ("blue", "o", "-"), ("red", "x", "--")
     draw_on(stress, "von Mises", von_mises, at.von_mises / 1e6, run.von_mises / 1e6)

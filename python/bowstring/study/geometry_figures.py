@@ -208,8 +208,9 @@ def draw_module(study: Study) -> Figure:
         ("a", f"bend angle of the module\n{significant(math.degrees(turn))}°", "red"),
         ("R", f"disk radius\n{in_mm(radius / _MM)}", "muted"),
         ("t", f"disk thickness\n{in_mm(high / _MM)}", "muted"),
-        ("ø", f"backbone, diameter\n{in_mm(part.backbone.outer_diameter)}", "ink"),
     ]
+    if part.backbone.outer_diameter:
+        rows.append(("ø", f"backbone, diameter\n{in_mm(part.backbone.outer_diameter)}", "ink"))
     if part.disks.hole_diameter is not None:
         rows.append(("", f"holes, diameter\n{in_mm(part.disks.hole_diameter)}", "muted"))
     if clamp:

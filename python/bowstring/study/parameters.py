@@ -7,12 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 from pydantic import BaseModel
 
 from bowstring.errors import InputError
 from bowstring.formatting import significant
 from bowstring.robot.model import Robot
-from bowstring.robot.parts import TendonProperties, TendonRing
+from bowstring.robot.parts import Backbone, TendonProperties, TendonRing
 from bowstring.robot.sizes import sizes_of
 from bowstring.units import Quantity, Share, number_with_unit, rounded
 
@@ -112,9 +113,7 @@ def _values(robot: Robot) -> Iterator[_Value]:
     for k, segment in enumerate(robot.segments, 1):
         yield from _fields("segment", [k], segment, "")
         yield from _fields("segment", [k], segment.backbone, "backbone.")
-        stiffness = float(robot.bending_stiffness[k - 1])
-        text = f"{significant(stiffness, 4)} N m²"
-        yield "segment", [k], "", "Bending stiffness E I", text, DERIVED
+        yield "segment", [k], "", "Bending stiffness E I", _bending(robot, k - 1), DERIVED
         yield from _fields("segment", [k], segment.disks, "disks.")
         tendons = segment.tendons
         parts = (tendons,) if isinstance(tendons, TendonRing) else tendons
@@ -136,10 +135,15 @@ def _fields(of: str, owners: list[int], part: BaseModel, prefix: str) -> Iterato
         value: Any = getattr(part, name)
         if value is None or isinstance(value, BaseModel) or name in ("name", "tendons"):
             continue
+        if isinstance(part, Backbone) and name in part.replaced:
+            continue
         mark = next((m for m in info.metadata if isinstance(m, (Quantity, Share))), None)
         si = mark.si if isinstance(mark, Quantity) else ""
         if isinstance(mark, Share):
             text = f"{rounded(100.0 * value, 4)} %"
+        elif name == "stiffness":
+            rows = ("  ".join(f"{entry:.6g}" for entry in row) for row in value)
+            text = f"{'; '.join(rows)} (SI)"
         elif isinstance(value, tuple):
             text = ", ".join(_text(each, si) for each in value)
         else:
@@ -147,6 +151,13 @@ def _fields(of: str, owners: list[int], part: BaseModel, prefix: str) -> Iterato
         meaning = (info.description or "").split(";")[0].rstrip(".")
         origin = GIVEN if name in part.model_fields_set else DEFAULT
         yield of, owners, prefix + name, meaning, text, origin
+
+
+def _bending(robot: Robot, segment: int) -> str:
+    """Bending stiffness of a segment, or both where it depends on the axis."""
+    both = 1.0 / np.linalg.eigvalsh(robot.bend_by_moment[segment] / robot.segments[segment].length)
+    low, high = (significant(float(stiffness), 4) for stiffness in sorted(both))
+    return f"{low} N m²" if low == high else f"{low} to {high} N m², by axis"
 
 
 _UNITS: Final = {

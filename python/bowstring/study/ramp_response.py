@@ -24,7 +24,7 @@ from bowstring.dynamics.integrator import Integrator
 from bowstring.dynamics.load_history import ramp
 from bowstring.dynamics.modal import modes
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.formatting import in_mm, in_percent, significant
+from bowstring.formatting import in_mm, in_percent, listed, significant
 from bowstring.robot.model import Robot
 from bowstring.statics import fields, limits, simulator
 from bowstring.study.comparison import Model
@@ -38,9 +38,11 @@ __all__ = [
     "Surface",
     "Transient",
     "check_rise",
+    "has_surface",
     "slowest_frequency",
     "surface_at_rest",
     "transient",
+    "without_surface",
 ]
 
 Array = NDArray[np.float64]
@@ -63,7 +65,7 @@ _SAME: Final = 1e-4  # difference of equal tips over length; lumped masses cause
 @short_repr
 @dataclass(frozen=True)
 class Surface:
-    """Largest values on the surface of the whole backbone (K,)."""
+    """Largest values on the surface of the whole backbone (K,), NaN where not computed."""
 
     von_mises: Array
     """Von Mises stress, Pa."""
@@ -403,7 +405,8 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
     """
     found = np.full((3, len(tension)), math.nan)
     by_segment = np.full((2, len(tension), len(model.robot.segments)), math.nan)
-    for i, row in enumerate(model.tensions(tension)):
+    rows = model.tensions(tension) if has_surface(model.robot) else ()
+    for i, row in enumerate(rows):
         frames = _frames_at_rest(model, row, tip[i])
         if frames is not None:
             surface = _surface(model, frames)
@@ -433,12 +436,55 @@ def _frames_at_rest(model: Model, tensions: Array, tip: Array) -> fields.Frames 
 
 def _surface(model: Model, frames: fields.Frames) -> Surface:
     main = model.main
-    section = fields.Section(model.robot, frames.station, frames.module, main.model)
+    section = fields.Section(model.robot, frames.station, frames.module, main.model, partly=True)
     found = fields.derive(model.robot, frames, section)
     von_mises, strain = limits.by_segment(model.robot, frames, section, found)
     return Surface(
-        von_mises=found["von_mises_max"],
-        normal_stress=found["normal_stress"].max(axis=1),
-        strain=strain.max(axis=1),
+        von_mises=_largest(von_mises),
+        normal_stress=_largest(found["normal_stress"]),
+        strain=_largest(strain),
         by_segment=np.stack([von_mises, strain]),
     )
+
+
+def _largest(values: Array) -> Array:
+    """Largest known value of each row (K, ...); NaN without any."""
+    known = np.where(np.isnan(values), -math.inf, values).max(axis=1)
+    return np.where(np.isfinite(known), known, math.nan)
+
+
+def has_surface(robot: Robot) -> bool:
+    """Whether stress and strain at the surface are computed in any segment."""
+    return any(segment.backbone.is_round for segment in robot.segments)
+
+
+def without_surface(robot: Robot) -> str:
+    """Why stress and strain at the surface are not computed, in a sentence.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    str
+        Empty where they are computed in all segments.
+    """
+    left_out: dict[str, list[str]] = {}
+    for k, segment in enumerate(robot.segments, 1):
+        if segment.backbone.stiffness is not None:
+            why = "the section is given by its stiffness matrix, which has no shape"
+        elif not segment.backbone.is_round:
+            why = "the section is rectangular, and they are computed of round ones only"
+        else:
+            continue
+        left_out.setdefault(why, []).append(str(k))
+    if not left_out:
+        return ""
+    parts = []
+    for why, segments in left_out.items():
+        whole = len(segments) == len(robot.segments)
+        where = "" if whole else f"segment{'s' * (len(segments) > 1)} {listed(segments)}: "
+        parts.append(where + why)
+    rest = "; the largest values are those of the other segments" if has_surface(robot) else ""
+    return f"Stress and strain at the surface are not computed: {'; '.join(parts)}{rest}."

@@ -62,8 +62,8 @@ class Extras:
         Settings of 3-D finite elements that also solve the sweep; takes minutes.
     uncertainty : Distributions, str, Path or mapping, optional
         Distributions of the robot's numbers, as `bowstring.uncertainty.read_distributions` takes
-        them. By default a standard deviation of 5 % of Young's modulus and of 1 % of the pitch
-        radius, which the report calls assumed.
+        them. By default a standard deviation of 5 % of Young's modulus, where the file gives one,
+        and of 1 % of the pitch radius, which the report calls assumed.
     over : str, optional
         Axis beside the tension of the map over loads: ``"payload=0:100 g"``, ``"tilt=0:90 deg"``,
         ``"tip_force=0:1 N"`` (perpendicular to the bending plane), a component such as

@@ -43,11 +43,18 @@ from bowstring.data.tip_errors import Comparison
 from bowstring.display import html_table, short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, listed, plain, significant
-from bowstring.robot.model import Robot, check_disks, check_robot, check_round, with_tendons
+from bowstring.robot.model import Robot, check_disks, check_robot, with_tendons
 from bowstring.robot.reader import load_robot
 from bowstring.statics import limits
 from bowstring.statics.model import RodModel
-from bowstring.study.comparison import COMPARISONS, MEANINGS, Model, Theory
+from bowstring.study.comparison import (
+    COMPARISONS,
+    FROM_FORCE,
+    MEANINGS,
+    Model,
+    Theory,
+    points_by_arcs,
+)
 from bowstring.study.design_map import caption_of, design_map, without_map
 from bowstring.study.error_budget import Budget, error_budget
 from bowstring.study.load_map import caption_of_loads, check_load_axis, load_map, load_sentence
@@ -55,9 +62,11 @@ from bowstring.study.ramp_response import (
     Surface,
     Transient,
     check_rise,
+    has_surface,
     slowest_frequency,
     surface_at_rest,
     transient,
+    without_surface,
 )
 from bowstring.study.settings import Extras, Ramp, Settings
 from bowstring.study.shape_models import ShapeModels, compare_shapes
@@ -91,6 +100,9 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 SCHEMA_VERSION: Final = 1
+_ON_MATRIX: Final = (
+    "The uncertain numbers leave out the stiffness matrix: its entries take no distributions.",
+)
 _ASSUMED_POINTS, _GIVEN_POINTS = 256, 1024  # base points of the samples
 _BACKBONE_POINTS: Final = 25  # points per segment
 
@@ -106,6 +118,9 @@ class Figure:
     caption: str
     """Caption in sentences."""
 
+
+_ON_SURFACE: Final = "Stress and strain are the largest on the surface of the backbone."
+_WITHOUT_SURFACE: Final = {"fig05_tip_against_force": "Tip and displacement against force"}
 
 SOLID_FIGURES: Final = (
     Figure(
@@ -141,7 +156,7 @@ FIGURES: Final = (
         "Tip, displacement, stress and strain against force",
         "One tendon is actuated, as in Fig. 5 of the study; simulated. Lines: dynamics, while the "
         "tension rises. Markers: statics at the same tension. Crosses: constant curvature from "
-        "force. Stress and strain are the largest on the surface of the backbone.",
+        f"force. {_ON_SURFACE}",
     ),
     Figure(
         "fig05_over_time",
@@ -448,10 +463,13 @@ class Study:
         missing += ["validity_spread"] * (not self.spreads)
         found = [f for f in FIGURES if f.stem not in missing]
         captions = {
+            **self._without_surface_captions,
             **({} if self.map is None else {"validity_map": caption_of(self.map)}),
             **({} if self.load_map is None else {"load_map": caption_of_loads(self.load_map)}),
         }
         found = [replace(f, caption=captions.get(f.stem, f.caption)) for f in found]
+        if not has_surface(self.robot):
+            found = [replace(f, title=_WITHOUT_SURFACE.get(f.stem, f.title)) for f in found]
         if self.bricks is not None:
             found = [replace(f, caption=f.caption + _BRICKS_IN.get(f.stem, "")) for f in found]
         found = [*(SOLID_FIGURES if self.solid else ()), *found]
@@ -473,13 +491,12 @@ class Study:
             return ""
         joint = self.spreads[0].distributions
         sizes = zip(joint.paths, joint.mean.tolist(), joint.sd.tolist(), strict=True)
-        return listed(
-            [
-                f"{path.rpartition('.')[2].replace('_', ' ')}"
-                + (f" {in_percent(sd / abs(mean))}" if mean else "")
-                for path, mean, sd in sizes
-            ]
+        words = (
+            f"{path.rpartition('.')[2].replace('_', ' ')}"
+            + (f" {in_percent(sd / abs(mean))}" if mean else "")
+            for path, mean, sd in sizes
         )
+        return listed(list(dict.fromkeys(words)))
 
     @cached_property
     def without_disks(self) -> str:
@@ -491,6 +508,22 @@ class Study:
         except InputError as error:
             return str(error)
         return ""
+
+    @property
+    def without_surface(self) -> str:
+        """Why stress and strain are not computed, in a sentence; empty where they are."""
+        return without_surface(self.robot)
+
+    @property
+    def _without_surface_captions(self) -> dict[str, str]:
+        """Captions of figures that lack stress and strain, in part or whole."""
+        if not self.without_surface:
+            return {}
+        stem = "fig05_tip_against_force"
+        whole = next(f.caption for f in FIGURES if f.stem == stem)
+        if not has_surface(self.robot):
+            whole = whole.replace(_ON_SURFACE, "")
+        return {stem: f"{whole.rstrip()} {self.without_surface}"}
 
     @cached_property
     def _limits(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -670,7 +703,6 @@ def run_study(
         If no load of the sweep has an equilibrium.
     """
     check_robot(robot)
-    check_round(robot, "the study")
     check_disks(robot, "the study")
     notify = progress or (lambda what, share: None)
     loading, extras = instance("loading", loading, Loading), instance("extras", extras, Extras)
@@ -781,6 +813,8 @@ def run_study(
         notes=(
             *_notes(robot, settings, geometry, statics, comparisons, in_time, data),
             *([without_map(robot)] if of_design is None else ()),
+            *([without_surface(robot)] if without_surface(robot) else ()),
+            *(_ON_MATRIX if spreads and extras.uncertainty is None and _by_matrix(robot) else ()),
             *(spreads[0].distributions.warnings if spreads else ()),
         ),
         data=data,
@@ -793,12 +827,19 @@ def run_study(
     )
 
 
+def _by_matrix(robot: Robot) -> bool:
+    return any(segment.backbone.stiffness is not None for segment in robot.segments)
+
+
 def _spreads(robot: Robot, settings: Settings, given: Any) -> tuple[Spread, ...]:
     """Validity limits with uncertain numbers; none where statics solves too few samples."""
     shares = {i: share for i, share in enumerate(settings.shares, 1) if share}
     loading = Loading(settings.max_tension, settings.points, shares)
     free = with_tendons(robot, {"friction": 0.0})
-    joint = assumed_distributions(free) if given is None else given
+    try:
+        joint = assumed_distributions(free) if given is None else given
+    except InputError:  # nothing may vary by the assumed sizes
+        return ()
     out = []
     for name in MEANINGS:
         with suppress(NoSolutionError):
@@ -995,6 +1036,14 @@ def _claim(
     return PublishedClaim(4.95, 0.77, ours.name, text)
 
 
+def _without_arcs(robot: Robot, settings: Settings, statics: Statics, name: str) -> str:
+    """Reason why constant curvature has no arc at the last load that statics solved."""
+    last = int(np.flatnonzero(statics.converged)[-1])
+    force = statics.tension[last] * np.array(settings.shares)
+    commands = force if name in FROM_FORCE else statics.tendon_lengths[last]
+    return points_by_arcs(robot, name, commands[None])[1].partition(";")[0] or "no arc fits"
+
+
 def _notes(
     robot: Robot,
     settings: Settings,
@@ -1050,7 +1099,12 @@ def _notes(
         )
     for name, comparison in comparisons.items():
         missing = int(statics.converged.sum()) - comparison.n
-        if missing:
+        if missing and not comparison.n:
+            out.append(
+                f"Constant curvature {COMPARISONS[name]} has no numbers here: "
+                f"{_without_arcs(robot, settings, statics, name)}."
+            )
+        elif missing:
             out.append(
                 f"Constant curvature {COMPARISONS[name]} has no arc at {missing} of the loads that "
                 f"statics solved; its numbers are over the other {comparison.n}."

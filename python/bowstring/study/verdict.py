@@ -190,6 +190,7 @@ def judge(
         fine_error={name: case.error(name) for name in MEANINGS},
         text=(
             *(m.text for m in meanings),
+            *_on_coupled(model, meanings),
             *_on_corrections(comparisons),
             *on_shapes,
             *_on_left_out(budget),
@@ -266,10 +267,14 @@ def _shares(
     whole = error_at(tension, model.main)
     if not whole > nothing:
         return ()
-    plain, robot = Physics(), model.robot
+    plain, robot = model.baseline, model.robot
     clamped = any(s.disks.clamped_length for s in robot.segments)
     acting = {
-        "straight_spans": ("tendons straight between the disks", "tendon", True),
+        "straight_spans": (
+            "tendons straight between the disks",
+            "tendon",
+            plain.tendon != model.main.tendon,
+        ),
         "clamps": ("clamped lengths at the disks", "clamped", clamped),
         "hole_planes": (
             "entry and exit planes of the holes",
@@ -399,6 +404,15 @@ def corrections(comparisons: Mapping[str, Comparison]) -> list[Correction]:
             before, after = both.mean(axis=1).tolist()
             out.append(Correction(name, what, source, before, after, both.shape[1]))
     return out
+
+
+def _on_coupled(model: Model, meanings: Sequence[Meaning]) -> list[str]:
+    if not model.robot.is_coupled or all(m.dominant_cause for m in meanings if m.shares):
+        return []
+    return [
+        "Where no effect dominates, it may be that tendons run straight between the disks: beside "
+        "coupled strains of the backbone this effect is not examined."
+    ]
 
 
 def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:

@@ -93,7 +93,8 @@ class Groups:
         Raises
         ------
         InputError
-            If the robot has several segments or its disks are not equally spaced up to the tip.
+            If the robot has several segments, a stiffness matrix, or disks that are not equally
+            spaced up to the tip.
         """
         check_robot(robot)
         if len(robot.segments) != 1:
@@ -104,6 +105,11 @@ class Groups:
         check_parallel(robot, "the validity chart")
         check_straight(robot, "the validity chart")
         segment, disks = robot.segments[0], robot.disks
+        if segment.backbone.stiffness is not None:
+            raise InputError(
+                "the validity chart is for backbones with E, G or nu, and a shape, not for those "
+                "by a stiffness matrix; use bowstring.run_study for this robot"
+            )
         if robot.payloads or disks.hole_length_m.any():
             raise InputError(
                 "the validity chart is for robots without payloads and with holes in the mid-plane "

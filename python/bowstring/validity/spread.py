@@ -343,7 +343,8 @@ def validity_spread(
 def assumed_distributions(robot: Robot) -> Distributions:
     """Assume how roughly a robot is known: E to 5 %, the pitch radius to 1 % (standard deviations).
 
-    A robot by stiffness matrices alone has no E, and its pitch radius only varies.
+    A robot by stiffness matrices alone has no E, and its pitch radius only varies; that of each
+    tendon alone where the radii differ.
 
     Parameters
     ----------
@@ -352,6 +353,11 @@ def assumed_distributions(robot: Robot) -> Distributions:
     Returns
     -------
     Distributions
+
+    Raises
+    ------
+    InputError
+        If there is no E and no pitch radius that may vary.
     """
     found: dict[str, Any] = {}
     if any(segment.backbone.E is not None for segment in robot.segments):
@@ -360,10 +366,15 @@ def assumed_distributions(robot: Robot) -> Distributions:
     path = f"segments.*.tendons.{'' if rings else '*.'}pitch_radius"
     try:
         return read_distributions({**found, path: {"normal": {"sd": "1 %"}}}, robot)
-    except InputError:  # a hole next to the rim, or tendons of both forms
-        if not found:
-            raise
-        return read_distributions(found, robot)
+    except InputError:  # a hole next to the rim, or tendons of several radii or both forms
+        if found:
+            return read_distributions(found, robot)
+    each: dict[str, Any] = {}
+    for k, segment in enumerate(robot.segments):
+        ring = isinstance(segment.tendons, TendonRing)
+        for place in [""] if ring else [f"{i}." for i in range(len(segment.tendon_list))]:
+            each[f"segments.{k}.tendons.{place}pitch_radius"] = {"normal": {"sd": "1 %"}}
+    return read_distributions(each, robot)
 
 
 def _check_paths(joint: Distributions) -> None:
