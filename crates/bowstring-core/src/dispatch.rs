@@ -423,6 +423,8 @@ pub(crate) fn check_path(
 pub(crate) trait Plain: Passes {
     /// Copies load, tensions and strain of another rod of `arcs` arcs, and evaluates them.
     fn take(&mut self, load: &Load, from: &dyn Passes, arcs: usize);
+    /// Takes a load, and the strain of every arc at its equilibrium, and evaluates them.
+    fn take_strain(&mut self, load: &Load, strain: &[Vec3]);
     /// Points of the backbone (m), `per_module` in each module, base and tip included.
     fn centerline(&self, per_module: usize) -> Vec<Vec3>;
     fn jacobians(&mut self, segments: &[usize]) -> Option<Jacobians>;
@@ -441,6 +443,15 @@ impl<const A: usize> Plain for Rod<Scalar, A> {
         Rod::make_unloaded(self);
         Rod::set_span_tensions(self, |k, i| from.span_tension(k, i));
         self.set_strains(|i| strains[i]);
+        self.evaluate();
+        self.finish();
+    }
+
+    fn take_strain(&mut self, load: &Load, strain: &[Vec3]) {
+        self.load(load);
+        // as in `take`
+        Rod::make_unloaded(self);
+        self.set_strains(|i| strain[i]);
         self.evaluate();
         self.finish();
     }

@@ -73,6 +73,14 @@ impl CoupledSection {
         coupled
     }
 
+    /// Multiplies all stiffnesses by a factor.
+    pub(crate) fn scale(&mut self, factor: f64) {
+        let section = &self.section;
+        let mass = [section.mass_per_length, section.rotary_inertia];
+        let stiffness = self.stiffness.map(|row| row.map(|x| x * factor));
+        *self = CoupledSection::new(stiffness, mass, section.rest_curvature);
+    }
+
     /// The section without couplings, for scales.
     pub(crate) fn without_couplings(&self) -> &Section {
         &self.section

@@ -82,6 +82,19 @@ impl Profile {
         }
     }
 
+    /// Multiplies all stiffnesses by a factor.
+    pub(crate) fn scale_stiffness(&mut self, factor: f64) {
+        if let Profile::Coupled(coupled) = self {
+            coupled.scale(factor);
+        }
+        for section in self.sections_mut() {
+            section.bending = section.bending.map(|x| x * factor);
+            section.torsion *= factor;
+            section.axial *= factor;
+            section.shear *= factor;
+        }
+    }
+
     /// Section at a fraction of the segment.
     pub fn at(&self, fraction: f64) -> Section {
         let sections = match self {
@@ -424,6 +437,17 @@ impl Robot {
     /// The description of the robot.
     pub fn spec(&self) -> &RobotSpec {
         &self.spec
+    }
+    /// The robot with all stiffnesses of each segment's backbone multiplied by a factor.
+    ///
+    /// # Errors
+    /// If a stiffness is not positive and finite then.
+    pub fn with_stiffness(&self, factors: &[f64]) -> Result<Self, InputError> {
+        let mut spec = self.spec.clone();
+        for (profile, factor) in spec.backbone.iter_mut().zip(factors) {
+            profile.scale_stiffness(*factor);
+        }
+        Robot::new(spec)
     }
     /// Number of modules, which is the number of disks.
     pub fn module_count(&self) -> usize {

@@ -4,7 +4,6 @@
 
 use crate::dispatch;
 use crate::interrupt;
-#[cfg(target_arch = "x86_64")]
 use crate::math::linalg::Vec3;
 use crate::memory::{filled, unknown};
 use crate::model::error::InputError;
@@ -13,6 +12,7 @@ use crate::model::robot::Robot;
 #[cfg(target_arch = "x86_64")]
 use crate::statics::adaptive::refine_to;
 use crate::statics::adaptive::Adaptive;
+use crate::statics::equilibria::Differentiator;
 #[cfg(target_arch = "x86_64")]
 use crate::statics::lanes::{LaneOutcome, Levels, SideBySide, FINER, MOST_LANES};
 use crate::statics::solver::{Outcome, Pose, Solver, Status};
@@ -195,13 +195,28 @@ pub fn solve_batch(
     threads: usize,
     disks: bool,
 ) -> Result<Solutions, InputError> {
+    solve_and_differentiate(robot, model, loads, threads, disks, &mut [])
+}
+
+/// As [`solve_batch`]; fills `jacobians`, if it is not empty, with the derivatives of each row (see
+/// [`Differentiator`]). Rows without a solution keep what was there.
+pub(super) fn solve_and_differentiate(
+    robot: &Robot,
+    model: &RodModel,
+    loads: &Loads,
+    threads: usize,
+    disks: bool,
+    jacobians: &mut [f64],
+) -> Result<Solutions, InputError> {
     model.solver(robot)?;
     let elements = model.elements.unwrap_or(1);
     dispatch::check_solvers(robot, elements, 2 * thread_count(threads))?;
     loads.check(robot)?;
     loads.check_elements(robot, model.elements)?;
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
-    let mut chunks: Vec<_> = solutions.chunks(robot, CHUNK).collect();
+    let differentiate = !jacobians.is_empty();
+    let jacobians = pieces(jacobians, CHUNK * Differentiator::numbers(robot));
+    let mut chunks: Vec<_> = solutions.chunks(robot, CHUNK).zip(jacobians).collect();
     #[cfg(target_arch = "x86_64")]
     let start = start_polynomial(robot, model, loads, threads);
     let scratch = || Scratch {
@@ -210,10 +225,22 @@ pub fn solve_batch(
         lanes: Levels::new(robot, model),
         #[cfg(target_arch = "x86_64")]
         start: start.as_ref(),
+        differentiator: differentiate.then(|| Differentiator::new(robot, model)),
     };
-    for_each(&mut chunks, threads, scratch, |scratch, chunk| {
-        chunk.fill(scratch, loads)
-    });
+    for_each(
+        &mut chunks,
+        threads,
+        scratch,
+        |scratch, (chunk, jacobians)| {
+            if differentiate {
+                chunk.keep_strains();
+            }
+            chunk.fill(scratch, loads);
+            if let Some(differentiator) = &mut scratch.differentiator {
+                chunk.differentiate(differentiator, loads, jacobians);
+            }
+        },
+    );
     Ok(solutions)
 }
 
@@ -275,6 +302,8 @@ struct Scratch<'a> {
     /// Where lanes start; from the straight backbone if there is none.
     #[cfg(target_arch = "x86_64")]
     start: Option<&'a StartPolynomial>,
+    /// Where derivatives are wanted.
+    differentiator: Option<Differentiator>,
 }
 
 /// Rows that the lanes with the fewest elements did not solve.
@@ -353,6 +382,28 @@ impl Solutions {
         })
     }
 
+    /// Solutions of no rows.
+    pub(super) fn empty() -> Self {
+        Solutions {
+            outcomes: vec![],
+            tip_position: vec![],
+            tip_rotation: vec![],
+            tendon_length: vec![],
+            disk_position: vec![],
+            disk_rotation: vec![],
+        }
+    }
+
+    /// Adds the rows of others.
+    pub(super) fn append(&mut self, others: Solutions) {
+        self.outcomes.extend(others.outcomes);
+        self.tip_position.extend(others.tip_position);
+        self.tip_rotation.extend(others.tip_rotation);
+        self.tendon_length.extend(others.tendon_length);
+        self.disk_position.extend(others.disk_position);
+        self.disk_rotation.extend(others.disk_rotation);
+    }
+
     /// Disjoint chunks of `rows` rows, the last one possibly shorter.
     pub(super) fn chunks(&mut self, robot: &Robot, rows: usize) -> impl Iterator<Item = Chunk<'_>> {
         let (tendons, modules) = (robot.tendon_count(), robot.module_count());
@@ -369,6 +420,7 @@ impl Solutions {
         let chunks = self.outcomes.chunks_mut(rows).enumerate();
         chunks.map(move |(i, outcomes)| Chunk {
             first: i * rows,
+            strains: vec![],
             tendons,
             modules,
             disks,
@@ -397,6 +449,8 @@ pub(super) fn pieces<T>(column: &mut [T], len: usize) -> impl Iterator<Item = &m
 /// Consecutive rows and the storage of their solutions.
 pub(super) struct Chunk<'a> {
     pub first: usize,
+    /// Strain of each row that is solved; empty unless it is kept.
+    strains: Vec<Option<Vec<Vec3>>>,
     tendons: usize,
     modules: usize,
     /// Number of disks to write: all or none.
@@ -513,6 +567,34 @@ impl Chunk<'_> {
         }
     }
 
+    /// Keeps the strains of the rows that are solved from now on.
+    pub fn keep_strains(&mut self) {
+        self.strains.resize(self.outcomes.len(), None);
+    }
+
+    /// Writes the derivatives of the rows whose strains were kept.
+    pub fn differentiate(
+        &mut self,
+        differentiator: &mut Differentiator,
+        loads: &Loads,
+        jacobians: &mut [f64],
+    ) {
+        let each = jacobians.len() / self.outcomes.len();
+        let rows = self
+            .strains
+            .iter_mut()
+            .zip(jacobians.chunks_exact_mut(each));
+        for (i, (strain, jacobian)) in rows.enumerate() {
+            if interrupt::interrupted() {
+                return;
+            }
+            if let Some(strain) = strain.take() {
+                let load = loads.row(self.first + i, self.tendons);
+                differentiator.write(&load, &strain, jacobian);
+            }
+        }
+    }
+
     /// Loads of some rows for the lanes.
     #[cfg(target_arch = "x86_64")]
     fn loads_of<'l>(
@@ -532,6 +614,9 @@ impl Chunk<'_> {
         self.outcomes[i] = outcome;
         let length = |j| lanes.tendon_length(j, lane);
         self.write(i, |k| lanes.disk(k, lane), length);
+        if let Some(strain) = self.strains.get_mut(i) {
+            *strain = Some(lanes.strain(lane));
+        }
     }
 
     /// Solves one row.
@@ -546,6 +631,9 @@ impl Chunk<'_> {
         self.outcomes[i] = outcome;
         if outcome.status == Status::Converged {
             self.write_answer(i, solver.solver());
+            if let Some(strain) = self.strains.get_mut(i) {
+                *strain = solver.solver().last_strain();
+            }
         }
     }
 

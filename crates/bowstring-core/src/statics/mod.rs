@@ -1,5 +1,5 @@
-//! Equilibria: Newton iteration, load stepping, paths, choice of elements, many loads at once;
-//! inverse kinematics.
+//! Equilibria: Newton iteration, load stepping, paths, choice of elements, many loads at once and
+//! their derivatives; inverse kinematics.
 //!
 //! Theory: docs/theory/statics.md and docs/theory/actuation.md.
 
@@ -9,6 +9,7 @@ pub mod branches;
 mod continuation;
 mod deflation;
 pub mod designs;
+pub mod equilibria;
 mod events;
 mod family;
 pub mod inverse;

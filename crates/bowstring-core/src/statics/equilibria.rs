@@ -1,0 +1,616 @@
+//! Equilibria of many loads as a function with derivatives, for automatic differentiation.
+//!
+//! Theory: docs/theory/statics.md (Block-tridiagonal elimination).
+
+use crate::dispatch::{self, Plain};
+use crate::math::linalg::Vec3;
+use crate::memory::unknown;
+use crate::model::error::InputError;
+use crate::model::load::{Load, OwnedLoad, RodModel, TendonPath};
+use crate::model::robot::Robot;
+use crate::rod::estimate::LEVELS;
+use crate::statics::adaptive::Adaptive;
+use crate::statics::batch::{for_each, solve_and_differentiate, too_many, Loads, Solutions};
+use crate::statics::outcome::{Outcome, Settings};
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+/// Derivatives of equilibria whose strain is known, with scratch memory for one after another.
+///
+/// The derivatives of a load are a matrix, row by row: position of the tip (m), its rotation vector
+/// in the base frame (rad) and the tendon lengths (m) by the tensions (N), the tip force (N), the
+/// tip moment (N m) and the logarithm of the stiffness of each segment.
+pub(super) struct Differentiator {
+    robot: Robot,
+    model: RodModel,
+    /// Segment of each module.
+    segments: Vec<usize>,
+    /// Rods in plain numbers and their scales, by [`LEVELS`].
+    rods: [Option<(Box<dyn Plain>, Settings)>; 4],
+}
+
+impl Differentiator {
+    pub fn new(robot: &Robot, model: &RodModel) -> Self {
+        Differentiator {
+            robot: robot.clone(),
+            model: *model,
+            segments: robot.spec().disks.iter().map(|d| d.segment).collect(),
+            rods: [const { None }; 4],
+        }
+    }
+
+    /// Rows and columns of the matrix of a load.
+    pub fn shape(robot: &Robot) -> [usize; 2] {
+        let tendons = robot.tendon_count();
+        [6 + tendons, tendons + 6 + robot.spec().backbone.len()]
+    }
+
+    /// Numbers of the matrix of a load.
+    pub fn numbers(robot: &Robot) -> usize {
+        let [rows, columns] = Self::shape(robot);
+        rows * columns
+    }
+
+    /// Writes the matrix of a load at its equilibrium; nothing for continuous tendons, and where
+    /// the equilibrium is so close to losing stability that the derivatives are not finite.
+    pub fn write(&mut self, load: &Load, strain: &[Vec3], out: &mut [f64]) {
+        let elements = strain.len() / (2 * self.robot.module_count());
+        let Some(level) = LEVELS.iter().position(|e| *e == elements) else {
+            return;
+        };
+        let (rod, settings) = self.rods[level].get_or_insert_with(|| {
+            let rod = dispatch::plain(&self.robot, self.model.model, elements);
+            (
+                rod.expect("it is one of them"),
+                Settings::new(&self.robot, elements),
+            )
+        });
+        rod.take_strain(&settings.without_negligible(load), strain);
+        let Some(by) = rod.jacobians(&self.segments) else {
+            return;
+        };
+        let [_, columns] = Self::shape(&self.robot);
+        let all = by.tensions.iter().chain(&by.tip_force);
+        let all = all.chain(&by.tip_moment).chain(&by.stiffness);
+        for (j, column) in all.enumerate() {
+            let numbers = column.position.0.iter().chain(&column.rotation.0);
+            for (i, x) in numbers.chain(&column.lengths).enumerate() {
+                out[i * columns + j] = *x;
+            }
+        }
+    }
+}
+
+/// Arguments of [`Equilibria::evaluate`], row by row; SI units, base frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Inputs<'a> {
+    /// Number of rows.
+    pub count: usize,
+    /// Tensions (N), one for each tendon in each row.
+    pub tensions: &'a [f64],
+    /// Gravity (m/s^2), n x 3.
+    pub gravity: &'a [f64],
+    /// Force on the tip (N), n x 3.
+    pub tip_force: &'a [f64],
+    /// Moment on the tip (N m), n x 3.
+    pub tip_moment: &'a [f64],
+    /// Factors of the stiffness of the backbone, one for each segment in each row.
+    pub stiffness: &'a [f64],
+}
+
+/// Equilibria and, if wanted, their derivatives.
+#[derive(Clone, Debug)]
+pub struct Evaluated {
+    /// Equilibria; NaN in rows without one.
+    pub solutions: Solutions,
+    /// Derivatives of each row, a matrix row by row: position of the tip (m), its rotation vector
+    /// in the base frame (rad) and the tendon lengths (m), by the tensions (N), the tip force (N),
+    /// the tip moment (N m) and the factors of stiffness. NaN in rows without them; empty if they
+    /// are not wanted.
+    pub jacobians: Vec<f64>,
+}
+
+/// Solver of one load with its derivatives.
+struct Single {
+    solver: Adaptive,
+    differentiator: Differentiator,
+}
+
+/// A robot under constant loads, as a function of tensions, gravity, tip load and stiffness.
+pub struct Equilibria {
+    robot: Robot,
+    model: RodModel,
+    /// Constant loads on disks and backbone.
+    load: OwnedLoad,
+    /// Solvers of single loads, reused.
+    kept: Mutex<Vec<Single>>,
+}
+
+/// Most kept solvers of single loads.
+const MOST_KEPT: usize = 4;
+
+impl Equilibria {
+    /// A robot and its model. Of the load, those on disks and backbone act in all rows.
+    ///
+    /// # Errors
+    /// For loads that are not valid, and for continuous tendons, which have no derivatives.
+    pub fn new(robot: &Robot, model: RodModel, load: OwnedLoad) -> Result<Self, InputError> {
+        if model.model.tendon == TendonPath::Continuous {
+            return Err(InputError::other(
+                "continuous and embedded tendons have no derivatives: take straight ones",
+            ));
+        }
+        let none = vec![0.0; robot.tendon_count()];
+        let constant = Load {
+            tensions: &none,
+            ..load.borrow()
+        };
+        constant.check(robot)?;
+        if let Some(elements) = model.elements {
+            constant.check_elements(robot, elements)?;
+        }
+        model.solver(robot)?;
+        Ok(Equilibria {
+            robot: robot.clone(),
+            model,
+            load,
+            kept: Mutex::default(),
+        })
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// Text that is the same for the same function only.
+    pub fn description(&self) -> String {
+        format!("{:?}{:?}{:?}", self.robot.spec(), self.model, self.load)
+    }
+
+    /// Rows and columns of the derivatives of a row.
+    pub fn jacobian_shape(&self) -> [usize; 2] {
+        Differentiator::shape(&self.robot)
+    }
+
+    /// Equilibria of all rows, each from the straight backbone, on `threads` cores (0: all); with
+    /// derivatives if `jacobians`.
+    ///
+    /// Rows with invalid numbers, such as a tension below zero, have no equilibrium. Rows of equal
+    /// stiffness one after the other are solved together, which is faster.
+    ///
+    /// # Errors
+    /// If the inputs do not have the right length, or the results do not fit into memory.
+    pub fn evaluate(
+        &self,
+        inputs: &Inputs,
+        threads: usize,
+        jacobians: bool,
+    ) -> Result<Evaluated, InputError> {
+        let (n, segments) = (inputs.count, self.robot.spec().backbone.len());
+        for (name, numbers, each) in [
+            ("tensions", inputs.tensions, self.robot.tendon_count()),
+            ("gravity", inputs.gravity, 3),
+            ("tip force", inputs.tip_force, 3),
+            ("tip moment", inputs.tip_moment, 3),
+            ("stiffness", inputs.stiffness, segments),
+        ] {
+            if Some(numbers.len()) != n.checked_mul(each) {
+                return Err(InputError::other(format!(
+                    "{name} has {} numbers, it must have {each} for each of {n} loads",
+                    numbers.len()
+                )));
+            }
+        }
+        let invalid: Vec<usize> = (0..n).filter(|&i| !self.is_valid(inputs, i)).collect();
+        if invalid.is_empty() {
+            return self.evaluate_valid(inputs, threads, jacobians);
+        }
+        let with = |numbers: &[f64], value: f64| {
+            let mut numbers = numbers.to_vec();
+            let each = numbers.len() / n;
+            for i in &invalid {
+                numbers[i * each..][..each].fill(value);
+            }
+            numbers
+        };
+        let mut found = self.evaluate_valid(
+            &Inputs {
+                count: n,
+                tensions: &with(inputs.tensions, 0.0),
+                gravity: &with(inputs.gravity, 0.0),
+                tip_force: &with(inputs.tip_force, 0.0),
+                tip_moment: &with(inputs.tip_moment, 0.0),
+                stiffness: &with(inputs.stiffness, 1.0),
+            },
+            threads,
+            jacobians,
+        )?;
+        let Evaluated {
+            solutions,
+            jacobians,
+        } = &mut found;
+        for i in invalid {
+            solutions.outcomes[i] = Outcome::pending();
+            for numbers in [
+                &mut solutions.tip_position,
+                &mut solutions.tip_rotation,
+                &mut solutions.tendon_length,
+                &mut *jacobians,
+            ] {
+                let each = numbers.len() / n;
+                numbers[i * each..][..each].fill(f64::NAN);
+            }
+        }
+        Ok(found)
+    }
+
+    fn is_valid(&self, inputs: &Inputs, i: usize) -> bool {
+        let segments = self.robot.spec().backbone.len();
+        let mut factors = inputs.stiffness[i * segments..][..segments].iter();
+        let tendons = self.robot.tendon_count();
+        let row = Loads {
+            tensions: inputs.tensions,
+            gravity: inputs.gravity,
+            tip_force: inputs.tip_force,
+            tip_moment: inputs.tip_moment,
+            ..Loads::default()
+        };
+        factors.all(|f| f.is_finite() && *f > 0.0) && row.row(i, tendons).check(&self.robot).is_ok()
+    }
+
+    fn evaluate_valid(
+        &self,
+        inputs: &Inputs,
+        threads: usize,
+        jacobians: bool,
+    ) -> Result<Evaluated, InputError> {
+        let n = inputs.count;
+        let segments = self.robot.spec().backbone.len();
+        let mut runs: Vec<Range<usize>> = vec![];
+        for i in 0..n {
+            let factors = |i: usize| &inputs.stiffness[i * segments..][..segments];
+            match runs.last_mut() {
+                Some(run) if factors(run.start) == factors(i) => run.end = i + 1,
+                _ => runs.push(i..i + 1),
+            }
+        }
+        if runs.len() < 2 {
+            return self.evaluate_run(inputs, 0..n, threads, jacobians);
+        }
+        let mut parts: Vec<_> = runs.into_iter().map(|run| (run, None)).collect();
+        for_each(
+            &mut parts,
+            threads,
+            || (),
+            |_, (run, found)| {
+                *found = Some(self.evaluate_run(inputs, run.clone(), 1, jacobians));
+            },
+        );
+        let mut all = Evaluated {
+            solutions: Solutions::empty(),
+            jacobians: vec![],
+        };
+        for (run, found) in parts {
+            // interrupted work leaves runs out
+            let found = match found {
+                Some(found) => found?,
+                None => self.pending(run.len(), jacobians)?,
+            };
+            all.solutions.append(found.solutions);
+            all.jacobians.extend(found.jacobians);
+        }
+        Ok(all)
+    }
+
+    fn pending(&self, n: usize, jacobians: bool) -> Result<Evaluated, InputError> {
+        Ok(Evaluated {
+            solutions: Solutions::pending(&self.robot, n, false)?,
+            jacobians: self.unknown_jacobians(n, jacobians)?,
+        })
+    }
+
+    /// Derivatives of `n` rows, all NaN; empty if they are not wanted.
+    fn unknown_jacobians(&self, n: usize, jacobians: bool) -> Result<Vec<f64>, InputError> {
+        let numbers = match jacobians {
+            true => n.checked_mul(Differentiator::numbers(&self.robot)),
+            false => Some(0),
+        };
+        unknown(numbers, &|| too_many(n))
+    }
+
+    /// Equilibria of rows of equal stiffness.
+    fn evaluate_run(
+        &self,
+        inputs: &Inputs,
+        rows: Range<usize>,
+        threads: usize,
+        jacobians: bool,
+    ) -> Result<Evaluated, InputError> {
+        let (n, tendons) = (rows.len(), self.robot.tendon_count());
+        let segments = self.robot.spec().backbone.len();
+        let of =
+            |numbers: &'_ [f64], each: usize| numbers[rows.start * each..][..n * each].to_vec();
+        let [gravity, tip_force, tip_moment] =
+            [inputs.gravity, inputs.tip_force, inputs.tip_moment].map(|v| common(of(v, 3)));
+        let loads = Loads {
+            count: n,
+            tensions: &inputs.tensions[rows.start * tendons..][..n * tendons],
+            gravity: &gravity,
+            tip_force: &tip_force,
+            tip_moment: &tip_moment,
+            disks: self.robot.module_count(),
+            disk_forces: &self.load.disk_forces,
+            disk_moments: &self.load.disk_moments,
+            point_loads: &self.load.point_loads,
+            line_forces: &self.load.line_forces,
+        };
+        let factors = inputs.stiffness.get(rows.start * segments..);
+        let factors = &factors.unwrap_or_default()[..if n == 0 { 0 } else { segments }];
+        let own = factors.iter().all(|f| *f == 1.0);
+        let scaled = match own {
+            true => None,
+            false => Some(self.robot.with_stiffness(factors)?),
+        };
+        let robot = scaled.as_ref().unwrap_or(&self.robot);
+        let mut found = match n {
+            1 => self.evaluate_one(robot, own, &loads, jacobians)?,
+            _ => {
+                let mut by = self.unknown_jacobians(n, jacobians)?;
+                let model = &self.model;
+                let solutions =
+                    solve_and_differentiate(robot, model, &loads, threads, false, &mut by)?;
+                Evaluated {
+                    solutions,
+                    jacobians: by,
+                }
+            }
+        };
+        // from the logarithm to the factor itself
+        if jacobians && !own {
+            let [_, columns] = self.jacobian_shape();
+            for row in found.jacobians.chunks_exact_mut(columns) {
+                for (x, factor) in row[columns - segments..].iter_mut().zip(factors) {
+                    *x /= factor;
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// Equilibrium of a single load; of the robot itself if `own`, by a kept solver.
+    fn evaluate_one(
+        &self,
+        robot: &Robot,
+        own: bool,
+        loads: &Loads,
+        jacobians: bool,
+    ) -> Result<Evaluated, InputError> {
+        let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let former = if own { kept().pop() } else { None };
+        let mut single = match former {
+            Some(single) => single,
+            None => Single {
+                solver: self.model.solver(robot)?,
+                differentiator: Differentiator::new(robot, &self.model),
+            },
+        };
+        let mut found = self.pending(1, jacobians)?;
+        let Single {
+            solver,
+            differentiator,
+        } = &mut single;
+        for mut chunk in found.solutions.chunks(robot, 1) {
+            if jacobians {
+                chunk.keep_strains();
+            }
+            chunk.solve(0, solver, loads, false);
+            if jacobians {
+                chunk.differentiate(differentiator, loads, &mut found.jacobians);
+            }
+        }
+        if own && kept().len() < MOST_KEPT {
+            kept().push(single);
+        }
+        Ok(found)
+    }
+}
+
+/// Rows of three numbers; one row if all are equal.
+fn common(mut rows: Vec<f64>) -> Vec<f64> {
+    let first = [0, 1, 2].map(|q| rows.get(q).copied().unwrap_or_default());
+    if rows.chunks_exact(3).all(|row| row == first) {
+        rows.truncate(3);
+    }
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::robot::{Disk, RobotSpec, Section, Tendon};
+    use crate::statics::batch::solve_batch;
+    use crate::statics::solver::Status;
+
+    fn robot() -> Robot {
+        let section = |bending: f64| Section {
+            bending: [bending; 2],
+            principal_angle: 0.0,
+            torsion: 0.8 * bending,
+            axial: 7e5,
+            shear: 2.6e5,
+            mass_per_length: 0.035,
+            rotary_inertia: 5.5e-8,
+            rest_curvature: [0.3, 0.0, 0.0],
+        };
+        let disks = (0..8).map(|k| Disk {
+            hole_length: 0.0,
+            station: 0.07 * (k + 1) as f64,
+            clamped_length: 0.002,
+            mass: 0.02,
+            inertia: [5.1e-6, 1.0e-5],
+            segment: usize::from(k > 3),
+        });
+        let tendons = (0..4).map(|i| Tendon {
+            holes: vec![[0.02 * (i as f64).cos(), 0.02 * (i as f64).sin()]],
+            end_disk: if i < 2 { 3 } else { 7 },
+        });
+        Robot::new(RobotSpec {
+            payloads: vec![],
+            backbone: vec![section(1.1).into(), section(0.7).into()],
+            disks: disks.collect(),
+            tendons: tendons.collect(),
+            gravity: [0.0, 0.0, -9.81],
+        })
+        .unwrap()
+    }
+
+    /// Rows of numbers that vary with the row and the column.
+    fn numbers(n: usize, each: usize, size: f64) -> Vec<f64> {
+        let at = |k: usize| size * (1.0 + (0.7 * k as f64).sin());
+        (0..n * each).map(at).collect()
+    }
+
+    fn inputs<'a>(n: usize, numbers: &'a [Vec<f64>; 5]) -> Inputs<'a> {
+        let [tensions, gravity, tip_force, tip_moment, stiffness] = numbers;
+        Inputs {
+            count: n,
+            tensions,
+            gravity,
+            tip_force,
+            tip_moment,
+            stiffness,
+        }
+    }
+
+    fn made(n: usize) -> [Vec<f64>; 5] {
+        [
+            numbers(n, 4, 6.0),
+            [0.0, 0.0, -9.81].repeat(n),
+            numbers(n, 3, 0.1),
+            vec![0.0; 3 * n],
+            vec![1.0; 2 * n],
+        ]
+    }
+
+    fn function() -> Equilibria {
+        Equilibria::new(&robot(), RodModel::default(), OwnedLoad::default()).unwrap()
+    }
+
+    /// The solutions are those of `solve_batch`, with and without derivatives.
+    #[test]
+    fn solutions_are_those_of_the_batch() {
+        let function = function();
+        for n in [0, 1, 3, 300] {
+            let own = made(n);
+            let inputs = inputs(n, &own);
+            let loads = Loads {
+                count: n,
+                tensions: inputs.tensions,
+                gravity: &[0.0, 0.0, -9.81],
+                tip_force: inputs.tip_force,
+                tip_moment: &[0.0; 3],
+                ..Loads::default()
+            };
+            let batch = solve_batch(&robot(), &RodModel::default(), &loads, 0, false).unwrap();
+            for jacobians in [false, true] {
+                let found = function.evaluate(&inputs, 0, jacobians).unwrap();
+                let off = found.solutions.tip_position.iter().zip(&batch.tip_position);
+                for (a, b) in off {
+                    assert!(if n == 1 {
+                        (a - b).abs() < 1e-12
+                    } else {
+                        a == b
+                    });
+                }
+                let [rows, columns] = function.jacobian_shape();
+                let numbers = if jacobians { n * rows * columns } else { 0 };
+                assert_eq!(found.jacobians.len(), numbers);
+                assert!(found.jacobians.iter().all(|x| x.is_finite()));
+            }
+        }
+    }
+
+    /// Derivatives by every input agree with Richardson's extrapolation of central differences,
+    /// also where the stiffness differs from row to row.
+    #[test]
+    fn derivatives_agree_with_differences() {
+        let function = function();
+        let n = 3;
+        let mut own = made(n);
+        own[3] = numbers(n, 3, 0.02);
+        own[4] = vec![1.0, 1.0, 0.8, 1.3, 1.1, 0.9];
+        let found = function.evaluate(&inputs(n, &own), 1, true).unwrap();
+        let [rows, columns] = function.jacobian_shape();
+        let mut column = 0;
+        for (k, each, step) in [(0, 4, 0.05), (2, 3, 0.01), (3, 3, 2e-3), (4, 2, 0.01)] {
+            for q in 0..each {
+                let at = |h: f64| {
+                    let mut moved = own.clone();
+                    (0..n).for_each(|i| moved[k][i * each + q] += h);
+                    function
+                        .evaluate(&inputs(n, &moved), 1, false)
+                        .unwrap()
+                        .solutions
+                };
+                let difference =
+                    |h: f64, of: &dyn Fn(&Solutions) -> f64| (of(&at(h)) - of(&at(-h))) / (2.0 * h);
+                let richardson = |of: &dyn Fn(&Solutions) -> f64| {
+                    (4.0 * difference(0.5 * step, of) - difference(step, of)) / 3.0
+                };
+                for i in 0..n {
+                    let by = |row: usize| found.jacobians[(i * rows + row) * columns + column];
+                    for p in 0..3 {
+                        let expected = richardson(&|s| s.tip_position[3 * i + p]);
+                        assert!((by(p) - expected).abs() < 2e-6, "{k} {q} {i} {p}");
+                    }
+                    for t in 0..4 {
+                        let expected = richardson(&|s| s.tendon_length[4 * i + t]);
+                        assert!((by(6 + t) - expected).abs() < 2e-6, "{k} {q} {i} {t}");
+                    }
+                }
+                column += 1;
+            }
+        }
+        assert_eq!(column, columns);
+    }
+
+    /// Rows with invalid numbers hold NaN, and the others their solutions.
+    #[test]
+    fn invalid_rows_have_no_numbers() {
+        let function = function();
+        let n = 5;
+        let good = made(n);
+        let expected = function.evaluate(&inputs(n, &good), 0, true).unwrap();
+        let mut own = good.clone();
+        own[0][4] = -1.0;
+        own[2][6] = f64::NAN;
+        own[4][7] = 0.0;
+        let found = function.evaluate(&inputs(n, &own), 0, true).unwrap();
+        let numbers = found.jacobians.len() / n;
+        for i in 0..n {
+            let bad = (1..4).contains(&i);
+            let status = found.solutions.outcomes[i].status;
+            assert_eq!(status == Status::Converged, !bad, "{i}");
+            let tip = &found.solutions.tip_position[3 * i..][..3];
+            let by = &found.jacobians[numbers * i..][..numbers];
+            assert!(tip.iter().chain(by).all(|x| x.is_nan() == bad));
+            if !bad {
+                let other = &expected.solutions.tip_position[3 * i..][..3];
+                assert!(tip.iter().zip(other).all(|(a, b)| (a - b).abs() < 1e-12));
+            }
+        }
+    }
+
+    #[test]
+    fn inputs_of_the_wrong_length_are_rejected() {
+        let own = made(2);
+        let wrong = Inputs {
+            count: 3,
+            ..inputs(2, &own)
+        };
+        let refused = function().evaluate(&wrong, 0, false).unwrap_err();
+        let said = "tensions has 8 numbers, it must have 4 for each of 3 loads";
+        assert_eq!(refused.to_string(), said);
+    }
+}
