@@ -85,6 +85,22 @@ def inverse_targets() -> np.ndarray:
     return bs.sweep(ROBOT, tensions, load=load(LOADED), disks=False).tip_position
 
 
+def jax_over_batch() -> float:
+    """Time of `jax.vmap` over 10 000 loads over that of the batch call; NaN without JAX."""
+    try:
+        import jax
+    except ImportError:
+        return float("nan")
+    import bowstring.jax
+
+    jax.config.update("jax_enable_x64", True)
+    tensions = np.random.default_rng(0).uniform(0.0, 40.0, (10_000, 3))
+    solve = jax.jit(jax.vmap(bowstring.jax.Solver(ROBOT)))
+    batch = partial(bs.solve_batch, ROBOT, tensions, disks=False)
+    mapped = median_ms(lambda: jax.block_until_ready(solve(tensions)), 1.0)
+    return mapped / median_ms(batch, 1.0)
+
+
 def figures() -> dict[str, float]:
     """Times through Python on the load of the core's micro-benchmarks, in us."""
     solve = partial(bs.solve, ROBOT, FIGURE_TENSIONS[-1], load=load(LOADED))
@@ -107,6 +123,7 @@ def figures() -> dict[str, float]:
         "warm17_kirchhoff": 1e3 * median_ms(partial(sweep, model=kirchhoff), 1.0),
         "warm17_cosserat": 1e3 * median_ms(partial(sweep, model=cosserat), 1.0),
         "batch_per_solve": 1e3 * median_ms(batch, 1.0) / len(many_tensions),
+        "jax_over_batch": jax_over_batch(),
         "displacement_per_solve": 1e3 * median_ms(displaced, 1.0) / BATCH,
         "inverse_cold": 1e3 * median_ms(partial(inverse, targets[300]), 1.0),
         "inverse_on_path": 1e3 * median_ms(partial(inverse, targets), 1.0) / len(targets),

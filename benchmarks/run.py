@@ -345,6 +345,7 @@ def figures(reports: dict) -> Table:
     for theory in ("kirchhoff", "cosserat"):
         row(f"one solve from Python, {theory}", "<=", 40, python[f"one_call_{theory}"], "us")
     row("batch on both cores, Kirchhoff", ">=", 600e3, 1e6 / python["batch_per_solve"], "solves/s")
+    row("jax.vmap over 10 000 loads / batch", "<=", 2, python["jax_over_batch"])
     displaced, paths = python["displacement_per_solve"], python["friction_per_step"]
     row("displacement batch on both cores", ">=", 150e3, 1e6 / displaced, "solves/s")
     row("friction, 512 robots on both cores", ">=", 60e3, 1e6 / paths, "steps/s")

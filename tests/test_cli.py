@@ -201,7 +201,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
 
 
 def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    for extra in ("build123d", "openpyxl", "SALib", "distributed"):
+    for extra in ("build123d", "openpyxl", "SALib", "distributed", "jax"):
         monkeypatch.setitem(sys.modules, extra, None)
     monkeypatch.setenv("PATH", "")
     parts = {part["name"]: part for part in shell.json("doctor")["optional"]}
@@ -212,6 +212,7 @@ def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPa
         "openpyxl": "'bowstring[excel]'",
         "SALib": "'bowstring[uncertainty]'",
         "distributed": "'bowstring[cluster]'",
+        "jax": "'bowstring[jax]'",
         "CalculiX": "https://www.calculix.de",
         "ffmpeg": "https://ffmpeg.org",
     }

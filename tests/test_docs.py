@@ -159,6 +159,9 @@ def test_python(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         pytest.importorskip("build123d", exc_type=ImportError)
     if "import fem" in block:
         finite_elements_at(tmp_path, monkeypatch)
+    for library in ("jax", "torch"):
+        if f"bowstring.{library}" in block:
+            pytest.importorskip(library, reason=f"needs {library}", exc_type=ImportError)
     if ">>>" in block:
         test = doctest.DocTestParser().get_doctest(block, {}, "page", None, None)
         result = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test)

@@ -18,6 +18,7 @@ EXTRAS: Final = {
     "download": ("requests", "downloads", "bowstring data get"),
     "uncertainty": ("SALib", "screening and second-order indices", "Morris screening"),
     "cluster": ("distributed", "clusters and Zarr", "bowstring.blocks"),
+    "jax": ("jax", "equilibria in JAX", "bowstring.jax"),
 }
 
 
@@ -26,7 +27,7 @@ def load_extra(extra: str, module: str = "") -> ModuleType:
 
     Parameters
     ----------
-    extra : {"cad", "excel", "download", "uncertainty", "cluster"}
+    extra : {"cad", "excel", "download", "uncertainty", "cluster", "jax"}
     module : str
         Another module of the extra, instead of that in `EXTRAS`.
 

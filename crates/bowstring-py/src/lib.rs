@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 mod arc;
 mod branches;
 mod dynamics;
+mod equilibria;
 mod fields;
 mod input;
 mod interrupt;
@@ -14,6 +15,7 @@ mod inverse;
 mod model;
 mod path;
 mod rod;
+mod xla;
 
 #[pymodule]
 mod _core {
@@ -30,6 +32,8 @@ mod _core {
     #[pymodule_export]
     use crate::dynamics::{flexibility, flexibility_at, Flexibility, Simulator};
     #[pymodule_export]
+    use crate::equilibria::Equilibria;
+    #[pymodule_export]
     use crate::fields::{derive, surface_stress, von_mises};
     #[pymodule_export]
     use crate::input::check_memory;
@@ -41,6 +45,8 @@ mod _core {
     use crate::path::{follow_designs, PathSolver};
     #[pymodule_export]
     use crate::rod::{Robot, Solution};
+    #[pymodule_export]
+    use crate::xla::xla_targets;
 
     #[pymodule_init]
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {

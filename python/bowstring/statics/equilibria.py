@@ -1,0 +1,170 @@
+"""Equilibria as a function with derivatives, as `bowstring.jax` and `bowstring.torch` call it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring import validation
+from bowstring._core import Equilibria
+from bowstring.errors import InputError
+from bowstring.robot.model import check_robot
+from bowstring.statics.load import Load
+from bowstring.statics.load_tables import with_arrays
+from bowstring.statics.model import as_model
+
+if TYPE_CHECKING:
+    from bowstring._core import RodModel
+    from bowstring.robot.model import Robot
+
+__all__ = [
+    "BY_GRAVITY",
+    "SECOND",
+    "Function",
+    "Input",
+    "columns",
+    "differentiable",
+    "not_numbers",
+    "single_precision",
+]
+
+Floats = NDArray[np.float64]
+
+#: Why a second derivative is refused.
+SECOND = (
+    "second derivatives of an equilibrium are not available; take first derivatives only, as "
+    "gradient descent, BFGS and Gauss-Newton do"
+)
+#: Why a derivative by gravity is refused.
+BY_GRAVITY = (
+    "there are no derivatives by gravity; differentiate by tensions, tip_force, tip_moment and "
+    "stiffness"
+)
+
+
+@dataclass(frozen=True)
+class Input:
+    """An argument of the function: its name, size of a row, unit, and value if left out."""
+
+    name: str
+    count: int
+    unit: str
+    default: Floats | None
+
+
+@dataclass(frozen=True, eq=False)
+class Function:
+    """Equilibria of a robot under constant loads, with checked settings."""
+
+    robot: Robot
+    load: Load
+    model: RodModel
+    threads: int
+    core: Equilibria
+    inputs: tuple[Input, ...]
+
+    @property
+    def tendons(self) -> int:
+        """Number of tendons."""
+        return self.inputs[0].count
+
+    def read(
+        self,
+        given: Iterable[Any],
+        convert: Callable[[Input, Any], Any],
+        broadcast: Callable[[Any, tuple[int, ...]], Any],
+    ) -> list[Any]:
+        """Convert arguments and give them the same leading dimensions."""
+        arrays = []
+        for about, value in zip(self.inputs, given, strict=True):
+            value = about.default if value is None else value
+            if value is None:
+                raise InputError(
+                    f"{about.name} is None, it must be {about.count} numbers, in {about.unit}"
+                )
+            array = convert(about, value)
+            shape = tuple(array.shape)
+            if not shape or shape[-1] != about.count:
+                raise InputError(
+                    f"{about.name} has shape {shape}, it must have (..., {about.count}), "
+                    f"in {about.unit}"
+                )
+            arrays.append(array)
+        try:
+            rows = np.broadcast_shapes(*(tuple(array.shape[:-1]) for array in arrays))
+        except ValueError:
+            shapes = ", ".join(
+                f"{about.name} {tuple(array.shape)}"
+                for about, array in zip(self.inputs, arrays, strict=True)
+            )
+            raise InputError(
+                f"the leading dimensions cannot be broadcast together: {shapes}"
+            ) from None
+        return [
+            array if tuple(array.shape) == (*rows, about.count) else broadcast(array, rows)
+            for about, array in zip(self.inputs, arrays, strict=True)
+        ]
+
+
+def differentiable(
+    robot: Robot, load: Load | None, model: RodModel | None, threads: int
+) -> Function:
+    """Check settings and make the function."""
+    check_robot(robot)
+    load, model = validation.instance("load", load, Load), as_model(model)
+    threads = validation.whole("threads", threads, 0, 1024)
+    for name in ("tensions", "displacements", "angles"):
+        if getattr(load, name) is not None:
+            raise InputError(f"load has {name}; give tensions when the solver is called")
+    if robot.has_friction:
+        raise InputError(
+            f"the tendons of {robot.name} have friction: the equilibrium then depends on the load "
+            "history and has no derivatives; set friction to 0"
+        )
+    if robot.is_embedded or model.tendon_path == "continuous":
+        raise InputError(
+            "continuous and embedded tendons have no derivatives; take tendons in disks and "
+            'tendon_path="straight"'
+        )
+
+    def vector(name: str, unit: str, otherwise: Any) -> Input:
+        given = getattr(load, name)
+        return Input(name, 3, unit, validation.row(name, _or(given, otherwise), 3, unit))
+
+    core = robot.core
+    inputs = (
+        Input("tensions", core.tendon_count, "N", None),
+        vector("gravity", "m/s^2", robot.gravity),
+        vector("tip_force", "N", np.zeros(3)),
+        vector("tip_moment", "N m", np.zeros(3)),
+        Input("stiffness", len(robot.segments), "1", np.ones(len(robot.segments))),
+    )
+    constant = load.replace(gravity=None, tip_force=None, tip_moment=None)
+    made = Equilibria(core, with_arrays(constant), model)
+    return Function(robot, load, model, threads, made, inputs)
+
+
+def columns(tendons: int) -> dict[int, slice]:
+    """Columns of the derivatives by the index of their input; gravity has none."""
+    t = tendons
+    return {0: slice(0, t), 2: slice(t, t + 3), 3: slice(t + 3, t + 6), 4: slice(t + 6, None)}
+
+
+def _or(value: Any, otherwise: Any) -> Any:
+    return otherwise if value is None else value
+
+
+def not_numbers(about: Input, what: str) -> InputError:
+    """Error for an argument that is not an array of numbers."""
+    return InputError(
+        f"{about.name} is {what}, it must be numbers (..., {about.count}), in {about.unit}"
+    )
+
+
+def single_precision(about: Input, dtype: object, cure: str) -> InputError:
+    """Error for numbers that are not float64."""
+    return InputError(f"{about.name} is {dtype}, it must be float64; {cure}")

@@ -1,0 +1,160 @@
+"""Equilibria in PyTorch: the numbers and derivatives of the core."""
+
+from __future__ import annotations
+
+import pickle
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+import bowstring.torch
+from bowstring.errors import InputError
+
+LOADED = {
+    "gravity": np.array([0.0, 0.0, -9.81]),
+    "tip_force": np.array([0.2, -0.3, 0.1]),
+    "tip_moment": np.array([0.03, 0.05, -0.02]),
+}
+TENSIONS = np.array([30.0, 12.0, 5.0])
+
+
+@pytest.fixture(scope="module")
+def torch() -> Any:
+    return pytest.importorskip("torch", reason="needs torch", exc_type=ImportError)
+
+
+@pytest.fixture(scope="module")
+def robot() -> bs.Robot:
+    return bs.load_robot("amouri2019")
+
+
+def rows(count: int) -> np.ndarray:
+    return np.random.default_rng(1).uniform(0.0, 40.0, (count, 3))
+
+
+def refused(call: Any) -> str:
+    with pytest.raises(InputError) as error:
+        call()
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_numbers_are_those_of_the_core(torch: Any, robot: bs.Robot) -> None:
+    solver = bowstring.torch.Solver(robot)
+    one = solver(TENSIONS, **LOADED)
+    expected = bs.solve(robot, TENSIONS, load=bs.Load(**LOADED))
+    np.testing.assert_array_equal(one.tip_position, expected.tip.position)
+    np.testing.assert_array_equal(one.tip_rotation, expected.tip.rotation)
+    np.testing.assert_array_equal(one.tendon_lengths, expected.tendon_lengths)
+    tensions = torch.from_numpy(rows(1000))
+    batch = bs.solve_batch(robot, rows(1000), disks=False)
+    for found in (solver(tensions), torch.vmap(solver)(tensions)):
+        np.testing.assert_array_equal(found.tip_position, batch.tip_position)
+        np.testing.assert_array_equal(found.tip_rotation, batch.tip_rotation)
+        np.testing.assert_array_equal(found.tendon_lengths, batch.tendon_lengths)
+        np.testing.assert_array_equal(found.converged, batch.converged)
+        assert found.converged.dtype == torch.bool
+
+
+def test_derivatives_are_those_of_the_core(torch: Any, robot: bs.Robot) -> None:
+    solver = bowstring.torch.Solver(robot)
+    solution = bs.solve(robot, TENSIONS, load=bs.Load(**LOADED))
+    by = bs.jacobians(solution)
+    names = {
+        "tensions": "tension",
+        "tip_force": "tip_force",
+        "tip_moment": "tip_moment",
+        "stiffness": "stiffness",
+    }
+    given = {"tensions": TENSIONS, **LOADED, "stiffness": np.ones(1)}
+    given = {name: torch.from_numpy(value.copy()) for name, value in given.items()}
+    position, rotation, lengths = (
+        torch.func.jacrev(lambda of, k=k: solver(**{**given, **of})[k])(
+            {name: given[name] for name in names}
+        )
+        for k in range(3)
+    )
+    for argument, name in names.items():
+        turns = getattr(by, f"tip_rotation_by_{name}")
+        rotated = [np.cross(turn, solution.tip.rotation.T).T for turn in turns.T]
+        for found, wanted in (
+            (position, getattr(by, f"tip_position_by_{name}")),
+            (rotation, np.stack(rotated, axis=-1)),
+            (lengths, getattr(by, f"lengths_by_{name}")),
+        ):
+            np.testing.assert_allclose(found[argument], wanted, rtol=1e-10, atol=1e-12)
+
+
+def test_backward_of_batches(torch: Any, robot: bs.Robot) -> None:
+    solver = bowstring.torch.Solver(robot)
+    tensions = torch.from_numpy(rows(20)).requires_grad_()
+    factor = torch.ones(1, dtype=torch.float64, requires_grad=True)
+    weights = torch.tensor([1.0, 2.0, 3.0], dtype=torch.float64)
+
+    def losses(tensions: Any, factor: Any) -> Any:
+        found = solver(tensions, stiffness=factor)
+        return found.tip_position @ weights + found.tip_rotation[..., 0, 2]
+
+    losses(tensions, factor).sum().backward()
+    single = torch.func.grad(losses, argnums=(0, 1))
+    each = [single(row, factor.detach()) for row in tensions.detach()]
+    np.testing.assert_allclose(tensions.grad, torch.stack([e[0] for e in each]), rtol=1e-9)
+    np.testing.assert_allclose(factor.grad, sum(e[1] for e in each), rtol=1e-9)
+    mapped = torch.vmap(single, (0, None))(tensions.detach(), factor.detach())
+    np.testing.assert_allclose(mapped[0], tensions.grad, rtol=1e-9)
+    assert torch.autograd.gradcheck(
+        lambda t, f: tuple(solver(t, tip_force=f))[:3],
+        (tensions[:2].detach().requires_grad_(), torch.zeros(3).double().requires_grad_()),
+        eps=1e-3,
+        atol=1e-6,
+    )
+
+
+def test_a_stiffness_is_fitted_by_descent(torch: Any, robot: bs.Robot) -> None:
+    solver = bowstring.torch.Solver(robot)
+    measured = solver(rows(20), stiffness=[1.23]).tip_position
+    factor = torch.ones(1, dtype=torch.float64, requires_grad=True)
+    optimiser = torch.optim.LBFGS([factor], line_search_fn="strong_wolfe")
+
+    def loss() -> Any:
+        optimiser.zero_grad()
+        found = solver(rows(20), stiffness=factor).tip_position
+        value = (1e3 * (found - measured) ** 2).sum()
+        value.backward()
+        return value
+
+    for _ in range(3):
+        optimiser.step(loss)
+    np.testing.assert_allclose(factor.detach(), [1.23], rtol=1e-6)
+
+
+def test_rows_without_equilibrium_are_nan(torch: Any, robot: bs.Robot) -> None:
+    found = bowstring.torch.Solver(robot)([[10.0, 0, 0], [-1.0, 0, 0], [1e7, 0, 0]])
+    np.testing.assert_array_equal(found.converged, [True, False, False])
+    assert found.tip_position.isnan().any(1).tolist() == [False, True, True]
+
+
+def test_wrong_arguments(torch: Any, robot: bs.Robot) -> None:
+    solver = bowstring.torch.Solver(robot)
+    again = pickle.loads(pickle.dumps(solver))
+    assert repr(again) == "<bowstring.torch.Solver of amouri2019>"
+    assert "float32, it must be float64" in refused(lambda: solver(torch.ones(3)))
+    assert "must have (..., 3), in N" in refused(lambda: solver(torch.ones(4).double()))
+    assert "bool" in refused(lambda: solver(torch.ones(3, dtype=torch.bool)))
+    assert "not an array of numbers" in refused(lambda: solver("none"))
+    assert "on meta" in refused(lambda: solver(torch.ones(3, device="meta")))
+    tensions = torch.from_numpy(TENSIONS.copy()).requires_grad_()
+    (slope,) = torch.autograd.grad(solver(tensions).tip_position[0], tensions, create_graph=True)
+    assert "second derivatives" in refused(lambda: slope.sum().backward())
+    gravity = torch.zeros(3).double().requires_grad_()
+    tip = solver(tensions, gravity=gravity).tip_position
+    assert "by gravity" in refused(lambda: tip.sum().backward())
+
+
+def test_without_torch(robot: bs.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)
+    bowstring.torch._torch.cache_clear()
+    assert "pip install torch" in refused(lambda: bowstring.torch.Solver(robot))
