@@ -221,7 +221,7 @@ class Api(SphinxDirective):
             role = "func" if kind == "function" else kind
             table.append(f"| {{py:{role}}}`~{module}.{name}` | {_cell(first)} |")
             docs += ["", "```{eval-rst}", f".. auto{kind}:: {module}.{name}"]
-            docs += ["   :members:"] * (kind == "class") + ["```"]
+            docs += ["   :members:", "   :special-members: __call__"] * (kind == "class") + ["```"]
         return self.parse_text_to_nodes("\n".join([*table, *docs]))
 
 

@@ -16,7 +16,7 @@ from bowstring._core import xla_targets
 from bowstring.errors import InputError
 from bowstring.optional import load_extra
 from bowstring.statics.equilibria import (
-    BY_GRAVITY,
+    GRAVITY,
     SECOND,
     Input,
     columns,
@@ -64,8 +64,8 @@ class Solver:
 
     `jax.grad`, `jax.jacfwd`, `jax.jacrev`, `jax.jvp`, `jax.vjp`, `jax.jit` and `jax.vmap` apply to
     it in any order. Under `jax.vmap` all loads are solved in one call, as by
-    `bowstring.solve_batch`. Derivatives by tensions, tip load and stiffness are those of
-    `bowstring.jacobians`: exact for the discretised robot.
+    `bowstring.solve_batch`. Derivatives are those of `bowstring.jacobians` and, by gravity, alike:
+    exact for the discretised robot.
 
     Parameters
     ----------
@@ -152,8 +152,7 @@ class Solver:
         tip_force, tip_moment : array_like (..., 3), optional
             Dead loads at the tip in base axes, N and N m.
         gravity : array_like (..., 3), optional
-            Gravity in base axes in m/s^2, for which there are no derivatives; that of the load or
-            robot if left out.
+            Gravity in base axes in m/s^2; that of the load or robot if left out.
         stiffness : array_like (..., S), optional
             Factors of all stiffnesses of each segment's backbone; 1 if left out.
 
@@ -167,7 +166,7 @@ class Solver:
         ------
         InputError
             If an argument has a wrong shape or is float32, if JAX has 64-bit numbers disabled, and
-            for derivatives by gravity and second derivatives.
+            for second derivatives.
         """
         import jax
         import jax.numpy as jnp
@@ -225,7 +224,7 @@ def _solve(key: str, threads: int, tendons: int, segments: int) -> Any:
     import jax.numpy as jnp
     from jax.custom_derivatives import SymbolicZero
 
-    def call(target: str, arguments: Any, *, derivatives: bool = False) -> Any:
+    def call(target: str, arguments: Any, count: int = 0, **attributes: Any) -> Any:
         rows = arguments[0].shape[:-1]
         shapes: list[tuple[tuple[int, ...], Any]] = [
             ((3,), np.float64),
@@ -234,29 +233,35 @@ def _solve(key: str, threads: int, tendons: int, segments: int) -> Any:
             ((), np.bool_),
             ((), np.bool_),
         ]
-        if derivatives:
-            shapes.append(((6 + tendons, tendons + 6 + segments), np.float64))
+        if count:
+            shapes.append(((6 + tendons, count), np.float64))
         results = [jax.ShapeDtypeStruct(rows + shape, dtype) for shape, dtype in shapes]
         called = jax.ffi.ffi_call(target, results, vmap_method="broadcast_all")
-        return tuple(called(*arguments, robot=key, threads=np.int64(threads)))
+        return tuple(called(*arguments, robot=key, threads=np.int64(threads), **attributes))
+
+    def linearised(gravity: bool) -> Any:
+        count = tendons + 6 + segments + 3 * gravity
+
+        def linearise(*arguments: Any) -> Any:
+            return call("bowstring_linearise", arguments, count, gravity=np.int64(gravity))
+
+        function = jax.custom_jvp(linearise)
+        function.defjvp(differentiate_twice)
+        return function
 
     def differentiate_twice(primals: Any, tangents: Any) -> Any:
         raise InputError(SECOND)
 
     solve = jax.custom_jvp(lambda *arguments: call("bowstring_solve", arguments))
-    linearise = jax.custom_jvp(
-        lambda *arguments: call("bowstring_linearise", arguments, derivatives=True)
-    )
-    linearise.defjvp(differentiate_twice)
+    linearise = {gravity: linearised(gravity) for gravity in (False, True)}
 
     def differentiate(primals: Any, tangents: Any) -> Any:
-        *values, by = linearise(*primals)
+        known = [type(tangent) is not SymbolicZero for tangent in tangents]
+        *values, by = linearise[known[GRAVITY]](*primals)
         _, rotation, _, converged, _ = values
-        if type(tangents[1]) is not SymbolicZero:
-            raise InputError(BY_GRAVITY)
         change = jnp.zeros(by.shape[:-1])
-        for index, own in columns(tendons).items():
-            if type(tangents[index]) is not SymbolicZero:
+        for index, own in columns(tendons, segments).items():
+            if known[index]:
                 change = change + jnp.einsum("...ij,...j->...i", by[..., own], tangents[index])
         turn, transposed = change[..., None, 3:6], jnp.swapaxes(rotation, -1, -2)
         none = np.zeros(converged.shape, jax.dtypes.float0)

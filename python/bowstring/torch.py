@@ -16,7 +16,7 @@ import numpy as np
 from bowstring.errors import InputError
 from bowstring.interrupts import is_interrupt
 from bowstring.statics.equilibria import (
-    BY_GRAVITY,
+    GRAVITY,
     SECOND,
     Function,
     Input,
@@ -64,8 +64,8 @@ class Solver:
     """Statics of a robot as a differentiable function of PyTorch tensors.
 
     Reverse mode (``backward``), `torch.func.grad`, `torch.func.jacrev` and `torch.vmap` apply to
-    it. Derivatives by tensions, tip load and stiffness are those of `bowstring.jacobians`: exact
-    for the discretised robot.
+    it. Derivatives are those of `bowstring.jacobians` and, by gravity, alike: exact for the
+    discretised robot.
 
     Parameters
     ----------
@@ -133,8 +133,7 @@ class Solver:
         tip_force, tip_moment : array_like (..., 3), optional
             Dead loads at the tip in base axes, N and N m.
         gravity : array_like (..., 3), optional
-            Gravity in base axes in m/s^2, for which there are no derivatives; that of the load or
-            robot if left out.
+            Gravity in base axes in m/s^2; that of the load or robot if left out.
         stiffness : array_like (..., S), optional
             Factors of all stiffnesses of each segment's backbone; 1 if left out.
 
@@ -147,8 +146,8 @@ class Solver:
         Raises
         ------
         InputError
-            If an argument has a wrong shape, is not float64 or not on the CPU, and for derivatives
-            by gravity and second derivatives.
+            If an argument has a wrong shape, is not float64 or not on the CPU, and for second
+            derivatives.
         """
         of = self._function
         arguments = of.read(
@@ -191,7 +190,9 @@ def _tensor(about: Input, value: Any) -> Any:
     return value.to(torch.float64)
 
 
-def _evaluate(of: Function, arguments: Any, *, derivatives: bool) -> dict[str, Any]:
+def _evaluate(
+    of: Function, arguments: Any, *, derivatives: bool, gravity: bool = False
+) -> dict[str, Any]:
     """Results of the core as tensors with the leading dimensions of the arguments."""
     torch = _torch()
     rows = arguments[0].shape[:-1]
@@ -199,7 +200,7 @@ def _evaluate(of: Function, arguments: Any, *, derivatives: bool) -> dict[str, A
         np.ascontiguousarray(argument.detach().numpy()).reshape(-1, argument.shape[-1])
         for argument in arguments
     ]
-    found = of.core.evaluate(tables, of.threads, derivatives)
+    found = of.core.evaluate(tables, of.threads, derivatives, gravity)
     return {
         name: torch.from_numpy(value).reshape((*rows, *value.shape[1:]))
         for name, value in found.items()
@@ -207,12 +208,12 @@ def _evaluate(of: Function, arguments: Any, *, derivatives: bool) -> dict[str, A
     }
 
 
-def _in_front(size: int, dims: Any, arguments: Any) -> list[Any]:
+def _in_front(size: int, dims: Any, arguments: Any) -> tuple[Any, ...]:
     """Arguments with the dimension of `torch.vmap` in front."""
-    return [
+    return tuple(
         argument.expand((size, *argument.shape)) if dim is None else argument.movedim(dim, 0)
         for dim, argument in zip(dims, arguments, strict=True)
-    ]
+    )
 
 
 @cache
@@ -222,8 +223,8 @@ def _linearise() -> Any:
 
     class Linearise(torch.autograd.Function):  # type: ignore[misc, name-defined]
         @staticmethod
-        def forward(of: Function, *arguments: Any) -> Any:
-            found = _evaluate(of, arguments, derivatives=True)
+        def forward(of: Function, gravity: bool, *arguments: Any) -> Any:
+            found = _evaluate(of, arguments, derivatives=True, gravity=gravity)
             return found["jacobians"], found["tip_rotation"]
 
         @staticmethod
@@ -235,8 +236,9 @@ def _linearise() -> Any:
             raise InputError(SECOND)
 
         @staticmethod
-        def vmap(info: Any, dims: Any, of: Function, *arguments: Any) -> Any:
-            return Linearise.apply(of, *_in_front(info.batch_size, dims[1:], arguments)), (0, 0)
+        def vmap(info: Any, dims: Any, of: Function, gravity: bool, *arguments: Any) -> Any:
+            arguments = _in_front(info.batch_size, dims[2:], arguments)
+            return Linearise.apply(of, gravity, *arguments), (0, 0)
 
     return Linearise
 
@@ -260,21 +262,20 @@ def _solve() -> Any:
 
         @staticmethod
         def backward(ctx: Any, position: Any, rotation: Any, lengths: Any, *_: Any) -> Any:
-            if ctx.needs_input_grad[2]:
-                raise InputError(BY_GRAVITY)
-            of = ctx.function
-            by, rotated = _linearise().apply(of, *ctx.saved_tensors)
+            of, needed = ctx.function, ctx.needs_input_grad[1:]
+            by, rotated = _linearise().apply(of, needed[GRAVITY], *ctx.saved_tensors)
             # moment of the cotangents of the three axes about the base's
             turn = torch.linalg.cross(rotated, rotation, dim=-2).sum(-1)
             changes = torch.cat([position, turn, lengths], dim=-1)
             found: list[Any] = [None] * len(of.inputs)
-            for index, own in columns(of.tendons).items():
-                if ctx.needs_input_grad[1 + index]:
+            for index, own in columns(of.tendons, of.inputs[-1].count).items():
+                if needed[index]:
                     found[index] = torch.einsum("...ij,...i->...j", by[..., own], changes)
             return (None, *found)
 
         @staticmethod
         def vmap(info: Any, dims: Any, of: Function, *arguments: Any) -> Any:
-            return Solve.apply(of, *_in_front(info.batch_size, dims[1:], arguments)), (0,) * 5
+            arguments = _in_front(info.batch_size, dims[1:], arguments)
+            return Solve.apply(of, *arguments), (0,) * 5
 
     return Solve

@@ -427,7 +427,8 @@ pub(crate) trait Plain: Passes {
     fn take_strain(&mut self, load: &Load, strain: &[Vec3]);
     /// Points of the backbone (m), `per_module` in each module, base and tip included.
     fn centerline(&self, per_module: usize) -> Vec<Vec3>;
-    fn jacobians(&mut self, segments: &[usize]) -> Option<Jacobians>;
+    /// Derivatives of tip and lengths; see [`sensitivity::jacobians`].
+    fn jacobians(&mut self, segments: &[usize], gravity: bool) -> Option<Jacobians>;
     /// Derivatives of the tip alone; see [`sensitivity::tip_by_tensions`].
     fn tip_by_tensions(&mut self, rotation: bool, columns: &mut [[Vec3; 2]]) -> bool;
     /// Change of strain; see [`sensitivity::add_strain_by_tensions`].
@@ -470,8 +471,8 @@ impl<const A: usize> Plain for Rod<Scalar, A> {
         points
     }
 
-    fn jacobians(&mut self, segments: &[usize]) -> Option<Jacobians> {
-        sensitivity::jacobians(self, segments)
+    fn jacobians(&mut self, segments: &[usize], gravity: bool) -> Option<Jacobians> {
+        sensitivity::jacobians(self, segments, gravity)
     }
 
     fn tip_by_tensions(&mut self, rotation: bool, columns: &mut [[Vec3; 2]]) -> bool {

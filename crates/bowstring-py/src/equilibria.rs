@@ -4,7 +4,7 @@ use crate::input::{array, input_error};
 use crate::interrupt::interruptible;
 use crate::model::{DeadLoad, RodModel};
 use crate::rod::{column, Robot};
-use bowstring_core::statics::equilibria::{self, Inputs};
+use bowstring_core::statics::equilibria::{self, Derivatives, Inputs};
 use bowstring_core::statics::solver::{Outcome, Status};
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
@@ -22,6 +22,15 @@ static REGISTERED: LazyLock<Mutex<HashMap<String, Arc<equilibria::Equilibria>>>>
 pub fn registered(key: &str) -> Option<Arc<equilibria::Equilibria>> {
     let all = REGISTERED.lock().unwrap_or_else(PoisonError::into_inner);
     all.get(key).cloned()
+}
+
+/// Derivatives that are wanted, and whether those by gravity are.
+pub fn wanted(jacobians: bool, gravity: bool) -> Derivatives {
+    match (jacobians, gravity) {
+        (false, _) => Derivatives::None,
+        (true, false) => Derivatives::Most,
+        (true, true) => Derivatives::All,
+    }
 }
 
 /// Equilibria of a robot under constant loads, as a function of tensions, gravity, tip load and
@@ -71,16 +80,9 @@ impl Equilibria {
         &self.key
     }
 
-    /// Rows and columns of the derivatives of a row.
-    #[getter]
-    fn jacobian_shape(&self) -> (usize, usize) {
-        let [rows, columns] = self.function.jacobian_shape();
-        (rows, columns)
-    }
-
     /// Equilibria of n rows as arrays, and their derivatives (n, 6 + T, T + 6 + S) if `jacobians`:
     /// tip position, rotation vector and tendon lengths by tensions, tip force, tip moment and
-    /// factors of stiffness.
+    /// factors of stiffness; with `gravity` also by gravity, in three more columns.
     ///
     /// `inputs` are tensions (n, T), gravity, tip force, tip moment (n, 3), and factors (n, S).
     fn evaluate<'py>(
@@ -89,21 +91,24 @@ impl Equilibria {
         inputs: [PyReadonlyArray2<'py, f64>; 5],
         threads: usize,
         jacobians: bool,
+        gravity: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let own = inputs.map(|v| v.as_array().iter().copied().collect::<Vec<f64>>());
-        let [tensions, gravity, tip_force, tip_moment, stiffness] = &own;
-        let n = gravity.len() / 3;
+        let [tensions, gravities, tip_force, tip_moment, stiffness] = &own;
+        let n = gravities.len() / 3;
         let inputs = Inputs {
             count: n,
             tensions,
-            gravity,
+            gravity: gravities,
             tip_force,
             tip_moment,
             stiffness,
         };
-        let found = interruptible(py, || self.function.evaluate(&inputs, threads, jacobians))?;
+        let derivatives = wanted(jacobians, gravity);
+        let work = || self.function.evaluate(&inputs, threads, derivatives);
+        let found = interruptible(py, work)?;
         let found = found.map_err(input_error)?;
-        let (rows, columns) = self.jacobian_shape();
+        let [rows, columns] = self.function.jacobian_shape(derivatives);
         let solutions = found.solutions;
         let outcomes = &solutions.outcomes;
         let converged = |o: &Outcome| o.status == Status::Converged;

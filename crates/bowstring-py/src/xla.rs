@@ -4,7 +4,7 @@
 //! used. Later versions only append fields, so each size is a least one. The handlers hold no
 //! interpreter lock.
 
-use crate::equilibria::registered;
+use crate::equilibria::{registered, wanted};
 use bowstring_core::statics::equilibria::Inputs;
 use bowstring_core::statics::solver::Status;
 use pyo3::prelude::*;
@@ -241,7 +241,7 @@ unsafe fn execute(frame: *mut Frame, jacobians: bool) -> Result<(), Failure> {
     // SAFETY: the values are those of the frame, which live as long as the call.
     let (arguments, results) = unsafe { (buffers(&frame.arguments)?, buffers(&frame.results)?) };
     // SAFETY: as above.
-    let (robot, threads) = unsafe { attributes(&frame.attributes)? };
+    let (robot, threads, by_gravity) = unsafe { attributes(&frame.attributes)? };
     let function = registered(robot).ok_or_else(|| {
         invalid(format!(
             "robot {robot} is not known in this process: make its bowstring.jax.Solver before the \
@@ -268,7 +268,7 @@ unsafe fn execute(frame: *mut Frame, jacobians: bool) -> Result<(), Failure> {
             tip_moment: tip_moment.read("tip_moment", rows * 3)?,
             stiffness: stiffness.read("stiffness", rows * segments)?,
         };
-        function.evaluate(&inputs, threads, jacobians)
+        function.evaluate(&inputs, threads, wanted(jacobians, by_gravity))
     };
     let found = found.map_err(|e| invalid(e.to_string()))?;
     let solutions = &found.solutions;
@@ -365,33 +365,40 @@ unsafe fn buffers(all: &Buffers) -> Result<Vec<&Buffer>, Failure> {
     (0..count).map(buffer).collect()
 }
 
-/// The robot, and the number of threads.
+/// The robot, the number of threads, and whether derivatives by gravity are wanted.
 ///
 /// # Safety
 /// The attributes must be those of a frame.
-unsafe fn attributes(all: &Attributes) -> Result<(&str, usize), Failure> {
+unsafe fn attributes(all: &Attributes) -> Result<(&str, usize, bool), Failure> {
     check_size("the list of attributes", all.size, size_of::<Attributes>())?;
-    let (mut robot, mut threads) = (None, None);
+    let (mut robot, mut threads, mut gravity) = (None, None, 0);
     for i in 0..usize::try_from(all.count).unwrap_or(0) {
-        // SAFETY: there are `count` types, names and values; a text is UTF-8 of its length, and a
-        // number of type i64 an i64.
+        // SAFETY: there are `count` types, names and values; a text is UTF-8 of its length.
         unsafe {
             let (kind, value) = (*all.types.add(i), *all.values.add(i));
             match (text(&**all.names.add(i)), kind) {
                 (Some("robot"), STRING) => robot = text(&*value.cast::<Text>()),
-                (Some("threads"), SCALAR) => {
-                    let number = &*value.cast::<Number>();
-                    let is_whole = number.kind == I64;
-                    threads = is_whole.then(|| *number.value.cast::<i64>());
+                (Some("threads"), SCALAR) => threads = whole(&*value.cast::<Number>()),
+                (Some("gravity"), SCALAR) => {
+                    gravity = whole(&*value.cast::<Number>()).unwrap_or(0);
                 }
                 _ => {}
             }
         }
     }
     match (robot, threads.map(usize::try_from)) {
-        (Some(robot), Some(Ok(threads))) => Ok((robot, threads)),
+        (Some(robot), Some(Ok(threads))) => Ok((robot, threads, gravity != 0)),
         _ => Err(invalid("a call without its attributes robot and threads")),
     }
+}
+
+/// A number of type i64.
+///
+/// # Safety
+/// The number must be of its type.
+unsafe fn whole(number: &Number) -> Option<i64> {
+    // SAFETY: as the function's own.
+    (number.kind == I64).then(|| unsafe { *number.value.cast::<i64>() })
 }
 
 /// # Safety

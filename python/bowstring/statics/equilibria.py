@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
 __all__ = [
-    "BY_GRAVITY",
+    "GRAVITY",
     "SECOND",
     "Function",
     "Input",
@@ -34,15 +34,13 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
+#: Index of gravity among the inputs.
+GRAVITY = 1
+
 #: Why a second derivative is refused.
 SECOND = (
     "second derivatives of an equilibrium are not available; take first derivatives only, as "
     "gradient descent, BFGS and Gauss-Newton do"
-)
-#: Why a derivative by gravity is refused.
-BY_GRAVITY = (
-    "there are no derivatives by gravity; differentiate by tensions, tip_force, tip_moment and "
-    "stiffness"
 )
 
 
@@ -148,10 +146,13 @@ def differentiable(
     return Function(robot, load, model, threads, made, inputs)
 
 
-def columns(tendons: int) -> dict[int, slice]:
-    """Columns of the derivatives by the index of their input; gravity has none."""
-    t = tendons
-    return {0: slice(0, t), 2: slice(t, t + 3), 3: slice(t + 3, t + 6), 4: slice(t + 6, None)}
+def columns(tendons: int, segments: int) -> dict[int, slice]:
+    """Columns of the derivatives by the index of their input."""
+    found, start = {}, 0
+    for index, count in ((0, tendons), (2, 3), (3, 3), (4, segments), (GRAVITY, 3)):
+        found[index] = slice(start, start + count)
+        start += count
+    return found
 
 
 def _or(value: Any, otherwise: Any) -> Any:

@@ -66,6 +66,32 @@ pub(crate) struct Fixed<L: Layout, const A: usize> {
     pub passes: Vec<L::Module>,
 }
 
+impl<L: Layout, const A: usize> Fixed<L, A> {
+    /// Loads on a module (see [`State::f`]) by its weight and by the force beyond its disk (N), to
+    /// which the weight of disk and module is added.
+    #[inline(always)]
+    fn weight_on(
+        &self,
+        k: usize,
+        gravity: Vec3<L::Chain>,
+        force: &mut Vec3<L::Chain>,
+    ) -> [Vec3<L::Chain>; 4] {
+        let c = &self.modules[k];
+        let (h, [start, end]) = (c.flexible, c.clamp);
+        let weight = gravity * c.mass_per_length;
+        *force += gravity * self.masses[k];
+        let mut loads = lumped(weight, *force, c);
+        if let Some(taper) = self.tapers.get(k) {
+            let (shift, turns) = taper.lumped(h, gravity);
+            loads[0] += shift;
+            loads[1] += turns[1];
+            loads[2] += turns[0];
+        }
+        *force += weight * (h + start + end);
+        loads
+    }
+}
+
 /// Dead loads in the base frame.
 #[derive(Clone)]
 pub(crate) struct DeadLoads<C> {
@@ -498,23 +524,25 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         self.dead.on_disks = on_disks.is_some();
         self.dead.gravity = gravity;
         let mut force = tip_force;
-        for (k, c) in self.fixed.modules.iter().enumerate().rev() {
-            let (h, [start, end]) = (c.flexible, c.clamp);
-            let weight = gravity * c.mass_per_length;
+        for k in (0..self.fixed.modules.len()).rev() {
             if let Some(on_disk) = &on_disks {
                 force += on_disk(k);
             }
-            force += gravity * self.fixed.masses[k];
-            let mut loads = lumped(weight, force, c);
-            if let Some(taper) = self.fixed.tapers.get(k) {
-                let (shift, turns) = taper.lumped(h, gravity);
-                loads[0] += shift;
-                loads[1] += turns[1];
-                loads[2] += turns[0];
-            }
-            self.dead.modules[k] = loads;
-            force += weight * (h + start + end);
+            self.dead.modules[k] = self.fixed.weight_on(k, gravity, &mut force);
         }
+    }
+
+    /// Loads on the modules by gravity alone, with the weights of payloads; see [`State::f`].
+    pub fn weights(&self, gravity: Vec3<L::Chain>) -> Vec<[Vec3<L::Chain>; 4]> {
+        let n = self.fixed.modules.len();
+        let (mut loads, mut force) = (vec![[Vec3::zero(); 4]; n], Vec3::zero());
+        for k in (0..n).rev() {
+            for payload in self.fixed.payloads.iter().filter(|p| p.disk == k) {
+                force += gravity * L::Chain::splat(payload.mass);
+            }
+            loads[k] = self.fixed.weight_on(k, gravity, &mut force);
+        }
+        loads
     }
 
     /// Sets dead moments and point loads; returns whether this divides modules anew.

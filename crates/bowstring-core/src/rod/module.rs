@@ -353,7 +353,7 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Vector from a node between two elements to the end.
     #[inline(always)]
-    fn beyond(&self, node: usize) -> Vec3<T> {
+    pub fn beyond(&self, node: usize) -> Vec3<T> {
         self.tail[2 * node - 1]
     }
 

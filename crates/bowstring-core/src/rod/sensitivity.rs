@@ -1,5 +1,5 @@
-//! Derivatives of an equilibrium: tip and tendon lengths with respect to tensions, tip wrench and
-//! stiffness.
+//! Derivatives of an equilibrium: tip and tendon lengths with respect to tensions, tip wrench,
+//! stiffness and gravity.
 //!
 //! Theory: docs/theory/statics.md (Block-tridiagonal elimination).
 //!
@@ -37,6 +37,8 @@ pub struct Jacobians {
     /// With respect to the relative change of all stiffnesses of each segment's backbone (d/d ln
     /// E).
     pub stiffness: Vec<Derivative>,
+    /// With respect to gravity along x, y and z of the base frame (s^2/m); empty unless requested.
+    pub gravity: Vec<Derivative>,
 }
 
 enum Parameter<'a> {
@@ -46,6 +48,8 @@ enum Parameter<'a> {
     Force(usize),
     Moment(usize),
     Stiffness(usize),
+    /// Gravity along an axis of the base frame, with its loads on the modules.
+    Gravity(usize, &'a [[Vec3; 4]]),
 }
 
 /// Partial derivatives of a module with respect to a parameter, at fixed strain.
@@ -60,11 +64,12 @@ struct Source<const A: usize> {
     start: Vec3,
 }
 
-/// Derivatives at the equilibrium held and evaluated by the rod; `None` for continuous tendons and
-/// where they are not finite.
+/// Derivatives at the equilibrium held and evaluated by the rod, those with respect to gravity if
+/// requested; `None` for continuous tendons and where they are not finite.
 pub(crate) fn jacobians<const A: usize>(
     rod: &mut Rod<Scalar, A>,
     segments: &[usize],
+    gravity: bool,
 ) -> Option<Jacobians> {
     if rod.path == TendonPath::Continuous {
         return None;
@@ -73,10 +78,10 @@ pub(crate) fn jacobians<const A: usize>(
     rod.linearise();
     let jacobians = if rod.has_potential() {
         rod.eliminate::<true>(0.0);
-        all::<A, true>(rod, segments)
+        all::<A, true>(rod, segments, gravity)
     } else {
         rod.eliminate::<false>(0.0);
-        all::<A, false>(rod, segments)
+        all::<A, false>(rod, segments, gravity)
     };
     jacobians.is_finite().then_some(jacobians)
 }
@@ -194,6 +199,7 @@ impl Jacobians {
             &self.tip_force,
             &self.tip_moment,
             &self.stiffness,
+            &self.gravity,
         ]
         .into_iter()
         .flatten()
@@ -207,10 +213,14 @@ impl Jacobians {
 fn all<const A: usize, const SYMMETRIC: bool>(
     rod: &Rod<Scalar, A>,
     segments: &[usize],
+    gravity: bool,
 ) -> Jacobians {
     let mut scratch = Scratch::with_spans(rod);
     let mut by = |p: Parameter<'_>| derivative::<A, SYMMETRIC>(rod, segments, &p, &mut scratch);
     let count = segments[segments.len() - 1] + 1;
+    let axes = if gravity { 0..3 } else { 0..0 };
+    let by_gravity = axes.map(|i| by(Parameter::Gravity(i, &rod.weights(unit(i)))));
+    let gravity = by_gravity.collect();
     Jacobians {
         tensions: (0..rod.placed.lengths.len())
             .map(|i| by(Parameter::Tension(i)))
@@ -218,6 +228,7 @@ fn all<const A: usize, const SYMMETRIC: bool>(
         tip_force: (0..3).map(|i| by(Parameter::Force(i))).collect(),
         tip_moment: (0..3).map(|i| by(Parameter::Moment(i))).collect(),
         stiffness: (0..count).map(|i| by(Parameter::Stiffness(i))).collect(),
+        gravity,
     }
 }
 
@@ -280,6 +291,28 @@ fn source<const A: usize>(
                 }
             }
             source.place = -(state.compliance(c) * state.n);
+        }
+        Parameter::Gravity(_, weights) => {
+            let [on_end, on_tangent, on_start, on_node] =
+                weights[k].map(|f| rod.rotations[k].tr_mul(f));
+            source.force = on_end;
+            source.moment = [-tangent.cross(on_tangent); A];
+            let of_start = Vec3([-on_start[1], on_start[0], 0.0]);
+            source.start = -(state.rho.cross(on_end) + tangent.cross(on_tangent) + of_start);
+            for node in 1..A / 2 {
+                let load = on_node * c.node_weight(node);
+                let share = load * c.fraction(2 * node);
+                source.force += share;
+                source.start -= state.inside(c, 2 * node - 1).cross(load);
+                for i in 0..A {
+                    // the contact force on the end is that without the share of the node
+                    source.moment[i] += gradient.r[i].tr_mul(share);
+                    if node > i / 2 {
+                        source.moment[i] -=
+                            gradient.r[i].tr_mul(load) - state.beyond(node).cross(load);
+                    }
+                }
+            }
         }
         _ => {}
     }
@@ -347,6 +380,12 @@ fn substitute<const A: usize, const SYMMETRIC: bool>(
     };
     let mut beyond = Vec3::zero();
     for k in (0..n).rev() {
+        if let Parameter::Gravity(i, _) = *parameter {
+            for payload in rod.fixed.payloads.iter().filter(|p| p.disk == k) {
+                let weight = rod.rotations[k + 1].tr_mul(unit(i)) * payload.mass;
+                p -= Vec3(payload.centre).cross(weight);
+            }
+        }
         let at_start = rod.states[k].s * p;
         let mut start = [at_start];
         solutions[k] = sources[k].moment.map(|m| m + at_start);

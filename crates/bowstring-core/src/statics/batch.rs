@@ -215,7 +215,8 @@ pub(super) fn solve_and_differentiate(
     loads.check_elements(robot, model.elements)?;
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
     let differentiate = !jacobians.is_empty();
-    let jacobians = pieces(jacobians, CHUNK * Differentiator::numbers(robot));
+    let each = jacobians.len().checked_div(loads.count).unwrap_or(0);
+    let jacobians = pieces(jacobians, CHUNK * each);
     let mut chunks: Vec<_> = solutions.chunks(robot, CHUNK).zip(jacobians).collect();
     #[cfg(target_arch = "x86_64")]
     let start = start_polynomial(robot, model, loads, threads);

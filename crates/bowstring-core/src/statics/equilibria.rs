@@ -19,7 +19,8 @@ use std::sync::{Mutex, PoisonError};
 ///
 /// The derivatives of a load are a matrix, row by row: position of the tip (m), its rotation vector
 /// in the base frame (rad) and the tendon lengths (m) by the tensions (N), the tip force (N), the
-/// tip moment (N m) and the logarithm of the stiffness of each segment.
+/// tip moment (N m), the logarithm of the stiffness of each segment and, if there are columns for
+/// it, gravity (m/s^2).
 pub(super) struct Differentiator {
     robot: Robot,
     model: RodModel,
@@ -39,18 +40,6 @@ impl Differentiator {
         }
     }
 
-    /// Rows and columns of the matrix of a load.
-    pub fn shape(robot: &Robot) -> [usize; 2] {
-        let tendons = robot.tendon_count();
-        [6 + tendons, tendons + 6 + robot.spec().backbone.len()]
-    }
-
-    /// Numbers of the matrix of a load.
-    pub fn numbers(robot: &Robot) -> usize {
-        let [rows, columns] = Self::shape(robot);
-        rows * columns
-    }
-
     /// Writes the matrix of a load at its equilibrium; nothing for continuous tendons, and where
     /// the equilibrium is so close to losing stability that the derivatives are not finite.
     pub fn write(&mut self, load: &Load, strain: &[Vec3], out: &mut [f64]) {
@@ -66,12 +55,15 @@ impl Differentiator {
             )
         });
         rod.take_strain(&settings.without_negligible(load), strain);
-        let Some(by) = rod.jacobians(&self.segments) else {
+        let tendons = self.robot.tendon_count();
+        let columns = out.len() / (6 + tendons);
+        let gravity = columns > tendons + 6 + self.robot.spec().backbone.len();
+        let Some(by) = rod.jacobians(&self.segments, gravity) else {
             return;
         };
-        let [_, columns] = Self::shape(&self.robot);
         let all = by.tensions.iter().chain(&by.tip_force);
         let all = all.chain(&by.tip_moment).chain(&by.stiffness);
+        let all = all.chain(&by.gravity);
         for (j, column) in all.enumerate() {
             let numbers = column.position.0.iter().chain(&column.rotation.0);
             for (i, x) in numbers.chain(&column.lengths).enumerate() {
@@ -98,6 +90,17 @@ pub struct Inputs<'a> {
     pub stiffness: &'a [f64],
 }
 
+/// Wanted derivatives of [`Equilibria::evaluate`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Derivatives {
+    /// None.
+    None,
+    /// By tensions, tip load and stiffness.
+    Most,
+    /// Also by gravity.
+    All,
+}
+
 /// Equilibria and, if wanted, their derivatives.
 #[derive(Clone, Debug)]
 pub struct Evaluated {
@@ -105,8 +108,8 @@ pub struct Evaluated {
     pub solutions: Solutions,
     /// Derivatives of each row, a matrix row by row: position of the tip (m), its rotation vector
     /// in the base frame (rad) and the tendon lengths (m), by the tensions (N), the tip force (N),
-    /// the tip moment (N m) and the factors of stiffness. NaN in rows without them; empty if they
-    /// are not wanted.
+    /// the tip moment (N m), the factors of stiffness and, if it is wanted, gravity (m/s^2). NaN in
+    /// rows without them; empty if they are not wanted.
     pub jacobians: Vec<f64>,
 }
 
@@ -169,12 +172,19 @@ impl Equilibria {
     }
 
     /// Rows and columns of the derivatives of a row.
-    pub fn jacobian_shape(&self) -> [usize; 2] {
-        Differentiator::shape(&self.robot)
+    pub fn jacobian_shape(&self, derivatives: Derivatives) -> [usize; 2] {
+        let spec = self.robot.spec();
+        let (tendons, segments) = (spec.tendons.len(), spec.backbone.len());
+        let columns = match derivatives {
+            Derivatives::None => 0,
+            Derivatives::Most => tendons + 6 + segments,
+            Derivatives::All => tendons + 6 + segments + 3,
+        };
+        [6 + tendons, columns]
     }
 
-    /// Equilibria of all rows, each from the straight backbone, on `threads` cores (0: all); with
-    /// derivatives if `jacobians`.
+    /// Equilibria of all rows, each from the straight backbone, on `threads` cores (0: all), and
+    /// their derivatives.
     ///
     /// Rows with invalid numbers, such as a tension below zero, have no equilibrium. Rows of equal
     /// stiffness one after the other are solved together, which is faster.
@@ -185,7 +195,7 @@ impl Equilibria {
         &self,
         inputs: &Inputs,
         threads: usize,
-        jacobians: bool,
+        derivatives: Derivatives,
     ) -> Result<Evaluated, InputError> {
         let (n, segments) = (inputs.count, self.robot.spec().backbone.len());
         for (name, numbers, each) in [
@@ -204,7 +214,7 @@ impl Equilibria {
         }
         let invalid: Vec<usize> = (0..n).filter(|&i| !self.is_valid(inputs, i)).collect();
         if invalid.is_empty() {
-            return self.evaluate_valid(inputs, threads, jacobians);
+            return self.evaluate_valid(inputs, threads, derivatives);
         }
         let with = |numbers: &[f64], value: f64| {
             let mut numbers = numbers.to_vec();
@@ -224,7 +234,7 @@ impl Equilibria {
                 stiffness: &with(inputs.stiffness, 1.0),
             },
             threads,
-            jacobians,
+            derivatives,
         )?;
         let Evaluated {
             solutions,
@@ -263,7 +273,7 @@ impl Equilibria {
         &self,
         inputs: &Inputs,
         threads: usize,
-        jacobians: bool,
+        derivatives: Derivatives,
     ) -> Result<Evaluated, InputError> {
         let n = inputs.count;
         let segments = self.robot.spec().backbone.len();
@@ -276,7 +286,7 @@ impl Equilibria {
             }
         }
         if runs.len() < 2 {
-            return self.evaluate_run(inputs, 0..n, threads, jacobians);
+            return self.evaluate_run(inputs, 0..n, threads, derivatives);
         }
         let mut parts: Vec<_> = runs.into_iter().map(|run| (run, None)).collect();
         for_each(
@@ -284,7 +294,7 @@ impl Equilibria {
             threads,
             || (),
             |_, (run, found)| {
-                *found = Some(self.evaluate_run(inputs, run.clone(), 1, jacobians));
+                *found = Some(self.evaluate_run(inputs, run.clone(), 1, derivatives));
             },
         );
         let mut all = Evaluated {
@@ -295,7 +305,7 @@ impl Equilibria {
             // interrupted work leaves runs out
             let found = match found {
                 Some(found) => found?,
-                None => self.pending(run.len(), jacobians)?,
+                None => self.pending(run.len(), derivatives)?,
             };
             all.solutions.append(found.solutions);
             all.jacobians.extend(found.jacobians);
@@ -303,20 +313,21 @@ impl Equilibria {
         Ok(all)
     }
 
-    fn pending(&self, n: usize, jacobians: bool) -> Result<Evaluated, InputError> {
+    fn pending(&self, n: usize, derivatives: Derivatives) -> Result<Evaluated, InputError> {
         Ok(Evaluated {
             solutions: Solutions::pending(&self.robot, n, false)?,
-            jacobians: self.unknown_jacobians(n, jacobians)?,
+            jacobians: self.unknown_jacobians(n, derivatives)?,
         })
     }
 
     /// Derivatives of `n` rows, all NaN; empty if they are not wanted.
-    fn unknown_jacobians(&self, n: usize, jacobians: bool) -> Result<Vec<f64>, InputError> {
-        let numbers = match jacobians {
-            true => n.checked_mul(Differentiator::numbers(&self.robot)),
-            false => Some(0),
-        };
-        unknown(numbers, &|| too_many(n))
+    fn unknown_jacobians(
+        &self,
+        n: usize,
+        derivatives: Derivatives,
+    ) -> Result<Vec<f64>, InputError> {
+        let [rows, columns] = self.jacobian_shape(derivatives);
+        unknown(n.checked_mul(rows * columns), &|| too_many(n))
     }
 
     /// Equilibria of rows of equal stiffness.
@@ -325,7 +336,7 @@ impl Equilibria {
         inputs: &Inputs,
         rows: Range<usize>,
         threads: usize,
-        jacobians: bool,
+        derivatives: Derivatives,
     ) -> Result<Evaluated, InputError> {
         let (n, tendons) = (rows.len(), self.robot.tendon_count());
         let segments = self.robot.spec().backbone.len();
@@ -354,9 +365,9 @@ impl Equilibria {
         };
         let robot = scaled.as_ref().unwrap_or(&self.robot);
         let mut found = match n {
-            1 => self.evaluate_one(robot, own, &loads, jacobians)?,
+            1 => self.evaluate_one(robot, own, &loads, derivatives)?,
             _ => {
-                let mut by = self.unknown_jacobians(n, jacobians)?;
+                let mut by = self.unknown_jacobians(n, derivatives)?;
                 let model = &self.model;
                 let solutions =
                     solve_and_differentiate(robot, model, &loads, threads, false, &mut by)?;
@@ -367,10 +378,10 @@ impl Equilibria {
             }
         };
         // from the logarithm to the factor itself
-        if jacobians && !own {
-            let [_, columns] = self.jacobian_shape();
+        let [_, columns] = self.jacobian_shape(derivatives);
+        if columns > 0 && !own {
             for row in found.jacobians.chunks_exact_mut(columns) {
-                for (x, factor) in row[columns - segments..].iter_mut().zip(factors) {
+                for (x, factor) in row[tendons + 6..].iter_mut().zip(factors) {
                     *x /= factor;
                 }
             }
@@ -384,7 +395,7 @@ impl Equilibria {
         robot: &Robot,
         own: bool,
         loads: &Loads,
-        jacobians: bool,
+        derivatives: Derivatives,
     ) -> Result<Evaluated, InputError> {
         let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let former = if own { kept().pop() } else { None };
@@ -395,17 +406,17 @@ impl Equilibria {
                 differentiator: Differentiator::new(robot, &self.model),
             },
         };
-        let mut found = self.pending(1, jacobians)?;
+        let mut found = self.pending(1, derivatives)?;
         let Single {
             solver,
             differentiator,
         } = &mut single;
         for mut chunk in found.solutions.chunks(robot, 1) {
-            if jacobians {
+            if derivatives != Derivatives::None {
                 chunk.keep_strains();
             }
             chunk.solve(0, solver, loads, false);
-            if jacobians {
+            if derivatives != Derivatives::None {
                 chunk.differentiate(differentiator, loads, &mut found.jacobians);
             }
         }
@@ -428,7 +439,8 @@ fn common(mut rows: Vec<f64>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::robot::{Disk, RobotSpec, Section, Tendon};
+    use crate::model::load::PointLoad;
+    use crate::model::robot::{Disk, Payload, Profile, RobotSpec, Section, Tendon};
     use crate::statics::batch::solve_batch;
     use crate::statics::solver::Status;
 
@@ -513,8 +525,8 @@ mod tests {
                 ..Loads::default()
             };
             let batch = solve_batch(&robot(), &RodModel::default(), &loads, 0, false).unwrap();
-            for jacobians in [false, true] {
-                let found = function.evaluate(&inputs, 0, jacobians).unwrap();
+            for derivatives in [Derivatives::None, Derivatives::Most, Derivatives::All] {
+                let found = function.evaluate(&inputs, 0, derivatives).unwrap();
                 let off = found.solutions.tip_position.iter().zip(&batch.tip_position);
                 for (a, b) in off {
                     assert!(if n == 1 {
@@ -523,9 +535,8 @@ mod tests {
                         a == b
                     });
                 }
-                let [rows, columns] = function.jacobian_shape();
-                let numbers = if jacobians { n * rows * columns } else { 0 };
-                assert_eq!(found.jacobians.len(), numbers);
+                let [rows, columns] = function.jacobian_shape(derivatives);
+                assert_eq!(found.jacobians.len(), n * rows * columns);
                 assert!(found.jacobians.iter().all(|x| x.is_finite()));
             }
         }
@@ -535,28 +546,78 @@ mod tests {
     /// also where the stiffness differs from row to row.
     #[test]
     fn derivatives_agree_with_differences() {
-        let function = function();
+        check_derivatives(&function());
+        let segments = |changed: &dyn Fn(&mut RobotSpec)| {
+            let mut spec = robot().spec().clone();
+            changed(&mut spec);
+            Robot::new(spec).unwrap()
+        };
+        let loaded = segments(&|spec| {
+            spec.payloads.push(Payload {
+                disk: 4,
+                mass: 0.05,
+                centre: [0.02, -0.01, 0.03],
+                inertia: [1e-6; 3],
+            });
+            let Profile::Uniform(section) = spec.backbone[1].clone() else {
+                unreachable!("it is uniform")
+            };
+            let thinner = |p: usize| Section {
+                bending: section.bending.map(|b| b * (1.0 - 0.1 * p as f64)),
+                mass_per_length: 0.2 * (1.0 - 0.15 * p as f64),
+                ..section
+            };
+            spec.backbone[1] = Profile::Tapered(Box::new([0, 1, 2, 3, 4].map(thinner)));
+        });
+        let between = OwnedLoad {
+            point_loads: vec![PointLoad {
+                arc_length: Some(0.24),
+                force: [0.1, 0.0, -0.1],
+                ..PointLoad::default()
+            }],
+            ..OwnedLoad::default()
+        };
+        for elements in [1, 2, 4] {
+            let model = RodModel {
+                elements: Some(elements),
+                ..RodModel::default()
+            };
+            let constant = if elements > 1 {
+                &between
+            } else {
+                &OwnedLoad::default()
+            };
+            check_derivatives(&Equilibria::new(&loaded, model, constant.clone()).unwrap());
+        }
+    }
+
+    fn check_derivatives(function: &Equilibria) {
         let n = 3;
         let mut own = made(n);
         own[3] = numbers(n, 3, 0.02);
         own[4] = vec![1.0, 1.0, 0.8, 1.3, 1.1, 0.9];
-        let found = function.evaluate(&inputs(n, &own), 1, true).unwrap();
-        let [rows, columns] = function.jacobian_shape();
+        let found = function.evaluate(&inputs(n, &own), 1, Derivatives::All);
+        let found = found.unwrap();
+        let [rows, columns] = function.jacobian_shape(Derivatives::All);
         let mut column = 0;
-        for (k, each, step) in [(0, 4, 0.05), (2, 3, 0.01), (3, 3, 2e-3), (4, 2, 0.01)] {
+        let of_loads = [(0, 4, 0.05), (2, 3, 0.01), (3, 3, 2e-3)];
+        for (k, each, step) in of_loads.into_iter().chain([(4, 2, 0.01), (1, 3, 0.3)]) {
             for q in 0..each {
                 let at = |h: f64| {
                     let mut moved = own.clone();
                     (0..n).for_each(|i| moved[k][i * each + q] += h);
                     function
-                        .evaluate(&inputs(n, &moved), 1, false)
+                        .evaluate(&inputs(n, &moved), 1, Derivatives::None)
                         .unwrap()
                         .solutions
                 };
-                let difference =
-                    |h: f64, of: &dyn Fn(&Solutions) -> f64| (of(&at(h)) - of(&at(-h))) / (2.0 * h);
+                let pairs = [step, 0.5 * step].map(|h| (h, at(h), at(-h)));
                 let richardson = |of: &dyn Fn(&Solutions) -> f64| {
-                    (4.0 * difference(0.5 * step, of) - difference(step, of)) / 3.0
+                    let slope = |k: usize| {
+                        let (h, up, down) = &pairs[k];
+                        (of(up) - of(down)) / (2.0 * h)
+                    };
+                    (4.0 * slope(1) - slope(0)) / 3.0
                 };
                 for i in 0..n {
                     let by = |row: usize| found.jacobians[(i * rows + row) * columns + column];
@@ -581,12 +642,16 @@ mod tests {
         let function = function();
         let n = 5;
         let good = made(n);
-        let expected = function.evaluate(&inputs(n, &good), 0, true).unwrap();
+        let expected = function
+            .evaluate(&inputs(n, &good), 0, Derivatives::Most)
+            .unwrap();
         let mut own = good.clone();
         own[0][4] = -1.0;
         own[2][6] = f64::NAN;
         own[4][7] = 0.0;
-        let found = function.evaluate(&inputs(n, &own), 0, true).unwrap();
+        let found = function
+            .evaluate(&inputs(n, &own), 0, Derivatives::Most)
+            .unwrap();
         let numbers = found.jacobians.len() / n;
         for i in 0..n {
             let bad = (1..4).contains(&i);
@@ -609,7 +674,9 @@ mod tests {
             count: 3,
             ..inputs(2, &own)
         };
-        let refused = function().evaluate(&wrong, 0, false).unwrap_err();
+        let refused = function()
+            .evaluate(&wrong, 0, Derivatives::None)
+            .unwrap_err();
         let said = "tensions has 8 numbers, it must have 4 for each of 3 loads";
         assert_eq!(refused.to_string(), said);
     }

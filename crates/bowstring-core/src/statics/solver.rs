@@ -425,7 +425,7 @@ impl Solver {
             return None;
         }
         let segments: Vec<_> = self.robot.spec().disks.iter().map(|d| d.segment).collect();
-        self.plain().jacobians(&segments)
+        self.plain().jacobians(&segments, false)
     }
 
     /// Derivatives of the tip's position and, if wanted, rotation by each tension at the last
