@@ -1,0 +1,114 @@
+//! The step: derivatives of the tip, and the linear problem within limits and a trust region.
+//!
+//! Theory: docs/theory/inverse-kinematics.md (Eq. 10.2 and 10.3).
+
+use super::equilibrium::Level;
+use super::task::{norm, Task};
+use super::{InverseSolver, Target};
+use crate::math::bounded::{BoundedLeastSquares, Problem};
+use crate::math::linalg::Vec3;
+use crate::statics::outcome::Status;
+
+/// Scratch memory of the linear problem.
+#[derive(Default)]
+pub(super) struct Linear {
+    pub solver: BoundedLeastSquares,
+    pub a: Vec<f64>,
+    pub b: Vec<f64>,
+    pub centre: Vec<f64>,
+    pub lower: Vec<f64>,
+    pub upper: Vec<f64>,
+}
+
+impl InverseSolver {
+    /// Derivatives at the point, whose equilibrium the solver holds or is solved again.
+    pub(super) fn linearise(&mut self, task: &Task) -> bool {
+        let unit = self.unit;
+        let here = self.load.tensions.iter().zip(&self.point.tensions);
+        let same = here.into_iter().all(|(load, t)| *load == t * unit);
+        if !same || self.level().solver.tip().is_none() {
+            let outcome = self.equilibrium();
+            if outcome.status != Status::Converged {
+                return false;
+            }
+        }
+        let level = self.levels[self.point.level].as_mut();
+        let Level { solver, plain } = &mut **level.expect("the level of a point was made");
+        let rotation = task.target.direction.is_some();
+        self.drift = 0.0;
+        self.linearised = solver.tip_by_tensions(&mut **plain, rotation, &mut self.columns);
+        self.linearised
+    }
+
+    /// Column of the residual's derivative by a tension, without unit.
+    pub(super) fn column(&self, i: usize, target: &Target) -> [f64; 6] {
+        let [position, rotation] = &self.columns[i];
+        let p = *position * (self.unit / self.length);
+        let mut column = [p[0], p[1], p[2], 0.0, 0.0, 0.0];
+        if let Some(direction) = target.direction {
+            let r = &self.point.residual;
+            let tangent = Vec3([0, 1, 2].map(|q| r[3 + q] + direction[q]));
+            let turned = rotation.cross(tangent) * self.unit;
+            column[3..].copy_from_slice(&turned.0);
+        }
+        column
+    }
+
+    /// Solves the linear problem within the limits and the trust region, into `trial`: the nearest
+    /// tip, and of the tensions that lead to it those nearest to `1 - share` times the present
+    /// ones.
+    pub(super) fn linear_step(&mut self, task: &Task, weight: f64, radius: f64, share: f64) {
+        let m = task.rows;
+        let mut linear = std::mem::take(&mut self.linear);
+        let Linear {
+            solver,
+            a,
+            b,
+            centre,
+            lower,
+            upper,
+        } = &mut linear;
+        let sharp = 1.0 / weight;
+        a.clear();
+        b.clear();
+        b.extend(self.point.residual[..m].iter().map(|r| -r * sharp));
+        for (i, t) in self.point.tensions.iter().enumerate() {
+            let column = self.column(i, &task.target);
+            for (b, c) in b.iter_mut().zip(&column[..m]) {
+                let entry = c * sharp;
+                a.push(entry);
+                *b += entry * t;
+            }
+        }
+        centre.clear();
+        lower.clear();
+        upper.clear();
+        for (i, t) in self.point.tensions.iter().enumerate() {
+            centre.push((1.0 - share) * t);
+            lower.push(task.lower[i].max(t - radius));
+            upper.push(task.upper[i].min(t + radius));
+        }
+        self.trial.clone_from(&self.point.tensions);
+        let problem = Problem {
+            a,
+            b,
+            centre,
+            lower,
+            upper,
+        };
+        solver.solve(&problem, &mut self.trial);
+        self.linear = linear;
+    }
+
+    /// Predicted norm of the residual at the trial.
+    pub(super) fn predicted(&self, task: &Task) -> f64 {
+        let mut r = self.point.residual;
+        for (i, (to, from)) in self.trial.iter().zip(&self.point.tensions).enumerate() {
+            let column = self.column(i, &task.target);
+            for (r, c) in r.iter_mut().zip(column) {
+                *r += c * (to - from);
+            }
+        }
+        norm(&r[..task.rows])
+    }
+}
