@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares, minimize
@@ -110,7 +112,7 @@ def test_unreachable_tips_are_the_nearest():
         way = rng.normal(size=3)
         target = way / np.linalg.norm(way) * rng.uniform(0.3, 0.6)
         target[2] = abs(target[2])
-        found = bs.inverse_kinematics(robot, target, max_tension=80.0)
+        found = bs.inverse_kinematics(robot, target, max_tension=80.0, distance_margin=0)
         assert found.status == "unreachable"
 
         def residual(t, target=target):
@@ -126,18 +128,104 @@ def test_unreachable_tips_are_the_nearest():
             for start in (found.tensions / 80.0 * 0.98 + 0.01, [0.3, 0.3, 0.3], [0.7, 0.2, 0.2],
                           [0.2, 0.7, 0.2], [0.2, 0.2, 0.7])
         )  # fmt: skip
-        assert found.distance <= np.sqrt(2.0 * best) * (1.0 + 1e-5)
+        assert found.distance == found.nearest_distance <= np.sqrt(2.0 * best) * (1.0 + 1e-5)
+
+
+def least_by_slsqp(robot, target, most, start, largest):
+    """Least tensions within a distance of a target, by scipy on forward solves."""
+
+    def tip(t):
+        return bs.solve(robot, np.clip(t, 0.0, 1.0) * most)
+
+    def room(t):
+        return (largest - np.linalg.norm(tip(t).tip.position - target)) / robot.length
+
+    def gradient(t):
+        solved = tip(t)
+        way = solved.tip.position - target
+        by = bs.jacobians(solved).tip_position_by_tension * most
+        return -(way / np.linalg.norm(way)) @ by / robot.length
+
+    return minimize(
+        lambda t: 0.5 * t @ t,
+        start / most,
+        jac=lambda t: t,
+        bounds=[(0.0, 1.0)] * len(start),
+        constraints={"type": "ineq", "fun": room, "jac": gradient},
+        method="SLSQP",
+        options={"ftol": 1e-12, "maxiter": 300},
+    )
+
+
+@pytest.mark.parametrize("name", ["amouri2019", "rao2021"])
+def test_unreachable_tips_take_the_least_tensions_within_the_margin(name):
+    """scipy finds no smaller tensions whose tip is within the margin of the nearest one."""
+    robot = bs.load_robot(name)
+    rng = np.random.default_rng(9)
+    most = 0.8 * default_max_tension(robot).min()
+    for number in range(6):
+        way = rng.normal(size=3)
+        way[2] = abs(way[2])
+        target = way / np.linalg.norm(way) * rng.uniform(0.85, 0.99) * robot.length
+        if name == "amouri2019" and number == 0:
+            target = np.array([0.1, 0.02, 0.6])
+        found = bs.inverse_kinematics(robot, target, max_tension=most)
+        nearest = bs.inverse_kinematics(robot, target, max_tension=most, distance_margin=0)
+        if nearest.status == "reached":
+            assert found.distance < 1e-6 * robot.length
+            continue
+        assert found.status == nearest.status == "unreachable"
+        assert found.nearest_distance == nearest.distance
+        largest = nearest.distance + 1e-3 * robot.length
+        assert found.distance <= largest
+        landed = bs.solve(robot, found.tensions).tip.position
+        assert np.linalg.norm(landed - target) < largest * (1.0 + 1e-6)
+        size = np.linalg.norm(found.tensions)
+        assert size < np.linalg.norm(nearest.tensions)
+        for start in (found.tensions, nearest.tensions):
+            best = least_by_slsqp(robot, target, most, start, largest)
+            if best.success:
+                assert size < np.linalg.norm(best.x) * most * (1.0 + 2e-3)
+        wide = bs.inverse_kinematics(robot, target, max_tension=most, distance_margin="1 %")
+        assert np.linalg.norm(wide.tensions) < size
+        assert "with larger tensions within" in found.message()
+
+
+def test_margin_leaves_reached_tips_alone():
+    robot = bs.load_robot("amouri2019")
+    tip = bs.solve(robot, [90.0, 60.0, 70.0]).tip.position
+    found = bs.inverse_kinematics(robot, tip)
+    np.testing.assert_allclose(found.tensions, [90.0, 60.0, 70.0], atol=0.1)
+    assert found.status == "reached" and found.nearest_distance == found.distance
+
+
+def test_unreachable_path_is_followed_without_jumps():
+    robot = bs.load_robot("amouri2019")
+    angle = np.linspace(0.0, 2.0 * np.pi, 400)
+    path = np.stack([0.2 * np.cos(angle), 0.2 * np.sin(angle), np.full_like(angle, 0.58)], axis=-1)
+    found = bs.inverse_kinematics(robot, path)
+    assert set(found.status) == {"unreachable"} and not found.restarted.any()
+    largest = found.nearest_distance + 1e-3 * robot.length
+    assert (found.distance <= largest).all()
+    assert np.abs(np.diff(found.tensions, axis=0)).max() < 3.0
+    # each from its own start
+    alone = bs.inverse_kinematics(robot, path[::40], path=False)
+    np.testing.assert_allclose(alone.tensions, found.tensions[::40], atol=0.2)
+    np.testing.assert_allclose(alone.nearest_distance, found.nearest_distance[::40], atol=1e-7)
 
 
 def test_limits_that_bind_are_named():
     robot = bs.load_robot("amouri2019")
     tip = bs.solve(robot, [60.0, 0.0, 0.0]).tip.position
-    found = bs.inverse_kinematics(robot, tip, max_tension=30.0)
+    found = bs.inverse_kinematics(robot, tip, max_tension=30.0, distance_margin=0)
     assert found.status == "unreachable"
     assert found.tensions[0] == 30.0 and found.binding[0] == 1
     assert "the largest tension of tendon 1 (30 N)" in found.message()
     with pytest.raises(NoSolutionError, match="largest tension of tendon 1"):
         found.raise_for_status()
+    # limits bind the nearest tip, whatever the margin permits
+    relaxed = bs.inverse_kinematics(robot, tip, max_tension=30.0)
+    assert relaxed.tensions[0] < 30.0 and relaxed.binding.tolist() == found.binding.tolist()
     # each tendon has its own limits
     found = bs.inverse_kinematics(robot, tip, min_tension=[2.0, 3.0, 4.0], max_tension=70.0)
     assert (found.tensions >= [2.0, 3.0, 4.0]).all()
@@ -265,6 +353,10 @@ def test_single_and_rows_agree_and_are_shown():
         ({"load": bs.Load(gravity=[0, 0, np.nan])}, "finite"),
         ({"load": bs.Load(gravity=[[0, 0, 1], [0, 0, 2]])}, "gravity"),
         ({"path": 1}, "True or False"),
+        ({"distance_margin": -1e-3}, "distance_margin is -0.001"),
+        ({"distance_margin": 1.0}, "share of the length"),
+        ({"distance_margin": np.nan}, "distance_margin"),
+        ({"distance_margin": "1 mm"}, "share of the length"),
     ],
 )
 def test_bad_input(arguments, words):
@@ -280,8 +372,89 @@ def test_friction_is_refused():
         bs.inverse_kinematics(robot, [0.3, 0.0, 0.53])
 
 
+def test_a_segment_without_tendons_follows(tmp_path):
+    file = tmp_path / "tail.yaml"
+    file.write_text(
+        """
+name: with_tail
+segments:
+  - length: 200 mm
+    backbone: {diameter: 2 mm, E: 60 GPa, nu: 0.3, density: 6000 kg/m^3}
+    disks: {count: 8, mass: 2 g, radius: 12 mm, thickness: 2 mm, clamped_length: 0 mm}
+    tendons: {count: 3, pitch_radius: 9 mm}
+  - length: 80 mm
+    backbone: {diameter: 1.5 mm, E: 60 GPa, nu: 0.3, density: 6000 kg/m^3}
+    disks: {count: 3, mass: 1 g, radius: 12 mm, thickness: 2 mm, clamped_length: 0 mm}
+    tendons: []
+"""
+    )
+    robot = bs.load_robot(file)
+    load = bs.Load(gravity=(9.81, 0.0, 0.0))
+    tip = bs.solve(robot, [6.0, 3.0, 1.0], load=load).tip.position
+    found = bs.inverse_kinematics(robot, tip, load=load).raise_for_status()
+    np.testing.assert_allclose(found.tensions, [6.0, 3.0, 1.0], atol=0.01)
+    with pytest.raises(NoSolutionError, match="comes within"):
+        bs.inverse_kinematics(robot, 0.9 * tip, load=load).raise_for_status()
+
+
 def test_behind_the_base_is_answered():
     robot = bs.load_robot("rao2021")
     found = bs.inverse_kinematics(robot, [0.0, 0.0, -0.2], max_tension=8.0)
     assert found.status == "unreachable" and np.isfinite(found.distance)
     assert (found.tensions <= 8.0).all()
+
+
+def test_path_with_gaps_and_jumps_is_followed():
+    """Rows out of reach and far jumps between rows do not spoil those that follow."""
+    robot = bs.load_robot("rao2021")
+    _, tips, most = forward(robot, 60, 31)
+    tips[7] = [0.0, 0.0, -0.3]
+    tips[8] = tips[7]
+    tips[20] = [0.0, 0.0, 0.0]
+    found = bs.inverse_kinematics(robot, tips, max_tension=most)
+    there = np.ones(len(tips), dtype=bool)
+    there[[7, 8, 20]] = False
+    assert found.reached[there].all() and not found.reached[~there].any()
+    assert np.isfinite(found.tensions).all() and np.isfinite(found.distance).all()
+    landed = found.land().tip_position
+    assert np.linalg.norm(landed - tips, axis=1)[there].max() < 1e-5 * robot.length
+
+
+def test_loads_that_change_along_a_path():
+    """Each row has its own gravity, tip force and tip moment."""
+    robot = bs.load_robot("rao2021")
+    angle = np.linspace(0.0, 2.0, 40)
+    load = bs.Load(
+        gravity=9.81 * np.stack([np.sin(angle), 0.0 * angle, -np.cos(angle)], axis=-1),
+        tip_force=np.linspace([0.0, 0.0, 0.0], [0.03, 0.02, -0.05], 40),
+        tip_moment=np.linspace([0.0, 0.0, 0.0], [0.002, 0.0, 0.003], 40),
+    )
+    tips = np.linspace([0.05, 0.02, 0.385], [0.12, 0.05, 0.36], 40)
+    found = bs.inverse_kinematics(robot, tips, load=load).raise_for_status()
+    landed = found.land()
+    assert np.abs(landed.tip_position - tips).max() < 1e-5 * robot.length
+
+
+def test_one_tendon_bends_in_its_plane():
+    robot = bs.load_robot("amouri2019")
+    tip = bs.solve(robot, [50.0, 0.0, 0.0]).tip.position
+    # two tendons are held slack
+    found = bs.inverse_kinematics(robot, tip, max_tension=[80.0, 0.0, 0.0])
+    assert found.status == "reached"
+    np.testing.assert_allclose(found.tensions, [50.0, 0.0, 0.0], atol=1e-3)
+    side = np.array([0.0, 0.05, 0.0])
+    aside = bs.inverse_kinematics(robot, tip + side, max_tension=[80.0, 0.0, 0.0])
+    assert aside.status == "unreachable"
+    assert aside.nearest_distance == pytest.approx(0.05, rel=1e-6)
+
+
+def test_rows_without_equilibrium_land_nowhere():
+    robot = bs.load_robot("amouri2019")
+    path = [[0.2, 0.0, 0.58], [0.2, 0.0, 0.58], [0.21, 0.0, 0.57]]
+    found = bs.inverse_kinematics(robot, path)
+    tensions = found.tensions.copy()
+    tensions[1] = np.nan
+    landed = dataclasses.replace(found, tensions=tensions).land()
+    assert landed.status == ["converged", "no_equilibrium", "converged"]
+    assert np.isnan(landed.tip_position[1]).all() and landed.stable[1] is None
+    assert np.isfinite(landed.tip_position[[0, 2]]).all()

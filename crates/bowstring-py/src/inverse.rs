@@ -9,15 +9,17 @@ use numpy::{PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-/// Targets of the tip: positions (n, 3) in m and directions (n, 3) of length one, if given.
+/// Targets of the tip: positions (n, 3) in m, directions (n, 3) of length one, if given, and the
+/// permitted distance beyond that of the nearest tip, over the length.
 #[derive(FromPyObject)]
 pub struct Targets {
     positions: Rows<3>,
     directions: Option<Rows<3>>,
+    margin: f64,
 }
 
 /// Tensions within limits (T,) for targets of the tip; in order if `threads` is `None`, otherwise
-/// independent of each other on so many cores (0: all).
+/// independent of each other on so many cores (0: all). `limits` are the least and the largest.
 #[pyfunction]
 pub fn inverse_kinematics<'py>(
     py: Python<'py>,
@@ -59,6 +61,7 @@ pub fn inverse_kinematics<'py>(
             &loads.borrow(),
             &all,
             &limits,
+            targets.margin,
             order,
         )
     })?
@@ -76,6 +79,7 @@ pub fn inverse_kinematics<'py>(
     let tip_error = |o: &InverseOutcome| o.equilibrium.error.map_or(f64::NAN, |e| e.tip);
     for (name, values) in [
         ("distance", column(py, rows, |o| o.distance)),
+        ("nearest_distance", column(py, rows, |o| o.nearest)),
         ("direction_error", column(py, rows, |o| o.direction_error)),
         ("iterations", column(py, rows, |o| o.iterations as i64)),
         ("restarted", column(py, rows, |o| o.restarted)),

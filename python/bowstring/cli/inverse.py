@@ -82,6 +82,14 @@ def ik(
             "Largest tension of all tendons, or of each.  [default: half a turn of its segment]",
         ),
     ] = None,
+    distance_margin: Annotated[
+        str | None,
+        option(
+            "SHARE",
+            "Physics, point out of reach: how much farther from it than the nearest tip the tip "
+            "may be for smaller tensions, over the length; 0: the nearest tip.  [default: 0.1 %]",
+        ),
+    ] = None,
     free_length: Annotated[
         bool,
         typer.Option("--free-length", help="Let the length of the arc change to meet the point."),
@@ -119,6 +127,7 @@ def ik(
             ("--gravity", gravity is not None),
             ("--tip-force", tip_force is not None),
             ("--elements", elements is not None),
+            ("--distance-margin", distance_margin is not None),
         )
         for flag, there in given:
             if there and path is None:
@@ -133,7 +142,15 @@ def ik(
             raise InputError(f"{flag}: it is for --path; a single tip is printed.")
     check_elements(elements)
     options = _Options(
-        robot_, model, min_tension, max_tension, theory, elements, gravity, tip_force
+        robot_,
+        model,
+        min_tension,
+        max_tension,
+        theory,
+        elements,
+        gravity,
+        tip_force,
+        distance_margin,
     )
     if path is not None:
         if direction is not None:
@@ -188,11 +205,12 @@ class _Options:
         model: Literal["cc", "physics"],
         *texts: Any,
     ) -> None:
-        min_tension, max_tension, theory, elements, gravity, tip_force = texts
+        min_tension, max_tension, theory, elements, gravity, tip_force, margin = texts
         self.robot, self.model, self.theory, self.elements = robot, model, theory, elements
         self.least = _limit("--min-tension", min_tension, robot)
         self.most = _limit("--max-tension", max_tension, robot)
         self.gravity = robot.gravity if gravity is None else vector("--gravity", gravity, "m/s^2")
+        self.margin: float | str = 1e-3 if margin is None else margin
         self.force = [0.0] * 3 if tip_force is None else vector("--tip-force", tip_force, "N")
 
     @property
@@ -216,11 +234,18 @@ class _Options:
                 )
             rod = RodModel(self.theory, elements=self.elements)
             return inverse_kinematics(
-                self.robot, point, direction=tangent, load=self.load, model=rod, **limits
+                self.robot,
+                point,
+                direction=tangent,
+                load=self.load,
+                model=rod,
+                distance_margin=self.margin,
+                **limits,
             )
         except InputError as error:
-            if "min_tension" in str(error):
-                raise InputError(f"--min-tension: {error}") from None
+            for name in ("min_tension", "distance_margin"):
+                if name in str(error):
+                    raise InputError(f"--{name.replace('_', '-')}: {error}") from None
             raise
 
     def settings(self) -> dict[str, Any]:
@@ -229,6 +254,7 @@ class _Options:
             "model": self.model,
             "min_tension_N": self.least,
             "max_tension_N": self.most,
+            "distance_margin": self.margin if physics else None,
             "theory": self.theory if physics else None,
             "gravity_m_per_s2": self.gravity if physics else None,
             "tip_force_N": self.force if physics else None,
@@ -280,6 +306,7 @@ def _arc(robot: Robot, point: list[float], free_length: bool, chord: bool, as_js
             "position_m": plain(point),
             "direction": None,
             "distance_m": miss,
+            "nearest_distance_m": miss,
             "direction_error_rad": None,
             "segments": segments,
             "tip": frame(arcs.tip.position, arcs.tip.rotation),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -18,7 +19,7 @@ from bowstring.inverse.solution import InverseSolution
 from bowstring.robot.model import check_robot
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
-from bowstring.units import number_with_unit
+from bowstring.units import number_with_unit, read_share
 from bowstring.validation import shown
 
 if TYPE_CHECKING:
@@ -29,7 +30,6 @@ __all__ = ["default_max_tension", "inverse_kinematics"]
 Floats = NDArray[np.float64]
 
 _REACHED: Final = 1e-6  # distance over length of a reached tip
-_ROUNDING: Final = 1e-15
 _BEYOND: Final = 1.001  # distance from the base over length beyond which no tip can be
 
 
@@ -42,13 +42,15 @@ def inverse_kinematics(
     model: RodModel | Literal["constant_curvature"] | None = None,
     min_tension: ArrayLike = 0.0,
     max_tension: ArrayLike | None = None,
+    distance_margin: float | str = 1e-3,
     path: bool = True,
 ) -> InverseSolution:
     """Find tensions that bring the tip to a position.
 
-    By physics the tip is that of the stable equilibrium, to 1e-8 of the length. Where several sets
-    of tensions lead to the position, the result has the least sum of squares near it; where none
-    does, the nearest tip.
+    By physics the tip is that of the stable equilibrium, and a position counts as reached within
+    1e-6 of the length. Where several sets of tensions lead to the position, the result has the
+    least sum of squares near it. Where none does, it has the least tensions whose tip is hardly
+    farther from the position than the nearest tip (`distance_margin`).
 
     Parameters
     ----------
@@ -70,6 +72,12 @@ def inverse_kinematics(
     min_tension, max_tension : array_like () or (T,), optional
         Limits of the tensions in N. The default is 0 N, and for each tendon the tension that bends
         its segment by half a turn by the linear law.
+    distance_margin : float or str
+        For positions that cannot be reached, by physics: how much farther from the position than
+        the nearest tip the tip may be, as a share of the robot's length, or text such as
+        ``"0.1 %"``. The nearest tip of one segment often needs large tensions in all tendons, which
+        shorten the robot by fractions of a millimetre; a margin avoids them. 0 gives the nearest
+        tip. `InverseSolution.nearest_distance` has its distance.
     path : bool
         Whether rows are a path, each started from the previous one. Otherwise each has its own
         start, and they are solved on all cores.
@@ -100,6 +108,7 @@ def inverse_kinematics(
     targets, single = _positions(robot, position)
     tangents = _directions(direction, len(targets), single)
     least, most = _limits(robot, min_tension, max_tension)
+    margin = _margin(distance_margin)
     load = _dead(load)
     chosen: RodModel | Literal["constant_curvature"] = "constant_curvature"
     if isinstance(model, str):
@@ -111,7 +120,7 @@ def inverse_kinematics(
         found = _by_arcs(robot, targets, tangents, (least, most))
     else:
         chosen = rod = validation.instance("model", model, RodModel)
-        found = _by_physics(robot, (targets, tangents), (least, most), load, rod, path)
+        found = _by_physics(robot, (targets, tangents, margin), (least, most), load, rod, path)
     if single:
         found = {name: value[0] for name, value in found.items()}
         found |= {name: v.item() for name, v in found.items() if isinstance(v, np.generic)}
@@ -153,7 +162,7 @@ def default_max_tension(robot: Robot) -> Floats:
 
 def _by_physics(
     robot: Robot,
-    targets: tuple[Floats, Floats | None],
+    targets: tuple[Floats, Floats | None, float],
     limits: tuple[Floats, Floats],
     load: Load,
     model: RodModel,
@@ -169,14 +178,10 @@ def _by_physics(
             "inverse kinematics needs derivatives, which continuous and embedded tendons do not "
             'have; use tendon_path="straight" or model="constant_curvature"'
         )
-    given = SimpleNamespace(positions=targets[0], directions=targets[1])
+    positions, directions, margin = targets
+    given = SimpleNamespace(positions=positions, directions=directions, margin=margin)
     threads = None if path else 0
-    found = _inverse_kinematics(robot.core, given, limits, load, model, threads)
-    # the core's unit of tension rounds
-    tensions = found["tensions"]
-    for limit in limits:
-        tensions = np.where(np.abs(tensions - limit) <= _ROUNDING * limit, limit, tensions)
-    return found | {"tensions": tensions}
+    return _inverse_kinematics(robot.core, given, limits, load, model, threads)
 
 
 def _by_arcs(
@@ -211,6 +216,7 @@ def _by_arcs(
         "tip_position": tip.position,
         "tip_rotation": tip.rotation,
         "distance": distance,
+        "nearest_distance": distance,
         "direction_error": error,
         "tendon_lengths": arcs.lengths(),
         "binding": binding,
@@ -301,6 +307,19 @@ def _limit(robot: Robot, name: str, given: ArrayLike) -> Floats:
         raise InputError(
             f"{name} of tendon {i + 1} is {found[i]:g} N; it must be a finite number, 0 N or more"
         )
+    return found
+
+
+def _margin(given: float | str) -> float:
+    found = np.nan
+    if isinstance(given, str):
+        with suppress(ValueError):
+            found = read_share(given)
+    else:
+        found = validation.number("distance_margin", given, zero=True)
+    if not 0.0 <= found < 1.0:
+        rule = 'a share of the length, 0 or more and below 1, such as 0.001 or "0.1 %"'
+        raise InputError.of("distance_margin", shown(given), rule)
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -53,22 +53,29 @@ class InverseSolution:
     status : str or list of str
         ``"reached"``, the tip is within 1e-6 of the robot's length of the wanted position (with a
         direction, distance over length and error of the direction together are);
-        ``"unreachable"``, the tip is the nearest that the limits and the robot allow, as far as
-        small changes of tension show; ``"max_iterations"``, it is not proven to be the nearest;
-        ``"no_equilibrium"``, the loads have no stable equilibrium, and the numbers are NaN.
+        ``"unreachable"``, limits or robot do not allow it, as far as small changes of tension from
+        several starts show; ``"max_iterations"``, a nearer tip may exist, the iteration did not
+        converge; ``"no_equilibrium"``, the loads have no stable equilibrium, and the numbers are
+        NaN.
     tensions : ndarray (T,)
-        Tensions in N; the least sum of squares near them that leads to the same tip.
+        Tensions in N. Where the position is reached, the least sum of squares near them that leads
+        to the same tip; where it is not, the least that was found with a tip within the margin of
+        the nearest one.
     tip_position, tip_rotation : ndarray (3,) in m, (3, 3)
         Pose of the tip under the tensions, by the model.
     distance : float or ndarray
         Distance from the tip to the wanted position, m.
+    nearest_distance : float or ndarray
+        Distance from the nearest tip that was found to the wanted position, m; that of a position
+        with a direction belongs to the nearest pose. It is below `distance` where a margin was used
+        for smaller tensions.
     direction_error : float or ndarray
         Angle between the tangent at the tip and the wanted direction, rad; NaN without one.
     tendon_lengths : ndarray (T,)
         In m.
     binding : ndarray of int (T,)
-        Where the tip is not reached: -1 if the least tension keeps it from coming nearer, 1 if the
-        largest does, otherwise 0. Zeros where it is reached.
+        Where the position is not reached: -1 if the least tension keeps the nearest tip from coming
+        nearer, 1 if the largest does, otherwise 0. Zeros where it is reached.
     stable : bool, None, or a list of them
         As `Solution.stable`; None by constant curvature.
     iterations : int or ndarray of int
@@ -96,6 +103,7 @@ class InverseSolution:
     tip_position: Floats
     tip_rotation: Floats
     distance: Any
+    nearest_distance: Any
     direction_error: Any
     tendon_lengths: Floats
     binding: NDArray[np.int8]
@@ -161,7 +169,8 @@ class InverseSolution:
         Returns
         -------
         Sweep
-            Of one row for one position.
+            Of one row for one position. Rows without commands have the status
+            ``"no_equilibrium"`` and NaN.
         """
         choice("control", control, ("tensions", "displacements"))
         given = self.load if load is None else load
@@ -172,10 +181,14 @@ class InverseSolution:
         values = self.tensions if control == "tensions" else self.displacements()
         if values is None:
             raise InputError(f"{self.robot.name} has no home pose, so there are no displacements")
-        rows = np.nan_to_num(np.atleast_2d(values))
+        rows = np.atleast_2d(values)
+        failed = np.asarray(~np.isfinite(rows).all(axis=1))
+        rows = np.where(failed[:, None], 0.0, rows)
         if control == "tensions":
-            return solve_batch(self.robot, rows, load=given, model=model)
-        return sweep(self.robot, load=given.replace(displacements=rows), model=model)
+            landed = solve_batch(self.robot, rows, load=given, model=model)
+        else:
+            landed = sweep(self.robot, load=given.replace(displacements=rows), model=model)
+        return _without(landed, failed) if failed.any() else landed
 
     def __repr__(self) -> str:
         if self.position.ndim == 1:
@@ -230,6 +243,9 @@ class InverseSolution:
         if self.direction is not None:
             angle = np.degrees(float(np.asarray(self.direction_error)[at]))
             said += f" and {significant(angle)} deg of the direction"
+        nearest = float(np.asarray(self.nearest_distance)[at])
+        if nearest < float(np.asarray(self.distance)[at]):
+            said += f", with larger tensions within {in_mm(nearest)}"
         if status == "max_iterations":
             return said + ", and may come nearer: the iteration did not converge."
         binding = self.binding[at]
@@ -289,8 +305,8 @@ class InverseSolution:
         -------
         dict
             ``status, message, stable, iterations, restarted, elements, position_m, direction,
-            distance_m, direction_error_rad, tip, tensions_N, displacements_m, tendon_lengths_m,
-            binding, tip_error_m``; for n positions ``count, reached, rows``.
+            distance_m, nearest_distance_m, direction_error_rad, tip, tensions_N, displacements_m,
+            tendon_lengths_m, binding, tip_error_m``; for n positions ``count, reached, rows``.
         """
         displacements = self.displacements()
         if self.position.ndim == 1:
@@ -317,6 +333,7 @@ class InverseSolution:
             "position_m": plain(self.position[at]),
             "direction": None if self.direction is None else plain(self.direction[at]),
             "distance_m": value("distance"),
+            "nearest_distance_m": value("nearest_distance"),
             "direction_error_rad": value("direction_error"),
             "tip": None
             if failed
@@ -333,3 +350,23 @@ class InverseSolution:
             ],
             "tip_error_m": value("tip_error"),
         }
+
+
+def _without(landed: Sweep, failed: NDArray[np.bool_]) -> Sweep:
+    """Equilibria less those of rows that have no commands."""
+    changed: dict[str, Any] = {
+        "status": [
+            "no_equilibrium" if lost else word
+            for word, lost in zip(landed.status, failed, strict=True)
+        ],
+        "stable": [
+            None if lost else stable for stable, lost in zip(landed.stable, failed, strict=True)
+        ],
+        "converged": landed.converged & ~failed,
+    }
+    for field in fields(landed):
+        value = getattr(landed, field.name)
+        if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+            rows = failed.reshape(-1, *[1] * (value.ndim - 1))
+            changed[field.name] = np.where(rows, np.nan, value)
+    return replace(landed, **changed)

@@ -55,6 +55,10 @@ class _Inverse(Object):
     direction: Annotated[
         Vector | None, about("Wanted direction of the tangent at the tip; `null` without one.")
     ]
+    nearest_distance_m: Annotated[
+        OrNull,
+        about("Distance from the nearest tip that was found, perhaps with larger tensions."),
+    ]
     direction_error_rad: Annotated[
         OrNull, about("Angle between the tangent at the tip and the wanted direction.")
     ]

@@ -22,7 +22,7 @@ pub struct ErrorEstimate {
 }
 
 /// Tolerance of the estimated error of the tip, over the robot's length, when elements are chosen.
-const TIP_TOLERANCE: f64 = 1e-5;
+pub(crate) const TIP_TOLERANCE: f64 = 1e-5;
 /// Tolerance of the estimated error of tensions, over the largest tension.
 const TENSION_TOLERANCE: f64 = 1e-4;
 /// Numbers of elements to choose from.

@@ -1,4 +1,4 @@
-//! Equilibria of the iteration: the present point, trials near it, and more elements.
+//! Equilibria of the iteration: the present point, trials near it, more and fewer elements.
 
 use super::task::{norm, residual, Task};
 use super::InverseSolver;
@@ -7,10 +7,16 @@ use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::model::error::InputError;
 use crate::model::load::Load;
-use crate::rod::estimate::LEVELS;
+use crate::rod::estimate::{LEVELS, TIP_TOLERANCE};
 use crate::statics::adaptive::refine_to;
 use crate::statics::outcome::{Outcome, Status};
 use crate::statics::solver::{Solver, MAX_EXTRAPOLATION};
+
+/// Share of the tolerance of the tip's error below which a path goes on with half the elements, and
+/// range of the number of rows before it does.
+const COARSENING: f64 = 0.5;
+const LEAST_ROWS: usize = 4;
+const MOST_ROWS: usize = 128;
 
 /// A solver with the rod that differentiates its tip.
 pub(super) struct Level {
@@ -59,29 +65,6 @@ impl InverseSolver {
         level.expect("the level of a point was made")
     }
 
-    /// Takes the last solution to other loads, limits and another target.
-    pub(super) fn resume(&mut self, load: &Load, task: &Task) -> bool {
-        let now = self.load.borrow();
-        let mut same = Load {
-            tensions: now.tensions,
-            ..*load
-        } == now;
-        self.load.set_dead(load);
-        let bounds = task.lower.iter().zip(&task.upper);
-        for (tension, (lower, upper)) in self.point.tensions.iter_mut().zip(bounds) {
-            let within = tension.max(*lower).min(*upper);
-            same &= within == *tension;
-            *tension = within;
-        }
-        if !same {
-            self.linearised = false;
-            if !self.settle(false) {
-                return false;
-            }
-        }
-        self.measure(task)
-    }
-
     /// Sets the residual of the point to that of the solver's equilibrium.
     pub(super) fn measure(&mut self, task: &Task) -> bool {
         let Some(tip) = self.level().solver.tip() else {
@@ -114,7 +97,7 @@ impl InverseSolver {
     }
 
     /// Equilibrium of the trial's tensions, from the strain of the point and its change to first
-    /// order by the step.
+    /// order by the step, if the derivatives are those of the point's elements.
     pub(super) fn trial_equilibrium(&mut self) -> Outcome {
         let Self {
             load,
@@ -124,6 +107,7 @@ impl InverseSolver {
             step,
             changes,
             strain,
+            plain_level,
             ..
         } = self;
         load.tensions.clear();
@@ -133,7 +117,9 @@ impl InverseSolver {
         let level = self.levels[point.level].as_mut();
         let Level { solver, plain } = &mut **level.expect("the level of a point was made");
         strain.clone_from(&point.strain);
-        plain.add_strain_by_tensions(changes, strain);
+        if *plain_level == point.level {
+            plain.add_strain_by_tensions(changes, strain);
+        }
         let moved = strain.iter().zip(&point.strain);
         let moved = moved.fold(0.0, |most: f64, (to, from)| {
             most.max((*to - *from).max_abs())
@@ -166,13 +152,21 @@ impl InverseSolver {
         converged
     }
 
-    /// Solves the point with more elements if its error needs them; false if it does not.
-    pub(super) fn refine(&mut self, task: &Task) -> bool {
+    /// Estimates the discretisation error of the point; returns the elements that it needs.
+    pub(super) fn estimate(&mut self) -> Option<usize> {
         let mut outcome = self.point.outcome;
         let needed = self.level().solver.estimate_error(&mut outcome);
         self.point.outcome = outcome;
+        needed
+    }
+
+    /// Solves the point with more elements if its error needs them; false if it does not. The
+    /// derivatives of the coarser elements are kept.
+    pub(super) fn refine(&mut self, task: &Task) -> bool {
         let elements = LEVELS[self.point.level];
-        let Some(needed) = needed else { return false };
+        let Some(needed) = self.estimate() else {
+            return false;
+        };
         if self.model.elements.is_some() || needed <= elements || interrupt::interrupted() {
             return false;
         }
@@ -183,7 +177,6 @@ impl InverseSolver {
         let coarse = self.point.clone();
         self.point.strain = refine_to(coarse.strain.clone(), needed / elements);
         self.point.level = level;
-        self.linearised = false;
         let outcome = self.equilibrium();
         if outcome.status != Status::Converged || !self.measure(task) {
             self.point = coarse;
@@ -192,6 +185,66 @@ impl InverseSolver {
         }
         self.point.outcome = outcome;
         self.keep_strain();
+        // after coarser elements that were not fine enough, the next attempt is later
+        self.rows_to_hold = match self.rows_refined {
+            usize::MAX => usize::min(2 * self.rows_to_hold, MOST_ROWS),
+            _ => LEAST_ROWS,
+        };
+        self.rows_refined = 0;
         true
+    }
+
+    /// Halves the elements of the point if the error would still be far within its tolerance.
+    pub(super) fn coarsen(&mut self, least_level: usize) {
+        let Some(error) = self.point.outcome.error else {
+            return;
+        };
+        if self.model.elements.is_some() || self.point.level <= least_level {
+            return;
+        }
+        if self.rows_refined < self.rows_to_hold {
+            self.rows_refined += 1;
+            return;
+        }
+        // fourth order
+        if 16.0 * error.tip > COARSENING * TIP_TOLERANCE * self.length {
+            return;
+        }
+        let elements = LEVELS[self.point.level - 1];
+        if let Ok(level) = self.at(elements) {
+            self.point.strain = coarsen(&self.point.strain);
+            self.point.level = level;
+            self.past.clear();
+            self.rows_refined = usize::MAX;
+        }
+    }
+}
+
+/// The same strain on half as many elements, without its part that is not linear in each: the
+/// inverse of [`refine_to`].
+fn coarsen(strain: &[Vec3]) -> Vec<Vec3> {
+    let halves = strain.chunks_exact(4).flat_map(|arcs| {
+        let [first, second] = [arcs[0] + arcs[1], arcs[2] + arcs[3]];
+        let (sum, difference) = (first + second, (second - first) * (1.0 / 0.75));
+        [(sum - difference) * 0.5, (sum + difference) * 0.5]
+    });
+    halves.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Fewer elements hold a strain that is linear in each of them as more elements do.
+    #[test]
+    fn coarser_elements_undo_finer_ones() {
+        let strain: Vec<_> = (0..12)
+            .map(|i| Vec3([0.1 * i as f64, (i as f64).sin(), 0.3]))
+            .collect();
+        let there = coarsen(&refine_to(strain.clone(), 2));
+        assert_eq!(there.len(), strain.len());
+        for (a, b) in there.iter().zip(&strain) {
+            assert!((*a - *b).max_abs() < 1e-14);
+        }
     }
 }

@@ -9,7 +9,10 @@
 mod descent;
 mod equilibrium;
 mod outcome;
+mod path;
+mod relax;
 mod rows;
+mod search;
 mod start;
 mod step;
 mod task;
@@ -18,27 +21,21 @@ pub use outcome::{InverseOutcome, InverseStatus};
 pub use rows::{inverses, Inverses, Order};
 pub use task::{Limits, Target};
 
-use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::model::error::InputError;
 use crate::model::load::{Load, OwnedLoad, RodModel, TendonPath};
 use crate::model::robot::Robot;
 use crate::rod::estimate::LEVELS;
 use crate::statics::outcome::Outcome;
-use descent::{End, FIRST_WEIGHT, LEAST_WEIGHT};
+use descent::{Effort, End};
 use equilibrium::{Level, Point};
+use path::Past;
 use step::Linear;
 use task::{norm, Task};
 
 /// Distance of a reached tip, over the robot's length.
 pub const REACHED: f64 = 1e-6;
 
-/// Starts that are tried until the tip is reached.
-const STARTS: usize = 20;
-/// Difference of distances over the length within which two starts lead to the same tip, and number
-/// of such starts after the first from which it is the nearest.
-const SAME: f64 = 1e-7;
-const AGREEMENTS: usize = 3;
 /// Gradient of the distance below which a limit does not bind, over that of the tip's motion.
 const LEAST_GRADIENT: f64 = 1e-6;
 
@@ -53,15 +50,33 @@ pub struct InverseSolver {
     length: f64,
     /// Unit of tension: by the linear law it bends the robot by one radian (N).
     unit: f64,
+    /// Permitted distance beyond that of the nearest tip, over the length.
+    margin: f64,
+    /// Present point of the iteration; after it the solution, or that of the row before.
     point: Point,
-    /// Whether the point is an equilibrium of the loads, and whether the columns are its
-    /// derivatives.
+    /// Whether there was a row before, and whether it has a solution.
+    has_rows: bool,
     known: bool,
+    /// Point with the nearest tip, if the solution is another one.
+    nearest: Option<Point>,
+    /// The last unreached row that was searched from several starts, and its least distance over the
+    /// length.
+    searched: Option<(Task, f64)>,
+    /// Solutions of the rows before on a path, latest last.
+    past: Vec<Past>,
+    /// Rows since the elements were refined; the largest number after they were made coarser. And
+    /// rows after which they may be made coarser.
+    rows_refined: usize,
+    rows_to_hold: usize,
+    /// Whether the columns are derivatives at or near the point.
     linearised: bool,
     /// Sum of the changes of tension since the derivatives, over the unit of tension.
     drift: f64,
-    /// Derivatives of position and rotation of the tip by each tension (m/N, rad/N).
+    /// Derivatives of position and rotation of the tip by each tension (m/N, rad/N), whether those
+    /// of the rotation are known, and the level of elements whose rod has eliminated them.
     columns: Vec<[Vec3; 2]>,
+    has_rotations: bool,
+    plain_level: usize,
     linear: Linear,
     /// Tensions of the present trial, and the last two steps.
     trial: Vec<f64>,
@@ -70,17 +85,26 @@ pub struct InverseSolver {
     /// The step (N), and the strain that it leads to.
     changes: Vec<f64>,
     strain: Vec<Vec3>,
-    /// Limits that keep the tip of the last solution from its target.
+    /// Tensions of the last row (N).
+    tensions: Vec<f64>,
+    /// Limits that keep the nearest tip of the last row from its target.
     binding: Vec<i8>,
 }
 
 impl InverseSolver {
-    /// A solver for a robot and a model.
+    /// A solver for a robot and a model. Where a target cannot be reached, its tip may be farther
+    /// from the target than the nearest one by `margin` of the robot's length, for smaller tensions.
     ///
     /// # Errors
-    /// For continuous tendons, which have no derivatives, and for robots without tendons.
-    pub fn new(robot: &Robot, model: RodModel) -> Result<Self, InputError> {
+    /// For continuous tendons, which have no derivatives, for robots without tendons, and for a
+    /// margin that is negative or not finite.
+    pub fn new(robot: &Robot, model: RodModel, margin: f64) -> Result<Self, InputError> {
         let tendons = robot.tendon_count();
+        if !(margin >= 0.0 && margin.is_finite()) {
+            return Err(InputError::other(format!(
+                "the margin of the distance is {margin}; it must be finite and >= 0"
+            )));
+        }
         if model.model.tendon == TendonPath::Continuous {
             return Err(InputError::other(
                 "inverse kinematics needs derivatives, which continuous and embedded tendons do not have",
@@ -111,16 +135,26 @@ impl InverseSolver {
                 level: 0,
                 outcome: Outcome::pending(),
             },
+            margin,
+            has_rows: false,
             known: false,
+            nearest: None,
+            searched: None,
+            past: vec![],
+            rows_refined: 0,
+            rows_to_hold: 0,
             linearised: false,
             drift: 0.0,
             columns: vec![[Vec3::zero(); 2]; tendons],
+            has_rotations: false,
+            plain_level: 0,
             linear: Linear::default(),
             trial: vec![0.0; tendons],
             step: vec![0.0; tendons],
             last_step: vec![0.0; tendons],
             changes: vec![0.0; tendons],
             strain: vec![],
+            tensions: vec![f64::NAN; tendons],
             binding: vec![0; tendons],
         };
         made.at(LEVELS[made.first_level(&Load::default())])?;
@@ -129,7 +163,7 @@ impl InverseSolver {
 
     /// Tensions for a target. `warm` starts from the last solution, for targets in a fine sequence.
     ///
-    /// Loads, target and limits must have been checked.
+    /// Load, target and limits must have been checked.
     pub fn solve(
         &mut self,
         load: &Load,
@@ -139,75 +173,62 @@ impl InverseSolver {
     ) -> InverseOutcome {
         let task = self.task(target, limits);
         let mut outcome = InverseOutcome::pending();
-        let mut best: Option<(Point, End)> = None;
-        let (mut restarted, mut agreements, mut last_is_best) = (false, 0, true);
-        if warm && self.known && self.resume(load, &task) {
-            let end = self.descend(&task, LEAST_WEIGHT, &mut outcome.iterations);
-            if self.point.size > REACHED {
-                best = Some((self.point.clone(), end));
-            }
+        let iterations = &mut outcome.iterations;
+        let follows = warm && self.has_rows;
+        self.has_rows = true;
+        let relaxed = self.return_to_nearest();
+        let mut end = None;
+        if follows && self.known && self.resume(load, &task) {
+            let descended = self.descend(&task, Effort::WHOLE, iterations);
+            end = self.polish(&task, descended, iterations);
         } else {
             self.load.set_dead(load);
-            self.known = false;
+            self.searched = None;
         }
-        let continued = best.is_some();
-        if !self.known || continued {
-            self.load.set_dead(load);
-            for start in 0..STARTS {
-                if interrupt::interrupted() || agreements >= AGREEMENTS {
-                    break;
-                }
-                if !self.start(&task, start) {
-                    last_is_best = false;
-                    continue;
-                }
-                let end = self.descend(&task, FIRST_WEIGHT, &mut outcome.iterations);
-                let size = self.point.size;
-                last_is_best = false;
-                let best_size = best.as_ref().map_or(f64::INFINITY, |(b, _)| b.size);
-                if size < best_size - SAME {
-                    last_is_best = true;
-                    restarted = continued;
-                    agreements = 0;
-                    best = Some((self.point.clone(), end));
-                } else if size <= best_size + SAME && end == End::Converged {
-                    agreements += 1;
-                }
-                if size <= REACHED {
-                    break;
-                }
-            }
-            let Some((point, _)) = &best else {
+        let mut new = end.is_none();
+        let proven = self.point.size <= REACHED || self.remains_nearest(&task);
+        if end.is_none() || !proven {
+            let last = end.map(|end| (self.point.clone(), end));
+            let Some((found, other)) = self.search(&task, last, iterations) else {
                 self.known = false;
+                self.past.clear();
+                self.tensions.fill(f64::NAN);
                 return outcome;
             };
-            if !last_is_best {
-                self.point.clone_from(point);
-                self.linearised = false;
-            }
-        }
-        let mut end = best.map_or(End::Converged, |(_, end)| end);
-        if !self.settle(last_is_best) {
-            self.known = false;
-            return outcome;
-        }
-        while self.refine(&task) {
-            end = self.descend(&task, LEAST_WEIGHT, &mut outcome.iterations);
-            if !self.settle(true) {
-                self.known = false;
-                return outcome;
-            }
+            end = Some(found);
+            new |= other;
         }
         self.known = true;
+        self.remember(&task, new);
         self.mark_binding(&task);
-        self.describe(&task, end, &mut outcome);
-        outcome.restarted = restarted;
+        outcome.nearest = norm(&self.point.residual[..3]) * self.length;
+        let status = match end {
+            _ if self.point.size <= REACHED => InverseStatus::Reached,
+            Some(End::Converged) => InverseStatus::Unreachable,
+            _ => InverseStatus::MaxIterations,
+        };
+        if status != InverseStatus::Reached {
+            self.relax(&task, relaxed, iterations);
+        }
+        self.describe(&task, limits, &mut outcome);
+        outcome.status = status;
+        outcome.restarted = follows && new;
         outcome
     }
 
-    /// Tensions of the last solution (N).
-    pub fn tensions(&self) -> Vec<f64> {
-        self.point.tensions.iter().map(|t| t * self.unit).collect()
+    /// Goes back to the nearest tip of the last row, if its solution is another one, which is
+    /// returned.
+    fn return_to_nearest(&mut self) -> Option<Point> {
+        let nearest = self.nearest.take()?;
+        self.linearised = false;
+        // the solver holds the equilibrium of the solution
+        self.load.tensions.clear();
+        Some(std::mem::replace(&mut self.point, nearest))
+    }
+
+    /// Tensions of the last row (N); NaN without an equilibrium.
+    pub fn tensions(&self) -> &[f64] {
+        &self.tensions
     }
 
     fn task(&self, target: &Target, limits: &Limits) -> Task {
@@ -217,29 +238,36 @@ impl InverseSolver {
             rows: if target.direction.is_some() { 6 } else { 3 },
             lower: over(limits.least),
             upper: over(limits.most),
+            margin: self.margin,
         }
     }
 
-    fn describe(&self, task: &Task, end: End, outcome: &mut InverseOutcome) {
+    fn describe(&mut self, task: &Task, limits: &Limits, outcome: &mut InverseOutcome) {
         let r = &self.point.residual;
         outcome.distance = norm(&r[..3]) * self.length;
         if task.target.direction.is_some() {
             // the chord between two unit vectors
             outcome.direction_error = 2.0 * (0.5 * norm(&r[3..])).min(1.0).asin();
         }
-        outcome.status = match end {
-            _ if self.point.size <= REACHED => InverseStatus::Reached,
-            End::Converged => InverseStatus::Unreachable,
-            End::Stuck => InverseStatus::MaxIterations,
-        };
         outcome.elements = LEVELS[self.point.level];
         outcome.equilibrium = self.point.outcome;
+        for (i, tension) in self.tensions.iter_mut().enumerate() {
+            let t = self.point.tensions[i];
+            // the unit of tension rounds
+            *tension = if t == task.lower[i] {
+                limits.least[i]
+            } else if t == task.upper[i] {
+                limits.most[i]
+            } else {
+                (t * self.unit).max(limits.least[i]).min(limits.most[i])
+            };
+        }
     }
 
-    /// Marks the limits that keep the tip from the target.
+    /// Marks the limits that keep the nearest tip from the target.
     fn mark_binding(&mut self, task: &Task) {
         self.binding.fill(0);
-        if self.point.size <= REACHED {
+        if self.point.size <= REACHED || !(self.linearised || self.linearise(task)) {
             return;
         }
         let r = &self.point.residual[..task.rows];
@@ -368,7 +396,7 @@ mod tests {
             elements: Some(2),
             ..RodModel::default()
         };
-        let mut inverse = InverseSolver::new(&robot, model).unwrap();
+        let mut inverse = InverseSolver::new(&robot, model, 0.0).unwrap();
         let none = Load {
             gravity: [0.0, 0.0, -9.81],
             ..Load::default()
@@ -391,12 +419,61 @@ mod tests {
             assert_eq!(found.status, InverseStatus::Reached, "{step}");
             assert!(found.distance < 1e-8);
             iterations[usize::from(warm)] += found.iterations;
-            let row = inverse.row(found);
+            let found = inverse.tensions();
             let size = |t: &[f64]| t.iter().map(|t| t * t).sum::<f64>();
-            assert!(size(&row.tensions) < size(&tensions) * (1.0 + 1e-6));
-            assert!(row.tensions.iter().all(|t| (0.0..=30.0).contains(t)));
+            assert!(size(found) < size(&tensions) * (1.0 + 1e-6));
+            assert!(found.iter().all(|t| (0.0..=30.0).contains(t)));
         }
         assert!(iterations[1] < 2 * iterations[0], "{iterations:?}");
+    }
+
+    /// With a margin the tensions of an unreachable target are smaller, its tip is within the margin,
+    /// and the distance of the nearest tip is the same.
+    #[test]
+    fn margin_reduces_tensions_of_unreachable_targets() {
+        let robot = robot();
+        let limits = Limits {
+            least: &[0.0; 5],
+            most: &[20.0; 5],
+        };
+        let target = Target {
+            position: [0.2, 0.1, 0.55],
+            direction: None,
+        };
+        let solved = |margin: f64| {
+            let mut inverse = InverseSolver::new(&robot, RodModel::default(), margin).unwrap();
+            let found = inverse.solve(&Load::default(), &target, &limits, false);
+            let size = inverse.tensions().iter().map(|t| t * t).sum::<f64>();
+            (found, size)
+        };
+        let [(nearest, most), (near, less)] = [0.0, 1e-3].map(solved);
+        assert_eq!(nearest.status, InverseStatus::Unreachable);
+        assert_eq!(near.status, InverseStatus::Unreachable);
+        assert_eq!(nearest.nearest, nearest.distance);
+        assert_eq!(near.nearest, nearest.distance);
+        assert!(near.distance <= nearest.distance + 1e-3 * robot.length());
+        assert!(less < most);
+    }
+
+    #[test]
+    fn wrong_targets_and_margins_are_refused() {
+        let robot = robot();
+        for margin in [-1.0, f64::NAN, f64::INFINITY] {
+            assert!(InverseSolver::new(&robot, RodModel::default(), margin).is_err());
+        }
+        let position = [0.1, 0.0, 0.5];
+        for (position, direction) in [
+            ([f64::NAN, 0.0, 0.5], None),
+            (position, Some([0.0; 3])),
+            (position, Some([0.0, 0.0, 2.0])),
+            (position, Some([f64::NAN, 0.0, 1.0])),
+        ] {
+            let target = Target {
+                position,
+                direction,
+            };
+            assert!(target.check().is_err());
+        }
     }
 
     #[test]

@@ -7,9 +7,9 @@ use crate::statics::outcome::Outcome;
 pub enum InverseStatus {
     /// The tip is within [`REACHED`](super::REACHED) of the target.
     Reached,
-    /// The tip is as near to the target as any small change of tension brings it.
+    /// The nearest tip is as near to the target as any small change of tension brings it.
     Unreachable,
-    /// The iteration ended before it was.
+    /// The nearest tip that was found may not be: the iteration did not converge.
     MaxIterations,
     /// No start has an equilibrium.
     NoEquilibrium,
@@ -34,11 +34,14 @@ pub struct InverseOutcome {
     pub status: InverseStatus,
     /// Distance from the tip to the target (m).
     pub distance: f64,
+    /// Distance from the nearest tip that was found to the target (m): smaller than that of the tip
+    /// where a margin permits a larger one.
+    pub nearest: f64,
     /// Angle between the tangent at the tip and its target (rad); NaN without one.
     pub direction_error: f64,
     /// Iterations of all starts.
     pub iterations: usize,
-    /// Whether a row of a path was found from another start than the previous row.
+    /// Whether a row of a path was not found from the previous row, but from another start.
     pub restarted: bool,
     /// Elements in a module.
     pub elements: usize,
@@ -51,6 +54,7 @@ impl InverseOutcome {
         InverseOutcome {
             status: InverseStatus::NoEquilibrium,
             distance: f64::NAN,
+            nearest: f64::NAN,
             direction_error: f64::NAN,
             iterations: 0,
             restarted: false,

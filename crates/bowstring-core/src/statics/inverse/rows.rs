@@ -28,17 +28,24 @@ pub struct Inverses {
     pub tendon_length: Vec<f64>,
 }
 
-/// Inverses of many rows: in order, each from the previous one (`warm`), or each from its own start
-/// over `threads` cores (0: all). The tensions of the loads are not used.
+/// Inverses of many rows, with the margin of [`InverseSolver::new`]. The tensions of the loads are
+/// not used.
+///
+/// # Errors
+/// If an argument is wrong, or the solvers do not fit into memory.
 pub fn inverses(
     robot: &Robot,
     model: &RodModel,
     loads: &Loads,
     targets: &[Target],
     limits: &Limits,
+    margin: f64,
     order: Order,
 ) -> Result<Inverses, InputError> {
     limits.check(robot)?;
+    for target in targets {
+        target.check()?;
+    }
     loads.check(robot)?;
     loads.check_elements(robot, model.elements)?;
     let threads = match order {
@@ -47,10 +54,10 @@ pub fn inverses(
     };
     let elements = model.elements.unwrap_or(1);
     dispatch::check_solvers(robot, elements, 2 * thread_count(threads))?;
-    InverseSolver::new(robot, *model)?;
+    InverseSolver::new(robot, *model, margin)?;
     let tendons = robot.tendon_count();
     let mut rows: Vec<(usize, Option<Row>)> = (0..targets.len()).map(|i| (i, None)).collect();
-    let scratch = || InverseSolver::new(robot, *model).expect("checked above");
+    let scratch = || InverseSolver::new(robot, *model, margin).expect("checked above");
     for_each(&mut rows, threads, scratch, |solver, (i, row)| {
         if interrupt::interrupted() {
             return;
@@ -86,7 +93,7 @@ pub enum Order {
 
 pub(super) struct Row {
     outcome: InverseOutcome,
-    pub(super) tensions: Vec<f64>,
+    tensions: Vec<f64>,
     binding: Vec<i8>,
     tip: Pose,
     lengths: Vec<f64>,
@@ -118,10 +125,7 @@ impl InverseSolver {
         if outcome.status == InverseStatus::NoEquilibrium {
             return row;
         }
-        let unit = self.unit;
-        for (out, t) in row.tensions.iter_mut().zip(&self.point.tensions) {
-            *out = t * unit;
-        }
+        row.tensions.clone_from(&self.tensions);
         row.binding.clone_from(&self.binding);
         let solver = &self.level().solver;
         if let Some(tip) = solver.tip() {

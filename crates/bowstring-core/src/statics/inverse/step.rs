@@ -9,6 +9,9 @@ use crate::math::bounded::{BoundedLeastSquares, Problem};
 use crate::math::linalg::Vec3;
 use crate::statics::outcome::Status;
 
+/// Length of a step over the unit of tension from which it corrects the derivatives.
+const LEAST_CORRECTING_STEP: f64 = 1e-5;
+
 /// Scratch memory of the linear problem.
 #[derive(Default)]
 pub(super) struct Linear {
@@ -36,8 +39,31 @@ impl InverseSolver {
         let Level { solver, plain } = &mut **level.expect("the level of a point was made");
         let rotation = task.target.direction.is_some();
         self.drift = 0.0;
+        self.plain_level = self.point.level;
+        self.has_rotations = rotation;
         self.linearised = solver.tip_by_tensions(&mut **plain, rotation, &mut self.columns);
         self.linearised
+    }
+
+    /// Corrects the derivatives of the position by the step and the residual `there` at its end
+    /// (Broyden's update), and adds the step to their drift. Where a direction is wanted they are
+    /// not corrected.
+    pub(super) fn correct_derivatives(&mut self, task: &Task, there: &[f64; 6]) {
+        let square: f64 = self.step.iter().map(|d| d * d).sum();
+        self.drift += self.step.iter().fold(0.0, |most: f64, d| most.max(d.abs()));
+        // a shorter step is lost in the tolerance of the equilibria
+        if !self.linearised || task.rows > 3 || square < LEAST_CORRECTING_STEP.powi(2) {
+            return;
+        }
+        let mut missing = Vec3([0, 1, 2].map(|q| there[q] - self.point.residual[q]));
+        for (i, d) in self.step.iter().enumerate() {
+            let column = self.column(i, &task.target);
+            missing -= Vec3([column[0], column[1], column[2]]) * *d;
+        }
+        let scale = self.length / (self.unit * square);
+        for (column, d) in self.columns.iter_mut().zip(&self.step) {
+            column[0] += missing * (scale * d);
+        }
     }
 
     /// Column of the residual's derivative by a tension, without unit.
@@ -56,7 +82,7 @@ impl InverseSolver {
 
     /// Solves the linear problem within the limits and the trust region, into `trial`: the nearest
     /// tip, and of the tensions that lead to it those nearest to `1 - share` times the present
-    /// ones.
+    /// ones. With a share of zero, tensions at a limit are kept if enough others are inside.
     pub(super) fn linear_step(&mut self, task: &Task, weight: f64, radius: f64, share: f64) {
         let m = task.rows;
         let mut linear = std::mem::take(&mut self.linear);
@@ -83,7 +109,13 @@ impl InverseSolver {
         centre.clear();
         lower.clear();
         upper.clear();
-        for (i, t) in self.point.tensions.iter().enumerate() {
+        let tensions = &self.point.tensions;
+        let at_limit = |i: usize| tensions[i] == task.lower[i] || tensions[i] == task.upper[i];
+        // of the least tensions, those at a limit stay there as long as the others are enough
+        let free = (0..tensions.len()).filter(|i| !at_limit(*i)).count();
+        let holds = share == 0.0 && free >= m;
+        for (i, t) in tensions.iter().enumerate() {
+            let radius = if holds && at_limit(i) { 0.0 } else { radius };
             centre.push((1.0 - share) * t);
             lower.push(task.lower[i].max(t - radius));
             upper.push(task.upper[i].min(t + radius));
