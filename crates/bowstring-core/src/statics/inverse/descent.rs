@@ -153,7 +153,9 @@ impl InverseSolver {
                 if self.point.size <= tolerance && largest <= SETTLED {
                     return End::Converged;
                 }
-                if largest <= LEAST_STEP {
+                // a short step may still halve a small distance
+                let gains = self.predicted(task) <= 0.5 * self.point.size;
+                if largest <= LEAST_STEP && !gains {
                     if self.drift <= LARGEST_DRIFT {
                         return End::Converged;
                     }
