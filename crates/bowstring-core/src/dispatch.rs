@@ -291,6 +291,7 @@ trait Build {
 
 /// Constructs it in the fastest number type of this processor. SIMD lanes are used for one element
 /// in a module only, and not for coupled sections, which are rare.
+#[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
 fn build<B: Build>(robot: &Robot, elements: usize, of: B) -> Result<B::Built, InputError> {
     #[cfg(target_arch = "x86_64")]
     if elements == 1 && !robot.is_coupled() {

@@ -18,6 +18,8 @@ use crate::statics::lanes::{LaneOutcome, Levels, SideBySide, FINER, MOST_LANES};
 use crate::statics::solver::{Outcome, Pose, Solver, Status};
 #[cfg(target_arch = "x86_64")]
 use crate::statics::start::StartPolynomial;
+#[cfg(target_arch = "x86_64")]
+use std::sync::Arc;
 
 impl RodModel {
     /// A solver of a robot with these settings.
@@ -219,13 +221,13 @@ pub(super) fn solve_and_differentiate(
     let jacobians = pieces(jacobians, CHUNK * each);
     let mut chunks: Vec<_> = solutions.chunks(robot, CHUNK).zip(jacobians).collect();
     #[cfg(target_arch = "x86_64")]
-    let start = start_polynomial(robot, model, loads, threads);
+    let start = start_polynomial(robot, model, loads, threads).map(Arc::new);
     let scratch = || Scratch {
         solver: model.solver(robot).expect("checked above"),
         #[cfg(target_arch = "x86_64")]
         lanes: Levels::new(robot, model),
         #[cfg(target_arch = "x86_64")]
-        start: start.as_ref(),
+        start: start.clone(),
         differentiator: differentiate.then(|| Differentiator::new(robot, model)),
     };
     for_each(
@@ -296,13 +298,13 @@ fn side_by_side<'l>(count: usize, load: impl Fn(usize) -> Load<'l>) -> [Load<'l>
 }
 
 /// Solvers of a thread.
-struct Scratch<'a> {
+struct Scratch {
     solver: Adaptive,
     #[cfg(target_arch = "x86_64")]
     lanes: Option<Levels>,
     /// Where lanes start; from the straight backbone if there is none.
     #[cfg(target_arch = "x86_64")]
-    start: Option<&'a StartPolynomial>,
+    start: Option<Arc<StartPolynomial>>,
     /// Where derivatives are wanted.
     differentiator: Option<Differentiator>,
 }
@@ -492,7 +494,7 @@ impl Chunk<'_> {
         };
         let mut open = Open::default();
         let all: Vec<usize> = (0..self.outcomes.len()).collect();
-        self.fill_first(lanes, &all, scratch.start, loads, &mut open);
+        self.fill_first(lanes, &all, scratch.start.as_deref(), loads, &mut open);
         if scratch.start.is_some() {
             let left = std::mem::take(&mut open.left);
             self.fill_first(lanes, &left, None, loads, &mut open);

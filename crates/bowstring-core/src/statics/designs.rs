@@ -5,9 +5,7 @@
 use crate::dispatch;
 use crate::interrupt;
 use crate::model::error::InputError;
-#[cfg(target_arch = "x86_64")]
-use crate::model::load::Load;
-use crate::model::load::RodModel;
+use crate::model::load::{Load, RodModel};
 use crate::model::robot::Robot;
 #[cfg(target_arch = "x86_64")]
 use crate::statics::adaptive::{refine_to, Adaptive};
