@@ -18,6 +18,12 @@ import pytest
 from bowstring import processes
 
 
+@pytest.fixture(autouse=True)
+def _beside_jax(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other tests may have imported JAX, beside which no process is forked."""
+    monkeypatch.setattr(processes, "_WITH_THREADS", ())
+
+
 @pytest.fixture(params=[1, 2, 3])
 def cores(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
     monkeypatch.setattr(processes, "_cores", lambda: request.param)
@@ -158,3 +164,12 @@ def _until(met: Callable[[], bool]) -> None:
     while not met():
         assert time.monotonic() < end
         time.sleep(0.05)
+
+
+def test_no_process_is_forked_beside_jax(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(processes, "_WITH_THREADS", ("jaxlib",))
+    monkeypatch.setattr(processes, "_cores", lambda: 2)
+    monkeypatch.setitem(sys.modules, "jaxlib", sys)
+    seen: list[int] = []
+    processes.for_each(range(3), lambda i: seen.append(os.getpid()))
+    assert seen == 3 * [os.getpid()]

@@ -20,6 +20,8 @@ T = TypeVar("T")
 
 _MOST = 4  # processes; each copies the memory that it changes
 _PATIENCE = 60.0  # s without a finished item after which the processes count as stuck
+# libraries whose threads may hold a lock that a forked process waits for
+_WITH_THREADS: tuple[str, ...] = ("jaxlib", "torch")
 
 _do: Callable[[int], None]  # work of a forked process on the item of an index
 
@@ -31,7 +33,8 @@ def for_each(
 
     Only files that `do` writes remain. An item that failed in another process is repeated in this
     one, so that its exception is raised here. Processes are forked, so items need no pickling;
-    that is safe on Linux only, and other systems process the items one after the other.
+    that is safe on Linux only and beside no library with threads of its own such as JAX. Otherwise
+    the items are processed one after the other.
 
     Parameters
     ----------
@@ -45,6 +48,7 @@ def for_each(
     notify = notify or (lambda share: None)
     # a daemonic process may not have children
     may_fork = sys.platform == "linux" and not multiprocessing.current_process().daemon
+    may_fork = may_fork and sys.modules.keys().isdisjoint(_WITH_THREADS)
     count = min(_cores(), _MOST, len(items)) if may_fork else 1
     done = _in_processes(items, do, count, notify) if count > 1 else set()
     left = [i for i in range(len(items)) if i not in done]
