@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -121,7 +122,9 @@ def test_a_regulator_damps_the_model() -> None:
         ({"tensions": [1, 2, np.nan]}, "tension"),
         ({"damping": -0.1}, "damping"),
         ({"damping": [0.1, 0.2]}, "12 ratios"),
-        ({"modes": 0}, "positive whole number"),
+        ({"damping": "x"}, "damping is 'x'"),
+        ({"modes": 2, "damping": [0.1, 0.2, 0.3]}, "2 ratios"),
+        ({"modes": 0}, "modes is 0, it must be a positive whole number"),
         ({"load": bs.Load([1, 0, 0], tip_moment=[0, 1, 0])}, "potential"),
         ({"model": bs.RodModel(tendon_path="continuous")}, "derivatives"),
     ],
@@ -138,3 +141,8 @@ def test_friction_and_missing_equilibria_are_refused() -> None:
         bs.linearise(AMOURI, [4000, 4000, 4000])
     with pytest.raises(InputError, match="dt is 0 s"):
         bs.linearise(AMOURI, [1, 0, 0]).discrete(0.0)
+    with pytest.raises(InputError, match="shorter step"):
+        bs.linearise(AMOURI, [1, 0, 0]).discrete(1e300)
+    tentacle = bs.load_robot(Path(__file__).parents[1] / "examples" / "tentacle.yaml")
+    with pytest.raises(InputError, match="tentacle has such tendons"):
+        bs.linearise(tentacle)

@@ -15,7 +15,7 @@ from bowstring.statics.derivatives import jacobians
 from bowstring.statics.load import Load, as_load
 from bowstring.statics.model import as_model
 from bowstring.statics.rod import solve
-from bowstring.validation import floats, number
+from bowstring.validation import is_whole, number, read, shown
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel
@@ -100,7 +100,10 @@ class LinearModel:
         states, inputs = self.B.shape
         both = np.zeros((states + inputs, states + inputs))
         both[:states] = np.concatenate([self.A, self.B], axis=1) * dt
-        turned = expm(both)
+        with np.errstate(all="ignore"):
+            turned = expm(both)
+        if not np.isfinite(turned).all():
+            raise InputError(f"dt is {dt:g} s, too long for a finite response; give a shorter step")
         return DiscreteModel(turned[:states, :states], turned[:states, states:], self.C, self.D, dt)
 
 
@@ -157,14 +160,21 @@ def linearise(
     given = as_load(tensions, load)
     if not given.is_tension_controlled:
         raise InputError("a linear model is for tensions; load has displacements or angles")
+    if not is_whole(modes) or modes < 1:
+        raise InputError.of("modes", shown(modes), "a positive whole number")
     commands, dead, path = checked(robot, None, given, model, None, modes)
+    if robot.is_embedded:
+        raise InputError(
+            f"a linear model needs derivatives, which tendons in the body do not have; {robot.name} "
+            "has such tendons"
+        )
     if robot.has_friction:
         raise InputError(
             f"the tendons of {robot.name} have friction, which no linear model has; set friction "
             "to 0"
         )
     found = oscillation(robot, commands, dead, model, path, count=modes)
-    ratios = _damping(damping, len(found.speed))
+    ratios = _damping(damping, len(found.speed), modes)
     by = jacobians(solve(robot, commands[1], load=dead, model=model))
     shapes = found.displacement[:, -1].T
     lengths, stretched = _lengths(robot, found)
@@ -191,9 +201,9 @@ def linearise(
     )
 
 
-def _damping(given: ArrayLike, count: int) -> Floats:
-    found = floats(given)
-    if found.ndim == 1 and found.shape[0] > count:
+def _damping(given: ArrayLike, count: int, asked: int) -> Floats:
+    found = read("damping", given, "a ratio, or a ratio of each mode")
+    if found.shape == (asked,):
         found = found[:count]  # fewer modes have mass
     if found.shape not in ((), (count,)) or not (np.isfinite(found) & (found >= 0.0)).all():
         raise InputError(
