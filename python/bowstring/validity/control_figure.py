@@ -8,7 +8,7 @@ import numpy as np
 
 from bowstring.formatting import in_percent
 from bowstring.validity.control_commands import COMMANDS
-from bowstring.validity.workspace_figure import draw_bar, draw_cells, places
+from bowstring.validity.workspace_figure import draw_bar, draw_cells, keep_open, places
 from bowstring.viz.style import LIGHT, WIDTH
 
 if TYPE_CHECKING:
@@ -88,16 +88,17 @@ def _draw_maps(part: SubFigure, found: ControlErrors, names: list[str]) -> None:
     drawn = None
     for panel, name in zip(panels, names, strict=False):
         share = found.distance(name)[0] / found.robot.length
-        cells = draw_cells(panel, places(found.robot, found.wanted), share, found.tolerance)
+        at = places(found.robot, found.wanted)
+        cells = draw_cells(panel, at, share, found.tolerance)
         drawn = drawn if cells is None else cells
         panel.set_title(_TITLES[name])
         panel.set_aspect("equal", adjustable="box")
-        panel.margins(0.06)
+        keep_open(panel, at)
         panel.tick_params(labelbottom=True)
     for row in grid:
         row[0].set_ylabel("y of the wanted tip (mm)" if surface else "z of the wanted tip (mm)")
     for panel in panels[max(0, len(names) - 2) : len(names)]:
-        panel.set_xlabel("x of the wanted tip (mm)" if surface else "from the base's axis (mm)")
+        panel.set_xlabel("x of the wanted tip (mm)" if surface else "from the axis (mm)")
     if drawn is not None:
         draw_bar(part, panels, drawn, found.tolerance, "distance")
 
@@ -111,13 +112,16 @@ def _lines(panel: Axes, found: ControlErrors, name: str, at: Any, values: Any) -
 
 
 def _finish(panel: Axes, found: ControlErrors) -> None:
-    panel.axhline(100.0 * found.tolerance, color=LIGHT["ink"], lw=1.0, ls=":")
+    tolerance = max(100.0 * found.tolerance, _LEAST)
+    panel.axhline(tolerance, color=LIGHT["ink"], lw=1.0, ls=":")
     panel.annotate(
-        f"tolerance {in_percent(found.tolerance)}",
-        (1.0, 100.0 * found.tolerance),
+        f"tolerance\n{in_percent(found.tolerance)}",
+        (1.0, tolerance),
         xycoords=("axes fraction", "data"),
-        ha="right",
-        va="bottom",
+        xytext=(4, 0),
+        textcoords="offset points",
+        ha="left",
+        va="center",
         fontsize=8.0,
     )
     panel.set_yscale("log")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.formatting import in_percent
+from bowstring.validity.workspace_figure import extent
 from bowstring.viz.style import LIGHT, WIDTH
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ Floats = NDArray[np.float64]
 
 _CELLS: Final = 28  # hexagons along an axis
 _ELLIPSES: Final = 14
+_LEAST: Final = 1e-30  # N, of a payload on a logarithmic scale
 _SIZE: Final = 0.05  # of the panel's span, of the largest ellipse
 
 
@@ -32,8 +34,9 @@ def draw_reach(found: Reach) -> Figure:
     solved = found.solved
     places = _places(found.tip[solved])
     arcs = _places(found.arc_tip)
-    wide, high = (float(np.ptp(np.concatenate([a, b]))) for a, b in zip(places, arcs, strict=True))
-    shape = np.clip(high / max(wide, 1e-9), 0.3, 2.0)  # of a panel
+    both = np.concatenate([places, arcs], axis=1)
+    left, right, low, high = extent((both[0], both[1]))
+    shape = np.clip((high - low) / (right - left), 0.3, 2.0)  # of a panel
     figure = Figure(figsize=(WIDTH * 1.5, 1.4 + 4.6 * shape), layout="constrained")
     grid: Any = figure.subplots(2, 2, sharex=True, sharey=True)
     sets, dexterity, compliance, payload = grid.ravel()
@@ -59,8 +62,10 @@ def draw_reach(found: Reach) -> Figure:
     carried = np.where(np.isfinite(found.payload), found.payload, np.nan)[solved]
     known = np.isfinite(carried)
     if known.any():
-        part = (places[0][known], places[1][known])
-        _cells(figure, payload, part, carried[known], "force on the tip (N)", "least", "log")
+        norm = "log" if (carried[known] > _LEAST).all() else None  # no logarithm of zero
+        _cells(figure, payload, places, carried, "force on the tip (N)", "least", norm)
+    else:
+        payload.text(0.5, 0.5, "no limit found", transform=payload.transAxes, ha="center")
     payload.set_title(f"payload to {in_percent(found.tolerance)} of length, least")
     for panel in grid[:, 0]:
         panel.set_ylabel("z of the tip (mm)")
@@ -92,12 +97,15 @@ def _cells(
     which: str,
     norm: str | None = None,
 ) -> None:
-    """Draw the least or the largest value in each hexagon."""
+    """Draw the least or the largest value in each hexagon; NaN is left out."""
+    known = np.isfinite(values)
     cells = panel.hexbin(
-        *places,
-        values,
+        places[0][known],
+        places[1][known],
+        values[known],
         reduce_C_function=np.min if which == "least" else np.max,
         gridsize=_CELLS,
+        extent=extent(places),
         cmap="viridis",
         linewidths=0.1,
         norm=norm,

@@ -25,11 +25,13 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.validity.workspace import WorkspaceMap
 
-__all__ = ["draw_bar", "draw_cells", "draw_workspace", "places"]
+__all__ = ["draw_bar", "draw_cells", "draw_workspace", "extent", "keep_open", "places"]
 
 Floats = NDArray[np.float64]
 
 _CELLS: Final = 30  # hexagons along an axis
+_NARROWEST: Final = 0.3  # least span of an axis over that of the other
+_SHARE_OF_PLACE: Final = 0.02  # least span over the largest coordinate
 _SHARES: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # of length
 _HOLDS: Final = "holds"  # keys of hexagons beside those of the causes
 _NO_ARC: Final = "no arc"
@@ -59,7 +61,7 @@ def draw_workspace(found: WorkspaceMap) -> Figure:
         for panel in (errors, causes):
             panel.set_ylabel("y of the tip (mm)" if surface else "z of the tip (mm)")
             panel.set_aspect("equal", adjustable="box")
-            panel.margins(0.06)  # a hexagon reaches beyond its centre
+            keep_open(panel, _places(found))
     far = "distance of the tip from the base's axis (mm)"
     panels[-1].set_xlabel("x of the tip (mm)" if surface else far)
     handles = _handles(found, present)
@@ -84,6 +86,33 @@ def places(robot: Robot, tip: Floats) -> tuple[Floats, Floats]:
     """Horizontal and vertical place of tips (P, 3) in a panel, mm."""
     x, y, z = 1e3 * tip.T
     return (x, y) if len(robot.segments) == 1 else (np.hypot(x, y), z)
+
+
+def extent(places: tuple[Floats, Floats]) -> tuple[float, float, float, float]:
+    """Ranges of a panel with places (P,) in mm, also where these lie on a line or in one point.
+
+    Without width, hexagons cannot be seen and a panel of equal scales has no area.
+    """
+    known = [p[np.isfinite(p)] for p in places]
+    known = [p if p.size else np.zeros(1) for p in known]
+    ends = [(float(p.min()), float(p.max())) for p in known]
+    least = max(
+        _NARROWEST * max(high - low for low, high in ends),
+        _SHARE_OF_PLACE * max(abs(end) for pair in ends for end in pair),
+        1e-9,
+    )
+    wide = [
+        (low - w, high + w) for low, high in ends for w in [max(0.0, 0.5 * (least - high + low))]
+    ]
+    return (*wide[0], *wide[1])
+
+
+def keep_open(panel: Axes, places: tuple[Floats, Floats]) -> None:
+    """Set the ranges of a panel to the extent of places (P,) in mm, with margins."""
+    left, right, low, high = extent(places)
+    panel.update_datalim([(left, low), (right, high)])
+    panel.margins(0.06)  # a hexagon reaches beyond its centre
+    panel.autoscale_view()
 
 
 def _errors(figure: Figure, panel: Axes, found: WorkspaceMap, name: str) -> None:
@@ -127,6 +156,7 @@ def draw_cells(
         error[known],
         reduce_C_function=np.max,
         gridsize=_CELLS,
+        extent=extent(places),
         norm=norm,
         cmap=colours,
         linewidths=0.1,
@@ -182,6 +212,7 @@ def _causes(panel: Axes, found: WorkspaceMap, name: str) -> set[str]:
         rows,
         reduce_C_function=of_worst,
         gridsize=_CELLS,
+        extent=extent((along[rows], up[rows])),
         norm=BoundaryNorm(np.arange(len(_KINDS) + 1) - 0.5, len(_KINDS)),
         cmap=colours,
         linewidths=0.3,
