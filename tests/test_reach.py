@@ -74,6 +74,27 @@ def test_one_segment_moves_alike_in_all_directions_where_it_is_straight() -> Non
     assert found.manipulability[0] == pytest.approx(1.5 * speed**2, rel=2e-2)
 
 
+@pytest.mark.parametrize("tendons", [1, 2])
+def test_few_tendons_move_the_tip_in_few_directions(tendons: int, tmp_path: Path) -> None:
+    found = bs.reach(AMOURI.with_({"segments.0.tendons.count": tendons}), poses=8)
+    # two opposite tendons bend in a plane, and shorten the robot by hardly anything
+    assert (found.dexterity < 1e-3).all()
+    assert tendons == 2 or not found.manipulability.any()
+    assert found.save(tmp_path / "plane.png").stat().st_size > 10_000
+
+
+def test_a_payload_of_zero_has_a_figure(tmp_path: Path) -> None:
+    """Below the resolution of the solver any force may move the tip too far."""
+    found = bs.reach(AMOURI, poses=16, tolerance=1e-300)
+    assert found.save(tmp_path / "zero.png").stat().st_size > 10_000
+
+
+def test_a_direction_of_any_size_is_one_direction() -> None:
+    for size in (1e-310, 1.0, 1e300):
+        found = bs.reach(AMOURI, poses=2, payload_direction=[0.0, size, -size])
+        np.testing.assert_allclose(found.payload_direction, np.array([0, 1, -1]) / np.sqrt(2))
+
+
 def test_payload_moves_the_tip_by_the_tolerance() -> None:
     direction = np.array([1.0, 2.0, -2.0]) / 3.0
     found = bs.reach(RAO, 3.0, poses=24, payload_direction=3.0 * direction, tolerance=0.02)
@@ -112,8 +133,14 @@ def test_bad_input_is_refused(given: dict[str, Any], says: str) -> None:
         bs.reach(AMOURI, **{"poses": 4, **given})
 
 
+def test_tendons_in_the_body_are_refused() -> None:
+    tentacle = bs.load_robot(Path(__file__).parents[1] / "examples" / "tentacle.yaml")
+    with pytest.raises(InputError, match="tentacle has such tendons"):
+        bs.reach(tentacle, poses=4)
+
+
 def test_without_equilibria_there_is_no_result() -> None:
-    with pytest.raises(NoSolutionError, match="smaller max_tension"):
+    with pytest.raises(NoSolutionError, match="smaller dead loads"):
         bs.reach(AMOURI, poses=2, load=bs.Load(tip_force=[1e6, 0.0, 0.0]))
 
 
@@ -125,4 +152,6 @@ def test_command(shell: Shell, tmp_path: Path) -> None:
     assert len(found["payload_N"]) == len(found["dexterity"]) == 12
     code, text, _ = shell("reach", "rao2021", *flags)
     assert code == 0 and "simulated" in text
-    assert "--payload-direction" in shell.error("reach", "rao2021", "--payload-direction", "x")
+    for bad, says in (("x", "not a number"), ("1 N,0,0", "plain number"), ("0,0", "2 numbers")):
+        message = shell.error("reach", "rao2021", "--payload-direction", bad)
+        assert message.startswith("--payload-direction: got") and says in message

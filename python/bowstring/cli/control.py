@@ -41,6 +41,9 @@ if TYPE_CHECKING:
     from bowstring.validity.control import ControlErrors
 
 
+_COLUMNS = 3  # corrections in the table, beside the last one
+
+
 def control(
     robot: RobotSource = "amouri2019",
     max_tension: Annotated[
@@ -180,7 +183,7 @@ def reach(
     force = vector("--tip-force", tip_force, "N")
     along = None
     if payload_direction is not None:
-        along = vector("--payload-direction", payload_direction, "1")
+        along = vector("--payload-direction", payload_direction, "")
 
     from bowstring._core import RodModel
     from bowstring.statics.load import Load
@@ -222,7 +225,8 @@ def _table(found: ControlErrors) -> Table:
     from bowstring.validity.control_commands import COMMANDS
 
     count = max(len(rows) for rows in found.landed.values())
-    after = [f">after {k}" for k in range(1, count)]
+    shown = [k for k in range(1, count) if k <= _COLUMNS or k == count - 1]
+    after = [f">after {k}" for k in shown]
     table = new_table("command", ">mean mm", ">largest mm", *after, ">in tolerance %")
     for name in found.landed:
         rows = found.summary(name)
@@ -231,8 +235,7 @@ def _table(found: ControlErrors) -> Table:
             COMMANDS[name],
             means[0],
             fixed(1e3 * rows[0]["max_m"], 3),
-            *means[1:],
-            *["-"] * (count - len(rows)),
+            *(means[k] if k < len(means) else "-" for k in shown),
             fixed(rows[0]["valid_percent"], 0),
         )
     return table

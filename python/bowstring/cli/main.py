@@ -145,7 +145,7 @@ _FLAGS: Final = {
     "angles": ("--angle",),
     "parameters": ("--parameter",),
     "count": ("--samples",),
-    "poses": ("--points",),
+    "poses": ("--points", "--poses"),
 }
 # Flags from which an argument is made.
 _MADE_OF: Final = {

@@ -83,7 +83,9 @@ class Reach:
     def _singular(self) -> Floats:
         """Singular values of `by_share` in directions that the robot has (P, 2) or (P, 3)."""
         out = np.full((len(self.tip), 3), np.nan)
-        out[self.solved] = np.linalg.svd(self.by_share[self.solved], compute_uv=False)[:, :3]
+        out[self.solved] = 0.0  # one or two tendons move the tip in as many directions
+        values = np.linalg.svd(self.by_share[self.solved], compute_uv=False)
+        out[self.solved, : values.shape[1]] = values
         return out[:, : min(3, 2 * len(self.robot.segments))]
 
     @property
@@ -91,12 +93,16 @@ class Reach:
         """Product of the singular values of `by_share` (P,).
 
         In m^2 for one segment, whose tip moves on a surface, and in m^3 for more (Yoshikawa 1985).
+        Zero where the tendons are too few to move the tip in all of these directions.
         """
         return np.asarray(self._singular.prod(axis=-1))
 
     @property
     def dexterity(self) -> Floats:
-        """Least over largest of these singular values (P,): 1 moves alike in all directions."""
+        """Least over largest of these singular values (P,): 1 moves alike in all directions.
+
+        Zero where the tendons are too few to move the tip in all of them.
+        """
         values = self._singular
         return np.asarray(values[:, -1] / values[:, 0])
 
@@ -110,10 +116,11 @@ class Reach:
     def described(self) -> list[str]:
         """What the result says, in sentences."""
         solved = self.solved
-        lost = int((~solved).sum())
+        count = int(solved.sum())
         out = [
-            f"{len(solved) - lost} of {len(solved)} drawn poses have a stable equilibrium: the tip "
-            f"is {_span(1e3 * np.hypot(*self.tip[solved, :2].T))} mm from the axis of the base, "
+            f"{count} of {len(solved)} drawn poses {'has' if count == 1 else 'have'} a stable "
+            "equilibrium: the tip is "
+            f"{_span(1e3 * np.hypot(*self.tip[solved, :2].T))} mm from the axis of the base, "
             f"{_span(1e3 * self.tip[solved, 2])} mm along it."
         ]
         away = np.linalg.norm(self.tip - self.arc_tip, axis=1)[solved]
@@ -129,10 +136,16 @@ class Reach:
         carried = self.payload[solved]
         known = carried[np.isfinite(carried)]
         where = "(" + ", ".join(f"{v:.3g}" for v in self.payload_direction) + ")"
+        limit = f"{in_percent(self.tolerance)} of length"
         if known.size:
             out.append(
-                f"A force in direction {where} moves the tip by at most "
-                f"{in_percent(self.tolerance)} of length up to {_span(known)} N."
+                f"The payload, the largest force in direction {where} that moves the tip by at "
+                f"most {limit}, is {_span(known)} N."
+            )
+        if known.size < carried.size:
+            out.append(
+                f"At {carried.size - known.size} of {count} poses the payload is beyond {_MOST:g} "
+                f"times the force that moves the tip by {limit} by its compliance."
             )
         out.append("All numbers are simulated, at fixed tensions.")
         return out
@@ -264,9 +277,14 @@ def reach(
     load, model = instance("load", load, Load), instance("model", model, RodModel)
     if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
         raise InputError("load has an actuation, which is drawn; leave it out")
-    if robot.is_embedded or model.tendon_path == "continuous":
+    if robot.is_embedded:
         raise InputError(
-            "the reach needs derivatives, which continuous and embedded tendons do not have; use "
+            f"the reach needs derivatives, which tendons in the body do not have; {robot.name} has "
+            "such tendons"
+        )
+    if model.tendon_path == "continuous":
+        raise InputError(
+            "the reach needs derivatives, which continuous tendons do not have; use "
             'tendon_path="straight"'
         )
     load = with_arrays(load)
@@ -277,12 +295,13 @@ def reach(
     notify = progress or (lambda what, done: None)
     notify("poses", 0.0)
     tensions = most * _drawn(len(most), poses)
+    arcs = RobotArcs.from_tensions(robot, tensions)  # refuses tensions beyond all measure
     found = solve_batch(robot, tensions, load=load, model=model, disks=False)
     tip = np.where(found.converged[:, None], found.tip_position, np.nan)
     if not found.converged.any():
         raise NoSolutionError(
-            f"{robot.name}: none of {poses} drawn poses has a stable equilibrium; give a smaller "
-            "max_tension",
+            f"{robot.name}: none of {poses} drawn poses has a stable equilibrium, and the first "
+            "is without tension; give smaller dead loads",
             status="no_equilibrium",
         )
     by_share = np.full((poses, 3, len(most)), np.nan)
@@ -297,7 +316,6 @@ def reach(
         (robot, load, model), tensions, tip, compliance, direction, tolerance * robot.length
     )
     notify("payload", 1.0)
-    arcs = RobotArcs.from_tensions(robot, tensions)
     return Reach(
         robot,
         load,
@@ -379,7 +397,5 @@ def _direction(robot: Robot, load: Load, given: ArrayLike | None) -> Floats:
         found = row("payload_direction", given, 3, "")
         if not found.any():
             raise InputError("payload_direction is zero; it must have a length")
-    size = float(np.linalg.norm(found))
-    if not np.isfinite(size) or size < 1e-300:
-        raise InputError(f"payload_direction is {found.tolist()}; it is too small or too large")
-    return np.asarray(found / size)
+    found = found / np.abs(found).max()  # squares stay in range
+    return np.asarray(found / np.linalg.norm(found))
