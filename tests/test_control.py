@@ -143,6 +143,52 @@ def test_corrections_close_in_on_the_wanted_tip() -> None:
             assert means[3] < 0.02 * means[0], name
 
 
+def test_a_calibrated_stiffness_is_found_beyond_three_times_and_is_one_without_tensions() -> None:
+    tentacle = bs.load_robot(Path(__file__).parents[1] / "examples" / "tentacle.yaml")
+    found = bs.control_errors(tentacle, poses=8, corrections=0)
+    assert found.scale is not None and 5 < found.scale < 10
+    kept, plain = (found.summary(name)[0]["mean_m"] for name in ("tensions_calibrated", "tensions"))
+    assert kept < 0.2 * plain
+    # the one wanted tip is that of the straight robot, which takes no tension
+    assert bs.control_errors(AMOURI, poses=1, corrections=0).scale == 1.0
+
+
+def test_a_displacement_lands_beyond_an_unstable_equilibrium_on_the_way() -> None:
+    robot = AMOURI.with_({"segments.0.disks.count": 2})
+    bends = np.array([[[0.1, 0.03]], [[0.286, 0.089]], [[0.8, 0.4]]])
+    commander = _commander(robot)
+    commands = commander.command("displacements_chord", bends)
+    for row, tip in zip(commands, commander.land("displacements_chord", commands), strict=True):
+        single = bs.solve(robot, load=bs.Load(displacements=row))
+        assert single.converged
+        assert np.linalg.norm(single.tip.position - tip) < 1e-5 * robot.length
+
+
+def test_commands_without_an_equilibrium_are_counted_and_not_named_the_nearest() -> None:
+    """Two disks: most tensions buckle the backbone, for which the lever-arm law has no arc."""
+    robot = AMOURI.with_({"segments.0.disks.count": 2})
+    found = bs.control_errors(robot, poses=32, corrections=0)
+    rows = {name: found.summary(name)[0] for name in found.landed}
+    lost = {name: row["without_equilibrium"] for name, row in rows.items()}
+    assert lost["tensions_arm"] > 0.1 * len(found.wanted)
+    text = "\n".join(found.described())
+    says = "Tensions by the mean lever arm: no stable equilibrium is found for "
+    assert f"{says}{lost['tensions_arm']:g} " in text
+    assert "tensions by the mean lever arm land nearest" not in text
+    assert "displacements along chords land nearest" not in text
+
+
+@pytest.mark.parametrize("tendons", [1, 2])
+def test_figure_of_a_robot_that_bends_in_a_plane(tendons: int, tmp_path: Path) -> None:
+    robot = AMOURI.with_({"segments.0.tendons.count": tendons})
+    found = bs.control_errors(robot, poses=8, corrections=1)
+    assert np.abs(found.wanted[:, 1]).max() < 1e-9
+    assert found.save(tmp_path / "plane.png").stat().st_size > 10_000
+    panel = found.figure().subfigs[0].axes[0]
+    low, high = panel.get_ylim()
+    assert high - low > 0.2 * np.ptp(panel.get_xlim())
+
+
 def test_shares_of_the_load() -> None:
     load = bs.Load(gravity=[0.0, 0.0, 0.0], tip_force=[0.3, 0.0, 0.0])
     found = bs.control_errors(AMOURI, 60.0, poses=32, corrections=0, load=load)
@@ -170,6 +216,7 @@ def test_tendons_in_the_body_take_tensions_only() -> None:
     ("given", "says"),
     [
         ({"max_tension": 0.0}, "above 0 N"),
+        ({"max_tension": "x"}, "max_tension is 'x'"),
         ({"max_tension": [1.0, np.nan, 2.0]}, "above 0 N"),
         ({"max_tension": [1.0, 2.0]}, "3 numbers above 0 N"),
         ({"poses": 0}, "poses"),
@@ -189,7 +236,7 @@ def test_bad_input_is_refused(given: dict[str, Any], says: str) -> None:
 
 
 def test_without_equilibria_there_is_no_result() -> None:
-    with pytest.raises(NoSolutionError, match="smaller max_tension"):
+    with pytest.raises(NoSolutionError, match="smaller dead loads"):
         bs.control_errors(AMOURI, poses=4, load=bs.Load(tip_force=[1e6, 0.0, 0.0]))
 
 
@@ -203,4 +250,12 @@ def test_command(shell: Shell, tmp_path: Path) -> None:
     assert len(found["by_load"]) == len(names)
     code, text, _ = shell("control", "rao2021", *flags)
     assert code == 0 and "displacements along chords" in text and "simulated" in text
-    assert "poses" in shell.error("control", "rao2021", "--poses", "0")
+    assert "--poses: got 0" in shell.error("control", "rao2021", "--poses", "0")
+
+
+def test_table_of_many_corrections_has_the_first_and_the_last(shell: Shell, tmp_path: Path) -> None:
+    flags = ["--poses", "4", "--corrections", "20", "--commands", "tensions"]
+    code, text, _ = shell("control", *flags, "--out", str(tmp_path / "many.svg"))
+    assert code == 0
+    head = text.splitlines()[0]
+    assert [f"after {k}" in head for k in (1, 2, 3, 4, 20)] == [True, True, True, False, True]

@@ -21,7 +21,13 @@ from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.rod import solve, solve_batch
 from bowstring.validation import choice, floats, instance, share_of_length, whole
-from bowstring.validity.control_commands import BY_ARCS, COMMANDS, Commander, largest_tensions
+from bowstring.validity.control_commands import (
+    BY_ARCS,
+    COMMANDS,
+    SCALES,
+    Commander,
+    largest_tensions,
+)
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -34,6 +40,7 @@ __all__ = ["ControlErrors", "check_control_file", "control_errors"]
 Floats = NDArray[np.float64]
 
 _POSES: Final = 1024
+_LANDS: Final = 0.9  # least share of tips with an equilibrium, of commands that are compared
 _SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the dead loads
 
 
@@ -58,7 +65,7 @@ class ControlErrors:
     """Tips by physics (C + 1, P, 3), m, by command: without a correction, and after each one; NaN
     without a stable equilibrium. The exact inverse has no corrections (1, P, 3)."""
     scale: float | None
-    """Factor on the bending stiffness of ``tensions_calibrated``; None without it."""
+    """Factor on the bending stiffness of ``tensions_calibrated``, 0.1 to 10; None without it."""
     seconds: dict[str, float]
     """Time of a command in s, in this call: ``constant_curvature`` and ``physics``."""
     load_shares: Floats
@@ -105,27 +112,39 @@ class ControlErrors:
 
     def described(self) -> list[str]:
         """What the result says, in sentences."""
-        lost = self.drawn - len(self.wanted)
-        out = [
-            f"{len(self.wanted)} tips of stable equilibria within the limits of tension are wanted"
-            + (f"; {lost} drawn poses have no stable equilibrium." if lost else ".")
-        ]
+        lost, count = self.drawn - len(self.wanted), len(self.wanted)
+        wanted = "1 tip of a stable equilibrium within the limits of tension is wanted"
+        if count > 1:
+            wanted = f"{count} tips of stable equilibria within the limits of tension are wanted"
+        verb = "pose has" if lost == 1 else "poses have"
+        out = [wanted + (f"; {lost} drawn {verb} no stable equilibrium." if lost else ".")]
         rows = {name: self.summary(name) for name in self.landed if name != "physics"}
-        known = [name for name, found in rows.items() if np.isfinite(found[0]["mean_m"])]
+        fallen = {name: int(self.summary(name)[0]["without_equilibrium"]) for name in self.landed}
+        # the mean of a command that lands at few tips does not compare with that of all tips
+        known = [name for name in rows if fallen[name] <= (1.0 - _LANDS) * count]
         if known:
             out += self._compared(rows, known)
-        fallen = {name: int(found[0]["without_equilibrium"]) for name, found in rows.items()}
+        else:
+            out.append(
+                f"No command of constant curvature leads to a stable equilibrium for "
+                f"{100 * _LANDS:.0f} % of the tips, so that none is named the nearest."
+            )
         for name, lost in fallen.items():
             if lost:
-                verb = "commands have" if lost > 1 else "command has"
+                label = COMMANDS[name][0].upper() + COMMANDS[name][1:]
+                words = "1 command, which has" if lost == 1 else f"{lost} commands, which have"
                 out.append(
-                    f"By {COMMANDS[name]}, {lost} {verb} no stable equilibrium and no part in the "
-                    "distances."
+                    f"{label}: no stable equilibrium is found for {words} no part in the distances."
                 )
         if "physics" in self.landed:
             exact = self.summary("physics")[0]["max_m"]
             out.append(f"The exact inverse lands {in_mm(exact)} from the wanted tip at most.")
-        if self.scale is not None:
+        if self.scale is not None and self.scale in SCALES:
+            out.append(
+                f"The search for a calibrated bending stiffness ended at its limit, {self.scale:g} "
+                "times that of the robot file; the best factor may lie beyond it."
+            )
+        elif self.scale is not None:
             out.append(
                 f"The calibrated bending stiffness is {significant(self.scale, 4)} times that of "
                 "the robot file, fitted to these tips."
@@ -141,8 +160,13 @@ class ControlErrors:
         length = self.robot.length
         means = {name: rows[name][0]["mean_m"] for name in known}
         best, worst = min(known, key=means.__getitem__), max(known, key=means.__getitem__)
+        whose = (
+            f" with an equilibrium for {100 * _LANDS:.0f} % of the tips"
+            if len(known) < len(rows)
+            else ""
+        )
         text = (
-            f"Of the commands of constant curvature, {COMMANDS[best]} land nearest, "
+            f"Of the commands of constant curvature{whose}, {COMMANDS[best]} land nearest, "
             f"{in_mm(means[best])} from the wanted tip in the mean "
             f"({in_percent(means[best] / length, 2)} of length) and "
             f"{in_mm(rows[best][0]['max_m'])} at most"
@@ -157,7 +181,8 @@ class ControlErrors:
         if count:
             least, most = (f([rows[name][-1]["mean_m"] for name in known]) for f in (min, max))
             times = "one correction" if count == 1 else f"{count} corrections"
-            span = in_mm(least) if least == most else f"{in_mm(least)} to {in_mm(most)}"
+            low, high = in_mm(least), in_mm(most)
+            span = low if low == high else f"{low} to {high}"
             out.append(f"After {times} by the measured tip the mean distances are {span}.")
         return out
 
@@ -327,8 +352,8 @@ def control_errors(
     whole_load = at(load, poses, corrections, 0.0)
     if not len(whole_load.wanted):
         raise NoSolutionError(
-            f"{robot.name}: none of {poses} drawn poses has a stable equilibrium; give a smaller "
-            "max_tension",
+            f"{robot.name}: none of {poses} drawn poses has a stable equilibrium, and the first "
+            "is without tension; give smaller dead loads",
             status="no_equilibrium",
         )
     by_load: dict[str, list[list[float]]] = {name: [] for name in whole_load.landed}

@@ -12,20 +12,20 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring.constant_curvature import RobotArcs
 from bowstring.constant_curvature.arc import Arc
 from bowstring.constant_curvature.series import series_jacobian
-from bowstring.errors import InputError
+from bowstring.errors import InputError, NoSolutionError
 from bowstring.inverse.arcs import arcs_to, tensions_of
 from bowstring.inverse.kinematics import default_max_tension
 from bowstring.robot.designs import Designs
 from bowstring.statics.designs import sweep_designs
-from bowstring.statics.rod import solve_batch
-from bowstring.validation import floats
+from bowstring.statics.rod import solve, solve_batch
+from bowstring.validation import read
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
     from bowstring.statics.load import Load
 
-__all__ = ["BY_ARCS", "COMMANDS", "Commander", "largest_tensions"]
+__all__ = ["BY_ARCS", "COMMANDS", "SCALES", "Commander", "largest_tensions"]
 
 Floats = NDArray[np.float64]
 
@@ -43,8 +43,10 @@ BY_ARCS: Final = tuple(name for name in COMMANDS if name != "physics")
 _ARM_ROUNDS: Final = 8
 _RAMP: Final = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # shares of displacements on the way from the home pose
 _GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
-_SCALES: Final = (0.3, 3.0)  # of the calibrated stiffness
+SCALES: Final = (0.1, 10.0)
+"""Limits of the factor on the calibrated bending stiffness."""
 _ROUNDS: Final = 30  # of the golden section: to 1e-6 of the interval
+_AT_LIMIT: Final = 1e-4  # of the logarithm of the factor
 _SINGULAR: Final = 0.02  # singular value over the largest below which a direction is not corrected
 _LARGEST: Final = 0.5  # rad, of a correction of a bend
 
@@ -103,6 +105,13 @@ class Commander:
                 Designs(self.robot, each), displacements=path, load=self.load, model=self.model
             )
             tips = np.where(ways.converged[:, -1:], ways.tip_position[:, -1], np.nan)
+            # an unstable equilibrium on the way does not mean that there is none at its end
+            for k in np.flatnonzero(~ways.converged[:, -1] & np.isfinite(commands).all(axis=-1)):
+                end = solve(
+                    self.robot, load=self.load.replace(displacements=commands[k]), model=self.model
+                )
+                if end.converged and end.tip is not None:
+                    tips[k] = end.tip.position
         tips[~np.isfinite(commands).all(axis=-1)] = np.nan
         return np.asarray(tips)
 
@@ -133,9 +142,12 @@ class Commander:
             # a command without an equilibrium is no better than a robot that does not bend
             return float(np.where(np.isfinite(squared), squared, self.robot.length**2).mean())
 
-        low, high = np.log(_SCALES)
+        low, high = np.log(SCALES)
         a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
         at_a, at_b = mean(a), mean(b)
+        if at_a == at_b == mean(0.0):
+            self.scale = 1.0  # no tensions, so that none can be fitted
+            return
         for _ in range(_ROUNDS):
             if at_a < at_b:
                 high, b, at_b = b, a, at_a
@@ -145,7 +157,11 @@ class Commander:
                 low, a, at_a = a, b, at_b
                 b = low + _GOLDEN * (high - low)
                 at_b = mean(b)
-        self.scale = float(np.exp(0.5 * (low + high)))
+        found = 0.5 * (low + high)
+        limits = np.log(SCALES)
+        nearest = int(np.abs(limits - found).argmin())
+        at_limit = abs(limits[nearest] - found) < _AT_LIMIT
+        self.scale = SCALES[nearest] if at_limit else float(np.exp(found))
 
     def available(self) -> tuple[str, ...]:
         """Names of the commands of constant curvature that this robot takes."""
@@ -182,12 +198,27 @@ class Commander:
 
     def _by_arm(self, bends: Floats) -> Floats:
         """Tensions whose arcs by the law with the mean lever arm are those wanted."""
-        asked = bends
+        asked, lost = bends, np.zeros(len(bends), dtype=bool)
         for _ in range(_ARM_ROUNDS):
             tensions = tensions_of(self.robot, self._arcs(asked), self.least, self.most)
-            arcs = RobotArcs.from_tensions(self.robot, np.nan_to_num(tensions), "arm")
-            asked = asked + bends - arcs.arc.bend[..., :2]
+            away = bends - self._bends_by_arm(tensions)
+            lost |= ~np.isfinite(away).all(axis=(1, 2))
+            asked = np.where(lost[:, None, None], bends, asked + away)
+        tensions[lost] = np.nan
         return tensions
+
+    def _bends_by_arm(self, tensions: Floats) -> Floats:
+        """Bends (P, S, 2) by the law with the mean lever arm; NaN where it has no equilibrium."""
+        tensions = np.nan_to_num(tensions)
+        try:
+            return np.asarray(RobotArcs.from_tensions(self.robot, tensions, "arm").arc.bend)[
+                ..., :2
+            ]
+        except NoSolutionError:
+            if len(tensions) == 1:
+                return np.full((1, len(self.robot.segments), 2), np.nan)
+        half = len(tensions) // 2
+        return np.concatenate([self._bends_by_arm(t) for t in (tensions[:half], tensions[half:])])
 
 
 def largest_tensions(robot: Robot, given: ArrayLike | None) -> Floats:
@@ -206,7 +237,7 @@ def largest_tensions(robot: Robot, given: ArrayLike | None) -> Floats:
     count = robot.core.tendon_count
     if given is None:
         return 0.5 * default_max_tension(robot)
-    found = floats(given)
+    found = read("max_tension", given, f"a number or {count} numbers, in N")
     if found.shape not in ((), (count,)) or not (np.isfinite(found) & (found > 0.0)).all():
         raise InputError(
             f"max_tension is {found.tolist()}, it must be a number or {count} numbers above 0 N"
