@@ -165,8 +165,8 @@ def linearise(
     commands, dead, path = checked(robot, None, given, model, None, modes)
     if robot.is_embedded:
         raise InputError(
-            f"a linear model needs derivatives, which tendons in the body do not have; {robot.name} "
-            "has such tendons"
+            "a linear model needs derivatives, which tendons in the body do not have; "
+            f"{robot.name} has such tendons"
         )
     if robot.has_friction:
         raise InputError(
