@@ -49,9 +49,13 @@ class Input:
     """An argument of the function: its name, size of a row, unit, and value if left out."""
 
     name: str
+    """Name of the argument."""
     count: int
+    """Numbers in a row."""
     unit: str
+    """Unit of the numbers."""
     default: Floats | None
+    """Row (count,) if it is left out; None if it must be given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +63,17 @@ class Function:
     """Equilibria of a robot under constant loads, with checked settings."""
 
     robot: Robot
+    """The robot."""
     load: Load
+    """Dead loads that are no arguments."""
     model: RodModel
+    """Model of the physics."""
     threads: int
+    """Number of threads of a batch; 0 takes all cores."""
     core: Equilibria
+    """The function in the core."""
     inputs: tuple[Input, ...]
+    """All arguments, tensions first."""
 
     @property
     def tendons(self) -> int:
