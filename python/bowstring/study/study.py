@@ -714,8 +714,8 @@ def run_study(
         from bowstring.cad.solid import check_cad
         from bowstring.robot.sizes import sizes_of
 
-        check_cad()
         sizes_of(robot)
+        check_cad()
     if fe is not None:
         from bowstring.fem.run import check
 
