@@ -122,7 +122,7 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         known = [s for s in study.spreads if s.limit_indices is not None] or study.spreads
         limits = [f"{LABELS[s.name]} to {s.limit_text}" for s in known]
         count = f"{len(known[0].limit)} samples"
-        title = f"Valid with {study.uncertain_numbers} ({how}), median of {count}"
+        title = f"Valid with {study.uncertain_numbers} ({how}), {count}"
         yield title, "; ".join(limits)
     fits = [model for model in study.shapes.models if model.kind == "fit"]
     if fits:

@@ -137,8 +137,8 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
             let module = robot.modules[k];
             let c = &modules[k];
             let section = |a: usize| robot.section(k, c.fraction(a).lane(0));
-            let lump =
-                |a: usize| section(a).mass_per_length * module.flexible * c.simpson(a).lane(0);
+            let arc = module.flexible / A as f64;
+            let lump = |a: usize| section(a).mass_per_length * arc / 3.0 * c.simpson(a).lane(0);
             for a in 1..=A {
                 points[k * A + a - 1] += lump(a);
             }

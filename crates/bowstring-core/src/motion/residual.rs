@@ -101,12 +101,13 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         for (k, line) in lines.iter().enumerate() {
             let (c, line) = (&rod.fixed.modules[k], Vec3::splat(*line));
             let [start, end] = c.clamp;
+            let sixth = c.flexible * L::Chain::splat(1.0 / (3.0 * A as f64));
             for a in 1..=A {
-                self.lines[k * A + a - 1] += line * (c.flexible * c.simpson(a));
+                self.lines[k * A + a - 1] += line * (sixth * c.simpson(a));
             }
             self.lines[k * A + A - 1] += line * end;
             if k > 0 {
-                self.lines[k * A - 1] += line * (c.flexible * c.simpson(0) + start);
+                self.lines[k * A - 1] += line * (sixth * c.simpson(0) + start);
             }
         }
     }

@@ -331,17 +331,21 @@ impl<T: Real, const A: usize> Constants<T, A> {
         longest
     }
 
-    /// Fraction of the flexible part that the end of this many arcs stands for, by Simpson's rule over
-    /// each element.
+    /// Length that the end of this many arcs stands for by Simpson's rule over each element, in
+    /// thirds of a mean arc.
     #[inline(always)]
     pub fn simpson(&self, arcs: usize) -> T {
-        let thirds = match arcs {
-            middle if middle % 2 == 1 => self.part(arcs / 2) * T::splat(4.0),
-            0 => self.part(0),
-            end if end == A => self.part(A / 2 - 1),
-            between => self.part(between / 2 - 1) + self.part(between / 2),
-        };
-        thirds * T::splat(1.0 / (3 * A) as f64)
+        if arcs % 2 == 1 {
+            return self.part(arcs / 2) * T::splat(4.0);
+        }
+        let mut sum = T::zero();
+        if arcs > 0 {
+            sum += self.part(arcs / 2 - 1);
+        }
+        if arcs < A {
+            sum += self.part(arcs / 2);
+        }
+        sum
     }
 
     /// Weight of the node before an element, over that of a mean element.

@@ -224,6 +224,12 @@ impl<T: Real, const A: usize> Constants<T, A> {
     }
 }
 
+/// Fraction of the module that the section after this many arcs stands for.
+#[inline(always)]
+fn share<T: Real, const A: usize>(c: &Constants<T, A>, arcs: usize) -> T {
+    c.simpson(arcs) * T::splat(1.0 / (3 * A) as f64)
+}
+
 impl<T: Real, const A: usize> State<T, A> {
     /// Rotation from the start to the end of an arc.
     fn turned(&self, arc: usize) -> &Mat3<T> {
@@ -257,10 +263,10 @@ impl<T: Real, const A: usize> State<T, A> {
     #[cold]
     #[inline(never)]
     pub fn coupled_compliance(&self, c: &Constants<T, A>, coupling: &Coupling<T>) -> Mat3<T> {
-        let mut sum = coupling.compliance * c.simpson(0);
+        let mut sum = coupling.compliance * share(c, 0);
         for i in 0..A {
             let r = self.turned(i);
-            sum += (*r * coupling.compliance * r.transpose()) * c.simpson(i + 1);
+            sum += (*r * coupling.compliance * r.transpose()) * share(c, i + 1);
         }
         (sum * c.flexible).mirrored()
     }
@@ -274,7 +280,7 @@ impl<T: Real, const A: usize> State<T, A> {
         for i in (0..A).rev() {
             let r = self.turned(i);
             let strain = *r * (coupling.compliance * r.tr_mul(self.n));
-            sum += self.n.cross(strain) * (c.simpson(i + 1) * c.flexible);
+            sum += self.n.cross(strain) * (share(c, i + 1) * c.flexible);
             torques[i] = sum;
         }
         torques
@@ -296,14 +302,14 @@ impl<T: Real, const A: usize> State<T, A> {
             let r = self.turned(i);
             let compliance = *r * coupling.compliance * r.transpose();
             let strain = compliance * n;
-            let share = c.simpson(i + 1) * c.flexible;
+            let length = share(c, i + 1) * c.flexible;
             let moved = compliance * turn;
-            motion += (moved - strain.skew()) * share;
+            motion += (moved - strain.skew()) * length;
             let second = turn.tr_mat(moved)
                 + n.outer(strain)
                     .symmetric_part()
                     .add_diagonal([-n.dot(strain); 3]);
-            stiffness -= second * share;
+            stiffness -= second * length;
             sway.motion[i] = motion;
             sway.stiffness[i] = stiffness.mirrored();
         }
