@@ -203,6 +203,19 @@ def test_shares_of_the_load() -> None:
     assert (np.diff(arm) > 0).all() and arm[-1] > 10 * arm[0]
 
 
+def test_shares_of_point_loads_are_those_of_the_same_tip_force() -> None:
+    force = [0.2, 0.0, -0.1]
+    by_tip = bs.control_errors(
+        AMOURI, 60.0, poses=8, corrections=0, commands=["tensions"], load=bs.Load(tip_force=force)
+    )
+    load = bs.Load(point_loads=[bs.PointLoad(force=force)])
+    found = bs.control_errors(
+        AMOURI, 60.0, poses=8, corrections=0, commands=["tensions"], load=load
+    )
+    expected = by_tip.by_load["tensions"]
+    np.testing.assert_allclose(found.by_load["tensions"], expected, rtol=1e-6)
+
+
 def test_tendons_in_the_body_take_tensions_only() -> None:
     tentacle = bs.load_robot(Path(__file__).parents[1] / "examples" / "tentacle.yaml")
     found = bs.control_errors(tentacle, poses=16, corrections=1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -16,18 +16,11 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.inverse.kinematics import inverse_kinematics
-from bowstring.robot.model import Robot, check_robot, with_tendons
+from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.load import Load
-from bowstring.statics.load_tables import with_arrays
-from bowstring.statics.rod import solve, solve_batch
-from bowstring.validation import choice, floats, instance, share_of_length, whole
-from bowstring.validity.control_commands import (
-    BY_ARCS,
-    COMMANDS,
-    SCALES,
-    Commander,
-    largest_tensions,
-)
+from bowstring.statics.rod import solve_batch
+from bowstring.validation import choice, floats, share_of_length, whole
+from bowstring.validity.control_commands import BY_ARCS, COMMANDS, SCALES, Commander, prepared
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -326,16 +319,7 @@ def control_errors(
     whole("poses", poses, 1, 100_000)
     whole("corrections", corrections, 0, 20)
     tolerance = share_of_length("tolerance", tolerance)
-    load = instance("load", load, Load)
-    if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
-        raise InputError("load has an actuation, which the commands give; leave it out")
-    if load.base is not None:
-        raise InputError("load has a motion of the base, which is for bowstring.simulate only")
-    load = with_arrays(load)
-    model = instance("model", model, RodModel)
-    robot = with_tendons(robot, {"friction": 0.0})
-    most = largest_tensions(robot, max_tension)
-    solve(robot, np.zeros(len(most)), load=load, model=model)  # refuses loads that cannot be
+    robot, load, model, most = prepared(robot, load, model, max_tension)
     chosen = _chosen(Commander(robot, load, model, np.zeros(len(most)), most), commands)
     notify = progress or (lambda what, done: None)
     shares = np.array(_SHARES if _is_loaded(robot, load) else ())
@@ -459,13 +443,16 @@ def _gravity(robot: Robot, load: Load) -> Floats:
     return floats(robot.gravity if load.gravity is None else load.gravity)
 
 
+_WRENCH: Final = slice(4, 10)  # force and moment in the numbers of a point load
 _SCALED: Final = ("tip_force", "tip_moment", "disk_forces", "disk_moments", "line_forces")
 
 
 def _is_loaded(robot: Robot, load: Load) -> bool:
     given = [getattr(load, name, None) for name in _SCALED]
     dead = any(value is not None and floats(value).any() for value in given)
-    return bool(dead or load.point_loads or _gravity(robot, load).any())
+    if load.point_loads is not None and load.point_loads[:, _WRENCH].any():
+        dead = True
+    return bool(dead or _gravity(robot, load).any())
 
 
 def _scaled(robot: Robot, load: Load, share: float) -> Load:
@@ -475,10 +462,8 @@ def _scaled(robot: Robot, load: Load, share: float) -> Load:
         value = getattr(load, name, None)
         if value is not None:
             values[name] = share * floats(value)
-    if load.point_loads:
-        points = [
-            replace(p, force=share * floats(p.force), moment=share * floats(p.moment))
-            for p in load.point_loads
-        ]
-        return load.replace(**values, point_loads=points)
+    if load.point_loads is not None:
+        points = load.point_loads.copy()  # rows as of `PointLoad.numbers`
+        points[:, _WRENCH] *= share
+        values["point_loads"] = points
     return load.replace(**values)

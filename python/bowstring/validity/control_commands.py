@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring._core import RodModel
 from bowstring.constant_curvature import RobotArcs
 from bowstring.constant_curvature.arc import Arc
 from bowstring.constant_curvature.series import series_jacobian
@@ -16,16 +17,14 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.inverse.arcs import arcs_to, tensions_of
 from bowstring.inverse.kinematics import default_max_tension
 from bowstring.robot.designs import Designs
+from bowstring.robot.model import Robot, with_tendons
 from bowstring.statics.designs import sweep_designs
+from bowstring.statics.load import Load
+from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.rod import solve, solve_batch
-from bowstring.validation import read
+from bowstring.validation import instance, read
 
-if TYPE_CHECKING:
-    from bowstring._core import RodModel
-    from bowstring.robot.model import Robot
-    from bowstring.statics.load import Load
-
-__all__ = ["BY_ARCS", "COMMANDS", "SCALES", "Commander", "largest_tensions"]
+__all__ = ["BY_ARCS", "COMMANDS", "SCALES", "Commander", "largest_tensions", "prepared"]
 
 Floats = NDArray[np.float64]
 
@@ -42,10 +41,9 @@ BY_ARCS: Final = tuple(name for name in COMMANDS if name != "physics")
 
 _ARM_ROUNDS: Final = 8
 _RAMP: Final = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # shares of displacements on the way from the home pose
-_GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
 SCALES: Final = (0.1, 10.0)
 """Limits of the factor on the calibrated bending stiffness."""
-_ROUNDS: Final = 30  # of the golden section: to 1e-6 of the interval
+_FITTED: Final = 1e-6  # tolerance of the logarithm of the factor
 _AT_LIMIT: Final = 1e-4  # of the logarithm of the factor
 _SINGULAR: Final = 0.02  # singular value over the largest below which a direction is not corrected
 _LARGEST: Final = 0.5  # rad, of a correction of a bend
@@ -67,10 +65,6 @@ class Commander:
     """Largest tensions (T,), N."""
     scale: float = field(default=1.0, init=False)
     """Factor on the bending stiffness of ``tensions_calibrated``."""
-
-    @cached_property
-    def _one(self) -> Designs:
-        return Designs(self.robot, {"segments.0.length": [self.robot.segments[0].length]})
 
     @cached_property
     def _at_rest(self) -> RobotArcs:
@@ -132,6 +126,8 @@ class Commander:
 
     def calibrate(self, bends: Floats, wanted: Floats) -> None:
         """Choose the factor on the bending stiffness with the least mean squared distance."""
+        from scipy.optimize import minimize_scalar
+
         free = tensions_of(
             self.robot, self._arcs(bends), self.least, np.full_like(self.most, np.inf)
         )
@@ -142,23 +138,11 @@ class Commander:
             # a command without an equilibrium is no better than a robot that does not bend
             return float(np.where(np.isfinite(squared), squared, self.robot.length**2).mean())
 
-        low, high = np.log(SCALES)
-        a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-        at_a, at_b = mean(a), mean(b)
-        if at_a == at_b == mean(0.0):
+        limits = np.log(SCALES)
+        if mean(limits[0]) == mean(limits[1]) == mean(0.0):
             self.scale = 1.0  # no tensions, so that none can be fitted
             return
-        for _ in range(_ROUNDS):
-            if at_a < at_b:
-                high, b, at_b = b, a, at_a
-                a = high - _GOLDEN * (high - low)
-                at_a = mean(a)
-            else:
-                low, a, at_a = a, b, at_b
-                b = low + _GOLDEN * (high - low)
-                at_b = mean(b)
-        found = 0.5 * (low + high)
-        limits = np.log(SCALES)
+        found = minimize_scalar(mean, bounds=limits, method="bounded", options={"xatol": _FITTED}).x
         nearest = int(np.abs(limits - found).argmin())
         at_limit = abs(limits[nearest] - found) < _AT_LIMIT
         self.scale = SCALES[nearest] if at_limit else float(np.exp(found))
@@ -243,3 +227,38 @@ def largest_tensions(robot: Robot, given: ArrayLike | None) -> Floats:
             f"max_tension is {found.tolist()}, it must be a number or {count} numbers above 0 N"
         )
     return np.array(np.broadcast_to(found, (count,)))
+
+
+def prepared(
+    robot: Robot, load: Load | None, model: RodModel | None, max_tension: ArrayLike | None
+) -> tuple[Robot, Load, RodModel, Floats]:
+    """Check what poses are drawn with.
+
+    Parameters
+    ----------
+    robot : Robot
+    load : Load, optional
+        Dead loads, without actuation and motion of the base.
+    model : RodModel, optional
+    max_tension : array_like () or (T,), optional
+        Largest tensions in N, as of `largest_tensions`.
+
+    Returns
+    -------
+    Robot
+        Without friction.
+    Load
+        With arrays.
+    RodModel
+        The given or the default one.
+    ndarray (T,)
+        Largest tensions in N.
+    """
+    load, model = instance("load", load, Load), instance("model", model, RodModel)
+    if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
+        raise InputError("load has an actuation, and tensions are drawn; leave it out")
+    load = with_arrays(load)
+    robot = with_tendons(robot, {"friction": 0.0})
+    most = largest_tensions(robot, max_tension)
+    solve(robot, np.zeros(len(most)), load=load, model=model)  # refuses loads that cannot be
+    return robot, load, model, most

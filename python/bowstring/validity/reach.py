@@ -15,13 +15,12 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, significant
-from bowstring.robot.model import Robot, check_robot, with_tendons
-from bowstring.statics.derivatives import jacobians
+from bowstring.robot.model import Robot, check_robot
+from bowstring.statics.equilibria import columns, differentiable
 from bowstring.statics.load import Load
-from bowstring.statics.load_tables import with_arrays
-from bowstring.statics.rod import solve, solve_batch
-from bowstring.validation import floats, instance, row, share_of_length, whole
-from bowstring.validity.control_commands import largest_tensions
+from bowstring.statics.rod import solve_batch
+from bowstring.validation import floats, row, share_of_length, whole
+from bowstring.validity.control_commands import prepared
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -274,23 +273,17 @@ def reach(
     check_robot(robot)
     whole("poses", poses, 1, 100_000)
     tolerance = share_of_length("tolerance", tolerance)
-    load, model = instance("load", load, Load), instance("model", model, RodModel)
-    if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
-        raise InputError("load has an actuation, which is drawn; leave it out")
     if robot.is_embedded:
         raise InputError(
             f"the reach needs derivatives, which tendons in the body do not have; {robot.name} has "
             "such tendons"
         )
+    robot, load, model, most = prepared(robot, load, model, max_tension)
     if model.tendon_path == "continuous":
         raise InputError(
             "the reach needs derivatives, which continuous tendons do not have; use "
             'tendon_path="straight"'
         )
-    load = with_arrays(load)
-    robot = with_tendons(robot, {"friction": 0.0})
-    most = largest_tensions(robot, max_tension)
-    solve(robot, np.zeros(len(most)), load=load, model=model)  # refuses loads that cannot be
     direction = _direction(robot, load, payload_direction)
     notify = progress or (lambda what, done: None)
     notify("poses", 0.0)
@@ -306,11 +299,10 @@ def reach(
         )
     by_share = np.full((poses, 3, len(most)), np.nan)
     compliance = np.full((poses, 3, 3), np.nan)
-    for k in np.flatnonzero(found.converged):
-        if k % 64 == 0:
-            notify("derivatives", 0.1 + 0.6 * k / poses)
-        by = jacobians(solve(robot, tensions[k], load=load, model=model))
-        by_share[k], compliance[k] = by.tip_position_by_tension * most, by.tip_position_by_tip_force
+    notify("derivatives", 0.1)
+    solved = np.flatnonzero(found.converged)
+    by = _derivatives(robot, load, model, tensions[solved])
+    by_share[solved], compliance[solved] = by[0] * most, by[1]
     notify("payload", 0.7)
     payload = _payload(
         (robot, load, model), tensions, tip, compliance, direction, tolerance * robot.length
@@ -339,6 +331,20 @@ def _drawn(tendons: int, poses: int) -> Floats:
     points = np.asarray(points[:poses])
     points[1::2] = np.clip((points[1::2] - _THIRD) / _THIRD, 0.0, 1.0)
     return points
+
+
+def _derivatives(
+    robot: Robot, load: Load, model: RodModel, tensions: Floats
+) -> tuple[Floats, Floats]:
+    """Derivatives of the tips by tensions (P, 3, T) and by a force on the tip (P, 3, 3)."""
+    of = differentiable(robot, load, model, 0)
+    others = [given.default for given in of.inputs if given.default is not None]
+    rows = [np.repeat(row[None], len(tensions), axis=0) for row in others]
+    found = of.core.evaluate([tensions, *rows], of.threads, True, False)
+    at = columns(of.tendons, len(robot.segments))
+    force = [given.name for given in of.inputs].index("tip_force")
+    by = found["jacobians"][:, :3]  # rows of the position
+    return by[..., at[0]], by[..., at[force]]
 
 
 def _payload(
