@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -86,20 +86,10 @@ def control(
     curvature, the equilibrium is solved, and the command is corrected by the tip that the robot
     reached. The exact inverse stands beside it.
     """
-    tolerated = share_of(
-        "--tolerance",
-        tolerance,
-        "a share of the length above 0 and below 1",
-        lambda value: 0 < value < 1,
+    model, given, settings = _read(
+        robot, overrides, max_tension, tolerance, gravity, tip_force, theory, elements
     )
-    check_elements(elements)
-    model = load(robot, overrides)
-    most = None if max_tension is None else _tensions(max_tension, model)
-    acting = None if gravity is None else vector("--gravity", gravity, "m/s^2")
-    force = vector("--tip-force", tip_force, "N")
 
-    from bowstring._core import RodModel
-    from bowstring.statics.load import Load
     from bowstring.validity.control import check_control_file, control_errors
 
     file = of_flag("--out", check_control_file, out or Path(f"{model.name}-control.png"))
@@ -107,22 +97,17 @@ def control(
     with progress_bar("poses") as notify:
         found = control_errors(
             model,
-            most,
             poses=poses,
             corrections=corrections,
             commands=names,
-            tolerance=tolerated,
-            load=Load(gravity=acting, tip_force=force),
-            model=RodModel(theory, elements=elements),
+            **given,
             progress=notify,
         )
         written = str(found.save(file))
     if not as_json:
         return write_tables(_table(found), "\n".join([*found.described(), f"Figure: {written}"]))
     content: Control = {
-        **provenance_of(
-            model, gravity_m_per_s2=acting, tip_force_N=force, poses=poses, corrections=corrections
-        ),
+        **provenance_of(model, **settings, poses=poses, corrections=corrections),
         **found.to_dict(),
         "text": found.described(),
         "file": written,
@@ -170,6 +155,48 @@ def reach(
     With the dexterity, the compliance of the tip, and the largest payload for a displacement
     allowed, over the workspace.
     """
+    model, given, settings = _read(
+        robot, overrides, max_tension, tolerance, gravity, tip_force, theory, elements
+    )
+    along = None
+    if payload_direction is not None:
+        along = vector("--payload-direction", payload_direction, "")
+
+    from bowstring.validity.reach import check_reach_file
+    from bowstring.validity.reach import reach as find_reach
+
+    file = of_flag("--out", check_reach_file, out or Path(f"{model.name}-reach.png"))
+    with progress_bar("poses") as notify:
+        found = find_reach(
+            model,
+            poses=poses,
+            payload_direction=along,
+            **given,
+            progress=notify,
+        )
+        written = str(found.save(file))
+    if not as_json:
+        return write_tables("\n".join([*found.described(), f"Figure: {written}"]))
+    content: ReachFound = {
+        **provenance_of(model, **settings, poses=poses),
+        **found.to_dict(),
+        "text": found.described(),
+        "file": written,
+    }
+    return write_json(content)
+
+
+def _read(
+    robot: str,
+    overrides: list[str] | None,
+    max_tension: str | None,
+    tolerance: str,
+    gravity: str | None,
+    tip_force: str,
+    theory: Literal["cosserat", "kirchhoff"],
+    elements: int | None,
+) -> tuple[Robot, dict[str, Any], dict[str, Any]]:
+    """Robot, arguments that both functions take, and settings for the provenance."""
     tolerated = share_of(
         "--tolerance",
         tolerance,
@@ -181,37 +208,17 @@ def reach(
     most = None if max_tension is None else _tensions(max_tension, model)
     acting = None if gravity is None else vector("--gravity", gravity, "m/s^2")
     force = vector("--tip-force", tip_force, "N")
-    along = None
-    if payload_direction is not None:
-        along = vector("--payload-direction", payload_direction, "")
 
     from bowstring._core import RodModel
     from bowstring.statics.load import Load
-    from bowstring.validity.reach import check_reach_file
-    from bowstring.validity.reach import reach as find_reach
 
-    file = of_flag("--out", check_reach_file, out or Path(f"{model.name}-reach.png"))
-    with progress_bar("poses") as notify:
-        found = find_reach(
-            model,
-            most,
-            poses=poses,
-            payload_direction=along,
-            tolerance=tolerated,
-            load=Load(gravity=acting, tip_force=force),
-            model=RodModel(theory, elements=elements),
-            progress=notify,
-        )
-        written = str(found.save(file))
-    if not as_json:
-        return write_tables("\n".join([*found.described(), f"Figure: {written}"]))
-    content: ReachFound = {
-        **provenance_of(model, gravity_m_per_s2=acting, tip_force_N=force, poses=poses),
-        **found.to_dict(),
-        "text": found.described(),
-        "file": written,
+    given = {
+        "max_tension": most,
+        "tolerance": tolerated,
+        "load": Load(gravity=acting, tip_force=force),
+        "model": RodModel(theory, elements=elements),
     }
-    return write_json(content)
+    return model, given, {"gravity_m_per_s2": acting, "tip_force_N": force}
 
 
 def _tensions(text: str, robot: Robot) -> float | list[float]:
