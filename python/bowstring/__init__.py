@@ -64,6 +64,12 @@ if TYPE_CHECKING:
         displacement_jacobian,
         jacobians,
     )
+    from bowstring.statics.directions import (
+        Derivatives,
+        DirectionalDerivatives,
+        derivatives,
+        directional_derivatives,
+    )
     from bowstring.statics.load import Load, PointLoad
     from bowstring.statics.plane import Plane
     from bowstring.statics.rod import solve, solve_batch, sweep
@@ -89,6 +95,8 @@ __all__ = [
     "ContactSolution",
     "ControlErrors",
     "CriticalLoad",
+    "Derivatives",
+    "DirectionalDerivatives",
     "DisplacementJacobian",
     "Extras",
     "Fit",
@@ -127,6 +135,8 @@ __all__ = [
     "control_errors",
     "critical_load",
     "data",
+    "derivatives",
+    "directional_derivatives",
     "displacement_jacobian",
     "dynamics",
     "errors",
@@ -188,6 +198,9 @@ _HOME = {
         ),
         "statics.contact": "ContactSolution solve_contact sweep_contact",
         "statics.derivatives": "DisplacementJacobian Jacobians displacement_jacobian jacobians",
+        "statics.directions": (
+            "Derivatives DirectionalDerivatives derivatives directional_derivatives"
+        ),
         "statics.load": "Load PointLoad",
         "statics.plane": "Plane",
         "statics.rod": "solve solve_batch sweep",

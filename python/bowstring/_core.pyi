@@ -114,6 +114,19 @@ class PathSolver:
     def resume(self, history: Mapping[str, NDArray[Any]]) -> None: ...
 
 @final
+class Linearised:
+    @staticmethod
+    def at(solution: Solution) -> Linearised | None: ...
+    def along(
+        self,
+        robots: Sequence[Robot] | None,
+        tensions: Floats,
+        load: _DeadLoad,
+        offsets: Floats,
+        weights: Floats,
+    ) -> tuple[Floats, Floats, Floats]: ...
+
+@final
 class Equilibria:
     def __new__(cls, robot: Robot, load: _DeadLoad, model: RodModel) -> Equilibria: ...
     @property

@@ -428,6 +428,8 @@ pub(crate) trait Plain: Passes {
     fn take_strain(&mut self, load: &Load, strain: &[Vec3]);
     /// Points of the backbone (m), `per_module` in each module, base and tip included.
     fn centerline(&self, per_module: usize) -> Vec<Vec3>;
+    /// Elastic energy of the backbone (J).
+    fn elastic_energy(&self) -> f64;
     /// Derivatives of tip and lengths; see [`sensitivity::jacobians`].
     fn jacobians(&mut self, segments: &[usize], gravity: bool) -> Option<Jacobians>;
     /// Derivatives of the tip alone; see [`sensitivity::tip_by_tensions`].
@@ -470,6 +472,11 @@ impl<const A: usize> Plain for Rod<Scalar, A> {
             points.push(from);
         }
         points
+    }
+
+    fn elastic_energy(&self) -> f64 {
+        let modules = self.states.iter().zip(&self.constants);
+        modules.map(|(state, c)| state.elastic_energy(c)).sum()
     }
 
     fn jacobians(&mut self, segments: &[usize], gravity: bool) -> Option<Jacobians> {

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 
 mod arc;
 mod branches;
+mod directional;
 mod dynamics;
 mod equilibria;
 mod fields;
@@ -29,6 +30,8 @@ mod _core {
     };
     #[pymodule_export]
     use crate::branches::follow_branches;
+    #[pymodule_export]
+    use crate::directional::Linearised;
     #[pymodule_export]
     use crate::dynamics::{flexibility, flexibility_at, Flexibility, Simulator};
     #[pymodule_export]

@@ -367,7 +367,7 @@ impl Solution {
 
     /// Evaluates `question` on the solver in the pose of the solution. After a solve by tensions
     /// alone it is solved again, which gives the same numbers.
-    fn ask<T>(&self, question: impl FnOnce(&Solver) -> T) -> Result<T, InputError> {
+    pub(crate) fn ask<T>(&self, question: impl FnOnce(&Solver) -> T) -> Result<T, InputError> {
         if let Some(state) = self.state() {
             return Ok(question(&state.solver));
         }

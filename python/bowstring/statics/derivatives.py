@@ -12,7 +12,13 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.statics import actuation
 from bowstring.statics.solution import Solution
 
-__all__ = ["DisplacementJacobian", "Jacobians", "displacement_jacobian", "jacobians"]
+__all__ = [
+    "DisplacementJacobian",
+    "Jacobians",
+    "check_smooth",
+    "displacement_jacobian",
+    "jacobians",
+]
 
 Floats = NDArray[np.float64]
 
@@ -75,6 +81,21 @@ class DisplacementJacobian:
     lengths_by_displacement: Floats
 
 
+def check_smooth(solution: Solution) -> None:
+    """Refuse a solution that has no derivatives."""
+    solution.raise_for_status()
+    if solution.robot.has_friction:
+        raise InputError(
+            f"the tendons of {solution.robot.name} have friction: the equilibrium then depends "
+            "on the load history and has no derivatives; set friction to 0"
+        )
+    if solution.model.tendon_path == "continuous":
+        raise InputError(
+            'the solution has tendon_path="continuous", for which there are no derivatives; '
+            'solve with tendon_path="straight"'
+        )
+
+
 def jacobians(solution: Solution) -> Jacobians:
     """Differentiate an equilibrium by tensions, tip load and stiffness.
 
@@ -108,17 +129,7 @@ def jacobians(solution: Solution) -> Jacobians:
     >>> (1e3 * by.tip_position_by_tension[:, 0]).round(2)
     array([ 5.03,  0.  , -2.55])
     """
-    solution.raise_for_status()
-    if solution.robot.has_friction:
-        raise InputError(
-            f"the tendons of {solution.robot.name} have friction: the equilibrium then depends "
-            "on the load history and has no derivatives; set friction to 0"
-        )
-    if solution.model.tendon_path == "continuous":
-        raise InputError(
-            'the solution has tendon_path="continuous", for which there are no derivatives; '
-            'solve with tendon_path="straight"'
-        )
+    check_smooth(solution)
     found = solution.core.jacobians()
     if found is None:
         raise NoSolutionError(f"{solution.robot.name}: no derivatives at this equilibrium")

@@ -39,8 +39,8 @@ GRAVITY = 1
 
 #: Why a second derivative is refused.
 SECOND = (
-    "second derivatives of an equilibrium are not available; take first derivatives only, as "
-    "gradient descent, BFGS and Gauss-Newton do"
+    "second derivatives of an equilibrium are not available here; take first derivatives only, as "
+    "gradient descent, BFGS and Gauss-Newton do, or bowstring.directional_derivatives"
 )
 
 

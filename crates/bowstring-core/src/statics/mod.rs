@@ -9,6 +9,7 @@ pub mod branches;
 mod continuation;
 mod deflation;
 pub mod designs;
+pub mod directional;
 pub mod equilibria;
 mod events;
 mod family;

@@ -12,6 +12,7 @@ use crate::model::robot::Robot;
 use crate::motion::oscillation::Equilibrium;
 use crate::rod::estimate::Verdict;
 use crate::rod::sensitivity::Jacobians;
+use crate::statics::directional::Linearised;
 pub(crate) use crate::statics::newton::MAX_STEP;
 use crate::statics::newton::{newton, Attempt, MAX_ITERATIONS};
 pub(crate) use crate::statics::outcome::Settings;
@@ -426,6 +427,17 @@ impl Solver {
         }
         let segments: Vec<_> = self.robot.spec().disks.iter().map(|d| d.segment).collect();
         self.plain().jacobians(&segments, false)
+    }
+
+    /// The last equilibrium with its tangent, for derivatives along lines; `None` as for
+    /// [`Solver::jacobians`].
+    pub fn linearised(&self) -> Option<Linearised> {
+        if !self.settled {
+            return None;
+        }
+        let mut strain = vec![Vec3::zero(); self.history[0].len()];
+        self.engine.strains(&mut |i, w| strain[i] = w);
+        Linearised::new(&self.robot, self.model, &self.load.borrow(), strain)
     }
 
     /// Derivatives of the tip's position and, if wanted, rotation by each tension at the last

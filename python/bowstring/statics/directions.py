@@ -1,0 +1,707 @@
+"""Derivatives of an equilibrium by any number of its load and its robot, and along directions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring import validation
+from bowstring._core import Linearised
+from bowstring.display import short_repr
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.fields import quantity_of
+from bowstring.robot.paths import find, numbers_of
+from bowstring.statics import actuation
+from bowstring.statics.derivatives import check_smooth
+from bowstring.statics.load import Load
+from bowstring.statics.load_tables import with_arrays
+from bowstring.statics.solution import Solution
+from bowstring.statics.solution import solution as solved
+from bowstring.validation import shown
+
+if TYPE_CHECKING:
+    from bowstring.robot.model import Robot
+
+__all__ = [
+    "QUANTITIES",
+    "Derivatives",
+    "DirectionalDerivatives",
+    "Rates",
+    "derivatives",
+    "directional_derivatives",
+]
+
+Floats = NDArray[np.float64]
+
+#: Step of a difference over the natural size of a number.
+_SHARE: Final = 3e-3
+#: Largest motion of the tip in a step: rotation in rad, or displacement over the length.
+_LARGEST: Final = 0.01
+#: Relative error of the first derivatives above which the step is reduced, and by how much.
+_INEXACT: Final = 1e-6
+_SHORTER: Final = 0.3
+_ATTEMPTS: Final = 6
+#: Motion of the tip in a step, over the natural one, that counts as none.
+_RESTING: Final = 1e-3
+#: Largest number of just taut tendons whose combinations are tried.
+_MOST_SWITCHING: Final = 10
+#: Fields that change the number of disks, or have no smooth effect.
+_ROUGH: Final = {
+    "count": "it is a whole number",
+    "disk": "it is a whole number",
+    "friction": "with friction an equilibrium depends on the load history",
+}
+_ACTUATION: Final = ("tensions", "displacements")
+_VECTORS: Final = ("gravity", "tip_force", "tip_moment")
+_ON_DISKS: Final = ("disk_forces", "disk_moments")
+_LOADS: Final = (*_ACTUATION, *_VECTORS, *_ON_DISKS)
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Rates:
+    """Derivatives of the results of an equilibrium along a line, per unit of the line."""
+
+    tip_position: Floats
+    """Position of the tip (3,), m."""
+    tip_rotation: Floats
+    """Rotation vector of the tip (3,) in the base frame, rad; the rotation R turns as
+    dR = [tip_rotation]x R."""
+    lengths: Floats
+    """Lengths of the tendons (T,) from base hole to end disk, m."""
+    tensions: Floats
+    """Tensions of the tendons (T,), N."""
+    elastic_energy: float
+    """Elastic energy of the backbone, J."""
+    disk_positions: Floats
+    """Positions of the disks (N, 3), m."""
+
+
+#: Results with derivatives.
+QUANTITIES: Final = tuple(Rates.__dataclass_fields__)
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class DirectionalDerivatives:
+    """Derivatives of an equilibrium along a line; made by `directional_derivatives`."""
+
+    first: Rates
+    """First derivatives."""
+    second: Rates
+    """Second derivatives; of the rotation vector from the equilibrium to the moved tip."""
+    relative_error: float
+    """Estimated error of the first derivatives of the tip over the largest of their kind, from a
+    difference of a lower order; it is above the error."""
+    just_taut: tuple[int, ...]
+    """Numbers, from 1, of displacement-controlled tendons at the limit of slack: the derivatives
+    hold in the direction given, and those of the opposite direction differ."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Derivatives:
+    """Derivatives of an equilibrium by many numbers; made by `derivatives`.
+
+    ``found[of, by]`` is an array whose leading dimensions are those of the result and whose last
+    ones are those of the variable, such as (3, T) for ``found["tip_position", "tensions"]``.
+    """
+
+    values: dict[tuple[str, str], Floats]
+    """Arrays by result and variable."""
+    relative_error: float
+    """Largest of the estimated relative errors, see `DirectionalDerivatives`."""
+    just_taut: tuple[int, ...]
+    """Numbers, from 1, of displacement-controlled tendons at the limit of slack: the derivatives
+    are then those for an increase of each variable."""
+
+    def __getitem__(self, key: tuple[str, str]) -> Floats:
+        """Array of a result by a variable."""
+        if key in self.values:
+            return self.values[key]
+        for place, what in enumerate(("result", "variable")):
+            names = list(dict.fromkeys(known[place] for known in self.values))
+            if not isinstance(key, tuple) or len(key) != 2 or key[place] not in names:
+                raise InputError(
+                    f"there is no derivative {shown(key)}: the {what} must be one of "
+                    f"{', '.join(names)}"
+                )
+        raise AssertionError(key)  # every result has every variable
+
+
+class _Stencil(NamedTuple):
+    """Finite difference on a line with unit steps."""
+
+    offsets: Floats
+    """Places, (n,)."""
+    weights: Floats
+    """Weights (3, n) of the first derivative, the same at a lower order, and the second."""
+
+    def scaled(self, step: float) -> _Stencil:
+        return _Stencil(
+            self.offsets * step, self.weights / np.array([step, step, step * step])[:, None]
+        )
+
+
+@lru_cache
+def _stencil(side: int) -> _Stencil:
+    """Seven places around zero, or on one side of it (1 or -1)."""
+    offsets = np.arange(7.0) - 3.0 if side == 0 else side * np.arange(7.0)
+
+    def weights(places: Floats, order: int) -> Floats:
+        powers = places ** np.arange(len(places))[:, None]
+        right = np.zeros(len(places))
+        right[order] = order  # 1 and 2 are their own factorials
+        found: Floats = np.linalg.solve(powers, right)
+        return found
+
+    inner = slice(1, 6) if side == 0 else slice(0, 6)
+    coarse = np.zeros(7)
+    coarse[inner] = weights(offsets[inner], 1)
+    return _Stencil(offsets, np.stack([weights(offsets, 1), coarse, weights(offsets, 2)]))
+
+
+@dataclass(frozen=True)
+class _Direction:
+    """Change of a load and of a robot along a line, per unit of it."""
+
+    tensions: Floats
+    displacements: Floats
+    vectors: dict[str, Floats] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
+
+
+class _Lines(NamedTuple):
+    """Results along a line: numbers of the core, and home length and compliance of the tendons.
+
+    Each has three rows: first derivative, the same at a lower order, second derivative.
+    """
+
+    numbers: Floats
+    home: Floats
+    compliance: Floats
+
+
+class _Neighbourhood:
+    """Equilibria near a solution, to second order."""
+
+    def __init__(self, solution: Solution) -> None:
+        check_smooth(solution)
+        if solution.undetermined:
+            raise InputError(
+                "several sets of tensions have the pose of the solution, so that they have no "
+                "derivatives; take an extensible backbone (bowstring.RodModel()) or fewer taut "
+                "tendons"
+            )
+        core = Linearised.at(solution.core)
+        if core is None:
+            raise NoSolutionError(f"{solution.robot.name}: no derivatives at this equilibrium")
+        self.core = core
+        self.solution, self.robot, self.load = solution, solution.robot, solution.load
+        self.tensions = solution.tensions
+        count = len(self.tensions)
+        given = solution.core.by_displacement
+        self.by_displacement = np.zeros(count, bool) if given is None else given
+        self.held = self.by_displacement & (self.tensions > 0.0)
+        loose = self.by_displacement & ~self.held
+        lengths = solution.slack_lengths
+        slack = np.zeros(count, bool)
+        slack[actuation.slack(self.robot, np.zeros(count) if lengths is None else lengths)] = True
+        self.switching = np.flatnonzero(loose & ~slack)
+        if len(self.switching) > _MOST_SWITCHING:
+            raise InputError(
+                f"{len(self.switching)} tendons are at the limit of slack at once, at most "
+                f"{_MOST_SWITCHING} can be; give the robot a pretension, or move it away from there"
+            )
+
+    # ---------------------------------------------------------------------------------------
+    # Lines of loads and robots
+    # ---------------------------------------------------------------------------------------
+
+    def natural_step(self, direction: _Direction) -> float:
+        """Step along a direction that changes the pose little."""
+        robot = self.robot
+        moment = float(robot.bending_stiffness.min()) / robot.length
+        arm = float(np.hypot(*np.moveaxis(robot.tendons.hole_m, -1, 0)).mean())
+        mass = float(robot.disks.mass_kg.sum() + robot.carried_kg.sum())
+        force = moment / robot.length
+        sizes = {
+            "tip_force": force,
+            "disk_forces": force,
+            "tip_moment": moment,
+            "disk_moments": moment,
+            "gravity": min(force / mass, 10.0 / _SHARE) if mass > 0.0 else 10.0,
+        }
+        steps = [
+            (moment / arm, direction.tensions),
+            (arm, direction.displacements),
+            *((sizes[name], rate) for name, rate in direction.vectors.items()),
+            *((self._size(path), np.array(v)) for path, v in direction.numbers.items()),
+        ]
+        shares = [float(np.abs(rate).max(initial=0.0)) / size for size, rate in steps]
+        return _SHARE / max(shares)
+
+    def _size(self, path: str) -> float:
+        """Natural size of a number of the robot file."""
+        value = abs(self._numbers[path])
+        if value > 0.0:
+            return value
+        quantity = quantity_of(self.robot, path)
+        si = "" if quantity is None else quantity.si
+        moment = float(self.robot.bending_stiffness.min()) / self.robot.length
+        arm = float(self.robot.tendons.pitch_radius_m.mean())
+        sizes = {"m": arm, "rad": 1.0, "N": moment / arm, "m/N": arm * arm / moment}
+        return sizes.get(si, 1.0)
+
+    @cached_property
+    def _numbers(self) -> dict[str, float]:
+        return dict(numbers_of(self.robot))
+
+    def robots(
+        self, direction: _Direction, step: float, sides: tuple[int, ...] = (0, 1, -1)
+    ) -> tuple[_Stencil, list[Robot] | None]:
+        """Stencil and robots along a direction; one-sided where a number is at its limit."""
+        if not direction.numbers:
+            return _stencil(sides[0]).scaled(step), None
+        refused: InputError | None = None
+        for side in sides:
+            stencil = _stencil(side).scaled(step)
+            try:
+                return stencil, [
+                    self.robot
+                    if s == 0.0
+                    else self.robot.with_(
+                        {path: self._numbers[path] + s * v for path, v in direction.numbers.items()}
+                    )
+                    for s in stencil.offsets.tolist()
+                ]
+            except InputError as error:
+                refused = refused or error
+        said = str(refused).partition("\n")[0].rstrip(".")  # without advice for a user's own text
+        raise InputError(f"no derivative by {', '.join(direction.numbers)}: {said}")
+
+    def loads(
+        self, direction: _Direction, offsets: Floats, tensions: Floats
+    ) -> tuple[Floats, Load]:
+        """Tensions (n, T) and other loads at the offsets of a line."""
+        core = self.solution.core
+        changed: dict[str, Floats] = {}
+        for name in (*_VECTORS, *_ON_DISKS):
+            now, rate = getattr(core, name), direction.vectors.get(name)
+            if rate is not None:
+                now = np.zeros_like(rate) if now is None else now
+                changed[name] = now + np.multiply.outer(offsets, rate)
+            elif now is not None:
+                changed[name] = now
+        load = self.load.replace(tensions=None, displacements=None, **changed)
+        rows = self.tensions + np.multiply.outer(offsets, tensions)
+        return rows, with_arrays(load, " or (n, N, 3)")
+
+    def along(
+        self,
+        direction: _Direction,
+        stencil: _Stencil,
+        robots: list[Robot] | None,
+        tensions: Floats,
+    ) -> _Lines:
+        """Derivatives along a direction with these changes of the tensions."""
+        rows, load = self.loads(direction, stencil.offsets, tensions)
+        cores = None if robots is None else [robot.core for robot in robots]
+        found = self.core.along(cores, rows, load, *stencil)
+        still = np.zeros((3, len(self.tensions)))
+        if robots is None or not self.by_displacement.any():
+            return _Lines(np.stack(found), still, still)
+        model = self.solution.model
+        homes = [actuation.home_lengths(robot, model) for robot in robots]
+        lengths = [home for home in homes if home is not None]
+        if len(lengths) < len(homes):
+            raise NoSolutionError(f"{self.robot.name}: no home pose beside this robot")
+        compliances = [actuation.compliances(robot) for robot in robots]
+        weights = stencil.weights
+        return _Lines(np.stack(found), weights @ np.stack(lengths), weights @ np.stack(compliances))
+
+    # ---------------------------------------------------------------------------------------
+    # Tendons at given displacements
+    # ---------------------------------------------------------------------------------------
+
+    @cached_property
+    def by_tension(self) -> Floats:
+        """First derivatives (n, T) by the tensions of tendons that are or may become taut."""
+        count = len(self.tensions)
+        columns = []
+        for i, unit in enumerate(np.eye(count)):
+            if not (self.held[i] or i in self.switching):
+                columns.append(np.zeros(self._size_of_row))
+                continue
+            direction = _Direction(unit, np.zeros(count))
+            stencil = _stencil(0).scaled(self.natural_step(direction))
+            columns.append(self.along(direction, stencil, None, unit).numbers[0])
+        return np.stack(columns, axis=1)
+
+    @property
+    def _size_of_row(self) -> int:
+        return 7 + len(self.tensions) + 3 * len(self.robot.disks.station_m)
+
+    @cached_property
+    def _answer(self) -> Floats:
+        """Displacement by tension (T, T) of tendons that keep their length, m/N."""
+        lengths = slice(7, 7 + len(self.tensions))
+        # theory Eq. 4.1: displacement = home length - length + compliance * tension - slack
+        answer: Floats = np.diag(actuation.compliances(self.robot)) - self.by_tension[lengths]
+        return answer
+
+    def _tension_rates(self, wanted: Floats, held: NDArray[np.bool_]) -> Floats:
+        """Tensions that change the displacements of taut tendons as wanted; zero for others."""
+        rates = np.zeros(len(wanted))
+        if held.any():
+            block = self._answer[np.ix_(held, held)]
+            if np.linalg.cond(block) > 1e10:
+                raise InputError(
+                    "the taut tendons cannot be displaced one by one, as the backbone does not "
+                    "shorten: solve with a Cosserat rod (bowstring.RodModel()), or with fewer taut "
+                    "tendons"
+                )
+            rates[held] = np.linalg.solve(block, wanted[held])
+        return rates
+
+    def first_tensions(self, wanted: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """First derivatives of the tensions, and which tendons are taut along the line.
+
+        `wanted` are the changes of displacement that the tensions have to make. A tendon at the
+        limit of slack becomes taut or slack, whichever agrees with itself.
+        """
+        least = 1e-9 * max(1.0, float(np.abs(wanted).max(initial=0.0)))
+        for size in range(len(self.switching) + 1):
+            for taut in combinations(self.switching.tolist(), size):
+                held = self.held.copy()
+                held[list(taut)] = True
+                rates = self._tension_rates(wanted, held)
+                slack = self._answer @ rates - wanted
+                free = [i for i in self.switching.tolist() if i not in taut]
+                if (rates[list(taut)] >= 0.0).all() and (slack[free] >= -least).all():
+                    return rates, held
+        raise NoSolutionError(
+            f"{self.robot.name}: no state of the tendons at the limit of slack fits this direction"
+        )
+
+    # ---------------------------------------------------------------------------------------
+
+    def differentiate(self, direction: _Direction) -> DirectionalDerivatives:
+        """First and second derivatives along a direction."""
+        step = self.natural_step(direction)
+        lengths = slice(7, 7 + len(self.tensions))
+        for _ in range(_ATTEMPTS):
+            stencil, robots = self.robots(direction, step)
+            tensions, held = direction.tensions, self.held
+            lines = self.along(direction, stencil, robots, tensions)
+            if self.by_displacement.any():
+                free = lines.home[0] - lines.numbers[0, lengths]
+                free += lines.compliance[0] * self.tensions
+                rates, held = self.first_tensions(direction.displacements - free)
+                tensions = tensions + rates
+                if rates.any():
+                    lines = self.along(direction, stencil, robots, tensions)
+            first, coarse = lines.numbers[:2]
+            motion = max(
+                float(np.linalg.norm(first[3:6])),
+                float(np.linalg.norm(first[:3])) / self.robot.length,
+            )
+            # a tip that stays in place moves by rounding alone
+            least = _RESTING * _SHARE / step
+            error = _relative_error(first, coarse, (least * self.robot.length, least))
+            if motion * step > _LARGEST:
+                step *= min(_SHORTER, _LARGEST / (motion * step))
+            elif error > _INEXACT:
+                step *= _SHORTER
+            else:
+                break
+        second = lines.numbers[2]
+        bent = np.zeros(len(tensions))
+        if held.any():
+            free = lines.home[2] - second[lengths] + lines.compliance[2] * self.tensions
+            bent = self._tension_rates(-(free + 2.0 * lines.compliance[0] * tensions), held)
+            second = second + self.by_tension @ bent
+        if not (np.isfinite(first).all() and np.isfinite(second).all()):
+            raise NoSolutionError(f"{self.robot.name}: no derivatives at this equilibrium")
+        return DirectionalDerivatives(
+            self._rates(first, tensions),
+            self._rates(second, bent),
+            error,
+            tuple((self.switching + 1).tolist()),
+        )
+
+    def _rates(self, row: Floats, tensions: Floats) -> Rates:
+        ends = 7 + len(self.tensions)
+        return Rates(
+            tip_position=row[:3],
+            tip_rotation=row[3:6],
+            lengths=row[7:ends],
+            tensions=tensions,
+            elastic_energy=float(row[6]),
+            disk_positions=row[ends:].reshape(-1, 3),
+        )
+
+    # ---------------------------------------------------------------------------------------
+
+    def of_functions(
+        self, direction: _Direction, functions: Mapping[str, Callable[[Solution], ArrayLike]]
+    ) -> dict[str, Floats]:
+        """First derivatives of functions of a solution, from the equilibria along a direction."""
+        at_limit = len(self.switching) > 0 or (self.tensions[direction.tensions > 0.0] <= 0.0).any()
+        stencil, robots = self.robots(
+            direction, self.natural_step(direction), (1,) if at_limit else (0, 1, -1)
+        )
+        rows, load = self.loads(direction, stencil.offsets, direction.tensions)
+        commanded = self.load.displacements
+        values: dict[str, list[Floats]] = {name: [] for name in functions}
+        for i, s in enumerate(stencil.offsets.tolist()):
+            changes: dict[str, Any] = {name: getattr(load, name)[i] for name in direction.vectors}
+            if commanded is None:
+                changes["tensions"] = rows[i]
+            else:
+                changes["tensions"] = self.load.tensions + s * direction.tensions
+                changes["displacements"] = commanded + s * direction.displacements
+            robot = self.robot if robots is None else robots[i]
+            near = solved(robot, self.load.replace(**changes), self.solution.model)
+            near.raise_for_status()
+            for name, function in functions.items():
+                values[name].append(np.asarray(function(near), dtype=float))
+        return {
+            name: np.tensordot(stencil.weights[0], np.stack(rows_), axes=1)
+            for name, rows_ in values.items()
+        }
+
+
+def _relative_error(first: Floats, coarse: Floats, least: Sequence[float]) -> float:
+    """Largest difference over the largest number of its kind: position and rotation of the tip."""
+    errors = [
+        float(np.abs(first[kind] - coarse[kind]).max())
+        / max(float(np.abs(first[kind]).max()), small)
+        for kind, small in zip((slice(0, 3), slice(3, 6)), least, strict=True)
+    ]
+    return max(errors)
+
+
+# ------------------------------------------------------------------------------------------
+# Variables by name
+# ------------------------------------------------------------------------------------------
+
+
+def _paths(robot: Robot, name: str) -> tuple[str, ...]:
+    """Numbers of the robot file that a name means."""
+    _, paths = find(robot, name, _LOADS)
+    if paths[0].startswith("gravity"):
+        raise InputError("gravity is a vector of the load: write gravity, not its components")
+    leaf = paths[0].rpartition(".")[2]
+    if leaf in _ROUGH:
+        raise InputError(f"no derivative by {name}: {_ROUGH[leaf]}")
+    return paths
+
+
+def _shape(solution: Solution, name: str) -> tuple[int, ...]:
+    """Shape of a variable."""
+    if name in _ACTUATION:
+        return (len(solution.tensions),)
+    if name in _VECTORS:
+        return (3,)
+    if name in _ON_DISKS:
+        return (len(solution.robot.disks.station_m), 3)
+    return ()
+
+
+def _direction(near: _Neighbourhood, given: Mapping[str, Any]) -> _Direction:
+    """Check a direction."""
+    solution, count = near.solution, len(near.tensions)
+    zero = np.zeros(count)
+    parts: dict[str, Floats] = {"tensions": zero, "displacements": zero}
+    vectors: dict[str, Floats] = {}
+    numbers: dict[str, float] = {}
+    for name, value in given.items():
+        try:
+            rate = validation.floats(value)
+        except TypeError:
+            rate = np.array(np.nan)
+        shape = _shape(solution, name)
+        if rate.shape != shape or not np.isfinite(rate).all():
+            raise InputError(
+                f"{name} is {shown(value)}, it must be finite numbers of shape {shape}"
+            )
+        if name in _ACTUATION:
+            other = near.by_displacement if name == "tensions" else ~near.by_displacement
+            if (wrong := np.flatnonzero(other & (rate != 0.0))).size:
+                kind = "displacement" if name == "tensions" else "tension"
+                raise InputError(
+                    f"tendon {wrong[0] + 1} has a given {kind}, so that {name} cannot change along "
+                    "the line"
+                )
+            parts[name] = rate
+        elif name in _LOADS:
+            vectors[name] = rate
+        else:
+            numbers.update(dict.fromkeys(_paths(solution.robot, name), float(rate)))
+    direction = _Direction(**parts, vectors=vectors, numbers=numbers)
+    rates = [*parts.values(), *vectors.values(), np.array(list(numbers.values()))]
+    if not any(rate.any() for rate in rates):
+        raise InputError("the direction is zero; give the change of at least one number")
+    return direction
+
+
+def directional_derivatives(
+    solution: Solution, direction: Mapping[str, ArrayLike]
+) -> DirectionalDerivatives:
+    """Differentiate an equilibrium twice along a direction of its load and its robot.
+
+    The derivatives are those of the discretised robot at the same `elements`, by the tangent of the
+    equilibrium and differences of high order of the imbalance (docs/theory/statics.md, Derivatives
+    along a direction); no other equilibrium is solved.
+
+    Parameters
+    ----------
+    solution : Solution
+        Converged solution with straight tendons and without friction. Displacement-controlled
+        tendons keep their displacement unless it changes.
+    direction : mapping from str to array_like
+        Changes per unit of the line: ``tensions`` (T,) in N, ``displacements`` (T,) in m,
+        ``gravity``, ``tip_force``, ``tip_moment`` (3,), ``disk_forces``, ``disk_moments`` (N, 3),
+        and numbers of the robot file by their paths, such as ``segments.*.backbone.E``, in SI.
+
+    Returns
+    -------
+    DirectionalDerivatives
+
+    Raises
+    ------
+    NoSolutionError
+        If the solution did not converge, or is too close to losing stability.
+    InputError
+        If the direction is not valid, and as for `jacobians`.
+
+    Examples
+    --------
+    How the tip moves as tendon 1 is pulled, in mm/N and mm/N^2:
+
+    >>> import bowstring as bs
+    >>> robot = bs.load_robot("amouri2019")
+    >>> by = bs.directional_derivatives(bs.solve(robot, [40, 0, 0]), {"tensions": [1, 0, 0]})
+    >>> (1e3 * by.first.tip_position).round(3), (1e3 * by.second.tip_position).round(4)
+    (array([ 5.027,  0.   , -2.549]), array([-0.0304,  0.    , -0.0599]))
+    """
+    near = _Neighbourhood(solution)
+    if not isinstance(direction, Mapping) or not all(isinstance(name, str) for name in direction):
+        raise InputError(
+            f"direction is {shown(direction)}, it must be a mapping such as "
+            "{'tensions': [1, 0, 0]}"
+        )
+    return near.differentiate(_direction(near, direction))
+
+
+def derivatives(
+    solution: Solution,
+    by: Sequence[str] | None = None,
+    *,
+    functions: Mapping[str, Callable[[Solution], ArrayLike]] | None = None,
+) -> Derivatives:
+    """Differentiate an equilibrium by numbers of its load, its actuation and its robot.
+
+    All share one elimination of the tangent, as for `directional_derivatives`. For tensions, tip
+    load and stiffness alone, `jacobians` is faster.
+
+    Parameters
+    ----------
+    solution : Solution
+        As for `directional_derivatives`.
+    by : sequence of str, optional
+        Variables, as there; a path with ``*`` is one variable that changes all its numbers alike.
+        The actuation, tip force, tip moment and gravity if left out.
+    functions : mapping from str to callable, optional
+        Further results: functions of a `Solution` that return a number or an array, such as the
+        largest stress or the natural frequencies. They are evaluated at seven equilibria near by.
+
+    Returns
+    -------
+    Derivatives
+        ``found[of, by]`` for each of `QUANTITIES` and `functions`, NaN for the tension of a
+        displacement-controlled tendon and the displacement of a tension-controlled one.
+
+    Raises
+    ------
+    NoSolutionError
+        If the solution did not converge, or is too close to losing stability.
+    InputError
+        If a variable does not exist or has no smooth effect, and as for `jacobians`.
+
+    Examples
+    --------
+    By how many mm the tip moves if the backbone is 0.1 mm thicker, at given displacements:
+
+    >>> import bowstring as bs
+    >>> robot = bs.load_robot("amouri2019")
+    >>> bent = bs.solve(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03]))
+    >>> by = bs.derivatives(bent, by=["displacements", "segments.0.backbone.diameter"])
+    >>> by["tip_position", "displacements"].shape
+    (3, 3)
+    >>> (1e3 * by["tip_position", "segments.0.backbone.diameter"] * 1e-4).round(3)
+    array([-0.014,  0.   ,  0.006])
+
+    How the two lowest frequencies change with tension 1, in Hz/N:
+
+    >>> def frequencies(near):
+    ...     return bs.modes(near.robot, load=near.load, model=near.model, count=2).frequency_hz
+    >>> taut = bs.solve(robot, [40, 0, 0])
+    >>> by = bs.derivatives(taut, by=["tensions"], functions={"frequency": frequencies})
+    >>> by["frequency", "tensions"][:, 0].round(4)
+    array([0.0003, 0.0009])
+    """
+    near = _Neighbourhood(solution)
+    functions = {} if functions is None else functions
+    if not isinstance(functions, Mapping) or not all(map(callable, functions.values())):
+        raise InputError(
+            f"functions is {shown(functions)}, it must be a mapping from names to functions of a "
+            "solution"
+        )
+    if taken := sorted(set(functions) & set(QUANTITIES)):
+        raise InputError(f"functions has {taken[0]}, which is a result of every equilibrium")
+    if by is None:
+        kinds = [name for name, any_ in _kinds(near) if any_]
+        by = [*kinds, "tip_force", "tip_moment", "gravity"]
+    if isinstance(by, str) or not all(isinstance(name, str) for name in by):
+        raise InputError(f"by is {shown(by)}, it must be a list of variables such as 'tensions'")
+    values: dict[tuple[str, str], Floats] = {}
+    error, taut = 0.0, tuple((near.switching + 1).tolist())
+    for name in dict.fromkeys(by):
+        shape = _shape(solution, name)
+        if not shape:
+            _paths(solution.robot, name)  # refuses unknown ones
+        columns: list[dict[str, Any] | None] = []
+        for unit in np.eye(int(np.prod(shape))).reshape(-1, *shape):
+            if name in _ACTUATION and near.by_displacement[unit.argmax()] == (name == "tensions"):
+                columns.append(None)
+                continue
+            direction = _direction(near, {name: unit})
+            found = near.differentiate(direction)
+            error = max(error, found.relative_error)
+            own = near.of_functions(direction, functions) if functions else {}
+            columns.append({**{of: getattr(found.first, of) for of in QUANTITIES}, **own})
+        known = next((column for column in columns if column is not None), None)
+        if known is None:
+            kind = "displacement" if name == "tensions" else "tension"
+            raise InputError(f"no derivative by {name}: every tendon has a given {kind}")
+        for of, first in known.items():
+            nothing = np.full(np.shape(first), np.nan)
+            stack = [nothing if column is None else column[of] for column in columns]
+            array = np.moveaxis(np.stack(stack), 0, -1)
+            values[of, name] = array.reshape((*np.shape(first), *shape))
+    return Derivatives(values, error, taut)
+
+
+def _kinds(near: _Neighbourhood) -> list[tuple[str, bool]]:
+    return [
+        ("tensions", bool((~near.by_displacement).any())),
+        ("displacements", bool(near.by_displacement.any())),
+    ]
