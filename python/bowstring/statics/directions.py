@@ -158,8 +158,7 @@ def _stencil(side: int) -> _Stencil:
         powers = places ** np.arange(len(places))[:, None]
         right = np.zeros(len(places))
         right[order] = order  # 1 and 2 are their own factorials
-        found: Floats = np.linalg.solve(powers, right)
-        return found
+        return np.asarray(np.linalg.solve(powers, right), dtype=np.float64)
 
     inner = slice(1, 6) if side == 0 else slice(0, 6)
     coarse = np.zeros(7)
