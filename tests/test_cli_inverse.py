@@ -152,6 +152,10 @@ def test_bad_flags(shell: Shell, arguments: list[str], words: str) -> None:
     assert words in shell.error("ik", "rao2021", *arguments)
 
 
-def test_friction_is_refused(shell: Shell) -> None:
-    changes = ["--set", "segments.0.tendons.friction=0.1", "--model", "physics"]
-    assert "friction" in shell.error("ik", "rao2021", "--tip", "0,0,0.3", *changes)
+def test_friction_counts(shell: Shell) -> None:
+    changes = ["--model", "physics", "--set", "segments.*.tendons.*.friction=0.1"]
+    tip = ["--tip", "0.08,0.02,0.375"]
+    rubbing = shell.json("ik", "rao2021", *tip, *changes)
+    without = shell.json("ik", "rao2021", *tip, *changes[:2])
+    assert rubbing["status"] == without["status"] == "reached"
+    assert sum(rubbing["tensions_N"]) > sum(without["tensions_N"])

@@ -12,6 +12,7 @@ import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.inverse.kinematics import default_max_tension
+from bowstring.robot.model import with_tendons
 
 ROBOTS = ("amouri2019", "rao2021", "crl-ftdcr-v4")
 
@@ -366,10 +367,70 @@ def test_bad_input(arguments, words):
         bs.inverse_kinematics(robot, given.pop("position"), **given)
 
 
-def test_friction_is_refused():
-    robot = bs.load_robot("amouri2019").with_({"segments.0.tendons.friction": 0.1})
-    with pytest.raises(InputError, match="friction"):
-        bs.inverse_kinematics(robot, [0.3, 0.0, 0.53])
+def rubbing(friction):
+    """Robot with friction, and tips that it comes to as tendon 1 is pulled and let go."""
+    robot = with_tendons(bs.load_robot("rao2021"), {"friction": friction})
+    share = np.concatenate([np.linspace(0.1, 1.0, 10), np.linspace(0.95, 0.5, 10)])
+    tensions = np.outer(share, [6.0, 0.0, 2.0, 3.0, 0.0, 1.0])
+    return robot, bs.sweep(robot, tensions).raise_for_status()
+
+
+@pytest.mark.parametrize("friction", [0.05, 0.15])
+def test_the_path_counts_with_friction(friction):
+    robot, there_and_back = rubbing(friction)
+    tips = there_and_back.tip_position
+    found = bs.inverse_kinematics(robot, tips)
+    assert found.reached[:10].all()
+    # beyond the reversal other tensions are at hand than those that gave the tips
+    assert np.max(found.distance) < 1e-3 * robot.length
+    # the same path, solved by itself
+    landed = bs.sweep(robot, found.tensions)
+    np.testing.assert_allclose(landed.tip_position, found.tip_position, atol=2e-5 * robot.length)
+    np.testing.assert_allclose(found.land().tip_position, landed.tip_position, atol=1e-9)
+    np.testing.assert_allclose(found.displacements(), landed.displacements(), atol=1e-5)
+
+
+def test_the_way_back_takes_less_tension_than_the_way_there():
+    free = bs.load_robot("amouri2019")
+    robot = with_tendons(free, {"friction": 0.1})
+    there = bs.sweep(robot, np.outer(np.linspace(5, 40, 8), [1, 0, 0])).tip_position
+    tips = np.concatenate([there, there[6:2:-1]])
+    found = bs.inverse_kinematics(robot, tips)
+    assert np.max(found.distance) < 1e-3 * robot.length
+    without = bs.inverse_kinematics(free, tips, max_tension=60.0).tensions
+    for out, back in ((6, 8), (5, 9), (4, 10), (3, 11)):
+        assert found.tensions[out, 0] > 1.01 * without[out, 0]
+        assert found.tensions[back, 0] < 0.98 * found.tensions[out, 0]
+
+
+def test_hardly_any_friction_gives_the_inverse_without_it():
+    robot, there = rubbing(1e-7)
+    free = with_tendons(robot, {"friction": 0.0})
+    found = bs.inverse_kinematics(robot, there.tip_position[:10])
+    expected = bs.inverse_kinematics(free, there.tip_position[:10])
+    assert found.reached.all()
+    np.testing.assert_allclose(found.tensions, expected.tensions, atol=2e-2)
+    np.testing.assert_allclose(found.displacements(), expected.displacements(), atol=1e-6)
+
+
+def test_friction_with_a_direction_and_from_home():
+    robot, there = rubbing(0.05)
+    tips = there.tip_position[[3, 8]]
+    tangents = there.tip_rotation[[3, 8]][:, :, 2]
+    found = bs.inverse_kinematics(robot, tips, direction=tangents, path=False)
+    assert (np.asarray(found.distance) < 1e-3 * robot.length).all()
+    assert (np.asarray(found.direction_error) < 5e-3).all()
+    alone = bs.solve(robot, found.tensions[1])  # a path of one step from home
+    np.testing.assert_allclose(alone.tip.position, found.tip_position[1], atol=1e-9)
+
+
+def test_out_of_reach_with_friction_is_not_called_reached():
+    robot, _ = rubbing(0.1)
+    found = bs.inverse_kinematics(robot, [0.3, 0.0, 0.0], max_tension=2.0)
+    assert found.status == "max_iterations"
+    assert (found.tensions <= 2.0 + 1e-12).all()
+    assert found.distance > 0.01
+    assert (found.binding == 1).any()
 
 
 def test_a_segment_without_tendons_follows(tmp_path):

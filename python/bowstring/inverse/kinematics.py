@@ -15,6 +15,7 @@ from bowstring._core import inverse_kinematics as _inverse_kinematics
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.inverse.arcs import arcs_to, tensions_of
+from bowstring.inverse.friction import Targets, follow_with_friction
 from bowstring.inverse.solution import InverseSolution
 from bowstring.robot.model import check_robot
 from bowstring.statics.load import Load
@@ -55,7 +56,7 @@ def inverse_kinematics(
     Parameters
     ----------
     robot : Robot
-        Robot without friction.
+        The robot. With friction the rows are a path from the home pose, whose history counts.
     position : array_like (3,) or (n, 3)
         Wanted position of the tip in the base frame, m.
     direction : array_like (3,) or (n, 3), optional
@@ -80,7 +81,7 @@ def inverse_kinematics(
         tip. `InverseSolution.nearest_distance` has its distance.
     path : bool
         Whether rows are a path, each started from the previous one. Otherwise each has its own
-        start, and they are solved on all cores.
+        start (with friction the home pose), and they are solved on all cores.
 
     Returns
     -------
@@ -91,7 +92,7 @@ def inverse_kinematics(
     ------
     InputError
         If an argument is wrong, for a position farther from the base than the robot is long, and
-        for tendons with friction or without derivatives.
+        for tendons without derivatives.
 
     Examples
     --------
@@ -168,17 +169,15 @@ def _by_physics(
     model: RodModel,
     path: bool,
 ) -> dict[str, Any]:
-    if robot.has_friction:
-        raise InputError(
-            f"the tendons of {robot.name} have friction: the tip then depends on the load history, "
-            "and the inverse is for tendons without friction; set friction to 0"
-        )
     if model.tendon_path == "continuous" or robot.is_embedded:
         raise InputError(
             "inverse kinematics needs derivatives, which continuous and embedded tendons do not "
             'have; use tendon_path="straight" or model="constant_curvature"'
         )
     positions, directions, margin = targets
+    if robot.has_friction:
+        wanted = Targets(positions, directions, margin)
+        return follow_with_friction(robot, wanted, limits, load, model, path=path, reached=_REACHED)
     given = SimpleNamespace(positions=positions, directions=directions, margin=margin)
     threads = None if path else 0
     return _inverse_kinematics(robot.core, given, limits, load, model, threads)

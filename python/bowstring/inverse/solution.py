@@ -89,6 +89,8 @@ class InverseSolution:
         Estimated discretisation error of the tip in m; NaN by constant curvature.
     arcs : RobotArcs or None
         Arcs by constant curvature.
+    held_displacements : ndarray (T,) or None
+        Displacements of tendons with friction, which depend on the path; None without friction.
     """
 
     robot: Robot
@@ -113,6 +115,7 @@ class InverseSolution:
     elements: Any
     tip_error: Any
     arcs: RobotArcs | None = None
+    held_displacements: Floats | None = None
 
     def __len__(self) -> int:
         if self.position.ndim == 1:
@@ -142,6 +145,8 @@ class InverseSolution:
         ndarray (T,), or (n, T), or None
             None if the robot's pretension has no home pose.
         """
+        if self.held_displacements is not None:
+            return self.held_displacements
         if isinstance(self.model, str):
             disks = self.robot.disks.station_m
             return np.asarray(disks[self.robot.tendons.end_disk] - self.tendon_lengths)
@@ -159,8 +164,8 @@ class InverseSolution:
         Parameters
         ----------
         control : {"tensions", "displacements"}
-            Which of the commands the motors hold. Displacements are followed as a path from the
-            home pose.
+            Which of the commands the motors hold. Displacements, and tensions of tendons with
+            friction, are followed as a path from the home pose.
         load : Load, optional
             Dead loads; by default those of the result.
         model : RodModel, optional
@@ -184,10 +189,10 @@ class InverseSolution:
         rows = np.atleast_2d(values)
         failed = np.asarray(~np.isfinite(rows).all(axis=1))
         rows = np.where(failed[:, None], 0.0, rows)
-        if control == "tensions":
+        if control == "tensions" and not self.robot.has_friction:
             landed = solve_batch(self.robot, rows, load=given, model=model)
         else:
-            landed = sweep(self.robot, load=given.replace(displacements=rows), model=model)
+            landed = sweep(self.robot, load=given.replace(**{control: rows}), model=model)
         return _without(landed, failed) if failed.any() else landed
 
     def __repr__(self) -> str:

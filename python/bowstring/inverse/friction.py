@@ -1,0 +1,297 @@
+"""Inverse kinematics of tendons with friction, row after row of a path.
+
+Theory: docs/theory/inverse-kinematics.md (Friction).
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring._core import RodModel
+from bowstring._core import inverse_kinematics as _inverse_kinematics
+from bowstring.errors import InputError
+from bowstring.statics import actuation
+from bowstring.statics.load import Load
+
+if TYPE_CHECKING:
+    from bowstring.robot.model import Robot
+
+__all__ = ["follow_with_friction"]
+
+Floats = NDArray[np.float64]
+
+_MOST_STEPS: Final = 40
+_RADIUS: Final = 0.3  # first and largest change of a tension in a step, over its scale
+_LEAST_RADIUS: Final = 1e-9
+_DIFFERENCE: Final = 1e-5  # change of a tension for the derivatives, over its scale
+_MORE_STARTS: Final = 6  # where neither the last row nor the inverse without friction leads there
+_SPREAD: Final = 0.05  # of these starts, over the scale of the tensions
+_RIDGE: Final = 1e-6  # of the largest derivative: keeps tensions that the tip does not determine
+
+
+class Targets(NamedTuple):
+    """Wanted poses of the tip."""
+
+    positions: Floats
+    """Positions (n, 3), m."""
+    directions: Floats | None
+    """Directions (n, 3) of the tangent, of length one."""
+    margin: float
+    """As `distance_margin` of `bowstring.inverse_kinematics`."""
+
+
+class _Landed(NamedTuple):
+    """Where tensions lead."""
+
+    tensions: Floats
+    miss: Floats
+    """Position of the tip from its target over the length and, with a direction, components of
+    the tangent across it (3 or 5)."""
+
+    @property
+    def size(self) -> float:
+        """Distance from the target over the length."""
+        return float(np.linalg.norm(self.miss))
+
+
+class _Row:
+    """Target of one row, and what the next step of a path from its present state gives."""
+
+    def __init__(
+        self,
+        path: actuation.Path,
+        target: tuple[Floats, Floats | None],
+        limits: tuple[Floats, Floats],
+        load: Load,
+    ) -> None:
+        self.path, self.load = path, load
+        self.position, self.direction = target
+        self.least, self.most = limits
+        self.scale = np.maximum(self.most, 1e-3 * float(self.most.max()))
+        self.across = np.zeros((0, 3))
+        if self.direction is not None:
+            self.across = np.linalg.svd(self.direction[None])[2][1:]
+
+    def landed(self, tensions: Floats) -> list[_Landed | None]:
+        """Steps to tensions (n, T); None where there is no equilibrium."""
+        kinds = np.zeros(tensions.shape, dtype=bool)
+        found = self.path.core.follow(kinds, tensions, self.load, False, 1)
+        offset = (found["tip_position"] - self.position) / self.path.robot.length
+        tangent = found["tip_rotation"][:, :, 2] @ self.across.T
+        return [
+            _Landed(row, np.concatenate([offset[k], tangent[k]])) if done else None
+            for k, (row, done) in enumerate(zip(tensions, found["converged"], strict=True))
+        ]
+
+    def nearest(self, start: Floats, reached: float) -> tuple[_Landed | None, int]:
+        """Tensions that lead nearest to the target, and the number of steps.
+
+        Gauss-Newton steps within the limits and a box. The tip by a tension has a kink where holes
+        begin to slip: first the derivatives to the side of the last step are used, which are
+        half of them, and where this brings the tip no nearer, those to both sides.
+        """
+        (now,) = self.landed(np.clip(start, self.least, self.most)[None])
+        if now is None:
+            return None, 1
+        radius, side = _RADIUS, np.ones(len(start))
+        columns: dict[float, Floats] = {}
+        for steps in range(1, _MOST_STEPS):
+            if now.size <= reached:
+                return now, steps
+            both = bool(columns)
+            if not both:
+                columns[1.0] = self._derivatives(now, side)
+            elif len(columns) == 1:
+                columns[-1.0] = self._derivatives(now, -side)
+            step = self._step(now, side, columns, radius)
+            there = np.clip(now.tensions + step, self.least, self.most)  # but for rounding
+            (after,) = self.landed(there[None])
+            if after is None or after.size >= now.size:
+                if both:
+                    radius = 0.25 * float(np.abs(step / self.scale).max())
+            else:
+                slow = both and after.size > 0.999 * now.size
+                radius = min(2.0 * radius, _RADIUS)
+                side = np.where(step < 0.0, -1.0, 1.0)
+                now, columns = after, {}
+                if slow and now.size > reached:
+                    return now, steps
+            if radius < _LEAST_RADIUS:
+                return now, steps
+        return now, _MOST_STEPS
+
+    def _derivatives(self, now: _Landed, side: Floats) -> Floats:
+        """Derivatives (3 or 5, T) of the miss by tensions over their scale; zero beyond limits."""
+        moves = _DIFFERENCE * side
+        there = now.tensions + np.diag(moves * self.scale)
+        allowed = (np.diag(there) >= self.least) & (np.diag(there) <= self.most)
+        landed = self.landed(np.where(allowed[:, None], there, now.tensions))
+        slope = np.zeros((len(now.miss), len(side)))
+        for i, near in enumerate(landed):
+            if near is not None:
+                slope[:, i] = (near.miss - now.miss) / moves[i]
+        return slope
+
+    def _step(
+        self, now: _Landed, side: Floats, columns: dict[float, Floats], radius: float
+    ) -> Floats:
+        """Least-squares change of the tensions within the limits and a box."""
+        from scipy.optimize import lsq_linear
+
+        count = len(side)
+        down = np.minimum((now.tensions - self.least) / self.scale, radius)
+        up = np.minimum((self.most - now.tensions) / self.scale, radius)
+        if len(columns) == 1:
+            matrix, low, high = columns[1.0], -down, up
+        else:  # one unknown for each side
+            towards, back = side * columns[1.0], -side * columns[-1.0]
+            low = np.zeros(2 * count)
+            high = np.concatenate([np.where(side > 0.0, up, down), np.where(side > 0.0, down, up)])
+            matrix = np.concatenate([towards, back], axis=1)
+        ridge = _RIDGE * float(np.linalg.norm(matrix, 2)) * np.eye(matrix.shape[1])
+        right = np.concatenate([-now.miss, np.zeros(len(ridge))])
+        high = np.maximum(high, low + 1e-15)  # the solver asks for an interval
+        found = lsq_linear(np.concatenate([matrix, ridge]), right, (low, high), method="bvls")
+        change = found.x
+        if len(columns) == 2:
+            change = side * (change[:count] - change[count:])
+        return np.asarray(change * self.scale)
+
+    def binding(self, at: _Landed) -> NDArray[np.int8]:
+        """Limits that the tensions are at: -1 the least, 1 the largest."""
+        near = 1e-9 * self.scale
+        high, low = at.tensions >= self.most - near, at.tensions <= self.least + near
+        return np.where(high, 1, np.where(low, -1, 0)).astype(np.int8)
+
+
+def follow_with_friction(
+    robot: Robot,
+    targets: Targets,
+    limits: tuple[Floats, Floats],
+    load: Load,
+    model: RodModel,
+    *,
+    path: bool,
+    reached: float,
+) -> dict[str, Any]:
+    """Tensions for poses of the tip, in the fields of `InverseSolution`.
+
+    Each row starts from the state that the row before it left or, without `path`, from home.
+
+    Parameters
+    ----------
+    robot : Robot
+    targets : Targets
+    limits : (ndarray (T,), ndarray (T,))
+        Least and largest tensions, N.
+    load : Load
+        Dead loads, or rows of them.
+    model : RodModel
+    path : bool
+        Whether the rows are one path.
+    reached : float
+        Distance over length of a reached tip.
+
+    Returns
+    -------
+    dict
+    """
+    count, tendons = len(targets.positions), robot.core.tendon_count
+    state = actuation.Path(robot, model)
+    given = SimpleNamespace(**targets._asdict())
+    free = _inverse_kinematics(robot.core, given, limits, load, model, None if path else 0)
+    last, more = robot.tendons.pretension_N, np.zeros(tendons)  # more than without friction
+    numbers = {
+        name: np.full((count, *shape), np.nan)
+        for name, shape in (
+            ("tensions", (tendons,)),
+            ("tip_position", (3,)),
+            ("tip_rotation", (3, 3)),
+            ("distance", ()),
+            ("direction_error", ()),
+            ("tendon_lengths", (tendons,)),
+            ("tip_error", ()),
+            ("held_displacements", (tendons,)),
+        )
+    }
+    status = ["no_equilibrium"] * count
+    stable: list[bool | None] = [None] * count
+    binding = np.zeros((count, tendons), dtype=np.int8)
+    iterations, elements = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    for k in range(count):
+        if not path:
+            state.core.reset()
+            last, more = robot.tendons.pretension_N, np.zeros(tendons)
+        direction = None if targets.directions is None else targets.directions[k]
+        own = _row_of(load, k, count)
+        if not np.isfinite(free["tensions"][k]).all():
+            continue
+        row = _Row(state, (targets.positions[k], direction), limits, own)
+        best = None
+        # the second start is the last state, from which a hole slips to either side
+        spread = _SPREAD * row.scale * np.random.default_rng(k).normal(size=(_MORE_STARTS, tendons))
+        for start in (free["tensions"][k] + more, last, *(last + spread)):
+            found, steps = row.nearest(start, reached)
+            iterations[k] += steps
+            if found is not None and (best is None or found.size < best.size):
+                best = found
+            if best is not None and best.size <= reached:
+                break
+        if best is None:
+            continue
+        step = state.core.step(np.zeros(tendons, dtype=bool), best.tensions, own)
+        rotation = step.tip_rotation
+        if not step.converged or rotation is None:
+            continue
+        last, more = best.tensions, best.tensions - free["tensions"][k]
+        numbers["tensions"][k] = best.tensions
+        numbers["tip_position"][k] = step.tip_position
+        numbers["tip_rotation"][k] = rotation
+        numbers["distance"][k] = np.linalg.norm(step.tip_position - targets.positions[k])
+        numbers["tendon_lengths"][k] = step.tendon_lengths
+        numbers["held_displacements"][k] = step.displacements
+        if step.error_estimate is not None:
+            numbers["tip_error"][k] = step.error_estimate[0]
+        if direction is not None:
+            chord = float(np.linalg.norm(rotation[:, 2] - direction))
+            numbers["direction_error"][k] = 2.0 * np.arcsin(min(0.5 * chord, 1.0))
+        stable[k] = step.stable
+        elements[k] = step.model.elements or 0
+        if best.size <= reached:
+            status[k] = "reached"
+            continue
+        status[k] = "max_iterations"
+        binding[k] = row.binding(best)
+    return {
+        "status": status,
+        "stable": stable,
+        **numbers,
+        "nearest_distance": numbers["distance"].copy(),
+        "binding": binding,
+        "iterations": iterations,
+        "restarted": np.zeros(count, dtype=bool),
+        "elements": elements,
+    }
+
+
+def _row_of(load: Load, k: int, count: int) -> Load:
+    """Loads of a row."""
+    rows = {}
+    for name, dimensions in (
+        ("gravity", 2),
+        ("tip_force", 2),
+        ("tip_moment", 2),
+        ("disk_forces", 3),
+        ("disk_moments", 3),
+    ):
+        value = getattr(load, name)
+        if value is None or np.ndim(value) < dimensions:
+            continue
+        if len(value) != count:
+            raise InputError(f"{name} has {len(value)} rows, it must have one for each position")
+        rows[name] = np.asarray(value)[k]
+    return load.replace(**rows) if rows else load
