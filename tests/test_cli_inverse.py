@@ -103,6 +103,35 @@ def test_a_path_with_directions_in_metres(shell: Shell, tmp_path: Path) -> None:
     assert found["reached"] == 12
 
 
+def test_the_table_has_the_distance_of_the_nearest_tip(shell: Shell, tmp_path: Path) -> None:
+    # off the surface that one segment reaches; the first row is on it
+    robot = bs.load_robot("amouri2019")
+    on = bs.solve(robot, [20, 0, 0]).tip.position
+    below = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.01], [0.0, 0.0, -0.02]])
+    tips = on + below
+    file, out = write_tips(tmp_path / "tips.csv", tips), tmp_path / "c.csv"
+    arguments = ("ik", robot.name, "--path", str(file), "--out", str(out), "--model", "physics")
+    found = shell.json(*arguments)
+    with out.open() as stream:
+        stream.readline()
+        rows = list(csv.DictReader(stream))
+    distance, nearest = (
+        np.array([float(row[name]) for row in rows])
+        for name in ("distance_mm", "nearest_distance_mm")
+    )
+    assert [row["status"] for row in rows] == ["reached", "unreachable", "unreachable"]
+    assert distance[0] == nearest[0] < 1e-3
+    # the nearest tips are those without a margin
+    shell.json(*arguments, "--distance-margin", "0")
+    with out.open() as stream:
+        stream.readline()
+        exact = [float(row["distance_mm"]) for row in csv.DictReader(stream)]
+    np.testing.assert_allclose(nearest[1:], exact[1:], rtol=1e-3)
+    assert (nearest[1:] < distance[1:] - 0.1).all()
+    assert (distance <= nearest + 1.0001 * robot.length).all()  # 0.1 % of the length, in mm
+    assert found["max_nearest_distance_m"] == pytest.approx(1e-3 * nearest.max(), rel=1e-8)
+
+
 def test_jumps_are_pointed_out(shell: Shell, tmp_path: Path) -> None:
     file = write_tips(tmp_path / "tips.csv", circle(60)[[0, 1, 30, 31]])
     _, _, err = shell("ik", "rao2021", "--path", str(file), "--out", str(tmp_path / "c.csv"))

@@ -398,14 +398,17 @@ def _path(
             f"{jumps} of {len(found)} rows were found from another start than the row before them; "
             "the tensions may jump there.",
         )
-    far = np.asarray(found.distance)
-    far = far[np.isfinite(far)]
+    far, nearest = (
+        values[np.isfinite(values)]
+        for values in (np.asarray(found.distance), np.asarray(found.nearest_distance))
+    )
     summary: IkPath = {
         "model": options.model,
         "count": len(found),
         "reached": int(reached.sum()),
         "restarted": jumps,
         "max_distance_m": float(far.max()) if far.size else None,
+        "max_nearest_distance_m": float(nearest.max()) if nearest.size else None,
         "constant_curvature_mean_miss_m": float(good.mean()) if good.size else None,
         "constant_curvature_max_miss_m": float(good.max()) if good.size else None,
         "files": [str(table), str(drawing)],

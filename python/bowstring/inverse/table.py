@@ -140,10 +140,12 @@ def write_commands(
 ) -> Path:
     """Write the commands for a path as CSV.
 
-    The columns are ``tip_x_mm`` and so on, the wanted position; ``status``, ``distance_mm``,
-    ``restarted``; for each tendon ``tension_1_N`` and ``displacement_1_mm``; and with a landing
-    ``other_tension_1_N`` and so on, the landed tip ``other_tip_x_mm`` and so on, and its distance
-    ``other_distance_mm`` from the wanted position. Cells without a number are blank.
+    The columns are ``tip_x_mm`` and so on, the wanted position; ``status``; ``distance_mm`` of the
+    tip under the tensions from it; ``nearest_distance_mm`` of the nearest tip that was found, which
+    is smaller where a margin was used for smaller tensions; ``restarted``; for each tendon
+    ``tension_1_N`` and ``displacement_1_mm``; and with a landing ``other_tension_1_N`` and so on,
+    the landed tip ``other_tip_x_mm`` and so on, and its distance ``other_distance_mm`` from the
+    wanted position. Cells without a number are blank.
 
     Parameters
     ----------
@@ -167,7 +169,8 @@ def write_commands(
     """
     file = check_commands(path)
     each = range(1, found.tensions.shape[1] + 1)
-    header = ["tip_x_mm", "tip_y_mm", "tip_z_mm", "status", "distance_mm", "restarted"]
+    header = ["tip_x_mm", "tip_y_mm", "tip_z_mm", "status"]
+    header += ["distance_mm", "nearest_distance_mm", "restarted"]
     header += [f"tension_{i}_N" for i in each] + [f"displacement_{i}_mm" for i in each]
     displacements = found.displacements()
     if displacements is None:
@@ -196,6 +199,7 @@ def write_commands(
                         *map(text, (1e3 * found.position[k]).tolist()),
                         found.status[k],
                         text(1e3 * float(found.distance[k])),
+                        text(1e3 * float(found.nearest_distance[k])),
                         int(found.restarted[k]),
                         *map(text, row),
                     ]

@@ -114,6 +114,10 @@ class IkPath(OfRobot):
         int, about("Rows found from another start than the row before, where tensions may jump.")
     ]
     max_distance_m: Annotated[OrNull, about("Largest distance of the model's tip from its row.")]
+    max_nearest_distance_m: Annotated[
+        OrNull,
+        about("Largest distance of the nearest tip that was found, perhaps with larger tensions."),
+    ]
     constant_curvature_mean_miss_m: Annotated[
         OrNull,
         about("Mean distance from the path at which the commands of constant curvature land."),
