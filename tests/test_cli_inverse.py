@@ -188,3 +188,25 @@ def test_friction_counts(shell: Shell) -> None:
     without = shell.json("ik", "rao2021", *tip, *changes[:2])
     assert rubbing["status"] == without["status"] == "reached"
     assert sum(rubbing["tensions_N"]) > sum(without["tensions_N"])
+
+
+def test_jumps_of_tensions_are_pointed_out(shell: Shell, tmp_path: Path) -> None:
+    """A circle on which the least tensions change from one set of tendons to another."""
+    path = Path(__file__).parents[1] / "examples" / "tip_path.csv"
+    out = tmp_path / "c.csv"
+    arguments = ("--model", "physics", "--out", str(out))
+    _, said, err = shell("ik", "rao2021", "--path", str(path), *arguments)
+    assert not err and "Largest change of a tension from row to row: 0.0" in said
+    file = write_tips(tmp_path / "tips.csv", circle(1000))
+    found = shell.json("ik", "rao2021", "--path", str(file), *arguments)
+    _, _, err = shell("ik", "rao2021", "--path", str(file), *arguments)
+    if found["max_tension_change_N"] > 0.25:  # whether it does is the solver's choice
+        assert "Warning: a tension changes by" in err and "--min-tension" in err
+    else:
+        assert not err
+    with out.open() as stream:
+        stream.readline()
+        rows = list(csv.DictReader(stream))
+    tensions = [[float(row[f"tension_{i}_N"]) for i in range(1, 7)] for row in rows]
+    changes = np.abs(np.diff(tensions, axis=0))
+    assert found["max_tension_change_N"] == pytest.approx(changes.max(), abs=1e-6)

@@ -53,6 +53,10 @@ if TYPE_CHECKING:
 _FAR: Final = 10.0
 #: Distance between two rows of a path over the length from which it is a jump.
 _JUMP: Final = 0.1
+#: Change of a tension over the step of the tip, over its median, from which it is a jump,
+_JUMP_RATE: Final = 10.0
+#: if it is also larger than this share of the largest tension.
+_JUMP_SHARE: Final = 0.05
 _SUFFIXES: Final = (".png", ".pdf", ".svg")
 
 
@@ -344,6 +348,21 @@ def _tendon_table(found: InverseSolution) -> Table:
     return table
 
 
+def _jumps(changes: Any, steps: Any, tensions: Any) -> bool:
+    """Whether tensions change much more from a row to the next than the step of the tip explains.
+
+    Least tensions may be of another set of tendons there.
+    """
+    import numpy as np
+
+    known = np.isfinite(changes) & (steps > 0.0)
+    if not known.any():
+        return False
+    rates = changes[known] / steps[known]
+    where = rates > _JUMP_RATE * np.median(rates)
+    return bool((changes[known][where] > _JUMP_SHARE * np.nanmax(tensions)).any())
+
+
 def _path(
     options: _Options, path: Path, out: Path | None, figure: Path | None, as_json: bool
 ) -> None:
@@ -392,11 +411,21 @@ def _path(
     miss = np.linalg.norm(landed - tips.positions, axis=1)
     good = miss[np.isfinite(miss)]
     jumps = int(np.sum(found.restarted))
+    changes = np.abs(np.diff(found.tensions, axis=0)).max(axis=1, initial=0.0)
+    largest = float(np.nanmax(changes, initial=0.0))
     if jumps:
         say(
             "Warning",
             f"{jumps} of {len(found)} rows were found from another start than the row before them; "
             "the tensions may jump there.",
+        )
+    elif _jumps(changes, steps, found.tensions):
+        row = int(np.nanargmax(changes)) + 1
+        say(
+            "Warning",
+            f"a tension changes by {number_with_unit(largest, 'N')} from row {row} to row "
+            f"{row + 1}, much more than elsewhere: limit the rate of the tensions there, or try "
+            "--min-tension.",
         )
     far, nearest = (
         values[np.isfinite(values)]
@@ -407,6 +436,7 @@ def _path(
         "count": len(found),
         "reached": int(reached.sum()),
         "restarted": jumps,
+        "max_tension_change_N": largest,
         "max_distance_m": float(far.max()) if far.size else None,
         "max_nearest_distance_m": float(nearest.max()) if nearest.size else None,
         "constant_curvature_mean_miss_m": float(good.mean()) if good.size else None,
@@ -423,6 +453,10 @@ def _path(
         lines.append(
             f"Commanded by constant curvature, the tip lands {in_mm(good.mean())} from the path in "
             f"the mean and {in_mm(good.max())} at most."
+        )
+    if len(found) > 1:
+        lines.append(
+            "Largest change of a tension from row to row: " + number_with_unit(largest, "N") + "."
         )
     lines.append(f"Commands: {table}\nFigure: {drawing}")
     write_tables("\n".join(lines))

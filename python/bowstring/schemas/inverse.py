@@ -113,6 +113,9 @@ class IkPath(OfRobot):
     restarted: Annotated[
         int, about("Rows found from another start than the row before, where tensions may jump.")
     ]
+    max_tension_change_N: Annotated[
+        float, about("Largest change of a tension from one row to the next.")
+    ]
     max_distance_m: Annotated[OrNull, about("Largest distance of the model's tip from its row.")]
     max_nearest_distance_m: Annotated[
         OrNull,
