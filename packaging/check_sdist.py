@@ -29,7 +29,7 @@ ALLOWED = re.compile(
     r"python/bowstring/[\w/]+\.(py|pyi|typed|html\.j2)"
     r"|python/bowstring/(robot/builtin|data/mappings)/[\w-]+\.yaml"
     r"|crates/[\w-]+/(src|tests|benches|examples)/[\w/]+\.rs"
-    r"|crates/[\w-]+/(Cargo\.toml|README\.md)"
+    r"|crates/[\w-]+/(Cargo\.toml|README\.md|cbindgen\.toml|include/[\w]+\.h)"
 )
 
 

@@ -108,7 +108,7 @@ class RobotFields(_Table):
 _UNITS = {
     **{name: name for name in ("m", "mm", "rad", "deg", "N", "Pa", "MPa", "kg", "s")},
     **{"m3": "m³", "Nm": "N m", "hz": "Hz", "percent": "%", "per_m": "1/m", "per_s": "1/s"},
-    **{"m_per_s2": "m/s²", "m_per_N": "m/N"},
+    **{"m_per_s2": "m/s²", "m_per_N": "m/N", "kg_m2": "kg m²"},
 }
 _UNIT = re.compile(f"_({'|'.join(sorted(_UNITS, key=len, reverse=True))})$")
 _LISTS = {2: "`[low, high]`", 3: "`[x, y, z]`"}

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from bowstring.dynamics.linear import LinearModel, linearise
     from bowstring.dynamics.modal import Modes, modes
     from bowstring.dynamics.simulation import Output, Run, Start, simulate
+    from bowstring.inverse.compiled import compile_robot
     from bowstring.inverse.kinematics import inverse_kinematics
     from bowstring.inverse.solution import InverseSolution
     from bowstring.robot.model import Robot
@@ -131,6 +132,7 @@ __all__ = [
     "calibrate",
     "calibration",
     "check_tendons",
+    "compile_robot",
     "constant_curvature",
     "control_errors",
     "critical_load",
@@ -188,6 +190,7 @@ _HOME = {
         "dynamics.linear": "LinearModel linearise",
         "dynamics.modal": "Modes modes",
         "dynamics.simulation": "Output Run Start simulate",
+        "inverse.compiled": "compile_robot",
         "inverse.kinematics": "inverse_kinematics",
         "inverse.solution": "InverseSolution",
         "robot.model": "Robot",

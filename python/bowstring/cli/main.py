@@ -23,6 +23,7 @@ from bowstring.cli import (
     bench,
     branches,
     cad,
+    compiled,
     control,
     data,
     doctor,
@@ -94,6 +95,7 @@ for _command in (
     doctor.doctor,
 ):
     app.command()(_with_quiet(_command))
+app.command("compile")(_with_quiet(compiled.compile_))
 app.command("map")(_with_quiet(map.map_))
 app.command()(_with_quiet(uncertainty.uncertainty))
 bench_app.command("check")(_with_quiet(bench.check))

@@ -12,6 +12,7 @@ from typing import Any, Final
 from bowstring.schemas import (
     bench,
     branches,
+    compiled,
     dynamics,
     fit,
     inverse,
@@ -29,6 +30,7 @@ COMMANDS: Final[dict[str, Any]] = {
     "fk": statics.Fk,
     "ik": inverse.Ik,
     "ik --path": inverse.IkPath,
+    "compile": compiled.Compiled,
     "control": inverse.Control,
     "reach": inverse.ReachFound,
     "solve": statics.Solve,
