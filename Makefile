@@ -5,7 +5,7 @@ RESOLUTION ?= lowest-direct
 SMALL_EXTRAS := --extra excel --extra download --extra uncertainty --extra cluster --extra jax
 VENV := .venv
 BIN := $(VENV)/bin
-RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
+RUST_SOURCES := $(shell find crates/bowstring-core crates/bowstring-py -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
 .PHONY: study checks test test-all test-versions docs bench build campaign campaign-files clean lock \
 	paper-figures wheel sdist check-wheel check-sdist check-version
@@ -48,11 +48,11 @@ checks: build $(VENV)/.installed-test
 	$(BIN)/lint-imports
 
 test: checks ## lints, types, and the tests that are quick
-	cargo test -p bowstring-core --locked
+	cargo test -p bowstring-core -p bowstring-c --locked
 	$(PYTEST) -m "not slow and not fem and not cad and not data"
 
 test-all: checks $(VENV)/.installed-all ## the same with all tests: statistics, finite elements, solids, kills, data of others
-	cargo test -p bowstring-core --locked -- --include-ignored
+	cargo test -p bowstring-core -p bowstring-c --locked -- --include-ignored
 	$(PYTEST)
 
 test-versions: build ## tests with the oldest versions allowed, or RESOLUTION=highest (needs uv)

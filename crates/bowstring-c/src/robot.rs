@@ -1,0 +1,109 @@
+//! The robot: read once, then immutable.
+
+use crate::file::{self, Compiled};
+use crate::status::{fail, guarded, BowstringStatus};
+use std::ffi::{c_char, CStr};
+use std::ptr::null_mut;
+
+/// A robot; immutable.
+pub struct BowstringRobot(pub(crate) Compiled);
+
+/// Largest file of a robot (bytes).
+const MOST_BYTES: u64 = 100_000_000;
+
+/// Reads a robot from the text of a file of `bowstring compile`.
+///
+/// `text` is UTF-8 of `size` bytes; it need not end with a zero. Returns `NULL` where it is no such
+/// text, or where the numbers are not those of a robot. Free the robot with `bowstring_robot_free`.
+///
+/// # Safety
+/// `text` must point to `size` readable bytes.
+#[no_mangle]
+pub unsafe extern "C" fn bowstring_robot_from_text(
+    text: *const c_char,
+    size: usize,
+) -> *mut BowstringRobot {
+    made(|| {
+        if text.is_null() {
+            return Err("text is NULL".into());
+        }
+        // SAFETY: the caller gives `size` readable bytes
+        file::read(unsafe { std::slice::from_raw_parts(text.cast(), size) })
+    })
+}
+
+/// Reads a robot from a file of `bowstring compile`.
+///
+/// `path` is UTF-8 and ends with a zero. Returns `NULL` where the file cannot be read, otherwise as
+/// `bowstring_robot_from_text`.
+///
+/// # Safety
+/// `path` must point to a text that ends with a zero.
+#[no_mangle]
+pub unsafe extern "C" fn bowstring_robot_from_file(path: *const c_char) -> *mut BowstringRobot {
+    made(|| {
+        if path.is_null() {
+            return Err("path is NULL".into());
+        }
+        // SAFETY: the caller gives a text that ends with a zero
+        let path = unsafe { CStr::from_ptr(path) };
+        let path = path.to_str().map_err(|_| "path is no text in UTF-8")?;
+        let unread = |error: std::io::Error| format!("{path} cannot be read: {error}");
+        let about = std::fs::metadata(path).map_err(unread)?;
+        if about.len() > MOST_BYTES {
+            return Err(format!(
+                "{path} has {} bytes, which is no compiled robot",
+                about.len()
+            ));
+        }
+        let text = std::fs::read(path).map_err(unread)?;
+        file::read(&text).map_err(|sentence| format!("{path}: {sentence}"))
+    })
+}
+
+fn made(read: impl FnOnce() -> Result<Compiled, String>) -> *mut BowstringRobot {
+    let mut robot = null_mut();
+    guarded(|| match read() {
+        Ok(compiled) => {
+            robot = Box::into_raw(Box::new(BowstringRobot(compiled)));
+            BowstringStatus::Ok
+        }
+        Err(sentence) => fail(BowstringStatus::BadInput, sentence),
+    });
+    robot
+}
+
+/// Frees a robot; `NULL` is allowed. Its solvers stay valid.
+///
+/// # Safety
+/// `robot` must be `NULL`, or come from this library and not have been freed.
+#[no_mangle]
+pub unsafe extern "C" fn bowstring_robot_free(robot: *mut BowstringRobot) {
+    if !robot.is_null() {
+        guarded(|| {
+            // SAFETY: it is from `Box::into_raw`, and the caller frees it once
+            drop(unsafe { Box::from_raw(robot) });
+            BowstringStatus::Ok
+        });
+    }
+}
+
+/// Number of tendons; 0 for `NULL`.
+///
+/// # Safety
+/// `robot` must be `NULL` or a robot of this library.
+#[no_mangle]
+pub unsafe extern "C" fn bowstring_robot_tendon_count(robot: *const BowstringRobot) -> usize {
+    // SAFETY: the caller gives a robot
+    unsafe { robot.as_ref() }.map_or(0, |robot| robot.0.robot.tendon_count())
+}
+
+/// Length of the straight backbone in m; NaN for `NULL`.
+///
+/// # Safety
+/// `robot` must be `NULL` or a robot of this library.
+#[no_mangle]
+pub unsafe extern "C" fn bowstring_robot_length(robot: *const BowstringRobot) -> f64 {
+    // SAFETY: the caller gives a robot
+    unsafe { robot.as_ref() }.map_or(f64::NAN, |robot| robot.0.robot.length())
+}
