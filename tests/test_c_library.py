@@ -261,6 +261,35 @@ def test_the_example_refuses_wrong_files(program: Path, tmp_path: Path) -> None:
         assert words in run.stderr, run.stderr
 
 
+def test_the_lines_of_the_guide(libraries: dict[str, Path], tmp_path: Path) -> None:
+    """The C of the page compiles, runs and gives the tensions of the package."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None or ".a" not in libraries:
+        pytest.skip("needs a C compiler (cc, gcc or clang) on the search path")
+    page = (ROOT / "docs" / "guide" / "cpp.md").read_text("utf-8")
+    (lines,) = re.findall(r"^```c\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    ends = 'for (size_t i = 0; i < n; ++i) printf("%.9g\\n", tensions[i]);\nreturn status;\n'
+    source = tmp_path / "lines.c"
+    source.write_text(
+        '#include "bowstring.h"\n#include <stdio.h>\nint main(void) {\n' + lines + ends + "}\n"
+    )
+    include = ROOT / "crates" / "bowstring-c" / "include"
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-I", str(include)]
+    program = tmp_path / "lines"
+    subprocess.run(
+        [
+            *(compiler, *flags, str(source), str(libraries[".a"])),
+            *("-lpthread", "-ldl", "-lm", "-o", str(program)),
+        ],
+        check=True,
+    )
+    robot = bs.load_robot("rao2021")
+    (tmp_path / "robot.json").write_text(json.dumps(bs.compile_robot(robot)))
+    run = subprocess.run([program], cwd=tmp_path, capture_output=True, text=True, check=True)
+    found = bs.inverse_kinematics(robot, [0.10, 0.02, 0.37]).raise_for_status()
+    np.testing.assert_allclose([*map(float, run.stdout.split())], found.tensions, atol=1e-4)
+
+
 def test_the_header_is_one_of_c(tmp_path: Path) -> None:
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:

@@ -73,6 +73,7 @@ def beginner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "foreign.csv",
         "foreign.yaml",
         "tips.csv",
+        "tip_path.csv",
     ):
         shutil.copy(ROOT / "examples" / name, tmp_path)
     monkeypatch.chdir(tmp_path)

@@ -19,6 +19,8 @@ PACKAGE = Path(__file__).parents[1] / "examples" / "ros2" / "bowstring_follower"
 @pytest.fixture
 def follower(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Class `TipFollower`, imported as ROS would."""
+    for name in [name for name in sys.modules if name.startswith("bowstring_follower")]:
+        monkeypatch.delitem(sys.modules, name)  # the guide imports a copy of it
     monkeypatch.syspath_prepend(str(PACKAGE))
     from bowstring_follower.follower import TipFollower
 

@@ -159,7 +159,7 @@ def _json_kind(about: dict[str, Any]) -> str:
             return f"list of ({kind})" if "anyOf" in items else f"list of {kind}"
         if items.get("type") == "array":
             return f"list of {count} {_json_kind(items)}"
-        return _LISTS[count] + ", numbers or null" * ("anyOf" in items)
+        return _LISTS.get(count, f"{count} numbers") + ", numbers or null" * ("anyOf" in items)
     if isinstance(values := about.get("additionalProperties"), dict):
         return f"object of {_json_kind(values)} by name"
     return str(about.get("type", "any"))
