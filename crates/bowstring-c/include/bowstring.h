@@ -9,7 +9,8 @@
 // Robot: `bowstring compile ROBOT --out robot.json` writes the file that this library reads.
 //
 // Statuses: 0 is success, a positive one a result without success, a negative one a wrong call. The
-// text of `bowstring_last_error` says what is wrong. Where there is no result, numbers are NaN.
+// text of `bowstring_last_error` says what is wrong. Where there is no result, numbers are NaN. The
+// arrays and structures of one call must not overlap.
 //
 // Threads: a robot may be used by any number of threads at once. A solver, and what is asked of it,
 // must be used by one thread at a time; it may move to another thread. Solvers of the same robot do

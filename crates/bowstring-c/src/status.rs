@@ -70,3 +70,26 @@ pub extern "C" fn bowstring_last_error() -> *const c_char {
 pub extern "C" fn bowstring_version() -> *const c_char {
     concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::ffi::CStr;
+
+    #[test]
+    fn a_panic_becomes_a_status_with_its_message() {
+        for work in [
+            (|| panic!("tendon {} is lost", 3)) as fn() -> BowstringStatus,
+            || panic!("tendon 3 is lost"),
+        ] {
+            assert_eq!(guarded(work), BowstringStatus::Internal);
+            // SAFETY: the text of this thread
+            let said = unsafe { CStr::from_ptr(bowstring_last_error()) };
+            assert!(said.to_str().unwrap().ends_with("tendon 3 is lost"));
+        }
+        fail(BowstringStatus::BadInput, "a zero\0 within");
+        // SAFETY: the text of this thread
+        let said = unsafe { CStr::from_ptr(bowstring_last_error()) };
+        assert_eq!(said.to_str(), Ok("a zero  within"));
+    }
+}
