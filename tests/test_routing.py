@@ -262,3 +262,17 @@ def test_finite_elements_of_an_oblique_converging_routing(
     size_of = np.linalg.norm(rod, axis=1)
     assert np.all(np.linalg.norm(solid - rod, axis=1) < 0.01 * size_of)
     assert np.all(np.linalg.norm(solid - other, axis=1) > 0.2 * size_of)
+
+
+def test_elastic_tendons_that_are_not_parallel_have_their_own_length() -> None:
+    """Displacements of a solution, commanded again, give its tensions."""
+    for routing in ({"turns": 0.4}, {"end_pitch_radius": 0.01}):
+        robot = bs.load_robot("amouri2019").with_(
+            {
+                f"segments.0.tendons.{name}": value
+                for name, value in {"axial_stiffness": 3e4, **routing}.items()
+            }
+        )
+        bent = bs.solve(robot, [14, 6, 4], model=bs.RodModel(elements=2))
+        again = bs.solve(robot, load=bs.Load(displacements=bent.displacements()), model=bent.model)
+        np.testing.assert_allclose(again.tensions, bent.tensions, rtol=1e-8)

@@ -48,9 +48,19 @@ _GIVE: Final = (
 def compliances(robot: Robot) -> Floats:
     """Compliance of each tendon from motor to end disk (T,) in m/N, theory Eq. 4.3."""
     tendons = robot.tendons
-    routed = robot.disks.station_m[tendons.end_disk]
-    length = tendons.free_length_m + routed
+    length = tendons.free_length_m + _routed_lengths(robot)
     return tendons.compliance_m_per_N + length / tendons.axial_stiffness_N
+
+
+def _routed_lengths(robot: Robot) -> Floats:
+    """Length of each tendon (T,) in the straight robot from its base hole to its end disk, in m."""
+    station, tendons = robot.disks.station_m, robot.tendons
+    if robot.is_parallel:
+        return np.array(station[tendons.end_disk])
+    across = np.diff(tendons.holes_m, axis=1)  # NaN beyond the end disk
+    along = np.diff(station, prepend=0.0)
+    spans = np.sqrt(along**2 + (across**2).sum(axis=-1))
+    return np.asarray(np.nansum(spans, axis=1), dtype=np.float64)
 
 
 def home_lengths(robot: Robot, model: RodModel) -> Floats | None:
