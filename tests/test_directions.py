@@ -371,3 +371,114 @@ def test_wrong_arguments_are_refused() -> None:
     curved = bs.solve(robot, [40, 0, 0], model=bs.RodModel(tendon_path="continuous"))
     with pytest.raises(InputError, match="continuous"):
         bs.derivatives(curved)
+
+
+def checked(solution: bs.Solution, path: str, side: int = 0) -> float:
+    """Error of a derivative against differences of solutions."""
+    direction = {path: dict(numbers_of(solution.robot))[path] or 1.0}
+    found = bs.directional_derivatives(solution, direction)
+    assert found.relative_error < 1e-7
+
+    def numbers(s: float) -> Floats:
+        near = solution if s == 0.0 else moved_by(solution, direction, s)
+        return np.concatenate([row(near), 1e-3 * near.tensions])
+
+    step = 2e-3
+    if side == 0:
+        slopes = [(numbers(h) - numbers(-h)) / (2 * h) for h in (step, step / 2)]
+        expected = (4 * slopes[1] - slopes[0]) / 3
+    else:
+        slopes = [(numbers(h) - numbers(0.0)) / h for h in (step, step / 2, step / 4)]
+        halves = [2 * b - a for a, b in pairwise(slopes)]
+        expected = (4 * halves[1] - halves[0]) / 3
+    own = np.concatenate([row(found.first), 1e-3 * found.first.tensions])
+    return float(np.abs(own - expected).max() / np.abs(expected).max())
+
+
+def moved_by(solution: bs.Solution, direction: dict[str, float], s: float) -> bs.Solution:
+    known = dict(numbers_of(solution.robot))
+    robot = solution.robot.with_({path: known[path] + s * v for path, v in direction.items()})
+    return bs.solve(robot, load=solution.load, model=solution.model).raise_for_status()
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "segments.0.tendons.pretension",
+        "segments.0.tendons.turns",
+        "segments.0.tendons.end_pitch_radius",
+        "segments.0.tendons.axial_stiffness",
+        "segments.0.length",
+        "segments.0.backbone.rest_bend",
+    ],
+)
+def test_displacements_keep_to_the_home_pose(path: str) -> None:
+    """Numbers that change the home pose, with elastic tendons that are not parallel."""
+    robot = bs.load_robot("amouri2019").with_(
+        {
+            "segments.0.backbone.rest_bend": 0.5,
+            **{
+                f"segments.0.tendons.{name}": value
+                for name, value in {
+                    "pretension": 2.0,
+                    "axial_stiffness": 3e4,
+                    "turns": 0.3,
+                    "end_pitch_radius": 0.02,
+                }.items()
+            },
+        }
+    )
+    bent = bs.solve(robot, [14, 6, 4], model=bs.RodModel(elements=2))
+    held = bs.Load(displacements=bent.displacements())
+    assert checked(bs.solve(robot, load=held, model=bent.model), path) < 1e-6
+
+
+def test_the_home_pose_at_no_pretension() -> None:
+    robot = bs.load_robot("rao2021")
+    model = bs.RodModel(elements=2)
+    bent = bs.solve(robot, [8, 1, 3, 2, 6, 4], model=model)
+    solution = bs.solve(robot, load=bs.Load(displacements=bent.displacements()), model=model)
+    # the home pose is differentiated, not solved to a tolerance
+    assert checked(solution, "segments.0.tendons.0.pretension", side=1) < 5e-8
+
+
+def test_a_point_load_that_leaves_a_disk_is_refused() -> None:
+    robot = bs.load_robot("amouri2019")
+    for arc_length in (robot.length, robot.length / 9):
+        touch = bs.PointLoad(arc_length=arc_length, force=[0.1, 0, 0])
+        solution = bs.solve(robot, [0, 0, 0], load=bs.Load(point_loads=touch))
+        with pytest.raises(InputError, match="a point load at an arc length comes to a disk"):
+            bs.directional_derivatives(solution, {"segments.0.length": 1.0})
+        bs.directional_derivatives(solution, {"tensions": [1, 0, 0], "segments.0.backbone.E": 1e8})
+
+
+def test_the_inertia_of_a_payload_has_no_effect() -> None:
+    robot = bs.load_robot("amouri2019").model_dump(mode="json", exclude_none=True)
+    payload = {"mass": 0.1, "centre": [0.02, 0.0, 0.0], "inertia": [0.0, 0.0, 0.0]}
+    robot = bs.Robot.model_validate({**robot, "payloads": [payload]})
+    solution = bs.solve(robot, [14, 6, 0], load=bs.Load(gravity=[0, 0, -9.81]))
+    equal = {f"payloads.0.inertia.{q}": 1e-5 for q in range(3)}
+    found = bs.directional_derivatives(solution, equal)
+    assert np.abs(found.first.tip_position).max() < 1e-7  # rounding, m per 1e-5 kg m^2
+    with pytest.raises(InputError, match="the largest moment of inertia"):
+        bs.directional_derivatives(solution, {"payloads.0.inertia.0": 1e-5})
+
+
+def test_wrong_results_and_solutions_are_refused() -> None:
+    solution = bs.solve(bs.load_robot("amouri2019"), [40, 0, 0])
+    wrong: Any = 3
+    with pytest.raises(InputError, match="solution is 3, it must be one made by"):
+        bs.derivatives(wrong)
+    for by in (3, iter(["tip_force"])):
+        with pytest.raises(InputError, match="it must be a list of variables"):
+            bs.derivatives(solution, by=by)  # type: ignore[arg-type]
+    for value in ("x", None):
+        with pytest.raises(InputError, match="must return a number or an array"):
+            bs.derivatives(solution, by=["gravity"], functions={"of": lambda near: value})  # type: ignore[arg-type, return-value] # noqa: B023
+    sizes = iter(range(1, 9))
+    with pytest.raises(InputError, match=r"of has shape \(1,\) at one solution and \(2,\)"):
+        bs.derivatives(solution, functions={"of": lambda near: np.zeros(next(sizes))})
+    with pytest.raises(NoSolutionError):  # not a ZeroDivisionError
+        bs.directional_derivatives(solution, {"tensions": [5e-324, 0, 0]})
+    with pytest.raises(InputError, match='no number "angles"'):
+        bs.directional_derivatives(solution, {"angles": [1, 0, 0]})

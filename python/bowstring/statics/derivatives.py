@@ -11,6 +11,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.statics import actuation
 from bowstring.statics.solution import Solution
+from bowstring.validation import shown
 
 __all__ = [
     "DisplacementJacobian",
@@ -83,6 +84,8 @@ class DisplacementJacobian:
 
 def check_smooth(solution: Solution) -> None:
     """Refuse a solution that has no derivatives."""
+    if not isinstance(solution, Solution):
+        raise InputError(f"solution is {shown(solution)}, it must be one made by bowstring.solve")
     solution.raise_for_status()
     if solution.robot.has_friction:
         raise InputError(

@@ -60,6 +60,8 @@ _ROUGH: Final = {
 _ACTUATION: Final = ("tensions", "displacements")
 _VECTORS: Final = ("gravity", "tip_force", "tip_moment")
 _ON_DISKS: Final = ("disk_forces", "disk_moments")
+#: Load of the home pose.
+_WEIGHTLESS: Final = Load(gravity=(0.0, 0.0, 0.0))
 _LOADS: Final = (*_ACTUATION, *_VECTORS, *_ON_DISKS)
 
 
@@ -225,11 +227,8 @@ class _Neighbourhood:
 
     def natural_step(self, direction: _Direction) -> float:
         """Step along a direction that changes the pose little."""
-        robot = self.robot
-        moment = float(robot.bending_stiffness.min()) / robot.length
-        arm = float(np.hypot(*np.moveaxis(robot.tendons.hole_m, -1, 0)).mean())
-        mass = float(robot.disks.mass_kg.sum() + robot.carried_kg.sum())
-        force = moment / robot.length
+        moment, arm, mass = self._scales
+        force = moment / self.robot.length
         sizes = {
             "tip_force": force,
             "disk_forces": force,
@@ -244,7 +243,8 @@ class _Neighbourhood:
             *((self._size(path), np.array(v)) for path, v in direction.numbers.items()),
         ]
         shares = [float(np.abs(rate).max(initial=0.0)) / size for size, rate in steps]
-        return _SHARE / max(shares)
+        # a rate below the smallest numbers has no share
+        return _SHARE / max(*shares, float(np.finfo(float).tiny))
 
     def _size(self, path: str) -> float:
         """Natural size of a number of the robot file."""
@@ -253,10 +253,26 @@ class _Neighbourhood:
             return value
         quantity = quantity_of(self.robot, path)
         si = "" if quantity is None else quantity.si
-        moment = float(self.robot.bending_stiffness.min()) / self.robot.length
-        arm = float(self.robot.tendons.pitch_radius_m.mean())
-        sizes = {"m": arm, "rad": 1.0, "N": moment / arm, "m/N": arm * arm / moment}
+        moment, arm, mass = self._scales
+        sizes = {
+            "m": arm,
+            "rad": 1.0,
+            "N": moment / arm,
+            "m/N": arm * arm / moment,
+            "kg": mass or 1.0,
+            "kg*m^2": 1e-6 * mass * arm * arm or 1.0,
+        }
         return sizes.get(si, 1.0)
+
+    @cached_property
+    def _scales(self) -> tuple[float, float, float]:
+        """Moment in N m, pitch radius in m and carried mass in kg."""
+        robot = self.robot
+        return (
+            float(robot.bending_stiffness.min()) / robot.length,
+            float(robot.tendons.pitch_radius_m.mean()),
+            float(robot.disks.mass_kg.sum() + robot.carried_kg.sum()),
+        )
 
     @cached_property
     def _numbers(self) -> dict[str, float]:
@@ -273,17 +289,34 @@ class _Neighbourhood:
             stencil = _stencil(side).scaled(step)
             try:
                 return stencil, [
-                    self.robot
-                    if s == 0.0
-                    else self.robot.with_(
-                        {path: self._numbers[path] + s * v for path, v in direction.numbers.items()}
-                    )
+                    self.robot if s == 0.0 else self._robot(direction, s)
                     for s in stencil.offsets.tolist()
                 ]
             except InputError as error:
-                refused = refused or error
+                # that of an increase: others may be those of a limit
+                refused = error if refused is None or side == 1 else refused
         said = str(refused).partition("\n")[0].rstrip(".")  # without advice for a user's own text
         raise InputError(f"no derivative by {', '.join(direction.numbers)}: {said}")
+
+    def _robot(self, direction: _Direction, place: float) -> Robot:
+        """Robot at a place on the line."""
+        robot = self.robot.with_(
+            {path: self._numbers[path] + place * v for path, v in direction.numbers.items()}
+        )
+        if self._places(robot) != self._places(self.robot):
+            raise InputError(
+                "a point load at an arc length comes to a disk or leaves one, so that its effect "
+                "is not smooth"
+            )
+        return robot
+
+    def _places(self, robot: Robot) -> list[list[int]]:
+        """Disks before, and at or before, the sections on which point loads act."""
+        arcs = [load.arc_length for load in self.load.point_loads or ()]
+        sections = np.array([arc for arc in arcs if arc is not None])
+        near = 1e-6 * robot.length
+        stations = robot.disks.station_m
+        return [np.searchsorted(stations, sections + way).tolist() for way in (-near, near)]
 
     def loads(
         self, direction: _Direction, offsets: Floats, tensions: Floats
@@ -316,14 +349,27 @@ class _Neighbourhood:
         still = np.zeros((3, len(self.tensions)))
         if robots is None or not self.by_displacement.any():
             return _Lines(np.stack(found), still, still)
-        model = self.solution.model
-        homes = [actuation.home_lengths(robot, model) for robot in robots]
-        lengths = [home for home in homes if home is not None]
-        if len(lengths) < len(homes):
-            raise NoSolutionError(f"{self.robot.name}: no home pose beside this robot")
-        compliances = [actuation.compliances(robot) for robot in robots]
-        weights = stencil.weights
-        return _Lines(np.stack(found), weights @ np.stack(lengths), weights @ np.stack(compliances))
+        # theory Eq. 4.1: a tendon has its unstretched length l0 - C T0 at zero displacement
+        pretension = np.stack([robot.tendons.pretension_N for robot in robots])
+        compliance = np.stack([actuation.compliances(robot) for robot in robots])
+        at_home = self._home.along(cores, pretension, _WEIGHTLESS, *stencil)
+        home = np.stack(at_home)[:, self._lengths] - stencil.weights @ (compliance * pretension)
+        return _Lines(np.stack(found), home, stencil.weights @ compliance)
+
+    @cached_property
+    def _home(self) -> Linearised:
+        """Home pose, from which displacements are counted."""
+        robot = self.robot
+        home = robot.core.solve(robot.tendons.pretension_N, _WEIGHTLESS, self.solution.model)
+        core = Linearised.at(home)
+        if core is None:
+            raise NoSolutionError(f"{robot.name}: no derivatives at the home pose")
+        return core
+
+    @property
+    def _lengths(self) -> slice:
+        """Lengths of the tendons among the numbers of the core."""
+        return slice(7, 7 + len(self.tensions))
 
     # ---------------------------------------------------------------------------------------
     # Tendons at given displacements
@@ -350,9 +396,9 @@ class _Neighbourhood:
     @cached_property
     def _answer(self) -> Floats:
         """Displacement by tension (T, T) of tendons that keep their length, m/N."""
-        lengths = slice(7, 7 + len(self.tensions))
         # theory Eq. 4.1: displacement = home length - length + compliance * tension - slack
-        answer: Floats = np.diag(actuation.compliances(self.robot)) - self.by_tension[lengths]
+        own = np.diag(actuation.compliances(self.robot))
+        answer: Floats = own - self.by_tension[self._lengths]
         return answer
 
     def _tension_rates(self, wanted: Floats, held: NDArray[np.bool_]) -> Floats:
@@ -394,19 +440,21 @@ class _Neighbourhood:
     def differentiate(self, direction: _Direction) -> DirectionalDerivatives:
         """First and second derivatives along a direction."""
         step = self.natural_step(direction)
-        lengths = slice(7, 7 + len(self.tensions))
         for _ in range(_ATTEMPTS):
             stencil, robots = self.robots(direction, step)
             tensions, held = direction.tensions, self.held
             lines = self.along(direction, stencil, robots, tensions)
+            inexact = np.zeros(len(tensions))
             if self.by_displacement.any():
-                free = lines.home[0] - lines.numbers[0, lengths]
-                free += lines.compliance[0] * self.tensions
-                rates, held = self.first_tensions(direction.displacements - free)
+                free = lines.home - lines.numbers[:, self._lengths]
+                free += lines.compliance * self.tensions
+                rates, held = self.first_tensions(direction.displacements - free[0])
+                inexact = self._tension_rates(free[0] - free[1], held)
                 tensions = tensions + rates
                 if rates.any():
                     lines = self.along(direction, stencil, robots, tensions)
             first, coarse = lines.numbers[:2]
+            coarse = coarse + self.by_tension @ inexact if inexact.any() else coarse
             motion = max(
                 float(np.linalg.norm(first[3:6])),
                 float(np.linalg.norm(first[:3])) / self.robot.length,
@@ -423,8 +471,8 @@ class _Neighbourhood:
         second = lines.numbers[2]
         bent = np.zeros(len(tensions))
         if held.any():
-            free = lines.home[2] - second[lengths] + lines.compliance[2] * self.tensions
-            bent = self._tension_rates(-(free + 2.0 * lines.compliance[0] * tensions), held)
+            off = lines.home[2] - second[self._lengths] + lines.compliance[2] * self.tensions
+            bent = self._tension_rates(-(off + 2.0 * lines.compliance[0] * tensions), held)
             second = second + self.by_tension @ bent
         if not (np.isfinite(first).all() and np.isfinite(second).all()):
             raise NoSolutionError(f"{self.robot.name}: no derivatives at this equilibrium")
@@ -470,11 +518,28 @@ class _Neighbourhood:
             near = solved(robot, self.load.replace(**changes), self.solution.model)
             near.raise_for_status()
             for name, function in functions.items():
-                values[name].append(np.asarray(function(near), dtype=float))
+                values[name].append(_result(name, function(near)))
+                if values[name][-1].shape != values[name][0].shape:
+                    raise InputError(
+                        f"{name} has shape {values[name][0].shape} at one solution and "
+                        f"{values[name][-1].shape} beside it, which has no derivative"
+                    )
         return {
             name: np.tensordot(stencil.weights[0], np.stack(rows_), axes=1)
             for name, rows_ in values.items()
         }
+
+
+def _result(name: str, value: object) -> Floats:
+    """Result of a user's function."""
+    try:
+        if value is None:
+            raise TypeError
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{name} returned {shown(value)}, it must return a number or an array of numbers"
+        ) from None
 
 
 def _relative_error(first: Floats, coarse: Floats, least: Sequence[float]) -> float:
@@ -522,6 +587,7 @@ def _direction(near: _Neighbourhood, given: Mapping[str, Any]) -> _Direction:
     vectors: dict[str, Floats] = {}
     numbers: dict[str, float] = {}
     for name, value in given.items():
+        paths = () if name in _LOADS else _paths(solution.robot, name)
         try:
             rate = validation.floats(value)
         except TypeError:
@@ -543,7 +609,7 @@ def _direction(near: _Neighbourhood, given: Mapping[str, Any]) -> _Direction:
         elif name in _LOADS:
             vectors[name] = rate
         else:
-            numbers.update(dict.fromkeys(_paths(solution.robot, name), float(rate)))
+            numbers.update(dict.fromkeys(paths, float(rate)))
     direction = _Direction(**parts, vectors=vectors, numbers=numbers)
     rates = [*parts.values(), *vectors.values(), np.array(list(numbers.values()))]
     if not any(rate.any() for rate in rates):
@@ -669,7 +735,11 @@ def derivatives(
     if by is None:
         kinds = [name for name, any_ in _kinds(near) if any_]
         by = [*kinds, "tip_force", "tip_moment", "gravity"]
-    if isinstance(by, str) or not all(isinstance(name, str) for name in by):
+    if (
+        isinstance(by, str)
+        or not isinstance(by, Sequence)
+        or not all(isinstance(name, str) for name in by)
+    ):
         raise InputError(f"by is {shown(by)}, it must be a list of variables such as 'tensions'")
     values: dict[tuple[str, str], Floats] = {}
     error, taut = 0.0, tuple((near.switching + 1).tolist())
