@@ -299,6 +299,8 @@ def test_wrong_arguments(robot: bs.Robot) -> None:
     single = jnp.ones(3, jnp.float32)
     assert "float32, it must be float64" in refused(lambda: solver(single))
     assert "float32" in refused(lambda: jax.jit(solver)(single))
+    half = jnp.ones(3, jnp.bfloat16)
+    assert "bfloat16, it must be float64" in refused(lambda: solver(half))
     assert "must have (..., 3), in N" in refused(lambda: solver(jnp.ones(4)))
     assert "shape ()" in refused(lambda: solver(1.0))
     assert "bool" in refused(lambda: solver(jnp.ones(3, bool)))

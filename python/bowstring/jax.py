@@ -197,10 +197,12 @@ def _array(about: Input, value: Any) -> Any:
         if type(error).__module__.startswith("jax"):
             raise  # a tracer in the wrong place, with an explanation of JAX
         array = None
-    if array is None or array.dtype.kind not in "iuf":
+    # bfloat16 is no kind of NumPy's
+    floating = array is not None and jnp.issubdtype(array.dtype, jnp.floating)
+    if array is None or not (floating or jnp.issubdtype(array.dtype, jnp.integer)):
         what = "not an array of numbers" if array is None else str(array.dtype)
         raise not_numbers(about, what)
-    if array.dtype.kind == "f" and array.dtype != np.float64:
+    if floating and array.dtype != np.float64:
         raise single_precision(about, array.dtype, "make it by jax.numpy.float64")
     return array.astype(np.float64)
 
