@@ -50,7 +50,11 @@ impl Linearised {
         let loads = OwnLoads::new(robot, tensions, &load)?;
         let robots: Option<Vec<_>> =
             robots.map(|robots| robots.iter().map(|robot| robot.inner.clone()).collect());
-        let rows: Vec<Vec<f64>> = weights.as_array().outer_iter().map(|w| w.to_vec()).collect();
+        let rows: Vec<Vec<f64>> = weights
+            .as_array()
+            .outer_iter()
+            .map(|w| w.to_vec())
+            .collect();
         let [first, coarse, second] = <[Vec<f64>; 3]>::try_from(rows)
             .map_err(|rows| refused(format!("{} rows of weights, it must be 3", rows.len())))?;
         let stencil = Stencil {

@@ -308,7 +308,8 @@ unsafe fn metadata(mut extension: *mut Extension) -> Option<*mut MetadataExtensi
     while !extension.is_null() {
         // SAFETY: it is a node of the list.
         unsafe {
-            if (*extension).kind == METADATA {
+            if (*extension).kind == METADATA && (*extension).size >= size_of::<MetadataExtension>()
+            {
                 return Some(extension.cast());
             }
             extension = (*extension).next;
@@ -404,6 +405,9 @@ unsafe fn whole(number: &Number) -> Option<i64> {
 /// # Safety
 /// The text must have its length.
 unsafe fn text(text: &Text) -> Option<&str> {
+    if text.length == 0 {
+        return Some(""); // its start may be null
+    }
     // SAFETY: as the function's own.
     let bytes = unsafe { slice::from_raw_parts(text.start, text.length) };
     std::str::from_utf8(bytes).ok()

@@ -80,7 +80,7 @@ class Rates:
     tensions: Floats
     """Tensions of the tendons (T,), N."""
     elastic_energy: float
-    """Elastic energy of the backbone, J."""
+    """Elastic energy of the backbone, without that of elastic tendons, J."""
     disk_positions: Floats
     """Positions of the disks (N, 3), m."""
 
@@ -99,8 +99,8 @@ class DirectionalDerivatives:
     second: Rates
     """Second derivatives; of the rotation vector from the equilibrium to the moved tip."""
     relative_error: float
-    """Estimated error of the first derivatives of the tip over the largest of their kind, from a
-    difference of a lower order; it is above the error."""
+    """Estimated error of the differences for the first derivatives of the tip, over the largest of
+    their kind, from a difference of a lower order; rounding adds up to about 1e-9."""
     just_taut: tuple[int, ...]
     """Numbers, from 1, of displacement-controlled tendons at the limit of slack: the derivatives
     hold in the direction given, and those of the opposite direction differ."""

@@ -62,6 +62,8 @@ pub struct Linearised {
     symmetric: bool,
     /// Rotation of the tip.
     rotation: Mat3,
+    /// Numbers of [`Along`] at the equilibrium.
+    values: Vec<f64>,
 }
 
 impl Linearised {
@@ -97,6 +99,8 @@ impl Linearised {
             }
         }
         let rotation = rod.disk(robot.module_count() - 1).rotation;
+        let mut values = vec![0.0; 7 + robot.tendon_count() + 3 * robot.module_count()];
+        read(rod.as_ref(), robot, &rotation, &mut values);
         Some(Linearised {
             robot: robot.clone(),
             model,
@@ -106,6 +110,7 @@ impl Linearised {
             probe,
             symmetric,
             rotation,
+            values,
         })
     }
 
@@ -174,9 +179,8 @@ impl Linearised {
             self.rod.newton_step(self.symmetric);
             self.rod.steps(&mut |a, step| to[a] = step);
         }
-        let size = 7 + self.robot.tendon_count() + 3 * self.robot.module_count();
-        let [mut first, mut coarse, mut second] = [0; 3].map(|_| vec![0.0; size]);
-        let mut row = vec![0.0; size];
+        let [mut first, mut coarse, mut second] = [0; 3].map(|_| vec![0.0; self.values.len()]);
+        let mut row = self.values.clone();
         for (i, s) in stencil.offsets.iter().enumerate() {
             if interrupt::work(arcs * (8 + 2 * self.robot.tendon_count())) {
                 row.fill(f64::NAN);
@@ -191,8 +195,9 @@ impl Linearised {
                 .into_iter()
                 .zip(&weights)
             {
-                for (sum, x) in sums.iter_mut().zip(&row) {
-                    *sum += weights[i] * x;
+                // the weights have the sum zero; changes are rounded less than values
+                for ((sum, x), from) in sums.iter_mut().zip(&row).zip(&self.values) {
+                    *sum += weights[i] * (x - from);
                 }
             }
         }
