@@ -105,6 +105,77 @@ def test_tensions_are_the_least(name):
         assert np.abs(best.x * scale - found.tensions[row]).max() < 1e-2 * most.max()
 
 
+def unit_tension(robot):
+    """Tension that bends the robot by one radian by the linear law."""
+    arm = max(np.hypot(*hole) for hole in robot.tendons.mean_hole_m[0])
+    return min(np.asarray(robot.bending_stiffness)) / (robot.length * arm)
+
+
+def tip_and_derivatives(robot, tensions):
+    found = bs.solve(robot, tensions)
+    return found.tip.position, bs.jacobians(found).tip_position_by_tension
+
+
+@pytest.mark.parametrize("name", ["rao2021", "crl-ftdcr-v4"])
+def test_least_tensions_fulfil_the_conditions_of_optimality(name):
+    """Conditions of Karush, Kuhn and Tucker, with derivatives of the forward solver."""
+    robot = bs.load_robot(name)
+    _, tips, most = forward(robot, 150, 22)
+    found = bs.inverse_kinematics(robot, tips, max_tension=most, path=False)
+    unit = unit_tension(robot)
+    bound = 0
+    for row in np.flatnonzero(found.reached):
+        tensions = found.tensions[row]
+        _, by_tension = tip_and_derivatives(robot, tensions)
+        low, high = tensions == 0.0, tensions == most
+        free = ~(low | high)
+        if free.sum() <= 3:
+            continue
+        multipliers = np.linalg.lstsq(by_tension[:, free].T, -tensions[free], rcond=None)[0]
+        gradient = (tensions + by_tension.T @ multipliers) / unit
+        assert np.abs(gradient[free]).max() < 1e-2
+        assert (gradient[low] > -1e-2).all() and (gradient[high] < 1e-2).all()
+        bound += low.sum()
+    assert bound > 100
+
+
+@pytest.mark.parametrize("name", ["rao2021", "crl-ftdcr-v4"])
+def test_no_tensions_near_with_the_same_tip_are_smaller(name):
+    """Random steps along the set of tensions with the same tip, found by forward solves."""
+    robot = bs.load_robot(name)
+    _, tips, most = forward(robot, 3, 23)
+    found = bs.inverse_kinematics(robot, tips, max_tension=most, path=False)
+    assert found.reached.all()
+    rng, unit = np.random.default_rng(4), unit_tension(robot)
+    tried = 0
+    for tip, least in zip(tips, found.tensions, strict=True):
+        free = (least > 0.0) & (least < most)
+        for size in np.tile([0.02, 0.1, 0.3], 15):
+            tensions = least.copy()
+            # tensions at a limit may leave it inwards
+            step = size * unit * rng.normal(size=len(most))
+            step = np.where(
+                least == 0.0, np.abs(step), np.where(least == most, -np.abs(step), step)
+            )
+            step[~free & (rng.uniform(size=len(most)) < 0.5)] = 0.0
+            tensions = np.clip(least + step, 0.0, most)
+            for _ in range(8):
+                position, by_tension = tip_and_derivatives(robot, tensions)
+                if np.linalg.norm(position - tip) < 1e-9 * robot.length:
+                    break
+                correction = np.linalg.lstsq(by_tension[:, free], tip - position, rcond=None)[0]
+                tensions[free] += correction
+                if (tensions < 0.0).any() or (tensions > most).any():
+                    break
+            else:
+                continue
+            if (tensions < 0.0).any() or (tensions > most).any():
+                continue
+            tried += 1
+            assert np.linalg.norm(tensions) > np.linalg.norm(least) * (1.0 - 1e-5)
+    assert tried > 40
+
+
 def test_unreachable_tips_are_the_nearest():
     """scipy's bounded least squares on forward solves comes no nearer."""
     robot = bs.load_robot("amouri2019")

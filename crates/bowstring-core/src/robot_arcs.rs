@@ -130,6 +130,19 @@ impl RobotArcs {
         })
     }
 
+    /// Length (m), bend without tensions (rad) and bend by each tension (rad/N) of each segment under
+    /// the linear law.
+    pub(crate) fn linear_bends(&self) -> Vec<(f64, [f64; 2], Vec<[f64; 2]>)> {
+        let each = self.segments.iter().map(|segment| {
+            let mut bends = vec![[0.0; 2]; self.tendons];
+            for (bend, [x, y]) in bends[segment.first..].iter_mut().zip(&segment.holes) {
+                *bend = segment.bend([x * segment.length, y * segment.length]);
+            }
+            (segment.length, segment.rest, bends)
+        });
+        each.collect()
+    }
+
     /// Position of the tip (m).
     ///
     /// # Errors
@@ -149,6 +162,13 @@ impl RobotArcs {
 }
 
 impl Segment {
+    /// Bend (rad) by a moment's components times the length (N m^2).
+    fn bend(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        // a bend towards x is a rotation about y
+        let [about_x, about_y, product] = self.flexibility;
+        [about_y * x - product * y, about_x * y - product * x]
+    }
+
     /// The arc; of tendon lengths, what the tendons beyond have used of theirs is taken away.
     fn arc(&self, law: Law, rest: &mut [f64]) -> Result<Arc, Error> {
         let length = self.length;
@@ -156,12 +176,8 @@ impl Segment {
         match law {
             Law::Linear => {
                 let mut arc = linear_law(&rest[self.first..], &self.holes, length, 1.0)?;
-                // a bend towards x is a rotation about y
-                let [x, y] = arc.bend;
-                arc.bend = [
-                    about_y * x - product * y + self.rest[0],
-                    about_x * y - product * x + self.rest[1],
-                ];
+                let [x, y] = self.bend(arc.bend);
+                arc.bend = [x + self.rest[0], y + self.rest[1]];
                 Ok(arc)
             }
             Law::LeverArm if self.rest != [0.0; 2] => Err(Error::NoSolution(

@@ -5,26 +5,29 @@
 /// Rounding of a gradient's entry, over the terms that nearly cancel in it.
 const GRADIENT_NOISE: f64 = 1e-11;
 
-/// Scratch memory of `min |A x - b|^2 + |x - c|^2` for `lower <= x <= upper`, with rows of `A` that
-/// may be much larger than one. No solve allocates once the sizes are known.
+/// Scratch memory of `min |A x - b|^2 + |R x - c|^2` for `lower <= x <= upper`, with rows of `A` that
+/// may be much larger than one, and a square matrix `R`, the identity if it is empty. No solve
+/// allocates once the sizes are known.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BoundedLeastSquares {
     /// Unknowns inside their bounds.
     free: Vec<bool>,
-    /// Columns of the unknowns inside their bounds, each with the rows of `A` and of the identity.
+    /// Columns of the unknowns inside their bounds, each with the rows of `A` and of `R`.
     columns: Vec<f64>,
     /// Right-hand side of the same rows.
     rhs: Vec<f64>,
     /// Solution for the unknowns inside their bounds.
     trial: Vec<f64>,
-    /// `b - A x`.
+    /// `b - A x`, and `c - R x`.
     residual: Vec<f64>,
 }
 
-/// A problem; the matrix column by column.
+/// A problem; the matrices column by column.
 pub(crate) struct Problem<'a> {
     pub a: &'a [f64],
     pub b: &'a [f64],
+    /// Regular matrix, or nothing for the identity. Its larger rows stand first.
+    pub root: &'a [f64],
     pub centre: &'a [f64],
     pub lower: &'a [f64],
     pub upper: &'a [f64],
@@ -66,21 +69,37 @@ impl BoundedLeastSquares {
     fn solve_free(&mut self, p: &Problem, x: &[f64]) {
         let m = p.b.len();
         let count = self.free.iter().filter(|f| **f).count();
-        let rows = m + count;
+        let n = x.len();
+        let identity = p.root.is_empty();
+        let rows = if identity { m + count } else { m + n };
         self.columns.clear();
         self.columns.resize(rows * count, 0.0);
         self.rhs.clear();
         self.rhs.extend_from_slice(p.b);
+        if !identity {
+            self.rhs.extend_from_slice(p.centre);
+        }
         let mut at = 0;
         for (i, column) in p.a.chunks_exact(m).enumerate() {
             if self.free[i] {
                 self.columns[at * rows..][..m].copy_from_slice(column);
-                self.columns[at * rows + m + at] = 1.0;
-                self.rhs.push(p.centre[i]);
+                if identity {
+                    self.columns[at * rows + m + at] = 1.0;
+                    self.rhs.push(p.centre[i]);
+                } else {
+                    let root = &p.root[i * n..][..n];
+                    self.columns[at * rows + m..][..n].copy_from_slice(root);
+                }
                 at += 1;
             } else {
                 for (b, a) in self.rhs[..m].iter_mut().zip(column) {
                     *b -= a * x[i];
+                }
+                if !identity {
+                    let root = &p.root[i * n..][..n];
+                    for (c, r) in self.rhs[m..].iter_mut().zip(root) {
+                        *c -= r * x[i];
+                    }
                 }
             }
         }
@@ -154,6 +173,15 @@ impl BoundedLeastSquares {
                 *r -= a * x;
             }
         }
+        let n = x.len();
+        if !p.root.is_empty() {
+            self.residual.extend_from_slice(p.centre);
+            for (column, x) in p.root.chunks_exact(n).zip(x) {
+                for (r, a) in self.residual[m..].iter_mut().zip(column) {
+                    *r -= a * x;
+                }
+            }
+        }
         let mut best = None;
         for (i, column) in p.a.chunks_exact(m).enumerate() {
             if self.free[i] || p.lower[i] == p.upper[i] {
@@ -161,7 +189,16 @@ impl BoundedLeastSquares {
             }
             let terms = column.iter().zip(&self.residual).map(|(a, r)| a * r);
             let noise = GRADIENT_NOISE * terms.clone().map(f64::abs).sum::<f64>();
-            let descent = terms.sum::<f64>() + p.centre[i] - x[i];
+            let mut descent = terms.sum::<f64>();
+            let mut noise = noise;
+            if p.root.is_empty() {
+                descent += p.centre[i] - x[i];
+            } else {
+                let root = p.root[i * n..][..n].iter();
+                let terms = root.zip(&self.residual[m..]).map(|(a, r)| a * r);
+                noise += GRADIENT_NOISE * terms.clone().map(f64::abs).sum::<f64>();
+                descent += terms.sum::<f64>();
+            }
             let inward = if x[i] == p.lower[i] {
                 descent
             } else {
@@ -194,11 +231,19 @@ mod tests {
             };
             let (a, b) = (numbers(m * n, weight), numbers(m, weight));
             let (centre, mut x) = (numbers(n, 1.0), numbers(n, 2.0));
+            let mut root = match case % 2 {
+                0 => vec![],
+                _ => numbers(n * n, 1.0),
+            };
+            if case % 2 == 1 {
+                (0..n).for_each(|i| root[i * n + i] += n as f64);
+            }
             let (lower, width) = (numbers(n, 1.0), numbers(n, 1.0));
             let upper: Vec<_> = (0..n).map(|i| lower[i] + width[i].max(0.0)).collect();
             let problem = Problem {
                 a: &a,
                 b: &b,
+                root: &root,
                 centre: &centre,
                 lower: &lower,
                 upper: &upper,
@@ -207,12 +252,20 @@ mod tests {
             let left: Vec<_> = (0..m)
                 .map(|r| b[r] - (0..n).map(|i| a[i * m + r] * x[i]).sum::<f64>())
                 .collect();
+            let entry = |r: usize, i: usize| match case % 2 {
+                0 => f64::from(u8::from(r == i)),
+                _ => root[i * n + r],
+            };
+            let beside: Vec<_> = (0..n)
+                .map(|r| (0..n).map(|i| entry(r, i) * x[i]).sum::<f64>() - centre[r])
+                .collect();
             for i in 0..n {
                 assert!(lower[i] <= x[i] && x[i] <= upper[i]);
                 let column = &a[i * m..][..m];
                 let along: f64 = column.iter().zip(&left).map(|(a, r)| a * r).sum();
                 let size: f64 = column.iter().zip(&left).map(|(a, r)| (a * r).abs()).sum();
-                let gradient = x[i] - centre[i] - along;
+                let own: f64 = (0..n).map(|r| entry(r, i) * beside[r]).sum();
+                let gradient = own - along;
                 let small = 1e-9 * (1.0 + size) + 1e-14 * weight * weight;
                 if x[i] > lower[i] {
                     assert!(gradient < small, "{case}, {i}: {gradient}");

@@ -12,6 +12,7 @@ pub mod real;
 pub(crate) mod series;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod simd;
+pub(crate) mod symmetric;
 
 use instructions::Instructions;
 

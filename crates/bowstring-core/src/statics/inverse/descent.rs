@@ -3,9 +3,12 @@
 //!
 //! Theory: docs/theory/inverse-kinematics.md (Iteration).
 
+use super::curvature::Weights;
+use super::relax::half_square;
 use super::task::{norm, residual, Task};
 use super::InverseSolver;
 use crate::interrupt;
+use crate::math::linalg::dot;
 use crate::statics::outcome::Status;
 
 /// Distance over the robot's length at which a descent ends.
@@ -39,20 +42,18 @@ pub(super) const LARGER: f64 = 2.5;
 pub(super) const SMALLER: f64 = 0.3;
 /// Required decrease of the distance, over the predicted one.
 pub(super) const SUFFICIENT_DECREASE: f64 = 0.1;
-/// First permitted increase of the distance by a step to smaller tensions, over the length; after
-/// some iterations it is halved by each use.
-const FIRST_SLACK: f64 = 1e-3;
-const FULL_SLACK: usize = 25;
+/// Distance over length at which the augmented Lagrangian weighs the squared distance as much as
+/// the multipliers.
+const STIFFNESS_DISTANCE: f64 = 1e-3;
+/// Distance after a step over that before it from which the curvature takes part.
+const LITTLE: f64 = 0.7;
 /// Weight of the tensions beside the distance: the first of a cold start, its factor in each
 /// iteration, and the last.
 pub(super) const FIRST_WEIGHT: f64 = 1e-3;
 const WEIGHT_FACTOR: f64 = 0.01;
 pub(super) const LEAST_WEIGHT: f64 = 1e-7;
-/// Distance over length below which steps to smaller tensions may increase it, and their length is
-/// chosen.
-const NEAR: f64 = 1e-2;
-/// Range of that length.
-const SHARES: [f64; 2] = [0.1, 4.0];
+/// Distance over length below which steps to smaller tensions may increase it.
+pub(super) const NEAR: f64 = 1e-2;
 /// Iterations after which tensions are not made smaller.
 const MAX_REDUCTIONS: usize = 60;
 /// Decrease of the distance, over the length, below which a step cannot show one.
@@ -112,6 +113,14 @@ impl Effort {
 impl InverseSolver {
     /// Gauss-Newton iteration with a trust region from the point.
     pub(super) fn descend(&mut self, task: &Task, effort: Effort, iterations: &mut usize) -> End {
+        self.curvature.interrupt();
+        let end = self.iterate(task, effort, iterations);
+        // the next derivatives may be those of another point
+        self.curvature.interrupt();
+        end
+    }
+
+    fn iterate(&mut self, task: &Task, effort: Effort, iterations: &mut usize) -> End {
         let Effort {
             mut weight,
             tolerance,
@@ -119,11 +128,11 @@ impl InverseSolver {
             iterations: most,
         } = effort;
         let mut radius = FIRST_RADIUS;
-        let mut slack = FIRST_SLACK;
-        // share of the way to the least tensions that the last step went
-        let mut last_share: Option<f64> = None;
         let redundant = self.point.tensions.len() > task.rows;
         let last_reduction = LAST_REDUCTIONS[usize::from(redundant)];
+        // whether linear steps bring a tip that is not near hardly nearer
+        let mut curved = false;
+        let mut rejected = false;
         for round in 0..most {
             if interrupt::interrupted() {
                 return End::Stuck;
@@ -131,31 +140,34 @@ impl InverseSolver {
             if self.point.size <= tolerance && !reduces && weight == LEAST_WEIGHT {
                 return End::Converged;
             }
-            if redundant && reduces {
+            if redundant && reduces || curved && self.point.size >= NEAR {
                 self.linearised &= self.drift <= LARGEST_DRIFT;
             }
             if !self.linearised && !self.linearise(task) {
                 return End::Stuck;
             }
             *iterations += 1;
-            let mut share = if reduces { 1.0 } else { 0.0 };
-            self.linear_step(task, weight, radius, share);
-            if let (Some(of), true) = (last_share, self.point.size < NEAR && share > 0.0) {
-                let tensions = &self.point.tensions;
-                let chosen = step_share(&self.last_step, of, &self.trial, tensions);
-                if let Some(chosen) = chosen {
-                    share = chosen;
-                    self.linear_step(task, weight, radius, share);
-                }
-            }
+            let before = self.point.size;
+            // the curved set of equal tips is of interest near the target only
+            let near = before < NEAR;
+            self.curvature.is_used = match self.curvature.weights {
+                Some(Weights::Multipliers) => near && reduces,
+                Some(Weights::Residual) => !near && curved,
+                None => false,
+            };
+            self.linear_step(task, weight, radius, reduces);
             let largest = self.set_step();
+            let predicted = self.predicted(task, weight);
             if weight == LEAST_WEIGHT && largest < 0.9 * radius {
-                if self.point.size <= tolerance && largest <= SETTLED {
+                let bends = self.curvature.is_used && !near;
+                if bends && before - predicted < LEAST_GAIN {
+                    return End::Converged;
+                }
+                if before <= tolerance && largest <= SETTLED {
                     return End::Converged;
                 }
                 // a short step may still halve a small distance
-                let gains = self.predicted(task) <= 0.5 * self.point.size;
-                if largest <= LEAST_STEP && !gains {
+                if largest <= LEAST_STEP && predicted > 0.5 * before {
                     if self.drift <= LARGEST_DRIFT {
                         return End::Converged;
                     }
@@ -163,22 +175,27 @@ impl InverseSolver {
                     continue;
                 }
             }
-            let before = self.point.size;
-            let gain = before - self.predicted(task);
-            let required = before - SUFFICIENT_DECREASE * gain;
-            // the curved set of equal tips is of interest near the target only
-            let near = before < NEAR;
-            let permitted = required + if near { slack } else { 0.0 };
-            let Some(size) = self.try_step(task, |size| size <= permitted) else {
+            let merit = Merit::new(self, task, near && redundant && reduces);
+            let gain = merit.gain(self, task, predicted);
+            let (from, to) = (half_square(&self.point.tensions), half_square(&self.trial));
+            let mut achieved = 0.0;
+            let accepted = self.try_step(task, |there, size| {
+                achieved = merit.decrease(before, size, there, from - to);
+                let nearer = before - size >= SUFFICIENT_DECREASE * (before - predicted);
+                let better = gain > 0.0 && achieved >= SUFFICIENT_DECREASE * gain;
+                nearer || better && size <= NEAR
+            });
+            let Some(size) = accepted else {
+                curved = true;
                 if self.drift > 0.0 {
                     // the derivatives may be at fault
                     self.linearised = false;
                     continue;
                 }
+                rejected = true;
                 radius = SMALLER * largest;
-                last_share = None;
                 if radius < LEAST_RADIUS {
-                    return if gain < LEAST_GAIN {
+                    return if before - predicted < LEAST_GAIN {
                         End::Converged
                     } else {
                         End::Stuck
@@ -186,19 +203,17 @@ impl InverseSolver {
                 }
                 continue;
             };
-            if near && size > required && round >= FULL_SLACK {
-                slack *= 0.5;
-            }
-            if largest > 0.8 * radius && before - size >= 0.5 * gain {
+            curved |= size > LITTLE * before;
+            // at once a larger one would be rejected again
+            if largest > 0.8 * radius && achieved >= 0.5 * gain && !rejected {
                 radius *= LARGER;
             }
+            rejected = false;
             let contracts = self.drift <= MOST_DRIFT && size <= CONTRACTION * before;
             self.linearised = contracts || self.drift <= LARGEST_DRIFT;
             let small = size <= NEAR && largest <= last_reduction;
             reduces &= round < MAX_REDUCTIONS && !(small && weight == LEAST_WEIGHT);
             weight = (WEIGHT_FACTOR * weight).max(LEAST_WEIGHT);
-            last_share = (share > 0.0).then_some(share);
-            std::mem::swap(&mut self.step, &mut self.last_step);
         }
         End::Paused
     }
@@ -216,7 +231,7 @@ impl InverseSolver {
     pub(super) fn try_step(
         &mut self,
         task: &Task,
-        accepts: impl FnOnce(f64) -> bool,
+        accepts: impl FnOnce(&[f64; 6], f64) -> bool,
     ) -> Option<f64> {
         let found = self.trial_equilibrium();
         if found.status != Status::Converged {
@@ -225,9 +240,10 @@ impl InverseSolver {
         let tip = self.level().solver.tip()?;
         let there = residual(&tip, &task.target, self.length);
         let size = norm(&there[..task.rows]);
-        if !accepts(size) {
+        if !accepts(&there, size) {
             return None;
         }
+        self.note_step(task);
         self.correct_derivatives(task, &there);
         self.point.tensions.clone_from(&self.trial);
         self.point.residual = there;
@@ -238,14 +254,49 @@ impl InverseSolver {
     }
 }
 
-/// Share of the next step to the least tensions, from the change of the projected gradient along
-/// the last step (Barzilai and Borwein): the derivatives of the tip by the tensions change along
-/// it.
-fn step_share(step: &[f64], share: f64, next: &[f64], from: &[f64]) -> Option<f64> {
-    let (mut square, mut along) = (0.0, 0.0);
-    for ((s, to), from) in step.iter().zip(next).zip(from) {
-        square += s * s;
-        along += s * (s / share - (to - from));
+/// What a step has to decrease: the distance, or near the target the augmented Lagrangian of the
+/// least tensions.
+struct Merit {
+    /// Multipliers, and the factor of half the squared distance.
+    multipliers: Option<([f64; 6], f64)>,
+    residual: [f64; 6],
+}
+
+impl Merit {
+    fn new(solver: &InverseSolver, task: &Task, augmented: bool) -> Self {
+        let found = augmented.then(|| solver.multipliers(task)).flatten();
+        let multipliers = found.map(|found| (found, norm(&found) / STIFFNESS_DISTANCE));
+        Merit {
+            multipliers,
+            residual: solver.point.residual,
+        }
     }
-    (along > 0.0 && square > 0.0).then(|| (square / along).clamp(SHARES[0], SHARES[1]))
+
+    /// Predicted decrease by the step.
+    fn gain(&self, solver: &InverseSolver, task: &Task, predicted: f64) -> f64 {
+        let before = solver.point.size;
+        let Some((multipliers, factor)) = self.multipliers else {
+            return before - predicted;
+        };
+        let step = &solver.step;
+        let mut slope = dot(&solver.point.tensions, step);
+        for (i, d) in step.iter().enumerate() {
+            slope += d * dot(&multipliers, &solver.column(i, &task.target));
+        }
+        let square = match solver.curvature.is_used {
+            true => solver.curvature.square(step),
+            false => dot(step, step),
+        };
+        0.5 * factor * (before * before - predicted * predicted) - slope - 0.5 * square
+    }
+
+    /// Decrease by a step to a distance `size` and residual `there`, with this decrease of half the
+    /// squared tensions.
+    fn decrease(&self, before: f64, size: f64, there: &[f64; 6], tensions: f64) -> f64 {
+        let Some((multipliers, factor)) = self.multipliers else {
+            return before - size;
+        };
+        let change = dot(&multipliers, &self.residual) - dot(&multipliers, there);
+        0.5 * factor * (before * before - size * size) + tensions + change
+    }
 }

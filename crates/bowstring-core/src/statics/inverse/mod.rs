@@ -6,6 +6,8 @@
 //! linearises the tip with respect to the tensions, and solves the linear problem within the limits
 //! and a trust region. Of the tensions that bring the tip equally near, it takes the least.
 
+mod arcs;
+mod curvature;
 mod descent;
 mod equilibrium;
 mod outcome;
@@ -27,6 +29,8 @@ use crate::model::load::{Load, OwnedLoad, RodModel, TendonPath};
 use crate::model::robot::Robot;
 use crate::rod::estimate::LEVELS;
 use crate::statics::outcome::Outcome;
+use arcs::Arcs;
+use curvature::Curvature;
 use descent::{Effort, End};
 use equilibrium::{Level, Point};
 use path::Past;
@@ -78,10 +82,11 @@ pub struct InverseSolver {
     has_rotations: bool,
     plain_level: usize,
     linear: Linear,
-    /// Tensions of the present trial, and the last two steps.
+    arcs: Option<Arcs>,
+    curvature: Curvature,
+    /// Tensions of the present trial, and the step to them.
     trial: Vec<f64>,
     step: Vec<f64>,
-    last_step: Vec<f64>,
     /// The step (N), and the strain that it leads to.
     changes: Vec<f64>,
     strain: Vec<Vec3>,
@@ -149,14 +154,16 @@ impl InverseSolver {
             has_rotations: false,
             plain_level: 0,
             linear: Linear::default(),
+            arcs: None,
+            curvature: Curvature::default(),
             trial: vec![0.0; tendons],
             step: vec![0.0; tendons],
-            last_step: vec![0.0; tendons],
             changes: vec![0.0; tendons],
             strain: vec![],
             tensions: vec![f64::NAN; tendons],
             binding: vec![0; tendons],
         };
+        made.arcs = Arcs::new(robot, made.unit);
         made.at(LEVELS[made.first_level(&Load::default())])?;
         Ok(made)
     }

@@ -3,7 +3,8 @@
 //!
 //! Theory: docs/theory/inverse-kinematics.md (Margin of the distance).
 
-use super::descent::{FIRST_RADIUS, LARGER, LEAST_RADIUS, SMALLER, SUFFICIENT_DECREASE};
+use super::curvature::Weights;
+use super::descent::{FIRST_RADIUS, LARGER, LEAST_RADIUS, NEAR, SMALLER, SUFFICIENT_DECREASE};
 use super::equilibrium::Point;
 use super::task::Task;
 use super::InverseSolver;
@@ -40,7 +41,9 @@ impl InverseSolver {
             }
         }
         let mut best = nearest.clone();
+        self.curvature.interrupt();
         self.reduce(task, &mut best, iterations);
+        self.curvature.interrupt();
         let is_nearest = best.tensions == nearest.tensions;
         self.point = best;
         self.linearised = false;
@@ -66,18 +69,21 @@ impl InverseSolver {
                 return;
             }
             *iterations += 1;
-            let multiplier = self.reducing_step(task, aim, radius);
+            let curved = self.curvature.weights == Some(Weights::Residual);
+            self.curvature.is_used = curved && self.point.size >= NEAR;
+            let weight = self.reducing_step(task, aim, radius);
+            let predicted = self.predicted(task, weight);
             let largest = self.set_step();
             let here = half_square(&self.point.tensions);
             if self.point.size <= most && largest <= LEAST_CHANGE {
                 return;
             }
-            penalty = penalty.max(PENALTY * multiplier);
+            penalty = penalty.max(PENALTY * predicted / weight.powi(2));
             let merit = |square: f64, size: f64| square + penalty * (size - aim).max(0.0);
             let (before, there) = (merit(here, self.point.size), half_square(&self.trial));
-            let gain = before - merit(there, self.predicted(task));
+            let gain = before - merit(there, predicted);
             let most_merit = before - SUFFICIENT_DECREASE * gain;
-            let accepted = self.try_step(task, |size| merit(there, size) <= most_merit);
+            let accepted = self.try_step(task, |_, size| merit(there, size) <= most_merit);
             let Some(size) = accepted else {
                 radius = SMALLER * largest;
                 if radius < LEAST_RADIUS {
@@ -95,40 +101,49 @@ impl InverseSolver {
     }
 
     /// Least tensions in the trust region whose tip is, to first order, at the distance `aim` over
-    /// the length, into `trial`; or the nearest, if none is. Returns the multiplier of the
-    /// distance.
+    /// the length, into `trial`; or the nearest, if none is. Returns the weight of the tensions.
     fn reducing_step(&mut self, task: &Task, aim: f64, radius: f64) -> f64 {
-        let mut distance = |weight: f64| {
-            self.linear_step(task, weight, radius, 1.0);
-            self.predicted(task)
+        // logarithm of the weight and, there, distance beyond the aim, which grows with it
+        let mut beyond = |weight: f64| {
+            self.linear_step(task, weight.exp(), radius, true);
+            self.predicted(task, weight.exp()) - aim
         };
         let [mut low, mut high] = WEIGHTS.map(f64::ln);
-        let mut weight = high;
-        let mut found = distance(weight.exp());
-        if found > aim {
-            weight = low;
-            found = distance(weight.exp());
-            if found < aim {
-                // distance grows with the weight: bisection
-                for _ in 0..WEIGHT_EVALUATIONS {
-                    weight = 0.5 * (low + high);
-                    found = distance(weight.exp());
-                    if (found - aim).abs() <= WEIGHT_TOLERANCE * task.margin {
-                        break;
-                    }
-                    if found > aim {
-                        high = weight;
-                    } else {
-                        low = weight;
-                    }
+        let mut above = beyond(high);
+        if above <= 0.0 {
+            return high.exp();
+        }
+        let mut below = beyond(low);
+        if below >= 0.0 {
+            return low.exp();
+        }
+        let mut weight = low;
+        let mut last = 0.0;
+        // false position, the value at an end that remains halved (Illinois)
+        for _ in 0..WEIGHT_EVALUATIONS {
+            weight = (low * above - high * below) / (above - below);
+            let found = beyond(weight);
+            if found.abs() <= WEIGHT_TOLERANCE * task.margin {
+                break;
+            }
+            if found > 0.0 {
+                (high, above) = (weight, found);
+                if last > 0.0 {
+                    below *= 0.5;
+                }
+            } else {
+                (low, below) = (weight, found);
+                if last < 0.0 {
+                    above *= 0.5;
                 }
             }
+            last = found;
         }
-        found * (-2.0 * weight).exp()
+        weight.exp()
     }
 }
 
 /// Half the sum of squares.
-fn half_square(tensions: &[f64]) -> f64 {
+pub(super) fn half_square(tensions: &[f64]) -> f64 {
     0.5 * tensions.iter().map(|t| t * t).sum::<f64>()
 }

@@ -12,10 +12,14 @@ const LARGEST_BEND: f64 = 4.5;
 /// Range of the bend of a segment in the further starts (rad).
 const FURTHER_BENDS: [f64; 2] = [0.4, 2.0];
 
+/// Number of the start from the straight robot.
+const STRAIGHT: usize = 1;
+
 impl InverseSolver {
     /// A start, with its equilibrium from the straight backbone; false if it has none.
     pub(super) fn start(&mut self, task: &Task, number: usize) -> bool {
         self.linearised = false;
+        self.curvature.clear();
         let load = self.load.borrow();
         let level = self.first_level(&load);
         let Ok(level) = self.at(LEVELS[level]) else {
@@ -23,6 +27,11 @@ impl InverseSolver {
         };
         self.point.level = level;
         self.start_tensions(task, number);
+        // one segment makes the first arc itself
+        let segments = self.robot.spec().backbone.len();
+        if number != STRAIGHT && segments > 1 {
+            self.start_by_arcs(task);
+        }
         self.load.tensions.clear();
         let unit = self.unit;
         self.load
@@ -76,7 +85,7 @@ impl InverseSolver {
             let stiffness = 0.5 * (stiffness[0] + stiffness[1]);
             let (theta, phi) = match number {
                 0 => (bend * length / self.length, phi),
-                1 => (0.0, 0.0),
+                STRAIGHT => (0.0, 0.0),
                 _ => {
                     // quasi-random directions, opposite from segment to segment
                     let turn = 0.618_033_988_749_895 * number as f64 + 0.414_213_562 * s as f64;
@@ -112,6 +121,7 @@ impl InverseSolver {
         let problem = Problem {
             a,
             b,
+            root: &[],
             centre,
             lower,
             upper,

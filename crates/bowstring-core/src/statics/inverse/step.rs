@@ -2,15 +2,20 @@
 //!
 //! Theory: docs/theory/inverse-kinematics.md (Eq. 10.2 and 10.3).
 
+use super::curvature::Weights;
 use super::equilibrium::Level;
 use super::task::{norm, Task};
 use super::{InverseSolver, Target};
 use crate::math::bounded::{BoundedLeastSquares, Problem};
-use crate::math::linalg::Vec3;
+use crate::math::linalg::{dot, Vec3};
 use crate::statics::outcome::Status;
 
 /// Length of a step over the unit of tension from which it corrects the derivatives.
 const LEAST_CORRECTING_STEP: f64 = 1e-5;
+
+/// Weight of the tip's motion in the Hessian whose eigenvalues are made positive: motions that keep
+/// the tip are then nearly eigenvectors of their own.
+const STIFFNESS: f64 = 1e4;
 
 /// Scratch memory of the linear problem.
 #[derive(Default)]
@@ -42,6 +47,9 @@ impl InverseSolver {
         self.plain_level = self.point.level;
         self.has_rotations = rotation;
         self.linearised = solver.tip_by_tensions(&mut **plain, rotation, &mut self.columns);
+        if self.linearised {
+            self.correct_curvature(task);
+        }
         self.linearised
     }
 
@@ -81,9 +89,9 @@ impl InverseSolver {
     }
 
     /// Solves the linear problem within the limits and the trust region, into `trial`: the nearest
-    /// tip, and of the tensions that lead to it those nearest to `1 - share` times the present
-    /// ones. With a share of zero, tensions at a limit are kept if enough others are inside.
-    pub(super) fn linear_step(&mut self, task: &Task, weight: f64, radius: f64, share: f64) {
+    /// tip, and of the tensions that lead to it the least if it `reduces`, otherwise those nearest
+    /// to the present ones. Then tensions at a limit are kept if enough others are inside.
+    pub(super) fn linear_step(&mut self, task: &Task, weight: f64, radius: f64, reduces: bool) {
         let m = task.rows;
         let mut linear = std::mem::take(&mut self.linear);
         let Linear {
@@ -113,34 +121,54 @@ impl InverseSolver {
         let at_limit = |i: usize| tensions[i] == task.lower[i] || tensions[i] == task.upper[i];
         // of the least tensions, those at a limit stay there as long as the others are enough
         let free = (0..tensions.len()).filter(|i| !at_limit(*i)).count();
-        let holds = share == 0.0 && free >= m;
+        let holds = !reduces && free >= m;
         for (i, t) in tensions.iter().enumerate() {
             let radius = if holds && at_limit(i) { 0.0 } else { radius };
-            centre.push((1.0 - share) * t);
+            centre.push(if reduces { 0.0 } else { *t });
             lower.push(task.lower[i].max(t - radius));
             upper.push(task.upper[i].min(t + radius));
         }
-        self.trial.clone_from(&self.point.tensions);
+        let mut curvature = std::mem::take(&mut self.curvature);
+        let (mut root, mut centre) = (&[][..], &centre[..]);
+        if curvature.is_used {
+            let (scale, stiffness) = match curvature.weights {
+                Some(Weights::Residual) => (sharp * sharp, 0.0),
+                _ => (1.0, STIFFNESS),
+            };
+            curvature.set_root(tensions, scale, stiffness, |i| self.column(i, &task.target));
+            (root, centre) = (&curvature.root, &curvature.centre);
+        }
+        self.trial.clone_from(tensions);
         let problem = Problem {
             a,
             b,
+            root,
             centre,
             lower,
             upper,
         };
         solver.solve(&problem, &mut self.trial);
         self.linear = linear;
+        self.curvature = curvature;
     }
 
-    /// Predicted norm of the residual at the trial.
-    pub(super) fn predicted(&self, task: &Task) -> f64 {
+    /// Predicted norm of the residual at the trial, by the linear problem with this weight.
+    pub(super) fn predicted(&mut self, task: &Task, weight: f64) -> f64 {
+        self.set_step();
         let mut r = self.point.residual;
-        for (i, (to, from)) in self.trial.iter().zip(&self.point.tensions).enumerate() {
+        for (i, d) in self.step.iter().enumerate() {
             let column = self.column(i, &task.target);
             for (r, c) in r.iter_mut().zip(column) {
-                *r += c * (to - from);
+                *r += c * d;
             }
         }
-        norm(&r[..task.rows])
+        let linear = norm(&r[..task.rows]);
+        let curvature = &self.curvature;
+        if !curvature.is_used || curvature.weights != Some(Weights::Residual) {
+            return linear;
+        }
+        let step = &self.step;
+        let curved = (curvature.square(step) - dot(step, step)).max(0.0);
+        linear.hypot(weight * curved.sqrt())
     }
 }
