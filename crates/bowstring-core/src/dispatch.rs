@@ -7,12 +7,12 @@ use crate::math::lie::Pose;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real, Scalar};
 #[cfg(target_arch = "x86_64")]
-use crate::math::simd::{Avx2, Avx512, Modules, Simd};
+use crate::math::simd::{Avx2, Avx512, Modules, Robots, Simd};
 use crate::memory;
 use crate::model::error::InputError;
 use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::Robot;
-use crate::motion::{Damping, Motion, Moving};
+use crate::motion::{Damping, Motion, MotionsSideBySide, Moving, SideBySide};
 use crate::rod::chain::{get, Rod, Sources, Step};
 use crate::rod::estimate::Correction;
 use crate::rod::routed::RoutedRod;
@@ -525,4 +525,40 @@ pub(crate) fn moving(
         }
     }
     build(robot, elements, InMotion(robot, model, gravity, damping))
+}
+
+/// Motions side by side in the lanes of this processor, under a dead force on the tip: eight, four or
+/// one. Lanes take straight tendons and one element in a module.
+pub(crate) fn motions_side_by_side(
+    robot: &Robot,
+    model: Model,
+    elements: usize,
+    damping: Damping,
+    load: &Load,
+) -> Result<Box<dyn MotionsSideBySide>, InputError> {
+    check_model(robot, model)?;
+    fn make<L: Layout, const A: usize>(
+        layout: L,
+        (robot, model, damping, load): (&Robot, Model, Damping, &Load),
+    ) -> Box<dyn MotionsSideBySide> {
+        let motion = Motion::<L, A>::new(layout, robot, model, load.gravity, damping);
+        Box::new(SideBySide::new(motion, load))
+    }
+    let of = (robot, model, damping, load);
+    #[cfg(target_arch = "x86_64")]
+    if elements == 1 && model.tendon == TendonPath::Straight && !robot.is_coupled() {
+        if let Some(simd) = Avx512::detect() {
+            return Ok(make::<_, 2>(Robots::<_, false>(simd), of));
+        }
+        if let Some(simd) = Avx2::detect() {
+            return Ok(make::<_, 2>(Robots::<_, false>(simd), of));
+        }
+    }
+    Ok(match elements {
+        1 => make::<_, 2>(Scalar, of),
+        2 => make::<_, 4>(Scalar, of),
+        4 => make::<_, 8>(Scalar, of),
+        8 => make::<_, 16>(Scalar, of),
+        n => return Err(InputError::elements(n)),
+    })
 }

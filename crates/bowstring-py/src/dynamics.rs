@@ -581,14 +581,14 @@ pub fn flexibility<'py>(
 
 /// Time integration and damping, as attributes.
 #[derive(FromPyObject)]
-struct Scheme {
+pub(crate) struct Scheme {
     /// Fixed step (s); `None` for an adaptive step.
-    step: Option<f64>,
+    pub step: Option<f64>,
     /// Error of a disk's position in an adaptive step (m), and the longest step (s).
-    tolerance: f64,
-    longest_step: f64,
-    spectral_radius: f64,
+    pub tolerance: f64,
+    pub longest_step: f64,
+    pub spectral_radius: f64,
     /// Mass-proportional damping (1/s), and Kelvin-Voigt damping (s).
-    mass_damping: f64,
-    material_damping: f64,
+    pub mass_damping: f64,
+    pub material_damping: f64,
 }

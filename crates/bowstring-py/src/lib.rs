@@ -14,6 +14,7 @@ mod input;
 mod interrupt;
 mod inverse;
 mod model;
+mod motions;
 mod path;
 mod rod;
 mod xla;
@@ -44,6 +45,8 @@ mod _core {
     use crate::inverse::inverse_kinematics;
     #[pymodule_export]
     use crate::model::RodModel;
+    #[pymodule_export]
+    use crate::motions::Motions;
     #[pymodule_export]
     use crate::path::{follow_designs, PathSolver};
     #[pymodule_export]

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bowstring.errors import InputError
 from bowstring.statics.simulator import Scheme
 from bowstring.validation import number
 
-__all__ = ["DEFAULT_INTERVAL", "DEFAULT_SPECTRAL_RADIUS", "Integrator"]
+__all__ = ["DEFAULT_INTERVAL", "DEFAULT_SPECTRAL_RADIUS", "Integrator", "with_ratio"]
 
 DEFAULT_INTERVAL: Final = 0.01  # s
 DEFAULT_SPECTRAL_RADIUS: Final = 0.8
@@ -85,3 +88,18 @@ class Integrator:
             self.mass_damping,
             self.material_damping,
         )
+
+
+def with_ratio(scheme: Scheme, ratio: float, frequency_hz: NDArray[np.float64]) -> Scheme:
+    """Return the scheme with mass and material damping for a damping ratio of two modes.
+
+    The modes are the slowest and the first at least twice as fast, of these natural frequencies
+    (K,) in Hz.
+    """
+    slow = 2.0 * np.pi * float(frequency_hz[0])
+    faster = frequency_hz[frequency_hz >= 2.0 * frequency_hz[0]]
+    fast = 2.0 * np.pi * float(faster[0]) if len(faster) else 10.0 * slow
+    return scheme._replace(
+        mass_damping=2.0 * ratio * slow * fast / (slow + fast),
+        material_damping=2.0 * ratio / (slow + fast),
+    )

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import interrupts, validation
 from bowstring._core import check_memory
 from bowstring.display import html_table, millimetres, sampled_rows
-from bowstring.dynamics.integrator import DEFAULT_INTERVAL, Integrator
+from bowstring.dynamics.integrator import DEFAULT_INTERVAL, Integrator, with_ratio
 from bowstring.dynamics.load_history import (
     Actuation,
     Loads,
@@ -789,10 +789,4 @@ def _with_modal_damping(
     path = actuation.Path(robot, model, friction=False) if by_displacement.any() else None
     load = initial.dead.replace(gravity=gravity)
     found = about(robot, (by_displacement, initial.actuation), load, model, path, count=12)
-    slow = 2.0 * np.pi * float(found.frequency_hz[0])
-    faster = found.frequency_hz[found.frequency_hz >= 2.0 * found.frequency_hz[0]]
-    fast = 2.0 * np.pi * float(faster[0]) if len(faster) else 10.0 * slow
-    return scheme._replace(
-        mass_damping=2.0 * ratio * slow * fast / (slow + fast),
-        material_damping=2.0 * ratio / (slow + fast),
-    )
+    return with_ratio(scheme, ratio, found.frequency_hz)

@@ -15,6 +15,54 @@ pub use crate::motion::{DiskFields, Energies, Fields, SectionFields, TendonField
 use crate::statics::path::{Command, Line, PathSolver};
 use crate::statics::solver::{Outcome, Solver, Status};
 
+/// Checks the settings of a robot's motion.
+pub(super) fn check(robot: &Robot, settings: &Integrator) -> Result<(), InputError> {
+    let Integrator {
+        gravity,
+        damping,
+        spectral_radius,
+        step,
+    } = *settings;
+    let refused = |argument, value, rule| Err(InputError::number(argument, None, value, rule));
+    for (argument, value) in [
+        (Argument::MassDamping, damping.mass),
+        (Argument::MaterialDamping, damping.material),
+    ] {
+        if !(value.is_finite() && value >= 0.0) {
+            return refused(argument, value, Rule::NotNegative);
+        }
+    }
+    if !(0.0..=1.0).contains(&spectral_radius) {
+        let rule = Rule::Other("be from 0 (strongest numerical damping) to 1 (none)");
+        return refused(Argument::SpectralRadius, spectral_radius, rule);
+    }
+    let lengths = match step {
+        Step::Fixed(step) => [(Argument::TimeStep, step); 2],
+        Step::Adaptive { tolerance, longest } => [
+            (Argument::Tolerance, tolerance),
+            (Argument::LongestStep, longest),
+        ],
+    };
+    for (argument, value) in lengths {
+        if !(value.is_normal() && value > 0.0) {
+            return refused(argument, value, Rule::Positive);
+        }
+    }
+    if !gravity.iter().all(|g| g.is_finite()) {
+        return Err(InputError::not_finite(Argument::Gravity, None, &gravity));
+    }
+    let shortest = shortest_step(robot);
+    if matches!(step, Step::Fixed(step) if step < shortest) {
+        let why = "shorter steps are below numerical resolution for this robot";
+        return refused(
+            Argument::TimeStep,
+            step.longest(),
+            Rule::AtLeast(shortest, why),
+        );
+    }
+    Ok(())
+}
+
 /// A moving robot.
 ///
 /// ```
@@ -62,52 +110,10 @@ impl Simulator {
         elements: usize,
         settings: Integrator,
     ) -> Result<Self, InputError> {
-        let Integrator {
-            gravity,
-            damping,
-            spectral_radius,
-            step,
-        } = settings;
-        let refused = |argument, value, rule| Err(InputError::number(argument, None, value, rule));
-        for (argument, value) in [
-            (Argument::MassDamping, damping.mass),
-            (Argument::MaterialDamping, damping.material),
-        ] {
-            if !(value.is_finite() && value >= 0.0) {
-                return refused(argument, value, Rule::NotNegative);
-            }
-        }
-        if !(0.0..=1.0).contains(&spectral_radius) {
-            let rule = Rule::Other("be from 0 (strongest numerical damping) to 1 (none)");
-            return refused(Argument::SpectralRadius, spectral_radius, rule);
-        }
-        let lengths = match step {
-            Step::Fixed(step) => [(Argument::TimeStep, step); 2],
-            Step::Adaptive { tolerance, longest } => [
-                (Argument::Tolerance, tolerance),
-                (Argument::LongestStep, longest),
-            ],
-        };
-        for (argument, value) in lengths {
-            if !(value.is_normal() && value > 0.0) {
-                return refused(argument, value, Rule::Positive);
-            }
-        }
-        if !gravity.iter().all(|g| g.is_finite()) {
-            return Err(InputError::not_finite(Argument::Gravity, None, &gravity));
-        }
-        let shortest = shortest_step(robot);
-        if matches!(step, Step::Fixed(step) if step < shortest) {
-            let why = "shorter steps are below numerical resolution for this robot";
-            return refused(
-                Argument::TimeStep,
-                step.longest(),
-                Rule::AtLeast(shortest, why),
-            );
-        }
+        check(robot, &settings)?;
         dispatch::check_moving(robot, elements)?;
         Ok(Simulator {
-            engine: dispatch::moving(robot, model, elements, gravity, damping)?,
+            engine: dispatch::moving(robot, model, elements, settings.gravity, settings.damping)?,
             robot: robot.clone(),
             model,
             elements,

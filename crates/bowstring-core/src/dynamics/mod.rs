@@ -13,5 +13,7 @@ mod integration;
 
 pub mod integrator;
 
+pub mod batch;
+
 pub mod modal;
 pub mod records;

@@ -27,6 +27,13 @@ impl<T: Real> Vec3<T> {
     pub fn splat(v: [f64; 3]) -> Self {
         Vec3([T::splat(v[0]), T::splat(v[1]), T::splat(v[2])])
     }
+    /// Copies the components of a lane.
+    #[inline(always)]
+    pub fn take_lane(&mut self, o: &Self, lane: usize) {
+        for (own, other) in self.0.iter_mut().zip(&o.0) {
+            own.set_lane(lane, other.lane(lane));
+        }
+    }
     /// Components of one lane.
     #[inline(always)]
     pub fn of_lane(&self, lane: usize) -> Vec3<f64> {

@@ -115,13 +115,9 @@ impl<T: Real, const A: usize> Kinematics<T, A> {
         mass: &LumpedMass<L, A>,
         disk_force: &[Vec3<T>],
     ) -> MassStep {
-        let by_change = scheme.am * scheme.rate_by_change();
-        let (per, keep) = (1.0 / scheme.af, 1.0 - 1.0 / scheme.af);
         let (mut lost, mut twice_kinetic, mut work) = (T::zero(), T::zero(), T::zero());
         for k in 0..disk_force.len() {
-            let moved = self.moved(k);
-            let rate = moved.combined(by_change, &self.rate[k], scheme.memory());
-            let velocity = rate.combined(per, &self.velocity[k], keep);
+            let (moved, rate, velocity) = self.end_velocity(scheme, k);
             lost += mass.product(k, &rate, &moved);
             twice_kinetic += mass.product(k, &velocity, &velocity);
             work += disk_force[k].dot(moved.disk());
@@ -131,6 +127,48 @@ impl<T: Real, const A: usize> Kinematics<T, A> {
             kinetic: 0.5 * twice_kinetic.lane(0),
             loss_by_rate: lost.lane(0),
             disk_work: work.lane(0),
+        }
+    }
+
+    /// Computes the velocities at the end of the step alone (theory Eq. 5.2).
+    #[inline(always)]
+    pub fn set_velocities(&mut self, scheme: &Scheme) {
+        for k in 0..self.velocity.len() {
+            (_, _, self.next_velocity[k]) = self.end_velocity(scheme, k);
+        }
+    }
+
+    /// Displacement of a module's mass in this step, its rate where forces balance, and its velocity
+    /// at the end.
+    #[inline(always)]
+    fn end_velocity(&self, scheme: &Scheme, k: usize) -> (Nodal<T, A>, Nodal<T, A>, Nodal<T, A>) {
+        let by_change = scheme.am * scheme.rate_by_change();
+        let (per, keep) = (1.0 / scheme.af, 1.0 - 1.0 / scheme.af);
+        let moved = self.moved(k);
+        let rate = moved.combined(by_change, &self.rate[k], scheme.memory());
+        let velocity = rate.combined(per, &self.velocity[k], keep);
+        (moved, rate, velocity)
+    }
+
+    /// Copies the state, without allocation, from another of the same size.
+    pub fn copy_from(&mut self, o: &Self) {
+        self.position.copy_from_slice(&o.position);
+        self.velocity.copy_from_slice(&o.velocity);
+        self.rate.copy_from_slice(&o.rate);
+        self.acceleration.copy_from_slice(&o.acceleration);
+    }
+
+    /// Copies the state of a lane.
+    pub fn take_lane(&mut self, o: &Self, lane: usize) {
+        for (own, other) in [
+            (&mut self.position, &o.position),
+            (&mut self.velocity, &o.velocity),
+            (&mut self.rate, &o.rate),
+            (&mut self.acceleration, &o.acceleration),
+        ] {
+            for (own, other) in own.iter_mut().zip(other) {
+                own.take_lane(other, lane);
+            }
         }
     }
 

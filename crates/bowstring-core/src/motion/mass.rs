@@ -40,6 +40,18 @@ impl<T: Real, const A: usize> Nodal<T, A> {
         out
     }
 
+    /// Copies the numbers of a lane.
+    pub fn take_lane(&mut self, o: &Self, lane: usize) {
+        for (own, other) in self.points.iter_mut().zip(&o.points) {
+            own.take_lane(other, lane);
+        }
+        for (own, other) in self.frame.0.iter_mut().zip(&o.frame.0) {
+            for (own, other) in own.iter_mut().zip(other) {
+                own.set_lane(lane, other.lane(lane));
+            }
+        }
+    }
+
     #[inline(always)]
     pub fn minus(&self, o: &Self) -> Self {
         self.combined(1.0, o, -1.0)

@@ -48,6 +48,8 @@ mod moving;
 
 mod flexibility;
 
+mod side_by_side;
+
 pub(crate) mod oscillation;
 
 #[cfg(test)]
@@ -61,4 +63,5 @@ pub(crate) use kinematics::StepError;
 pub(crate) use moving::Moving;
 pub use record::{DiskFields, Fields, SectionFields, TendonFields};
 pub use scheme::Damping;
+pub(crate) use side_by_side::{Advanced, Flags, MotionsSideBySide, Period, SideBySide, MOST_LANES};
 pub(crate) use step::Motion;

@@ -12,7 +12,7 @@ use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::model::load::{Load, TendonPath};
-use crate::rod::chain::{in_group, put, Sources};
+use crate::rod::chain::{put, Sources};
 use crate::rod::routed::RoutedRod;
 
 /// Rounding error of the forces of a step, over their sum.
@@ -116,7 +116,8 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
                 self.shape();
                 self.place_mass();
                 self.residual.set_inertial(&self.body, &self.kinematics);
-                self.residual.evaluate(&mut self.body, &self.strain)
+                let imbalance = self.residual.evaluate(&mut self.body, &self.strain);
+                imbalance.largest()
             },
         )
     }
@@ -124,7 +125,10 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
     fn imbalance(&mut self) -> f64 {
         self.body.rod.layout.vectorize(
             #[inline(always)]
-            || self.residual.evaluate(&mut self.body, &self.strain),
+            || {
+                let imbalance = self.residual.evaluate(&mut self.body, &self.strain);
+                imbalance.largest()
+            },
         )
     }
 
@@ -283,19 +287,7 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
             return;
         }
         rod.set_tensions(|i| L::Chain::splat(tensions[i]));
-        for (g, state) in self.next.iter_mut().enumerate() {
-            let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
-            let (c, end) = (&rod.constants[g], state.rho);
-            state.shape(c, &t);
-            state.n = state.compliance(c).inverse() * (end - state.rho0);
-            state.rho = end;
-            self.strain.set_start_force(g, state.n);
-        }
-        self.place_mass();
-        let now = &mut self.kinematics;
-        for (now, next) in now.position.iter_mut().zip(&now.next_position) {
-            now.points = next.points;
-        }
+        self.keep_disks();
         self.measure();
         self.spans.now.copy_from_slice(&self.spans.next);
     }

@@ -205,9 +205,9 @@ impl<L: Layout, const A: usize> Residual<L, A> {
     }
 
     /// Computes the imbalance of arcs and contact forces (theory Eq. 5.1) under the present
-    /// tensions and forces on all mass; returns the largest (N m).
+    /// tensions and forces on all mass; returns the largest of each robot (N m).
     #[inline(always)]
-    pub fn evaluate(&mut self, body: &mut Body<L, A>, strain: &StrainHistory<L, A>) -> f64 {
+    pub fn evaluate(&mut self, body: &mut Body<L, A>, strain: &StrainHistory<L, A>) -> L::Chain {
         self.set_resultants(&mut body.rod);
         self.set_load_moments(body);
         self.set_costate(&mut body.rod);
@@ -295,9 +295,9 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         }
     }
 
-    /// Imbalance of every arc and contact force; returns the largest (N m).
+    /// Imbalance of every arc and contact force; returns the largest of each robot (N m).
     #[inline(always)]
-    fn set_gradients(&mut self, body: &mut Body<L, A>, strain: &StrainHistory<L, A>) -> f64 {
+    fn set_gradients(&mut self, body: &mut Body<L, A>, strain: &StrainHistory<L, A>) -> L::Chain {
         let (rod, constants) = (&mut body.rod, &body.constants);
         let stiffer = L::Module::splat(body.scheme.force_factor());
         let mut largest = L::Module::zero();
@@ -328,8 +328,6 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         }
         // idle lanes repeat the last module without its loads
         let used = 0..L::WIDTH.min(self.moment.len());
-        used.fold(0.0, |worst, i| {
-            Real::max(worst, L::get(&largest, i).largest())
-        })
+        used.fold(L::Chain::zero(), |worst, i| worst.max(L::get(&largest, i)))
     }
 }

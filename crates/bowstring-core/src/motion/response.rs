@@ -159,15 +159,7 @@ impl<L: Layout, const A: usize> Response<L, A> {
         next: &mut [State<L::Module, A>],
     ) {
         for (column, factor) in self.columns.iter().zip(coefficients) {
-            let ahead = L::Module::splat(factor / body.scheme.af);
-            for (g, next) in next.iter_mut().enumerate() {
-                for a in 0..A {
-                    let step = body.rod.gradients[g].to_strain[a] * column.u[g][a];
-                    next.w[a] = step.scaled_add(ahead, next.w[a]);
-                }
-                let step = tangent.contact[g].stiffness * column.delta[g];
-                next.n = step.scaled_add(ahead, next.n);
-            }
+            column.add(body, tangent, L::Module::splat(*factor), next);
         }
     }
 
@@ -239,6 +231,26 @@ impl<L: Layout, const A: usize> Column<L, A> {
             delta: vec![Vec3::zero(); groups],
             disks: vec![[Vec3::zero(); 2]; rod.module_count()],
             rates: vec![0.0; groups * L::WIDTH * rod.tendons.len()],
+        }
+    }
+
+    /// Moves the end of the step by this solution times a factor.
+    #[inline(always)]
+    pub fn add(
+        &self,
+        body: &Body<L, A>,
+        tangent: &Tangent<L, A>,
+        factor: L::Module,
+        next: &mut [State<L::Module, A>],
+    ) {
+        let ahead = factor * L::Module::splat(1.0 / body.scheme.af);
+        for (g, next) in next.iter_mut().enumerate() {
+            for a in 0..A {
+                let step = body.rod.gradients[g].to_strain[a] * self.u[g][a];
+                next.w[a] = step.scaled_add(ahead, next.w[a]);
+            }
+            let step = tangent.contact[g].stiffness * self.delta[g];
+            next.n = step.scaled_add(ahead, next.n);
         }
     }
 

@@ -9,7 +9,7 @@ use crate::rod::chain::{in_group, Rod};
 use crate::rod::module::{Span, State};
 
 /// Length of a span, over that of its module, below which its disks have collided.
-const CONTACT: f64 = 0.01;
+pub(super) const CONTACT: f64 = 0.01;
 
 /// Lengths of spans at both ends of a step (m), by modules and tendons; zero where a tendon does
 /// not pass.

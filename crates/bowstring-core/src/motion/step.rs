@@ -127,6 +127,25 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         }
     }
 
+    /// Balances the contact forces under new tensions where no disk moves, and moves the points
+    /// inside the modules to their equilibrium.
+    pub(super) fn keep_disks(&mut self) {
+        let rod = &self.body.rod;
+        for (g, state) in self.next.iter_mut().enumerate() {
+            let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
+            let (c, end) = (&rod.constants[g], state.rho);
+            state.shape(c, &t);
+            state.n = state.compliance(c).inverse() * (end - state.rho0);
+            state.rho = end;
+            self.strain.set_start_force(g, state.n);
+        }
+        self.place_mass();
+        let now = &mut self.kinematics;
+        for (now, next) in now.position.iter_mut().zip(&now.next_position) {
+            now.points = next.points;
+        }
+    }
+
     #[inline(always)]
     pub(super) fn measure(&mut self) {
         self.spans.measure(&self.body.rod, &self.next);
@@ -242,15 +261,9 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     /// Elastic and gravitational energy at the end of the step.
     #[inline(always)]
     pub(super) fn stored_energies(&self) -> Energies {
-        let rod = &self.body.rod;
         let mut elastic = 0.0;
-        for (g, state) in self.next.iter().enumerate() {
-            let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
-            let c = &rod.constants[g];
-            let along = state.rho0 * (L::Module::splat(1.0) / state.rho0.norm());
-            let longer = along.dot(state.rho - state.rho0);
-            let energy = state.elastic_energy(c) + c.stretch_energy(&t, longer);
-            elastic += self.over_modules(g, &energy);
+        for g in 0..self.next.len() {
+            elastic += self.over_modules(g, &self.elastic_energy(g));
         }
         let weight = self.body.mass.sum(&self.kinematics.next_position);
         Energies {
@@ -258,6 +271,17 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             gravity: -self.residual.gravity.dot(weight).lane(0),
             ..Energies::default()
         }
+    }
+
+    /// Elastic energy of a group of modules at the end of the step (J).
+    #[inline(always)]
+    pub(super) fn elastic_energy(&self, g: usize) -> L::Module {
+        let (rod, state) = (&self.body.rod, &self.next[g]);
+        let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
+        let c = &rod.constants[g];
+        let along = state.rho0 * (L::Module::splat(1.0) / state.rho0.norm());
+        let longer = along.dot(state.rho - state.rho0);
+        state.elastic_energy(c) + c.stretch_energy(&t, longer)
     }
 
     /// Sum over the modules of a group.

@@ -33,6 +33,14 @@ impl<T: Real, const A: usize> Strain<T, A> {
         }
     }
 
+    /// Copies the numbers of a lane.
+    pub fn take_lane(&mut self, o: &Self, lane: usize) {
+        for (own, other) in self.w.iter_mut().zip(&o.w) {
+            own.take_lane(other, lane);
+        }
+        self.n.take_lane(&o.n, lane);
+    }
+
     /// `self * s + o * t`
     #[inline(always)]
     pub fn combined(&self, s: f64, o: &Self, t: f64) -> Self {
@@ -128,6 +136,46 @@ impl<L: Layout, const A: usize> StrainHistory<L, A> {
         self.known = (self.known + 1).min(HISTORY);
         self.durations.rotate_right(1);
         self.durations[0] = scheme.duration;
+    }
+
+    /// Appends a strain at rest, also in place of all earlier ones.
+    pub fn fill_at_rest(&mut self, next: &[State<L::Module, A>]) {
+        for past in &mut self.past {
+            for (past, state) in past.iter_mut().zip(next) {
+                *past = Strain::of(state);
+            }
+        }
+        self.rate.fill(Strain::zero());
+        self.known = HISTORY;
+    }
+
+    /// Sets the length of the steps between all known strains (s).
+    pub fn set_durations(&mut self, duration: f64) {
+        self.durations.fill(duration);
+    }
+
+    /// Copies strains and rates, without allocation, from another of the same size.
+    pub fn copy_from(&mut self, o: &Self) {
+        for (own, other) in self.past.iter_mut().zip(&o.past) {
+            own.copy_from_slice(other);
+        }
+        self.rate.copy_from_slice(&o.rate);
+        (self.durations, self.known) = (o.durations, o.known);
+    }
+
+    /// Copies strains and rates of a lane. Those before the last one are taken `spread` times as far
+    /// from it, as of steps that are longer by this factor.
+    pub fn take_lane(&mut self, o: &Self, lane: usize, spread: f64) {
+        for q in 0..HISTORY {
+            for g in 0..self.rate.len() {
+                let last = &o.past[0][g];
+                let earlier = last.combined(1.0 - spread, &o.past[q][g], spread);
+                self.past[q][g].take_lane(if q == 0 { last } else { &earlier }, lane);
+            }
+        }
+        for (own, other) in self.rate.iter_mut().zip(&o.rate) {
+            own.take_lane(other, lane);
+        }
     }
 
     /// Sets the offset of the damped strain: the stress is that of `w + tau rate`, with `rate = am
