@@ -2,7 +2,7 @@
 PYTHON ?= python3
 ROBOT ?= amouri2019
 RESOLUTION ?= lowest-direct
-SMALL_EXTRAS := --extra excel --extra download --extra uncertainty --extra cluster --extra jax
+SMALL_EXTRAS := --extra excel --extra download --extra uncertainty --extra cluster --extra jax --extra gymnasium
 VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates/bowstring-core crates/bowstring-py -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock

@@ -19,6 +19,7 @@ EXTRAS: Final = {
     "uncertainty": ("SALib", "screening and second-order indices", "Morris screening"),
     "cluster": ("distributed", "clusters and Zarr", "bowstring.blocks"),
     "jax": ("jax", "equilibria in JAX", "bowstring.jax"),
+    "gymnasium": ("gymnasium", "environments", "bowstring.gymnasium"),
 }
 
 
@@ -27,7 +28,7 @@ def load_extra(extra: str, module: str = "") -> ModuleType:
 
     Parameters
     ----------
-    extra : {"cad", "excel", "download", "uncertainty", "cluster", "jax"}
+    extra : {"cad", "excel", "download", "uncertainty", "cluster", "jax", "gymnasium"}
     module : str
         Another module of the extra, instead of that in `EXTRAS`.
 
