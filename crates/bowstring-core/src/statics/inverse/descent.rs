@@ -130,6 +130,8 @@ impl InverseSolver {
         let mut radius = FIRST_RADIUS;
         let redundant = self.point.tensions.len() > task.rows;
         let last_reduction = LAST_REDUCTIONS[usize::from(redundant)];
+        // the first step from the previous row of a path is short
+        let first_curved = usize::from(weight == LEAST_WEIGHT);
         // whether linear steps bring a tip that is not near hardly nearer
         let mut curved = false;
         let mut rejected = false;
@@ -151,7 +153,7 @@ impl InverseSolver {
             // the curved set of equal tips is of interest near the target only
             let near = before < NEAR;
             self.curvature.is_used = match self.curvature.weights {
-                Some(Weights::Multipliers) => near && reduces,
+                Some(Weights::Multipliers) => near && reduces && round >= first_curved,
                 Some(Weights::Residual) => !near && curved,
                 None => false,
             };
