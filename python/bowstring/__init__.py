@@ -65,13 +65,9 @@ if TYPE_CHECKING:
         displacement_jacobian,
         jacobians,
     )
-    from bowstring.statics.directions import (
-        Derivatives,
-        DirectionalDerivatives,
-        derivatives,
-        directional_derivatives,
-    )
+    from bowstring.statics.directions import Derivatives, derivatives, directional_derivatives
     from bowstring.statics.load import Load, PointLoad
+    from bowstring.statics.neighbourhood import DirectionalDerivatives
     from bowstring.statics.plane import Plane
     from bowstring.statics.rod import solve, solve_batch, sweep
     from bowstring.statics.solution import Solution, Sweep
@@ -201,10 +197,9 @@ _HOME = {
         ),
         "statics.contact": "ContactSolution solve_contact sweep_contact",
         "statics.derivatives": "DisplacementJacobian Jacobians displacement_jacobian jacobians",
-        "statics.directions": (
-            "Derivatives DirectionalDerivatives derivatives directional_derivatives"
-        ),
+        "statics.directions": "Derivatives derivatives directional_derivatives",
         "statics.load": "Load PointLoad",
+        "statics.neighbourhood": "DirectionalDerivatives",
         "statics.plane": "Plane",
         "statics.rod": "solve solve_batch sweep",
         "statics.solution": "Solution Sweep",
