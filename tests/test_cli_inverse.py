@@ -190,6 +190,18 @@ def test_friction_counts(shell: Shell) -> None:
     assert sum(rubbing["tensions_N"]) > sum(without["tensions_N"])
 
 
+def test_limits_of_displacement(shell: Shell) -> None:
+    arguments = ["ik", "amouri2019", "--tip", "0.3,0,0.53", "--model", "physics"]
+    found = shell.json(*arguments, "--displacement-limits", "-50 mm,20 mm")
+    assert found["status"] == "unreachable"
+    assert {"tendon": 1, "limit": "largest", "of": "displacement"} in found["binding"]
+    assert found["displacements_m"][0] == pytest.approx(0.02, abs=1e-7)
+    said = shell.error(*arguments, "--displacement-limits", "20 mm,-20 mm")
+    assert "write the least and the largest displacement" in said
+    said = shell.error("ik", "amouri2019", "--tip", "0.3,0,0.53", "--displacement-limits", "0,1 mm")
+    assert "add --model physics" in said
+
+
 def test_jumps_of_tensions_are_pointed_out(shell: Shell, tmp_path: Path) -> None:
     """A circle on which the least tensions change from one set of tendons to another."""
     path = Path(__file__).parents[1] / "examples" / "tip_path.csv"

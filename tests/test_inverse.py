@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares, minimize
+from scipy.optimize import least_squares, linprog, minimize
 
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
@@ -502,6 +502,64 @@ def test_out_of_reach_with_friction_is_not_called_reached():
     assert (found.tensions <= 2.0 + 1e-12).all()
     assert found.distance > 0.01
     assert (found.binding == 1).any()
+
+
+@pytest.mark.parametrize("least", [-0.02, -0.0095])
+def test_displacements_are_kept_within_limits(least):
+    """With redundant tendons another set reaches the position, at the cost of larger tensions."""
+    robot = bs.load_robot("rao2021")
+    position = [0.12, 0.05, 0.36]
+    free = bs.inverse_kinematics(robot, position)
+    limits = (least, 0.0078)
+    found = bs.inverse_kinematics(robot, position, displacement_limits=limits)
+    assert found.status == "reached" and found.distance < 1e-6 * robot.length
+    moved = bs.solve(robot, found.tensions).displacements()  # by a solve of its own
+    assert (moved > limits[0] - 1e-8).all() and (moved < limits[1] + 1e-8).all()
+    if (free.displacements() > least).all():
+        np.testing.assert_allclose(found.tensions, free.tensions, atol=1e-9)
+        return
+    assert free.displacements().min() < least
+    assert np.linalg.norm(found.tensions) > np.linalg.norm(free.tensions)
+    # no admissible step along the set of equal tips makes the tensions smaller
+    by = bs.jacobians(bs.solve(robot, found.tensions))
+    by_displacement = -by.lengths_by_tension  # of inextensible tendons
+    at_limit = np.flatnonzero(moved < least + 1e-7)
+    cost = np.asarray(found.tensions) / np.linalg.norm(found.tensions)
+    bounds = [(0, 1) if t < 1e-6 else (-1, 1) for t in found.tensions]
+    tip = by.tip_position_by_tension / np.abs(by.tip_position_by_tension).max()
+    rows = -by_displacement[at_limit] / np.abs(by_displacement).max()
+    step = linprog(cost, rows, np.zeros(len(rows)), tip, np.zeros(3), bounds=bounds)
+    assert step.fun > -1e-3
+
+
+def test_displacement_limits_that_bind_are_named():
+    robot = bs.load_robot("amouri2019")
+    tips = bs.sweep(robot, [[60, 0, 0], [20, 0, 0]]).tip_position
+    found = bs.inverse_kinematics(robot, tips, displacement_limits=[-0.05, 0.02])
+    assert found.status == ["unreachable", "reached"]
+    assert found.binding[0, 0] == 2 and not found.binding[1].any()
+    assert "the largest displacement of tendon 1 (20 mm)" in found.message(0)
+    # the nearest tip: that of the displacement itself, to first order in the others
+    held = bs.solve(robot, load=bs.Load(displacements=[0.02, -0.05, -0.05]))
+    np.testing.assert_allclose(found.tensions[0], held.tensions, atol=1e-2)
+    row = found.to_dict()["rows"][0]
+    assert {"tendon": 1, "limit": "largest", "of": "displacement"} in row["binding"]
+
+
+def test_each_tendon_can_have_its_own_limits():
+    robot = bs.load_robot("amouri2019")
+    tip = bs.solve(robot, [30, 0, 10]).tip
+    limits = [[-1, -1, -1], [1, 1, 0.0]]
+    found = bs.inverse_kinematics(robot, tip.position, displacement_limits=limits)
+    assert found.displacements()[2] < 1e-8
+    with pytest.raises(InputError, match="must be finite, and the least below the largest"):
+        bs.inverse_kinematics(robot, tip.position, displacement_limits=[0.01, -0.01])
+    with pytest.raises(InputError, match=r"it must be \(2,\) or \(2, 3\)"):
+        bs.inverse_kinematics(robot, tip.position, displacement_limits=[0.01])
+    with pytest.raises(InputError, match="are for physics"):
+        bs.inverse_kinematics(
+            robot, tip.position, displacement_limits=[-1, 1], model="constant_curvature"
+        )
 
 
 def test_a_segment_without_tendons_follows(tmp_path):

@@ -20,6 +20,7 @@ from bowstring.cli.options import (
     check_elements,
     load,
     not_negative,
+    numbers_of,
     of_flag,
     option,
     per_tendon,
@@ -39,7 +40,7 @@ from bowstring.cli.output import (
 from bowstring.cli.statics import arc_rows, arc_table
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, plain
-from bowstring.units import number_with_unit
+from bowstring.units import number_with_unit, quote
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -84,6 +85,13 @@ def ik(
         option(
             "T or T1,T2,...",
             "Largest tension of all tendons, or of each.  [default: half a turn of its segment]",
+        ),
+    ] = None,
+    displacement_limits: Annotated[
+        str | None,
+        option(
+            "LEAST,LARGEST",
+            "Physics: least and largest displacement of each tendon, from the home pose.",
         ),
     ] = None,
     distance_margin: Annotated[
@@ -131,6 +139,7 @@ def ik(
             ("--gravity", gravity is not None),
             ("--tip-force", tip_force is not None),
             ("--elements", elements is not None),
+            ("--displacement-limits", displacement_limits is not None),
             ("--distance-margin", distance_margin is not None),
         )
         for flag, there in given:
@@ -154,6 +163,7 @@ def ik(
         elements,
         gravity,
         tip_force,
+        displacement_limits,
         distance_margin,
     )
     if path is not None:
@@ -209,11 +219,12 @@ class _Options:
         model: Literal["cc", "physics"],
         *texts: Any,
     ) -> None:
-        min_tension, max_tension, theory, elements, gravity, tip_force, margin = texts
+        min_tension, max_tension, theory, elements, gravity, tip_force, travel, margin = texts
         self.robot, self.model, self.theory, self.elements = robot, model, theory, elements
         self.least = _limit("--min-tension", min_tension, robot)
         self.most = _limit("--max-tension", max_tension, robot)
         self.gravity = robot.gravity if gravity is None else vector("--gravity", gravity, "m/s^2")
+        self.displacements = _displacements(travel)
         self.margin: float | str = 1e-3 if margin is None else margin
         self.force = [0.0] * 3 if tip_force is None else vector("--tip-force", tip_force, "N")
 
@@ -243,11 +254,12 @@ class _Options:
                 direction=tangent,
                 load=self.load,
                 model=rod,
+                displacement_limits=self.displacements,
                 distance_margin=self.margin,
                 **limits,
             )
         except InputError as error:
-            for name in ("min_tension", "distance_margin"):
+            for name in ("min_tension", "displacement_limits", "distance_margin"):
                 if name in str(error):
                     raise InputError(f"--{name.replace('_', '-')}: {error}") from None
             raise
@@ -258,6 +270,7 @@ class _Options:
             "model": self.model,
             "min_tension_N": self.least,
             "max_tension_N": self.most,
+            "displacement_limits_m": self.displacements,
             "distance_margin": self.margin if physics else None,
             "theory": self.theory if physics else None,
             "gravity_m_per_s2": self.gravity if physics else None,
@@ -273,6 +286,20 @@ def _limit(flag: str, text: str | None, robot: Robot) -> Any:
     if "," in text:
         return per_tendon(flag, text, "N", robot)
     return not_negative(flag, text, "N")
+
+
+def _displacements(text: str | None) -> list[float] | None:
+    """Read the least and the largest displacement."""
+    flag = "--displacement-limits"
+    if text is None:
+        return None
+    found = numbers_of(flag, text, "m")
+    if len(found) != 2 or found[0] >= found[1]:
+        raise InputError(
+            f"{flag}: got {quote(text)}; write the least and the largest displacement, such as "
+            '"-30 mm,30 mm".'
+        )
+    return found
 
 
 def _name(model: str) -> str:
@@ -336,7 +363,8 @@ def _arc(robot: Robot, point: list[float], free_length: bool, chord: bool, as_js
 def _tendon_table(found: InverseSolution) -> Table:
     table = new_table("tendon", ">tension N", ">length mm", ">displacement mm", "binding limit")
     displacements = found.displacements()
-    words = {-1: "least", 0: "", 1: "largest"}
+    words = {-1: "least tension", 0: "", 1: "largest tension"}
+    words |= {-2: "least displacement", 2: "largest displacement"}
     for i, tension in enumerate(found.tensions):
         table.add_row(
             str(i + 1),

@@ -166,6 +166,7 @@ _EXAMPLES: Final = {
     "--tip": "0.1,0,0.6",
     "--direction": "0.5,0,0.9",
     "--min-tension": '"1 N"',
+    "--displacement-limits": '"-30 mm,30 mm"',
     "--gravity": "0,0,-9.81",
     "--tip-force": "0,1,0",
     "--tip-moment": "0,0.1,0",

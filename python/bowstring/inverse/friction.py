@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from bowstring._core import RodModel
 from bowstring._core import inverse_kinematics as _inverse_kinematics
-from bowstring.errors import InputError
+from bowstring.inverse.targets import Targets, across, angle_between
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
+from bowstring.statics.load_tables import row_of
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -31,17 +32,6 @@ _DIFFERENCE: Final = 1e-5  # change of a tension for the derivatives, over its s
 _MORE_STARTS: Final = 6  # where neither the last row nor the inverse without friction leads there
 _SPREAD: Final = 0.05  # of these starts, over the scale of the tensions
 _RIDGE: Final = 1e-6  # of the largest derivative: keeps tensions that the tip does not determine
-
-
-class Targets(NamedTuple):
-    """Wanted poses of the tip."""
-
-    positions: Floats
-    """Positions (n, 3), m."""
-    directions: Floats | None
-    """Directions (n, 3) of the tangent, of length one."""
-    margin: float
-    """As `distance_margin` of `bowstring.inverse_kinematics`."""
 
 
 class _Landed(NamedTuple):
@@ -72,9 +62,7 @@ class _Row:
         self.position, self.direction = target
         self.least, self.most = limits
         self.scale = np.maximum(self.most, 1e-3 * float(self.most.max()))
-        self.across = np.zeros((0, 3))
-        if self.direction is not None:
-            self.across = np.linalg.svd(self.direction[None])[2][1:]
+        self.across = across(self.direction)
 
     def landed(self, tensions: Floats) -> list[_Landed | None]:
         """Steps to tensions (n, T); None where there is no equilibrium."""
@@ -226,11 +214,11 @@ def follow_with_friction(
         if not path:
             state.core.reset()
             last, more = robot.tendons.pretension_N, np.zeros(tendons)
-        direction = None if targets.directions is None else targets.directions[k]
-        own = _row_of(load, k, count)
+        position, direction = targets.row(k)
+        own = row_of(load, k, count)
         if not np.isfinite(free["tensions"][k]).all():
             continue
-        row = _Row(state, (targets.positions[k], direction), limits, own)
+        row = _Row(state, (position, direction), limits, own)
         best = None
         # the second start is the last state, from which a hole slips to either side
         spread = _SPREAD * row.scale * np.random.default_rng(k).normal(size=(_MORE_STARTS, tendons))
@@ -251,14 +239,13 @@ def follow_with_friction(
         numbers["tensions"][k] = best.tensions
         numbers["tip_position"][k] = step.tip_position
         numbers["tip_rotation"][k] = rotation
-        numbers["distance"][k] = np.linalg.norm(step.tip_position - targets.positions[k])
+        numbers["distance"][k] = np.linalg.norm(numbers["tip_position"][k] - position)
         numbers["tendon_lengths"][k] = step.tendon_lengths
         numbers["held_displacements"][k] = step.displacements
         if step.error_estimate is not None:
             numbers["tip_error"][k] = step.error_estimate[0]
         if direction is not None:
-            chord = float(np.linalg.norm(rotation[:, 2] - direction))
-            numbers["direction_error"][k] = 2.0 * np.arcsin(min(0.5 * chord, 1.0))
+            numbers["direction_error"][k] = angle_between(rotation[:, 2], direction)
         stable[k] = step.stable
         elements[k] = step.model.elements or 0
         if best.size <= reached:
@@ -276,22 +263,3 @@ def follow_with_friction(
         "restarted": np.zeros(count, dtype=bool),
         "elements": elements,
     }
-
-
-def _row_of(load: Load, k: int, count: int) -> Load:
-    """Loads of a row."""
-    rows = {}
-    for name, dimensions in (
-        ("gravity", 2),
-        ("tip_force", 2),
-        ("tip_moment", 2),
-        ("disk_forces", 3),
-        ("disk_moments", 3),
-    ):
-        value = getattr(load, name)
-        if value is None or np.ndim(value) < dimensions:
-            continue
-        if len(value) != count:
-            raise InputError(f"{name} has {len(value)} rows, it must have one for each position")
-        rows[name] = np.asarray(value)[k]
-    return load.replace(**rows) if rows else load

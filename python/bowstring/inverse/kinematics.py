@@ -15,8 +15,10 @@ from bowstring._core import inverse_kinematics as _inverse_kinematics
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.inverse.arcs import arcs_to, tensions_of
-from bowstring.inverse.friction import Targets, follow_with_friction
+from bowstring.inverse.displacement_limits import keep_displacements
+from bowstring.inverse.friction import follow_with_friction
 from bowstring.inverse.solution import InverseSolution
+from bowstring.inverse.targets import Targets, angle_between
 from bowstring.robot.model import check_robot
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
@@ -43,6 +45,7 @@ def inverse_kinematics(
     model: RodModel | Literal["constant_curvature"] | None = None,
     min_tension: ArrayLike = 0.0,
     max_tension: ArrayLike | None = None,
+    displacement_limits: ArrayLike | None = None,
     distance_margin: float | str = 1e-3,
     path: bool = True,
 ) -> InverseSolution:
@@ -73,6 +76,9 @@ def inverse_kinematics(
     min_tension, max_tension : array_like () or (T,), optional
         Limits of the tensions in N. The default is 0 N, and for each tendon the tension that bends
         its segment by half a turn by the linear law.
+    displacement_limits : array_like (2,) or (2, T), optional
+        Least and largest displacement of all tendons, or of each, in m from the home pose; by
+        physics, and for tendons without friction. None by default.
     distance_margin : float or str
         For positions that cannot be reached, by physics: how much farther from the position than
         the nearest tip the tip may be, as a share of the robot's length, or text such as
@@ -110,6 +116,7 @@ def inverse_kinematics(
     tangents = _directions(direction, len(targets), single)
     least, most = _limits(robot, min_tension, max_tension)
     margin = _margin(distance_margin)
+    displacements = _displacements(robot, displacement_limits)
     load = _dead(load)
     chosen: RodModel | Literal["constant_curvature"] = "constant_curvature"
     if isinstance(model, str):
@@ -118,10 +125,24 @@ def inverse_kinematics(
             raise InputError(
                 "constant curvature knows no loads; leave load out, or give model=RodModel()"
             )
+        if displacements is not None:
+            raise InputError(
+                "displacement_limits are for physics; leave them out, or give model=RodModel()"
+            )
         found = _by_arcs(robot, targets, tangents, (least, most))
     else:
         chosen = rod = validation.instance("model", model, RodModel)
-        found = _by_physics(robot, (targets, tangents, margin), (least, most), load, rod, path)
+        wanted = Targets(targets, tangents, margin)
+        found = _by_physics(robot, wanted, (least, most), load, rod, path)
+        if displacements is not None:
+            if robot.has_friction:
+                raise InputError(
+                    f"displacement_limits are for tendons without friction, and {robot.name} has "
+                    "some; leave them out, or set friction to 0"
+                )
+            keep_displacements(
+                robot, wanted, (least, most), displacements, found, load, rod, _REACHED
+            )
     if single:
         found = {name: value[0] for name, value in found.items()}
         found |= {name: v.item() for name, v in found.items() if isinstance(v, np.generic)}
@@ -135,6 +156,7 @@ def inverse_kinematics(
         direction=tangents,
         min_tension=least,
         max_tension=most,
+        displacement_limits=displacements,
         **found,
     )
 
@@ -163,7 +185,7 @@ def default_max_tension(robot: Robot) -> Floats:
 
 def _by_physics(
     robot: Robot,
-    targets: tuple[Floats, Floats | None, float],
+    targets: Targets,
     limits: tuple[Floats, Floats],
     load: Load,
     model: RodModel,
@@ -174,11 +196,11 @@ def _by_physics(
             "inverse kinematics needs derivatives, which continuous and embedded tendons do not "
             'have; use tendon_path="straight" or model="constant_curvature"'
         )
-    positions, directions, margin = targets
     if robot.has_friction:
-        wanted = Targets(positions, directions, margin)
-        return follow_with_friction(robot, wanted, limits, load, model, path=path, reached=_REACHED)
-    given = SimpleNamespace(positions=positions, directions=directions, margin=margin)
+        return follow_with_friction(
+            robot, targets, limits, load, model, path=path, reached=_REACHED
+        )
+    given = SimpleNamespace(**targets._asdict())
     threads = None if path else 0
     return _inverse_kinematics(robot.core, given, limits, load, model, threads)
 
@@ -200,9 +222,8 @@ def _by_arcs(
     size = distance / robot.length
     error = np.full(len(targets), np.nan)
     if tangents is not None:
-        chord = np.linalg.norm(tip.rotation[..., 2] - tangents, axis=-1)
-        error = 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
-        size = np.hypot(size, chord)
+        error = angle_between(tip.rotation[..., 2], tangents)
+        size = np.hypot(size, 2.0 * np.sin(0.5 * error))
     reached = size <= _REACHED
     at_least, at_most = tensions <= least, tensions >= most
     binding = np.where(at_most, 1, np.where(at_least, -1, 0))
@@ -307,6 +328,25 @@ def _limit(robot: Robot, name: str, given: ArrayLike) -> Floats:
             f"{name} of tendon {i + 1} is {found[i]:g} N; it must be a finite number, 0 N or more"
         )
     return found
+
+
+def _displacements(robot: Robot, given: ArrayLike | None) -> tuple[Floats, Floats] | None:
+    if given is None:
+        return None
+    count = robot.core.tendon_count
+    what = f"two numbers in m, the least and the largest, or two rows of {count}"
+    found = validation.read("displacement_limits", given, what)
+    if found.shape not in ((2,), (2, count)):
+        raise InputError(
+            f"displacement_limits has shape {found.shape}, it must be (2,) or (2, {count})"
+        )
+    least, most = (np.array(np.broadcast_to(row, (count,))) for row in found)
+    for i in np.flatnonzero(~(np.isfinite(least) & np.isfinite(most) & (least < most)))[:1]:
+        raise InputError(
+            f"displacement_limits of tendon {i + 1} are {least[i]:g} m and {most[i]:g} m; they "
+            "must be finite, and the least below the largest"
+        )
+    return least, most
 
 
 def _margin(given: float | str) -> float:

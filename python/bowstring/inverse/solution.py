@@ -75,7 +75,8 @@ class InverseSolution:
         In m.
     binding : ndarray of int (T,)
         Where the position is not reached: -1 if the least tension keeps the nearest tip from coming
-        nearer, 1 if the largest does, otherwise 0. Zeros where it is reached.
+        nearer, 1 if the largest does, -2 and 2 for the least and the largest displacement,
+        otherwise 0. Zeros where it is reached.
     stable : bool, None, or a list of them
         As `Solution.stable`; None by constant curvature.
     iterations : int or ndarray of int
@@ -91,6 +92,8 @@ class InverseSolution:
         Arcs by constant curvature.
     held_displacements : ndarray (T,) or None
         Displacements of tendons with friction, which depend on the path; None without friction.
+    displacement_limits : (ndarray (T,), ndarray (T,)) or None
+        Least and largest displacements in m, if they are limited.
     """
 
     robot: Robot
@@ -116,6 +119,7 @@ class InverseSolution:
     tip_error: Any
     arcs: RobotArcs | None = None
     held_displacements: Floats | None = None
+    displacement_limits: tuple[Floats, Floats] | None = None
 
     def __len__(self) -> int:
         if self.position.ndim == 1:
@@ -240,7 +244,10 @@ class InverseSolution:
         at: Any = ... if row is None else row
         status = self.status if row is None else self.status[row]
         if status == "no_equilibrium":
-            return "The robot has no stable equilibrium under the loads from which to start."
+            within = "" if self.displacement_limits is None else " within the limits"
+            return (
+                f"The robot has no stable equilibrium{within} under the loads from which to start."
+            )
         distance = in_mm(float(np.asarray(self.distance)[at]))
         if status == "reached":
             return f"The tip is reached, within {distance}."
@@ -255,15 +262,18 @@ class InverseSolution:
             return said + ", and may come nearer: the iteration did not converge."
         binding = self.binding[at]
         parts = []
-        for value, what, limit in (
-            (1, "largest", self.max_tension),
-            (-1, "least", self.min_tension),
+        low, high = self.displacement_limits or (self.min_tension, self.max_tension)
+        for value, what, limit, unit in (
+            (1, "largest tension", self.max_tension, "N"),
+            (-1, "least tension", self.min_tension, "N"),
+            (2, "largest displacement", 1e3 * high, "mm"),
+            (-2, "least displacement", 1e3 * low, "mm"),
         ):
             tendons = np.flatnonzero(binding == value)
             if tendons.size:
-                each = [f"{i + 1} ({significant(limit[i])} N)" for i in tendons]
+                each = [f"{i + 1} ({significant(limit[i])} {unit})" for i in tendons]
                 named = f"tendon {each[0]}" if len(each) == 1 else f"tendons {listed(each)}"
-                parts.append(f"the {what} tension of {named}")
+                parts.append(f"the {what} of {named}")
         if parts:
             binds = "bind" if (binding != 0).sum() > 1 else "binds"
             return f"{said}; {listed(parts)} {binds}."
@@ -350,7 +360,11 @@ class InverseSolution:
             "displacements_m": None if displacements is None else plain(displacements[at]),
             "tendon_lengths_m": plain(self.tendon_lengths[at]),
             "binding": [
-                {"tendon": int(i) + 1, "limit": "least" if binding[i] < 0 else "largest"}
+                {
+                    "tendon": int(i) + 1,
+                    "limit": "least" if binding[i] < 0 else "largest",
+                    "of": "tension" if abs(binding[i]) == 1 else "displacement",
+                }
                 for i in np.flatnonzero(binding)
             ],
             "tip_error_m": value("tip_error"),

@@ -25,10 +25,11 @@ InverseStatus = Literal["reached", "unreachable", "max_iterations", "no_equilibr
 
 
 class BindingLimit(Object):
-    """Limit of a tension that keeps the tip from the wanted position."""
+    """Limit that keeps the tip from the wanted position."""
 
     tendon: Annotated[int, about("Tendon, from 1.")]
     limit: Annotated[Literal["least", "largest"], about("Which of its limits.")]
+    of: Annotated[Literal["tension", "displacement"], about("What is limited.")]
 
 
 class _Inverse(Object):

@@ -27,6 +27,7 @@ __all__ = [
     "least_elements",
     "per_disk",
     "points_have_potential",
+    "row_of",
     "same_points",
     "table_of",
     "with_arrays",
@@ -175,3 +176,22 @@ def points_have_potential(numbers: Floats | None) -> bool:
 
 def _by_disks(components: Floats) -> Floats | None:
     return components.reshape(-1, 3) if len(components) else None
+
+
+def row_of(load: Load, k: int, count: int) -> Load:
+    """Dead loads of one row of `count`, of a load that may have rows."""
+    rows = {}
+    for name, dimensions in (
+        ("gravity", 2),
+        ("tip_force", 2),
+        ("tip_moment", 2),
+        ("disk_forces", 3),
+        ("disk_moments", 3),
+    ):
+        value = getattr(load, name)
+        if value is None or np.ndim(value) < dimensions:
+            continue
+        if len(value) != count:
+            raise InputError(f"{name} has {len(value)} rows, it must have one or {count}")
+        rows[name] = np.asarray(value)[k]
+    return load.replace(**rows) if rows else load
