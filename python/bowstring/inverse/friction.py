@@ -5,7 +5,6 @@ Theory: docs/theory/inverse-kinematics.md (Friction).
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -190,8 +189,7 @@ def follow_with_friction(
     """
     count, tendons = len(targets.positions), robot.core.tendon_count
     state = actuation.Path(robot, model)
-    given = SimpleNamespace(**targets._asdict())
-    free = _inverse_kinematics(robot.core, given, limits, load, model, None if path else 0)
+    free = _inverse_kinematics(robot.core, targets, limits, load, model, None if path else 0)
     last, more = robot.tendons.pretension_N, np.zeros(tendons)  # more than without friction
     numbers = {
         name: np.full((count, *shape), np.nan)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
@@ -200,9 +199,8 @@ def _by_physics(
         return follow_with_friction(
             robot, targets, limits, load, model, path=path, reached=_REACHED
         )
-    given = SimpleNamespace(**targets._asdict())
     threads = None if path else 0
-    return _inverse_kinematics(robot.core, given, limits, load, model, threads)
+    return _inverse_kinematics(robot.core, targets, limits, load, model, threads)
 
 
 def _by_arcs(
