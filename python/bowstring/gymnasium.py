@@ -356,7 +356,9 @@ class ReachVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
     ----------
     num_envs : int
         Number of environments.
-    robot, max_tension, period, max_episode_steps, dtype, between, integrator, load, model
+    robot, max_tension, period, max_episode_steps, dtype, between : object
+        As for `ReachEnv`.
+    integrator, load, model : object
         As for `ReachEnv`.
     threads : int
         Number of threads; 0 takes one for each core.

@@ -154,6 +154,7 @@ def directional_derivatives(
     Returns
     -------
     DirectionalDerivatives
+        First and second derivatives per unit of the line.
 
     Raises
     ------
