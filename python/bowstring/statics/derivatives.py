@@ -16,6 +16,7 @@ from bowstring.validation import shown
 __all__ = [
     "DisplacementJacobian",
     "Jacobians",
+    "block_of_taut",
     "check_smooth",
     "displacement_jacobian",
     "jacobians",
@@ -139,6 +140,24 @@ def jacobians(solution: Solution) -> Jacobians:
     return Jacobians(**found)
 
 
+def block_of_taut(answer: Floats, taut: NDArray[np.int64]) -> Floats:
+    """Displacement by tension (m/N) of taut tendons, given by index, out of that of all (T, T).
+
+    Raises
+    ------
+    InputError
+        If the matrix is singular.
+    """
+    block = answer[np.ix_(taut, taut)]
+    if np.linalg.cond(block) > 1e10:
+        raise InputError(
+            "the taut tendons cannot be displaced one by one, as the backbone does not "
+            "shorten: solve with a Cosserat rod (bowstring.RodModel()), or with fewer taut "
+            "tendons"
+        )
+    return block
+
+
 def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
     """Differentiate an equilibrium by tendon displacements.
 
@@ -184,15 +203,9 @@ def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
     held = np.flatnonzero(actuated & (tensions > 0))
     # theory Eq. 4.1, s = 0: displacement = home length - length + compliance * tension
     answer = np.diag(actuation.compliances(solution.robot)) - by.lengths_by_tension
-    block = answer[np.ix_(held, held)]
     tensions_by_displacement = np.zeros_like(answer)
     if held.size:
-        if np.linalg.cond(block) > 1e10:
-            raise InputError(
-                "the taut tendons cannot be displaced one by one, as the backbone does not "
-                "shorten: solve with a Cosserat rod (bowstring.RodModel()), or with fewer taut "
-                "tendons"
-            )
+        block = block_of_taut(answer, held)
         tensions_by_displacement[np.ix_(held, held)] = np.linalg.inv(block)
     tensions_by_displacement[:, ~actuated] = np.nan
     return DisplacementJacobian(

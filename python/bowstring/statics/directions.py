@@ -249,7 +249,8 @@ def derivatives(
     if taken := sorted(set(functions) & set(QUANTITIES)):
         raise InputError(f"functions has {taken[0]}, which is a result of every equilibrium")
     if by is None:
-        kinds = [name for name, any_ in _kinds(near) if any_]
+        controls = (~near.by_displacement).any(), near.by_displacement.any()
+        kinds = [name for name, some in zip(ACTUATION, controls, strict=True) if some]
         by = [*kinds, "tip_force", "tip_moment", "gravity"]
     if (
         isinstance(by, str)
@@ -261,8 +262,6 @@ def derivatives(
     error, taut = 0.0, tuple((near.switching + 1).tolist())
     for name in dict.fromkeys(by):
         shape = _shape(solution, name)
-        if not shape:
-            _paths(solution.robot, name)  # refuses unknown ones
         columns: list[dict[str, Any] | None] = []
         for unit in np.eye(int(np.prod(shape))).reshape(-1, *shape):
             if name in ACTUATION and near.by_displacement[unit.argmax()] == (name == "tensions"):
@@ -283,10 +282,3 @@ def derivatives(
             array = np.moveaxis(np.stack(stack), 0, -1)
             values[of, name] = array.reshape((*np.shape(first), *shape))
     return Derivatives(values, error, taut)
-
-
-def _kinds(near: Neighbourhood) -> list[tuple[str, bool]]:
-    return [
-        ("tensions", bool((~near.by_displacement).any())),
-        ("displacements", bool(near.by_displacement.any())),
-    ]

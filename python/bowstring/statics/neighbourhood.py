@@ -20,7 +20,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.fields import quantity_of
 from bowstring.robot.paths import numbers_of
 from bowstring.statics import actuation
-from bowstring.statics.derivatives import check_smooth
+from bowstring.statics.derivatives import block_of_taut, check_smooth
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.solution import Solution
@@ -374,13 +374,7 @@ class Neighbourhood:
         """Tensions that change the displacements of taut tendons as wanted; zero for others."""
         rates = np.zeros(len(wanted))
         if held.any():
-            block = self._answer[np.ix_(held, held)]
-            if np.linalg.cond(block) > 1e10:
-                raise InputError(
-                    "the taut tendons cannot be displaced one by one, as the backbone does not "
-                    "shorten: solve with a Cosserat rod (bowstring.RodModel()), or with fewer taut "
-                    "tendons"
-                )
+            block = block_of_taut(self._answer, np.flatnonzero(held))
             rates[held] = np.linalg.solve(block, wanted[held])
         return rates
 
