@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
-from bowstring.inverse.targets import across, angle_between
+from bowstring.inverse.targets import across, write_row
 from bowstring.statics import actuation
 from bowstring.statics.derivatives import jacobians
 from bowstring.statics.load_tables import row_of
@@ -246,19 +246,7 @@ def _write(
             found[name][k] = np.nan
         return
     tensions, at = best
-    solution = at.solution
-    assert solution.tip is not None
-    tip = solution.tip
-    found["stable"][k] = solution.stable
-    found["tensions"][k] = tensions
-    found["tip_position"][k], found["tip_rotation"][k] = tip
-    found["tendon_lengths"][k] = solution.tendon_lengths
-    distance = float(np.linalg.norm(tip.position - row.position))
-    found["distance"][k] = found["nearest_distance"][k] = distance
-    if solution.error_estimate is not None:
-        found["tip_error"][k] = solution.error_estimate.tip
-    if row.direction is not None:
-        found["direction_error"][k] = angle_between(tip.rotation[:, 2], row.direction)
+    write_row(found, k, (row.position, row.direction), tensions, at.solution.core)
     if np.linalg.norm(at.miss) <= reached:
         found["status"][k] = "reached"
         return

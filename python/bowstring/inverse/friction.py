@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bowstring._core import RodModel
 from bowstring._core import inverse_kinematics as _inverse_kinematics
-from bowstring.inverse.targets import Targets, across, angle_between
+from bowstring.inverse.targets import Targets, across, write_row
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import row_of
@@ -198,66 +198,52 @@ def follow_with_friction(
             ("tip_position", (3,)),
             ("tip_rotation", (3, 3)),
             ("distance", ()),
+            ("nearest_distance", ()),
             ("direction_error", ()),
             ("tendon_lengths", (tendons,)),
             ("tip_error", ()),
             ("held_displacements", (tendons,)),
         )
     }
-    status = ["no_equilibrium"] * count
-    stable: list[bool | None] = [None] * count
-    binding = np.zeros((count, tendons), dtype=np.int8)
-    iterations, elements = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    found: dict[str, Any] = {
+        "status": ["no_equilibrium"] * count,
+        "stable": [None] * count,
+        **numbers,
+        "binding": np.zeros((count, tendons), dtype=np.int8),
+        "iterations": np.zeros(count, dtype=np.int64),
+        "restarted": np.zeros(count, dtype=bool),
+        "elements": np.zeros(count, dtype=np.int64),
+    }
     for k in range(count):
         if not path:
             state.core.reset()
             last, more = robot.tendons.pretension_N, np.zeros(tendons)
-        position, direction = targets.row(k)
         own = row_of(load, k, count)
         if not np.isfinite(free["tensions"][k]).all():
             continue
-        row = _Row(state, (position, direction), limits, own)
+        row = _Row(state, targets.row(k), limits, own)
         best = None
         # the second start is the last state, from which a hole slips to either side
         spread = _SPREAD * row.scale * np.random.default_rng(k).normal(size=(_MORE_STARTS, tendons))
         for start in (free["tensions"][k] + more, last, *(last + spread)):
-            found, steps = row.nearest(start, reached)
-            iterations[k] += steps
-            if found is not None and (best is None or found.size < best.size):
-                best = found
+            near, steps = row.nearest(start, reached)
+            found["iterations"][k] += steps
+            if near is not None and (best is None or near.size < best.size):
+                best = near
             if best is not None and best.size <= reached:
                 break
         if best is None:
             continue
         step = state.core.step(np.zeros(tendons, dtype=bool), best.tensions, own)
-        rotation = step.tip_rotation
-        if not step.converged or rotation is None:
+        if not step.converged:
             continue
         last, more = best.tensions, best.tensions - free["tensions"][k]
-        numbers["tensions"][k] = best.tensions
-        numbers["tip_position"][k] = step.tip_position
-        numbers["tip_rotation"][k] = rotation
-        numbers["distance"][k] = np.linalg.norm(numbers["tip_position"][k] - position)
-        numbers["tendon_lengths"][k] = step.tendon_lengths
-        numbers["held_displacements"][k] = step.displacements
-        if step.error_estimate is not None:
-            numbers["tip_error"][k] = step.error_estimate[0]
-        if direction is not None:
-            numbers["direction_error"][k] = angle_between(rotation[:, 2], direction)
-        stable[k] = step.stable
-        elements[k] = step.model.elements or 0
+        write_row(found, k, targets.row(k), best.tensions, step)
+        found["held_displacements"][k] = step.displacements
+        found["elements"][k] = step.model.elements or 0
         if best.size <= reached:
-            status[k] = "reached"
+            found["status"][k] = "reached"
             continue
-        status[k] = "max_iterations"
-        binding[k] = row.binding(best)
-    return {
-        "status": status,
-        "stable": stable,
-        **numbers,
-        "nearest_distance": numbers["distance"].copy(),
-        "binding": binding,
-        "iterations": iterations,
-        "restarted": np.zeros(count, dtype=bool),
-        "elements": elements,
-    }
+        found["status"][k] = "max_iterations"
+        found["binding"][k] = row.binding(best)
+    return found

@@ -1,13 +1,16 @@
-"""Wanted poses of the tip."""
+"""Wanted poses of the tip, and the results of a row."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Targets", "across", "angle_between"]
+if TYPE_CHECKING:
+    from bowstring._core import Solution
+
+__all__ = ["Targets", "across", "angle_between", "write_row"]
 
 Floats = NDArray[np.float64]
 
@@ -38,3 +41,26 @@ def angle_between(a: Floats, b: Floats) -> Floats:
     """Angle between directions (..., 3) of length one, rad; exact also for small angles."""
     chord = np.linalg.norm(a - b, axis=-1)
     return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)))
+
+
+def write_row(
+    found: dict[str, Any],
+    k: int,
+    target: tuple[Floats, Floats | None],
+    tensions: Floats,
+    solution: Solution,
+) -> None:
+    """Write an equilibrium to row `k` of the fields of `InverseSolution`, without its status."""
+    position, direction = target
+    found["stable"][k] = solution.stable
+    found["tensions"][k] = tensions
+    found["tip_position"][k] = solution.tip_position
+    found["tip_rotation"][k] = solution.tip_rotation
+    found["tendon_lengths"][k] = solution.tendon_lengths
+    distance = np.linalg.norm(found["tip_position"][k] - position)
+    found["distance"][k] = found["nearest_distance"][k] = distance
+    if solution.error_estimate is not None:
+        found["tip_error"][k] = solution.error_estimate[0]
+    if direction is not None:
+        tangent = found["tip_rotation"][k][:, 2]
+        found["direction_error"][k] = angle_between(tangent, direction)
