@@ -82,7 +82,7 @@ pub struct BowstringInverse {
 /// A robot with its physics, limits of tension, last solution and scratch memory.
 pub struct BowstringSolver {
     forward: Adaptive,
-    /// Inverse, or why there is none.
+    /// Solver of the inverse, or the sentence with the reason where it has none.
     inverse: Result<InverseSolver, String>,
     gravity: [f64; 3],
     length: f64,
