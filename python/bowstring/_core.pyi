@@ -97,7 +97,9 @@ class Robot:
 
 @final
 class PathSolver:
-    def __new__(cls, robot: Robot, model: RodModel, tendons: Any, friction: bool) -> PathSolver: ...
+    def __new__(
+        cls, robot: Robot, model: RodModel, tendons: Any, hysteresis: Floats, has_memory: bool
+    ) -> PathSolver: ...
     def reset(self) -> None: ...
     def step(
         self, by_displacement: NDArray[np.bool_], commands: ArrayLike, load: _DeadLoad

@@ -7,6 +7,7 @@ use crate::model::{DeadLoad, DesignArrays, Lines, OwnLoads, RodModel};
 use crate::rod::{check_rows, column, Answer, PathResult, Robot, Solution, State};
 use bowstring_core::model::load::Load;
 use bowstring_core::model::load::RodModel as Settings;
+use bowstring_core::statics::hysteresis::Hysteresis;
 use bowstring_core::statics::path::{self, Command};
 use bowstring_core::statics::path_batch::{self, Designs, PathSolutions, Steps};
 use bowstring_core::statics::solver::{Outcome, Status};
@@ -31,19 +32,30 @@ impl PathSolver {
 
 #[pymethods]
 impl PathSolver {
-    /// From the arrays of a robot's tendons; without friction if `friction` is false.
+    /// From the arrays of a robot's tendons, and share and play (1/m) of the hysteresis of each
+    /// segment, (S, 2); without friction and hysteresis unless it `has_memory`.
     #[new]
     fn new(
         robot: &Bound<'_, Robot>,
         model: &RodModel,
         tendons: Lines<'_>,
-        friction: bool,
+        hysteresis: PyReadonlyArray2<'_, f64>,
+        has_memory: bool,
     ) -> PyResult<Self> {
         let settings = robot.get().settings(model);
         let inner = &robot.get().inner;
-        let lines = tendons.lines(inner.tendon_count(), friction)?;
+        let lines = tendons.lines(inner.tendon_count(), has_memory)?;
+        let rows = hysteresis.as_array();
+        let rows = rows.outer_iter().filter(|_| has_memory);
+        let laws: Vec<_> = rows
+            .map(|row| Hysteresis {
+                share: row[0],
+                play: row[1],
+            })
+            .collect();
         let path = interruptible(robot.py(), || {
             path::PathSolver::new(inner, settings.model, settings.elements, &lines)
+                .and_then(|path| path.with_hysteresis(&laws))
         })?;
         Ok(PathSolver {
             robot: robot.clone().unbind(),
@@ -181,6 +193,10 @@ impl PathSolver {
             }),
             ("line_forces", on_disks(&load.line_forces)),
             ("slips", array(py, self.inner.slips(), &[n, m]).into_any()),
+            (
+                "plays",
+                floats(now.plays.as_flattened(), &[now.plays.len(), 2]),
+            ),
             ("strain", floats(strain.as_flattened(), &[strain.len(), 3])),
         ] {
             out.set_item(name, values)?;
@@ -198,6 +214,7 @@ impl PathSolver {
         ) else {
             return Err(refused("the history does not belong to this robot"));
         };
+        let plays = history.plays.extract::<Rows<2>>()?;
         let disk_forces = history.disk_forces.extract::<Rows<3>>()?;
         let disk_moments = history.disk_moments.extract::<Rows<3>>()?;
         let line_forces = history.line_forces.extract::<Rows<3>>()?;
@@ -223,7 +240,10 @@ impl PathSolver {
                 &given,
                 &load,
             )
-            .and_then(|()| self.inner.start_from(&strain, &flat(&history.slips)))
+            .and_then(|()| {
+                self.inner
+                    .start_from(&strain, &flat(&history.slips), &plays)
+            })
             .map_err(input_error)
     }
 }
@@ -289,6 +309,7 @@ struct History<'py> {
     line_forces: PyReadonlyArray2<'py, f64>,
     strain: Bound<'py, PyAny>,
     slips: PyReadonlyArray2<'py, i8>,
+    plays: Bound<'py, PyAny>,
 }
 
 fn flat<T: numpy::Element + Copy, D: numpy::ndarray::Dimension>(

@@ -249,7 +249,8 @@ def fit(
         all: ``segments.0.backbone.E``, ``segments.*.tendons.compliance``. For all, each segment or
         each tendon (``gain``, ``gain.segments``, ``gain.tendons``, ``gain.tendons.4``): ``gain`` of
         displacements or tensions; ``offset`` of displacements, positive where a tendon is too
-        short; ``backlash``, half the dead travel of a displacement. For all or each segment:
+        short; ``backlash``, half the dead travel of a displacement; ``hole_clearance``, the
+        radial clearance of the tendons in their holes. For all or each segment:
         ``hole_angle``, an added angle; ``pitch_radius``, a factor; ``bend_gain`` of constant
         curvature. ``delay`` of the tip behind the commands in s. ``base``: the robot's base in the
         measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the measured point

@@ -41,6 +41,7 @@ _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
     "gain": (1.0, 0.02, 0.0, "", 1.0),
     "offset": (0.0, 1e-4, -np.inf, "mm", 1e-3),
     "backlash": (0.0, 1e-4, 0.0, "mm", 1e-3),
+    "hole_clearance": (0.0, 1e-4, 0.0, "mm", 1e-3),
     "hole_angle": (0.0, 0.02, -np.inf, "deg", _DEG),
     "pitch_radius": (1.0, 0.01, 0.01, "", 1.0),
     "bend_gain": (1.0, 0.02, 0.0, "", 1.0),
@@ -48,7 +49,7 @@ _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
 _FRAMES: Final = {"base": ("x", "y", "z", "rx", "ry", "rz"), "tool": ("x", "y", "z")}
 #: Whether a parameter may be common to all, one per segment, or one per tendon.
 _EACH: Final = {
-    **dict.fromkeys(("gain", "offset", "backlash"), ("", "segments", "tendons")),
+    **dict.fromkeys(("gain", "offset", "backlash", "hole_clearance"), ("", "segments", "tendons")),
     **dict.fromkeys(("hole_angle", "pitch_radius", "bend_gain"), ("", "segments")),
 }
 #: Natural steps of fields that may be zero; the step of other fields is a share of their value.
@@ -63,6 +64,8 @@ _STEP: Final = {
     "first_angle": 0.02,
     "nu": 0.05,
     "gravity": 1.0,
+    "hysteresis": 0.05,
+    "hysteresis_play": 0.05,
 }
 _SHARE: Final = 0.05
 #: The same for fields of a payload, in kg and m.
@@ -111,6 +114,9 @@ class Setting:
     gain, offset, backlash : ndarray (T,)
         The effective displacement is gain x (displacement after delay and backlash) + offset in m;
         a tension has the gain only.
+    hole_clearance : ndarray (T,)
+        Difference of the radii of hole and tendon, m. A taut tendon lies on the side of the hole
+        towards the centre of curvature: the displacement loses clearance x bend.
     delay : float
         Delay of the tip behind the commands, s.
     position, turn : ndarray (3,)
@@ -125,6 +131,7 @@ class Setting:
     gain: Floats
     offset: Floats
     backlash: Floats
+    hole_clearance: Floats
     delay: float
     position: Floats
     turn: Floats
@@ -256,6 +263,7 @@ class Unknowns:
             gain=each("gain", "tendons"),
             offset=each("offset", "tendons"),
             backlash=each("backlash", "tendons"),
+            hole_clearance=each("hole_clearance", "tendons"),
             delay=extra.get("delay", 0.0),
             position=base[:3],
             turn=base[3:],

@@ -113,10 +113,12 @@ class Calibration:
     def broken_path(self) -> str:
         """Warning if rows were left out of a path whose history matters; else empty."""
         remember = any(name.startswith("backlash") for name in self.beside)
-        if not self.data.left_out or not (self.fit.robot.has_friction or remember):
+        if not self.data.left_out or not (self.fit.robot.has_memory or remember):
             return ""
         rows = "a row was" if self.data.left_out == 1 else f"{self.data.left_out} rows were"
-        what = "backlash" if remember else "friction"
+        what = "friction" if self.fit.robot.has_friction else "hysteresis"
+        if remember:
+            what = "backlash"
         return (
             f"with {what} the rows are one path, and {rows} left out of it: the prediction after "
             "these may be far off; correct them, or leave only their tip blank."

@@ -32,6 +32,9 @@ _NO_LOAD: Final = Load()  # only the robot's gravity
 #: Step of differences over natural step of a parameter; larger with friction, which jumps.
 _SMALL: Final = 1e-3
 _SMALL_FRICTION: Final = 0.1
+#: Remaining change of a displacement by the clearance in holes, m, and most passes to reach it.
+_SETTLED: Final = 1e-7
+_PASSES: Final = 8
 #: Number of neighbours from which the solution of a failed row is continued.
 _NEIGHBOURS: Final = 2
 
@@ -246,8 +249,8 @@ class TipModel:
     def _columns(self, values: Floats, at: Prediction) -> list[_Column]:
         """Derivatives by each parameter, stored in the prediction."""
         if not at.columns:
-            friction = self.rod is not None and at.setting.robot.has_friction
-            known = self._along_paths(values, at) if friction else {}
+            memory = self.rod is not None and at.setting.robot.has_memory
+            known = self._along_paths(values, at) if memory else {}
             for i in range(len(values)):
                 at.columns.append(known[i] if i in known else self._column(i, values, at))
         return at.columns
@@ -259,7 +262,7 @@ class TipModel:
         by_displacement = self.commands.by_displacement
         given = np.where(by_displacement, given, np.maximum(given, 0.0))
         core = actuation.Path(robot, rod).core
-        if robot.has_friction or not keep:
+        if robot.has_memory or setting.hole_clearance.any() or not keep:
             return self._followed(core, setting, given)
         solutions = []
         for held, row in zip(by_displacement, given, strict=True):
@@ -274,20 +277,39 @@ class TipModel:
 
     def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
         """Predict by the rod in rows, with friction along each path from the home pose."""
-        friction = setting.robot.has_friction
-        paths = self.commands.paths if friction else [np.arange(len(given))]
-        found = []
-        for rows in paths:
-            core.reset()
-            threads = None if friction else 0
-            by_displacement = self.commands.by_displacement[rows]
-            found.append(core.follow(by_displacement, given[rows], _NO_LOAD, False, threads))
-        back = np.argsort(np.concatenate(paths))
-        names = ("tip_position", "tip_rotation", "converged", "tensions", "slack_lengths")
-        position, turned, solved, tensions, slack = (
-            np.concatenate([each[name] for each in found])[back] for name in names
+        robot = setting.robot
+        paths = self.commands.paths if robot.has_memory else [np.arange(len(given))]
+        threads = None if robot.has_memory else 0
+        bends = bool(setting.hole_clearance.any())
+
+        def follow(given: Floats) -> dict[str, Any]:
+            found = []
+            for rows in paths:
+                core.reset()
+                by_displacement = self.commands.by_displacement[rows]
+                found.append(core.follow(by_displacement, given[rows], _NO_LOAD, bends, threads))
+            names = ["tip_position", "tip_rotation", "converged", "tensions", "slack_lengths"]
+            names += ["disk_rotations"] * bends
+            back = np.argsort(np.concatenate(paths))
+            return {name: np.concatenate([each[name] for each in found])[back] for name in names}
+
+        at = follow(given)
+        shift = np.zeros(given.shape)
+        for _ in range(_PASSES if bends else 0):  # theory Eq. 7.3
+            bend = np.nan_to_num(_bends(at["disk_rotations"])[:, robot.tendons.end_disk])
+            lost = np.where(self.commands.by_displacement, setting.hole_clearance * bend, 0.0)
+            change, shift = np.abs(lost - shift).max(), lost
+            at = follow(given - shift)
+            if change < _SETTLED:
+                break
+        return Prediction(
+            at["tip_position"],
+            at["tip_rotation"],
+            at["converged"],
+            setting,
+            tensions=at["tensions"],
+            slack=at["slack_lengths"],
         )
-        return Prediction(position, turned, solved, setting, tensions=tensions, slack=slack)
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
         """Predict by constant curvature, with the gain on the bend of each segment."""
@@ -431,6 +453,17 @@ def _continue_from_neighbours(
             if found.converged:
                 solutions[k], solved[k] = found, True
                 break
+
+
+def _bends(rotations: Floats) -> Floats:
+    """Bend (K, N) in rad from the base to each disk, whose rotations are (K, N, 3, 3)."""
+    axes = rotations[..., 2]
+    base = np.broadcast_to([0.0, 0.0, 1.0], axes[:, :1].shape)
+    axes = np.concatenate([base, axes], axis=1)
+    # of nearly parallel axes the difference is more accurate than the product
+    apart = np.linalg.norm(np.diff(axes, axis=1), axis=-1)
+    bends: Floats = np.cumsum(2.0 * np.arcsin(np.minimum(0.5 * apart, 1.0)), axis=1)
+    return bends
 
 
 def _table(solutions: list[Any], solved: Bools, name: str, *shape: int) -> Floats:

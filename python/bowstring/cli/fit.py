@@ -59,10 +59,10 @@ def fit(
         option(
             "NAME",
             "Parameter to fit: a number of the robot file (segments.0.backbone.E, "
-            "payloads.0.mass), base, tool, gain, offset, backlash, delay, hole_angle, "
-            "pitch_radius, bend_gain. Repeatable.",
+            "payloads.0.mass), base, tool, gain, offset, backlash, hole_clearance, delay, "
+            "hole_angle, pitch_radius, bend_gain. Repeatable.",
             values=completion.words(
-                *("base", "tool", "gain", "offset", "backlash", "delay"),
+                *("base", "tool", "gain", "offset", "backlash", "hole_clearance", "delay"),
                 *("hole_angle", "pitch_radius", "bend_gain", "segments.0.backbone.E"),
             ),
         ),

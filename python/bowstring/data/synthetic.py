@@ -410,7 +410,7 @@ def _tips(
             )
             before = found[-1].history() if found else None
             found.append(rod.sweep(robot, load=piece, model=model, history=before, disks=False))
-            stable = robot.has_friction or all(found[-1].stable)
+            stable = robot.has_memory or all(found[-1].stable)
             if not (found[-1].converged.all() and stable):  # the warning is for the whole path
                 found.clear()
                 break

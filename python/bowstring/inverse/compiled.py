@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bowstring.errors import InputError
 from bowstring.inverse.kinematics import default_max_tension
-from bowstring.robot.model import check_robot
+from bowstring.robot.model import check_robot, check_without_memory
 from bowstring.statics.actuation import compliances
 
 if TYPE_CHECKING:
@@ -53,11 +52,10 @@ def compile_robot(robot: Robot) -> schema.RobotDescription:
     (9, 8)
     """
     check_robot(robot)
-    if robot.has_friction:
-        raise InputError(
-            f"the tendons of {robot.name} have friction: the tip then depends on the load history, "
-            "which the C library does not follow; set friction to 0"
-        )
+    check_without_memory(
+        robot,
+        ": the tip then depends on the load history, which the C library does not follow",
+    )
     disks, tendons = robot.disks, robot.tendons
     given = ~np.isnan(robot.section_stiffness[:, 0, 0])
     segments: list[schema.SegmentNumbers] = [

@@ -427,6 +427,23 @@ class RobotArrays(Part):
         """Whether any tendon has friction at its holes."""
         return bool(self.tendons.friction.any())
 
+    @cached_property
+    def hysteresis(self) -> Floats:
+        """Hysteresis of each backbone (S, 2): share, and half-width of the play in 1/m."""
+        share = stacked([s.backbone.hysteresis for s in self.segments])
+        play = stacked([s.backbone.hysteresis_play / s.length for s in self.segments])
+        return frozen(np.stack(np.broadcast_arrays(share, play), axis=-1))
+
+    @cached_property
+    def has_hysteresis(self) -> bool:
+        """Whether any backbone has hysteresis."""
+        return bool(self.hysteresis[..., 0].any())
+
+    @cached_property
+    def has_memory(self) -> bool:
+        """Whether equilibria depend on the path to them: with friction or hysteresis."""
+        return self.has_friction or self.has_hysteresis
+
     def _by_segment(self, value: Callable[[Backbone], Any]) -> Floats:
         """Means (S,) of a number over the length of each segment."""
 

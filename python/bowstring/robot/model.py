@@ -276,6 +276,46 @@ def check_disks(robot: Robot, what: str) -> None:
         raise InputError(f"{what} takes tendons in disks only, not tendons_in body")
 
 
+def check_without_memory(robot: Robot, consequence: str, argument: str = "") -> None:
+    """Refuse a robot whose equilibria depend on the path to them, where nothing follows the path.
+
+    Parameters
+    ----------
+    robot : Robot
+    consequence : str
+        End of the first clause of the message, such as ", which no linear model has".
+    argument : str, optional
+        Name of the argument that is wrong.
+
+    Raises
+    ------
+    InputError
+        If its tendons have friction or its backbone has hysteresis.
+    """
+    if robot.has_friction:
+        raise InputError(
+            f"the tendons of {robot.name} have friction{consequence}; set friction to 0",
+            argument=argument,
+        )
+    check_elastic(robot, consequence, argument)
+
+
+def check_elastic(robot: Robot, consequence: str, argument: str = "") -> None:
+    """Refuse a robot whose backbone has hysteresis; see `check_without_memory`."""
+    if robot.has_hysteresis:
+        raise InputError(
+            f"the backbone of {robot.name} has hysteresis{consequence}; set hysteresis to 0",
+            argument=argument,
+        )
+
+
+def without_hysteresis(robot: Robot) -> Robot:
+    """Return the robot with an elastic backbone."""
+    if not robot.has_hysteresis:
+        return robot
+    return robot.with_({"segments.*.backbone.hysteresis": 0.0})
+
+
 def check_robot(robot: object) -> None:
     """Refuse an object that is not a robot, such as its name."""
     if not isinstance(robot, Robot):

@@ -100,8 +100,8 @@ def slack(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:
 
 
 def is_by_tensions(robot: Robot, load: Load, history: Mapping[str, Any] | None = None) -> bool:
-    """Whether a load has tensions only, without friction and history, so that no path matters."""
-    return load.is_tension_controlled and history is None and not robot.has_friction
+    """Whether a load has tensions only, without memory and history, so that no path matters."""
+    return load.is_tension_controlled and history is None and not robot.has_memory
 
 
 # --------------------------------------------------------------------------------------
@@ -221,10 +221,10 @@ class Path:
         model: RodModel,
         history: Mapping[str, Any] | None = None,
         *,
-        friction: bool = True,
+        has_memory: bool = True,
     ) -> None:
         self.robot, self.model = robot, model
-        self.core = PathSolver(robot.core, model, robot.tendons, friction)
+        self.core = PathSolver(robot.core, model, robot.tendons, robot.hysteresis, has_memory)
         if history is not None:
             try:
                 self._resume(history)
@@ -237,7 +237,7 @@ class Path:
         return {"theory": model.theory, "twist": model.twist, "elements": model.elements}
 
     def history(self) -> dict[str, Any]:
-        """State of friction and position at the end of the path, ready for `json.dumps`."""
+        """State at the end of the path, with friction and hysteresis, for `json.dumps`."""
         now = self.core.history()
         orders = zip(now["by_displacement"].tolist(), now["commands"].tolist(), strict=True)
         return {
@@ -261,6 +261,7 @@ class Path:
             "unstretched_spans_m": now["spans"].tolist(),
             "slips": now["slips"].tolist(),
             "arcs_rad": now["strain"].tolist(),
+            "plays_per_m": now["plays"].tolist(),
         }
 
     def _resume(self, history: Mapping[str, Any]) -> None:
@@ -309,6 +310,7 @@ class Path:
                     "line_forces": _on_disks(history, "line_forces_N_per_m"),
                     "strain": _numbers(history, "arcs_rad", 2),
                     "slips": np.sign(_numbers(history, "slips", 2)).astype(np.int8),
+                    "plays": _plays(history),
                 }
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -329,6 +331,12 @@ def _order(item: Mapping[str, float]) -> tuple[bool, float]:
 def _on_disks(history: Mapping[str, Any], name: str) -> Floats:
     """Vectors on the disks (N, 3), or (0, 3): earlier versions have none."""
     return _numbers(history, name, 2) if history.get(name) else np.zeros((0, 3))
+
+
+def _plays(history: Mapping[str, Any]) -> Floats:
+    """Curvatures (N, 2) that hysteresis has followed, or (0, 2): earlier versions have none."""
+    given = history.get("plays_per_m")
+    return _numbers(history, "plays_per_m", 2) if given else np.zeros((0, 2))
 
 
 def _points(history: Mapping[str, Any]) -> Floats:

@@ -16,7 +16,7 @@ from bowstring import validation
 from bowstring._core import follow_branches
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.robot.model import check_robot
+from bowstring.robot.model import check_robot, check_without_memory
 from bowstring.statics.load import Load, as_load
 from bowstring.statics.load_tables import (
     POINT_NUMBERS,
@@ -533,11 +533,7 @@ def _complete(robot: Robot, load: Load, name: str) -> Load:
         raise InputError(
             f"{name} has displacements or angles; branches are followed in tensions and loads"
         )
-    if robot.has_friction:
-        raise InputError(
-            f"{robot.name} has friction, with which equilibria depend on the history; set friction "
-            "to 0 to follow branches"
-        )
+    check_without_memory(robot, ", with which equilibria depend on the load history")
     count = robot.core.tendon_count
     tensions = np.zeros(count) if load.tensions is None else validation.floats(load.tensions)
     gravity = robot.gravity if load.gravity is None else load.gravity

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.model import check_without_memory
 from bowstring.statics import actuation
 from bowstring.statics.solution import Solution
 from bowstring.validation import shown
@@ -88,11 +89,10 @@ def check_smooth(solution: Solution) -> None:
     if not isinstance(solution, Solution):
         raise InputError(f"solution is {shown(solution)}, it must be one made by bowstring.solve")
     solution.raise_for_status()
-    if solution.robot.has_friction:
-        raise InputError(
-            f"the tendons of {solution.robot.name} have friction: the equilibrium then depends "
-            "on the load history and has no derivatives; set friction to 0"
-        )
+    check_without_memory(
+        solution.robot,
+        ": the equilibrium then depends on the load history and has no derivatives",
+    )
     if solution.model.tendon_path == "continuous":
         raise InputError(
             'the solution has tendon_path="continuous", for which there are no derivatives; '

@@ -112,6 +112,8 @@ def sweep_designs(
     """
     if not isinstance(designs, Designs):
         raise InputError(f"designs is {shown(designs)}, it must be Designs of robots")
+    if designs.arrays.hysteresis[..., 0].any():
+        raise InputError("robots have hysteresis, which sweep_designs does not follow; set it to 0")
     rows = _commands(designs, tensions, displacements)
     count, each, tendons = rows.values.shape
     load = Load() if load is None else load

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowstring import validation
 from bowstring._core import Equilibria
 from bowstring.errors import InputError
-from bowstring.robot.model import check_robot
+from bowstring.robot.model import check_robot, check_without_memory
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.model import as_model
@@ -128,11 +128,10 @@ def differentiable(
     for name in ("tensions", "displacements", "angles"):
         if getattr(load, name) is not None:
             raise InputError(f"load has {name}; give tensions when the solver is called")
-    if robot.has_friction:
-        raise InputError(
-            f"the tendons of {robot.name} have friction: the equilibrium then depends on the load "
-            "history and has no derivatives; set friction to 0"
-        )
+    check_without_memory(
+        robot,
+        ": the equilibrium then depends on the load history and has no derivatives",
+    )
     if robot.is_embedded or model.tendon_path == "continuous":
         raise InputError(
             "continuous and embedded tendons have no derivatives; take tendons in disks and "

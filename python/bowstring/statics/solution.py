@@ -417,7 +417,7 @@ class Solution:
         """
         if not self.converged:
             raise NoSolutionError(f"{self.robot.name}: {self.message}", status=self.status)
-        if not self.stable and not self.robot.has_friction:
+        if not self.stable and not self.robot.has_memory:
             warnings.warn(f"{self.robot.name}: {self.message}", StabilityWarning, stacklevel=2)
         return self
 
@@ -643,7 +643,7 @@ class Sweep:
                 f"{self.robot.name}: {failed.size} of {len(self)} loads have no solution; "
                 f"the first is row {first + 1}: {self.message(first)}"
             )
-        if not all(self.stable) and not self.robot.has_friction:
+        if not all(self.stable) and not self.robot.has_memory:
             row = [bool(stable) for stable in self.stable].index(False)
             said = f"{self.robot.name}: row {row + 1}: {self.message(row)}"
             warnings.warn(said, StabilityWarning, stacklevel=2)

@@ -28,7 +28,7 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, significant
-from bowstring.robot.model import Robot, with_tendons
+from bowstring.robot.model import Robot, with_tendons, without_hysteresis
 from bowstring.robot.parts import TENDON_MATERIALS, TendonRing
 from bowstring.statics import rod
 from bowstring.statics.load import Load
@@ -302,6 +302,7 @@ def actuation_budget(
     t = model.tendon
     given = model.given_robot.tendons
     with_friction, friction_origin = _with_friction(model, calibrated)
+    with_friction = without_hysteresis(with_friction)
     stiff_of: float | None = None
     elasticity_origin: Source = "file"
     elasticity_by = "as in the file"
@@ -362,7 +363,8 @@ def actuation_budget(
     elasticity_assumed = ("elasticity",) * (elasticity_origin == "assumed")
 
     def row(effect: str, label: str, assumed: tuple[str, ...], branch: _Branch) -> ActuationRow:
-        by: Control = "tension" if effect.startswith("friction") else "displacement"
+        on_tension = effect.startswith(("friction", "hysteresis"))
+        by: Control = "tension" if on_tension else "displacement"
         beside = sweep if by == "tension" else base
         return ActuationRow(effect, label, by, assumed, case(branch, by), beside)
 
@@ -383,6 +385,16 @@ def actuation_budget(
             released,
         ),
     )
+    sets: tuple[ActuationRow, ...] = ()
+    if model.given_robot.has_hysteresis:
+        set_only = with_tendons(model.given_robot, {"friction": 0.0})
+        share = float(set_only.hysteresis[:, 0].max())
+        label = f"hysteresis of the backbone ({in_percent(share)})"
+        branches = solved(set_only, Load(model.tensions(and_back)))
+        sets = tuple(
+            row(f"hysteresis_{way}", f"{label}, {way}", (), branch)
+            for way, branch in zip(("loading", "unloading"), branches, strict=True)
+        )
     law = model.constant_curvature("cc_from_force", there, commanded.lengths)
     tips = stiff.path_tip, loaded.path_tip, released.path_tip, commanded.tip
     loops = (
@@ -400,11 +412,11 @@ def actuation_budget(
         displacement=commanded.displacements[::every, t],
         tension_controlled=sweep,
         displacement_controlled=base,
-        rows=rows,
+        rows=rows + sets,
         loops=loops,
         notes=_notes(model, friction_origin, elasticity_origin, elasticity_by, stiffness)
         + _path_notes(model, len(there) - 1, taut),
-        text=_in_words(rows, loops, friction_origin, elasticity_origin),
+        text=_in_words(rows, loops, friction_origin, elasticity_origin) + _of_sets(sets),
     )
 
 
@@ -592,6 +604,19 @@ def _in_words(
             "need not be the same ones for two means."
         )
     return tuple(out)
+
+
+def _of_sets(sets: tuple[ActuationRow, ...]) -> tuple[str, ...]:
+    if not sets or not all(math.isfinite(row.moved) for row in sets):
+        return ()
+    up, down = sets
+    return (
+        f"Tension control: {up.label.removesuffix(', loading')} moves the tip by "
+        f"{in_mm(up.moved)} on average during loading and {in_mm(down.moved)} during unloading. "
+        "The mean error of constant curvature from force changes from "
+        f"{in_mm(up.mean_error(up.base))} to {in_mm(up.mean_error(up.case))} (loading) and "
+        f"{in_mm(down.mean_error(down.case))} (unloading).",
+    )
 
 
 def _notes(

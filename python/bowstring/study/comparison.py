@@ -21,7 +21,7 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError
-from bowstring.robot.model import Robot, with_tendons
+from bowstring.robot.model import Robot, with_tendons, without_hysteresis
 from bowstring.robot.parts import Backbone
 from bowstring.statics import rod
 from bowstring.statics.load import Load
@@ -250,9 +250,9 @@ class Model:
         self, robot: Robot, tendon: int, theory: Theory, shares: Sequence[float] | None = None
     ) -> None:
         self.given_robot = robot
-        """Robot of the file, with friction."""
-        self.robot = with_tendons(robot, {"friction": 0.0})
-        """Robot without friction, for main sweep, dynamics and verdict."""
+        """Robot of the file, with friction and hysteresis."""
+        self.robot = with_tendons(without_hysteresis(robot), {"friction": 0.0})
+        """Robot without friction and hysteresis, for main sweep, dynamics and verdict."""
         self.tendon = tendon
         """Index of the actuated tendon, from 0; of several, the one with the whole tension."""
         self.shares = np.zeros(len(robot.tendons.segment))

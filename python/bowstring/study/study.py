@@ -1097,6 +1097,12 @@ def _notes(
             "unloading, is in the error budget under 'Actuation' and in the "
             "verdict's last sentences."
         )
+    if robot.has_hysteresis:
+        out.append(
+            "The hysteresis of the backbone is left out of the main sweep, of dynamics, of stress "
+            "and strain and of the verdict. What it does, loading and unloading, is in the error "
+            "budget under 'Actuation'."
+        )
     for name, comparison in comparisons.items():
         missing = int(statics.converged.sum()) - comparison.n
         if missing and not comparison.n:

@@ -165,7 +165,8 @@ def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:
 
 def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     actuation = study.budget.actuation
-    up, down, *elastic, _, _ = actuation.rows
+    rows = [row for row in actuation.rows if not row.effect.startswith("hysteresis")]
+    up, down, *elastic, _, _ = rows
     parts = []
     if _enough(study, min(up.moved_n, down.moved_n)):
         loaded, released = (_over(study, row.moved_n, ", ") for row in (up, down))

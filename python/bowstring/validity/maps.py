@@ -324,6 +324,7 @@ def check_map_file(path: str | Path) -> Path:
 _FRICTIONLESS: Final = (
     "The friction of the robot is left out; an axis friction or bend takes it in."
 )
+_ELASTIC: Final = "The hysteresis of the backbone is left out."
 _LISTED: Final = (
     "This robot file lists the positions of its disks, so that their number is no axis: the map is "
     'over the tension alone; a second axis may be given, such as "pitch_radius=20:30 mm".'
@@ -399,6 +400,8 @@ def validity_map(
         notes.append(_LISTED)
     if robot.has_friction and not space.has_friction:
         notes.append(_FRICTIONLESS)
+    if robot.has_hysteresis:
+        notes.append(_ELASTIC)
     return replace(found, notes=tuple(notes))
 
 

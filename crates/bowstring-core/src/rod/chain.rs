@@ -1392,4 +1392,17 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
         }
     }
+
+    pub fn set_rest(&mut self, rest: impl Fn(usize) -> Vec3) {
+        for k in 0..self.module_count() {
+            let module = &mut self.fixed.modules[k];
+            let element = module.flexible * Real::splat(2.0 / A as f64);
+            module.rest = Vec3::splat(rest(k).0) * element;
+            put::<L>(
+                &mut self.constants[k / L::WIDTH].rest,
+                k % L::WIDTH,
+                module.rest,
+            );
+        }
+    }
 }

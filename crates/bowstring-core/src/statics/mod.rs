@@ -13,6 +13,7 @@ pub mod directional;
 pub mod equilibria;
 mod events;
 mod family;
+pub mod hysteresis;
 pub mod inverse;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod lanes;

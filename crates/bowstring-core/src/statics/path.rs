@@ -11,6 +11,7 @@ use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
 use crate::rod::estimate::{ErrorEstimate, LEVELS};
 use crate::statics::adaptive::refine_to;
+use crate::statics::hysteresis::{Hysteresis, Plays};
 #[cfg(target_arch = "x86_64")]
 use crate::statics::path_lanes::LaneState;
 pub use crate::statics::path_step::PathOutcome;
@@ -72,6 +73,18 @@ impl PathSolver {
             fitting: 0,
             remembered: ErrorEstimate::default(),
         })
+    }
+
+    /// The same with hysteresis of the backbone, one law for each segment.
+    ///
+    /// # Errors
+    /// If a law is out of range, or a section has coupled strains.
+    pub fn with_hysteresis(mut self, laws: &[Hysteresis]) -> Result<Self, InputError> {
+        let plays = Plays::new(self.robot(), laws)?;
+        self.home.plays = plays.as_ref().map_or(vec![], |plays| plays.now.clone());
+        self.last.plays = plays;
+        self.reset();
+        Ok(self)
     }
 
     /// The actuated robot.
@@ -163,6 +176,11 @@ impl PathSolver {
         now.displacements.copy_from_slice(&step.displacements);
         now.commands.copy_from_slice(commands);
         now.load.set_dead(load);
+    }
+
+    /// Whether equilibria depend on the path: with friction or hysteresis.
+    pub fn has_memory(&self) -> bool {
+        self.last.has_memory()
     }
 
     /// Slack length of each tendon (m); zero where it is taut.
@@ -294,6 +312,8 @@ impl PathSolver {
         dispatch::check_path(self.robot(), elements, self.fitting, 1).ok()?;
         finer.fitting = self.fitting;
         finer.remembered = self.remembered;
+        finer.home.plays.clone_from(&self.home.plays);
+        finer.last.plays.clone_from(&self.last.plays);
         let factor = elements / solver.elements();
         finer.tendons().now = now.clone();
         finer.tendons().now.strain = refine_to(now.strain.clone(), factor);
@@ -314,13 +334,19 @@ impl PathSolver {
         self.history().slip.iter().map(|slip| *slip as i8).collect()
     }
 
-    /// Sets the start of the next step from [`PathSolver::strain`] and [`PathSolver::slips`], after
-    /// [`PathSolver::resume`].
+    /// Sets the start of the next step from [`PathSolver::strain`], [`PathSolver::slips`] and
+    /// [`History::plays`], after [`PathSolver::resume`].
     ///
     /// # Errors
     /// If it does not fit the robot and its elements, or is not finite.
-    pub fn start_from(&mut self, strain: &[[f64; 3]], slips: &[i8]) -> Result<(), InputError> {
-        let finite = strain.iter().flatten().all(|w| w.is_finite());
+    pub fn start_from(
+        &mut self,
+        strain: &[[f64; 3]],
+        slips: &[i8],
+        plays: &[[f64; 2]],
+    ) -> Result<(), InputError> {
+        let numbers = strain.as_flattened().iter().chain(plays.as_flattened());
+        let finite = numbers.into_iter().all(|w| w.is_finite());
         let (n, now) = (self.robot().module_count(), self.history().clone());
         let elements = LEVELS.into_iter().find(|e| 2 * e * n == strain.len());
         if let (true, Some(elements)) = (self.automatic, elements) {
@@ -331,11 +357,13 @@ impl PathSolver {
             }
         }
         let now = &mut self.tendons().now;
-        if strain.len() != now.strain.len() || slips.len() != now.slip.len() || !finite {
+        let lengths = [strain.len(), slips.len(), plays.len()];
+        if lengths != [now.strain.len(), now.slip.len(), now.plays.len()] || !finite {
             return Err(InputError::other(
                 "the history does not belong to this robot",
             ));
         }
+        now.plays.copy_from_slice(plays);
         for (to, from) in now.strain.iter_mut().zip(strain) {
             *to = Vec3(*from);
         }

@@ -6,15 +6,16 @@ use crate::rod::chain::Sources;
 use crate::rod::estimate::{ErrorEstimate, Verdict};
 use crate::statics::path_step::{PathOutcome, PathStep};
 
-/// Safety factors of the error estimates of tip and tension with friction: the estimate keeps span
-/// tensions constant, but friction changes them with the bends. Measured against finer elements.
-const FRICTION_SAFETY: [f64; 2] = [1.5, 8.0];
+/// Safety factors of the error estimates of tip and tension with friction or hysteresis: the estimate
+/// keeps span tensions and unloaded curvatures constant, which change with the bends. Measured
+/// against finer elements.
+const MEMORY_SAFETY: [f64; 2] = [1.5, 8.0];
 /// Regularisation, over the largest diagonal, of tensions that the rod does not distinguish.
 const REGULARISATION: f64 = 1e-10;
 
 impl PathStep {
     /// Estimates the discretisation error of the converged step, at least `remembered` with
-    /// friction: at the lengths held by displacement control, changes of tension compensate the
+    /// memory: at the lengths held by displacement control, changes of tension compensate the
     /// length errors. Returns the elements that the tolerances need.
     pub fn estimate_error(
         &mut self,
@@ -38,8 +39,8 @@ impl PathStep {
             let coefficients: Vec<f64> = std::iter::once(1.0).chain(changes).collect();
             found.motion = self.solver.engine.correct(&coefficients);
         }
-        let friction = self.transmission.friction.enabled;
-        let safety = if friction { FRICTION_SAFETY } else { [1.0; 2] };
+        let memory = self.has_memory();
+        let safety = if memory { MEMORY_SAFETY } else { [1.0; 2] };
         found.motion *= safety[0];
         let verdict = Verdict::new(
             &found,
@@ -50,7 +51,7 @@ impl PathStep {
         );
         outcome.stable = verdict.stable;
         let mut error = verdict.error;
-        if friction {
+        if memory {
             error.tip = error.tip.max(remembered.tip);
             error.tension = error.tension.max(remembered.tension);
         }

@@ -74,13 +74,12 @@ pub(crate) struct LaneState {
     pub displacements: Vec<f64>,
 }
 
-/// Whether steps of a path can be taken in lanes: without friction, without tensions that only
-/// regularisation determines, and without coupled sections.
+/// Whether steps of a path can be taken in lanes: without friction and hysteresis, without tensions
+/// that only regularisation determines, and without coupled sections.
 pub(crate) fn suits_lanes(path: &PathSolver) -> bool {
     let transmission = path.transmission();
-    let friction = transmission.friction.enabled;
     let plain = path.solver().elements() == 1 && !path.robot().is_coupled();
-    plain && !friction && !transmission.tendons.is_rigid()
+    plain && !path.has_memory() && !transmission.tendons.is_rigid()
 }
 
 /// Lanes for paths of robots with the topology of this one, where the processor has them.

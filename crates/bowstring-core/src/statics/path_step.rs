@@ -7,6 +7,7 @@ use crate::math::anderson::AndersonAcceleration;
 use crate::math::linalg::Vec3;
 use crate::model::load::{Load, OwnedLoad};
 use crate::rod::estimate::ErrorEstimate;
+use crate::statics::hysteresis::Plays;
 use crate::statics::solver::{Solver, Status, MAX_STEP, TOLERANCE};
 use crate::tendon::{Command, History, Transmission};
 
@@ -93,10 +94,12 @@ const LEAST_INCREMENT: f64 = 1e-3;
 pub(crate) struct PathStep {
     pub solver: Solver,
     pub transmission: Transmission,
+    /// Where the backbone has hysteresis.
+    pub plays: Option<Plays>,
     acceleration: Acceleration,
 }
 
-/// Anderson acceleration of the steps with friction.
+/// Anderson acceleration of the steps with friction or hysteresis.
 #[derive(Clone)]
 struct Acceleration {
     anderson: AndersonAcceleration,
@@ -172,7 +175,14 @@ impl PathStep {
             },
             solver,
             transmission,
+            plays: None,
         }
+    }
+
+    /// Whether equilibria depend on the path: with friction or hysteresis, whose changes the tangent
+    /// leaves out.
+    pub fn has_memory(&self) -> bool {
+        self.transmission.friction.enabled || self.plays.is_some()
     }
 
     /// Solves for the load directly, or by load stepping where that fails.
@@ -247,9 +257,10 @@ impl PathStep {
             pivot: f64::NAN,
         };
         // friction has no potential, but a buckled column is detected all the same
-        let stable = (!friction).then_some(true);
+        let stable = (!self.has_memory()).then_some(true);
         let work = self.solver.settings.work * (2 + self.transmission.unknowns.problem.size);
         for step in 0..=MAX_STEPS {
+            self.follow_plays(old);
             if interrupt::work(work) || !self.solver.engine.evaluate().is_finite() {
                 return outcome;
             }
@@ -328,6 +339,14 @@ impl PathStep {
         tendons.apply(engine);
     }
 
+    /// Moves the unloaded curvature with the present strain.
+    fn follow_plays(&mut self, old: &History) {
+        if let Some(plays) = &mut self.plays {
+            let arcs = 2 * self.solver.elements();
+            plays.follow(&mut *self.solver.engine, arcs, &old.plays);
+        }
+    }
+
     /// Updates friction, lengths and slack at the present strain; returns whether friction is
     /// settled.
     fn update_tendons(&mut self, old: &History, fresh: bool) -> bool {
@@ -352,10 +371,11 @@ impl PathStep {
         }
     }
 
-    /// Whether the tangent of the iteration before is kept: convergence of friction does not
-    /// improve with a new tangent, and Anderson acceleration works better with a constant one.
+    /// Whether the tangent of the iteration before is kept: convergence of friction and hysteresis
+    /// does not improve with a new tangent, and Anderson acceleration works better with a constant
+    /// one.
     fn keeps_tangent(&self, state: &Iteration, now: &Residuals) -> bool {
-        self.transmission.friction.enabled
+        self.has_memory()
             && now.moment < NEAR
             && now.moment < CONTRACTION * state.last.moment
             && state.shift == 0.0
@@ -407,7 +427,7 @@ impl PathStep {
             return false;
         }
         let fraction = (MAX_STEP / largest).min(1.0);
-        let accelerates = self.transmission.friction.enabled && fraction == 1.0;
+        let accelerates = self.has_memory() && fraction == 1.0;
         if accelerates {
             self.note(0);
         }
@@ -486,6 +506,9 @@ impl PathStep {
         tendons.note_displacements();
         let strain = &mut tendons.now.strain;
         self.solver.engine.strains(&mut |i, w| strain[i] = w);
+        if let Some(plays) = &self.plays {
+            tendons.now.plays.clone_from(&plays.now);
+        }
         outcome.undetermined = unknowns.is_undetermined(tendons);
         let collision = self.solver.settle(&Load {
             tensions: &tendons.now.tensions,

@@ -20,6 +20,8 @@ pub struct History {
     /// Strain of the backbone, from which the next step starts.
     pub(crate) strain: Vec<Vec3>,
     pub(crate) slip: Vec<Slip>,
+    /// Curvature that the hysteresis of each module has followed (1/m); empty without it.
+    pub plays: Vec<[f64; 2]>,
     /// Commands of the last step.
     pub commands: Vec<Command>,
     /// Dead loads of the last step, without tensions.
@@ -35,6 +37,7 @@ impl History {
         self.displacements.clone_from(&other.displacements);
         self.strain.clone_from(&other.strain);
         self.slip.clone_from(&other.slip);
+        self.plays.clone_from(&other.plays);
         self.commands.clone_from(&other.commands);
         self.load.clone_from(&other.load);
     }

@@ -100,6 +100,7 @@ impl Tendons {
             displacements: vec![0.0; m],
             strain,
             slip: vec![Slip::Sticks; n * m],
+            plays: vec![],
             load: OwnedLoad::default(),
         };
         self.now.clone()

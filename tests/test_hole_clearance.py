@@ -1,0 +1,69 @@
+"""Clearance of tendons in their holes, as a parameter of a fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring.calibration import Data, fit
+from bowstring.errors import InputError
+
+CLEARANCE = 3e-4
+ROBOT = bs.load_robot(
+    "crl-ftdcr-v4", {f"segments.{i}.tendons.compliance": "0.1 mm/N" for i in range(3)}
+)
+
+
+def displacements(count, seed):
+    """Displacements (n, 6) in m: random tensions, none slack."""
+    rng = np.random.default_rng(seed)
+    tensions = rng.uniform(0.3, 4.0, (count, ROBOT.core.tendon_count))
+    return bs.sweep(ROBOT, tensions).displacements()
+
+
+def tips(robot, given, clearance):
+    """Synthetic tips (n, 3): the fixed point of theory Eq. 7.3, with bends from disk to disk."""
+    lost = np.zeros(given.shape)
+    for _ in range(30):
+        found = bs.solve_batch(robot, load=bs.Load(displacements=given - lost))
+        assert found.converged.all()
+        axes = np.concatenate(
+            [np.tile([0, 0, 1.0], (len(given), 1, 1)), found.disk_rotations[..., 2]], axis=1
+        )
+        turns = np.arccos(np.clip((axes[:, 1:] * axes[:, :-1]).sum(axis=-1), -1, 1))
+        bend = np.cumsum(turns, axis=1)[:, robot.tendons.end_disk]
+        lost = clearance * bend
+    return found.tip_position
+
+
+def test_fit_finds_the_clearance():
+    given = displacements(60, 1)
+    data = Data(points=tips(ROBOT, given, CLEARANCE), displacements=given)
+    found = fit(ROBOT, data, ["hole_clearance"], loss="linear")
+    assert found.converged, found.message
+    assert found["hole_clearance"].value == pytest.approx(1e3 * CLEARANCE, abs=1e-4)
+    assert found.score.rmse < 1e-6
+    assert found.score_before.rmse > 1e-3
+
+
+def test_constant_curvature_is_told_that_it_has_no_effect():
+    """All tendons of a segment lose the same displacement, which leaves their differences."""
+    given = displacements(20, 1)
+    data = Data(points=tips(ROBOT, given, 0.0), displacements=given)
+    with pytest.raises(InputError, match="hole_clearance has no effect"):
+        fit(ROBOT, data, ["hole_clearance"], model="arc")
+
+
+def test_prediction_is_the_fixed_point():
+    given = displacements(20, 2)
+    data = Data(points=tips(ROBOT, given, CLEARANCE), displacements=given)
+    held = fit(ROBOT, data, ["base.x"], start={"hole_clearance": CLEARANCE}, loss="linear")
+    assert held.predict(data) == pytest.approx(np.asarray(data.points), abs=1e-6)
+
+
+def test_tensions_do_not_depend_on_it():
+    tensions = np.outer(np.linspace(0, 3, 10), [1, 0, 0] * 3)
+    data = Data(points=bs.sweep(ROBOT, tensions).tip_position, tensions=tensions)
+    held = fit(ROBOT, data, ["base.x"], start={"hole_clearance": 1e-3}, loss="linear")
+    assert held.score.rmse < 1e-9

@@ -1,0 +1,206 @@
+"""Hysteresis of the backbone: closed forms, invariants, calibration, refusals."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring.calibration import Data, fit
+from bowstring.errors import InputError
+
+SHARE, PLAY = 0.25, math.radians(12)
+SET = {"segments.*.backbone.hysteresis": SHARE, "segments.*.backbone.hysteresis_play": PLAY}
+STUDY = bs.load_robot("amouri2019", SET)
+
+
+def follow(robot, moments, axis=(1.0, 0.0, 0.0)):
+    """Bends (n,) about `axis` in rad along a path of tip moments (N m)."""
+    rows = np.outer(moments, axis)
+    found = bs.sweep(
+        robot, np.zeros((len(rows), robot.core.tendon_count)), load=bs.Load(tip_moment=rows)
+    )
+    assert found.converged.all()
+    tangent = found.tip_rotation[:, :, 2]
+    across = np.cross(axis, [0.0, 0.0, 1.0])
+    return np.arctan2(tangent @ across, tangent[:, 2])
+
+
+def closed_form(robot, moments):
+    """The same for a constant moment: a spring E I beside a play of curvature."""
+    stiffness = robot.bending_stiffness[0]
+    share, play = robot.hysteresis[0]
+    bends, state = [], 0.0
+    for moment in moments:
+        free = moment / stiffness
+        # the play sticks, or follows at its half-width: kappa = M / (E I) + share x state
+        kappa = free + share * state
+        if abs(kappa - state) > play:
+            side = math.copysign(1.0, kappa - state)
+            kappa = (free - share * side * play) / (1.0 - share)
+            state = kappa - side * play
+        bends.append(kappa)
+    disks = robot.disks
+    clamped = disks.clamped_length_m.sum() - 0.5 * disks.clamped_length_m[-1]
+    return np.array(bends) * (disks.station_m[-1] - clamped)
+
+
+def test_loading_unloading_and_reversal_are_those_of_the_closed_form():
+    largest = 1.2 * STUDY.bending_stiffness[0] / STUDY.length
+    moments = largest * np.array([0.1, 0.4, 1.0, 0.7, 0.0, -0.5, -1.0, -0.2, 0.0, 0.9])
+    bends = follow(STUDY, moments)
+    assert bends == pytest.approx(closed_form(STUDY, moments), abs=1e-10)
+    # a set stays without load, on either side
+    assert bends[4] > math.radians(3) and bends[8] < -math.radians(3)
+
+
+def test_below_the_play_the_backbone_is_elastic():
+    moments = np.array([0.5, 0.0]) * STUDY.bending_stiffness[0] * PLAY / STUDY.length
+    elastic = bs.load_robot("amouri2019")
+    assert follow(STUDY, moments) == pytest.approx(follow(elastic, moments), abs=1e-12)
+
+
+def test_the_path_between_two_turning_points_does_not_matter():
+    def end(steps):
+        up = np.linspace(0.0, 60.0, steps + 1)[1:]
+        down = np.linspace(60.0, 5.0, steps + 1)[1:]
+        tensions = np.outer(np.concatenate([up, down]), [1.0, 0.0, 0.0])
+        return bs.sweep(STUDY, tensions).tip_position[-1]
+
+    # modules far from the others in bend may turn at other steps
+    assert np.linalg.norm(end(40) - end(160)) < 1e-4 * STUDY.length
+    elastic = bs.sweep(bs.load_robot("amouri2019"), [[5.0, 0.0, 0.0]])
+    assert np.linalg.norm(end(40) - elastic.tip_position[0]) > 0.02 * STUDY.length
+
+
+def test_a_turned_load_turns_the_answer():
+    moments = 1.2 * STUDY.bending_stiffness[0] / STUDY.length * np.array([1.0, 0.3, -0.6])
+    angle = 0.7
+    turned = follow(STUDY, moments, (math.cos(angle), math.sin(angle), 0.0))
+    assert turned == pytest.approx(follow(STUDY, moments), abs=1e-11)
+
+
+def test_a_cycle_dissipates_the_work_of_the_closed_form():
+    stiffness, length = STUDY.bending_stiffness[0], STUDY.length
+    largest = 1.5 * stiffness / length
+    cycle = largest * np.sin(np.linspace(0.5 * np.pi, 2.5 * np.pi, 2001))
+    bends = follow(STUDY, np.concatenate([[largest], cycle]))[1:]
+    work = 0.5 * ((cycle[1:] + cycle[:-1]) * np.diff(bends)).sum()
+    # per length: 4 E I share x play x (amplitude of the curvature - play)
+    share, play = STUDY.hysteresis[0]
+    flexible = closed_form(STUDY, [1e-9 * largest])[0] * stiffness / (1e-9 * largest)
+    amplitude = bends[0] / flexible
+    expected = 4.0 * stiffness * share * play * (amplitude - play) * flexible
+    assert work == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_pose_is_that_of_the_elastic_robot_with_this_set():
+    """With the plays of the history as rest bends, an elastic robot has the same equilibrium."""
+    changes = {"segments.*.backbone.hysteresis_play": "2 deg", "segments.0.disks.count": 1}
+    robot = bs.load_robot("amouri2019", {**SET, **changes})
+    rows = np.array([[10.0, 0, 0], [50.0, 8, 0], [20.0, 30, 3], [6.0, 2, 0]])
+    gravity, model = bs.Load(gravity=(0, 0, -9.81)), bs.RodModel(elements=4)
+    found = bs.sweep(robot, rows, load=gravity, model=model)
+    x, y = found.history()["plays_per_m"][0]
+    elastic = robot.with_(
+        {
+            "segments.0.backbone.hysteresis": 0,
+            "segments.0.backbone.rest_bend": SHARE * math.hypot(x, y) * robot.length,
+            # curvature about x bends towards -y
+            "segments.0.backbone.rest_direction": math.atan2(-x, y),
+        }
+    )
+    same = bs.sweep(elastic, rows[-1:], load=gravity, model=model)
+    assert found.tip_position[-1] == pytest.approx(same.tip_position[0], abs=1e-10)
+    assert math.hypot(x, y) > 0.2
+
+
+def test_displacements_count_from_the_home_pose_without_a_set():
+    displacements = np.array([[0.02, np.nan, np.nan], [0.0, np.nan, np.nan]])
+    load = bs.Load(np.where(np.isnan(displacements), 1.0, np.nan), displacements)
+    changes = {"segments.*.tendons.compliance": "0.05 mm/N"}
+    robot = bs.load_robot("amouri2019", {**SET, **changes})
+    found = bs.sweep(robot, load=load)
+    elastic = bs.sweep(robot.with_({"segments.*.backbone.hysteresis": 0}), load=load)
+    assert found.converged.all() and elastic.converged.all()
+    # the tendon that was displaced is slack by what the set leaves
+    assert found.slack_lengths[-1, 0] > 1e-3 > elastic.slack_lengths[-1, 0]
+    assert found.tip_position[-1, 0] > 0.01 + elastic.tip_position[-1, 0]
+
+
+def test_a_history_continues():
+    rows = np.outer([20.0, 60.0, 30.0, 5.0], [1.0, 0.2, 0.0])
+    whole = bs.sweep(STUDY, rows)
+    first = bs.sweep(STUDY, rows[:2])
+    stored = json.loads(json.dumps(first.history()))
+    rest = bs.sweep(STUDY, rows[2:], history=stored)
+    assert rest.tip_position[-1] == pytest.approx(whole.tip_position[-1], abs=1e-10)
+    damaged = {**stored, "plays_per_m": stored["plays_per_m"][:-1]}
+    with pytest.raises(InputError, match="history"):
+        bs.sweep(STUDY, rows[2:], history=damaged)
+
+
+def test_fit_finds_share_and_play():
+    truth = {"segments.0.backbone.hysteresis": 0.2, "segments.0.backbone.hysteresis_play": 0.1}
+    tensions = np.concatenate(
+        [np.outer(np.abs(np.sin(np.linspace(0, 6, 40))) * 50, row) for row in np.eye(3)]
+    )
+    rng = np.random.default_rng(3)
+    tips = bs.sweep(bs.load_robot("amouri2019", truth), tensions).tip_position  # synthetic
+    tips = tips + rng.normal(0.0, 1e-4, tips.shape)
+    start = bs.load_robot(
+        "amouri2019",
+        {"segments.0.backbone.hysteresis": 0.1, "segments.0.backbone.hysteresis_play": 0.15},
+    )
+    found = fit(start, Data(points=tips, tensions=tensions), list(truth), loss="linear")
+    assert found.converged, found.message
+    share, play = found.estimates
+    assert share.low < 0.2 < share.high and share.standard_error < 0.01
+    assert play.low < math.degrees(0.1) < play.high and play.standard_error < 1.0
+
+
+@pytest.mark.parametrize(
+    "work",
+    [
+        lambda: bs.simulate(STUDY, [0, 0, 0], duration=0.1),
+        lambda: bs.modes(STUDY, [0, 0, 0]),
+        lambda: bs.inverse_kinematics(STUDY, [0.0, 0.1, 0.3]),
+        lambda: bs.jacobians(bs.solve(STUDY, [10, 0, 0])),
+        lambda: bs.compile_robot(STUDY),
+    ],
+)
+def test_what_follows_no_path_refuses_hysteresis(work):
+    with pytest.raises(InputError, match="hysteresis") as caught:
+        work()
+    assert "set hysteresis to 0" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_numbers_out_of_range_are_named():
+    with pytest.raises(InputError, match="hysteresis"):
+        bs.load_robot("amouri2019", {"segments.0.backbone.hysteresis": 1.0})
+    with pytest.raises(InputError, match="hysteresis_play"):
+        bs.load_robot("amouri2019", {"segments.0.backbone.hysteresis_play": "-1 deg"})
+
+
+def test_the_error_budget_has_rows_of_hysteresis():
+    from bowstring.study.actuation_budget import actuation_budget
+    from bowstring.study.comparison import Model
+
+    tension = np.linspace(0.0, 60.0, 5)
+
+    def budget(robot):
+        model = Model(robot, 0, "cosserat")
+        return actuation_budget(model, tension, model.case(model.main, tension))
+
+    found, elastic = budget(STUDY), budget(bs.load_robot("amouri2019"))
+    rows = {row.effect: row for row in found.rows}
+    up, down = rows["hysteresis_loading"], rows["hysteresis_unloading"]
+    assert 1e-3 < up.moved < down.moved
+    assert any("hysteresis of the backbone (25 %)" in text for text in found.text)
+    # the other rows are those of the elastic robot
+    assert [row.effect for row in elastic.rows] == list(rows)[:-2]
+    for row in elastic.rows:
+        assert rows[row.effect].moved == pytest.approx(row.moved, rel=1e-9)
