@@ -7,6 +7,9 @@ import pytest
 
 import bowstring as bs
 from bowstring.calibration import Data, fit
+from bowstring.calibration.observations import commands
+from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.tip_model import TipModel
 from bowstring.errors import InputError
 
 CLEARANCE = 3e-4
@@ -67,3 +70,21 @@ def test_tensions_do_not_depend_on_it():
     data = Data(points=bs.sweep(ROBOT, tensions).tip_position, tensions=tensions)
     held = fit(ROBOT, data, ["base.x"], start={"hole_clearance": 1e-3}, loss="linear")
     assert held.score.rmse < 1e-9
+
+
+def test_derivatives_are_those_of_differences():
+    """All parameters of displacements and tendons, against central differences of predictions."""
+    given = displacements(12, 4)
+    data = Data(points=np.zeros((12, 3)), displacements=given)
+    names = ["hole_clearance.segments", "gain.segments", "offset.tendons"]
+    names += ["segments.*.tendons.compliance", "segments.0.backbone.E"]
+    start = {f"hole_clearance.segments.{i}": CLEARANCE for i in range(3)}
+    unknowns = Unknowns(ROBOT, names, start)
+    model = TipModel(unknowns, commands(data, ROBOT), bs.RodModel())
+    values = unknowns.start
+    exact = model.jacobian(values, model.predict(values, keep=True))
+    for i, item in enumerate(unknowns.items):
+        step = 1e-3 * item.step * (np.arange(len(values)) == i)
+        more, less = (model.predict(values + side * step).point for side in (1, -1))
+        central = (more - less) / (2e-3 * item.step)
+        assert exact[:, :, i] * item.step == pytest.approx(central * item.step, abs=4e-6), item.name

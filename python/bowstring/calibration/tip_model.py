@@ -19,6 +19,7 @@ from bowstring.calibration.parameters import TENDON_PROPERTIES, Setting, Unknown
 from bowstring.calibration.pieces import Pieces
 from bowstring.constant_curvature import Arc, RobotArcs
 from bowstring.errors import BowstringError, InputError
+from bowstring.robot.model import Robot
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
@@ -33,8 +34,10 @@ _NO_LOAD: Final = Load()  # only the robot's gravity
 _SMALL: Final = 1e-3
 _SMALL_FRICTION: Final = 0.1
 #: Remaining change of a displacement by the clearance in holes, m, and most passes to reach it.
-_SETTLED: Final = 1e-7
+_SETTLED: Final = 1e-8
 _PASSES: Final = 8
+#: Change of a displacement for a difference of the bend, m.
+_NUDGE: Final = 1e-5
 #: Number of neighbours from which the solution of a failed row is continued.
 _NEIGHBOURS: Final = 2
 
@@ -201,8 +204,8 @@ class TipModel:
     def jacobian(self, values: Floats, at: Prediction) -> Floats:
         """Derivatives (K, 3, P) of the measured point.
 
-        Exact by parameters of displacements and tensions, by E, base and tool, unless tendons have
-        friction; central differences by the others.
+        Exact by parameters of displacements and tensions, by E, base and tool, unless the robot has
+        a memory; central differences by the others.
         """
         return np.stack([column.whole for column in self._columns(values, at)], axis=-1)
 
@@ -225,12 +228,15 @@ class TipModel:
         """Piecewise linear model of the measured point, with tendons that become taut or slack.
 
         None where no tendon is displacement-controlled, where the displacements do not determine
-        the tensions, with friction, and for constant curvature. Rows without a solution have NaN.
+        the tensions, with a memory or clearance in the holes, and for constant curvature. Rows
+        without a solution have NaN.
         """
         exact = at.exact if self.commands.by_displacement.any() else None
         if exact is None:
             return None
         assert at.slack is not None
+        if at.setting.hole_clearance.any():
+            return None
         columns = self._columns(values, at)
         by_slack = np.stack([column.slack for column in columns], axis=-1)
         by_tension = np.stack([column.tensions for column in columns], axis=-1)
@@ -251,8 +257,9 @@ class TipModel:
         if not at.columns:
             memory = self.rod is not None and at.setting.robot.has_memory
             known = self._along_paths(values, at) if memory else {}
+            holes = None if memory else self._in_holes(values, at)
             for i in range(len(values)):
-                at.columns.append(known[i] if i in known else self._column(i, values, at))
+                at.columns.append(known[i] if i in known else self._column(i, values, at, holes))
         return at.columns
 
     # -- the models --------------------------------------------------------------------------
@@ -262,7 +269,9 @@ class TipModel:
         by_displacement = self.commands.by_displacement
         given = np.where(by_displacement, given, np.maximum(given, 0.0))
         core = actuation.Path(robot, rod).core
-        if robot.has_memory or setting.hole_clearance.any() or not keep:
+        if setting.hole_clearance.any():
+            given = self._left(core, setting, given)
+        if robot.has_memory or not keep:
             return self._followed(core, setting, given)
         solutions = []
         for held, row in zip(by_displacement, given, strict=True):
@@ -277,31 +286,7 @@ class TipModel:
 
     def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
         """Predict by the rod in rows, with friction along each path from the home pose."""
-        robot = setting.robot
-        paths = self.commands.paths if robot.has_memory else [np.arange(len(given))]
-        threads = None if robot.has_memory else 0
-        bends = bool(setting.hole_clearance.any())
-
-        def follow(given: Floats) -> dict[str, Any]:
-            found = []
-            for rows in paths:
-                core.reset()
-                by_displacement = self.commands.by_displacement[rows]
-                found.append(core.follow(by_displacement, given[rows], _NO_LOAD, bends, threads))
-            names = ["tip_position", "tip_rotation", "converged", "tensions", "slack_lengths"]
-            names += ["disk_rotations"] * bends
-            back = np.argsort(np.concatenate(paths))
-            return {name: np.concatenate([each[name] for each in found])[back] for name in names}
-
-        at = follow(given)
-        shift = np.zeros(given.shape)
-        for _ in range(_PASSES if bends else 0):  # theory Eq. 7.3
-            bend = np.nan_to_num(_bends(at["disk_rotations"])[:, robot.tendons.end_disk])
-            lost = np.where(self.commands.by_displacement, setting.hole_clearance * bend, 0.0)
-            change, shift = np.abs(lost - shift).max(), lost
-            at = follow(given - shift)
-            if change < _SETTLED:
-                break
+        at = self._follow(core, setting.robot, given)
         return Prediction(
             at["tip_position"],
             at["tip_rotation"],
@@ -310,6 +295,57 @@ class TipModel:
             tensions=at["tensions"],
             slack=at["slack_lengths"],
         )
+
+    def _follow(
+        self, core: Any, robot: Robot, given: Floats, *, disks: bool = False
+    ) -> dict[str, Any]:
+        """Arrays of all rows by effective commands (K, T), with a memory along each path."""
+        paths = self.commands.paths if robot.has_memory else [np.arange(len(given))]
+        threads = None if robot.has_memory else 0
+        found = []
+        for rows in paths:
+            core.reset()
+            by_displacement = self.commands.by_displacement[rows]
+            found.append(core.follow(by_displacement, given[rows], _NO_LOAD, disks, threads))
+        names = ["tip_position", "tip_rotation", "converged", "tensions", "slack_lengths"]
+        names += ["disk_rotations"] * disks
+        back = np.argsort(np.concatenate(paths))
+        return {name: np.concatenate([each[name] for each in found])[back] for name in names}
+
+    # -- clearance in the holes, theory Eq. 7.3 ------------------------------------------------
+
+    def _bend(self, core: Any, robot: Robot, given: Floats) -> Floats:
+        """Bend (K, T) in rad from the base to the end disk of each tendon."""
+        bends = _bends(self._follow(core, robot, given, disks=True)["disk_rotations"])
+        return np.nan_to_num(bends[:, robot.tendons.end_disk])
+
+    def _left(self, core: Any, setting: Setting, given: Floats) -> Floats:
+        """Commands (K, T) less the displacement that is lost in the holes."""
+        by_displacement = self.commands.by_displacement
+        left = given
+        for _ in range(_PASSES):
+            bend = self._bend(core, setting.robot, left)
+            lost = np.where(by_displacement, setting.hole_clearance * bend, 0.0)
+            change, left = np.abs(given - lost - left).max(), given - lost
+            if change < _SETTLED:
+                break
+        return left
+
+    def _in_holes(self, values: Floats, at: Prediction) -> _InHoles | None:
+        """How the displacement lost in the holes follows a change; None without clearance."""
+        setting, rod = at.setting, self.rod
+        if rod is None or not setting.hole_clearance.any():
+            return None
+        core = actuation.Path(setting.robot, rod).core
+        left = self._left(core, setting, self.commands.effective(setting))
+        bend = self._bend(core, setting.robot, left)
+        count = left.shape[1]
+        response = np.zeros((len(left), count, count))
+        for i in range(count):
+            moved = left + _NUDGE * (np.arange(count) == i)
+            response[:, :, i] = (self._bend(core, setting.robot, moved) - bend) / _NUDGE
+        lost = np.where(self.commands.by_displacement, setting.hole_clearance, 0.0)
+        return _InHoles(bend, np.linalg.inv(np.eye(count) + lost[:, :, None] * response))
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
         """Predict by constant curvature, with the gain on the bend of each segment."""
@@ -330,7 +366,7 @@ class TipModel:
 
     # -- derivatives -------------------------------------------------------------------------
 
-    def _column(self, i: int, values: Floats, at: Prediction) -> _Column:
+    def _column(self, i: int, values: Floats, at: Prediction, holes: _InHoles | None) -> _Column:
         item, exact = self.unknowns.items[i], at.exact
         name = item.name
         none = np.zeros(self.commands.values.shape)
@@ -339,9 +375,12 @@ class TipModel:
             return _Column(moved, moved, none, none)
         still = np.zeros((len(none), 3))
         by_displacement = self.commands.by_displacement
-        if exact is not None:
+        if exact is not None and (holes is None or by_displacement.all()):
             if not item.paths and not name.startswith(("hole_angle", "pitch_radius", "bend_gain")):
                 commands = self._difference(i, values, self.commands.effective)
+                if holes is not None:
+                    wider = self._difference(i, values, lambda setting: setting.hole_clearance)
+                    commands = holes.follow(commands - wider * holes.bend)
                 shorter = np.where(by_displacement, commands, 0.0)
                 return exact.column(still, -shorter, np.where(by_displacement, 0.0, commands))
             by_home = np.where(by_displacement, self._difference(i, values, self._home), 0.0)
@@ -351,8 +390,9 @@ class TipModel:
                     i, values, lambda setting: actuation.compliances(setting.robot)
                 )
                 gives = np.where(by_displacement, exact.tensions * by_compliance, 0.0)
-                return exact.column(still, by_home + gives, none)
-            if item.leaf == "E" and self._same_nu(item):
+                longer = by_home + gives
+                return exact.column(still, longer if holes is None else holes.follow(longer), none)
+            if item.leaf == "E" and holes is None and self._same_nu(item):
                 for path in item.paths:
                     j = int(path.split(".")[1])
                     still = still + exact.by_stiffness[:, :, j] / values[i]
@@ -492,6 +532,26 @@ class _Column:
     point: Floats
     slack: Floats
     tensions: Floats
+
+
+@dataclass(frozen=True)
+class _InHoles:
+    """Displacements that are lost in the holes.
+
+    Attributes
+    ----------
+    bend : ndarray (K, T)
+        Bend from the base to the end disk of each tendon, rad.
+    share : ndarray (K, T, T)
+        Change of the effective displacements by one of the displacements before the loss.
+    """
+
+    bend: Floats
+    share: Floats
+
+    def follow(self, change: Floats) -> Floats:
+        """Change (K, T) of the effective displacements by one of those before the loss, m."""
+        return np.einsum("kst,kt->ks", self.share, change)
 
 
 @dataclass(frozen=True)
