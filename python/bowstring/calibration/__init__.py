@@ -1,6 +1,7 @@
 """Calibration of a robot's parameters from measured tips: fits, statistics, figures."""
 
 from bowstring.calibration.cross_validation import CrossValidation, cross_validate, hold_out
+from bowstring.calibration.filtering import Filtered, SlowBias, filtered, fit_slow_bias
 from bowstring.calibration.fitting import Estimate, Fit, fit
 from bowstring.calibration.observations import Data, Score, score
 from bowstring.calibration.table_fit import Calibration, calibrate
@@ -10,11 +11,15 @@ __all__ = [
     "CrossValidation",
     "Data",
     "Estimate",
+    "Filtered",
     "Fit",
     "Score",
+    "SlowBias",
     "calibrate",
     "cross_validate",
+    "filtered",
     "fit",
+    "fit_slow_bias",
     "hold_out",
     "score",
 ]

@@ -1,0 +1,221 @@
+"""Prediction of the next tip from the measured tips of the rows before it.
+
+What a calibrated model leaves is not noise: it changes slowly from row to row. A Kalman filter
+follows it as a bias of the measured point. Predictions without measured tips are called open loop,
+those of this module filtered. docs/theory/calibration.md (One row ahead) has the equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.calibration import observations
+from bowstring.calibration.fitting import Fit
+from bowstring.calibration.observations import Measured, Score, score
+from bowstring.calibration.tip_model import paths_of
+from bowstring.display import short_repr
+from bowstring.errors import InputError
+from bowstring.validation import instance
+
+__all__ = ["Filtered", "SlowBias", "filtered", "fit_slow_bias"]
+
+Floats = NDArray[np.float64]
+
+_FEWEST = 20  # measured rows for three numbers
+
+
+@dataclass(frozen=True)
+class SlowBias:
+    """Slow bias of a model's point, in each coordinate alike; made by `fit_slow_bias`.
+
+    Attributes
+    ----------
+    spread : float
+        Standard deviation of a coordinate of the bias over a long time, m.
+    duration : float
+        Time in which the bias forgets its value (by the factor 1/e), s; in rows where the rows have
+        no times.
+    noise : float
+        Standard deviation of a coordinate of what changes from row to row, m.
+    timed : bool
+        Whether the duration is in s.
+    """
+
+    spread: float
+    duration: float
+    noise: float
+    timed: bool
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Filtered:
+    """Predictions of K rows, each from the measured tips before it; made by `filtered`.
+
+    Attributes
+    ----------
+    point : ndarray (K, 3)
+        Predicted points in the measuring frame, m; NaN where the model has no solution.
+    standard_deviation : ndarray (K,)
+        Standard deviation of a coordinate of measured minus predicted point, m.
+    open_loop : ndarray (K, 3)
+        Predicted points without measured tips, m.
+    score, open_loop_score : Score
+        Scores of both over the measured rows.
+    """
+
+    point: Floats
+    standard_deviation: Floats
+    open_loop: Floats
+    score: Score
+    open_loop_score: Score
+
+
+def fit_slow_bias(found: Fit, data: Measured) -> SlowBias:
+    """Estimate the slow bias of a fit from its residuals, by maximum likelihood.
+
+    Parameters
+    ----------
+    found : Fit
+        Fit of a model to `data`.
+    data : Measurements or Data
+        The fitted rows, in the order of measurement.
+
+    Returns
+    -------
+    SlowBias
+        Spread, duration and noise.
+
+    Raises
+    ------
+    InputError
+        If fewer than 20 rows are fitted, or times do not increase along a path.
+    """
+    from scipy.optimize import minimize
+
+    instance("found", found, Fit)
+    gaps, starts, timed = _gaps(data, len(found.residuals), None)
+    residuals = np.where(found.used[:, None], -found.residuals, np.nan)
+    count = int(np.isfinite(residuals).all(axis=1).sum())
+    if count < _FEWEST:
+        raise InputError(
+            f"{count} fitted rows are too few for a slow bias; {_FEWEST} are needed at least"
+        )
+    size = max(float(np.sqrt(np.nanmean(residuals**2))), np.finfo(float).tiny)
+    usual = float(np.median(gaps[~starts])) if (~starts).any() else 1.0
+
+    def bias(logs: Floats) -> SlowBias:
+        spread, duration, noise = np.exp(np.clip(logs, -20.0, 20.0)) * [size, usual, size]
+        return SlowBias(float(spread), float(duration), float(noise), timed)
+
+    def cost(logs: Floats) -> float:
+        innovation, deviation = _follow(bias(logs), residuals, gaps, starts)
+        seen = np.isfinite(innovation).all(axis=1)
+        square = (innovation[seen] / deviation[seen, None]) ** 2
+        # a faint prior keeps numbers without effect finite
+        return float(
+            0.5 * square.sum() + 3.0 * np.log(deviation[seen] / size).sum()
+        ) + 1e-3 * float(logs @ logs)
+
+    starts_at = [np.array([0.0, np.log(n), np.log(0.3)]) for n in (3.0, 30.0)]
+    options = {"xatol": 1e-3, "fatol": 1e-3}
+    best = min(
+        (minimize(cost, at, method="Nelder-Mead", options=options) for at in starts_at),
+        key=lambda each: float(each.fun),
+    )
+    return bias(best.x)
+
+
+def filtered(found: Fit, data: Measured, bias: SlowBias) -> Filtered:
+    """Predict each row from the calibrated model and the measured tips of the rows before.
+
+    Parameters
+    ----------
+    found : Fit
+        Fit of the model.
+    data : Measurements or Data
+        Rows in the order of measurement, fitted or not. Rows without a measured tip are predicted
+        too.
+    bias : SlowBias
+        Slow bias of the model.
+
+    Returns
+    -------
+    Filtered
+        Predictions with and without the filter, and their scores.
+
+    Raises
+    ------
+    InputError
+        If times are missing or do not increase along a path, or no row has a measured tip.
+    """
+    instance("found", found, Fit)
+    instance("bias", bias, SlowBias)
+    open_loop = found.predict(data)
+    measured = observations.tips(data, len(open_loop))
+    gaps, starts, _ = _gaps(data, len(open_loop), bias.timed)
+    innovation, deviation = _follow(bias, measured - open_loop, gaps, starts, keep=True)
+    point = open_loop + innovation
+    return Filtered(point, deviation, open_loop, score(point, measured), score(open_loop, measured))
+
+
+def _gaps(data: Measured, count: int, timed: bool | None) -> tuple[Floats, NDArray[np.bool_], bool]:
+    """Time since the row before (K,), whether a path starts (K,), and whether times are in s."""
+    given = getattr(data, "time", None)
+    time = np.full(count, np.nan) if given is None else np.asarray(given, dtype=float)
+    has_times = time.shape == (count,) and bool(np.isfinite(time).all())
+    if timed and not has_times:
+        raise InputError("the slow bias was fitted with times, and the rows have none")
+    recording = getattr(data, "recording", None)
+    if recording is not None:
+        recording = np.unique(np.asarray(recording), return_inverse=True)[1].ravel()
+    starts = np.zeros(count, dtype=bool)
+    gaps = np.ones(count)
+    use_times = has_times if timed is None else timed
+    for rows in paths_of(recording, count):
+        starts[rows[0]] = True
+        if use_times:
+            gaps[rows[1:]] = np.diff(time[rows])
+    if not (gaps[~starts] > 0).all():
+        row = 1 + int(np.flatnonzero(~starts & ~(gaps > 0))[0])
+        raise InputError(
+            f"row {row} is not later than the row before: give the rows in the order of "
+            "measurement, and a recording to those of another path"
+        )
+    return gaps, starts, use_times
+
+
+def _follow(
+    bias: SlowBias,
+    residuals: Floats,
+    gaps: Floats,
+    starts: NDArray[np.bool_],
+    *,
+    keep: bool = False,
+) -> tuple[Floats, Floats]:
+    """Innovations (K, 3) and their standard deviation (K,) by a Kalman filter, theory Eq. 7.4.
+
+    With `keep` the predicted biases (K, 3) instead of innovations. Residuals are measured minus
+    predicted, NaN where a row is not measured.
+    """
+    out, deviation = np.empty_like(residuals), np.empty(len(residuals))
+    mean, variance = np.zeros(3), 0.0
+    whole, noise = bias.spread**2, bias.noise**2
+    kept = np.exp(-gaps / bias.duration)
+    seen = np.isfinite(residuals).all(axis=1)
+    for k, (residual, share) in enumerate(zip(residuals, kept.tolist(), strict=True)):
+        if starts[k]:
+            mean, variance = np.zeros(3), whole
+        else:
+            mean, variance = share * mean, whole + share**2 * (variance - whole)
+        total = variance + noise
+        out[k] = mean if keep else residual - mean
+        deviation[k] = np.sqrt(total)
+        if seen[k] and total > 0.0:
+            gain = variance / total
+            mean = mean + gain * (residual - mean)
+            variance = (1.0 - gain) * variance
+    return out, deviation
