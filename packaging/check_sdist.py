@@ -28,6 +28,7 @@ NEEDED |= {"README.md", "pyproject.toml"}
 ALLOWED = re.compile(
     r"python/bowstring/[\w/]+\.(py|pyi|typed|html\.j2)"
     r"|python/bowstring/(robot/builtin|data/mappings)/[\w-]+\.yaml"
+    r"|python/bowstring/suite/sets/[\w-]+/(robot|protocol)\.yaml"
     r"|python/bowstring/validity/chart_response\.npz"
     r"|crates/[\w-]+/(src|tests|benches|examples)/[\w/]+\.rs"
     r"|crates/[\w-]+/(Cargo\.toml|README\.md|cbindgen\.toml|include/[\w]+\.h)"

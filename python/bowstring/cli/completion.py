@@ -18,6 +18,7 @@ _PACKAGE: Final = Path(__file__).parents[1]
 #: Parts of each public data set, as `bowstring.data.datasets` has them.
 DATA_SETS: Final[dict[str, tuple[str, ...]]] = {
     "crl-ftdcr-mocap": ("train", "val", "keypoints", "tendon_pull"),
+    "soromox-tentacle": ("markers",),
     "sorosim-rods": (),
     "tamm-spring": ("bending",),
     "ucl-planar-shape": ("shapes",),

@@ -34,6 +34,7 @@ from bowstring.cli import (
     map,
     statics,
     study,
+    suite,
     uncertainty,
 )
 from bowstring.cli.output import Stopped, be_quiet, coloured, say, write
@@ -87,6 +88,7 @@ for _command in (
     statics.solve,
     branches.branches,
     study.study,
+    suite.suite,
     dynamics.simulate,
     dynamics.modes,
     fit.fit,

@@ -104,7 +104,7 @@ class DataSet:
 
 
 # The hashes are those of sha256sum over unchanged, renamed copies of the files, each with the same
-# number of bytes as in the repository. Only bending.csv is no copy.
+# number of bytes as in the repository. Only bending.csv and single_tendon.csv are no copies.
 _OPENCR: Final = (
     "ContinuumRoboticsLab/opencr-mujoco",
     "17fff8b125dbb702c8688e1d8ffd723050c284c1",
@@ -146,6 +146,25 @@ _SETS: Final = {
                 ),
                 _licence(_OPENCR_LICENCE),
             ),
+        ),
+        DataSet(
+            "soromox-tentacle",
+            "Tapered silicone tentacle that hangs: four markers by motion capture against the "
+            "tension of one of two tendons",
+            "measured",
+            "tud-phi/soromox",
+            "4f03054aa9c04eaaa7415d3ea622aea31fc4011b",
+            "MIT",
+            (
+                DataFile(
+                    "single_tendon.csv",
+                    "9bf6cd99c88a815b9ee8a345a08bf595cf3137c6c57a2208160ad533cef95773",
+                    "paper_results/secVa_system_identification",
+                    "markers",
+                ),
+                _licence("b0f8fd3f61c3f40a89d4daa36814f54c8704dc6bf7d1bc111baef5bc86c1aa33"),
+            ),
+            transcribed="the means of the records data/m1_*.csv and data/m2_*.csv",
         ),
         DataSet(
             "sorosim-rods",
@@ -358,7 +377,7 @@ def _file(found: DataSet, file: DataFile) -> Path:
     url = found.url(file)
     if url is None:
         raise InputError(
-            f"{found.name} cannot be downloaded: {file.name} was transcribed by hand from "
+            f"{found.name} cannot be downloaded: {file.name} was transcribed from "
             f"{found.transcribed} of {found.repository}; set {VARIABLE} to a folder that has "
             f"{found.name}/{file.name}"
         )

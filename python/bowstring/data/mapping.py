@@ -6,15 +6,15 @@ A YAML file, checked as a whole: columns, units, order and sign of the tendons, 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, get_args
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from bowstring.data.columns import (
     PIXELS,
@@ -26,8 +26,8 @@ from bowstring.data.columns import (
     check_stations,
     did_you_mean,
     factor_of,
-    nearest,
 )
+from bowstring.data.field_messages import Fields, checked
 from bowstring.data.joining import How, join
 from bowstring.data.motive import TIME
 from bowstring.data.tables import COLUMN, Form, Name, Table, open_table
@@ -41,10 +41,6 @@ _BUILT_IN: Final = Path(__file__).with_name("mappings")
 _MOST_POINTS: Final = 1_000
 
 Floats = NDArray[np.float64]
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 def _scale_of(unit: str, si: str) -> float:
@@ -91,7 +87,7 @@ def _name_or_number(value: object) -> object:
     return COLUMN.read(value)
 
 
-class Source(_Part):
+class Source(Fields):
     """Column, or a constant for every row; may be written as its bare name.
 
     Attributes
@@ -136,7 +132,7 @@ Triple = Annotated[tuple[Source, Source, Source], Field(description="Columns of 
 LengthUnit = Annotated[str, _unit("m", PIXELS)]
 
 
-class Time(_Part):
+class Time(Fields):
     """Column of the time; the unit ``iso`` means dates and times in ISO 8601."""
 
     column: Name
@@ -149,7 +145,7 @@ class Time(_Part):
         return replace(found, is_date=dates)
 
 
-class Join(_Part):
+class Join(Fields):
     """Another table of the same experiment, joined by time.
 
     Attributes
@@ -176,7 +172,7 @@ class Join(_Part):
     table: Form | None = None
 
 
-class Tendons(_Part):
+class Tendons(Fields):
     """Actuation of the tendons, in the robot's order."""
 
     quantity: Literal["mass", "tension", "displacement"]
@@ -220,7 +216,7 @@ class Tendons(_Part):
         ]
 
 
-class Tip(_Part):
+class Tip(Fields):
     """Columns of the measured tip, or the name of a body or marker of a Motive export."""
 
     columns: Triple | None = None
@@ -242,7 +238,7 @@ class Tip(_Part):
         return (self.columns or find.body("tip.name", self.name or ""),)
 
 
-class Points(_Part):
+class Points(Fields):
     """Columns of measured points from base to tip; the last is the tip."""
 
     columns: tuple[Triple, ...] | None = Field(default=None, min_length=1, max_length=_MOST_POINTS)
@@ -273,14 +269,14 @@ def _check_units(columns: Iterable[Source], unit: str | None) -> None:
         _check_unit(each.unit, "m", "columns: unit: ")
 
 
-class Shape(_Part):
+class Shape(Fields):
     """One column with whole shapes, as JSON: [[x, y], ...] or [[x, y, z], ...], base to tip."""
 
     column: Name
     unit: LengthUnit
 
 
-class Angles(_Part):
+class Angles(Fields):
     """Columns of angle and direction of bending."""
 
     bend: Name
@@ -288,21 +284,21 @@ class Angles(_Part):
     unit: Annotated[str, _unit("rad")]
 
 
-class Sigma(_Part):
+class Sigma(Fields):
     """Column of the standard uncertainty of a coordinate."""
 
     column: Name
     unit: Annotated[str, _unit("m")]
 
 
-class Keep(_Part):
+class Keep(Fields):
     """Column and the value that a row must have to be read."""
 
     column: Name
     value: Annotated[str, Text(200, "1")]
 
 
-class Frame(_Part):
+class Frame(Fields):
     """Axes of the measuring frame in those of the file: named, or as a rotation matrix."""
 
     axes: tuple[str, str, str] | None = None
@@ -358,7 +354,7 @@ def _sigma_form(value: object) -> object:
     return value if isinstance(value, dict) else SIGMA.read(value)
 
 
-class Mapping(_Part):
+class Mapping(Fields):
     """Meaning of the columns of a table.
 
     Attributes
@@ -597,13 +593,7 @@ def load_mapping(source: str | Path) -> Mapping:
     path = _BUILT_IN / f"{source}.yaml" if str(source) in names else Path(source)
     label = f"Mapping {source}" if str(source).isprintable() else f"Mapping {quote(str(source))}"
     tree = read_yaml(_text(path, label, names), label, "mapping", "tip")
-    try:
-        return Mapping.model_validate(tree)
-    except ValidationError as error:
-        problems = [_sentence(item) for item in error.errors()]
-    first, *others = dict.fromkeys(problems)
-    more = f" (and {len(others)} more)" if others else ""
-    raise InputError("\n".join([f"{label}: {first}{more}.", *(f"  {o}." for o in others[:20])]))
+    return checked(Mapping, tree, label)
 
 
 def _text(path: Path, label: str, names: Sequence[str]) -> str:
@@ -616,46 +606,3 @@ def _text(path: Path, label: str, names: Sequence[str]) -> str:
                 f"{did_you_mean(str(path), names)}these are {', '.join(names)}."
             )
         return text_of(path, label, "mapping")
-
-
-def _model_at(names: Sequence[str]) -> type[BaseModel]:
-    """Model of a set of fields, by the path of field names to it."""
-    found: type[BaseModel] = Mapping
-    for name in names:
-        found = next(_models_in(found.model_fields[name].annotation))
-    return found
-
-
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for each in get_args(annotation):
-        yield from _models_in(each)
-
-
-def _sentence(error: Any) -> str:
-    """Convert one of pydantic's errors to "field: sentence"."""
-    kind, given = error["type"], error["input"]
-    loc = tuple(step for step in error["loc"] if step not in ("Sigma", "float"))
-    path = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in loc).lstrip(".")
-    if kind == "bowstring":
-        sentence = error["ctx"]["sentence"]
-        return f"{path}: {sentence}" if path else sentence
-    names = tuple(step for step in loc if isinstance(step, str))
-    if kind == "extra_forbidden":
-        known = list(_model_at(names[:-1]).model_fields)
-        near = nearest(names[-1], known)
-        hint = f"; did you mean {near}?" if near else "."
-        return f"{path}: unknown field{hint} Known here: {', '.join(known)}"
-    if kind == "missing":
-        return f"{path}: missing"
-    if kind == "literal_error":
-        return f"{path}: got {quote(given)}; must be {error['ctx']['expected']}"
-    if kind in ("model_type", "model_attributes_type"):
-        fields = ", ".join(_model_at(names).model_fields)
-        return f"{path}: got {quote(given)}; must be a set of fields: {fields}"
-    if kind in ("too_short", "too_long", "tuple_type"):
-        return f"{path}: got {quote(given)}; must be a list of columns or numbers of right length"
-    if kind in ("float_parsing", "float_type"):
-        return f"{path}: got {quote(given)}; must be a number"
-    return f"{path}: got {quote(given)}; {error['msg'][:1].lower()}{error['msg'][1:]}"

@@ -21,6 +21,7 @@ from bowstring.schemas import (
     solids,
     statics,
     study,
+    suite,
 )
 
 #: The object that each command prints; that of `schema` is a JSON Schema itself.
@@ -38,6 +39,7 @@ COMMANDS: Final[dict[str, Any]] = {
     "simulate": dynamics.Simulate,
     "modes": dynamics.Modes,
     "study": study.Study,
+    "suite": suite.Suite,
     "map": maps.Map,
     "map --over --over --over": maps.Grid,
     "map --workspace": maps.Workspace,

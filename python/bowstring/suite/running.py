@@ -1,0 +1,324 @@
+"""Runs of the models of one set, with results kept by the hash of their inputs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+import bowstring
+from bowstring import _core
+from bowstring.atomic_io import user_cache, write_whole_file
+from bowstring.calibration.observations import numbered
+from bowstring.errors import BowstringError, InputError
+from bowstring.formatting import plain
+from bowstring.result_folder import write_json
+from bowstring.suite.prediction import Fitted, arcs_of_shapes, errors_of, fitted, observed
+from bowstring.suite.protocol import Column, Figure, Model, SuiteSet
+from bowstring.suite.tables import Table
+
+if TYPE_CHECKING:
+    from bowstring.schemas import suite as schema
+
+__all__ = ["ModelResult", "Score", "SetResult", "run_set"]
+
+Floats = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+_FORM: Final = 1  # of the kept results
+
+
+@dataclass(frozen=True)
+class Score:
+    """Metrics of a model on rows, in their units.
+
+    Attributes
+    ----------
+    rows, without_solution : int
+        Number of rows with a prediction, and of those without, which no metric includes.
+    values : dict
+        Values by name of the metric; NaN without any prediction.
+    """
+
+    rows: int
+    without_solution: int
+    values: Mapping[str, float]
+
+    def to_dict(self) -> schema.SuiteScore:
+        """Return plain values."""
+        return {
+            "rows": self.rows,
+            "rows_without_solution": self.without_solution,
+            "values": plain(dict(self.values)),
+        }
+
+
+@dataclass(frozen=True)
+class ModelResult:
+    """Result of one model of a set.
+
+    Attributes
+    ----------
+    model : Model
+        Model of the protocol.
+    validation : Score
+        On rows that were not fitted; of arcs on the fitted shapes.
+    train : Score or None
+        On the rows of the fit; None without parameters.
+    values : dict
+        Parameters fitted to all rows of training, in SI.
+    converged : bool
+        Whether all fits converged.
+    message : str
+        Message of the fit to all rows of training.
+    seconds : float
+        Time of its computation, s.
+    """
+
+    model: Model
+    validation: Score
+    train: Score | None
+    values: Mapping[str, float]
+    converged: bool
+    message: str
+    seconds: float
+
+    def to_dict(self) -> schema.SuiteModel:
+        """Return plain values."""
+        return {
+            "name": self.model.name,
+            "model": self.model.model,
+            "column": self.model.column,
+            "label": self.model.label,
+            "validation": self.validation.to_dict(),
+            "train": None if self.train is None else self.train.to_dict(),
+            "parameters": dict(self.values),
+            "converged": self.converged,
+            "message": self.message,
+            "time_s": self.seconds,
+        }
+
+
+@dataclass(frozen=True)
+class SetResult:
+    """Results of all models of a set.
+
+    Attributes
+    ----------
+    given : SuiteSet
+        The set.
+    models : tuple of ModelResult
+        Results in the order of the protocol.
+    missing : str
+        Why there are none; empty otherwise.
+    """
+
+    given: SuiteSet
+    models: tuple[ModelResult, ...] = ()
+    missing: str = ""
+
+    def model(self, column: Column) -> ModelResult | None:
+        """Result of the model in a column of the table."""
+        return next((each for each in self.models if each.model.column == column), None)
+
+    def published(self, by: str, metric: str) -> Figure | None:
+        """Published figure for the table."""
+        figures = self.given.protocol.published
+        return next(
+            (f for f in figures if (f.by, f.metric, f.in_table) == (by, metric, True)), None
+        )
+
+    def to_dict(self) -> schema.SuiteSetResult:
+        """Return plain values."""
+        protocol = self.given.protocol
+        return {
+            "name": self.given.name,
+            "kind": self.given.kind,
+            "description": protocol.description,
+            "metrics": [
+                {"name": name, "label": metric.label, "unit": metric.unit}
+                for name, metric in self.given.metrics.items()
+            ],
+            "models": [each.to_dict() for each in self.models],
+            "published": [
+                {
+                    "by": each.by,
+                    "metric": each.metric,
+                    "value": each.value,
+                    "what": each.what,
+                    "source": each.source,
+                }
+                for each in protocol.published
+            ],
+            "without": {str(column): why for column, why in protocol.without.items()},
+            "missing": self.missing or None,
+        }
+
+
+def run_set(given: SuiteSet, *, progress: Progress | None = None) -> SetResult:
+    """Run all models of a set; results with the same inputs are taken from the user's cache.
+
+    Parameters
+    ----------
+    given : SuiteSet
+        The set.
+    progress : callable, optional
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
+
+    Returns
+    -------
+    SetResult
+        Without results, but with the reason, if the tables are not available.
+
+    Raises
+    ------
+    BowstringError
+        If a table is not valid or a model cannot be evaluated; the message names the set.
+    """
+    notify = progress or (lambda what, share: None)
+    try:
+        notify(f"{given.name}: tables", 0.0)
+        inputs = given.hash
+    except InputError as error:
+        return SetResult(given, missing=str(error))
+    found: list[ModelResult] = []
+    tables: dict[str, Table] = {}
+    for k, model in enumerate(given.protocol.models):
+        notify(f"{given.name}: {model.name}", k / len(given.protocol.models))
+        file = _kept_file(given.name, model, inputs)
+        result = _kept(file, model)
+        if result is None:
+            try:
+                if not tables:
+                    names = (given.protocol.train, given.protocol.validation)
+                    tables = {name: given.table(name) for name in names if name is not None}
+                result = _run(given, model, tables)
+            except BowstringError as error:
+                raise type(error)(f"set {given.name}, {model.name}: {error}") from None
+            _keep(file, result)
+        found.append(result)
+    return SetResult(given, tuple(found))
+
+
+def _run(given: SuiteSet, model: Model, tables: Mapping[str, Table]) -> ModelResult:
+    began = time.perf_counter()
+    protocol = given.protocol
+    train = tables[protocol.train]
+    judged = tables[protocol.validation or protocol.train]
+    trained, whole, fits = None, Fitted(lambda table: np.empty(0), {}), []
+    if model.model == "arcs":
+        predicted = arcs_of_shapes(judged, model.pieces)
+    else:
+        whole = fitted(given, model, train)
+        fits.append(whole)
+        if model.parameters:
+            trained = _score(given, whole.predict(train), train)
+        if model.parameters and protocol.leave_out is not None:
+            predicted = _left_out(given, model, train, fits)
+        else:
+            predicted = whole.predict(judged)
+    return ModelResult(
+        model,
+        _score(given, predicted, judged),
+        trained,
+        whole.values,
+        all(fit.converged for fit in fits),
+        whole.message,
+        time.perf_counter() - began,
+    )
+
+
+def _left_out(given: SuiteSet, model: Model, table: Table, fits: list[Fitted]) -> Floats:
+    """Predict each row, or each group, by a fit to the others; fits are added to the list."""
+    labels = table.data.group if given.protocol.leave_out == "group" else table.data.line
+    fold = numbered(labels)
+    if fold.max(initial=0) < 1:
+        raise InputError("leave_out: group needs groups, and all rows are of one")
+    out: Floats | None = None
+    for number in range(int(fold.max()) + 1):
+        fits.append(fitted(given, model, table, fold != number))
+        predicted = fits[-1].predict(table)
+        if out is None:
+            out = np.full_like(predicted, np.nan)
+        out[fold == number] = predicted[fold == number]
+    assert out is not None
+    return out
+
+
+def _score(given: SuiteSet, predicted: Floats, table: Table) -> Score:
+    metrics = given.metrics
+    observable = next(iter(metrics.values())).observable
+    measured = observed(table, observable)
+    if observable == "tip" and predicted.ndim == 3:  # arcs predict all points
+        predicted = predicted[:, -1]
+    errors = errors_of(predicted, measured, observable)
+    seen = np.isfinite(measured.reshape(len(measured), -1)).all(axis=1)
+    solved = seen & np.isfinite(errors.reshape(len(errors), -1)).all(axis=1)
+    values = {name: metric(errors[seen]) for name, metric in metrics.items()}
+    return Score(int(solved.sum()), int((seen & ~solved).sum()), values)
+
+
+# -- kept results ----------------------------------------------------------------------------------
+
+
+@cache
+def _code() -> str:
+    """SHA-256 of the package itself: its sources and its compiled core."""
+    digest = hashlib.sha256()
+    root = Path(bowstring.__file__).parent
+    for file in (*sorted(root.rglob("*.py")), Path(_core.__file__)):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def _kept_file(name: str, model: Model, inputs: str) -> Path:
+    key = hashlib.sha256(f"{_code()} {inputs} {model.model_dump_json()}".encode()).hexdigest()
+    stem = re.sub(r"[^A-Za-z0-9]+", "-", f"{name}-{model.name}")
+    return user_cache() / "suite" / f"{stem}-{key[:32]}.json"
+
+
+def _keep(file: Path, result: ModelResult) -> None:
+    """Write a result, whole or not at all; a cache that cannot be written is no error."""
+    content = {"form": _FORM, **result.to_dict()}
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_whole_file(file, "result", lambda new: write_json(new, content))
+    except (OSError, InputError):
+        return
+
+
+def _kept(file: Path, model: Model) -> ModelResult | None:
+    """Read a kept result; None if there is none or it is damaged."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        if content["form"] != _FORM:
+            return None
+        train = content["train"]
+        return ModelResult(
+            model,
+            _kept_score(content["validation"]),
+            None if train is None else _kept_score(train),
+            {str(name): float(value) for name, value in content["parameters"].items()},
+            bool(content["converged"]),
+            str(content["message"]),
+            float(content["time_s"]),
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def _kept_score(content: Any) -> Score:
+    values = {
+        str(name): float("nan") if value is None else float(value)
+        for name, value in content["values"].items()
+    }
+    return Score(int(content["rows"]), int(content["rows_without_solution"]), values)

@@ -1,0 +1,178 @@
+"""Suite as a whole: all sets, its conclusion, and its files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bowstring.atomic_io import write_whole
+from bowstring.errors import InputError
+from bowstring.formatting import number
+from bowstring.result_folder import check_folder, write_listing
+from bowstring.suite.protocol import built_in_sets, read_set, sets_in
+from bowstring.suite.running import SetResult, run_set
+from bowstring.units import quote
+
+if TYPE_CHECKING:
+    from bowstring.schemas import suite as schema
+
+__all__ = ["Suite", "run_suite", "write_suite"]
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Suite:
+    """Results of all sets.
+
+    Attributes
+    ----------
+    sets : tuple of SetResult
+        Results in the order of the names.
+    """
+
+    sets: tuple[SetResult, ...]
+
+    @property
+    def missing(self) -> list[SetResult]:
+        """Sets whose files are not available."""
+        return [each for each in self.sets if each.missing]
+
+    @cached_property
+    def ratios(self) -> dict[str, float]:
+        """Error of calibrated constant curvature over that of the calibrated rod, by set.
+
+        Only of measured sets in which both predict rows that they were not fitted to.
+        """
+        found = {}
+        for each in self.sets:
+            cc, rod = each.model("cc_calibrated"), each.model("rod_calibrated")
+            if cc is None or rod is None or each.given.kind != "measured":
+                continue
+            if not (cc.model.parameters and rod.model.parameters):
+                continue
+            name = each.given.protocol.metrics[0]
+            ratio = cc.validation.values[name] / rod.validation.values[name]
+            if np.isfinite(ratio):
+                found[each.given.name] = float(ratio)
+        return found
+
+    @property
+    def conclusion(self) -> str:
+        """Conclusion in one sentence; empty if no set allows one."""
+        if not self.ratios:
+            return ""
+        low, high = min(self.ratios.values()), max(self.ratios.values())
+        many = len(self.ratios)
+        text = f"{number(low, 2)} to {number(high, 2)}" if many > 1 else number(low, 2)
+        sets = f"{many} measured robots" if many > 1 else "one measured robot"
+        return (
+            f"On {sets}, calibrated constant curvature has {text} times the error of the "
+            "calibrated rod at rows that neither was fitted to."
+        )
+
+    def to_dict(self) -> schema.SuiteValues:
+        """Return plain values."""
+        return {
+            "sets": [each.to_dict() for each in self.sets],
+            "ratios": self.ratios,
+            "conclusion": self.conclusion,
+        }
+
+
+def run_suite(
+    only: Sequence[str] = (), sets: str | Path | None = None, *, progress: Progress | None = None
+) -> Suite:
+    """Run the suite, or some of its sets.
+
+    Parameters
+    ----------
+    only : sequence of str
+        Names of sets; all by default.
+    sets : str or Path, optional
+        Folder of own sets, each a folder in it, in place of those that come with Bowstring.
+    progress : callable, optional
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
+
+    Returns
+    -------
+    Suite
+        Results. A set whose files are not available has none, and says why.
+
+    Raises
+    ------
+    InputError
+        If there is no such set, or a file of a set is not valid; nothing is run then.
+    NoSolutionError
+        If a model has no solution.
+    """
+    folders = {
+        each.name: each for each in (built_in_sets() if sets is None else sets_in(Path(sets)))
+    }
+    if unknown := [name for name in only if name not in folders]:
+        raise InputError(
+            f"there is no set {quote(unknown[0])}; there are {', '.join(folders)}", argument="only"
+        )
+    chosen = [read_set(folder) for name, folder in folders.items() if not only or name in only]
+    notify = progress or (lambda what, share: None)
+    found = []
+    for k, each in enumerate(chosen):
+
+        def report(what: str, share: float, done: int = k) -> None:
+            notify(what, (done + share) / len(chosen))
+
+        found.append(run_set(each, progress=report))
+    notify("done", 1.0)
+    return Suite(tuple(found))
+
+
+def write_suite(
+    suite: Suite,
+    content: dict[str, Any],
+    out: str | Path,
+    *,
+    progress: Progress | None = None,
+) -> Path:
+    """Write a suite: all numbers, and a figure of each set.
+
+    Parameters
+    ----------
+    suite : Suite
+        The suite.
+    content : dict
+        Plain values for ``suite.json``, as ``bowstring suite --json`` prints.
+    out : str or Path
+        Folder; a former suite in it is replaced as a whole.
+    progress : callable, optional
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
+
+    Returns
+    -------
+    Path
+        Absolute path of the folder, with ``suite.json``, and figures as PNG and PDF.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written (see `check_folder`).
+    """
+    from bowstring.suite.figures import draw_set
+    from bowstring.viz.style import figure_style, save_figures
+
+    notify = progress or (lambda what, share: None)
+    folder = check_folder(out, "suite")
+    results: Iterable[SetResult] = [each for each in suite.sets if each.models]
+
+    def fill(new: Path) -> None:
+        with figure_style():
+            drawings = [(each.given.name, draw_set(each)) for each in results]
+            save_figures(drawings, new, lambda share: notify("figures", share))
+        write_listing(new / "suite.json", content)
+
+    write_whole(folder, "suite", fill, lambda: check_folder(folder, "suite"))
+    return folder
