@@ -7,7 +7,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates/bowstring-core crates/bowstring-py -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: study checks test test-all test-versions docs bench build campaign campaign-files clean lock \
+.PHONY: study checks test test-all test-versions docs bench build campaign campaign-files clean lock suite \
 	paper-figures wheel sdist check-wheel check-sdist check-version
 
 study: build ## the main job: the study of the built-in robot, or of ROBOT=my_robot.yaml
@@ -74,6 +74,10 @@ bench: build .venv-peers/.tried ## our times beside those of other solvers
 		.venv-peers/bin/python -m pip install -q -c requirements/peers.lock "$$peer" || true; \
 	done < requirements/peers.in
 	@touch $@
+
+SHARED := $(abspath ../shared/data)
+suite: build $(VENV)/.installed-test ## constant curvature and the rod on all public data sets; in BOWSTRING_DATA, ../shared/data, or downloaded
+	@BOWSTRING_DATA="$${BOWSTRING_DATA:-$(wildcard $(SHARED))}" $(BIN)/bowstring suite
 
 N ?= 100000
 campaign: ## random solves by the million, each checked from the outside: make campaign N=1000000

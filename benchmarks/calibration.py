@@ -5,9 +5,10 @@
 Data: `crl-ftdcr-mocap`, measured by others (docs/verification/calibration.md), in `BOWSTRING_DATA`
 or ../shared/data. Every parameter is fitted on train only. Models are selected by cross-validation
 inside train: five blocks of neighbouring families of patterns, each predicted by a fit without it.
-Val is predicted once by each of the final models, without further alignment. All rows are one path
-in the order of the recording; of predicted rows only commands and times are used. --quick skips all
-but the final fits. On one core the whole takes about 40 minutes."""
+Val is predicted once by each of the final models, which are those of the suite (`bowstring suite`)
+and one more, without further alignment. All rows are one path in the order of the recording, while
+val is a path of its own in the suite; of predicted rows only commands and times are used. --quick
+skips all but the final fits. On one core the whole takes about 40 minutes."""
 
 from __future__ import annotations
 
@@ -26,24 +27,28 @@ from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Data, commands, score
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import TipModel
+from bowstring.suite import built_in_sets, read_set
 
 DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data"))
 FOLDER = DATA / "crl-ftdcr-mocap"
 MM = 1e3
 
-ROBOT = bs.load_robot("crl-ftdcr-v4")
+SET = read_set(next(each for each in built_in_sets() if each.name == "crl-ftdcr-mocap"))
+_MODELS = {model.name: list(model.parameters) for model in SET.protocol.models}
+assert SET.robot is not None
+ROBOT = SET.robot
 ELASTIC = ROBOT.with_({f"segments.{i}.tendons.compliance": 1e-4 for i in range(3)})
 START = {"tool.z": 0.008}
 
-PCC = ["hole_angle.segments", "bend_gain.segments", "base", "tool.z"]
+PCC = _MODELS["cc calibrated"]
+#: Eight parameters, to measure the time of a fit.
+EIGHT = _MODELS["rod, eight parameters"]
+#: The model that cross-validation chose, and the same without gravity.
+CHOSEN = _MODELS["rod calibrated"]
+WITHOUT = [name for name in CHOSEN if not name.startswith("gravity")]
 FRAMES = ["base", "tool"]
 GIVE = ["segments.*.tendons.compliance"]
 GIVE_EACH = [f"segments.{i}.tendons.compliance" for i in range(3)]
-#: The model that cross-validation chose, and the same without gravity.
-WITHOUT = [*FRAMES, *GIVE, "gain.tendons", "offset.tendons", "backlash"]
-CHOSEN = [*WITHOUT, "gravity.0", "gravity.1", "gravity.2"]
-#: Eight parameters, to measure the time of a fit.
-EIGHT = ["base", "tool.z", *GIVE]
 
 #: Each row adds an effect to a model above it: to the best so far, or to an alternative of it.
 ABLATION: dict[str, list[str]] = {

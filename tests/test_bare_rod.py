@@ -1,10 +1,8 @@
-"""Segments without tendons, and a bare rod under loads on disks against another group's solver."""
+"""Segments without tendons."""
 
 from __future__ import annotations
 
-import csv
 import math
-import os
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +11,6 @@ import pytest
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
-
-DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 TWO = """
 name: with_tail
@@ -85,39 +81,3 @@ def test_a_robot_needs_a_tendon(tmp_path: Path) -> None:
     text = STEEL.replace("{count: 3, pitch_radius: 1.5 mm}", "[]")
     with pytest.raises(InputError, match="a robot needs at least one tendon"):
         from_text(tmp_path / "none.yaml", text)
-
-
-@pytest.mark.data
-def test_shapes_of_another_groups_steel_rod(tmp_path: Path) -> None:
-    """500 shapes under wrenches in the middle and at the tip and gravity: all converge, and the tip
-    is within 0.3 mm in the median and 1 mm at most (simulated by their Cosserat solver)."""
-    path = DATA / "sorosim-rods" / "SpringSteel_statics.csv"
-    if not path.exists():
-        pytest.skip(f"needs the data of others, sorosim-rods, in {DATA}")
-    with path.open() as file:
-        rows = list(csv.reader(file))
-    labels, numbers = rows[0], [[float(x) for x in row[1:]] for row in rows[2:]]
-    shapes = np.array(numbers).reshape(-1, 6, len(labels) - 1)
-    assert len(shapes) == 500
-    column = {name: i - 1 for i, name in enumerate(labels)}
-    to_base = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
-
-    def vectors(name: str) -> tuple[np.ndarray, np.ndarray]:
-        whole = shapes[:, :, column[name]]
-        return whole[:, :3] @ to_base.T, whole[:, 3:] @ to_base.T
-
-    gravity, tip = vectors("gravity")[1], vectors("seg2_s07")[1]
-    (mid_moment, mid_force), (tip_moment, tip_force) = vectors("mid_wrench"), vectors("tip_wrench")
-    load = bs.Load(
-        gravity=gravity,
-        disk_forces=np.stack([mid_force, tip_force], axis=1),
-        disk_moments=np.stack([mid_moment, tip_moment], axis=1),
-    )
-    robot = from_text(tmp_path / "steel.yaml", STEEL)
-    found = bs.solve_batch(robot, np.zeros((500, 3)), load=load)
-    assert found.converged.all()
-    error = np.linalg.norm(found.tip_position - tip, axis=1)
-    print(f"median {1e3 * np.median(error):.3f} mm, largest {1e3 * error.max():.3f} mm")
-    assert np.median(error) < 0.3e-3
-    assert error.max() < 1e-3
-    assert math.isfinite(float(error.sum()))

@@ -55,7 +55,7 @@ def complete(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], l
 @pytest.mark.parametrize(
     ("line", "offers"),
     [
-        ("bowstring s", ["schema", "solve", "study", "simulate"]),
+        ("bowstring s", ["schema", "solve", "study", "suite", "simulate"]),
         ("bowstring bench ", ["check", "simulate"]),
         ("bowstring study --to", ["--tolerance"]),
         ("bowstring study --qu", ["--quiet"]),
@@ -66,6 +66,7 @@ def complete(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], l
         ("bowstring fit amouri2019 --parameter hole", ["hole_angle"]),
         ("bowstring fit amouri2019 --data tamm-spring --part ", ["bending"]),
         ("bowstring fit amouri2019 --part tr", ["train"]),
+        ("bowstring suite --only tamm", ["tamm-spring"]),
         ("bowstring bench check table.csv --robot rao", ["rao2021"]),
         ("bowstring bench check table.csv --mapping tamm", ["tamm-spring"]),
         ("bowstring cad amouri2019 --out arm.g", ["arm.glb", "arm.gltf"]),
@@ -214,7 +215,7 @@ def test_every_command_can_be_quiet(shell: Shell) -> None:
     for listed in shell("--help")[1].partition("Commands:\n")[2].splitlines():
         if (name := listed.split()[0]) not in ("bench", "data") and listed[2] != " ":
             commands.append([name])
-    assert len(commands) == 22
+    assert len(commands) == 23
     for command in commands:
         assert "-q, --quiet" in shell(*command, "--help")[1], command
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bowstring.cli import completion
 from bowstring.cli.options import AsJson, option, out_folder
 from bowstring.cli.output import made_by, progress_bar, say, write_json, write_rich
 
@@ -18,7 +19,12 @@ MISSING = 1  # exit code where files of a set are missing
 
 def suite(
     only: Annotated[
-        list[str] | None, option("NAME", "Run this set only; give it again for more.")
+        list[str] | None,
+        option(
+            "NAME",
+            "Run this set only; give it again for more.",
+            values=completion.data_sets,
+        ),
     ] = None,
     sets: Annotated[
         Path | None,

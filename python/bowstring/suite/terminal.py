@@ -20,9 +20,7 @@ HEADER: Final = ("set, metric", "kind", "rows", *COLUMNS.values(), "authors", "l
 """Header of the table."""
 _NONE: Final = "\N{EN DASH}"
 _NOTE: Final = "Errors at rows that were not fitted; CC: constant curvature."
-_FITTED: Final = (
-    "* arcs fitted to each measured shape: a bound of constant curvature, no prediction."
-)
+_FITTED: Final = "* arcs fitted to each shape itself: a bound on constant curvature, no prediction."
 
 
 def table_rows(suite: Suite) -> Iterator[tuple[str, ...]]:
