@@ -397,6 +397,33 @@ def test_fits_to_markers_and_to_bends(sets: Path) -> None:
         assert stiffer.values["segments.0.backbone.E"] == pytest.approx(TRUTH, rel=1e-5)
 
 
+def test_friction_has_a_history(sets: Path) -> None:
+    """Synthetic loading and unloading with friction, which the file of the set has too."""
+    mine = sets / "mine"
+    rubs = {"segments.0.tendons.friction": 0.1}
+    robot = bs.load_robot("amouri2019", rubs)
+    tensions = np.outer([10.0, 30.0, 50.0, 40.0, 20.0], [1.0, 0.0, 0.0])
+    tips = 1e3 * bs.sweep(robot, tensions).tip_position
+    rows = np.hstack([tensions, tips])
+    for name in ("train", "val"):  # two recordings, each a path of its own
+        np.savetxt(
+            mine / f"{name}.csv",
+            np.hstack([np.vstack([rows, rows]), np.repeat([[1], [2]], 5, axis=0)]),
+            delimiter=",",
+            header="t1,t2,t3,x,y,z,recording",
+            comments="",
+        )
+    mapping = MAPPING.replace("group: group", "recording: recording")
+    (mine / "mapping.yaml").write_text(mapping)
+    text = "label: of the file"
+    change(sets, (text, f"{text}, set: {{segments.0.tendons.friction: 0.1}}"))
+    found = read_set(mine)
+    models = tuple(model for model in found.protocol.models if model.name == "plain")
+    found = replace(found, protocol=found.protocol.model_copy(update={"models": models}))
+    assert errors(run_set(found), "tip_max")["plain"] < 1e-3
+    assert np.linalg.norm(bs.solve_batch(robot, tensions).tip_position[-1] - 1e-3 * tips[-1]) > 1e-3
+
+
 # -- the public data sets --------------------------------------------------------------------------
 
 

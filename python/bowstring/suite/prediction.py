@@ -19,10 +19,10 @@ from bowstring.constant_curvature import Arc, RobotArcs, fit_arcs
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
-from bowstring.statics.rod import solve_batch
+from bowstring.statics.rod import solve_batch, sweep
 from bowstring.suite.metrics import Observable
 from bowstring.suite.protocol import Model, SuiteSet, marker_disk
-from bowstring.suite.tables import Table
+from bowstring.suite.tables import Table, rows_of
 
 __all__ = ["Fitted", "arcs_of_shapes", "errors_of", "fitted", "observed"]
 
@@ -56,6 +56,18 @@ class Fitted:
 
 def observed(table: Table, observable: Observable) -> Floats:
     """Measured values (K, ...) of an observable.
+
+    Parameters
+    ----------
+    table : Table
+        Rows.
+    observable : {"tip", "markers", "bend", "shape"}
+        The observable.
+
+    Returns
+    -------
+    ndarray (K, ...)
+        Tips (K, 3) or points (K, P, 3) in m, angles (K,) in rad; shapes in the unit of the table.
 
     Raises
     ------
@@ -100,6 +112,7 @@ def fitted(given: SuiteSet, model: Model, table: Table, rows: Bools | None = Non
     Returns
     -------
     Fitted
+        The model with its fitted values; without parameters as the robot file has it.
     """
     assert given.robot is not None
     robot = given.robot.with_(model.changes) if model.changes else given.robot
@@ -111,7 +124,7 @@ def fitted(given: SuiteSet, model: Model, table: Table, rows: Bools | None = Non
             model.parameters,
             model=None if model.model == "rod" else "arc",
             start=model.start,
-            rows=rows,
+            rows=None if rows is None else rows & table.data.seen,
             loss=model.loss,
         )
         return Fitted(
@@ -173,28 +186,33 @@ class _Predictor:
             local = local + np.einsum("kpij,pj->kpi", turned[:, self.disks], self.offsets)
         return np.asarray(local @ rotation(setting.turn).T + setting.position)
 
-    def _commands(self, setting: Setting, table: Table) -> tuple[Bools, Floats]:
-        """Which commands are displacements (K, T), and effective commands (K, T)."""
-        commands = observations.commands(table.data, setting.robot)
-        return commands.by_displacement, commands.effective(setting)
-
     def _rod(self, setting: Setting, table: Table) -> tuple[Floats, Floats]:
         """Positions (K, N, 3) and rotations (K, N, 3, 3) of the disks by the rod."""
-        by_displacement, values = self._commands(setting, table)
+        commands = observations.commands(table.data, setting.robot)
+        by_displacement, values = commands.by_displacement, commands.effective(setting)
         load = table.load or Load()
         if not by_displacement.all():
             tensions = np.where(by_displacement, np.nan, np.maximum(values, 0.0))
             load = replace(load, tensions=tensions)
         if by_displacement.any():
             load = replace(load, displacements=np.where(by_displacement, values, np.nan))
-        found = solve_batch(setting.robot, load=load)
-        assert found.disk_positions is not None and found.disk_rotations is not None
-        return found.disk_positions, found.disk_rotations
+        if not setting.robot.has_friction:
+            found = [solve_batch(setting.robot, load=load)]
+            order = np.arange(len(commands))
+        else:  # friction has a history
+            found = [sweep(setting.robot, load=rows_of(load, path)) for path in commands.paths]
+            order = np.argsort(np.concatenate(commands.paths))
+        position, turned = (
+            np.concatenate([np.asarray(getattr(each, name)) for each in found])[order]
+            for name in ("disk_positions", "disk_rotations")
+        )
+        return position, turned
 
     def _arcs(self, setting: Setting, table: Table) -> tuple[Floats, Floats]:
         """The same by constant curvature."""
-        by_displacement, values = self._commands(setting, table)
         robot = setting.robot
+        commands = observations.commands(table.data, robot)
+        by_displacement, values = commands.by_displacement, commands.effective(setting)
         if by_displacement.all():
             lengths = robot.disks.station_m[robot.tendons.end_disk] - values
             arcs = RobotArcs.from_lengths(robot, lengths, hold_length=True)
@@ -215,18 +233,18 @@ def _fit(predict: _Predictor, model: Model, table: Table, rows: Bools | None) ->
     if not items:
         none = np.zeros(0)
         return Fitted(lambda other: predict(none, other), {})
-    part = table if rows is None else table.select(rows)
-    measured = observed(part, predict.observable)
+    used = np.ones(len(table), dtype=bool) if rows is None else rows
+    measured = observed(table, predict.observable)[used]
     step = np.array([item.step for item in items])
     begin = predict.unknowns.start
     # as in `bowstring.fit`, m and rad are scaled to about 1 for the tolerances
     scale = 1e-3
 
     def residuals(scaled: Floats) -> Floats:
-        apart = (predict(scaled * step, part) - measured).ravel() / scale
+        apart = (predict(scaled * step, table)[used] - measured).ravel() / scale
         return np.where(np.isfinite(apart), apart, 0.0)
 
-    if not np.isfinite(predict(begin, part)).any():
+    if not np.isfinite(predict(begin, table)[used]).any():
         raise NoSolutionError(f"{model.name}: no row has a solution at the initial parameters")
     found = least_squares(
         residuals,

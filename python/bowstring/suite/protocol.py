@@ -36,6 +36,7 @@ __all__ = [
     "Protocol",
     "SuiteSet",
     "built_in_sets",
+    "marker_disk",
     "read_set",
     "sets_in",
 ]
@@ -294,6 +295,16 @@ class SuiteSet:
     def file(self, table: str) -> Path:
         """File of a table, downloaded if needed, its hash checked.
 
+        Parameters
+        ----------
+        table : str
+            Part or file of the public data set, or file in the folder of the set.
+
+        Returns
+        -------
+        Path
+            Path of the file.
+
         Raises
         ------
         InputError
@@ -310,6 +321,16 @@ class SuiteSet:
 
     def table(self, table: str) -> Table:
         """Read one of its tables.
+
+        Parameters
+        ----------
+        table : str
+            As for `file`.
+
+        Returns
+        -------
+        Table
+            Its rows.
 
         Raises
         ------
@@ -354,6 +375,16 @@ def built_in_sets() -> list[Path]:
 def sets_in(folder: Path) -> list[Path]:
     """Folders of the sets in a folder, by name.
 
+    Parameters
+    ----------
+    folder : Path
+        Folder of sets.
+
+    Returns
+    -------
+    list of Path
+        Folders with a protocol.
+
     Raises
     ------
     InputError
@@ -380,6 +411,7 @@ def read_set(folder: str | Path) -> SuiteSet:
     Returns
     -------
     SuiteSet
+        The set, its robot and mapping read.
 
     Raises
     ------
@@ -409,6 +441,20 @@ def read_set(folder: str | Path) -> SuiteSet:
 
 def marker_disk(robot: Robot, marker: Marker, name: str = "") -> int:
     """Index of the disk on which a marker is.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot with the disk.
+    marker : Marker
+        The marker.
+    name : str
+        Name of the set for the message.
+
+    Returns
+    -------
+    int
+        Index from the base.
 
     Raises
     ------

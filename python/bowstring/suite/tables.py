@@ -6,7 +6,7 @@ import csv
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,12 @@ from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
 
-__all__ = ["READERS", "Table"]
+__all__ = ["READERS", "Table", "rows_of"]
 
 Floats = NDArray[np.float64]
+
+#: Loads that the tables of a set have by row.
+_BY_ROW: Final = ("tensions", "displacements", "gravity", "disk_forces", "disk_moments")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,20 +37,20 @@ class Table:
     def __len__(self) -> int:
         return len(self.data)
 
-    def select(self, rows: NDArray[np.bool_]) -> Table:
-        """Select rows by booleans (K,)."""
-        load = self.load
-        if load is not None:
-            names = ("gravity", "disk_forces", "disk_moments")
-            load = replace(load, **{name: getattr(load, name)[rows] for name in names})
-        return Table(self.data.select(rows), load)
+
+def rows_of(load: Load, rows: NDArray[Any]) -> Load:
+    """Select rows of a load by booleans (K,) or indices."""
+    given = {name: getattr(load, name) for name in _BY_ROW}
+    return replace(
+        load,
+        **{name: value[rows] for name, value in given.items() if isinstance(value, np.ndarray)},
+    )
 
 
 def _mapped(path: Path, robot: Robot | None, mapping: Mapping | None) -> Table:
-    found = read_measurements(path, mapping=mapping)
-    if robot is not None and found.tendon_count:  # shapes need no commands
-        found = read_measurements(path, robot, mapping)
-    return Table(found)
+    assert mapping is not None
+    checked = None if mapping.tendons is None else robot  # shapes need no commands
+    return Table(read_measurements(path, checked, mapping))
 
 
 def _sorosim_statics(path: Path, robot: Robot | None, mapping: Mapping | None) -> Table:
