@@ -717,7 +717,8 @@ def test_invalid_gravity(g: float, file: Write) -> None:
 
 
 def test_no_mapping(tmp_path: Path) -> None:
-    assert mapping_names() == ["crl-ftdcr-mocap", "tamm-spring", "ucl-planar-shape"]
+    names = ["crl-ftdcr-mocap", "soromox-tentacle", "tamm-spring", "ucl-planar-shape"]
+    assert mapping_names() == names
     with pytest.raises(InputError, match=r"neither a file nor .* did you mean tamm-spring\?"):
         load_mapping("tamm-sprig")
     with pytest.raises(InputError, match="is a folder"):
