@@ -9,7 +9,7 @@ import typer
 
 from bowstring.cli import completion
 from bowstring.cli.options import AsJson, option, out_folder
-from bowstring.cli.output import made_by, progress_bar, say, write_json, write_rich
+from bowstring.cli.output import Stopped, made_by, progress_bar, say, write_json, write_rich
 
 if TYPE_CHECKING:
     from bowstring.schemas import suite as schema
@@ -43,22 +43,27 @@ def suite(
     from bowstring.suite.terminal import print_suite
 
     solving = 0.95 if folder else 1.0
-    with progress_bar("suite") as notify:
-        found = run_suite(
-            only or (), sets, progress=lambda what, done: notify(what, solving * done)
-        )
-        content: schema.Suite = {
-            **found.to_dict(),
-            "folder": None if folder is None else str(folder),
-            "provenance": made_by(only=only or [], sets=None if sets is None else str(sets)),
-        }
-        if folder is not None:
-            write_suite(
-                found,
-                dict(content),
-                folder,
-                progress=lambda what, done: notify(what, solving + (1 - solving) * done),
+    try:
+        with progress_bar("suite") as notify:
+            found = run_suite(
+                only or (), sets, progress=lambda what, done: notify(what, solving * done)
             )
+            content: schema.Suite = {
+                **found.to_dict(),
+                "folder": None if folder is None else str(folder),
+                "provenance": made_by(only=only or [], sets=None if sets is None else str(sets)),
+            }
+            if folder is not None:
+                write_suite(
+                    found,
+                    dict(content),
+                    folder,
+                    progress=lambda what, done: notify(what, solving + (1 - solving) * done),
+                )
+    except KeyboardInterrupt:
+        raise Stopped(
+            "results of finished models are kept; the same command goes on from there."
+        ) from None
     if as_json:
         write_json(content)
     else:
