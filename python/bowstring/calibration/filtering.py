@@ -201,21 +201,23 @@ def _follow(
     With `keep` the predicted biases (K, 3) instead of innovations. Residuals are measured minus
     predicted, NaN where a row is not measured.
     """
-    out, deviation = np.empty_like(residuals), np.empty(len(residuals))
-    mean, variance = np.zeros(3), 0.0
     whole, noise = bias.spread**2, bias.noise**2
-    kept = np.exp(-gaps / bias.duration)
-    seen = np.isfinite(residuals).all(axis=1)
-    for k, (residual, share) in enumerate(zip(residuals, kept.tolist(), strict=True)):
-        if starts[k]:
-            mean, variance = np.zeros(3), whole
-        else:
-            mean, variance = share * mean, whole + share**2 * (variance - whole)
-        total = variance + noise
-        out[k] = mean if keep else residual - mean
-        deviation[k] = np.sqrt(total)
-        if seen[k] and total > 0.0:
-            gain = variance / total
-            mean = mean + gain * (residual - mean)
-            variance = (1.0 - gain) * variance
-    return out, deviation
+    kept = np.exp(-gaps / bias.duration).tolist()
+    seen = np.isfinite(residuals).all(axis=1).tolist()
+    gains, totals, variance = [], [], 0.0
+    for first, share, measured in zip(starts.tolist(), kept, seen, strict=True):
+        variance = whole if first else whole + share**2 * (variance - whole)
+        totals.append(variance + noise)
+        gain = variance / totals[-1] if measured and totals[-1] > 0.0 else 0.0
+        gains.append(gain)
+        variance *= 1.0 - gain
+    means = []
+    for column in np.nan_to_num(residuals).T.tolist():
+        mean, ahead = 0.0, []
+        for first, share, gain, residual in zip(starts.tolist(), kept, gains, column, strict=True):
+            mean = 0.0 if first else share * mean
+            ahead.append(mean)
+            mean += gain * (residual - mean)
+        means.append(ahead)
+    biases = np.array(means).T
+    return biases if keep else residuals - biases, np.sqrt(totals)
