@@ -76,7 +76,9 @@ def fitted(seed: int, rows: int = 24) -> tuple[np.ndarray, Linear, np.ndarray, f
     predicted = (flat @ np.linalg.lstsq(flat, measured.ravel(), rcond=None)[0]).reshape(rows, 3)
     residual = predicted - measured
     anew = np.linalg.norm(predicted - rng.normal(size=(400, rows, 3)), axis=2).mean()
-    return residual, Linear(jacobian, residual, np.ones((rows, 3))), np.arange(rows), float(anew)
+    no_priors = np.zeros((0, 6)), np.zeros(0)
+    linear = Linear(jacobian, residual, np.ones((rows, 3)), *no_priors)
+    return residual, linear, np.arange(rows), float(anew)
 
 
 @pytest.mark.parametrize(

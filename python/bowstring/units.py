@@ -195,6 +195,11 @@ def unit_of_size(value: float, si: str, usual: str) -> str:
     return next((u for u in smaller if abs(value) >= _UNITS[si][u]), smaller[-1])
 
 
+def si_of(unit: str) -> str:
+    """SI unit of the quantity of a unit; empty for a plain number."""
+    return next((si for si, units in _UNITS.items() if unit in units), unit)
+
+
 def is_numbers(text: str) -> bool:
     """Whether a text is nothing but numbers and units, as parts of a list torn apart by blanks."""
     words = re.findall(r"[^\s,]+", text)

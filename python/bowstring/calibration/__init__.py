@@ -4,6 +4,7 @@ from bowstring.calibration.cross_validation import CrossValidation, cross_valida
 from bowstring.calibration.filtering import Filtered, SlowBias, filtered, fit_slow_bias
 from bowstring.calibration.fitting import Estimate, Fit, fit
 from bowstring.calibration.observations import Data, Score, score
+from bowstring.calibration.priors import default_priors
 from bowstring.calibration.table_fit import Calibration, calibrate
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "SlowBias",
     "calibrate",
     "cross_validate",
+    "default_priors",
     "filtered",
     "fit",
     "fit_slow_bias",

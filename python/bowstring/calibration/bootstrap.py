@@ -115,7 +115,7 @@ def _draws(units: int, resamples: int, size: int) -> Iterator[tuple[slice, NDArr
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Linearised least-squares fit at its minimum, of n rows and P scaled parameters."""
+    """Linearised least-squares fit at its minimum, of n rows, P scaled parameters, Q priors."""
 
     by_parameter: Array
     """Derivative (n, 3, P) of the residuals, m."""
@@ -123,6 +123,10 @@ class Linear:
     """Derivative of half the loss by the residuals (n, 3), including weights of rows, m."""
     slope: Array
     """Second derivative of half the loss by the residuals (n, 3)."""
+    of_priors: Array
+    """Derivative (Q, P) of the residuals of the priors, m."""
+    force_of_priors: Array
+    """Residuals (Q,) of the priors, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,13 +179,15 @@ def refitted(
     np.add.at(normal, place, np.einsum("kip,ki,kiq->kpq", jacobian, fit.slope, jacobian))
     force = np.zeros((units, parameters))
     np.add.at(force, place, np.einsum("kip,ki->kp", jacobian, fit.force))
-    size = np.sqrt(np.einsum("upp->p", normal))
+    of_priors = fit.of_priors.T @ fit.of_priors
+    held = fit.of_priors.T @ fit.force_of_priors
+    size = np.sqrt(np.einsum("upp->p", normal) + np.diag(of_priors))
     scale = 1.0 / np.where(size > 0.0, size, 1.0)
     own, whole = np.empty(resamples), np.empty(resamples)
     for part, counts in _draws(units, resamples, jacobian[..., 0].size):
-        matrix = np.tensordot(counts, normal, 1) * scale[:, None] * scale
+        matrix = (np.tensordot(counts, normal, 1) + of_priors) * scale[:, None] * scale
         inverse = np.linalg.pinv(matrix, rcond=_LOST, hermitian=True)
-        change = -(inverse @ (counts @ force * scale)[..., None])[..., 0] * scale
+        change = -(inverse @ ((counts @ force + held) * scale)[..., None])[..., 0] * scale
         moved = residual + np.einsum("kip,bp->bki", jacobian, change, optimize=True)
         error = np.linalg.norm(moved, axis=2)
         whole[part] = error.mean(axis=1)

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring.calibration import observations
 from bowstring.calibration.fitting import fit
 from bowstring.calibration.observations import Measured, Score, score
-from bowstring.calibration.search import Loss
+from bowstring.calibration.pieces import Loss
+from bowstring.calibration.priors import PriorChoice
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
@@ -64,6 +65,7 @@ def cross_validate(
     start: Mapping[str, float] | None = None,
     rows: ArrayLike | None = None,
     loss: Loss = "soft_l1",
+    priors: PriorChoice = None,
 ) -> CrossValidation:
     """Fit without a part of the rows and predict that part, for each part.
 
@@ -90,6 +92,8 @@ def cross_validate(
         As for `fit`.
     loss : {"linear", "soft_l1", "huber"}
         As for `fit`.
+    priors : "default" or mapping of str to float, optional
+        As for `fit`.
 
     Returns
     -------
@@ -111,7 +115,16 @@ def cross_validate(
     for k in range(int(folds)):
         out = used & (part == k)
         others = used & ~out
-        found = fit(robot, data, parameters, model=model, start=start, rows=others, loss=loss)
+        found = fit(
+            robot,
+            data,
+            parameters,
+            model=model,
+            start=start,
+            rows=others,
+            loss=loss,
+            priors=priors,
+        )
         predicted[out] = found.predict(data)[out]
         scores.append(score(predicted[out], measured[out]))
         names = list(dict.fromkeys(group[out].tolist()))

@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring.calibration import intervals, observations
+from bowstring.calibration import observations
 from bowstring.calibration.bootstrap import Linear
+from bowstring.calibration.intervals import EXACT, SAME, Dependence, Uncertainty, profile_ends
 from bowstring.calibration.observations import Measured, Score, score
 from bowstring.calibration.parameters import Unknowns
-from bowstring.calibration.residual_tests import autocorrelation
-from bowstring.calibration.search import EXACT, SAME, Loss, Residuals, Search, force, spread
+from bowstring.calibration.pieces import Loss
+from bowstring.calibration.priors import PriorChoice, Priors, read_priors
+from bowstring.calibration.search import Residuals, Search, spread
 from bowstring.calibration.tip_model import Prediction, TipModel
 from bowstring.data.rigid import align
 from bowstring.errors import BowstringError, InputError
@@ -35,7 +37,7 @@ from bowstring.validation import shown
 if TYPE_CHECKING:
     from bowstring.schemas import fit as schema
 
-__all__ = ["Estimate", "Fit", "Loss", "fit"]
+__all__ = ["Estimate", "Fit", "fit"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -44,8 +46,6 @@ Bools = NDArray[np.bool_]
 _MEMBER: Final = 0.1
 #: Ratio of residuals to the stated uncertainty that indicates a lack of fit, if significant.
 _EXCESS: Final = 1.5
-#: Autocorrelation of residuals that indicates dependent errors, if significant.
-_ALIKE: Final = 0.3
 #: Largest number of rows of statics; each stores its solution and derivatives, up to 0.25 MB.
 _MOST_ROWS: Final = 10_000
 #: Share of rows without an equilibrium at the end above which a fit has not converged.
@@ -55,6 +55,12 @@ _MOST_LOST: Final = 0.05
 _OFFSET: Final = 0.5
 #: Correlation of two parameters above which they can prevent convergence.
 _HELD_UP: Final = 0.99
+#: Standard error over that of the prior above which the prior determines a parameter.
+_BY_PRIOR: Final = 0.95
+#: Standard deviations between prior and data beyond which they contradict each other.
+_CONFLICT: Final = 3.0
+#: Reweighted least squares of a linearised robust fit.
+_REWEIGHTINGS: Final = 10
 #: Initial friction, in natural steps, in place of zero.
 _LITTLE: Final = 0.2
 #: Share of the squares left by a rigid motion below which the residuals are a rigid offset.
@@ -78,6 +84,8 @@ class Estimate:
         Whether the estimate is at a limit of the parameter.
     cut : bool
         Whether the interval is truncated at a limit of the parameter.
+    prior_mean, prior_sd : float or None
+        Mean and standard deviation of the prior; None without one.
     """
 
     name: str
@@ -89,6 +97,8 @@ class Estimate:
     start: float
     at_limit: bool
     cut: bool = False
+    prior_mean: float | None = None
+    prior_sd: float | None = None
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
@@ -233,6 +243,7 @@ def fit(
     start: Mapping[str, float] | None = None,
     rows: ArrayLike | None = None,
     loss: Loss = "soft_l1",
+    priors: PriorChoice = None,
 ) -> Fit:
     """Fit parameters of a robot, its actuation and its frames to measured tips.
 
@@ -265,6 +276,12 @@ def fit(
     loss : {"linear", "soft_l1", "huber"}
         Loss function; robust ones become linear beyond two standard deviations, which are
         estimated from the data.
+    priors : "default" or mapping from name to float, optional
+        Standard deviations in SI of parameters about their nominal values: those of the robot file,
+        1 for ``gain``, ``pitch_radius`` and ``bend_gain``, 0 for the other parameters of the
+        actuation, and the initial value for ``base`` and ``tool``. A name stands for its group
+        (``gain`` for ``gain.tendons``), a later one replaces an earlier one, and infinity takes a
+        prior away. ``"default"``: `bowstring.calibration.default_priors`.
 
     Returns
     -------
@@ -274,8 +291,8 @@ def fit(
     Raises
     ------
     InputError
-        If an argument is wrong, there are fewer measured points than parameters, or a parameter
-        has no effect.
+        If an argument is wrong, there are fewer measured points than parameters without a prior, or
+        such a parameter has no effect.
     NoSolutionError
         If the initial model has no solution for more than half of the rows.
 
@@ -288,7 +305,8 @@ def fit(
 
     Standard errors are those of M-estimation, theory Eq. 7.2 (Huber, Robust Statistics,
     1981, 7.6). They assume independent noise of the same size in all rows (or as stated), with its
-    own size along each axis of the measuring frame.
+    own size along each axis of the measuring frame. With priors they are those of the posterior,
+    theory Eqs 7.3 to 7.5.
     """
     check_robot(robot)
     if isinstance(model, str) and model != "arc":
@@ -311,31 +329,33 @@ def fit(
             f"{len(commands)} rows are too many to fit statics to, {_MOST_ROWS} are possible; keep "
             f"one row of {-(-len(commands) // _MOST_ROWS)}"
         )
+    deviations = read_priors(priors, robot, unknowns)
+    frames = {k: v for k, v in begin.items() if k.partition(".")[0] in ("base", "tool")}
+    prior = Priors.of(unknowns, Unknowns(robot, unknowns.names, frames), deviations)
     count = int(used.sum())
-    if count < len(unknowns.items):
+    if count < prior.free:
         what = "1 measured point is" if count == 1 else f"{count} measured points are"
         raise InputError(
-            f"{what} too few for {len(unknowns.items)} parameters; measure at least as many, or "
-            "fit fewer"
+            f"{what} too few for {prior.free} parameters; measure at least as many, or fit fewer"
         )
     if any(name == "delay" for name in unknowns.names):
         commands.clock()
     sigma = observations.sigmas(data, len(commands))
     work = Residuals(
-        TipModel(unknowns, commands, rod), measured, used, sigma, getattr(data, "line", None)
+        TipModel(unknowns, commands, rod), measured, used, sigma, prior, getattr(data, "line", None)
     )
     first = work.begin(start or {})
     work.take(first)
     if rod is not None and commands.by_displacement.any() and work.has_friction(first):
-        again = partial(fit, data=data, rows=rows, loss=loss, model=rod)
+        of_others = {k: v for k, v in deviations.items() if not k.endswith(".friction")}
+        again = partial(fit, data=data, rows=rows, loss=loss, model=rod, priors=of_others)
         first = _from_frictionless(work, first, robot, start or {}, again)
     work.refuse_without_effect(first)
-    search = Search(work, loss)
+    search = Search(work, loss, observations.groups(data, len(commands)))
     found = search.run(first)
     own = {*unknowns.names, *(start or {})}
     tool_said = np.array([not own & {"tool", f"tool.{axis}"} for axis in "xyz"])
-    group = observations.groups(data, len(commands))
-    return _result(search, found, group, tool_said)
+    return _result(search, found, tool_said)
 
 
 def _from_frictionless(
@@ -364,33 +384,28 @@ def _from_frictionless(
 # -- results of a fit ---------------------------------------------------------------------------
 
 
-def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -> Fit:
+def _result(search: Search, found: Any, tool_said: Bools) -> Fit:
     work, items = search.work, search.work.items
     residuals, jacobian = work.residuals(found.x), work.jacobian(found.x)
     at = work.prediction(found.x)
     land = search.landscape(found.x)
-    weighted, slope = force(residuals, search.loss, search.turn)
-    size = np.linalg.norm(jacobian, axis=0)
-    size[size == 0] = 1.0
-    _, singular, direction = np.linalg.svd(jacobian / size, full_matrices=False)
-    identified = singular > SAME * singular[0]
+    weighted, slope = search.force(residuals)
+    errors = at.point - work.measured
+    dependence = Dependence.of(errors, work.used, search.group)
+    of_priors = work.priors.jacobian(search.noise)
+    known = Uncertainty.of((weighted, slope), jacobian, of_priors, search.noise, dependence)
+    fitted = known.determined if len(of_priors) else len(items)
     not_identifiable = [
         tuple(items[i].name for i in np.flatnonzero(np.abs(row) >= _MEMBER * np.abs(row).max()))
-        for row in direction[~identified]
+        for row in known.lost
     ]
-    errors = at.point - work.measured
-    alike, p_value, run = _autocorrelation(errors, work.used, group)
-    is_alike = alike > _ALIKE and p_value < NOISE
-    lag = intervals.newey_west_lag(alike, len(run)) if is_alike else 0
-    covariance, half = intervals.covariance(
-        (weighted, slope), jacobian / size, direction[identified], run, lag
-    )
-    covariance = covariance / np.outer(size, size)
-    error = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(error, error)
-    ends = intervals.profile_ends(land, covariance, half, jacobian, slope)
+    half = known.half
+    error = np.sqrt(np.diag(known.covariance))
+    correlation = known.covariance / np.outer(error, error)
+    hessian = jacobian.T @ (slope[:, None] * jacobian) + of_priors.T @ of_priors
+    ends = profile_ends(land, known, hessian)
     profiled = ends is not None
-    undetermined = (np.abs(direction[~identified]) >= 1e-3).any(axis=0)
+    undetermined = (np.abs(known.lost) >= 1e-3).any(axis=0)
     one_sided = np.zeros(len(items), dtype=bool)
     if ends is not None:
         error = (ends[1] - ends[0]) / (2.0 * half)
@@ -410,7 +425,7 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
     # a motion larger than the robot is none of the robot
     astray = scored.rmse_centred > at.setting.robot.length
     before = work.before[work.used & np.isfinite(work.before).all(axis=1)]
-    excess, excess_p = _excess(errors, work.used, work.sigma, len(items))
+    excess, excess_p = _excess(errors, work.used, work.sigma, round(fitted))
     estimates = _estimates(work, found, error, ends)
     message = _message(
         work,
@@ -418,8 +433,9 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
         (lost, stuck, astray),
         estimates,
         not_identifiable,
+        _contradicted(search, found, errors),
         profiled,
-        alike if is_alike else None,
+        dependence.correlation if dependence.is_significant else None,
         excess if excess > _EXCESS and excess_p < NOISE else None,
         _correlated_pair([item.name for item in items], correlation),
     )
@@ -434,9 +450,9 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
         used=work.used,
         score=scored,
         score_before=score(before, 0.0 * before) if len(before) else Score(0, *[np.nan] * 5),
-        noise=1e-3 * spread(residuals, len(items)),
+        noise=1e-3 * spread(residuals, fitted),
         excess=excess,
-        autocorrelation=alike,
+        autocorrelation=dependence.correlation,
         converged=found.status > 0 and not (lost or stuck or astray),
         message=message + ("" if astray else _rigid_offset(work, at)),
         evaluations=work.model.solves,
@@ -446,6 +462,8 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
             by_parameter=(1e-3 * jacobian / work.weight[:, None]).reshape(-1, 3, len(items)),
             force=(1e-3 * weighted * work.weight).reshape(-1, 3),
             slope=(slope * work.weight**2).reshape(-1, 3),
+            of_priors=1e-3 * of_priors,
+            force_of_priors=1e-3 * work.priors.residuals(found.x, search.noise),
         ),
         _unknowns=work.model.unknowns,
         _values=found.x * work.step,
@@ -456,7 +474,7 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
 
 def _estimates(work: Residuals, found: Any, error: Floats, ends: Floats) -> list[Estimate]:
     """Make estimates in usual units from scaled standard errors (P,) and intervals (2, P)."""
-    estimates = []
+    estimates, priors = [], work.priors
     for i, item in enumerate(work.items):
         value = found.x[i] * item.step
         low, high = value + ends[:, i] * item.step
@@ -466,7 +484,11 @@ def _estimates(work: Residuals, found: Any, error: Floats, ends: Floats) -> list
         of_people = np.array([value, error[i] * item.step, low, high, item.start]) / item.per_unit
         edge = bool(found.active_mask[i] != 0)
         value, wide, low, high, start = of_people.tolist()
-        estimates.append(Estimate(item.name, item.unit, value, wide, low, high, start, edge, cut))
+        one = Estimate(item.name, item.unit, value, wide, low, high, start, edge, cut)
+        if priors.known[i]:
+            mean, sd = np.array([priors.mean[i], priors.deviation[i]]) * item.step / item.per_unit
+            one = replace(one, prior_mean=float(mean), prior_sd=float(sd))
+        estimates.append(one)
     return estimates
 
 
@@ -485,6 +507,7 @@ def _message(
     failures: tuple[bool, bool, bool],
     estimates: Sequence[Estimate],
     not_identifiable: Sequence[Sequence[str]],
+    contradicted: Sequence[str],
     profiled: bool,
     alike: float | None,
     excess: float | None,
@@ -493,7 +516,8 @@ def _message(
     """Message on the end of the fit and the reliability of its numbers.
 
     `failures`: whether too many rows have no equilibrium, the derivatives predict a lower cost, and
-    the points move farther than the robot is long. `alike` (autocorrelation) and `excess` are given
+    the points move farther than the robot is long. `contradicted`: parameters whose priors
+    contradict the data. `alike` (autocorrelation) and `excess` are given
     if they are significant. `pair`: two correlated parameters that prevent convergence, or empty.
     """
     lost, stuck, astray = failures
@@ -526,6 +550,16 @@ def _message(
             said.append(
                 f"The data cannot separate {listed(names)}, which are correlated: hold one of them."
             )
+    if contradicted:
+        said.append(
+            f"The data contradict the priors of {listed(contradicted)}: without priors these would "
+            f"be more than {_CONFLICT:g} standard deviations from their means. The priors are too "
+            "narrow, or something is missing in the model."
+        )
+    elif by_prior := [
+        e.name for e in estimates if e.prior_sd and e.standard_error > _BY_PRIOR * e.prior_sd
+    ]:
+        said.append(f"Determined by their priors, not by these data: {listed(by_prior)}.")
     if profiled:
         said.append(
             "Tendons become slack or taut inside the intervals, or elsewhere the error is hardly "
@@ -551,19 +585,24 @@ def _message(
     return " ".join(said)
 
 
-def _autocorrelation(
-    errors: Floats, used: Bools, group: NDArray[Any]
-) -> tuple[float, float, NDArray[np.int64]]:
-    """Autocorrelation of neighbouring rows of a group, its p-value, and runs of rows.
-
-    The run (n,) of each used row groups neighbours of a group.
-    """
-    at = np.flatnonzero(used)
-    near = (np.diff(at) == 1) & (group[at[1:]] == group[at[:-1]])
-    run = np.concatenate([[0], np.cumsum(~near)])
-    if np.abs(errors[at]).max() < EXACT:
-        return math.nan, math.nan, run
-    return *autocorrelation(errors[at], near), run
+def _contradicted(search: Search, found: Any, errors: Floats) -> list[str]:
+    """Parameters whose priors contradict the data, by the linearised fit without priors."""
+    work, priors = search.work, search.work.priors
+    residuals, jacobian = work.residuals(found.x), work.jacobian(found.x)
+    if not priors.known.any() or len(residuals) <= len(found.x):
+        return []
+    step, left = np.zeros_like(found.x), residuals
+    for _ in range(_REWEIGHTINGS):
+        root = np.sqrt(np.divide(search.force(left)[0], left, where=left != 0.0, out=left * 0 + 1))
+        step -= np.linalg.lstsq(root[:, None] * jacobian, root * left, rcond=SAME)[0]
+        left = residuals + jacobian @ step
+    moved = errors.copy()
+    moved[work.used] += (1e-3 * (jacobian @ step) / work.weight).reshape(-1, 3)
+    dependence = Dependence.of(moved, work.used, search.group)
+    alone = Uncertainty.of(search.force(left), jacobian, np.empty((0, len(step))), 0.0, dependence)
+    variance = np.diag(alone.covariance) + priors.deviation**2
+    apart = np.abs(found.x + step - priors.mean) > _CONFLICT * np.sqrt(variance)
+    return [work.items[i].name for i in np.flatnonzero(apart)]
 
 
 def _excess(

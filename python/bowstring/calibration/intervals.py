@@ -1,24 +1,37 @@
 """Uncertainty of fitted parameters: covariance and profile likelihood intervals.
 
-n is the number of used rows, P that of parameters. Residuals are in mm, parameters are divided by
-their natural steps.
+n is the number of used rows, P that of parameters, Q that of priors. Residuals are in mm,
+parameters are divided by their natural steps.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.calibration.pieces import Landscape, Minimum
-from bowstring.calibration.search import EXACT
+from bowstring.calibration.residual_tests import autocorrelation
+from bowstring.significance import NOISE
 
-__all__ = ["covariance", "newey_west_lag", "profile_ends"]
+__all__ = ["EXACT", "SAME", "Dependence", "Uncertainty", "profile_ends"]
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
+#: Residuals that count as zero, m; below the precision of any device.
+EXACT: Final = 1e-8
+#: Singular value over the largest below which the data do not identify a direction of parameters.
+SAME: Final = 1e-5
+#: The same for data and priors together, after such directions are removed from the data.
+_NOTHING: Final = 1e-10
+#: Autocorrelation of residuals that indicates dependent errors, if significant.
+_ALIKE: Final = 0.3
+#: Half width of a 95 % interval over a known standard deviation.
+_NORMAL: Final = 1.959964
 #: Normal ratio of the increase of the cost at the end of an interval to that by the derivatives.
 _REGULAR: Final = (0.6, 1.7)
 #: Size of a fit times parameters up to which irregular intervals are profiled.
@@ -27,79 +40,185 @@ _LARGE: Final = 300_000
 _STARTS: Final = 4
 
 
-def covariance(
-    by: tuple[Floats, Floats], rows: Floats, identified: Floats, run: NDArray[np.int64], reach: int
-) -> tuple[Floats, float]:
-    """Covariance (P, P) of the estimates, and half width of a 95 % interval over standard error.
+@dataclass(frozen=True, eq=False)
+class Dependence:
+    """Dependence of the residuals of neighbouring rows.
 
-    This is theory Eq. 7.2; noise may differ between axes. `by` (3 n,) are the first and the
-    second derivative of half the loss by the residuals, `rows` (3 n, P) the Jacobian of the
-    residuals, `identified` (R, P) the identifiable directions. With a `reach`, rows of one `run`
-    (n,) closer than that may be correlated (Newey and West, Econometrica 55, 1987; interval by
-    Kiefer and Vogelsang, Econometric Theory 21, 2005).
+    Attributes
+    ----------
+    correlation : float
+        Autocorrelation of neighbouring rows of a group; NaN with too few rows.
+    is_significant : bool
+        Whether it is above 0.3, and by more than chance.
+    run : ndarray of int (n,)
+        Rows of the same number are neighbours of a group.
     """
-    from scipy.special import stdtrit
 
-    force, slope = (each.reshape(-1, 3) for each in by)
-    of_axis = (rows @ identified.T).reshape(-1, 3, len(identified))
-    count, parameters = len(of_axis), len(identified)
-    square = np.einsum("kap,kaq->apq", of_axis, of_axis)
-    mean = slope.mean(axis=0)
-    inverse = np.linalg.inv(np.tensordot(mean, square, 1))
-    taken = mean * np.einsum("apq,qp->a", square, inverse)  # parameters determined by each axis
-    free = np.maximum(count - taken, 1.0)
-    spread = (force**2).sum(axis=0) / free
-    correction = 1 + parameters / slope.size * float(slope.var()) / float(slope.mean()) ** 2
-    if reach:
-        of_row = np.einsum("kap,ka->kp", of_axis, force)
-        scatter = of_row.T @ of_row
-        for apart in range(1, reach):
-            one_run = run[apart:] == run[:-apart]
-            both = of_row[apart:][one_run].T @ of_row[:-apart][one_run]
-            scatter += (1 - apart / reach) * (both + both.T)
-        scatter *= count / float(free.min())
-        half = float(np.polyval([-0.5324, 0.4160, 2.9694, 1.9600], reach / count))
-    else:
-        scatter = np.tensordot(spread, square, 1)
-        half = float(stdtrit(free.min(), 0.975))
-    back = identified.T @ inverse
-    return correction**2 * back @ scatter @ back.T, half
+    correlation: float
+    is_significant: bool
+    run: NDArray[np.int64]
 
+    @classmethod
+    def of(cls, errors: Floats, used: Bools, group: NDArray[Any]) -> Dependence:
+        """Test errors (K, 3) in m of the used rows; `group` (K,) as by `observations.groups`."""
+        at = np.flatnonzero(used)
+        near = (np.diff(at) == 1) & (group[at[1:]] == group[at[:-1]])
+        run = np.concatenate([[0], np.cumsum(~near)])
+        if np.abs(errors[at]).max() < EXACT:
+            return cls(math.nan, False, run)
+        correlation, p_value = autocorrelation(errors[at], near)
+        return cls(correlation, correlation > _ALIKE and p_value < NOISE, run)
 
-def newey_west_lag(correlation: float, count: int) -> int:
-    """Bandwidth in rows for a given autocorrelation (Andrews, Econometrica 59, 1991)."""
-    square = min(correlation, 0.97) ** 2
-    alpha = 4.0 * square / (1.0 - square) ** 2
-    return min(math.ceil(1.1447 * math.pow(alpha * count, 1.0 / 3.0)), count // 2)
+    @property
+    def reach(self) -> int:
+        """Bandwidth in rows (Andrews, Econometrica 59, 1991); 0 for independent rows."""
+        if not self.is_significant:
+            return 0
+        count = len(self.run)
+        square = min(self.correlation, 0.97) ** 2
+        alpha = 4.0 * square / (1.0 - square) ** 2
+        return min(math.ceil(1.1447 * math.pow(alpha * count, 1.0 / 3.0)), count // 2)
 
 
-def profile_ends(
-    land: Landscape | None, covariance: Floats, half: float, jacobian: Floats, slope: Floats
-) -> Floats | None:
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """Uncertainty of the estimates by theory Eqs 7.2 and 7.3; made by `of`.
+
+    Attributes
+    ----------
+    covariance : ndarray (P, P)
+        Covariance of scaled parameters; zero in directions of `lost`.
+    half : ndarray (P,)
+        Half width of a 95 % interval over the standard error.
+    noise : float
+        Standard deviation of an independent residual that would give the same covariance, mm.
+    determined : float
+        Number of parameters that the data determine, the rest of P being left to the priors.
+    lost : ndarray (L, P)
+        Directions that are not identifiable.
+    """
+
+    covariance: Floats
+    half: Floats
+    noise: float
+    determined: float
+    lost: Floats
+
+    @classmethod
+    def of(
+        cls,
+        by: tuple[Floats, Floats],
+        jacobian: Floats,
+        prior: Floats,
+        weighted_by: float,
+        dependence: Dependence,
+    ) -> Uncertainty:
+        """Compute the covariance at a minimum; noise may differ between axes.
+
+        Parameters
+        ----------
+        by : tuple of ndarray (3 n,)
+            First and second derivative of half the loss by the residuals.
+        jacobian, prior : ndarray (3 n, P), (Q, P)
+            Derivatives of the residuals of data and priors.
+        weighted_by : float
+            Standard deviation of a residual by which the priors are weighted, mm.
+        dependence : Dependence
+            Rows that may be correlated (Newey and West, Econometrica 55, 1987; interval by Kiefer
+            and Vogelsang, Econometric Theory 21, 2005).
+
+        Returns
+        -------
+        Uncertainty
+            Covariance, intervals and noise.
+        """
+        from scipy.special import stdtrit
+
+        size = np.sqrt((jacobian**2).sum(axis=0) + (prior**2).sum(axis=0))
+        size[size == 0] = 1.0
+        rows, own = jacobian / size, prior / size
+        _, singular, direction = np.linalg.svd(rows, full_matrices=False)
+        is_seen = singular > SAME * singular[0]
+        if len(own):  # priors determine what the data do not, and inexact derivatives must not
+            rows = rows @ direction[is_seen].T @ direction[is_seen]
+            both = np.concatenate([rows, own])
+            _, singular, direction = np.linalg.svd(both, full_matrices=False)
+            is_seen = singular > _NOTHING * singular[0]
+        seen, lost = direction[is_seen], direction[~is_seen]
+
+        force, slope = (each.reshape(-1, 3) for each in by)
+        of_axis = (rows @ seen.T).reshape(-1, 3, len(seen))
+        own = own @ seen.T
+        square = np.einsum("kap,kaq->apq", of_axis, of_axis)
+        mean = slope.mean(axis=0)
+        bread = np.tensordot(mean, square, 1)
+        inverse = np.linalg.inv(bread + own.T @ own)
+        taken = mean * np.einsum("apq,qp->a", square, inverse)  # determined by each axis
+        determined = float(taken.sum())
+        free = np.maximum(len(of_axis) - taken, 1.0)
+        spread = (force**2).sum(axis=0) / free
+        share = determined / slope.size
+        correction = 1 + share * float(slope.var()) / float(slope.mean()) ** 2
+        if reach := dependence.reach:
+            scatter = _scatter(of_axis, force, dependence.run, reach) / float(free.min())
+            scatter *= len(of_axis)
+            half = float(np.polyval([-0.5324, 0.4160, 2.9694, 1.9600], reach / len(of_axis)))
+        else:
+            scatter = np.tensordot(spread, square, 1)
+            half = float(stdtrit(free.min(), 0.975))
+        scatter *= correction**2
+        back = seen.T @ inverse / size[:, None]
+        of_data = back @ scatter @ back.T
+        of_priors = weighted_by**2 * back @ own.T @ own @ back.T
+        covariance = of_data + of_priors
+        total = np.diag(covariance)
+        known = np.diag(of_priors) / np.where(total > 0.0, total, 1.0)
+        return cls(
+            covariance,
+            np.sqrt(half**2 + known * (_NORMAL**2 - half**2)),
+            math.sqrt(float(np.sum(inverse * scatter)) / max(determined, 1e-300)),
+            determined,
+            lost,
+        )
+
+
+def _scatter(of_axis: Floats, force: Floats, run: NDArray[np.int64], reach: int) -> Floats:
+    """Covariance of the gradient with correlated rows of a run, closer than `reach`."""
+    of_row = np.einsum("kap,ka->kp", of_axis, force)
+    scatter = np.asarray(of_row.T @ of_row)
+    for apart in range(1, reach):
+        one_run = run[apart:] == run[:-apart]
+        both = of_row[apart:][one_run].T @ of_row[:-apart][one_run]
+        scatter += (1 - apart / reach) * (both + both.T)
+    return scatter
+
+
+def profile_ends(land: Landscape | None, found: Uncertainty, hessian: Floats) -> Floats | None:
     """Ends (2, P) of profile likelihood intervals; None where the derivatives suffice.
 
     They do not suffice where tendons become taut or slack inside an interval, or another minimum is
     hardly higher. The bound of the cost is the one that would reproduce the interval of the
     derivatives for a quadratic cost.
     """
-    parameters = len(covariance)
     if land is None or np.abs(land.residuals).max() < 1e3 * EXACT:
         return None
-    hessian = jacobian.T @ (slope[:, None] * jacobian)
+    covariance, half = found.covariance, found.half
+    parameters = len(covariance)
     bread = np.diag(np.linalg.pinv(hessian, hermitian=True))
     spread = np.diag(covariance)
     least = land.cost(np.zeros(parameters))
     allowed = 0.5 * half**2 * float(np.median(spread / np.maximum(bread, 1e-300)))
+    widest, most = float(half.max()), least + float(allowed.max())
     size, axes = np.linalg.eigh(covariance / np.sqrt(np.outer(spread, spread)))
     regular = True
     for length, axis in zip(np.sqrt(np.maximum(size, 0.0)), axes.T, strict=True):
-        for sign in (half, -half):
+        for sign in (widest, -widest):
             change = sign * length * axis * np.sqrt(spread)
             if (change < land.low).any() or (change > land.high).any():
                 continue
             asked = 0.5 * float(change @ hessian @ change)
             regular &= _REGULAR[0] * asked < land.cost(change) - least < _REGULAR[1] * asked
-    minima = [each for each in land.minima if each.cost < least + allowed]
+    minima = [each for each in land.minima if each.cost < most]
     width = half * np.sqrt(spread)
     for each in minima:
         regular &= bool((np.abs(each.change) <= width).all())
@@ -111,7 +230,7 @@ def profile_ends(
             starts.append(each)
     ends = [
         [
-            land.reach(i, sign, float(width[i]), least + allowed, starts[:_STARTS])
+            land.reach(i, sign, float(width[i]), least + float(allowed[i]), starts[:_STARTS])
             for i in range(parameters)
         ]
         for sign in (-1.0, 1.0)

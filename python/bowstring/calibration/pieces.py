@@ -16,15 +16,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Landscape", "Minimum", "Pieces"]
+__all__ = ["Landscape", "Loss", "Minimum", "Pieces", "rho"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Loss = Literal["linear", "soft_l1", "huber"]
 
 #: Rounds of block pivoting, in which all violated complementarities change; then single pivots.
 _BLOCKS: Final = 10
@@ -45,6 +46,23 @@ _REACHES: Final = 14
 _NEAR: Final = 0.05
 #: Eigenvalue over the largest below which a direction of the parameters has no effect.
 _LOST: Final = 1e-10
+
+
+def rho(z: Floats, loss: Loss, count: int) -> Floats:
+    """Loss and its first two derivatives (3, m) by z (m,); quadratic beyond the first `count`.
+
+    This is rho of theory Eq. 7.1. Residuals of priors stand behind those of the data.
+    """
+    out = np.stack([z, np.ones_like(z), np.zeros_like(z)])
+    data = z[:count]
+    if loss == "soft_l1":
+        t = 1.0 + data
+        out[:, :count] = 2.0 * (np.sqrt(t) - 1.0), t**-0.5, -0.5 * t**-1.5
+    elif loss == "huber":
+        t = np.maximum(data, 1.0)
+        beyond = 2.0 * np.sqrt(t) - 1.0, t**-0.5, -0.5 * t**-1.5
+        out[:, :count] = np.where(data > 1.0, beyond, out[:, :count])
+    return out
 
 
 @dataclass(frozen=True)
@@ -205,12 +223,17 @@ class Landscape:
     ----------
     pieces : Pieces
         Model of all used rows, in scaled parameters.
-    residuals, weight : ndarray (3 K,)
-        Residuals at no change, and residual per metre of the point.
+    residuals : ndarray (3 K + Q,)
+        Residuals at no change, those of priors behind those of the data.
+    weight : ndarray (3 K,)
+        Residual per metre of the point.
     low, high : ndarray (P,)
         Bounds of the change.
+    prior : ndarray (Q, P)
+        Derivatives of the residuals of priors.
     loss : mapping
-        ``loss`` and ``f_scale`` of `scipy.optimize.least_squares`.
+        Callable ``loss`` and ``f_scale`` of `scipy.optimize.least_squares`; empty for a quadratic
+        loss.
     """
 
     pieces: Pieces
@@ -218,6 +241,7 @@ class Landscape:
     weight: Floats
     low: Floats
     high: Floats
+    prior: Floats
     loss: Mapping[str, Any]
 
     @property
@@ -227,13 +251,10 @@ class Landscape:
 
     def cost(self, change: Floats) -> float:
         """Cost as defined by `scipy.optimize.least_squares`."""
-        z = self._residuals(change)
-        loss, turn = self.loss.get("loss", "linear"), self.loss.get("f_scale", 1.0)
-        z = (z / turn) ** 2
-        if loss == "soft_l1":
-            z = 2.0 * (np.sqrt(1.0 + z) - 1.0)
-        elif loss == "huber":
-            z = np.where(z <= 1.0, z, 2.0 * np.sqrt(np.maximum(z, 1.0)) - 1.0)
+        turn = self.loss.get("f_scale", 1.0)
+        z = (self._residuals(change) / turn) ** 2
+        if self.loss:
+            z = self.loss["loss"](z)[0]
         return float(0.5 * turn**2 * z.sum())
 
     @cached_property
@@ -316,12 +337,13 @@ class Landscape:
 
     def _residuals(self, change: Floats) -> Floats:
         moved, _ = self._moved(change.tobytes())
-        return np.asarray(self.residuals + self.weight * moved.ravel())
+        by = np.concatenate([self.weight * moved.ravel(), self.prior @ change])
+        return np.asarray(self.residuals + by)
 
     def _slope(self, change: Floats) -> Floats:
         _, taut = self._moved(change.tobytes())
         tangent = self.pieces.tangent(taut).reshape(len(self.weight), -1)
-        return np.asarray(tangent * self.weight[:, None])
+        return np.concatenate([tangent * self.weight[:, None], self.prior])
 
     def _descend(self, start: Floats, held: int = -1, value: float = 0.0) -> Minimum:
         from scipy.optimize import least_squares

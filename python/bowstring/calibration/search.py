@@ -1,37 +1,37 @@
 """Minimisation of a fit's cost: residuals with derivatives, and search for minima.
 
-K is the number of rows, n that of used rows, P that of parameters. Scaled parameters are SI values
-over their natural steps.
+K is the number of rows, n that of used rows, P that of parameters, Q that of priors. Scaled
+parameters are SI values over their natural steps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
+from functools import partial
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.calibration.pieces import Landscape, Pieces
+from bowstring.calibration.intervals import EXACT, SAME, Dependence, Uncertainty
+from bowstring.calibration.pieces import Landscape, Loss, Pieces, rho
+from bowstring.calibration.priors import Priors
 from bowstring.calibration.tip_model import Prediction, TipModel
 from bowstring.data.rigid import align
 from bowstring.errors import InputError, NoSolutionError
 
-__all__ = ["EXACT", "SAME", "Loss", "Residuals", "Search", "force", "spread"]
+__all__ = ["Residuals", "Search", "spread"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-Loss = Literal["linear", "soft_l1", "huber"]
 
-#: Singular value over the largest below which a direction of parameters is not identifiable.
-SAME: Final = 1e-5
-#: Residuals that count as zero, m; below the precision of any device.
-EXACT: Final = 1e-8
 #: Standard deviations at which a robust loss turns from quadratic to linear.
 _TURN: Final = 2.0
 _EVALUATIONS: Final = 100
 _RESCALES: Final = 10
+#: Relative change of the noise below which the weight of the priors is kept.
+_SAME_NOISE: Final = 0.03
 #: Share of rows without an equilibrium at the start above which a fit is refused.
 _MOST_LOST: Final = 0.5
 #: Initial compliances where stiffer tendons have no equilibrium, m/N.
@@ -51,21 +51,10 @@ _TRIED: Final = 3
 _GAIN: Final = (1e-6, 5e-3)
 
 
-def spread(residuals: Floats, parameters: int) -> float:
+def spread(residuals: Floats, parameters: float) -> float:
     """Robust standard deviation, 1.4826 times the median absolute value, for the free residuals."""
-    share = max(len(residuals) - parameters, 1) / len(residuals)
+    share = max(len(residuals) - parameters, 1.0) / len(residuals)
     return float(1.4826 * np.median(np.abs(residuals)) / np.sqrt(share))
-
-
-def force(residuals: Floats, loss: Loss, turn: float) -> tuple[Floats, Floats]:
-    """First and second derivative of half the loss (theory Eq. 7.1) by each residual."""
-    if loss == "linear":
-        return residuals, np.ones_like(residuals)
-    z = (residuals / turn) ** 2
-    if loss == "soft_l1":
-        return residuals / np.sqrt(1 + z), (1 + z) ** -1.5
-    inside = z <= 1
-    return np.where(inside, residuals, turn * np.sign(residuals)), inside.astype(float)
 
 
 @dataclass(frozen=True)
@@ -96,9 +85,11 @@ class Residuals:
         measured: Floats,
         asked: Bools,
         sigma: Floats | None,
+        priors: Priors,
         line: NDArray[np.int64] | None = None,
     ) -> None:
         self.model, self.measured, self.asked, self.sigma = model, measured, asked, sigma
+        self.priors = priors
         self._weights = np.ones(len(asked)) if sigma is None else np.median(sigma[asked]) / sigma
         self.used = asked
         self._line = line
@@ -167,7 +158,7 @@ class Residuals:
         """Select the rows that have an equilibrium here; return whether the selection changed."""
         solved = self.prediction(scaled).solved
         used = self.asked & solved
-        if 3 * used.sum() < len(self.items):
+        if 3 * used.sum() < max(self.priors.free, 1):
             raise NoSolutionError(
                 f"{self.model.unknowns.robot.name}: {int((self.asked & ~solved).sum())} of "
                 f"{self.asked.sum()} rows have no solution, too many for "
@@ -255,7 +246,7 @@ class Residuals:
 
     def variance(self, cost: float) -> float:
         """Variance of a residual, mm^2, at least that of data without noise."""
-        free = max(3 * int(self.used.sum()) - len(self.items), 1)
+        free = max(3 * int(self.used.sum()) - self.priors.free, 1)
         return float(max(2.0 * cost / free, (1e3 * EXACT) ** 2))
 
     def has_friction(self, scaled: Floats) -> bool:
@@ -263,9 +254,10 @@ class Residuals:
         return self.prediction(scaled).setting.robot.has_friction
 
     def refuse_without_effect(self, scaled: Floats) -> None:
-        """Raise `InputError` for a parameter without effect on the tip in the used rows."""
+        """Raise `InputError` for a parameter without prior and without effect in the used rows."""
         size = np.linalg.norm(self.jacobian(scaled), axis=0)
-        idle = np.flatnonzero(size <= 1e-9 * np.sqrt(self.used.sum()))
+        idle = (size <= 1e-9 * np.sqrt(self.used.sum())) & ~self.priors.known
+        idle = np.flatnonzero(idle)
         pieces = self.pieces(scaled) if idle.size else None
         for i in idle:
             # it may have an effect once slack tendons become taut
@@ -287,52 +279,106 @@ class Residuals:
 
 
 class Search:
-    """Search for the lowest minimum of a fit."""
+    """Search for the lowest minimum of a fit, with the scales of loss and priors.
 
-    def __init__(self, work: Residuals, loss: Loss) -> None:
-        self.work, self.loss = work, loss
+    Residuals of the priors stand behind those of the data.
+    """
+
+    def __init__(self, work: Residuals, loss: Loss, group: NDArray[Any]) -> None:
+        self.work, self.loss, self.group = work, loss, group
         #: Residual at which a robust loss turns linear, mm; infinite for the quadratic loss.
         self.turn = np.inf
+        #: Standard deviation of a residual by which the priors are weighted, mm.
+        self.noise = 0.0
         self.options: dict[str, Any] = {}
         self._land: tuple[object, Landscape | None] | None = None
 
     def run(self, first: Floats) -> Any:
         """Return the result of `scipy.optimize.least_squares` at the lowest minimum."""
         fine = {"ftol": 1e-6, "xtol": 1e-6, "max_nfev": _EVALUATIONS}
-        if self.loss == "linear":
+        weighted = bool(self.work.priors.known.any())
+        if self.loss == "linear" and not weighted:
             self.options = fine
             return self._settled(self._lowest(self._descend(first)))
         fine["max_nfev"] = _EVALUATIONS // 2
         self.options = {**fine, "ftol": 1e-3, "xtol": 1e-3}
+        if weighted:  # from the nominal robot the noise comes down
+            self.noise = max(spread(self.work.residuals(first), 0), 1e3 * EXACT)
         found = self._settled(self._lowest(self._descend(first)))
         for _ in range(_RESCALES):  # outliers may widen the scale at first
-            turn = _TURN * max(spread(found.fun, len(first)), 1e-9)
-            if turn > 0.8 * self.turn:
+            if not self._rescale(found) and self.options is fine:
                 break
-            self.turn, self.options = turn, fine
+            self.options = fine
             found = self._descend(found.x)
         return self._settled(self._lowest(found))
 
-    @property
-    def _scipy_loss(self) -> dict[str, Any]:
-        """Options of the loss for `scipy.optimize.least_squares`."""
-        return {"loss": self.loss, "f_scale": self.turn} if np.isfinite(self.turn) else {}
+    def _rescale(self, found: Any) -> bool:
+        """Estimate the scales of loss and priors anew; return whether they changed by much."""
+        changed, determined = False, float(len(found.x))
+        if self.work.priors.known.any():
+            now = self.uncertainty(found.x)
+            changed, determined = abs(now.noise / self.noise - 1.0) > _SAME_NOISE, now.determined
+            if changed:
+                self.noise = now.noise
+        if self.loss != "linear":
+            count = 3 * int(self.work.used.sum())
+            turn = _TURN * max(spread(found.fun[:count], determined), 1e-9)
+            if turn <= 0.8 * self.turn:
+                self.turn, changed = turn, True
+        return changed
+
+    def uncertainty(self, scaled: Floats) -> Uncertainty:
+        """Uncertainty of the estimates if they were these."""
+        work = self.work
+        errors = work.prediction(scaled).point - work.measured
+        return Uncertainty.of(
+            self.force(work.residuals(scaled)),
+            work.jacobian(scaled),
+            work.priors.jacobian(self.noise),
+            self.noise,
+            Dependence.of(errors, work.used, self.group),
+        )
+
+    def force(self, residuals: Floats) -> tuple[Floats, Floats]:
+        """First and second derivative of half the loss by residuals of the data."""
+        if not np.isfinite(self.turn):
+            return residuals, np.ones_like(residuals)
+        z = (residuals / self.turn) ** 2
+        _, first, second = rho(z, self.loss, len(z))
+        return residuals * first, first + 2.0 * z * second
+
+    def _scipy_loss(self, count: int) -> dict[str, Any]:
+        """Options of the loss for `scipy.optimize.least_squares`, of `count` data."""
+        if not np.isfinite(self.turn):
+            return {}
+        return {"loss": partial(rho, loss=self.loss, count=count), "f_scale": self.turn}
+
+    def residuals(self, scaled: Floats) -> Floats:
+        """Residuals of data and priors (3 n + Q,)."""
+        own = self.work.priors.residuals(scaled, self.noise)
+        return np.concatenate([self.work.residuals(scaled), own])
+
+    def jacobian(self, scaled: Floats) -> Floats:
+        """Jacobian (3 n + Q, P) of the residuals."""
+        return np.concatenate([self.work.jacobian(scaled), self.work.priors.jacobian(self.noise)])
 
     def landscape(self, scaled: Floats) -> Landscape | None:
         """Piecewise model of the cost near a point; None if no tendon can become taut or slack."""
         work = self.work
-        key = scaled.tobytes(), work.used.tobytes(), self.turn
+        key = scaled.tobytes(), work.used.tobytes(), self.turn, self.noise
         if self._land is None or self._land[0] != key:
             land, pieces = None, work.pieces(scaled)
             if pieces is not None:
                 count = np.repeat(work.prediction(scaled).solved[work.used], 3)
+                own = work.priors.residuals(scaled, self.noise)
                 land = Landscape(
                     pieces,
-                    work.residuals(scaled)[count],
+                    np.concatenate([work.residuals(scaled)[count], own]),
                     1e3 * work.weight[count],
                     work.low - scaled,
                     work.high - scaled,
-                    self._scipy_loss,
+                    work.priors.jacobian(self.noise),
+                    self._scipy_loss(int(count.sum())),
                 )
             self._land = key, land
         return self._land[1]
@@ -342,8 +388,10 @@ class Search:
         free = np.asarray(found.active_mask) == 0
         if not free.any():
             return 0.0
-        residuals, jacobian = self.work.residuals(found.x), self.work.jacobian(found.x)[:, free]
-        by, slope = force(residuals, self.loss, self.turn)
+        by, slope = self.force(self.work.residuals(found.x))
+        own = self.work.priors.residuals(found.x, self.noise)
+        by, slope = np.concatenate([by, own]), np.concatenate([slope, np.ones_like(own)])
+        jacobian = self.jacobian(found.x)[:, free]
         root = np.sqrt(np.maximum(slope, 1e-12))
         step = np.linalg.lstsq(root[:, None] * jacobian, by / root, rcond=SAME)[0]
         return float(0.5 * (jacobian @ step) @ by)
@@ -353,15 +401,14 @@ class Search:
 
         low, high = self.work.low, self.work.high
         return least_squares(
-            self.work.residuals,
+            self.residuals,
             np.clip(begin, np.nextafter(low, high), np.nextafter(high, low)),
-            # SciPy 1.11 overwrites the given array by the weights of a robust loss
-            jac=lambda scaled: self.work.jacobian(scaled).copy(),
+            jac=self.jacobian,  # a new array each time: SciPy 1.11 overwrites it
             bounds=(low, high),
             x_scale="jac",
             gtol=1e-10,
             **self.options,
-            **self._scipy_loss,
+            **self._scipy_loss(3 * int(self.work.used.sum())),
         )
 
     def _lowest(self, found: Any) -> Any:

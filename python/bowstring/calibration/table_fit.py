@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 
 from bowstring.atomic_io import readable
 from bowstring.calibration.cross_validation import CrossValidation, cross_validate, hold_out
-from bowstring.calibration.fitting import Fit, Loss, fit
+from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Score, score
+from bowstring.calibration.pieces import Loss
+from bowstring.calibration.priors import PriorChoice
 from bowstring.data.measurements import Measurements
 from bowstring.data.tendon_check import TendonCheck, check_tendons
 from bowstring.display import short_repr
@@ -248,6 +250,7 @@ def calibrate(
     model: RodModel | Literal["arc"] | None = None,
     loss: Loss = "soft_l1",
     start: Mapping[str, float] | None = None,
+    priors: PriorChoice = None,
     validation: Validation | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
@@ -266,6 +269,8 @@ def calibrate(
     loss : {"linear", "soft_l1", "huber"}
         As for `bowstring.fit`.
     start : mapping of str to float, optional
+        As for `bowstring.fit`.
+    priors : "default" or mapping of str to float, optional
         As for `bowstring.fit`.
     validation : Validation, optional
         Method of validation; none by default.
@@ -300,7 +305,16 @@ def calibrate(
     notify("fit", 0.0)
     order = check_tendons(robot, data)
     try:
-        found = fit(robot, data, parameters, model=model, loss=loss, rows=rows, start=start)
+        found = fit(
+            robot,
+            data,
+            parameters,
+            model=model,
+            loss=loss,
+            rows=rows,
+            start=start,
+            priors=priors,
+        )
     except NoSolutionError as error:
         if order.alarm:  # the more probable cause
             raise NoSolutionError(f"{str(error).rstrip('.')}. {order.sentence}") from None
@@ -312,7 +326,14 @@ def calibrate(
     if folds is not None:
         notify("validation", 1 / (1 + folds))
         validated = cross_validate(
-            robot, data, parameters, folds=folds, model=model, loss=loss, start=start
+            robot,
+            data,
+            parameters,
+            folds=folds,
+            model=model,
+            loss=loss,
+            start=start,
+            priors=priors,
         )
     other = None
     if validate is not None:

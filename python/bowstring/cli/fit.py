@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
@@ -17,6 +18,7 @@ from bowstring.cli.options import (
     OfMasses,
     Overrides,
     RobotSource,
+    changes_of,
     load,
     measurements_of,
     of_flag,
@@ -37,7 +39,7 @@ from bowstring.cli.output import (
 )
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, plain
-from bowstring.units import rounded
+from bowstring.units import rounded, si_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -45,6 +47,7 @@ if TYPE_CHECKING:
     from bowstring.calibration.fitting import Fit
     from bowstring.calibration.table_fit import Calibration
     from bowstring.data.measurements import Measurements
+    from bowstring.robot.model import Robot
     from bowstring.schemas import fit as schema
 
 #: Ratio of RMS to robust scatter of a coordinate above which both are printed.
@@ -88,6 +91,20 @@ def fit(
         Literal["linear", "soft_l1", "huber"],
         typer.Option(help="Least squares (linear), or robust against outliers."),
     ] = "soft_l1",
+    prior: Annotated[
+        list[str] | None,
+        option(
+            "NAME=SD",
+            "Standard deviation of a fitted parameter about its nominal value, or none: "
+            'gain="2 %", offset="0.5 mm". A name stands for its group. Repeatable.',
+        ),
+    ] = None,
+    priors: Annotated[
+        bool,
+        typer.Option(
+            "--priors", help="Default priors of gains, offsets, backlash, delay and holes."
+        ),
+    ] = False,
     holdout: Annotated[
         str | None,
         option("SHARE", "Leave this share of the rows, the last, out of the fit and predict it."),
@@ -144,6 +161,7 @@ def fit(
     if folds is not None and folds < 2:
         raise InputError(f"--folds: got {folds}; must be 2 or more.")
     known = load(robot, overrides)
+    deviations = _priors_of(known, parameter, prior or (), priors)
     out_folder(out, "fit")
     begin = None if start is None else of_flag("--start", table_fit.read_start, start)
 
@@ -166,6 +184,7 @@ def fit(
             model="arc" if model == "arc" else None,
             loss=loss,
             start=begin,
+            priors=deviations,
             validation=table_fit.Validation(share, folds, other),
             progress=notify,
         )
@@ -185,6 +204,7 @@ def fit(
             parameters=parameter,
             model=model,
             loss=loss,
+            priors=deviations,
             holdout=share,
             folds=folds,
             validate=validate,
@@ -207,6 +227,31 @@ def fit(
         raise NoSolutionError(f"{known.name}: {found.fit.message}")
 
 
+def _priors_of(
+    robot: Robot, parameters: Sequence[str], texts: Sequence[str], defaults: bool
+) -> dict[str, float] | None:
+    """Read the standard deviations of --prior, beside the defaults of --priors; None without."""
+    from bowstring.calibration.parameters import Unknowns
+    from bowstring.calibration.priors import default_priors, matching
+
+    given = changes_of("--prior", texts, 'gain="2 %"')
+    if not (given or defaults):
+        return None
+    unknowns = Unknowns(robot, parameters)
+    found = default_priors(robot, parameters) if defaults else {}
+    for name, text in given.items():
+        items = of_flag("--prior", partial(matching, unknowns), name)
+        if text.strip() == "none":
+            found |= {item.name: math.inf for item in items}
+            continue
+        if si := si_of(items[0].unit):
+            value = positive("--prior", text, si)
+        else:
+            value = share_of("--prior", text, "a positive number", lambda share: share > 0)
+        found |= {item.name: value for item in items}
+    return {name: value for name, value in found.items() if math.isfinite(value)}
+
+
 def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str]:
     import numpy as np
 
@@ -221,10 +266,12 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
         f"{fit.robot.name}, {what}, fitted to {data.name} ({data.source}): "
         f"{counted(int(fit.used.sum()), 'row')}{kept}{left}"
     )
+    some = [">prior"] if any(e.prior_sd for e in fit.estimates) else []
     table = new_table(
-        "parameter", ">value", ">std. error", ">95 % from", ">to", ">began at", "unit"
+        "parameter", ">value", ">std. error", ">95 % from", ">to", ">began at", *some, "unit"
     )
     for e in fit.estimates:
+        prior = "" if e.prior_sd is None else f"{e.prior_mean:.6g} ± {rounded(e.prior_sd, 2)}"
         digits = _digits(e.standard_error, e.value)
         told = math.isfinite(e.standard_error)
         table.add_row(
@@ -233,6 +280,7 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
             rounded(e.standard_error, 2) if told else "unknown",
             *[fixed(end, digits) if math.isfinite(end) else "-" for end in (e.low, e.high)],
             f"{e.start:.6g}",
+            *([prior] if some else []),
             e.unit,
         )
     yield table

@@ -208,6 +208,7 @@ _EXAMPLES: Final = {
     "--tool-error": '"1 mm",0,0',
     "--drift": '0,"0.2 mm",0',
     "--holdout": '"20 %"',
+    "--prior": 'offset="0.5 mm"',
 }
 
 

@@ -35,6 +35,8 @@ class Estimate(Object):
     start: Annotated[float, about("Value at which the fit begins.", "`unit`")]
     at_limit: Annotated[bool, about("Whether the estimate is at the end of its range.")]
     cut: Annotated[bool, about("Whether the interval ends at the end of the range.")]
+    prior_mean: Annotated[OrNull, about("Mean of the prior; `null` without one.", "`unit`")]
+    prior_sd: Annotated[OrNull, about("Standard deviation of the prior.", "`unit`")]
 
 
 class CorrelatedPair(Object):

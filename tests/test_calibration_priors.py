@@ -1,0 +1,295 @@
+"""Priors of a fit: their weight, intervals and defaults; all tables are synthetic."""
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring.calibration import default_priors
+from bowstring.calibration.bootstrap import Linear, refitted
+from bowstring.calibration.cross_validation import cross_validate
+from bowstring.calibration.fitting import fit
+from bowstring.calibration.intervals import Dependence, Uncertainty
+from bowstring.calibration.observations import Data
+from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.priors import Priors, read_priors
+from bowstring.errors import InputError
+from test_calibration_fitting import (
+    GIVE,
+    ONE_DISPLACED,
+    SIDE,
+    giving,
+    masses,
+    single,
+    slack_bench,
+    synthetic,
+)
+
+E = "segments.0.backbone.E"
+LOADS = {"as": "tensions", "x": masses() + SIDE}
+
+
+def random_loads(rows, seed):
+    tensions = np.random.default_rng(seed).uniform(0, 40, (rows, 3))
+    return {"as": "tensions", "x": tensions}
+
+
+def dependence(rows, *, apart=True):
+    """Rows that are no neighbours of each other, or all neighbours with correlation 0.8."""
+    run = np.arange(rows) if apart else np.zeros(rows, dtype=int)
+    return Dependence(0.0 if apart else 0.8, not apart, run)
+
+
+# -- weight ----------------------------------------------------------------------------------
+
+
+def test_a_parameter_that_data_do_not_identify_keeps_its_prior_synthetic():
+    """Without gravity tips determine only the ratio of E to the gain of all tensions."""
+    data = synthetic(single(), [E], {E: 36e9}, LOADS, noise=2e-5)
+    alone = fit(single(), data, [E, "gain"])
+    assert alone.not_identifiable == ((E, "gain"),)
+    found = fit(single(), data, [E, "gain"], priors={"gain": 0.02})
+    assert found.converged and not found.not_identifiable
+    gain, stiffness = found["gain"], found[E]
+    assert gain.value == pytest.approx(1.0, abs=1e-3)
+    assert gain.standard_error == pytest.approx(0.02, rel=1e-3)
+    assert stiffness.value == pytest.approx(36, rel=1e-3)
+    assert stiffness.standard_error == pytest.approx(0.02 * 36, rel=0.01)
+    assert found.correlation[0, 1] > 0.999
+    # an interval of a known standard deviation is normal, however few the rows
+    assert gain.high - gain.value == pytest.approx(1.96 * 0.02, rel=2e-3)
+    assert "Determined by their priors, not by these data: gain." in found.message
+    assert (gain.prior_mean, gain.prior_sd) == (1.0, 0.02) and stiffness.prior_sd is None
+
+
+def test_a_parameter_without_effect_may_have_a_prior_synthetic():
+    data = synthetic(single(), [E], {}, LOADS, noise=2e-5)
+    found = fit(single(), data, [E, "offset"], priors={"offset": 3e-4})
+    assert found["offset"].value == 0.0 and found["offset"].standard_error == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("loss", ["linear", "soft_l1", "huber"])
+def test_estimates_lie_between_data_and_prior_by_their_weights_synthetic(loss):
+    """The posterior mean of one parameter of a nearly linear model, with known noise."""
+    data = synthetic(single(), ["gain"], {"gain": 1.02}, LOADS, noise=1e-2)
+    alone = fit(single(), data, ["gain"], loss=loss)["gain"]
+    found = fit(single(), data, ["gain"], loss=loss, priors={"gain": 0.01})["gain"]
+    precision = np.array([alone.standard_error**-2, 0.01**-2])
+    mean = precision @ [alone.value, 1.0] / precision.sum()
+    assert 1.0 < found.value < alone.value
+    assert found.value == pytest.approx(mean, abs=0.1 * alone.standard_error)
+    assert found.standard_error == pytest.approx(precision.sum() ** -0.5, rel=0.05)
+
+
+def test_a_wide_prior_changes_nothing_and_a_narrow_one_holds_synthetic():
+    data = synthetic(single(), ["gain"], {"gain": 1.05}, LOADS, noise=2e-5)
+    names = ["gain", "base.x"]
+    alone, wide, narrow = (
+        fit(single(), data, names, priors=priors)
+        for priors in (None, {"gain": 10.0}, {"gain": 1e-7})
+    )
+    for a, b in zip(alone.estimates, wide.estimates, strict=True):
+        assert b.value == pytest.approx(a.value, abs=0.02 * a.standard_error)
+        assert b.standard_error == pytest.approx(a.standard_error, rel=0.01)
+    assert alone.noise == pytest.approx(wide.noise, rel=1e-3)
+    assert narrow["gain"].value == pytest.approx(1.0, abs=1e-3)
+    assert "The data contradict the priors of gain: without priors" in narrow.message
+    assert "contradict" not in wide.message
+
+
+def test_the_initial_value_does_not_move_the_prior_synthetic():
+    data = synthetic(single(), ["gain"], {"gain": 1.03}, LOADS, noise=5e-3)
+    ends = [
+        fit(single(), data, ["gain"], priors={"gain": 0.01}, start=start)["gain"]
+        for start in (None, {"gain": 1.2})
+    ]
+    assert [end.prior_mean for end in ends] == [1.0, 1.0] and ends[1].start == 1.2
+    assert ends[0].value == pytest.approx(ends[1].value, abs=2e-4)
+    # frames have no nominal value but the one that is given
+    found = fit(single(), data, ["tool.z"], priors={"tool": 1e-3}, start={"tool.z": 8e-3})
+    assert found["tool.z"].prior_mean == pytest.approx(8.0)
+
+
+def test_more_parameters_than_rows_need_priors_synthetic():
+    names = [E, "gain.tendons", "pitch_radius", "hole_angle"]
+    truth = {E: 33e9, "gain.tendons.1": 1.02}
+    data = synthetic(single(), names, truth, random_loads(4, 0), noise=1e-4)
+    with pytest.raises(InputError, match="4 measured points are too few for 6 parameters"):
+        fit(single(), data, names)
+    found = fit(single(), data, names, priors="default")
+    assert found.converged and not found.not_identifiable
+    assert found[E].low < 33 < found[E].high
+    assert found["gain.tendons.1"].low < 1.02 < found["gain.tendons.1"].high
+
+
+def test_correlated_errors_have_less_weight_against_priors():
+    """A random walk in the residuals: hardly more than one independent row in each of its spans."""
+    rng = np.random.default_rng(0)
+    rows, size = 400, 30
+    jacobian = np.repeat(rng.normal(size=(rows // 10, 3, 2)), 10, axis=0).reshape(-1, 2)
+    residuals = np.repeat(rng.normal(size=(rows // 10, 3)), 10, axis=0).ravel()
+    by = residuals, np.ones_like(residuals)
+    prior = np.array([[size, 0.0]])
+    free, tied = (
+        Uncertainty.of(by, jacobian, prior, 1.0, dependence(rows, apart=apart))
+        for apart in (True, False)
+    )
+    assert free.noise == pytest.approx(1.0, rel=0.1)
+    assert 2.0 < tied.noise < np.sqrt(10)
+    assert 1.0 < free.determined < 2.0
+
+
+def test_the_posterior_of_a_linear_model():
+    """Covariance by Bayes' rule for known noise; without priors that of least squares."""
+    rng = np.random.default_rng(3)
+    jacobian, noise = rng.normal(size=(3 * 4000, 3)), 0.7
+    residuals = noise * rng.normal(size=len(jacobian))
+    prior = np.diag([noise / 0.01, 0.0, noise / 0.002])[[0, 2]]
+    by = residuals, np.ones_like(residuals)
+    found = Uncertainty.of(by, jacobian, prior, noise, dependence(4000))
+    precision = jacobian.T @ jacobian / noise**2 + np.diag([0.01**-2, 0.0, 0.002**-2])
+    assert found.covariance == pytest.approx(np.linalg.inv(precision), rel=0.03, abs=1e-7)
+    assert found.noise == pytest.approx(noise, rel=0.02)
+
+
+@pytest.mark.slow
+def test_the_cost_of_the_piecewise_model_includes_the_priors_synthetic():
+    """Two minima of nearly the same error: a prior decides, and the interval ends there."""
+    data = slack_bench(ONE_DISPLACED, 5e-4, 1)
+    names = [GIVE, "offset.tendons"]
+    alone = fit(giving(1e-4), data, names)["offset.tendons.0"]
+    found = fit(giving(1e-4), data, names, priors={"offset": 1e-4})
+    offset = found["offset.tendons.0"]
+    assert found.converged and alone.high - alone.low > 1.0
+    assert offset.high - offset.low < 0.6 and offset.low < offset.value < offset.high
+
+
+def test_outliers_hardly_move_a_robust_fit_with_priors_synthetic():
+    data = synthetic(single(), ["gain"], {"gain": 1.01}, LOADS, noise=2e-5)
+    data.points[7:10] += 0.03
+    robust, plain = (
+        fit(single(), data, ["gain", "base"], loss=loss, priors="default")["gain"].value
+        for loss in ("soft_l1", "linear")
+    )
+    assert abs(robust - 1.01) < 0.1 * abs(plain - 1.01)
+
+
+def test_friction_and_priors_synthetic():
+    names = ["segments.0.tendons.friction", E, "gain"]
+    truth = {names[0]: 0.1, E: 36e9}
+    robot = single().with_({names[0]: 0.05})
+    data = synthetic(robot, names, truth, {"as": "tensions", "x": masses()}, noise=2e-5)
+    found = fit(robot, data, names, priors={"gain": 0.02, names[0]: 1.0})
+    assert found.converged
+    assert found[names[0]].value == pytest.approx(0.1, rel=0.01)
+    assert found["gain"].standard_error == pytest.approx(0.02, rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loss", ["linear", "soft_l1"])
+def test_intervals_cover_truths_drawn_from_the_priors_synthetic(loss):
+    """Six rows: E and base are free, gains are half known, holes are left to their priors."""
+    names = [E, "gain.tendons", "pitch_radius", "hole_angle", "base.rz"]
+    priors, held = default_priors(single(), names), []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        truth = {E: 35e9 * (1 + rng.normal(0, 0.05)), "base.rz": rng.normal(0, 0.02)}
+        neutral = {name: 0.0 if name == "hole_angle" else 1.0 for name in priors}
+        truth |= {name: neutral[name] + rng.normal(0, sd) for name, sd in priors.items()}
+        data = synthetic(single(), names, truth, random_loads(6, seed), noise=5e-4, seed=seed)
+        found = fit(single(), data, names, loss=loss, priors="default")
+        assert found.converged
+        for e in found.estimates:
+            per_unit = {"GPa": 1e9, "deg": np.pi / 180, "": 1.0}[e.unit]
+            held.append(e.low <= truth[e.name] / per_unit <= e.high)
+    # 420 intervals: 399 expected, standard deviation 4.5 if independent; few rows err to the safe
+    assert 0.92 <= np.mean(held) <= 0.99
+
+
+# -- use ---------------------------------------------------------------------------------------
+
+
+def test_one_step_with_priors_is_a_fit_to_the_resample():
+    """As without priors, which are the same in every resample."""
+    rng = np.random.default_rng(7)
+    rows, parameters = 24, 6
+    flat = rng.normal(size=(3 * rows, parameters))
+    own = np.diag(rng.uniform(3, 10, parameters))
+    target = np.concatenate([rng.normal(size=3 * rows), own @ rng.normal(size=parameters)])
+    both = np.concatenate([flat, own])
+    at = both @ np.linalg.lstsq(both, target, rcond=None)[0] - target
+    residual = at[: 3 * rows].reshape(rows, 3)
+    linear = Linear(flat.reshape(rows, 3, -1), residual, np.ones((rows, 3)), own, at[3 * rows :])
+    whole, drawn_error = [], []
+    for _ in range(600):
+        drawn = rng.integers(0, rows, rows)
+        some = (3 * drawn[:, None] + np.arange(3)).ravel()
+        matrix = np.concatenate([flat[some], own])
+        change = np.linalg.lstsq(matrix, -np.concatenate([at[some], at[3 * rows :]]), rcond=None)[0]
+        error = np.linalg.norm(residual + (flat @ change).reshape(rows, 3), axis=1)
+        whole.append(error.mean())
+        drawn_error.append(error[drawn].mean())
+    mean = np.linalg.norm(residual, axis=1).mean() + np.mean(whole) - np.mean(drawn_error)
+    found = refitted(residual, linear, np.arange(rows))
+    assert found is not None and found.mean == pytest.approx(mean, rel=0.01)
+
+
+def test_cross_validation_and_calibration_take_priors_synthetic():
+    """With an offset error of the data, only a narrow prior keeps the gain."""
+    data = synthetic(single(), ["gain"], {"gain": 1.05}, LOADS, noise=2e-5)
+    held, free = (
+        cross_validate(single(), data, ["gain"], folds=2, priors=priors).score.rmse
+        for priors in ({"gain": 1e-7}, None)
+    )
+    assert held > 10 * free
+
+
+def test_default_priors_are_those_of_the_page():
+    robot = bs.load_robot("crl-ftdcr-v4")
+    names = [E, "gain.tendons.4", "offset", "backlash", "delay", "base", "tool"]
+    names += ["hole_angle.segments.1", "pitch_radius", "segments.2.tendons.first_angle"]
+    found = default_priors(robot, [*names, "segments.0.tendons.pitch_radius"])
+    turned = 2e-4 / 4.5e-3
+    assert found == pytest.approx(
+        {
+            "gain.tendons.4": 0.02,
+            "offset": 5e-4,
+            "backlash": 1e-4,
+            "delay": 0.1,
+            "hole_angle.segments.1": turned,
+            "pitch_radius": turned,
+            "segments.2.tendons.first_angle": turned,
+            "segments.0.tendons.pitch_radius": 2e-4,
+        }
+    )
+
+
+def test_a_name_stands_for_its_group_and_a_later_one_replaces_it():
+    robot = bs.load_robot("crl-ftdcr-v4")
+    names = ["gain.tendons.0", "gain.tendons.1", "segments.0.backbone.E", "segments.1.backbone.E"]
+    given = {"segments.*.backbone.E": 1e9, "gain": 0.1, "gain.tendons.1": 0.2}
+    unknowns = Unknowns(robot, names)
+    assert read_priors(given, robot, unknowns) == dict(
+        zip(names, [0.1, 0.2, 1e9, 1e9], strict=True)
+    )
+    none = read_priors({"gain": 0.1, "gain.tendons.0": np.inf}, robot, unknowns)
+    assert none == {"gain.tendons.1": 0.1}
+    priors = Priors.of(unknowns, unknowns, none)
+    assert priors.known.tolist() == [False, True, False, False] and priors.free == 3
+
+
+@pytest.mark.parametrize(
+    ("priors", "words"),
+    [
+        ("all", "priors is 'all', it must be \"default\""),
+        ({"gian": 0.1}, "prior of 'gian' is of no fitted parameter; fitted are gain, base.x"),
+        ({"offset": 0.1}, "prior of 'offset' is of no fitted parameter"),
+        ({"gain": 0.0}, "prior of gain is 0.0, it must be a standard deviation above 0"),
+        ({"gain": "2 %"}, "prior of gain is '2 %', it must be a standard deviation"),
+        ({"gain": np.nan}, "prior of gain is nan"),
+        ({"base": 1.0}, "prior of base is of parameters with different units; name each: base.x"),
+    ],
+)
+def test_bad_priors_are_named(priors, words):
+    data = Data(points=np.ones((33, 3)), tensions=masses())
+    with pytest.raises(InputError, match=words.replace("?", r"\?")):
+        fit(single(), data, ["gain", "base"], priors=priors)
