@@ -108,6 +108,32 @@ def test_the_terminal_labels_the_data(shell: Shell) -> None:
     assert "The residuals are not noise" in text and "times the stated uncertainty" in text
 
 
+def test_priors_by_flag(shell: Shell) -> None:
+    """Without gravity tips determine only the ratio of E to the gain of all tensions."""
+    names = ("--parameter", E, "--parameter", "gain")
+    weightless = (*FIT[: -len(UPRIGHT)], *names)
+    got = shell.json(*weightless, "--priors")
+    found = {p["name"]: p for p in got["parameters"]}
+    assert (found["gain"]["prior_mean"], found["gain"]["prior_sd"]) == (1.0, 0.02)
+    assert found["gain"]["standard_error"] == pytest.approx(0.02, rel=0.02)
+    assert found[E]["prior_mean"] is None and found[E]["prior_sd"] is None
+    assert not got["not_identifiable"] and got["provenance"]["settings"]["priors"] == {"gain": 0.02}
+    # given ones are set in the unit of the parameter, beside the defaults or without them
+    both = shell.json(*weightless, "--priors", "--prior", f"{E}=1 GPa", "--prior", "gain=none")
+    assert both["provenance"]["settings"]["priors"] == {E: 1e9}
+    assert [p["prior_sd"] for p in both["parameters"]] == [1.0, None]
+    code, out, _ = shell(*weightless, "--prior", "gain=3%")
+    assert code == 0 and "1 ± 0.03" in out and "Determined by their priors" in out
+    for bad, words in [
+        ("offset=1 mm", "prior of 'offset' is of no fitted parameter; fitted are"),
+        ("gain=-1", "--prior: got -1; must be a positive number"),
+        ("gain=2 mm", "must be a positive number"),
+        (f"{E}=2 mm", "is not a unit of stress"),
+        ("gain", "write for example --prior"),
+    ]:
+        assert words in shell.error(*weightless, "--prior", bad)
+
+
 def test_rows_held_out_do_not_touch_the_fit(robot: Robot, data: Measurements) -> None:
     out = hold_out(robot, data, 0.2)
     np.testing.assert_array_equal(out, data.group == "unloading")  # a run is not split

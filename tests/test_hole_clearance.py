@@ -26,7 +26,7 @@ def displacements(count, seed):
 
 
 def tips(robot, given, clearance):
-    """Synthetic tips (n, 3): the fixed point of theory Eq. 7.3, with bends from disk to disk."""
+    """Synthetic tips (n, 3): the fixed point of theory Eq. 7.6, with bends from disk to disk."""
     lost = np.zeros(given.shape)
     for _ in range(30):
         found = bs.solve_batch(robot, load=bs.Load(displacements=given - lost))

@@ -196,7 +196,7 @@ def _follow(
     *,
     keep: bool = False,
 ) -> tuple[Floats, Floats]:
-    """Innovations (K, 3) and their standard deviation (K,) by a Kalman filter, theory Eq. 7.4.
+    """Innovations (K, 3) and their standard deviation (K,) by a Kalman filter, theory Eq. 7.7.
 
     With `keep` the predicted biases (K, 3) instead of innovations. Residuals are measured minus
     predicted, NaN where a row is not measured.

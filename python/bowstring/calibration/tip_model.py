@@ -312,7 +312,7 @@ class TipModel:
         back = np.argsort(np.concatenate(paths))
         return {name: np.concatenate([each[name] for each in found])[back] for name in names}
 
-    # -- clearance in the holes, theory Eq. 7.3 ------------------------------------------------
+    # -- clearance in the holes, theory Eq. 7.6 ------------------------------------------------
 
     def _bend(self, core: Any, robot: Robot, given: Floats) -> Floats:
         """Bend (K, T) in rad from the base to the end disk of each tendon."""
