@@ -26,7 +26,13 @@ Floats = NDArray[np.float64]
 PriorChoice = Literal["default"] | Mapping[str, float] | None
 
 #: Default standard deviations of the actuation, SI.
-_ACTUATION: Final = {"gain": 0.02, "offset": 5e-4, "backlash": 1e-4, "delay": 0.1}
+_ACTUATION: Final = {
+    "gain": 0.02,
+    "offset": 5e-4,
+    "backlash": 1e-4,
+    "hole_clearance": 2e-4,
+    "delay": 0.1,
+}
 #: Default standard deviation of the place of a hole in each direction, m.
 _HOLE: Final = 2e-4
 
@@ -85,7 +91,8 @@ def default_priors(robot: Robot, parameters: Sequence[str]) -> dict[str, float]:
     -------
     dict from name to float
         Standard deviations in SI, for ``priors`` of `bowstring.fit`: 0.02 of a ``gain``, 0.5 mm of
-        an ``offset``, 0.1 mm of a ``backlash``, 0.1 s of a ``delay``, and of the holes 0.2 mm in
+        an ``offset``, 0.1 mm of a ``backlash``, 0.2 mm of a
+        ``hole_clearance``, 0.1 s of a ``delay``, and of the holes 0.2 mm in
         the radial and in the tangential direction (``pitch_radius``, ``hole_angle``, and the same
         fields of the robot file). Other parameters have none and are left out: nothing is known of
         stiffness, friction, base and tool of a robot in general.
