@@ -345,6 +345,7 @@ def of(*parts: str) -> tuple[str, ...]:
         ((*FIT, "--parameter", E, "--folds", "9"), "only 2 groups or loads to leave out"),
         ((*FIT, "--parameter", E, "--folds", "2", "--holdout", "0.2"), "are ways to validate"),
         ((*FIT, "--parameter", E, "--folds", "2", "--validate", "x"), "are ways to validate"),
+        ((*FIT, "--parameter", E, "--filter"), "--filter is of the table that is predicted"),
         ((*FIT, "--parameter", E, "--validate", str(TABLE)), "is the table that is fitted"),
         ((*FIT, "--parameter", E, "--start", "no.json"), "cannot read no.json"),
         ((*FIT, "--parameter", E, "--g", "-1"), "--g: got -1"),

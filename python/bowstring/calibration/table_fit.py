@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from bowstring.atomic_io import readable
 from bowstring.calibration.cross_validation import CrossValidation, cross_validate, hold_out
+from bowstring.calibration.filtering import Filtered, SlowBias, filtered, fit_slow_bias
 from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Score, score
 from bowstring.calibration.pieces import Loss
@@ -74,7 +75,11 @@ class Calibration:
     other: Measurements | None = None
     """Another table, for validation only."""
     other_score: Score | None = None
-    """Score of its rows, predicted by the fit without registration to them."""
+    """Score of its rows, predicted by the fit without registration to them (open loop)."""
+    ahead: Filtered | None = None
+    """Its rows, each predicted from the measured tips before it, if requested."""
+    bias: SlowBias | None = None
+    """Slow bias of these predictions."""
 
     @property
     def predicted(self) -> NDArray[np.float64]:
@@ -178,6 +183,7 @@ class Calibration:
                 "source": self.other.source,
                 "rows_left_out": self.other.left_out,
                 "sha256": self.other.sha256,
+                "filtered": self._ahead_to_dict(),
             }
         return {
             **found.to_dict(),
@@ -203,6 +209,16 @@ class Calibration:
             "residuals_mm": (1e3 * found.residuals).tolist(),
         }
 
+    def _ahead_to_dict(self) -> schema.OneRowAhead | None:
+        if self.ahead is None or self.bias is None:
+            return None
+        return {
+            **_scores(self.ahead.score),
+            "bias_spread_mm": 1e3 * self.bias.spread,
+            "bias_duration": self.bias.duration,
+            "noise_mm": 1e3 * self.bias.noise,
+        }
+
 
 def _in_file(name: str) -> bool:
     return name.partition(".")[0] in _IN_FILE
@@ -226,20 +242,26 @@ class Validation:
     other : Measurements, optional
         Another table of the same bench, predicted by the fit without registration to it. Its rows
         form a separate path.
+    filter : bool
+        Whether each row of `other` is also predicted from the measured tips of the rows before it,
+        by `bowstring.calibration.filtered`.
 
     Raises
     ------
     InputError
-        If more than one is given.
+        If more than one is given, or `filter` without `other`.
     """
 
     holdout: float | None = None
     folds: int | None = None
     other: Measurements | None = None
+    filter: bool = False
 
     def __post_init__(self) -> None:
         if sum(way is not None for way in (self.holdout, self.folds, self.other)) > 1:
             raise InputError("holdout, folds and other are ways to validate; give one")
+        if self.filter and self.other is None:
+            raise InputError("filter is of another table; give other")
 
 
 def calibrate(
@@ -339,9 +361,25 @@ def calibrate(
     if validate is not None:
         notify("validation", 0.9)
         other = _judged(found, validate)
+    ahead = bias = None
+    if validate is not None and check.filter:
+        notify("filter", 0.95)
+        bias = fit_slow_bias(found, data)
+        ahead = filtered(found, validate, bias)
     notify("done", 1.0)
     return Calibration(
-        data, found, loss, order, out, held, validated, dict(start or {}), validate, other
+        data,
+        found,
+        loss,
+        order,
+        out,
+        held,
+        validated,
+        dict(start or {}),
+        validate,
+        other,
+        ahead,
+        bias,
     )
 
 

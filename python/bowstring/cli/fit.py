@@ -121,6 +121,13 @@ def fit(
             "to it.",
         ),
     ] = None,
+    filter_: Annotated[
+        bool,
+        typer.Option(
+            "--filter",
+            help="With --validate, also predict each row from the measured tips before it.",
+        ),
+    ] = False,
     start: Annotated[
         Path | None,
         option(
@@ -154,6 +161,8 @@ def fit(
         raise InputError("--mapping is of a table; a set of --data brings its own.")
     if sum(way is not None for way in (holdout, folds, validate)) > 1:
         raise InputError("--holdout, --folds and --validate are ways to validate; give one.")
+    if filter_ and validate is None:
+        raise InputError("--filter is of the table that is predicted; name it by --validate.")
     share = None
     if holdout is not None:
         rule = "a share of the rows above 0 and below 1"
@@ -185,7 +194,7 @@ def fit(
             loss=loss,
             start=begin,
             priors=deviations,
-            validation=table_fit.Validation(share, folds, other),
+            validation=table_fit.Validation(share, folds, other, filter_),
             progress=notify,
         )
     doubts = [found.tendons.sentence] if found.tendons.alarm else []
@@ -208,6 +217,7 @@ def fit(
             holdout=share,
             folds=folds,
             validate=validate,
+            filter=filter_,
             start=begin,
         ),
         "warnings": [*known.warnings, *doubts],
@@ -297,6 +307,8 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     if found.other is not None and found.other_score is not None:
         of = f"{found.other.name} ({found.other.source})"
         rows.append((of, found.other_score))
+        if found.ahead is not None:
+            rows.append(("  each from the rows before", found.ahead.score))
     if found.folds is not None:
         rows.append((f"{len(found.folds.folds)} folds", found.folds.score))
         rows += [(f"  {n}", s) for n, s in zip(found.folds.labels, found.folds.folds, strict=True)]
@@ -310,6 +322,13 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
             f"{found.other.name} was not fitted, and nothing was aligned to it. Without the mean "
             f"offset its RMSE is {fixed(1e3 * own.rmse_centred, 3)} mm, its mean "
             f"{fixed(1e3 * own.mean_centred, 3)} mm."
+        )
+    if found.bias is not None:
+        unit = "s" if found.bias.timed else "rows"
+        yield (
+            "Each from the rows before: filtered with the measured tips of the rows before it, by "
+            f"a slow bias of {in_mm(found.bias.spread)} that lasts "
+            f"{rounded(found.bias.duration, 2)} {unit}. The other scores are open loop."
         )
     if found.without_solution:
         has, is_ = ("has", "is") if found.without_solution == 1 else ("have", "are")

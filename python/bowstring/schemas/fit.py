@@ -90,6 +90,20 @@ class FoldsValidation(RowErrors):
     folds: Annotated[list[Fold], about("Parts.")]
 
 
+class OneRowAhead(RowErrors):
+    """Errors of predictions that know the measured tips of the rows before, and the slow bias."""
+
+    bias_spread_mm: Annotated[
+        float, about("Standard deviation of a coordinate of the bias over a long time.")
+    ]
+    bias_duration: Annotated[
+        float, about("Time in which the bias forgets its value, in s, or in rows without times.")
+    ]
+    noise_mm: Annotated[
+        float, about("Standard deviation of a coordinate of what changes from row to row.")
+    ]
+
+
 class FileValidation(RowErrors):
     """Validation with another table."""
 
@@ -101,6 +115,10 @@ class FileValidation(RowErrors):
     source: Annotated[Source, about("Origin of its numbers.")]
     rows_left_out: Annotated[int, about("Rows left out; `bench check` has the reasons.")]
     sha256: Annotated[str | None, about("SHA-256 of the table.")]
+    filtered: Annotated[
+        OneRowAhead | None,
+        about("The same rows, each predicted from those before; `null` without `--filter`."),
+    ]
 
 
 Validation = HoldoutValidation | FoldsValidation | FileValidation
