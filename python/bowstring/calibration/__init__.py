@@ -5,15 +5,23 @@ from bowstring.calibration.filtering import Filtered, SlowBias, filtered, fit_sl
 from bowstring.calibration.fitting import Estimate, Fit, fit
 from bowstring.calibration.observations import Data, Score, score
 from bowstring.calibration.priors import default_priors
+from bowstring.calibration.residual import Corrected, Hyperparameters, Residual, fit_residual
+from bowstring.calibration.residual_comparison import Compared, ResidualStudy, study_residual
+from bowstring.calibration.residual_file import read_residual
 from bowstring.calibration.table_fit import Calibration, calibrate
 
 __all__ = [
     "Calibration",
+    "Compared",
+    "Corrected",
     "CrossValidation",
     "Data",
     "Estimate",
     "Filtered",
     "Fit",
+    "Hyperparameters",
+    "Residual",
+    "ResidualStudy",
     "Score",
     "SlowBias",
     "calibrate",
@@ -21,7 +29,10 @@ __all__ = [
     "default_priors",
     "filtered",
     "fit",
+    "fit_residual",
     "fit_slow_bias",
     "hold_out",
+    "read_residual",
     "score",
+    "study_residual",
 ]

@@ -20,7 +20,7 @@ from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
 from bowstring.validation import is_whole, shown
 
-__all__ = ["CrossValidation", "cross_validate", "hold_out"]
+__all__ = ["CrossValidation", "cross_validate", "hold_out", "parts"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -105,10 +105,7 @@ def cross_validate(
     commands = observations.commands(data, robot)
     measured = observations.tips(data, len(commands))
     used = observations.fitted_rows(rows, measured)
-    group = observations.groups(data, len(commands))
-    load = observations.loads(commands.values)
-    if observations.repeats_loads(load[used]) and not _grouped_alone(data, group):
-        group = np.array([f"load {number}" for number in (1 + load).tolist()])
+    group = _groups_of_folds(data, commands.values, used)
     part = _blocks(group, used, int(folds))
     predicted = np.full_like(measured, np.nan)
     scores, labels, converged = [], [], True
@@ -178,6 +175,47 @@ def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
     last = ends[np.argmin(np.abs(ends - (1 - share) * len(group)))]
     out: Bools = seen & (order > last)
     return out
+
+
+def parts(data: Measured, values: Floats, used: Bools, folds: int) -> NDArray[np.int64]:
+    """Divide rows into the parts of `cross_validate`.
+
+    Parameters
+    ----------
+    data : Measurements or Data
+        Rows, of which the groups and repeats are used.
+    values : ndarray (K, T)
+        Commands of all rows.
+    used : ndarray of bool (K,)
+        Rows that count.
+    folds : int
+        Number of parts; fewer where there are fewer groups.
+
+    Returns
+    -------
+    ndarray of int (K,)
+        Part of each row, from 0.
+    """
+    group = _groups_of_folds(data, values, used)
+    count = len(np.unique(group[used]))
+    folds = min(folds, count) if count > 1 else folds
+    while folds > 2:
+        try:
+            return _blocks(group, used, folds)
+        except InputError:  # groups of unequal size
+            folds -= 1
+    if count > 1:
+        return observations.numbered(group) % 2
+    return _blocks(group, used, folds)
+
+
+def _groups_of_folds(data: Measured, values: Floats, used: Bools) -> NDArray[Any]:
+    """Groups (K,) that no part splits; the loads where they repeat without other groups."""
+    group = observations.groups(data, len(values))
+    load = observations.loads(values)
+    if observations.repeats_loads(load[used]) and not _grouped_alone(data, group):
+        group = np.array([f"load {number}" for number in (1 + load).tolist()])
+    return group
 
 
 def _grouped_alone(data: Measured, group: NDArray[Any]) -> bool:

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from bowstring.atomic_io import write_whole
+from bowstring.calibration.residual import Residual
+from bowstring.calibration.residual_file import RESIDUAL, residual_to_dict
 from bowstring.calibration.table_fit import BESIDE, Calibration
 from bowstring.result_folder import check_folder, write_json, write_listing
 from bowstring.robot.writer import to_yaml
@@ -22,6 +24,7 @@ def write_fit(
     content: Mapping[str, Any],
     out: str | Path,
     *,
+    residual: Residual | None = None,
     progress: Progress | None = None,
 ) -> Path:
     """Write a calibration: calibrated robot file, all numbers, two figures.
@@ -33,6 +36,8 @@ def write_fit(
         Plain values for ``fit.json``, as ``bowstring fit --json`` prints.
     out : str or Path
         Folder; a former fit in it is replaced as a whole after success.
+    residual : Residual, optional
+        Residual of the calibration, for ``residual.json``.
     progress : callable, optional
         Progress callback, called with the name of the work and its finished share from 0 to 1.
 
@@ -40,7 +45,8 @@ def write_fit(
     -------
     Path
         Absolute path of the folder, with robot.yaml, calibration.json (parameters that are not part
-        of a robot file), fit.json, and residuals and parity as PNG and PDF.
+        of a robot file), residual.json where given, fit.json, and residuals and parity as PNG and
+        PDF.
 
     Raises
     ------
@@ -64,6 +70,8 @@ def write_fit(
         robot = to_yaml(found.robot, "\n".join(" ".join(line.split()) for line in lines))
         (new / "robot.yaml").write_text(robot, encoding="utf-8")
         write_json(new / BESIDE, calibration.beside_to_dict())
+        if residual is not None:
+            write_json(new / RESIDUAL, residual_to_dict(residual))
         with figure_style():
             save_figures(draw_fit(calibration), new, lambda share: notify("figures", share))
         write_listing(new / "fit.json", content)

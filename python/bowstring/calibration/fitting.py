@@ -192,6 +192,19 @@ class Fit:
         """Return the estimates in SI by name, for ``start`` of another fit."""
         return dict(zip(self.names, self._values.tolist(), strict=True))
 
+    @property
+    def outside_robot(self) -> dict[str, float]:
+        """Values of base, tool and actuation, fitted and fixed, in SI by name.
+
+        With `robot` and `rod` they are the calibrated model.
+        """
+        return self._unknowns.outside_file(self._values)
+
+    @property
+    def rod(self) -> RodModel | None:
+        """Model of the rod; None for constant curvature."""
+        return self._rod
+
     def predict(self, data: Measured) -> Floats:
         """Predict the measured point (K, 3) in m by the calibrated model, without registration.
 

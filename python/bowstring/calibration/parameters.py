@@ -283,6 +283,13 @@ class Unknowns:
             self._robots[key] = robot
         return self._robots[key]
 
+    def outside_file(self, values: Floats) -> dict[str, float]:
+        """Return fitted and fixed values that `setting` does not put into the robot, in SI."""
+        fitted = zip(self.items, values.tolist(), strict=True)
+        extra = {**self._held, **{item.name: value for item, value in fitted if not item.paths}}
+        in_holes = ("hole_angle", "pitch_radius")
+        return {name: value for name, value in extra.items() if not name.startswith(in_holes)}
+
     # -- names -----------------------------------------------------------------------------
 
     def _expand(self, name: str) -> list[str]:

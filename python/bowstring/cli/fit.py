@@ -38,13 +38,14 @@ from bowstring.cli.output import (
     write_tables,
 )
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.formatting import in_mm, plain
+from bowstring.formatting import in_mm, listed, plain
 from bowstring.units import rounded, si_of
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.calibration.fitting import Fit
+    from bowstring.calibration.residual_comparison import ResidualStudy
     from bowstring.calibration.table_fit import Calibration
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
@@ -128,6 +129,14 @@ def fit(
             help="With --validate, also predict each row from the measured tips before it.",
         ),
     ] = False,
+    residual: Annotated[
+        bool,
+        typer.Option(
+            "--residual",
+            help="Learn what the calibrated model leaves, and compare with constant curvature and "
+            "with the commands alone; needs --validate or --holdout.",
+        ),
+    ] = False,
     start: Annotated[
         Path | None,
         option(
@@ -163,6 +172,11 @@ def fit(
         raise InputError("--holdout, --folds and --validate are ways to validate; give one.")
     if filter_ and validate is None:
         raise InputError("--filter is of the table that is predicted; name it by --validate.")
+    if residual and holdout is None and validate is None:
+        raise InputError(
+            "--residual is judged on rows that are not fitted; give --validate FILE or --holdout "
+            "SHARE."
+        )
     share = None
     if holdout is not None:
         rule = "a share of the rows above 0 and below 1"
@@ -197,6 +211,12 @@ def fit(
             validation=table_fit.Validation(share, folds, other, filter_),
             progress=notify,
         )
+    learnt = None
+    if residual and found.fit.converged:
+        from bowstring.calibration.residual_comparison import study_residual
+
+        with progress_bar("residual") as notify:
+            learnt = study_residual(found, known, progress=notify)
     doubts = [found.tendons.sentence] if found.tendons.alarm else []
     doubts += [found.broken_path] if found.broken_path else []
     for sentence in doubts:
@@ -218,8 +238,10 @@ def fit(
             folds=folds,
             validate=validate,
             filter=filter_,
+            learn_residual=residual,
             start=begin,
         ),
+        "residual": None if learnt is None else learnt.to_dict(),
         "warnings": [*known.warnings, *doubts],
         "folder": None,
     }
@@ -228,11 +250,16 @@ def fit(
             from bowstring.calibration.fit_folder import write_fit
 
             written = {key: value for key, value in content.items() if key != "folder"}
-            content["folder"] = str(write_fit(found, plain(written), out, progress=notify))
+            own = None if learnt is None else learnt.residual
+            content["folder"] = str(
+                write_fit(found, plain(written), out, residual=own, progress=notify)
+            )
     if as_json:
         write_json(content)
     else:
-        write_tables(*_fit_tables(found, out if content["folder"] else None))
+        folder = out if content["folder"] else None
+        parts = [] if learnt is None else _residual_tables(learnt, folder)
+        write_tables(*_fit_tables(found, folder), *parts)
     if not found.fit.converged:
         raise NoSolutionError(f"{known.name}: {found.fit.message}")
 
@@ -348,6 +375,42 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
         yield f"Calibrated robot: {folder / 'robot.yaml'}"
         if found.beside:
             yield f"Base, tool and actuation, for --start: {folder / table_fit.BESIDE}"
+
+
+def _residual_tables(found: ResidualStudy, folder: Path | None) -> Iterator[Table | str]:
+    from bowstring.calibration.residual_file import RESIDUAL
+
+    numbers = found.to_dict()
+    used = [name for name, length in numbers["length_scales"].items() if length is not None]
+    inputs = {"commands": "commands", "point": "predicted point"}
+    radius = numbers["memory_radius_mm"]
+    words = [
+        inputs.get(name, f"memory state of radius {rounded(radius or 0, 3)} mm") for name in used
+    ]
+    model, corrected = found.residual.validated
+    yield (
+        f"Residual: a Gaussian process on {listed(words)}. At the fitted rows, left out by blocks, "
+        f"RMSE {fixed(1e3 * corrected.rmse, 3)} mm; the calibrated model has "
+        f"{fixed(1e3 * model.rmse, 3)} mm there."
+    )
+    called = {"rod": "statics", "arc": "constant curvature", "commands": "commands alone"}
+    table = new_table("validation rows", ">fitted rows", ">RMSE mm", ">with residual", ">mean mm")
+    for each in found.compared:
+        table.add_row(
+            called[each.model],
+            str(each.rows),
+            "-" if each.alone is None else fixed(1e3 * each.alone.rmse, 3),
+            fixed(1e3 * each.corrected.rmse, 3),
+            fixed(1e3 * each.corrected.mean, 3),
+        )
+    yield table
+    yield (
+        f"{counted(numbers['rows_beyond_data'], 'validation row')} beyond the data, where the "
+        "correction fades; the explained share of the variance is "
+        f"{fixed(numbers['median_share_kept'], 2)} in the median."
+    )
+    if folder is not None:
+        yield f"Residual: {folder / RESIDUAL}"
 
 
 def _of_others(fit: Fit) -> str:

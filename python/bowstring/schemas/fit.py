@@ -224,5 +224,64 @@ class TableFit(FitNumbers):
     ]
 
 
+class ResidualLengths(Object):
+    """Length scales of the inputs of a residual; `null` where an input is not used."""
+
+    commands: Annotated[OrNull, about("Length scale of the commands over their spread.")]
+    point: Annotated[
+        OrNull, about("Length scale of the predicted point over the length of the robot.")
+    ]
+    memory: Annotated[OrNull, about("Length scale of the memory state over its radius.")]
+
+
+class ResidualNumbers(Object):
+    """Result of `Residual.to_dict`."""
+
+    length_scales: Annotated[ResidualLengths, about("Length scales of the inputs.")]
+    memory_radius_mm: Annotated[
+        OrNull, about("Radius of the memory state; `null` if it is not used.")
+    ]
+    noise: Annotated[float, about("Variance of the noise over that of the residual.")]
+    rows: Annotated[int, about("Rows of the Gaussian process.")]
+    folds_model: Annotated[
+        RowErrors, about("Tip errors of the calibrated model alone at the fitted rows.")
+    ]
+    folds_residual: Annotated[
+        RowErrors,
+        about(
+            "Tip errors of the same rows with the residual, each predicted by a residual without "
+            "its block of rows."
+        ),
+    ]
+
+
+class ComparedModel(Object):
+    """Tip errors of a model at the validation rows."""
+
+    model: Annotated[
+        Literal["rod", "arc", "commands"],
+        about("`rod`: statics; `arc`: constant curvature; `commands`: learner on commands alone."),
+    ]
+    fitted_rows: Annotated[int, about("Rows that the model and the residual are fitted to.")]
+    alone: Annotated[
+        RowErrors | None, about("Without residual; `null` for the learner on commands alone.")
+    ]
+    with_residual: Annotated[RowErrors, about("With residual.")]
+
+
+class ResidualStudy(ResidualNumbers):
+    """Residual and its comparison with other models."""
+
+    rows_beyond_data: Annotated[
+        int, about("Validation rows of which less than half of the variance is explained.")
+    ]
+    median_share_kept: Annotated[
+        float, about("Median over the validation rows of the explained share of the variance.")
+    ]
+    comparison: Annotated[list[ComparedModel], about("Models by number of fitted rows.")]
+
+
 class Fit(TableFit, OfRobot, InFolder):
     """Output of `bowstring fit`."""
+
+    residual: Annotated[ResidualStudy | None, about("Residual; `null` without `--residual`.")]
