@@ -20,7 +20,7 @@ from bowstring.calibration.residual import Residual, fit_residual
 from bowstring.calibration.residual_comparison import study_residual
 from bowstring.calibration.residual_file import read_residual, residual_to_dict
 from bowstring.calibration.table_fit import Validation, calibrate
-from bowstring.data.measurements import Measurements
+from bowstring.data.measurements import Measurements, load
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from shell import Shell
@@ -51,7 +51,7 @@ def truth(robot: Robot, tensions: Floats) -> Floats:
         behind = state - tip
         state = tip + behind * min(1.0, RADIUS / max(float(np.linalg.norm(behind)), 1e-12))
         late[k] = tip + 0.6 * (state - tip)
-    noise = np.random.default_rng(len(tips)).normal(0, 1e-4, tips.shape)
+    noise = np.random.default_rng(int(1e3 * tensions.sum())).normal(0, 1e-4, tips.shape)
     return np.asarray(late + noise)
 
 
@@ -280,6 +280,14 @@ def test_the_command_saves_and_compares(
     best = got["residual"]["comparison"][2]
     assert (best["model"], best["fitted_rows"]) == ("rod", len(data))
     assert best["with_residual"]["rmse_mm"] < 0.6 * best["alone"]["rmse_mm"]
+    solve = ("solve", str(tmp_path / "out" / "robot.yaml"), "--tension", "12,6,6")
+    solve = (*solve, "--residual", str(tmp_path / "out" / "residual.json"))
+    point = shell.json(*solve)["corrected"]
+    direct = learnt.correct(bs.Load([[12.0, 6, 6]]))
+    np.testing.assert_allclose(point["point_m"], direct.point[0], atol=1e-12)
+    assert point["share_kept"] > 0.5 and not point["beyond_data"]
+    assert "measured point, with residual" in shell(*solve)[1]
+    assert "tendon commands only" in shell.error(*solve, "--tip-force", "0,1,0")
     corrected = score(learnt.correct(other).point, other.tip)
     assert 1e3 * corrected.rmse == pytest.approx(best["with_residual"]["rmse_mm"], rel=1e-3)
 
@@ -299,7 +307,7 @@ def test_a_measured_robot_is_predicted_better(public_data: Callable[[str], Path]
     public_data("crl-ftdcr-mocap")
     flexible = {f"segments.{i}.tendons.compliance": 1e-4 for i in range(3)}
     robot = bs.load_robot("crl-ftdcr-v4").with_(flexible)
-    train, val = (bs.data.load("crl-ftdcr-mocap", part) for part in ("train", "val"))
+    train, val = (load("crl-ftdcr-mocap", part) for part in ("train", "val"))
     names = ["base", "tool.z", "segments.*.tendons.compliance"]
     few = np.zeros(len(train), bool)
     few[np.linspace(0, len(train) - 1, 100).round().astype(int)] = True

@@ -56,7 +56,7 @@ from bowstring.cli.output import (
     write_json,
     write_tables,
 )
-from bowstring.errors import InputError
+from bowstring.errors import InputError, NoSolutionError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -64,8 +64,9 @@ if TYPE_CHECKING:
     from bowstring.constant_curvature import RobotArcs
     from bowstring.robot.model import Robot
     from bowstring.schemas import program
-    from bowstring.schemas.statics import Arc, FittedArc, Fk, Solve
+    from bowstring.schemas.statics import Arc, CorrectedPoint, FittedArc, Fk, Solve
     from bowstring.statics import limits
+    from bowstring.statics.load import Load
     from bowstring.statics.solution import Solution
 
 
@@ -152,6 +153,14 @@ def solve(
     save_history: Annotated[
         Path | None, option("FILE", "JSON file for the state of the load path, to continue from.")
     ] = None,
+    residual: Annotated[
+        Path | None,
+        option(
+            "FILE",
+            "residual.json of fit --residual: also predict the measured point, for a first load "
+            "without history.",
+        ),
+    ] = None,
     theory: Theory = "cosserat",
     gravity: Gravity = None,
     tip_force: Annotated[str, option("x,y,z", "Dead load: force at the tip, base axes.")] = "0,0,0",
@@ -204,6 +213,14 @@ def solve(
         line_forces=line,
     )
     rod_model = RodModel(theory, elements=elements)
+    corrected = None
+    if residual is not None:
+        loads = (gravity, disk_force, disk_moment, point_force, follower_force, line_force, plane)
+        if any(force) or any(moment) or any(each is not None for each in (*loads, history)):
+            raise InputError(
+                "--residual knows tendon commands only; leave out loads, plane and history."
+            )
+        corrected = of_flag("--residual", lambda file: _corrected(file, model, load_), residual)
     contact = None
     if rigid is None:
         solution = rod.solve(model, load=all_loads, model=rod_model, history=before)
@@ -234,6 +251,7 @@ def solve(
                 displacements_m=load_.displacements,
                 angles_rad=load_.angles,
                 history=history,
+                residual=residual,
                 theory=theory,
                 gravity_m_per_s2=weight,
                 tip_force_N=force,
@@ -250,6 +268,7 @@ def solve(
             "warnings": [*model.warnings, *warnings],
             "backbone_limits": [use.to_dict() for use in uses],
             "contact": None if contact is None else contact.to_dict(),
+            "corrected": corrected,
         }
         write_json(content)
     if contact is None:
@@ -265,8 +284,37 @@ def solve(
             tip_line(tip.position, tip.rotation)
             + ("" if contact is None else f"\n{contact.message}"),
             *([_used_line(uses, model)] if uses else []),
+            *([_corrected_line(corrected)] if corrected else []),
             _actuation_table(solution),
         )
+
+
+def _corrected(file: Path, robot: Robot, load: Load) -> CorrectedPoint:
+    from bowstring.calibration.residual_file import read_residual
+    from bowstring.statics.load import Load
+
+    if load.angles is not None:
+        raise InputError("a residual is of tensions and displacements; give these, not --angle")
+    given = (load.tensions, load.displacements)
+    rows = Load(*(None if each is None else [each] for each in given))
+    found = read_residual(file, robot).correct(rows)
+    if not math.isfinite(found.kept[0]):
+        raise NoSolutionError(f"{robot.name}: the calibrated model has no equilibrium here")
+    return {
+        "point_m": found.point[0].tolist(),
+        "model_point_m": found.model_point[0].tolist(),
+        "share_kept": float(found.kept[0]),
+        "beyond_data": bool(found.beyond[0]),
+    }
+
+
+def _corrected_line(found: CorrectedPoint) -> str:
+    x, y, z = (fixed(1e3 * value, 3) for value in found["point_m"])
+    beyond = "; beyond the data" if found["beyond_data"] else ""
+    return (
+        f"measured point, with residual  x {x}  y {y}  z {z} mm (explained share "
+        f"{fixed(found['share_kept'], 2)}{beyond})"
+    )
 
 
 def arc_rows(arcs: RobotArcs) -> list[Arc]:

@@ -135,8 +135,24 @@ class Contact(Object):
     message: Annotated[str, about("The contact as a sentence.")]
 
 
+class CorrectedPoint(Object):
+    """Measured point by a calibrated model and its residual, measuring frame."""
+
+    point_m: Annotated[Vector, about("Corrected point.")]
+    model_point_m: Annotated[Vector, about("Point of the calibrated model alone.")]
+    share_kept: Annotated[
+        float,
+        about("Share of the variance that the fitted rows explain: near 1 among them, 0 far away."),
+    ]
+    beyond_data: Annotated[bool, about("Whether that share is below one half.")]
+
+
 class Solve(Equilibrium, OfRobot):
     """Output of `bowstring solve`."""
+
+    corrected: Annotated[
+        CorrectedPoint | None, about("Point with the residual; `null` without `--residual`.")
+    ]
 
     message: Annotated[str, about("Status as a sentence, and what to try.")]
     backbone_limits: Annotated[
