@@ -82,7 +82,7 @@ class Dependence:
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Uncertainty of the estimates by theory Eqs 7.2 and 7.3; made by `of`.
+    """Uncertainty of the estimates by theory Eqs 7.2, 7.4 and 7.5; made by `of`.
 
     Attributes
     ----------
