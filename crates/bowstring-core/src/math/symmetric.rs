@@ -25,8 +25,8 @@ pub(crate) fn diagonalise(n: usize, a: &mut [f64], vectors: &mut Vec<f64>) {
                     continue;
                 }
                 let half = (a[q * n + q] - a[p * n + p]) / (2.0 * apq);
-                let tangent = half.signum() / (half.abs() + half.hypot(1.0));
-                let cos = 1.0 / tangent.hypot(1.0);
+                let tangent = half.signum() / (half.abs() + (half * half + 1.0).sqrt());
+                let cos = 1.0 / (tangent * tangent + 1.0).sqrt();
                 let sin = tangent * cos;
                 for k in 0..n {
                     let (x, y) = (a[k * n + p], a[k * n + q]);
