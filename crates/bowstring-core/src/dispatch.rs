@@ -32,6 +32,9 @@ pub(crate) trait Passes: RoutedRod + Send + Sync {
     fn correct(&mut self, coefficients: &[f64]) -> f64;
     /// Motion as of [`Correction`] by the step for the present gradient, after `estimate`.
     fn correct_step(&mut self) -> f64;
+    /// Derivatives of tip and strain with respect to tensions, if the rod has them in its lanes.
+    fn respond_to_tensions(&mut self, columns: &mut [[Vec3; 2]]) -> bool;
+    fn add_strain_of_responses(&self, changes: &[f64], strain: &mut [Vec3]);
 
     fn load(&mut self, load: &Load);
     fn make_unloaded(&mut self);
@@ -170,6 +173,18 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
                 self.rotations_of_last_elimination();
                 self.correction().lane(0)
             },
+        )
+    }
+    fn respond_to_tensions(&mut self, columns: &mut [[Vec3; 2]]) -> bool {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.respond_to_tensions(columns),
+        )
+    }
+    fn add_strain_of_responses(&self, changes: &[f64], strain: &mut [Vec3]) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.add_strain_of_responses(changes, strain),
         )
     }
     fn load(&mut self, load: &Load) {
@@ -393,6 +408,19 @@ pub(crate) fn check_solvers(
 ) -> Result<(), InputError> {
     let bytes = solvers as f64 * bytes(robot, elements, 0);
     memory::check(bytes, || size(robot), "use fewer disks")
+}
+
+/// Checks that `solvers` concurrent inverse solvers fit into memory: two rods each, one of which
+/// responds to every tension.
+pub(crate) fn check_inverses(
+    robot: &Robot,
+    elements: usize,
+    solvers: usize,
+) -> Result<(), InputError> {
+    let columns = robot.tendon_count() + 1;
+    let rods = bytes(robot, elements, 0) + bytes(robot, elements, columns);
+    let advice = "use fewer disks, or fewer tendons";
+    memory::check(solvers as f64 * rods, || size(robot), advice)
 }
 
 /// Checks that a robot in motion fits into memory: two rods, and the arrays of inertia.

@@ -155,9 +155,9 @@ pub(crate) struct Errors<L: Layout> {
 
 /// Responses of the rod, side by side in the lanes that hold modules elsewhere.
 #[derive(Clone)]
-struct SourceResponses<L: Layout, const A: usize> {
+pub(super) struct SourceResponses<L: Layout, const A: usize> {
     /// By modules: rotation added by every arc, and force on the end.
-    u: Vec<[Vec3<L::Module>; A]>,
+    pub u: Vec<[Vec3<L::Module>; A]>,
     force: Vec<Vec3<L::Module>>,
     /// By modules and tendons: length change of a tendon from the start of the module on.
     beyond: Vec<L::Module>,
@@ -183,7 +183,7 @@ impl<'a> Sources<'a> {
 
 /// A vector of module `i` in its group, copied to all lanes.
 #[inline(always)]
-fn same<L: Layout>(v: &Vec3<L::Module>, i: usize) -> Vec3<L::Module> {
+pub(super) fn same<L: Layout>(v: &Vec3<L::Module>, i: usize) -> Vec3<L::Module> {
     let mut out = Vec3::<L::Module>::zero();
     for (x, y) in out.0.iter_mut().zip(&v.0) {
         *x = L::Module::splat(L::get(y, i).lane(0));
@@ -192,12 +192,12 @@ fn same<L: Layout>(v: &Vec3<L::Module>, i: usize) -> Vec3<L::Module> {
 }
 
 #[inline(always)]
-fn same_mat<L: Layout>(m: &Mat3<L::Module>, i: usize) -> Mat3<L::Module> {
+pub(super) fn same_mat<L: Layout>(m: &Mat3<L::Module>, i: usize) -> Mat3<L::Module> {
     widen::<L>(&get_mat::<L>(m, i))
 }
 
 #[inline(always)]
-fn widen<L: Layout>(m: &Mat3<L::Chain>) -> Mat3<L::Module> {
+pub(super) fn widen<L: Layout>(m: &Mat3<L::Chain>) -> Mat3<L::Module> {
     let mut out = Mat3::<L::Module>::zero();
     for (row, from) in out.0.iter_mut().zip(&m.0) {
         for (x, y) in row.iter_mut().zip(from) {
@@ -984,13 +984,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             return self.respond_to_gradient();
         }
         let total = 1 + sources.tendons.len();
-        while self.spans.responses.len() * L::WIDTH < total {
-            self.spans.responses.push(SourceResponses {
-                u: vec![[Vec3::zero(); A]; n],
-                force: vec![Vec3::zero(); n],
-                beyond: vec![L::Module::zero(); n * count],
-            });
-        }
+        self.reserve_responses(total);
         for part in 0..total.div_ceil(L::WIDTH) {
             let first = part * L::WIDTH;
             if interrupt::work(L::WIDTH * n * (16 + 2 * count)) {
@@ -998,6 +992,39 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
             self.substitute(part, first..total.min(first + L::WIDTH), &sources);
         }
+    }
+
+    /// Makes place for so many responses.
+    pub(super) fn reserve_responses(&mut self, total: usize) {
+        let (n, count) = (self.module_count(), self.tendons.len());
+        while self.spans.responses.len() * L::WIDTH < total {
+            self.spans.responses.push(SourceResponses {
+                u: vec![[Vec3::zero(); A]; n],
+                force: vec![Vec3::zero(); n],
+                beyond: vec![L::Module::zero(); n * count],
+            });
+        }
+    }
+
+    /// The responses in groups of lanes.
+    pub(super) fn responses(&self) -> &[SourceResponses<L, A>] {
+        &self.spans.responses
+    }
+
+    /// Takes a group of responses out of the rod, to be put back.
+    #[inline(always)]
+    pub(super) fn take_responses(&mut self, part: usize) -> SourceResponses<L, A> {
+        let empty = SourceResponses {
+            u: vec![],
+            force: vec![],
+            beyond: vec![],
+        };
+        std::mem::replace(&mut self.spans.responses[part], empty)
+    }
+
+    #[inline(always)]
+    pub(super) fn put_responses(&mut self, part: usize, responses: SourceResponses<L, A>) {
+        self.spans.responses[part] = responses;
     }
 
     /// Response to the own gradient only, with modules in the lanes.
@@ -1051,13 +1078,29 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     fn substitute(&mut self, part: usize, columns: std::ops::Range<usize>, sources: &Sources) {
         self.substitute_backward(part, columns, sources);
-        self.substitute_forward(part);
         let count = self.tendons.len();
-        let out = &mut self.spans.responses[part].beyond;
-        for at in (0..out.len() - count).rev() {
-            let further = out[at + count];
-            out[at] += further;
+        let mut out = self.take_responses(part);
+        self.substitute_forward(
+            &mut out,
+            #[inline(always)]
+            |beyond, k, [_, rho, turn]| {
+                let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+                for (j, end_disk) in self.tendons.end_disks.iter().enumerate() {
+                    beyond[k * count + j] = if k <= *end_disk {
+                        let span = &self.spans.spans[g * count + j];
+                        let (arm, along) = (same::<L>(&span.arm, i), same::<L>(&span.direction, i));
+                        along.dot(rho + turn.cross(arm))
+                    } else {
+                        L::Module::zero()
+                    };
+                }
+            },
+        );
+        for at in (0..out.beyond.len() - count).rev() {
+            let further = out.beyond[at + count];
+            out.beyond[at] += further;
         }
+        self.put_responses(part, out);
     }
 
     /// Force on the end of module `k` due to the sources in some columns, and its arm.
@@ -1092,7 +1135,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// From tip to base: eliminates the right-hand sides of the arcs.
     #[inline(always)]
-    fn substitute_backward(
+    pub(super) fn substitute_backward(
         &mut self,
         part: usize,
         columns: std::ops::Range<usize>,
@@ -1146,11 +1189,15 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// From base to tip: rotations of the arcs, and the resulting lengths of the spans.
+    /// From base to tip: rotations of the arcs, in place of their own solutions. Visits the place
+    /// for changes of length and, for each module, the rotation of its start, and the motion and
+    /// rotation of its end that its arcs add.
     #[inline(always)]
-    fn substitute_forward(&mut self, part: usize) {
-        let count = self.tendons.len();
-        let out = &mut self.spans.responses[part];
+    pub(super) fn substitute_forward(
+        &self,
+        out: &mut SourceResponses<L, A>,
+        mut visit: impl FnMut(&mut [L::Module], usize, [Vec3<L::Module>; 3]),
+    ) {
         let mut x = Vec3::<L::Module>::zero();
         for k in 0..self.dead.modules.len() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
@@ -1166,15 +1213,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let force = out.force[k] + load - same_mat::<L>(&response.k, i).tr_mul(turn);
             let rho =
                 same_mat::<L>(&response.m, i) * moved + same_mat::<L>(&response.d_hat, i) * force;
-            for (j, end_disk) in self.tendons.end_disks.iter().enumerate() {
-                out.beyond[k * count + j] = if k <= *end_disk {
-                    let span = &self.spans.spans[g * count + j];
-                    let (arm, along) = (same::<L>(&span.arm, i), same::<L>(&span.direction, i));
-                    along.dot(rho + turn.cross(arm))
-                } else {
-                    L::Module::zero()
-                };
-            }
+            visit(&mut out.beyond, k, [x, rho, turn]);
             out.u[k] = u;
             x = same_mat::<L>(&state.s, i).tr_mul(x + turn);
         }

@@ -18,3 +18,4 @@ pub(crate) mod routes;
 pub mod sensitivity;
 pub(crate) mod span;
 pub(crate) mod tension_columns;
+pub(crate) mod tension_responses;

@@ -440,6 +440,16 @@ impl Solver {
         Linearised::new(&self.robot, self.model, &self.load.borrow(), strain)
     }
 
+    /// Derivatives of the tip's position and rotation by each tension at the last equilibrium, and
+    /// in the engine those of its strain; false where the engine has none.
+    pub(super) fn tip_by_tensions_in_lanes(&mut self, columns: &mut [[Vec3; 2]]) -> bool {
+        if !(self.settled && self.engine.respond_to_tensions(columns)) {
+            return false;
+        }
+        let mut entries = columns.iter().flatten().flat_map(|v| v.0);
+        entries.all(f64::is_finite)
+    }
+
     /// Derivatives of the tip's position and, if wanted, rotation by each tension at the last
     /// equilibrium, in a rod of [`Solver::empty_plain`]; false where `jacobians` is `None`.
     pub(super) fn tip_by_tensions(

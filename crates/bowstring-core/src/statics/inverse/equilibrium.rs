@@ -6,7 +6,8 @@ use crate::dispatch::Plain;
 use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::model::error::InputError;
-use crate::model::load::Load;
+use crate::model::load::{Load, Model};
+use crate::model::robot::Robot;
 use crate::rod::estimate::{LEVELS, TIP_TOLERANCE};
 use crate::statics::adaptive::refine_to;
 use crate::statics::outcome::{Outcome, Status};
@@ -18,10 +19,49 @@ const COARSENING: f64 = 0.5;
 const LEAST_ROWS: usize = 4;
 const MOST_ROWS: usize = 128;
 
-/// A solver with the rod that differentiates its tip.
+/// A solver, and a rod in plain numbers that differentiates its tip where its own rod does not.
 pub(super) struct Level {
     pub solver: Solver,
-    pub plain: Box<dyn Plain>,
+    plain: Box<dyn Plain>,
+    /// Whether the last derivatives are those of the solver's own rod.
+    in_lanes: bool,
+}
+
+impl Level {
+    /// # Errors
+    /// If the solver does not fit into memory.
+    pub fn new(robot: &Robot, model: Model, elements: usize) -> Result<Self, InputError> {
+        let solver = Solver::new(robot, model, elements)?;
+        let plain = solver.empty_plain();
+        Ok(Level {
+            solver,
+            plain,
+            in_lanes: false,
+        })
+    }
+
+    /// Derivatives of the tip's position and, if wanted, rotation by each tension at the last
+    /// equilibrium; false where there are none.
+    pub fn tip_by_tensions(&mut self, rotation: bool, columns: &mut [[Vec3; 2]]) -> bool {
+        let Level {
+            solver,
+            plain,
+            in_lanes,
+        } = self;
+        *in_lanes = solver.tip_by_tensions_in_lanes(columns);
+        *in_lanes || solver.tip_by_tensions(&mut **plain, rotation, columns)
+    }
+
+    /// Adds the change of every arc's strain by changes of tension (N) to first order, after
+    /// `tip_by_tensions`.
+    pub fn add_strain_by_tensions(&self, changes: &[f64], strain: &mut [Vec3]) {
+        if self.in_lanes {
+            let engine = &self.solver.engine;
+            engine.add_strain_of_responses(changes, strain);
+        } else {
+            self.plain.add_strain_by_tensions(changes, strain);
+        }
+    }
 }
 
 /// Tensions with their equilibrium. Lengths are over that of the robot, tensions over the unit of
@@ -53,9 +93,8 @@ impl InverseSolver {
             return Err(InputError::elements(elements));
         };
         if self.levels[level].is_none() {
-            let solver = Solver::new(&self.robot, self.model.model, elements)?;
-            let plain = solver.empty_plain();
-            self.levels[level] = Some(Box::new(Level { solver, plain }));
+            let made = Level::new(&self.robot, self.model.model, elements)?;
+            self.levels[level] = Some(Box::new(made));
         }
         Ok(level)
     }
@@ -115,10 +154,10 @@ impl InverseSolver {
         changes.clear();
         changes.extend(step.iter().map(|t| t * *unit));
         let level = self.levels[point.level].as_mut();
-        let Level { solver, plain } = &mut **level.expect("the level of a point was made");
+        let level = level.expect("the level of a point was made");
         strain.clone_from(&point.strain);
         if *plain_level == point.level {
-            plain.add_strain_by_tensions(changes, strain);
+            level.add_strain_by_tensions(changes, strain);
         }
         let moved = strain.iter().zip(&point.strain);
         let moved = moved.fold(0.0, |most: f64, (to, from)| {
@@ -130,7 +169,7 @@ impl InverseSolver {
         } else {
             &point.strain
         };
-        solver.solve_from(Some(start), &load.borrow())
+        level.solver.solve_from(Some(start), &load.borrow())
     }
 
     /// Makes the solver hold the equilibrium of the point; unless `holds`, it may hold another one of

@@ -344,7 +344,7 @@ mod tests {
         let robot = robot();
         for tip_moment in [[0.0; 3], [0.05, 0.02, 0.01]] {
             for elements in [1, 2] {
-                let mut solver = Solver::new(&robot, Default::default(), elements).unwrap();
+                let mut level = Level::new(&robot, Default::default(), elements).unwrap();
                 let load = Load {
                     tensions: &TENSIONS,
                     gravity: [0.0, 2.0, -9.81],
@@ -352,13 +352,12 @@ mod tests {
                     tip_moment,
                     ..Load::default()
                 };
-                let outcome = solver.solve(&load).unwrap();
+                let outcome = level.solver.solve(&load).unwrap();
                 assert_eq!(outcome.status, Status::Converged);
-                let all = solver.jacobians().unwrap().tensions;
-                let mut plain = solver.empty_plain();
+                let all = level.solver.jacobians().unwrap().tensions;
                 for rotation in [false, true] {
                     let mut columns = vec![[Vec3::zero(); 2]; 5];
-                    assert!(solver.tip_by_tensions(&mut *plain, rotation, &mut columns));
+                    assert!(level.tip_by_tensions(rotation, &mut columns));
                     for (column, exact) in columns.iter().zip(&all) {
                         assert!((column[0] - exact.position).max_abs() < 1e-12);
                         if rotation {
@@ -377,12 +376,12 @@ mod tests {
                         tensions: &tensions,
                         ..load
                     };
-                    solver.solve(&load).unwrap();
-                    solver.last_strain().unwrap()
+                    level.solver.solve(&load).unwrap();
+                    level.solver.last_strain().unwrap()
                 };
                 let (less, more) = (strain_at(-1.0), strain_at(1.0));
                 let mut change = vec![Vec3::zero(); more.len()];
-                plain.add_strain_by_tensions(&changes, &mut change);
+                level.add_strain_by_tensions(&changes, &mut change);
                 for ((less, more), change) in less.iter().zip(&more).zip(&change) {
                     assert!(((*more - *less) * 0.5 - *change).max_abs() < 1e-9);
                 }

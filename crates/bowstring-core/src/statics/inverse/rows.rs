@@ -53,7 +53,7 @@ pub fn inverses(
         Order::Independent { threads } => threads,
     };
     let elements = model.elements.unwrap_or(1);
-    dispatch::check_solvers(robot, elements, 2 * thread_count(threads))?;
+    dispatch::check_inverses(robot, elements, thread_count(threads))?;
     InverseSolver::new(robot, *model, margin)?;
     let tendons = robot.tendon_count();
     let mut rows: Vec<(usize, Option<Row>)> = (0..targets.len()).map(|i| (i, None)).collect();

@@ -3,7 +3,6 @@
 //! Theory: docs/theory/inverse-kinematics.md (Eq. 10.2 and 10.3).
 
 use super::curvature::Weights;
-use super::equilibrium::Level;
 use super::task::{norm, Task};
 use super::{InverseSolver, Target};
 use crate::math::bounded::{BoundedLeastSquares, Problem};
@@ -41,12 +40,12 @@ impl InverseSolver {
             }
         }
         let level = self.levels[self.point.level].as_mut();
-        let Level { solver, plain } = &mut **level.expect("the level of a point was made");
+        let level = level.expect("the level of a point was made");
         let rotation = task.target.direction.is_some();
         self.drift = 0.0;
         self.plain_level = self.point.level;
         self.has_rotations = rotation;
-        self.linearised = solver.tip_by_tensions(&mut **plain, rotation, &mut self.columns);
+        self.linearised = level.tip_by_tensions(rotation, &mut self.columns);
         if self.linearised {
             self.correct_curvature(task);
         }
