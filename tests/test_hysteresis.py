@@ -204,3 +204,17 @@ def test_the_error_budget_has_rows_of_hysteresis():
     assert [row.effect for row in elastic.rows] == list(rows)[:-2]
     for row in elastic.rows:
         assert rows[row.effect].moved == pytest.approx(row.moved, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_the_study_and_a_workspace_leave_the_set_out():
+    from bowstring.study.study import run_study
+    from bowstring.validity.loading import Loading
+
+    robots = STUDY, bs.load_robot("amouri2019")
+    loading = Loading(max_tension=40.0)
+    found, elastic = (run_study(robot, loading=loading) for robot in robots)
+    assert found.statics.tip_position == pytest.approx(elastic.statics.tip_position, abs=1e-9)
+    assert any("hysteresis" in note for note in found.notes)
+    spaces = [bs.workspace_map(robot, max_tension=20.0, poses=64) for robot in robots]
+    assert spaces[0].tip == pytest.approx(spaces[1].tip, abs=1e-9, nan_ok=True)

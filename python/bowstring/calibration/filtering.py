@@ -112,7 +112,8 @@ def fit_slow_bias(found: Fit, data: Measured) -> SlowBias:
         return SlowBias(float(spread), float(duration), float(noise), timed)
 
     def cost(logs: Floats) -> float:
-        innovation, deviation = _follow(bias(logs), residuals, gaps, starts)
+        biases, deviation = _follow(bias(logs), residuals, gaps, starts)
+        innovation = residuals - biases
         seen = np.isfinite(innovation).all(axis=1)
         square = (innovation[seen] / deviation[seen, None]) ** 2
         # a faint prior keeps numbers without effect finite
@@ -127,6 +128,17 @@ def fit_slow_bias(found: Fit, data: Measured) -> SlowBias:
         key=lambda each: float(each.fun),
     )
     return bias(best.x)
+
+
+def check_order(data: Measured) -> None:
+    """Refuse rows that a slow bias cannot follow: without order, or too few."""
+    measured = np.asarray(observations.tips(data, len(data.points)))
+    _gaps(data, len(measured), None)
+    count = int(np.isfinite(measured).all(axis=1).sum())
+    if count < _FEWEST:
+        raise InputError(
+            f"{count} measured rows are too few for a slow bias; {_FEWEST} are needed at least"
+        )
 
 
 def filtered(found: Fit, data: Measured, bias: SlowBias) -> Filtered:
@@ -157,8 +169,8 @@ def filtered(found: Fit, data: Measured, bias: SlowBias) -> Filtered:
     open_loop = found.predict(data)
     measured = observations.tips(data, len(open_loop))
     gaps, starts, _ = _gaps(data, len(open_loop), bias.timed)
-    innovation, deviation = _follow(bias, measured - open_loop, gaps, starts, keep=True)
-    point = open_loop + innovation
+    biases, deviation = _follow(bias, measured - open_loop, gaps, starts)
+    point = open_loop + biases
     return Filtered(point, deviation, open_loop, score(point, measured), score(open_loop, measured))
 
 
@@ -189,17 +201,12 @@ def _gaps(data: Measured, count: int, timed: bool | None) -> tuple[Floats, NDArr
 
 
 def _follow(
-    bias: SlowBias,
-    residuals: Floats,
-    gaps: Floats,
-    starts: NDArray[np.bool_],
-    *,
-    keep: bool = False,
+    bias: SlowBias, residuals: Floats, gaps: Floats, starts: NDArray[np.bool_]
 ) -> tuple[Floats, Floats]:
-    """Innovations (K, 3) and their standard deviation (K,) by a Kalman filter, theory Eq. 7.7.
+    """Predicted biases (K, 3), and standard deviations (K,) of the residuals about them.
 
-    With `keep` the predicted biases (K, 3) instead of innovations. Residuals are measured minus
-    predicted, NaN where a row is not measured.
+    By a Kalman filter, theory Eq. 7.7. Residuals are measured minus predicted, NaN where a row is
+    not measured.
     """
     whole, noise = bias.spread**2, bias.noise**2
     kept = np.exp(-gaps / bias.duration).tolist()
@@ -219,5 +226,4 @@ def _follow(
             ahead.append(mean)
             mean += gain * (residual - mean)
         means.append(ahead)
-    biases = np.array(means).T
-    return biases if keep else residuals - biases, np.sqrt(totals)
+    return np.array(means).T, np.sqrt(totals)

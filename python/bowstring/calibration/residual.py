@@ -271,6 +271,7 @@ class Residual:
             kind = "displacements" if self.by_displacement[t] else "tensions"
             raise InputError(f"the residual was fitted to {kind} of tendon {t + 1}; give these")
         _check_order(commands, self.hyperparameters)
+        self._check_tool(data)
         point = self._model_point(commands)
         table = Table(commands.values, point, commands.paths)
         inputs = table.inputs(self.hyperparameters, self.scales)
@@ -279,6 +280,17 @@ class Residual:
         shift[solved] = self._process.mean(inputs[solved])
         kept[solved] = self._process.explained(inputs[solved])
         return Corrected(point + shift, point, kept)
+
+    def _check_tool(self, data: Any) -> None:
+        """Refuse rows that state another measured point than the fitted ones."""
+        stated = observations.tool(data)
+        own = np.array([self.values.get(f"tool.{axis}", 0.0) for axis in "xyz"])
+        if stated.any() and not np.allclose(stated, own, rtol=0.0, atol=1e-9):
+            said = ", ".join(f"{1e3 * x:g}" for x in stated.tolist())
+            raise InputError(
+                f"the rows state the tool {said} mm, the residual was fitted to another measured "
+                "point; fit it again to rows with this tool"
+            )
 
     def _model_point(self, commands: Commands) -> Floats:
         model = TipModel(Unknowns(self.robot, [], self.values), commands, self.rod)

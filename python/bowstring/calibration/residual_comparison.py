@@ -21,7 +21,6 @@ from bowstring.data.measurements import Measurements
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError
 from bowstring.robot.model import Robot
-from bowstring.statics.model import RodModel
 
 if TYPE_CHECKING:
     from bowstring.schemas import fit as schema
@@ -87,22 +86,23 @@ class ResidualStudy:
         Points of the validation rows.
     compared : tuple of Compared
         Models by number of fitted rows; those that could not be fitted are missing.
+    judged : ndarray of bool
+        Validation rows with a measured tip.
     """
 
     residual: Residual
     corrected: Corrected
     compared: tuple[Compared, ...]
+    judged: Bools
 
     def to_dict(self) -> schema.ResidualStudy:
         """Return all numbers, ready for `json.dumps`."""
         kept = self.corrected.kept
-        solved = np.isfinite(kept)
+        judged = self.judged & np.isfinite(kept)
         return {
             **self.residual.to_dict(),
-            "rows_beyond_data": int(
-                (self.corrected.beyond & np.isfinite(self.corrected.kept)).sum()
-            ),
-            "median_share_kept": float(np.median(kept[solved])),
+            "rows_beyond_data": int((self.corrected.beyond & judged).sum()),
+            "median_share_kept": float(np.median(kept[judged])),
             "comparison": [each.to_dict() for each in self.compared],
         }
 
@@ -181,7 +181,8 @@ def study_residual(
         point = _by_commands(found.robot, rows, rows.thinned(count))
         compared.append(Compared("commands", count, None, rows.score(point, rows.judged)))
     notify("done", 1.0)
-    return ResidualStudy(residual, residual.correct(rows.other), tuple(compared))
+    corrected = residual.correct(rows.other)
+    return ResidualStudy(residual, corrected, tuple(compared), rows.judged)
 
 
 def _rows_of(calibration: Calibration) -> _Rows:
@@ -222,22 +223,34 @@ def _refitted(
     calibration: Calibration, robot: Robot, kind: Kind, data: Measurements, rows: Bools
 ) -> Fit:
     found, names, start = calibration.fit, calibration.fit.names, calibration.start
+    priors = calibration.priors
     if kind != found.model:
         names, start = _of_arcs(names, start)
-    model: RodModel | Literal["arc"] | None = found.rod if kind == "rod" else "arc"
-    return fit(robot, data, names, model=model, loss=calibration.loss, start=start, rows=rows)
+        if isinstance(priors, Mapping):
+            priors = {name: value for name, value in priors.items() if _head(name) in _OF_BOTH}
+    return fit(
+        robot,
+        data,
+        names,
+        model=found.rod if kind == "rod" else "arc",
+        loss=calibration.loss,
+        start=start,
+        rows=rows,
+        priors=priors,
+    )
 
 
 def _of_arcs(
     names: Sequence[str], start: Mapping[str, float]
 ) -> tuple[list[str], dict[str, float]]:
     """Parameters and start values of constant curvature, from those of statics."""
+    own = [name for name in names if _head(name) in _OF_BOTH]
+    held = {name: v for name, v in start.items() if _head(name) in (*_OF_BOTH, *_OF_ARCS)}
+    return [*own, "bend_gain.segments"], held
 
-    def known(name: str) -> bool:
-        return name.partition(".")[0] in (*_OF_BOTH, *_OF_ARCS)
 
-    own = [name for name in names if known(name) and not name.startswith(_OF_ARCS)]
-    return [*own, "bend_gain.segments"], {name: v for name, v in start.items() if known(name)}
+def _head(name: str) -> str:
+    return name.partition(".")[0]
 
 
 def _by_commands(robot: Robot, rows: _Rows, used: Bools) -> Floats:

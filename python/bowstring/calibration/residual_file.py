@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import Any, Final
 
@@ -137,8 +137,12 @@ def _residual(content: dict[str, Any], robot: Robot) -> Residual:
             for name, value in content["hyperparameters"].items()
         }
     )
-    if not (rows and min(asdict(at).values()) > 0 and math.isfinite(at.radius + at.noise)):
+    used = math.isfinite(min(at.commands, at.point))
+    if not (rows and used and min(asdict(at).values()) > 0 and math.isfinite(at.radius + at.noise)):
         raise ValueError("hyper-parameters")
+    folds = [Score(**each) for each in content["folds"]]
+    if len(folds) != 2 or not np.isfinite([astuple(each) for each in folds]).all():
+        raise ValueError("folds")
     scales = Scales(_numbers(content["command_scale"], (count,)), robot.length)
     kinds = np.array(content["by_displacement"])
     if kinds.dtype != bool or kinds.shape != (count,) or not (scales.command > 0).all():
@@ -154,7 +158,7 @@ def _residual(content: dict[str, Any], robot: Robot) -> Residual:
         by_displacement=kinds,
         table=table.with_memory(at.radius * scales.length, memory),
         residuals=_numbers(content["residuals"], (rows, 3)),
-        validated=tuple(Score(**each) for each in content["folds"]),  # type: ignore[arg-type]
+        validated=(folds[0], folds[1]),
     )
 
 

@@ -18,7 +18,13 @@ from numpy.typing import NDArray
 
 from bowstring.atomic_io import readable
 from bowstring.calibration.cross_validation import CrossValidation, cross_validate, hold_out
-from bowstring.calibration.filtering import Filtered, SlowBias, filtered, fit_slow_bias
+from bowstring.calibration.filtering import (
+    Filtered,
+    SlowBias,
+    check_order,
+    filtered,
+    fit_slow_bias,
+)
 from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Score, score
 from bowstring.calibration.pieces import Loss
@@ -72,6 +78,8 @@ class Calibration:
     """Cross-validation, if folds were requested."""
     start: Mapping[str, float]
     """Given initial and fixed values in SI by name."""
+    priors: PriorChoice = None
+    """Given priors."""
     other: Measurements | None = None
     """Another table, for validation only."""
     other_score: Score | None = None
@@ -318,6 +326,9 @@ def calibrate(
         raise InputError(
             f"{validate.name} is the table that is fitted, and validates nothing; name another"
         )
+    if check.filter and validate is not None:
+        check_order(data)
+        check_order(validate)
     notify = progress or (lambda what, share: None)
     out = np.zeros(len(data), dtype=bool)
     rows = None
@@ -376,10 +387,11 @@ def calibrate(
         held,
         validated,
         dict(start or {}),
-        validate,
-        other,
-        ahead,
-        bias,
+        priors=priors,
+        other=validate,
+        other_score=other,
+        ahead=ahead,
+        bias=bias,
     )
 
 

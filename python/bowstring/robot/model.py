@@ -316,6 +316,11 @@ def without_hysteresis(robot: Robot) -> Robot:
     return robot.with_({"segments.*.backbone.hysteresis": 0.0})
 
 
+def without_memory(robot: Robot) -> Robot:
+    """Return the robot with an elastic backbone and tendons without friction."""
+    return with_tendons(without_hysteresis(robot), {"friction": 0.0})
+
+
 def check_robot(robot: object) -> None:
     """Refuse an object that is not a robot, such as its name."""
     if not isinstance(robot, Robot):

@@ -272,13 +272,14 @@ class Backbone(Part):
         0.0, description="Twist of the unloaded segment from start to end; 0 if left out."
     )
 
-    hysteresis: Annotated[float, Quantity("", "0.1", "0", "0.9")] = Field(
+    hysteresis: Annotated[float, Quantity("", "0.1", "0", "0.6")] = Field(
         0.0,
-        description="Bend that stays without load, as a share of the largest bend less "
-        "hysteresis_play; 0 if left out, elastic.",
+        description="Share of the bending stiffness that slides beyond hysteresis_play; 0 if left "
+        "out, elastic.",
     )
     hysteresis_play: Annotated[float, Quantity("rad", "5 deg", "0 deg", "3600 deg")] = Field(
-        0.0, description="Change of the segment's bend that leaves no set; 0 if left out."
+        0.0,
+        description="Change of the segment's bend beyond which that share slides; 0 if left out.",
     )
 
     @model_validator(mode="after")

@@ -98,7 +98,7 @@ def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.
     tables = (data.tensions, data.displacements)
     given = [None if np.isnan(values).all() else gain * values for values in tables]
     model = RodModel(theory)
-    if not robot.has_friction:
+    if not robot.has_memory:
         return rod.solve_batch(robot, load=Load(*given), model=model, disks=False)
 
     def path(rows: NDArray[np.int64]) -> Sweep:

@@ -21,7 +21,7 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError
-from bowstring.robot.model import Robot, with_tendons, without_hysteresis
+from bowstring.robot.model import Robot, without_memory
 from bowstring.robot.parts import Backbone
 from bowstring.statics import rod
 from bowstring.statics.load import Load
@@ -251,7 +251,7 @@ class Model:
     ) -> None:
         self.given_robot = robot
         """Robot of the file, with friction and hysteresis."""
-        self.robot = with_tendons(without_hysteresis(robot), {"friction": 0.0})
+        self.robot = without_memory(robot)
         """Robot without friction and hysteresis, for main sweep, dynamics and verdict."""
         self.tendon = tendon
         """Index of the actuated tendon, from 0; of several, the one with the whole tension."""

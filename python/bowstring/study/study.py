@@ -43,7 +43,7 @@ from bowstring.data.tip_errors import Comparison
 from bowstring.display import html_table, short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, listed, plain, significant
-from bowstring.robot.model import Robot, check_disks, check_robot, with_tendons
+from bowstring.robot.model import Robot, check_disks, check_robot, without_memory
 from bowstring.robot.reader import load_robot
 from bowstring.statics import limits
 from bowstring.statics.model import RodModel
@@ -771,7 +771,7 @@ def run_study(
     )
 
     notify("map and uncertainty", 0.9)
-    of_design = design_map(with_tendons(robot, {"friction": 0.0}), settings)
+    of_design = design_map(without_memory(robot), settings)
     of_load = load_map(model, settings, over)
     spreads = _spreads(robot, settings, extras.uncertainty)
 
@@ -835,7 +835,7 @@ def _spreads(robot: Robot, settings: Settings, given: Any) -> tuple[Spread, ...]
     """Validity limits with uncertain numbers; none where statics solves too few samples."""
     shares = {i: share for i, share in enumerate(settings.shares, 1) if share}
     loading = Loading(settings.max_tension, settings.points, shares)
-    free = with_tendons(robot, {"friction": 0.0})
+    free = without_memory(robot)
     try:
         joint = assumed_distributions(free) if given is None else given
     except InputError:  # nothing may vary by the assumed sizes

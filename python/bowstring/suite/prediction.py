@@ -196,10 +196,10 @@ class _Predictor:
             load = replace(load, tensions=tensions)
         if by_displacement.any():
             load = replace(load, displacements=np.where(by_displacement, values, np.nan))
-        if not setting.robot.has_friction:
+        if not setting.robot.has_memory:
             found = [solve_batch(setting.robot, load=load)]
             order = np.arange(len(commands))
-        else:  # friction has a history
+        else:  # friction and hysteresis have a history
             found = [sweep(setting.robot, load=rows_of(load, path)) for path in commands.paths]
             order = np.argsort(np.concatenate(commands.paths))
         position, turned = (

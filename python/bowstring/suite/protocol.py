@@ -359,7 +359,12 @@ class SuiteSet:
         """
         digest = hashlib.sha256()
         for table in filter(None, (self.protocol.train, self.protocol.validation)):
-            digest.update(hashlib.sha256(self.file(table).read_bytes()).digest())
+            file = self.file(table)
+            files = [file]
+            if self.mapping is not None and self.mapping.join is not None:
+                files.append(file.parent / self.mapping.join.file)
+            for each in filter(Path.is_file, files):  # reading names a file that is missing
+                digest.update(hashlib.sha256(each.read_bytes()).digest())
         digest.update(b"" if self.robot is None else self.robot.hash.encode())
         mapping = "" if self.mapping is None else self.mapping.model_dump_json()
         digest.update(mapping.encode())

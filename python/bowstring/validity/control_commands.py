@@ -17,7 +17,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.inverse.arcs import arcs_to, tensions_of
 from bowstring.inverse.kinematics import default_max_tension
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, with_tendons
+from bowstring.robot.model import Robot, without_memory
 from bowstring.statics.designs import sweep_designs
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
@@ -258,7 +258,7 @@ def prepared(
     if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
         raise InputError("load has an actuation, and tensions are drawn; leave it out")
     load = with_arrays(load)
-    robot = with_tendons(robot, {"friction": 0.0})
+    robot = without_memory(robot)
     most = largest_tensions(robot, max_tension)
     solve(robot, np.zeros(len(most)), load=load, model=model)  # refuses loads that cannot be
     return robot, load, model, most
