@@ -210,7 +210,7 @@ def _follow(
     """
     whole, noise = bias.spread**2, bias.noise**2
     kept = np.exp(-gaps / bias.duration).tolist()
-    seen = np.isfinite(residuals).all(axis=1).tolist()
+    seen = np.asarray(np.isfinite(residuals).all(axis=1)).tolist()
     gains, totals, variance = [], [], 0.0
     for first, share, measured in zip(starts.tolist(), kept, seen, strict=True):
         variance = whole if first else whole + share**2 * (variance - whole)

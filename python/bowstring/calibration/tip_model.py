@@ -345,7 +345,8 @@ class TipModel:
             moved = left + _NUDGE * (np.arange(count) == i)
             response[:, :, i] = (self._bend(core, setting.robot, moved) - bend) / _NUDGE
         lost = np.where(self.commands.by_displacement, setting.hole_clearance, 0.0)
-        return _InHoles(bend, np.linalg.inv(np.eye(count) + lost[:, :, None] * response))
+        share = np.asarray(np.linalg.inv(np.eye(count) + lost[:, :, None] * response), float)
+        return _InHoles(bend, share)
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
         """Predict by constant curvature, with the gain on the bend of each segment."""
@@ -551,7 +552,7 @@ class _InHoles:
 
     def follow(self, change: Floats) -> Floats:
         """Change (K, T) of the effective displacements by one of those before the loss, m."""
-        return np.einsum("kst,kt->ks", self.share, change)
+        return np.asarray(np.einsum("kst,kt->ks", self.share, change))
 
 
 @dataclass(frozen=True)

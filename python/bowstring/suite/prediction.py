@@ -164,6 +164,10 @@ class _Predictor:
     """Observable of a table as a function of parameter values."""
 
     def __init__(self, given: SuiteSet, model: Model, robot: Robot, observable: Observable) -> None:
+        if any(n.startswith("hole_clearance") for n in (*model.parameters, *model.start)):
+            raise InputError(
+                f"{model.name}: hole_clearance is for fits of a measured tip; leave it out"
+            )
         self.model, self.observable = model, observable
         self.unknowns = Unknowns(robot, model.parameters, model.start)
         markers = given.protocol.markers
@@ -240,12 +244,15 @@ def _fit(predict: _Predictor, model: Model, table: Table, rows: Bools | None) ->
     # as in `bowstring.fit`, m and rad are scaled to about 1 for the tolerances
     scale = 1e-3
 
+    first = (predict(begin, table)[used] - measured).ravel() / scale
+    if not np.isfinite(first).any():
+        raise NoSolutionError(f"{model.name}: no row has a solution at the initial parameters")
+    lost = float(np.nanmax(np.abs(first)))  # no gain by losing equilibria
+
     def residuals(scaled: Floats) -> Floats:
         apart = (predict(scaled * step, table)[used] - measured).ravel() / scale
-        return np.where(np.isfinite(apart), apart, 0.0)
+        return np.where(np.isfinite(apart), apart, lost)
 
-    if not np.isfinite(predict(begin, table)[used]).any():
-        raise NoSolutionError(f"{model.name}: no row has a solution at the initial parameters")
     found = least_squares(
         residuals,
         begin / step,

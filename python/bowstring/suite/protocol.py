@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from bowstring.calibration.fitting import Loss
+from bowstring.calibration.pieces import Loss
 from bowstring.data import datasets
 from bowstring.data.columns import TOOL, Source, did_you_mean
 from bowstring.data.field_messages import Fields, checked
