@@ -63,7 +63,7 @@ def complete(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], l
         ("bowstring study --theory ", ["cosserat", "kirchhoff"]),
         ("bowstring solve amouri2019 --elements ", ["1", "2", "4", "8"]),
         ("bowstring fit amouri2019 --model a", ["arc"]),
-        ("bowstring fit amouri2019 --parameter hole", ["hole_angle"]),
+        ("bowstring fit amouri2019 --parameter hole_a", ["hole_angle"]),
         ("bowstring fit amouri2019 --data tamm-spring --part ", ["bending"]),
         ("bowstring fit amouri2019 --part tr", ["train"]),
         ("bowstring suite --only tamm", ["tamm-spring"]),

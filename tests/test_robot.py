@@ -702,7 +702,7 @@ def test_positions_forms(load):
             "Known here: diameter, inner_diameter, end_diameter, end_inner_diameter, width, "
             "height, end_width, end_height, width_direction, E, G, nu, density, stiffness, "
             "mass_per_length, rotary_inertia, yield_strength, strain_limit, rest_bend, "
-            "rest_direction, rest_twist.",
+            "rest_direction, rest_twist, hysteresis, hysteresis_play.",
         ),
     ],
 )
