@@ -288,6 +288,7 @@ def test_the_command_saves_and_compares(
     assert point["share_kept"] > 0.5 and not point["beyond_data"]
     assert "measured point, with residual" in shell(*solve)[1]
     assert "tendon commands only" in shell.error(*solve, "--tip-force", "0,1,0")
+    assert "leave out --elements" in shell.error(*solve, "--elements", "2")
     corrected = score(learnt.correct(other).point, other.tip)
     assert 1e3 * corrected.rmse == pytest.approx(best["with_residual"]["rmse_mm"], rel=1e-3)
 

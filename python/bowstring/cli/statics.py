@@ -216,6 +216,10 @@ def solve(
     corrected = None
     if residual is not None:
         loads = (gravity, disk_force, disk_moment, point_force, follower_force, line_force, plane)
+        if elements is not None or theory != "cosserat":
+            raise InputError(
+                "--residual has the rod model of its fit; leave out --elements and --theory."
+            )
         if any(force) or any(moment) or any(each is not None for each in (*loads, history)):
             raise InputError(
                 "--residual knows tendon commands only; leave out loads, plane and history."
