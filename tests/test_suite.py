@@ -400,8 +400,8 @@ def test_fits_to_markers_and_to_bends(sets: Path) -> None:
 def test_friction_has_a_history(sets: Path) -> None:
     """Synthetic loading and unloading with friction, which the file of the set has too."""
     mine = sets / "mine"
-    rubs = {"segments.0.tendons.friction": 0.1}
-    robot = bs.load_robot("amouri2019", rubs)
+    friction = {"segments.0.tendons.friction": 0.1}
+    robot = bs.load_robot("amouri2019", friction)
     tensions = np.outer([10.0, 30.0, 50.0, 40.0, 20.0], [1.0, 0.0, 0.0])
     tips = 1e3 * bs.sweep(robot, tensions).tip_position
     rows = np.hstack([tensions, tips])

@@ -143,6 +143,9 @@ class Prediction:
         Solutions of the core, kept for derivatives; without a pose where not solved.
     tensions, slack : ndarray (K, T) or None
         Tensions (N) and slack lengths (m) by statics.
+    left : ndarray (K, T) or None
+        Commands less the displacement that is lost in the holes, kept for derivatives; None without
+        clearance.
     columns : list
         Derivatives by each parameter, computed on demand.
     """
@@ -154,6 +157,7 @@ class Prediction:
     solutions: list[Any] | None = None
     tensions: Floats | None = None
     slack: Floats | None = None
+    left: Floats | None = None
     columns: list[_Column] = field(default_factory=list, repr=False)
 
     @cached_property
@@ -231,12 +235,12 @@ class TipModel:
         the tensions, with a memory or clearance in the holes, and for constant curvature. Rows
         without a solution have NaN.
         """
-        exact = at.exact if self.commands.by_displacement.any() else None
+        if not self.commands.by_displacement.any() or at.setting.hole_clearance.any():
+            return None
+        exact = at.exact
         if exact is None:
             return None
         assert at.slack is not None
-        if at.setting.hole_clearance.any():
-            return None
         columns = self._columns(values, at)
         by_slack = np.stack([column.slack for column in columns], axis=-1)
         by_tension = np.stack([column.tensions for column in columns], axis=-1)
@@ -257,7 +261,7 @@ class TipModel:
         if not at.columns:
             memory = self.rod is not None and at.setting.robot.has_memory
             known = self._along_paths(values, at) if memory else {}
-            holes = None if memory else self._in_holes(values, at)
+            holes = None if memory else self._in_holes(at)
             for i in range(len(values)):
                 at.columns.append(known[i] if i in known else self._column(i, values, at, holes))
         return at.columns
@@ -269,8 +273,9 @@ class TipModel:
         by_displacement = self.commands.by_displacement
         given = np.where(by_displacement, given, np.maximum(given, 0.0))
         core = actuation.Path(robot, rod).core
+        left = None
         if setting.hole_clearance.any():
-            given = self._left(core, setting, given)
+            given = left = self._left(core, setting, given)
         if robot.has_memory or not keep:
             return self._followed(core, setting, given)
         solutions = []
@@ -282,10 +287,10 @@ class TipModel:
         position = _table(solutions, solved, "tip_position", 3)
         turned = _table(solutions, solved, "tip_rotation", 3, 3)
         slack = _table(solutions, solved, "slack_lengths", given.shape[1])
-        return Prediction(position, turned, solved, setting, solutions, slack=slack)
+        return Prediction(position, turned, solved, setting, solutions, slack=slack, left=left)
 
     def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
-        """Predict by the rod in rows, with friction along each path from the home pose."""
+        """Predict by the rod in rows, with a memory along each path from the home pose."""
         at = self._follow(core, setting.robot, given)
         return Prediction(
             at["tip_position"],
@@ -331,13 +336,13 @@ class TipModel:
                 break
         return left
 
-    def _in_holes(self, values: Floats, at: Prediction) -> _InHoles | None:
+    def _in_holes(self, at: Prediction) -> _InHoles | None:
         """How the displacement lost in the holes follows a change; None without clearance."""
         setting, rod = at.setting, self.rod
-        if rod is None or not setting.hole_clearance.any():
+        if rod is None or at.left is None:
             return None
+        left = at.left
         core = actuation.Path(setting.robot, rod).core
-        left = self._left(core, setting, self.commands.effective(setting))
         bend = self._bend(core, setting.robot, left)
         count = left.shape[1]
         response = np.zeros((len(left), count, count))
