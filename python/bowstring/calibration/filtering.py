@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from bowstring.calibration import observations
 from bowstring.calibration.fitting import Fit
 from bowstring.calibration.observations import Measured, Score, score
-from bowstring.calibration.tip_model import paths_of
+from bowstring.calibration.tip_model import Commands
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.robot.model import Robot
 from bowstring.validation import instance
 
 __all__ = ["Filtered", "SlowBias", "filtered", "fit_slow_bias"]
@@ -97,7 +98,7 @@ def fit_slow_bias(found: Fit, data: Measured) -> SlowBias:
     from scipy.optimize import minimize
 
     instance("found", found, Fit)
-    gaps, starts, timed = _gaps(data, len(found.residuals), None)
+    gaps, starts, timed = _gaps(observations.commands(data, found.robot), None)
     residuals = np.where(found.used[:, None], -found.residuals, np.nan)
     count = int(np.isfinite(residuals).all(axis=1).sum())
     if count < _FEWEST:
@@ -130,11 +131,11 @@ def fit_slow_bias(found: Fit, data: Measured) -> SlowBias:
     return bias(best.x)
 
 
-def check_order(data: Measured) -> None:
+def check_order(data: Measured, robot: Robot) -> None:
     """Refuse rows that a slow bias cannot follow: without order, or too few."""
-    measured = np.asarray(observations.tips(data, len(data.points)))
-    _gaps(data, len(measured), None)
-    count = int(np.isfinite(measured).all(axis=1).sum())
+    commands = observations.commands(data, robot)
+    _gaps(commands, None)
+    count = int(np.isfinite(observations.tips(data, len(commands))).all(axis=1).sum())
     if count < _FEWEST:
         raise InputError(
             f"{count} measured rows are too few for a slow bias; {_FEWEST} are needed at least"
@@ -166,30 +167,26 @@ def filtered(found: Fit, data: Measured, bias: SlowBias) -> Filtered:
     """
     instance("found", found, Fit)
     instance("bias", bias, SlowBias)
+    gaps, starts, _ = _gaps(observations.commands(data, found.robot), bias.timed)
     open_loop = found.predict(data)
     measured = observations.tips(data, len(open_loop))
-    gaps, starts, _ = _gaps(data, len(open_loop), bias.timed)
     biases, deviation = _follow(bias, measured - open_loop, gaps, starts)
     point = open_loop + biases
     return Filtered(point, deviation, open_loop, score(point, measured), score(open_loop, measured))
 
 
-def _gaps(data: Measured, count: int, timed: bool | None) -> tuple[Floats, NDArray[np.bool_], bool]:
+def _gaps(commands: Commands, timed: bool | None) -> tuple[Floats, NDArray[np.bool_], bool]:
     """Time since the row before (K,), whether a path starts (K,), and whether times are in s."""
-    given = getattr(data, "time", None)
-    time = np.full(count, np.nan) if given is None else np.asarray(given, dtype=float)
-    has_times = time.shape == (count,) and bool(np.isfinite(time).all())
-    if timed and not has_times:
+    time, count = commands.time, len(commands)
+    if timed and time is None:
         raise InputError("the slow bias was fitted with times, and the rows have none")
-    recording = getattr(data, "recording", None)
-    if recording is not None:
-        recording = np.unique(np.asarray(recording), return_inverse=True)[1].ravel()
     starts = np.zeros(count, dtype=bool)
     gaps = np.ones(count)
-    use_times = has_times if timed is None else timed
-    for rows in paths_of(recording, count):
+    if timed is False:
+        time = None
+    for rows in commands.paths:
         starts[rows[0]] = True
-        if use_times:
+        if time is not None:
             gaps[rows[1:]] = np.diff(time[rows])
     if not (gaps[~starts] > 0).all():
         row = 1 + int(np.flatnonzero(~starts & ~(gaps > 0))[0])
@@ -197,7 +194,7 @@ def _gaps(data: Measured, count: int, timed: bool | None) -> tuple[Floats, NDArr
             f"row {row} is not later than the row before: give the rows in the order of "
             "measurement, and a recording to those of another path"
         )
-    return gaps, starts, use_times
+    return gaps, starts, time is not None
 
 
 def _follow(

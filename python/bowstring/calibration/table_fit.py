@@ -327,8 +327,8 @@ def calibrate(
             f"{validate.name} is the table that is fitted, and validates nothing; name another"
         )
     if check.filter and validate is not None:
-        check_order(data)
-        check_order(validate)
+        check_order(data, robot)
+        check_order(validate, robot)
     notify = progress or (lambda what, share: None)
     out = np.zeros(len(data), dtype=bool)
     rows = None
