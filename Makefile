@@ -7,7 +7,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates/bowstring-core crates/bowstring-py -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: study checks test test-all test-versions docs bench build campaign campaign-files clean lock suite \
+.PHONY: study checks test test-slow test-all test-versions docs bench build campaign campaign-files clean lock suite \
 	paper-figures wheel sdist check-wheel check-sdist check-version
 
 study: build ## the main job: the study of the built-in robot, or of ROBOT=my_robot.yaml
@@ -51,9 +51,11 @@ test: checks ## lints, types, and the tests that are quick
 	cargo test -p bowstring-core -p bowstring-c --locked
 	$(PYTEST) -m "not slow and not fem and not cad and not data"
 
-test-all: checks $(VENV)/.installed-all ## the same with all tests: statistics, finite elements, solids, kills, data of others
-	cargo test -p bowstring-core -p bowstring-c --locked -- --include-ignored
-	$(PYTEST)
+test-slow: checks $(VENV)/.installed-all ## the others: statistics, finite elements, solids, kills, data of others
+	cargo test -p bowstring-core -p bowstring-c --locked -- --ignored
+	$(PYTEST) -m "slow or fem or cad or data"
+
+test-all: test test-slow
 
 test-versions: build ## tests with the oldest versions allowed, or RESOLUTION=highest (needs uv)
 	uv venv --quiet --allow-existing --python $(PYTHON) .venv-$(RESOLUTION)

@@ -300,6 +300,17 @@ def test_the_command_needs_validation_rows(shell: Shell) -> None:
     assert "--residual is judged on rows that are not fitted; give --validate FILE" in said
 
 
+def test_rows_may_state_the_tool_that_the_fit_then_changed(
+    robot: Robot, data: Measurements, other: Measurements
+) -> None:
+    rows = replace(data, tool=np.array([0.0, 0.0, 1e-3]))
+    learnt = fit_residual(fit(robot, rows, ["base", "tool.z"]), rows)
+    assert learnt.values["tool.z"] != 1e-3
+    learnt.correct(replace(other, tool=rows.tool))
+    with pytest.raises(InputError, match="the rows state the tool 0, 0, 4 mm"):
+        learnt.correct(replace(other, tool=np.array([0.0, 0.0, 4e-3])))
+
+
 # -- measured -----------------------------------------------------------------------------------
 
 

@@ -216,6 +216,9 @@ class Residual:
         Model of the rod; None for constant curvature.
     values : dict from name to float
         Base, tool and actuation of the calibration, in SI.
+    tool : ndarray (3,)
+        Offset of the measured point from the tip that the fitted rows stated, m; the calibration
+        may have fitted another one.
     hyperparameters : Hyperparameters
         Chosen by cross-validation.
     scales : Scales
@@ -234,6 +237,7 @@ class Residual:
     robot: Robot
     rod: RodModel | None
     values: Mapping[str, float]
+    tool: Floats
     hyperparameters: Hyperparameters
     scales: Scales
     by_displacement: Bools
@@ -284,8 +288,9 @@ class Residual:
     def _check_tool(self, data: Any) -> None:
         """Refuse rows that state another measured point than the fitted ones."""
         stated = observations.tool(data)
-        own = np.array([self.values.get(f"tool.{axis}", 0.0) for axis in "xyz"])
-        if stated.any() and not np.allclose(stated, own, rtol=0.0, atol=1e-9):
+        fitted = np.array([self.values.get(f"tool.{axis}", 0.0) for axis in "xyz"])
+        known = [np.allclose(stated, own, rtol=0.0, atol=1e-9) for own in (self.tool, fitted)]
+        if stated.any() and not any(known):
             said = ", ".join(f"{1e3 * x:g}" for x in stated.tolist())
             raise InputError(
                 f"the rows state the tool {said} mm, the residual was fitted to another measured "
@@ -364,6 +369,7 @@ def fit_residual(
         robot=found.robot,
         rod=found.rod,
         values=values,
+        tool=observations.tool(data),
         hyperparameters=at,
         scales=scales,
         by_displacement=kinds[0],
