@@ -672,14 +672,16 @@ def test_positions_forms(load):
             "three",
             'segments[0].tendons: got "three"; must be a set of fields: '
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
-            "friction, pretension, spool_radius, diameter, material, turns, end_pitch_radius.",
+            "creep_compliance, creep_time, friction, pretension, spool_radius, diameter, material, "
+            "turns, end_pitch_radius.",
         ),
         (
             "pitch_radius: 12 mm",
             "pitch_radius: 12 mm, mu: 0.1",
             "segments[0].tendons.mu: unknown field; did you mean friction? Known here: "
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
-            "friction, pretension, spool_radius, diameter, material, turns, end_pitch_radius.",
+            "creep_compliance, creep_time, friction, pretension, spool_radius, diameter, material, "
+            "turns, end_pitch_radius.",
         ),
         (
             "thickness: 3 mm",
@@ -702,7 +704,8 @@ def test_positions_forms(load):
             "Known here: diameter, inner_diameter, end_diameter, end_inner_diameter, width, "
             "height, end_width, end_height, width_direction, E, G, nu, density, stiffness, "
             "mass_per_length, rotary_inertia, yield_strength, strain_limit, rest_bend, "
-            "rest_direction, rest_twist, hysteresis, hysteresis_play.",
+            "rest_direction, rest_twist, hysteresis, hysteresis_play, relaxation, "
+            "relaxation_time.",
         ),
     ],
 )

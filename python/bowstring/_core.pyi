@@ -98,11 +98,20 @@ class Robot:
 @final
 class PathSolver:
     def __new__(
-        cls, robot: Robot, model: RodModel, tendons: Any, hysteresis: Floats, has_memory: bool
+        cls,
+        robot: Robot,
+        model: RodModel,
+        tendons: Any,
+        inelasticity: Sequence[Floats],
+        has_memory: bool,
     ) -> PathSolver: ...
     def reset(self) -> None: ...
     def step(
-        self, by_displacement: NDArray[np.bool_], commands: ArrayLike, load: _DeadLoad
+        self,
+        by_displacement: NDArray[np.bool_],
+        commands: ArrayLike,
+        load: _DeadLoad,
+        duration: float = 0.0,
     ) -> Solution: ...
     def follow(
         self,
@@ -111,6 +120,7 @@ class PathSolver:
         load: _DeadLoad,
         disks: bool,
         threads: int | None,
+        durations: Floats | None = None,
     ) -> dict[str, Any]: ...
     def history(self) -> dict[str, Any]: ...
     def resume(self, history: Mapping[str, NDArray[Any]]) -> None: ...

@@ -665,6 +665,7 @@ fn paths_take_loads_on_disks() {
         let other = [load.disk_moments.clone(), vec![NONE; 9]].concat();
         let values = shortened.repeat(2);
         let steps = Steps {
+            durations: &[],
             loads: Loads {
                 count: 2,
                 tensions: &values,

@@ -639,6 +639,7 @@ fn rows_match_single_steps() {
         .collect();
     let by_displacement = [true, false, false].repeat(rows);
     let steps = Steps {
+        durations: &[],
         loads: Loads {
             count: rows,
             tensions: &values,
@@ -774,6 +775,7 @@ fn displacements_side_by_side() {
         let (values, by_displacement) = random_rows(&robot, rows, &mut draw);
         let tip_force: Vec<f64> = (0..3 * rows).map(|_| draw.within(-0.02, 0.02)).collect();
         let steps = Steps {
+            durations: &[],
             loads: Loads {
                 count: rows,
                 tensions: &values,
@@ -814,6 +816,7 @@ fn opposing_displacements_side_by_side_are_unstable_beyond_buckling() {
     let rows = 60;
     let values: Vec<f64> = (0..3 * rows).map(|at| 2e-3 * (at / 3) as f64).collect();
     let steps = Steps {
+        durations: &[],
         loads: Loads {
             count: rows,
             tensions: &values,
@@ -854,6 +857,7 @@ fn rows_side_by_side_do_not_depend_on_those_before() {
         })
         .collect();
     let steps = Steps {
+        durations: &[],
         loads: Loads {
             count: rows,
             tensions: &values,
@@ -867,6 +871,7 @@ fn rows_side_by_side_do_not_depend_on_those_before() {
     let one = solve_each(&mut home.clone(), &steps, 1, false).unwrap();
     for from in (0..rows).step_by(16) {
         let part = Steps {
+            durations: &[],
             loads: Loads {
                 count: 16,
                 tensions: &values[6 * from..][..96],
@@ -895,6 +900,7 @@ fn displacements_beyond_the_length_of_a_shorter_robot() {
     let short = Robot::new(spec).unwrap();
     let values = [0.01, 0.0, 0.0, 0.25, 0.0, 0.0].repeat(2);
     let steps = Steps {
+        durations: &[],
         loads: Loads {
             count: 4,
             tensions: &values,
@@ -927,6 +933,7 @@ fn paths_of_several_robots() {
     let m = robots[0].tendon_count();
     let (values, by_displacement) = random_rows(&robots[0], each * robots.len(), &mut draw);
     let steps = Steps {
+        durations: &[],
         loads: Loads {
             count: each * robots.len(),
             tensions: &values,

@@ -8,8 +8,10 @@ use crate::rod::{check_rows, column, Answer, PathResult, Robot, Solution, State}
 use bowstring_core::model::load::Load;
 use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::statics::hysteresis::Hysteresis;
-use bowstring_core::statics::path::{self, Command};
+use bowstring_core::statics::inelastic::Inelasticity;
+use bowstring_core::statics::path::{self, Command, Memory};
 use bowstring_core::statics::path_batch::{self, Designs, PathSolutions, Steps};
+use bowstring_core::statics::relaxation::{Creep, Relaxation};
 use bowstring_core::statics::solver::{Outcome, Status};
 use numpy::{PyReadonlyArray, PyUntypedArrayMethods};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
@@ -32,30 +34,29 @@ impl PathSolver {
 
 #[pymethods]
 impl PathSolver {
-    /// From the arrays of a robot's tendons, and share and play (1/m) of the hysteresis of each
-    /// segment, (S, 2); without friction and hysteresis unless it `has_memory`.
+    /// From the arrays of a robot's tendons, and its inelasticity: share and play (1/m) of the
+    /// hysteresis and share and time (s) of the relaxation of each segment, both (S, 2), compliance
+    /// (m/N) and time (s) of the creep of each tendon, (T, 2). Elastic and without friction unless
+    /// it `has_memory`.
     #[new]
     fn new(
         robot: &Bound<'_, Robot>,
         model: &RodModel,
         tendons: Lines<'_>,
-        hysteresis: PyReadonlyArray2<'_, f64>,
+        inelasticity: [PyReadonlyArray2<'_, f64>; 3],
         has_memory: bool,
     ) -> PyResult<Self> {
         let settings = robot.get().settings(model);
         let inner = &robot.get().inner;
         let lines = tendons.lines(inner.tendon_count(), has_memory)?;
-        let rows = hysteresis.as_array();
-        let rows = rows.outer_iter().filter(|_| has_memory);
-        let laws: Vec<_> = rows
-            .map(|row| Hysteresis {
-                share: row[0],
-                play: row[1],
-            })
-            .collect();
+        let laws = if has_memory {
+            laws(&inelasticity)
+        } else {
+            Inelasticity::default()
+        };
         let path = interruptible(robot.py(), || {
             path::PathSolver::new(inner, settings.model, settings.elements, &lines)
-                .and_then(|path| path.with_hysteresis(&laws))
+                .and_then(|path| path.with_inelasticity(&laws))
         })?;
         Ok(PathSolver {
             robot: robot.clone().unbind(),
@@ -69,15 +70,18 @@ impl PathSolver {
         self.inner.reset();
     }
 
-    /// One step of the path: which tendons are displacement-controlled, and displacements or
-    /// tensions.
+    /// One step of the path: which tendons are displacement-controlled, displacements or tensions,
+    /// and the time since the last step (s).
+    #[pyo3(signature = (by_displacement, commands, load, duration=0.0))]
     fn step(
         &mut self,
         py: Python<'_>,
         by_displacement: PyReadonlyArray1<bool>,
         commands: &Bound<'_, PyAny>,
         load: DeadLoad<'_>,
+        duration: f64,
     ) -> PyResult<Solution> {
+        self.inner.set_duration(duration).map_err(input_error)?;
         let count = self.inner.robot().tendon_count();
         let commands = numbers(commands, "commands", "m or N", count)?;
         let by_displacement: Vec<bool> = by_displacement.as_array().iter().copied().collect();
@@ -123,7 +127,10 @@ impl PathSolver {
     }
 
     /// Many steps: each from the one before or, with `threads` (0: one for each core), each from
-    /// the present state of the path. Arrays of n rows; the load may have one row.
+    /// the present state of the path. Arrays of n rows; the load may have one row. Durations are the
+    /// times from the row before to each row (s), zero by default.
+    #[allow(clippy::too_many_arguments)]
+    #[pyo3(signature = (by_displacement, commands, load, disks, threads, durations=None))]
     fn follow<'py>(
         &mut self,
         py: Python<'py>,
@@ -132,6 +139,7 @@ impl PathSolver {
         load: DeadLoad<'py>,
         disks: bool,
         threads: Option<usize>,
+        durations: Option<PyReadonlyArray1<'py, f64>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let robot = self.robot.clone_ref(py);
         let core = &robot.get().inner;
@@ -149,9 +157,14 @@ impl PathSolver {
         check_rows(count, numbers, disks)?;
         let loads = OwnLoads::new(core, commands, &load)?;
         let by_displacement: Vec<bool> = by_displacement.as_array().iter().copied().collect();
+        let durations = durations.map_or(vec![], |given| flat(&given));
+        if !durations.is_empty() && durations.len() != count {
+            return Err(refused(format!("durations must have {count} entries")));
+        }
         let steps = Steps {
             loads: loads.borrow(),
             by_displacement: &by_displacement,
+            durations: &durations,
         };
         let path = &mut self.inner;
         let found = interruptible(py, || match threads {
@@ -197,6 +210,11 @@ impl PathSolver {
                 "plays",
                 floats(now.plays.as_flattened(), &[now.plays.len(), 2]),
             ),
+            (
+                "lags",
+                floats(now.lags.as_flattened(), &[now.lags.len(), 2]),
+            ),
+            ("crept", floats(&now.crept, &[now.crept.len()])),
             ("strain", floats(strain.as_flattened(), &[strain.len(), 3])),
         ] {
             out.set_item(name, values)?;
@@ -215,6 +233,8 @@ impl PathSolver {
             return Err(refused("the history does not belong to this robot"));
         };
         let plays = history.plays.extract::<Rows<2>>()?;
+        let lags = history.lags.extract::<Rows<2>>()?;
+        let crept = flat(&history.crept);
         let disk_forces = history.disk_forces.extract::<Rows<3>>()?;
         let disk_moments = history.disk_moments.extract::<Rows<3>>()?;
         let line_forces = history.line_forces.extract::<Rows<3>>()?;
@@ -241,8 +261,13 @@ impl PathSolver {
                 &load,
             )
             .and_then(|()| {
+                let memory = Memory {
+                    plays: &plays,
+                    lags: &lags,
+                    crept: &crept,
+                };
                 self.inner
-                    .start_from(&strain, &flat(&history.slips), &plays)
+                    .start_from(&strain, &flat(&history.slips), memory)
             })
             .map_err(input_error)
     }
@@ -280,6 +305,7 @@ pub fn follow_designs<'py>(
     let steps = Steps {
         loads: loads.borrow(),
         by_displacement: &by_displacement,
+        durations: &[],
     };
     let designs = Designs {
         robots: &robots,
@@ -310,6 +336,32 @@ struct History<'py> {
     strain: Bound<'py, PyAny>,
     slips: PyReadonlyArray2<'py, i8>,
     plays: Bound<'py, PyAny>,
+    lags: Bound<'py, PyAny>,
+    crept: PyReadonlyArray1<'py, f64>,
+}
+
+/// Laws from shares and plays, shares and times, compliances and times.
+fn laws(arrays: &[PyReadonlyArray2<'_, f64>; 3]) -> Inelasticity {
+    let [hysteresis, relaxation, creep] = arrays.each_ref().map(|given| {
+        let rows = given.as_array();
+        rows.outer_iter()
+            .map(|row| [row[0], row[1]])
+            .collect::<Vec<_>>()
+    });
+    Inelasticity {
+        hysteresis: hysteresis
+            .into_iter()
+            .map(|[share, play]| Hysteresis { share, play })
+            .collect(),
+        relaxation: relaxation
+            .into_iter()
+            .map(|[share, time]| Relaxation { share, time })
+            .collect(),
+        creep: creep
+            .into_iter()
+            .map(|[compliance, time]| Creep { compliance, time })
+            .collect(),
+    }
 }
 
 fn flat<T: numpy::Element + Copy, D: numpy::ndarray::Dimension>(

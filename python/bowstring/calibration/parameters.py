@@ -66,6 +66,8 @@ _STEP: Final = {
     "gravity": 1.0,
     "hysteresis": 0.05,
     "hysteresis_play": 0.05,
+    "relaxation": 0.05,
+    "creep_compliance": 1e-5,
 }
 _SHARE: Final = 0.05
 #: The same for fields of a payload, in kg and m.

@@ -131,7 +131,9 @@ class Calibration:
         if not self.data.left_out or not (self.fit.robot.has_memory or remember):
             return ""
         rows = "a row was" if self.data.left_out == 1 else f"{self.data.left_out} rows were"
-        what = "friction" if self.fit.robot.has_friction else "hysteresis"
+        robot = self.fit.robot
+        what = "relaxation or creep" if robot.is_viscoelastic else "hysteresis"
+        what = "friction" if robot.has_friction else what
         if remember:
             what = "backlash"
         return (

@@ -87,14 +87,19 @@ class Commands:
         """Rows of each path, in order."""
         return paths_of(self.recording, len(self))
 
-    def clock(self) -> Floats:
-        """Check and return times (K,) for a delay."""
+    def clock(self, what: str = "delay") -> Floats:
+        """Check and return times (K,), which `what` needs."""
         time = self.time
         if time is None:
-            raise InputError("delay needs the time of each row, and the measurements have none")
+            raise InputError(f"{what} needs the time of each row, and the measurements have none")
         if not all((np.diff(time[rows]) > 0).all() for rows in self.paths):
-            raise InputError("delay needs times that increase from row to row")
+            raise InputError(f"{what} needs times that increase from row to row")
         return time
+
+    def durations(self, rows: NDArray[np.int64]) -> Floats:
+        """Times (n,) from row to row of a path in s, for relaxation and creep; 0 at its start."""
+        time = self.clock("relaxation or creep")[rows]
+        return np.diff(time, prepend=time[0])
 
 
 def paths_of(recording: NDArray[np.int64] | None, count: int) -> list[NDArray[np.int64]]:
@@ -311,7 +316,8 @@ class TipModel:
         for rows in paths:
             core.reset()
             by_displacement = self.commands.by_displacement[rows]
-            found.append(core.follow(by_displacement, given[rows], _NO_LOAD, disks, threads))
+            late = self.commands.durations(rows) if robot.is_viscoelastic else None
+            found.append(core.follow(by_displacement, given[rows], _NO_LOAD, disks, threads, late))
         names = ["tip_position", "tip_rotation", "converged", "tensions", "slack_lengths"]
         names += ["disk_rotations"] * disks
         back = np.argsort(np.concatenate(paths))

@@ -87,12 +87,18 @@ class RobotTendons:
     """Elastic lengths (T,) between base hole and actuator, m."""
     compliance_m_per_N: Floats
     """Compliances (T,) of the transmission, m/N."""
+    creep: Floats
+    """Creep of each tendon (T, 2): compliance that comes with time in m/N, and time in s."""
     friction: Floats
     """Coulomb friction coefficients (T,) at each hole."""
     pretension_N: Floats
     """Tensions (T,) in the home pose, where the tendon displacements are zero, N."""
     spool_radius_m: Floats
     diameter_m: Floats
+
+
+def _in_pairs(first: Floats, second: Floats) -> Floats:
+    return frozen(np.stack(np.broadcast_arrays(first, second), axis=-1))
 
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
@@ -337,6 +343,7 @@ class RobotArrays(Part):
             axial_stiffness_N=each("axial_stiffness", math.inf),
             free_length_m=each("free_length"),
             compliance_m_per_N=each("compliance"),
+            creep=_in_pairs(each("creep_compliance"), each("creep_time")),
             friction=each("friction"),
             pretension_N=each("pretension"),
             spool_radius_m=each("spool_radius"),
@@ -432,7 +439,13 @@ class RobotArrays(Part):
         """Hysteresis of each backbone (S, 2): share, and half-width of the play in 1/m."""
         share = stacked([s.backbone.hysteresis for s in self.segments])
         play = stacked([s.backbone.hysteresis_play / s.length for s in self.segments])
-        return frozen(np.stack(np.broadcast_arrays(share, play), axis=-1))
+        return _in_pairs(share, play)
+
+    @cached_property
+    def relaxation(self) -> Floats:
+        """Relaxation of each backbone (S, 2): share, and time in s."""
+        share = stacked([s.backbone.relaxation for s in self.segments])
+        return _in_pairs(share, stacked([s.backbone.relaxation_time for s in self.segments]))
 
     @cached_property
     def has_hysteresis(self) -> bool:
@@ -440,9 +453,14 @@ class RobotArrays(Part):
         return bool(self.hysteresis[..., 0].any())
 
     @cached_property
+    def is_viscoelastic(self) -> bool:
+        """Whether any backbone relaxes or any tendon creeps, so that equilibria depend on time."""
+        return bool(self.relaxation[..., 0].any() or self.tendons.creep[..., 0].any())
+
+    @cached_property
     def has_memory(self) -> bool:
-        """Whether equilibria depend on the path to them: with friction or hysteresis."""
-        return self.has_friction or self.has_hysteresis
+        """Whether equilibria depend on the path: with friction, hysteresis, relaxation or creep."""
+        return self.has_friction or self.has_hysteresis or self.is_viscoelastic
 
     def _by_segment(self, value: Callable[[Backbone], Any]) -> Floats:
         """Means (S,) of a number over the length of each segment."""

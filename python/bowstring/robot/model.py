@@ -290,7 +290,7 @@ def check_without_memory(robot: Robot, consequence: str, argument: str = "") -> 
     Raises
     ------
     InputError
-        If its tendons have friction or its backbone has hysteresis.
+        If its tendons have friction, or backbone or tendons are not elastic.
     """
     if robot.has_friction:
         raise InputError(
@@ -301,24 +301,37 @@ def check_without_memory(robot: Robot, consequence: str, argument: str = "") -> 
 
 
 def check_elastic(robot: Robot, consequence: str, argument: str = "") -> None:
-    """Refuse a robot whose backbone has hysteresis; see `check_without_memory`."""
-    if robot.has_hysteresis:
-        raise InputError(
-            f"the backbone of {robot.name} has hysteresis{consequence}; set hysteresis to 0",
-            argument=argument,
-        )
+    """Refuse a robot whose backbone or tendons are not elastic; see `check_without_memory`."""
+    for law, what, name in (
+        (robot.hysteresis, "backbone of {} has hysteresis", "hysteresis"),
+        (robot.relaxation, "backbone of {} has relaxation", "relaxation"),
+        (robot.tendons.creep, "tendons of {} have creep", "creep_compliance"),
+    ):
+        if law[..., 0].any():
+            raise InputError(
+                f"the {what.format(robot.name)}{consequence}; set {name} to 0", argument=argument
+            )
 
 
-def without_hysteresis(robot: Robot) -> Robot:
-    """Return the robot with an elastic backbone."""
+def without_viscoelasticity(robot: Robot) -> Robot:
+    """Return the robot without relaxation and creep."""
+    if not robot.is_viscoelastic:
+        return robot
+    relaxed = robot.with_({"segments.*.backbone.relaxation": 0.0})
+    return with_tendons(relaxed, {"creep_compliance": 0.0})
+
+
+def with_elastic(robot: Robot) -> Robot:
+    """Return the robot with elastic backbone and tendons."""
+    robot = without_viscoelasticity(robot)
     if not robot.has_hysteresis:
         return robot
     return robot.with_({"segments.*.backbone.hysteresis": 0.0})
 
 
 def without_memory(robot: Robot) -> Robot:
-    """Return the robot with an elastic backbone and tendons without friction."""
-    return with_tendons(without_hysteresis(robot), {"friction": 0.0})
+    """Return the robot with elastic backbone and tendons, and without friction."""
+    return with_tendons(with_elastic(robot), {"friction": 0.0})
 
 
 def check_robot(robot: object) -> None:

@@ -139,6 +139,10 @@ def _rest_of_section(backbone: Backbone) -> None:
             raise wrong(f"{name}: given with diameter; it is for a rectangular backbone")
 
 
+#: Largest share of the bending stiffness that slides or relaxes, as in the core.
+_MOST_INELASTIC: Final = 0.6
+
+
 class Backbone(Part):
     """Elastic rod in the middle of a segment: a round bar, a tube, or a rectangular bar.
 
@@ -281,6 +285,13 @@ class Backbone(Part):
         0.0,
         description="Change of the segment's bend beyond which that share slides; 0 if left out.",
     )
+    relaxation: Annotated[float, Quantity("", "0.1", "0", "0.6")] = Field(
+        0.0,
+        description="Share of the bending stiffness that relaxes with time; 0 if left out.",
+    )
+    relaxation_time: Annotated[float, Quantity("s", "30 s", "1 ms", "1e9 s")] = Field(
+        30.0, description="Time constant of the relaxation; 30 s if left out."
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Backbone:
@@ -288,6 +299,12 @@ class Backbone(Part):
         if self.stiffness is None:
             _exactly_one(self, "G", "nu")
             _rest_of_section(self)
+        both = self.hysteresis + self.relaxation
+        if both > _MOST_INELASTIC:
+            raise wrong(
+                f"hysteresis and relaxation: together {both:.3g} of the bending stiffness, at most "
+                f"{_MOST_INELASTIC:g} is possible"
+            )
         return self
 
     @property
@@ -552,6 +569,13 @@ class TendonProperties(Part):
     compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = Field(
         0.0, description="Compliance of the transmission (spool, gearbox, sheath); 0 if left out."
     )
+    creep_compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = Field(
+        0.0,
+        description="Compliance of tendon and transmission that comes with time; 0 if left out.",
+    )
+    creep_time: Annotated[float, Quantity("s", "30 s", "1 ms", "1e9 s")] = Field(
+        30.0, description="Time constant of that compliance; 30 s if left out."
+    )
     friction: Annotated[float, Quantity("", "0.1", "0", "10")] = Field(
         0.0, description="Coulomb friction coefficient mu at each hole; 0 if left out."
     )
@@ -594,6 +618,8 @@ class TendonRing(TendonProperties):
         Angle of the first tendon from x in rad.
     axial_stiffness, free_length, compliance, friction, pretension, spool_radius, diameter : float
         Values of each tendon, as in `Tendon`.
+    creep_compliance, creep_time : float
+        Creep of each tendon, as in `Tendon`.
     material : str or None
         Material of each tendon.
     turns, end_pitch_radius : float
@@ -624,6 +650,9 @@ class Tendon(TendonProperties):
         Elastic length between base hole and actuator in m.
     compliance : float
         Compliance of the transmission in m/N.
+    creep_compliance, creep_time : float
+        Compliance of tendon and transmission that comes with time in m/N, and its time constant in
+        s.
     friction : float
         Coulomb friction coefficient at each hole.
     pretension : float

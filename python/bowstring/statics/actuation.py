@@ -28,6 +28,7 @@ __all__ = [
     "Path",
     "compliances",
     "displacements",
+    "durations",
     "home_lengths",
 ]
 
@@ -205,6 +206,36 @@ def _not_one(
     return InputError(f"{tendon} has {both}; it can have only one of them")
 
 
+def durations(robot: Robot, times: ArrayLike | None, count: int) -> Floats | None:
+    """Times from the row before to each row (n,) in s, from times since the start of the path.
+
+    Raises
+    ------
+    InputError
+        If a viscoelastic robot has none, or they are not one for each row, or decrease.
+    """
+    if times is None:
+        if robot.is_viscoelastic:
+            raise InputError(
+                f"{robot.name} has relaxation or creep, which need the time of each row: call "
+                "bowstring.sweep with times, or set relaxation and creep_compliance to 0",
+            )
+        return None
+    table = validation.floats(times)
+    if table.shape != (count,):
+        raise InputError(
+            f"times has shape {table.shape}, it must have one for each of {count} rows"
+        )
+    steps = np.diff(table, prepend=0.0)
+    if not np.isfinite(table).all() or (steps < 0).any():
+        row = int(np.flatnonzero(~np.isfinite(table) | ~(steps >= 0))[0])
+        raise InputError(
+            f"times: row {row + 1} is {table[row]:g} s; times must be finite, count from the start "
+            "of the path and not decrease"
+        )
+    return np.asarray(steps)
+
+
 # --------------------------------------------------------------------------------------
 # The path and its history
 # --------------------------------------------------------------------------------------
@@ -224,7 +255,8 @@ class Path:
         has_memory: bool = True,
     ) -> None:
         self.robot, self.model = robot, model
-        self.core = PathSolver(robot.core, model, robot.tendons, robot.hysteresis, has_memory)
+        laws = [robot.hysteresis, robot.relaxation, robot.tendons.creep]
+        self.core = PathSolver(robot.core, model, robot.tendons, laws, has_memory)
         if history is not None:
             try:
                 self._resume(history)
@@ -237,7 +269,7 @@ class Path:
         return {"theory": model.theory, "twist": model.twist, "elements": model.elements}
 
     def history(self) -> dict[str, Any]:
-        """State at the end of the path, with friction and hysteresis, for `json.dumps`."""
+        """State at the end of the path, with all that it remembers, for `json.dumps`."""
         now = self.core.history()
         orders = zip(now["by_displacement"].tolist(), now["commands"].tolist(), strict=True)
         return {
@@ -262,6 +294,8 @@ class Path:
             "slips": now["slips"].tolist(),
             "arcs_rad": now["strain"].tolist(),
             "plays_per_m": now["plays"].tolist(),
+            "lags_per_m": now["lags"].tolist(),
+            "creep_m": now["crept"].tolist(),
         }
 
     def _resume(self, history: Mapping[str, Any]) -> None:
@@ -310,7 +344,9 @@ class Path:
                     "line_forces": _on_disks(history, "line_forces_N_per_m"),
                     "strain": _numbers(history, "arcs_rad", 2),
                     "slips": np.sign(_numbers(history, "slips", 2)).astype(np.int8),
-                    "plays": _plays(history),
+                    "plays": _curvatures(history, "plays_per_m"),
+                    "lags": _curvatures(history, "lags_per_m"),
+                    "crept": np.array(history.get("creep_m", []), dtype=np.float64),
                 }
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -333,10 +369,9 @@ def _on_disks(history: Mapping[str, Any], name: str) -> Floats:
     return _numbers(history, name, 2) if history.get(name) else np.zeros((0, 3))
 
 
-def _plays(history: Mapping[str, Any]) -> Floats:
-    """Curvatures (N, 2) that hysteresis has followed, or (0, 2): earlier versions have none."""
-    given = history.get("plays_per_m")
-    return _numbers(history, "plays_per_m", 2) if given else np.zeros((0, 2))
+def _curvatures(history: Mapping[str, Any], name: str) -> Floats:
+    """Curvatures (N, 2) that the backbone has followed, or (0, 2): earlier versions have none."""
+    return _numbers(history, name, 2) if history.get(name) else np.zeros((0, 2))
 
 
 def _points(history: Mapping[str, Any]) -> Floats:

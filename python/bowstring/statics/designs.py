@@ -114,6 +114,10 @@ def sweep_designs(
         raise InputError(f"designs is {shown(designs)}, it must be Designs of robots")
     if designs.arrays.hysteresis[..., 0].any():
         raise InputError("robots have hysteresis, which sweep_designs does not follow; set it to 0")
+    if designs.arrays.is_viscoelastic:
+        raise InputError(
+            "robots have relaxation or creep, which sweep_designs does not follow; set them to 0"
+        )
     rows = _commands(designs, tensions, displacements)
     count, each, tendons = rows.values.shape
     load = Load() if load is None else load

@@ -89,13 +89,14 @@ def sweep(
     load: Load | None = None,
     model: RodModel | None = None,
     history: Mapping[str, Any] | None = None,
+    times: ArrayLike | None = None,
     warm: bool = True,
     disks: bool = True,
 ) -> Sweep:
     """Solve many loads in order in one call.
 
-    With displacements, angles, a history or friction the rows form a path: each one is a step from
-    the last row that converged.
+    With displacements, angles, a history or a memory (friction, hysteresis, relaxation, creep) the
+    rows form a path: each one is a step from the last row that converged.
 
     Parameters
     ----------
@@ -110,6 +111,9 @@ def sweep(
         As for `solve`.
     history : dict, optional
         As for `solve`; the first row continues it.
+    times : array_like (n,), optional
+        Times in s since the home pose, or since the last row of the history; for a robot with
+        relaxation or creep. Actuation is linear in time from row to row.
     warm : bool
         Start each load from the previous solution, which is faster for small increments and stays
         on one branch of solutions. Otherwise each starts from the straight robot, or, where the
@@ -143,7 +147,7 @@ def sweep(
         rows = _tensions(robot, load)
         found = robot.core.sweep(rows, load, model, warm, disks)
         return Sweep(robot, rows.copy(), model, **found)
-    return _follow(robot, load, model, history, disks, threads=None if warm else 1)
+    return _follow(robot, load, model, history, disks, threads=None if warm else 1, times=times)
 
 
 def solve_batch(
@@ -208,11 +212,14 @@ def _follow(
     disks: bool,
     *,
     threads: int | None,
+    times: ArrayLike | None = None,
 ) -> Sweep:
     """Solve rows as a path or, with a number of threads, each from the start."""
     given, commands = actuation.commands(robot, load, rows=True)
+    at_once = threads is not None and times is None  # all loads at once after the start
+    durations = None if at_once else actuation.durations(robot, times, len(commands))
     path = actuation.Path(robot, model, before)
-    found = path.core.follow(given, commands, load, disks, threads)
+    found = path.core.follow(given, commands, load, disks, threads, durations)
     names = ("displacements", "slack_lengths", "span_tensions", "undetermined", "conflicts")
     extra = {name: found.pop(name) for name in (*names, "length_residual")}
     extra["history"] = path.history() if threads is None else None

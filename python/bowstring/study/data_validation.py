@@ -518,9 +518,9 @@ def judge_data(
         if data.left_out and calibration.robot.has_memory:
             rows = "a row was" if data.left_out == 1 else f"{data.left_out} rows were"
             notes.append(
-                f"With friction or hysteresis the rows are one path, and {rows} left out of it: "
-                "the rod's prediction after these may be far off. Correct them, or leave only "
-                "their tip blank."
+                f"With a memory the rows are one path, and {rows} left out of it: the rod's "
+                "prediction after these may be far off. Correct them, or leave only their tip "
+                "blank."
             )
         if not calibration.fit.converged:
             notes.append(f"The calibration did not settle. {calibration.fit.message}")

@@ -1103,6 +1103,8 @@ def _notes(
             "and strain and of the verdict. What it does, loading and unloading, is in the error "
             "budget under 'Actuation'."
         )
+    if robot.is_viscoelastic:
+        out.append("Relaxation and creep are left out: the loads of a study have no times.")
     for name, comparison in comparisons.items():
         missing = int(statics.converged.sum()) - comparison.n
         if missing and not comparison.n:

@@ -325,6 +325,7 @@ _FRICTIONLESS: Final = (
     "The friction of the robot is left out; an axis friction or bend takes it in."
 )
 _ELASTIC: Final = "The hysteresis of the backbone is left out."
+_VISCOELASTIC: Final = "Relaxation of the backbone and creep of the tendons are left out."
 _LISTED: Final = (
     "This robot file lists the positions of its disks, so that their number is no axis: the map is "
     'over the tension alone; a second axis may be given, such as "pitch_radius=20:30 mm".'
@@ -402,6 +403,8 @@ def validity_map(
         notes.append(_FRICTIONLESS)
     if robot.has_hysteresis:
         notes.append(_ELASTIC)
+    if robot.is_viscoelastic:
+        notes.append(_VISCOELASTIC)
     return replace(found, notes=tuple(notes))
 
 

@@ -1,6 +1,6 @@
 //! Newton steps with unknown tensions, for robots side by side in lanes.
 //!
-//! Theory: docs/theory/actuation.md (Eq. 4.6).
+//! Theory: docs/theory/actuation.md (Eq. 4.8).
 //!
 //! A change of tension `T_j` adds `b_j T_j` to the gradient, where `b_j` is also the derivative of
 //! the tendon's length: the potential holds `T_j` times the length. With the tangent `A` and the

@@ -14,6 +14,7 @@ pub mod equilibria;
 mod events;
 mod family;
 pub mod hysteresis;
+pub mod inelastic;
 pub mod inverse;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod lanes;
@@ -26,6 +27,7 @@ mod path_error;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod path_lanes;
 mod path_step;
+pub mod relaxation;
 pub mod solver;
 mod stability;
 #[cfg(target_arch = "x86_64")]

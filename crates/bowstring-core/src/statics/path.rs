@@ -11,11 +11,12 @@ use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
 use crate::rod::estimate::{ErrorEstimate, LEVELS};
 use crate::statics::adaptive::refine_to;
-use crate::statics::hysteresis::{Hysteresis, Plays};
+use crate::statics::inelastic::{Inelasticity, UnloadedCurvature};
 #[cfg(target_arch = "x86_64")]
 use crate::statics::path_lanes::LaneState;
 pub use crate::statics::path_step::PathOutcome;
 use crate::statics::path_step::PathStep;
+use crate::statics::relaxation::CreepingTendons;
 use crate::statics::solver::{Solver, Status};
 pub use crate::tendon::{Command, History, Line};
 use crate::tendon::{Slip, Tendons, Transmission};
@@ -28,6 +29,10 @@ pub struct PathSolver {
     automatic: bool,
     /// State in the home pose, before any friction.
     home: History,
+    laws: Inelasticity,
+    /// Time from each step to the next, and time that passed in steps without a solution (s).
+    duration: f64,
+    waited: f64,
     /// Number of unknowns of a step already checked to fit into memory.
     fitting: usize,
     /// Estimated error of the last step: with friction, later errors are not smaller.
@@ -69,22 +74,48 @@ impl PathSolver {
         Ok(PathSolver {
             home: transmission.tendons.set_home(lengths, strain),
             last: PathStep::new(solver, transmission),
+            laws: Inelasticity::default(),
+            duration: 0.0,
+            waited: 0.0,
             automatic: given.is_none(),
             fitting: 0,
             remembered: ErrorEstimate::default(),
         })
     }
 
-    /// The same with hysteresis of the backbone, one law for each segment.
+    /// The same with inelastic backbone and tendons.
     ///
     /// # Errors
-    /// If a law is out of range, or a section has coupled strains.
-    pub fn with_hysteresis(mut self, laws: &[Hysteresis]) -> Result<Self, InputError> {
-        let plays = Plays::new(self.robot(), laws)?;
-        self.home.plays = plays.as_ref().map_or(vec![], |plays| plays.now.clone());
-        self.last.plays = plays;
+    /// If a law is out of range, or a section of an inelastic backbone has coupled strains.
+    pub fn with_inelasticity(mut self, laws: &Inelasticity) -> Result<Self, InputError> {
+        let unloaded = UnloadedCurvature::new(self.robot(), laws)?;
+        if let Some(unloaded) = &unloaded {
+            self.home.plays.clone_from(&unloaded.plays);
+            self.home.lags.clone_from(&unloaded.lags);
+        }
+        let creep = CreepingTendons::new(self.tendons(), &laws.creep)?;
+        if creep.is_some() {
+            self.home.crept = vec![0.0; self.robot().tendon_count()];
+        }
+        self.last.unloaded = unloaded;
+        self.last.creep = creep;
+        self.laws = laws.clone();
         self.reset();
         Ok(self)
+    }
+
+    /// Sets the time from each step to the next (s), for relaxation and creep; zero by default.
+    ///
+    /// # Errors
+    /// If it is negative or not finite.
+    pub fn set_duration(&mut self, duration: f64) -> Result<(), InputError> {
+        if !(duration >= 0.0 && duration.is_finite()) {
+            return Err(InputError::other(format!(
+                "the time from row to row is {duration} s; it must be finite and >= 0 s"
+            )));
+        }
+        self.duration = duration;
+        Ok(())
     }
 
     /// The actuated robot.
@@ -114,6 +145,8 @@ impl PathSolver {
     pub fn reset(&mut self) {
         self.last.solver.unsettle();
         let home = self.home.clone();
+        self.last.begin(&home, 0.0);
+        self.waited = 0.0;
         let tendons = self.tendons();
         tendons.slack.fill(0.0);
         tendons.now = home;
@@ -178,7 +211,7 @@ impl PathSolver {
         now.load.set_dead(load);
     }
 
-    /// Whether equilibria depend on the path: with friction or hysteresis.
+    /// Whether equilibria depend on the path: with friction, hysteresis, relaxation or creep.
     pub fn has_memory(&self) -> bool {
         self.last.has_memory()
     }
@@ -252,6 +285,7 @@ impl PathSolver {
         }
         loop {
             let old = self.history().clone();
+            self.last.begin(&old, self.waited + self.duration);
             let mut outcome = self.last.solve(&old, commands, load);
             iterations += outcome.iterations;
             let converged = outcome.status == Status::Converged;
@@ -266,7 +300,10 @@ impl PathSolver {
             if let Some(error) = outcome.error {
                 self.remembered = error;
             }
-            if !converged {
+            if converged {
+                self.waited = 0.0;
+            } else {
+                self.waited += self.duration;
                 self.return_to(old, &mut outcome, commands, load);
             }
             return Ok(outcome);
@@ -307,18 +344,30 @@ impl PathSolver {
     /// The same robot at `now` with more elements; `None` where its home pose does not converge.
     fn with_elements(&self, elements: usize, now: &History) -> Option<PathSolver> {
         let (solver, lines) = (self.solver(), &self.transmission().tendons.lines);
-        let mut finer = PathSolver::new(self.robot(), solver.model(), elements, lines).ok()?;
+        let mut finer = PathSolver::new(self.robot(), solver.model(), elements, lines)
+            .and_then(|finer| finer.with_inelasticity(&self.laws))
+            .ok()?;
         finer.automatic = self.automatic;
         dispatch::check_path(self.robot(), elements, self.fitting, 1).ok()?;
         finer.fitting = self.fitting;
         finer.remembered = self.remembered;
-        finer.home.plays.clone_from(&self.home.plays);
-        finer.last.plays.clone_from(&self.last.plays);
+        (finer.duration, finer.waited) = (self.duration, self.waited);
         let factor = elements / solver.elements();
         finer.tendons().now = now.clone();
         finer.tendons().now.strain = refine_to(now.strain.clone(), factor);
         Some(finer)
     }
+}
+
+/// What inelastic backbone and tendons remember, of a stored history.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Memory<'a> {
+    /// [`History::plays`].
+    pub plays: &'a [[f64; 2]],
+    /// [`History::lags`].
+    pub lags: &'a [[f64; 2]],
+    /// [`History::crept`].
+    pub crept: &'a [f64],
 }
 
 /// Start of the next step, for a stored history.
@@ -334,8 +383,8 @@ impl PathSolver {
         self.history().slip.iter().map(|slip| *slip as i8).collect()
     }
 
-    /// Sets the start of the next step from [`PathSolver::strain`], [`PathSolver::slips`] and
-    /// [`History::plays`], after [`PathSolver::resume`].
+    /// Sets the start of the next step from [`PathSolver::strain`], [`PathSolver::slips`], and
+    /// [`History::plays`], [`History::lags`] and [`History::crept`], after [`PathSolver::resume`].
     ///
     /// # Errors
     /// If it does not fit the robot and its elements, or is not finite.
@@ -343,10 +392,12 @@ impl PathSolver {
         &mut self,
         strain: &[[f64; 3]],
         slips: &[i8],
-        plays: &[[f64; 2]],
+        memory: Memory,
     ) -> Result<(), InputError> {
-        let numbers = strain.as_flattened().iter().chain(plays.as_flattened());
-        let finite = numbers.into_iter().all(|w| w.is_finite());
+        let Memory { plays, lags, crept } = memory;
+        let curvatures = plays.as_flattened().iter().chain(lags.as_flattened());
+        let numbers = strain.as_flattened().iter().chain(curvatures);
+        let finite = numbers.chain(crept).all(|w| w.is_finite());
         let (n, now) = (self.robot().module_count(), self.history().clone());
         let elements = LEVELS.into_iter().find(|e| 2 * e * n == strain.len());
         if let (true, Some(elements)) = (self.automatic, elements) {
@@ -357,13 +408,28 @@ impl PathSolver {
             }
         }
         let now = &mut self.tendons().now;
-        let lengths = [strain.len(), slips.len(), plays.len()];
-        if lengths != [now.strain.len(), now.slip.len(), now.plays.len()] || !finite {
+        let lengths = [
+            strain.len(),
+            slips.len(),
+            plays.len(),
+            lags.len(),
+            crept.len(),
+        ];
+        let own = [
+            now.strain.len(),
+            now.slip.len(),
+            now.plays.len(),
+            now.lags.len(),
+            now.crept.len(),
+        ];
+        if lengths != own || !finite {
             return Err(InputError::other(
                 "the history does not belong to this robot",
             ));
         }
         now.plays.copy_from_slice(plays);
+        now.lags.copy_from_slice(lags);
+        now.crept.copy_from_slice(crept);
         for (to, from) in now.strain.iter_mut().zip(strain) {
             *to = Vec3(*from);
         }
@@ -374,6 +440,9 @@ impl PathSolver {
                 _ => Slip::Sticks,
             };
         }
+        let now = self.history().clone();
+        self.last.begin(&now, 0.0);
+        self.tendons().note_displacements();
         Ok(())
     }
 }

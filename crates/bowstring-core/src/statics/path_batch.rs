@@ -76,6 +76,8 @@ pub struct Steps<'a> {
     pub loads: Loads<'a>,
     /// Whether each tendon is under displacement control, by rows and tendons.
     pub by_displacement: &'a [bool],
+    /// Time from the row before to each row (s), for relaxation and creep; empty for zero.
+    pub durations: &'a [f64],
 }
 
 impl<'a> Steps<'a> {
@@ -86,6 +88,11 @@ impl<'a> Steps<'a> {
         (commands(by_displacement, load.tensions), load)
     }
 
+    /// Time from the row before to a row (s).
+    fn duration(&self, i: usize) -> f64 {
+        self.durations.get(i).copied().unwrap_or(0.0)
+    }
+
     /// Checks every row; the error names the first invalid one, counted from 0.
     fn check(&self, path: &mut PathSolver) -> Result<(), InputError> {
         let tendons = path.robot().tendon_count();
@@ -94,7 +101,9 @@ impl<'a> Steps<'a> {
                 break;
             }
             let (commands, load) = self.row(i, tendons);
-            path.check(&commands, &load).map_err(|e| e.in_row(i))?;
+            path.check(&commands, &load)
+                .and_then(|()| path.set_duration(self.duration(i)))
+                .map_err(|e| e.in_row(i))?;
         }
         Ok(())
     }
@@ -485,7 +494,10 @@ impl Part<'_> {
     fn step(&mut self, i: usize, steps: &Steps, path: &mut PathSolver) -> Status {
         let m = path.robot().tendon_count();
         let (commands, load) = steps.row(self.poses.first + i, m);
-        let found = path.step(&commands, &load).expect("all rows were checked");
+        let step = path
+            .set_duration(steps.duration(self.poses.first + i))
+            .and_then(|()| path.step(&commands, &load));
+        let found = step.expect("all rows were checked");
         let put = |to: &mut [f64], from: &[f64]| {
             to[i * from.len()..][..from.len()].copy_from_slice(from);
         };

@@ -6,8 +6,7 @@ use crate::rod::chain::Sources;
 use crate::rod::estimate::{ErrorEstimate, Verdict};
 use crate::statics::path_step::{PathOutcome, PathStep};
 
-/// Safety factors of the error estimates of tip and tension with friction or hysteresis: the estimate
-/// keeps span tensions and unloaded curvatures constant, which change with the bends. Measured
+/// Safety factors of the error estimates of tip and tension with a memory: the estimate keeps span tensions and unloaded curvatures constant, which change with the bends. Measured
 /// against finer elements.
 const MEMORY_SAFETY: [f64; 2] = [1.5, 8.0];
 /// Regularisation, over the largest diagonal, of tensions that the rod does not distinguish.
@@ -51,6 +50,11 @@ impl PathStep {
         );
         outcome.stable = verdict.stable;
         let mut error = verdict.error;
+        if let Some(unloaded) = &self.unloaded {
+            let arcs = 2 * self.solver.elements();
+            let engine = &mut *self.solver.engine;
+            error.tip += unloaded.neglected_motion(engine, arcs, found.compression);
+        }
         if memory {
             error.tip = error.tip.max(remembered.tip);
             error.tension = error.tension.max(remembered.tension);

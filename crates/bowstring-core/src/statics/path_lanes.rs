@@ -74,7 +74,7 @@ pub(crate) struct LaneState {
     pub displacements: Vec<f64>,
 }
 
-/// Whether steps of a path can be taken in lanes: without friction and hysteresis, without tensions
+/// Whether steps of a path can be taken in lanes: without a memory, without tensions
 /// that only regularisation determines, and without coupled sections.
 pub(crate) fn suits_lanes(path: &PathSolver) -> bool {
     let transmission = path.transmission();

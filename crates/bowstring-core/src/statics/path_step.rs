@@ -7,7 +7,8 @@ use crate::math::anderson::AndersonAcceleration;
 use crate::math::linalg::Vec3;
 use crate::model::load::{Load, OwnedLoad};
 use crate::rod::estimate::ErrorEstimate;
-use crate::statics::hysteresis::Plays;
+use crate::statics::inelastic::UnloadedCurvature;
+use crate::statics::relaxation::CreepingTendons;
 use crate::statics::solver::{Solver, Status, MAX_STEP, TOLERANCE};
 use crate::tendon::{Command, History, Transmission};
 
@@ -94,12 +95,14 @@ const LEAST_INCREMENT: f64 = 1e-3;
 pub(crate) struct PathStep {
     pub solver: Solver,
     pub transmission: Transmission,
-    /// Where the backbone has hysteresis.
-    pub plays: Option<Plays>,
+    /// Where the backbone has hysteresis or relaxation.
+    pub unloaded: Option<UnloadedCurvature>,
+    /// Where tendons creep.
+    pub creep: Option<CreepingTendons>,
     acceleration: Acceleration,
 }
 
-/// Anderson acceleration of the steps with friction or hysteresis.
+/// Anderson acceleration of the steps with a partial tangent.
 #[derive(Clone)]
 struct Acceleration {
     anderson: AndersonAcceleration,
@@ -175,17 +178,32 @@ impl PathStep {
             },
             solver,
             transmission,
-            plays: None,
+            unloaded: None,
+            creep: None,
         }
     }
 
-    /// Whether equilibria depend on the path: with friction or hysteresis, whose changes the tangent
-    /// leaves out.
+    /// Whether equilibria depend on the path: with friction, hysteresis, relaxation or creep.
     pub fn has_memory(&self) -> bool {
-        self.transmission.friction.enabled || self.plays.is_some()
+        self.tangent_is_partial() || self.creep.is_some()
     }
 
-    /// Solves for the load directly, or by load stepping where that fails.
+    /// Whether the tangent leaves changes of friction or of the unloaded curvature out.
+    fn tangent_is_partial(&self) -> bool {
+        self.transmission.friction.enabled || self.unloaded.is_some()
+    }
+
+    /// Prepares relaxation and creep for a step from `old`, also one in several increments.
+    pub fn begin(&mut self, old: &History, duration: f64) {
+        if let Some(unloaded) = &mut self.unloaded {
+            unloaded.begin(old, 2 * self.solver.elements(), duration);
+        }
+        if let Some(creep) = &mut self.creep {
+            creep.begin(&mut self.transmission.tendons, old, duration);
+        }
+    }
+
+    /// Solves for the load directly, or by load stepping where that fails; after `begin`.
     pub fn solve(&mut self, old: &History, commands: &[Command], load: &Load) -> PathOutcome {
         let first = self.newton(old, commands, load);
         if first.status == Status::Converged {
@@ -257,10 +275,10 @@ impl PathStep {
             pivot: f64::NAN,
         };
         // friction has no potential, but a buckled column is detected all the same
-        let stable = (!self.has_memory()).then_some(true);
+        let stable = (!self.tangent_is_partial()).then_some(true);
         let work = self.solver.settings.work * (2 + self.transmission.unknowns.problem.size);
         for step in 0..=MAX_STEPS {
-            self.follow_plays(old);
+            self.follow_strain(old);
             if interrupt::work(work) || !self.solver.engine.evaluate().is_finite() {
                 return outcome;
             }
@@ -340,10 +358,10 @@ impl PathStep {
     }
 
     /// Moves the unloaded curvature with the present strain.
-    fn follow_plays(&mut self, old: &History) {
-        if let Some(plays) = &mut self.plays {
+    fn follow_strain(&mut self, old: &History) {
+        if let Some(unloaded) = &mut self.unloaded {
             let arcs = 2 * self.solver.elements();
-            plays.follow(&mut *self.solver.engine, arcs, &old.plays);
+            unloaded.follow(&mut *self.solver.engine, arcs, old);
         }
     }
 
@@ -371,11 +389,10 @@ impl PathStep {
         }
     }
 
-    /// Whether the tangent of the iteration before is kept: convergence of friction and hysteresis
-    /// does not improve with a new tangent, and Anderson acceleration works better with a constant
-    /// one.
+    /// Whether the tangent of the iteration before is kept: where it is partial, convergence does not
+    /// improve with a new one, and Anderson acceleration works better with a constant one.
     fn keeps_tangent(&self, state: &Iteration, now: &Residuals) -> bool {
-        self.has_memory()
+        self.tangent_is_partial()
             && now.moment < NEAR
             && now.moment < CONTRACTION * state.last.moment
             && state.shift == 0.0
@@ -427,7 +444,7 @@ impl PathStep {
             return false;
         }
         let fraction = (MAX_STEP / largest).min(1.0);
-        let accelerates = self.has_memory() && fraction == 1.0;
+        let accelerates = self.tangent_is_partial() && fraction == 1.0;
         if accelerates {
             self.note(0);
         }
@@ -506,8 +523,12 @@ impl PathStep {
         tendons.note_displacements();
         let strain = &mut tendons.now.strain;
         self.solver.engine.strains(&mut |i, w| strain[i] = w);
-        if let Some(plays) = &self.plays {
-            tendons.now.plays.clone_from(&plays.now);
+        if let Some(unloaded) = &self.unloaded {
+            tendons.now.plays.clone_from(&unloaded.plays);
+            tendons.now.lags.clone_from(&unloaded.lags);
+        }
+        if let Some(creep) = &self.creep {
+            creep.finish(&mut tendons.now);
         }
         outcome.undetermined = unknowns.is_undetermined(tendons);
         let collision = self.solver.settle(&Load {

@@ -20,8 +20,14 @@ pub struct History {
     /// Strain of the backbone, from which the next step starts.
     pub(crate) strain: Vec<Vec3>,
     pub(crate) slip: Vec<Slip>,
-    /// Curvature that the hysteresis of each module has followed (1/m); empty without it.
+    /// Curvature that the hysteresis of each module has followed (1/m); empty without hysteresis
+    /// and relaxation.
     pub plays: Vec<[f64; 2]>,
+    /// Curvature that the relaxation of each module has followed (1/m); empty without hysteresis
+    /// and relaxation.
+    pub lags: Vec<[f64; 2]>,
+    /// Elongation of each tendon by creep (m); empty without it.
+    pub crept: Vec<f64>,
     /// Commands of the last step.
     pub commands: Vec<Command>,
     /// Dead loads of the last step, without tensions.
@@ -38,6 +44,8 @@ impl History {
         self.strain.clone_from(&other.strain);
         self.slip.clone_from(&other.slip);
         self.plays.clone_from(&other.plays);
+        self.lags.clone_from(&other.lags);
+        self.crept.clone_from(&other.crept);
         self.commands.clone_from(&other.commands);
         self.load.clone_from(&other.load);
     }

@@ -101,6 +101,8 @@ impl Tendons {
             strain,
             slip: vec![Slip::Sticks; n * m],
             plays: vec![],
+            lags: vec![],
+            crept: vec![],
             load: OwnedLoad::default(),
         };
         self.now.clone()

@@ -1,0 +1,216 @@
+"""Relaxation of the backbone and creep of the tendons: closed forms, limits, fit, refusals."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring.calibration import Data, fit
+from bowstring.errors import InputError
+
+SHARE, TIME = 0.3, 20.0
+RELAXES = {
+    "segments.*.backbone.relaxation": SHARE,
+    "segments.*.backbone.relaxation_time": f"{TIME} s",
+}
+COMPLIANCE, CREEP = 2e-5, 3e-5  # m/N
+CREEPS = {
+    "segments.*.tendons.compliance": COMPLIANCE,
+    "segments.*.tendons.creep_compliance": CREEP,
+    "segments.*.tendons.creep_time": f"{TIME} s",
+}
+ELASTIC = bs.load_robot("amouri2019")
+VISCOELASTIC = bs.load_robot("amouri2019", RELAXES)
+CREEPING = bs.load_robot("amouri2019", CREEPS)
+
+
+def bends(moments, times, axis=(1.0, 0.0, 0.0)):
+    """Bends (n,) about `axis` in rad under tip moments (N m) at these times (s)."""
+    load = bs.Load(np.zeros((len(times), 3)), tip_moment=np.outer(moments, axis))
+    found = bs.sweep(VISCOELASTIC, load=load, times=times)
+    assert found.converged.all()
+    tangent = found.tip_rotation[:, :, 2]
+    across = np.cross(axis, [0.0, 0.0, 1.0])
+    return np.arctan2(tangent @ across, tangent[:, 2])
+
+
+def test_under_a_constant_moment_the_bend_creeps_by_the_closed_form():
+    moment = 0.8 * ELASTIC.bending_stiffness[0] / ELASTIC.length
+
+    def worst(steps):
+        times = np.linspace(0.0, 3 * TIME, steps + 1)
+        found = bends(np.full(steps + 1, moment), times)
+        late = 1.0 - np.exp(-(1.0 - SHARE) * times / TIME)
+        expected = found[0] * (1.0 + SHARE / (1.0 - SHARE) * late)
+        return np.abs(found - expected).max() / found[0]
+
+    assert worst(60) < 2e-4
+    # second order in the time from row to row
+    assert worst(15) / worst(60) == pytest.approx(16, rel=0.2)
+
+
+@pytest.mark.parametrize("dead", [{}, {"gravity": (0.0, -9.81, 0.0), "tip_force": (0.3, 0.2, 0)}])
+@pytest.mark.parametrize("disks", [5, 10, 20])
+def test_the_first_answer_is_elastic_and_the_last_has_the_relaxed_stiffness(disks, dead):
+    """Both within the stated error, which has the course of the bend along a module in it."""
+    own = {"nu": None, "G": 13.5e9}  # torsion does not relax
+    changes = {f"segments.0.backbone.{name}": value for name, value in own.items()}
+    elastic = ELASTIC.with_({**changes, "segments.0.disks.count": disks})
+    kirchhoff = bs.RodModel("kirchhoff")  # nor does the axial strain
+    tensions = [30.0, 5.0, 0.0]
+
+    def alone(robot):
+        return bs.solve(robot, load=bs.Load(tensions, **dead), model=kirchhoff).tip.position
+
+    load = bs.Load([tensions] * 2, **dead)
+    found = bs.sweep(elastic.with_(RELAXES), load=load, model=kirchhoff, times=[0.0, 1e9])
+    soft = elastic.with_({"segments.0.backbone.E": (1.0 - SHARE) * elastic.segments[0].backbone.E})
+    off = np.linalg.norm(found.tip_position - [alone(elastic), alone(soft)], axis=1)
+    assert off[0] < 1e-5 * off[1] + 1e-9
+    assert off[1] < found.tip_error[1] < 1e-3 * elastic.length
+    assert alone(elastic.with_(RELAXES)) == pytest.approx(alone(elastic), abs=1e-9)
+
+
+def test_a_turned_load_turns_the_answer():
+    times = np.array([0.0, 5.0, 20.0, 21.0])
+    moments = ELASTIC.bending_stiffness[0] / ELASTIC.length * np.array([1.0, 0.3, -0.6, 0.0])
+    turned = bends(moments, times, (math.cos(0.7), math.sin(0.7), 0.0))
+    assert turned == pytest.approx(bends(moments, times), abs=1e-11)
+    assert abs(turned[-1]) > 0.01  # it remembers
+
+
+def test_under_constant_tensions_the_displacements_creep_exactly():
+    times = np.array([0.0, 3.0, 7.0, 7.0, 100.0])
+    tensions = np.array([20.0, 3.0, 0.0])
+    found = bs.sweep(CREEPING, np.tile(tensions, (5, 1)), times=times)
+    displacements = found.displacements()
+    grown = displacements - displacements[0]
+    expected = CREEP * np.outer(1.0 - np.exp(-times / TIME), tensions)
+    assert grown == pytest.approx(expected, abs=1e-12)
+    assert found.tip_position == pytest.approx(np.tile(found.tip_position[0], (5, 1)), abs=1e-12)
+
+
+def test_a_ramp_of_tension_creeps_exactly_in_one_step():
+    times = np.array([0.0, 12.0])
+    tensions = np.array([[0.0, 0.0, 0.0], [24.0, 0.0, 0.0]])
+    found = bs.sweep(CREEPING, tensions, times=times)
+    elastic = bs.sweep(bs.load_robot("amouri2019", {**CREEPS, **no_creep()}), tensions)
+    crept = found.displacements()[1, 0] - elastic.displacements()[1, 0]
+    rate, t = 2.0, times[1]
+    assert crept == pytest.approx(CREEP * rate * (t - TIME * -math.expm1(-t / TIME)), rel=1e-9)
+
+
+def no_creep():
+    return {"segments.*.tendons.creep_compliance": 0.0}
+
+
+def test_a_preload_relaxes_by_the_closed_form():
+    preload = 10.0
+    robot = CREEPING.with_({"segments.0.tendons.pretension": preload})
+    kirchhoff = bs.RodModel("kirchhoff")  # no axial strain of the backbone
+    times = np.linspace(0.0, 2 * TIME, 161)
+    load = bs.Load(displacements=np.zeros((len(times), 3)))
+    found = bs.sweep(robot, load=load, model=kirchhoff, times=times)
+    assert found.converged.all()
+    lost = CREEP / (COMPLIANCE + CREEP) * -np.expm1(-times * (1 + CREEP / COMPLIANCE) / TIME)
+    expected = np.repeat(preload * (1.0 - lost)[:, None], 3, axis=1)
+    assert found.tensions == pytest.approx(expected, rel=2e-4)
+
+
+def test_friction_hysteresis_and_relaxation_go_together():
+    robot = VISCOELASTIC.with_(
+        {
+            **CREEPS,
+            "segments.*.tendons.friction": 0.1,
+            "segments.*.backbone.hysteresis": 0.1,
+            "segments.*.backbone.hysteresis_play": "5 deg",
+        }
+    )
+    up = np.linspace(0.0, 0.03, 12)
+    first = np.concatenate([up, up[::-1], np.zeros(6)])
+    displacements = np.column_stack([first, -0.5 * first, -0.5 * first])
+    times = 4.0 * np.arange(len(first))
+    found = bs.sweep(robot, load=bs.Load(displacements=displacements), times=times)
+    assert found.converged.all()
+    # it comes back late, and goes on returning while the motors stand still
+    late = np.linalg.norm(found.tip_position[-6:, :2], axis=1)
+    assert late[0] > 1e-3 and (np.diff(late) < 0).all()
+
+
+def test_a_history_continues():
+    robot = VISCOELASTIC.with_(CREEPS)
+    rows = bs.Load(displacements=np.outer([0.01, 0.03, 0.02, 0.0], [1.0, -0.5, -0.5]))
+    times = np.array([1.0, 9.0, 14.0, 30.0])
+    whole = bs.sweep(robot, load=rows, times=times)
+    first = bs.sweep(robot, load=bs.Load(displacements=rows.displacements[:2]), times=times[:2])
+    stored = json.loads(json.dumps(first.history()))
+    rest = bs.sweep(
+        robot,
+        load=bs.Load(displacements=rows.displacements[2:]),
+        times=times[2:] - times[1],
+        history=stored,
+    )
+    assert rest.tip_position == pytest.approx(whole.tip_position[2:], abs=1e-10)
+    assert rest.tensions == pytest.approx(whole.tensions[2:], abs=1e-6)
+    for name in ("lags_per_m", "creep_m"):
+        damaged = {**stored, name: stored[name][:-1]}
+        with pytest.raises(InputError, match="history"):
+            bs.sweep(robot, rows.displacements, times=times, history=damaged)
+
+
+def test_time_in_a_row_without_a_solution_passes():
+    load = bs.Load(displacements=np.array([[0.02, -0.01, -0.01], [0.1, 0.1, 0.1], [0.0, 0, 0]]))
+    found = bs.sweep(CREEPING, load=load, times=[1.0, 30.0, 31.0])
+    assert found.converged.tolist() == [True, False, True]
+    kept = bs.Load(displacements=load.displacements[[0, 2]])
+    without = bs.sweep(CREEPING, load=kept, times=[1.0, 31.0])
+    assert found.tip_position[2] == pytest.approx(without.tip_position[1], abs=1e-9)
+
+
+def test_fit_finds_relaxation_and_its_time():
+    truth = ELASTIC.with_(
+        {"segments.0.backbone.relaxation": 0.2, "segments.0.backbone.relaxation_time": 15.0}
+    )
+    size = np.repeat([10.0, 40.0, 5.0, 30.0, 0.0], 12)
+    tensions = np.concatenate([np.outer(size, row) for row in np.eye(3)])
+    times = 2.0 * np.arange(len(tensions))
+    noise = np.random.default_rng(1).normal(0.0, 1e-4, (len(tensions), 3))
+    tips = bs.sweep(truth, tensions, times=times).tip_position + noise  # synthetic
+    data = Data(points=tips, tensions=tensions, time=times)
+    start = {"segments.0.backbone.relaxation": 0.1, "segments.0.backbone.relaxation_time": 30.0}
+    names = ["segments.0.backbone.relaxation", "segments.0.backbone.relaxation_time"]
+    found = fit(ELASTIC.with_(start), data, [*names, "segments.0.backbone.E"], loss="linear")
+    assert found.converged
+    for estimate, exact in zip(found.estimates, [0.2, 15.0, 35e9], strict=True):
+        exact = exact / 1e9 if estimate.unit == "GPa" else exact
+        assert abs(estimate.value - exact) < 3.5 * estimate.standard_error
+        assert estimate.standard_error < 0.05 * exact
+    without = Data(points=tips, tensions=tensions)
+    with pytest.raises(InputError, match="relaxation or creep needs the time of each row"):
+        fit(ELASTIC.with_(start), without, names)
+
+
+def test_a_robot_that_depends_on_time_is_refused_where_no_time_is_known():
+    tensions = [[1.0, 0, 0], [2.0, 0, 0]]
+    with pytest.raises(InputError, match=r"need the time of each row: call bowstring\.sweep"):
+        bs.sweep(VISCOELASTIC, tensions)
+    for times, what in (
+        ([0.0], "one for each of 2 rows"),
+        ([3.0, 1.0], "row 2 is 1 s"),
+        ([-1.0, 1.0], "row 1 is -1 s"),
+        ([0.0, math.nan], "row 2 is nan s"),
+    ):
+        with pytest.raises(InputError, match=what):
+            bs.sweep(CREEPING, tensions, times=times)
+    with pytest.raises(InputError, match=r"tendons of .* have creep"):
+        bs.inverse_kinematics(CREEPING, [[0.05, 0, 0.5]])
+    with pytest.raises(InputError, match=r"backbone of .* has relaxation"):
+        bs.modes(VISCOELASTIC)
+    with pytest.raises(InputError, match=r"together 0\.7 of the bending stiffness"):
+        VISCOELASTIC.with_({"segments.0.backbone.hysteresis": 0.4})
+    # equilibria at once need no time
+    assert bs.solve_batch(VISCOELASTIC, tensions).converged.all()
