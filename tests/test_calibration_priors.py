@@ -36,7 +36,8 @@ def random_loads(rows, seed):
 def dependence(rows, *, apart=True):
     """Rows that are no neighbours of each other, or all neighbours with correlation 0.8."""
     run = np.arange(rows) if apart else np.zeros(rows, dtype=int)
-    return Dependence(0.0 if apart else 0.8, not apart, run)
+    own = np.arange(rows)
+    return Dependence(0.0 if apart else 0.8, not apart, run, row=own, point=0 * own)
 
 
 # -- weight ----------------------------------------------------------------------------------

@@ -115,7 +115,7 @@ def _draws(units: int, resamples: int, size: int) -> Iterator[tuple[slice, NDArr
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Linearised least-squares fit at its minimum, of n rows, P scaled parameters, Q priors."""
+    """Linearised least-squares fit at its minimum, of n points, P scaled parameters, Q priors."""
 
     by_parameter: Array
     """Derivative (n, 3, P) of the residuals, m."""
@@ -127,6 +127,10 @@ class Linear:
     """Derivative (Q, P) of the residuals of the priors, m."""
     force_of_priors: Array
     """Residuals (Q,) of the priors, m."""
+    row: NDArray[np.int64] | None = None
+    """Row (n,) of each point among the fitted rows, from 0; None: each row has one point."""
+    tip: NDArray[np.bool_] | None = None
+    """Points (n,) that are tips; None: all are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,10 +154,11 @@ def refitted(
 
     Parameters
     ----------
-    residual : array (n, 3)
-        Model minus measurement at the fitted rows, m.
+    residual : array (N, 3)
+        Tip of the model minus measurement at the fitted rows, m.
     fit : Linear
-    unit : array of int (n,)
+        Fit, with a tip in each row.
+    unit : array of int (N,)
         Rows with the same number are resampled together.
     resamples : int
 
@@ -176,9 +181,11 @@ def refitted(
     jacobian, rows = fit.by_parameter, np.bincount(place, minlength=units)
     parameters = jacobian.shape[2]
     normal = np.zeros((units, parameters, parameters))
-    np.add.at(normal, place, np.einsum("kip,ki,kiq->kpq", jacobian, fit.slope, jacobian))
+    of_point = place if fit.row is None else place[fit.row]
+    np.add.at(normal, of_point, np.einsum("kip,ki,kiq->kpq", jacobian, fit.slope, jacobian))
     force = np.zeros((units, parameters))
-    np.add.at(force, place, np.einsum("kip,ki->kp", jacobian, fit.force))
+    np.add.at(force, of_point, np.einsum("kip,ki->kp", jacobian, fit.force))
+    jacobian = jacobian if fit.tip is None else jacobian[fit.tip]
     of_priors = fit.of_priors.T @ fit.of_priors
     held = fit.of_priors.T @ fit.force_of_priors
     size = np.sqrt(np.einsum("upp->p", normal) + np.diag(of_priors))

@@ -67,7 +67,7 @@ def cross_validate(
     loss: Loss = "soft_l1",
     priors: PriorChoice = None,
 ) -> CrossValidation:
-    """Fit without a part of the rows and predict that part, for each part.
+    """Fit without a part of the rows and predict the tips of that part, for each part.
 
     Parts are blocks of neighbouring rows that do not split a group, because single left-out rows
     would be predicted by their neighbours. Where loads repeat, or recur in unloading without
@@ -104,14 +104,16 @@ def cross_validate(
         raise InputError(f"folds is {shown(folds)}, it must be a whole number from 2")
     commands = observations.commands(data, robot)
     measured = observations.tips(data, len(commands))
-    used = observations.fitted_rows(rows, measured)
+    points = observations.measured_points(data, robot, len(commands)).measured
+    fitted = observations.fitted_rows(rows, points)
+    used = fitted & np.isfinite(measured).all(axis=1)
     group = _groups_of_folds(data, commands.values, used)
     part = _blocks(group, used, int(folds))
     predicted = np.full_like(measured, np.nan)
     scores, labels, converged = [], [], True
     for k in range(int(folds)):
         out = used & (part == k)
-        others = used & ~out
+        others = fitted & (part != k)
         found = fit(
             robot,
             data,

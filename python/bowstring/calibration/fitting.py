@@ -1,8 +1,8 @@
 """Calibration of a robot, its actuation and its frames from measurements.
 
-Robust nonlinear least squares (SciPy) on the measured tip, with standard errors and identifiability
-of the parameters; docs/theory/calibration.md has the equations. All values are in SI; K is the
-number of rows, P that of parameters.
+Robust nonlinear least squares (SciPy) on the measured points, with standard errors and
+identifiability of the parameters; docs/theory/calibration.md has the equations. All values are in
+SI; K is the number of rows, M that of measured points in a row, P that of parameters.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring.calibration import observations
 from bowstring.calibration.bootstrap import Linear
 from bowstring.calibration.intervals import EXACT, SAME, Dependence, Uncertainty, profile_ends
-from bowstring.calibration.observations import Measured, Score, score
-from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.observations import Measured, Points, PointScore, Score, score
+from bowstring.calibration.parameters import Unknowns, marker_of
 from bowstring.calibration.pieces import Loss
 from bowstring.calibration.priors import PriorChoice, Priors, read_priors
 from bowstring.calibration.search import Residuals, Search, spread
@@ -63,6 +63,8 @@ _CONFLICT: Final = 3.0
 _REWEIGHTINGS: Final = 10
 #: Initial friction, in natural steps, in place of zero.
 _LITTLE: Final = 0.2
+#: Parameters of frames and offsets, which are no fields of the robot file.
+_OF_FRAMES: Final = ("base", "tool", "marker")
 #: Share of the squares left by a rigid motion below which the residuals are a rigid offset.
 _RIGID: Final = 0.25
 
@@ -122,15 +124,20 @@ class Fit:
     not_identifiable : tuple of tuples of str
         Groups of correlated parameters that the data cannot separate. A group of one is a parameter
         that is not identifiable: its standard error spans its whole range, or is infinite.
-    residuals : ndarray (K, 3)
-        Predicted minus measured tip of all rows, m; NaN without a measurement.
+    point_residuals : ndarray (K, M, 3)
+        Predicted minus measured points of all rows, m; NaN without a measurement. The last point is
+        the tip.
+    points_before : ndarray (K, M, 3)
+        The same at the initial parameters; a base of which all parameters are fitted is already
+        registered.
     used : ndarray of bool (K,)
         Fitted rows: the selected ones that have an equilibrium.
-    before : ndarray (K, 3)
-        Residuals at the initial parameters, m; a base of which all parameters are fitted is already
-        registered.
+    points : tuple of PointScore
+        Disk and scores of each measured point.
     score, score_before : Score
-        Scores of the fitted rows after and before the fit.
+        Scores of the tips of the fitted rows after and before the fit.
+    score_of_points, score_of_points_before : Score
+        The same of all measured points.
     noise : float
         Robust standard deviation of a coordinate, m: 1.48 times the median absolute residual, on
         which outliers have little influence.
@@ -155,11 +162,14 @@ class Fit:
     estimates: tuple[Estimate, ...]
     correlation: Floats
     not_identifiable: tuple[tuple[str, ...], ...]
-    residuals: Floats
-    before: Floats
+    point_residuals: Floats
+    points_before: Floats
     used: Bools
+    points: tuple[PointScore, ...]
     score: Score
     score_before: Score
+    score_of_points: Score
+    score_of_points_before: Score
     noise: float
     excess: float
     autocorrelation: float
@@ -205,8 +215,23 @@ class Fit:
         """Model of the rod; None for constant curvature."""
         return self._rod
 
+    @property
+    def residuals(self) -> Floats:
+        """Predicted minus measured tip (K, 3) of all rows, m; NaN without a measurement."""
+        return self.point_residuals[:, -1]
+
+    @property
+    def before(self) -> Floats:
+        """Residuals of the tip (K, 3) at the initial parameters, m."""
+        return self.points_before[:, -1]
+
+    @property
+    def disks(self) -> tuple[int, ...]:
+        """Disk of each measured point, from 0."""
+        return tuple(each.disk - 1 for each in self.points)
+
     def predict(self, data: Measured) -> Floats:
-        """Predict the measured point (K, 3) in m by the calibrated model, without registration.
+        """Predict the measured tip (K, 3) in m by the calibrated model, without registration.
 
         Parameters
         ----------
@@ -217,14 +242,33 @@ class Fit:
         Returns
         -------
         ndarray (K, 3)
-            Predicted points, NaN where the model has no solution.
+            Predicted tips, NaN where the model has no solution.
         """
+        return self._predicted(data, self.disks[-1:])[:, -1]
+
+    def predict_points(self, data: Measured) -> Floats:
+        """Predict all points of the fit by the calibrated model, without registration.
+
+        Parameters
+        ----------
+        data : measurements
+            As for `predict`.
+
+        Returns
+        -------
+        ndarray (K, M, 3)
+            Predicted points on the disks of the fitted ones, m, the last of them the tip; NaN where
+            the model has no solution.
+        """
+        return self._predicted(data, self.disks)
+
+    def _predicted(self, data: Measured, disks: Sequence[int]) -> Floats:
         commands = observations.commands(data, self._unknowns.robot)
-        model = TipModel(self._unknowns, commands, self._rod)
+        model = TipModel(self._unknowns, commands, self._rod, disks)
         found = model.predict(self._values)
         held = found.setting.tool
         tool = np.where(self._tool_said, observations.tool(data, held), held)
-        return replace(found, setting=replace(found.setting, tool=tool)).point
+        return replace(found, setting=replace(found.setting, tool=tool)).points
 
     def to_dict(self) -> schema.FitNumbers:
         """Return all numbers of the fit, ready for `json.dumps`; None for NaN and infinity."""
@@ -240,6 +284,12 @@ class Fit:
             **self.score.to_dict(),
             "rmse_before_mm": 1e3 * self.score_before.rmse,
             "mean_before_mm": 1e3 * self.score_before.mean,
+            "points": [each.to_dict() for each in self.points],
+            "all_points": {
+                "count": self.score_of_points.count,
+                **self.score_of_points.to_dict(),
+                "rmse_before_mm": 1e3 * self.score_of_points_before.rmse,
+            },
             "noise_mm": 1e3 * self.noise,
             "residuals_over_stated_uncertainty": plain(self.excess),
             "autocorrelation": plain(self.autocorrelation),
@@ -258,7 +308,7 @@ def fit(
     loss: Loss = "soft_l1",
     priors: PriorChoice = None,
 ) -> Fit:
-    """Fit parameters of a robot, its actuation and its frames to measured tips.
+    """Fit parameters of a robot, its actuation and its frames to measured points.
 
     Parameters
     ----------
@@ -267,7 +317,8 @@ def fit(
     data : measurements
         Rows in the order of measurement; with friction or backlash they form one path. Rows are
         weighted by their uncertainty where it varies. A stated tool is kept unless it is fitted or
-        given in `start`.
+        given in `start`. All points with stations are fitted, each where it is measured, on the
+        disk at its station; without stations the tip alone is.
     parameters : sequence of str
         Names of parameters. Fields of the robot file by path, with ``*`` for one value shared by
         all: ``segments.0.backbone.E``, ``segments.*.tendons.compliance``. For all, each segment or
@@ -277,8 +328,10 @@ def fit(
         radial clearance of the tendons in their holes. For all or each segment:
         ``hole_angle``, an added angle; ``pitch_radius``, a factor; ``bend_gain`` of constant
         curvature. ``delay`` of the tip behind the commands in s. ``base``: the robot's base in the
-        measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the measured point
-        in the frame of the end disk.
+        measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the last measured
+        point, the tip, in the frame of its disk. ``marker.0``, ``marker.1`` and so on: the points
+        below it in the frames of their disks, from base to tip, ``marker.0.x`` to ``marker.0.z``;
+        zero by default.
     model : RodModel or "arc", optional
         Statics of `bowstring.solve`, by default with one element; or constant curvature from tendon
         lengths (from tensions where the rows have them), with segments of constant length.
@@ -292,9 +345,9 @@ def fit(
     priors : "default" or mapping from name to float, optional
         Standard deviations in SI of parameters about their nominal values: those of the robot file,
         1 for ``gain``, ``pitch_radius`` and ``bend_gain``, 0 for the other parameters of the
-        actuation, and the initial value for ``base`` and ``tool``. A name stands for its group
-        (``gain`` for ``gain.tendons``), a later one replaces an earlier one, and infinity takes a
-        prior away. ``"default"``: `bowstring.calibration.default_priors`.
+        actuation, and the initial value for ``base``, ``tool`` and ``marker``. A name stands for
+        its group (``gain`` for ``gain.tendons``), a later one replaces an earlier one, and infinity
+        takes a prior away. ``"default"``: `bowstring.calibration.default_priors`.
 
     Returns
     -------
@@ -318,7 +371,8 @@ def fit(
 
     Standard errors are those of M-estimation, theory Eq. 7.2 (Huber, Robust Statistics,
     1981, 7.6). They assume independent noise of the same size in all rows (or as stated), with its
-    own size along each axis of the measuring frame. With priors they are those of the posterior,
+    own size for each point and along each axis of the measuring frame. The estimates weight all
+    points of a row alike. With priors they are those of the posterior,
     theory Eqs 7.3 to 7.5.
     """
     check_robot(robot)
@@ -335,17 +389,18 @@ def fit(
     if rod is not None and any(name.startswith("bend_gain") for name in unknowns.names):
         raise InputError('bend_gain is of constant curvature; give model="arc"')
     commands = observations.commands(data, unknowns.robot)
-    measured = observations.tips(data, len(commands))
-    used = observations.fitted_rows(rows, measured)
+    points = observations.measured_points(data, unknowns.robot, len(commands))
+    _check_markers(unknowns, points)
+    used = observations.fitted_rows(rows, points.measured)
     if rod is not None and len(commands) > _MOST_ROWS:
         raise InputError(
             f"{len(commands)} rows are too many to fit statics to, {_MOST_ROWS} are possible; keep "
             f"one row of {-(-len(commands) // _MOST_ROWS)}"
         )
     deviations = read_priors(priors, robot, unknowns)
-    frames = {k: v for k, v in begin.items() if k.partition(".")[0] in ("base", "tool")}
+    frames = {k: v for k, v in begin.items() if k.partition(".")[0] in _OF_FRAMES}
     prior = Priors.of(unknowns, Unknowns(robot, unknowns.names, frames), deviations)
-    count = int(used.sum())
+    count = int((used[:, None] & points.seen).sum())
     if count < prior.free:
         what = "1 measured point is" if count == 1 else f"{count} measured points are"
         raise InputError(
@@ -354,8 +409,9 @@ def fit(
     if any(name == "delay" for name in unknowns.names):
         commands.clock()
     sigma = observations.sigmas(data, len(commands))
+    model_of_points = TipModel(unknowns, commands, rod, points.disks)
     work = Residuals(
-        TipModel(unknowns, commands, rod), measured, used, sigma, prior, getattr(data, "line", None)
+        model_of_points, points.measured, used, sigma, prior, getattr(data, "line", None)
     )
     first = work.begin(start or {})
     work.take(first)
@@ -368,7 +424,24 @@ def fit(
     found = search.run(first)
     own = {*unknowns.names, *(start or {})}
     tool_said = np.array([not own & {"tool", f"tool.{axis}"} for axis in "xyz"])
-    return _result(search, found, tool_said)
+    return _result(search, found, tool_said, points)
+
+
+def _check_markers(unknowns: Unknowns, points: Points) -> None:
+    """Refuse the offset of a point that is not measured below the tip."""
+    below = len(points.disks) - 1
+    for name in unknowns.names:
+        number = marker_of(name)
+        if number is None or number < below:
+            continue
+        if points.left_out:
+            why = "the points have no stations, so that the tip alone is fitted: give stations"
+        elif not below:
+            why = "the rows have no point below the tip; the offset of the tip is tool"
+        else:
+            last = f"marker.0 to marker.{below - 1}" if below > 1 else "marker.0"
+            why = f"the rows have the points {last} below the tip; the offset of the tip is tool"
+        raise InputError(f"parameter {name} is not identifiable: {why}", argument="parameters")
 
 
 def _from_frictionless(
@@ -397,14 +470,14 @@ def _from_frictionless(
 # -- results of a fit ---------------------------------------------------------------------------
 
 
-def _result(search: Search, found: Any, tool_said: Bools) -> Fit:
+def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit:
     work, items = search.work, search.work.items
     residuals, jacobian = work.residuals(found.x), work.jacobian(found.x)
     at = work.prediction(found.x)
     land = search.landscape(found.x)
     weighted, slope = search.force(residuals)
-    errors = at.point - work.measured
-    dependence = Dependence.of(errors, work.used, search.group)
+    errors = at.points - work.measured
+    dependence = Dependence.of(errors, work.counted, search.group)
     of_priors = work.priors.jacobian(search.noise)
     known = Uncertainty.of((weighted, slope), jacobian, of_priors, search.noise, dependence)
     fitted = known.determined if len(of_priors) else len(items)
@@ -434,11 +507,11 @@ def _result(search: Search, found: Any, tool_said: Bools) -> Fit:
     lost = work.unsolved > _MOST_LOST * work.asked.sum()
     promised = 0.0 if land is not None else search.decrease(found)
     stuck = promised > _OFFSET * len(items) * work.variance(found.cost)
-    scored = score(errors[work.used], np.zeros_like(errors[work.used]))
+    used = work.used
+    scored = _score_of(errors[used])
     # a motion larger than the robot is none of the robot
     astray = scored.rmse_centred > at.setting.robot.length
-    before = work.before[work.used & np.isfinite(work.before).all(axis=1)]
-    excess, excess_p = _excess(errors, work.used, work.sigma, round(fitted))
+    excess, excess_p = _excess(work, errors, round(fitted))
     estimates = _estimates(work, found, error, ends)
     message = _message(
         work,
@@ -458,16 +531,19 @@ def _result(search: Search, found: Any, tool_said: Bools) -> Fit:
         estimates=tuple(estimates),
         correlation=correlation,
         not_identifiable=tuple(not_identifiable),
-        residuals=errors,
-        before=work.before,
-        used=work.used,
-        score=scored,
-        score_before=score(before, 0.0 * before) if len(before) else Score(0, *[np.nan] * 5),
+        point_residuals=errors,
+        points_before=work.before,
+        used=used,
+        points=_points(at.setting.robot, points.disks, errors[used], work.before[used]),
+        score=_score_of(errors[used, -1]),
+        score_before=_score_of(work.before[used, -1]),
+        score_of_points=scored,
+        score_of_points_before=_score_of(work.before[used]),
         noise=1e-3 * spread(residuals, fitted),
         excess=excess,
         autocorrelation=dependence.correlation,
         converged=found.status > 0 and not (lost or stuck or astray),
-        message=message + ("" if astray else _rigid_offset(work, at)),
+        message=message + ("" if astray else _rigid_offset(work, at)) + _left_out(points),
         evaluations=work.model.solves,
         unsolved=work.unsolved,
         # in m, including loss and weights of rows
@@ -477,11 +553,48 @@ def _result(search: Search, found: Any, tool_said: Bools) -> Fit:
             slope=(slope * work.weight**2).reshape(-1, 3),
             of_priors=1e-3 * of_priors,
             force_of_priors=1e-3 * work.priors.residuals(found.x, search.noise),
+            row=dependence.row,
+            tip=dependence.point == len(points.disks) - 1,
         ),
         _unknowns=work.model.unknowns,
         _values=found.x * work.step,
         _rod=work.model.rod,
         _tool_said=tool_said,
+    )
+
+
+def _score_of(errors: Floats) -> Score:
+    """Score of errors (..., 3); of NaN if all are."""
+    flat = errors.reshape(-1, 3)
+    if not np.isfinite(flat).all(axis=1).any():
+        return Score(0, *[np.nan] * 5)
+    return score(flat, np.zeros_like(flat))
+
+
+def _points(
+    robot: Robot, disks: Sequence[int], errors: Floats, before: Floats
+) -> tuple[PointScore, ...]:
+    """Scores of the measured points from their errors (N, M, 3) in the fitted rows."""
+    stations = robot.disks.station_m / robot.length
+    return tuple(
+        PointScore(
+            disk=disk + 1,
+            station=float(stations[disk]),
+            score=_score_of(errors[:, m]),
+            before=_score_of(before[:, m]),
+        )
+        for m, disk in enumerate(disks)
+    )
+
+
+def _left_out(points: Points) -> str:
+    """Note on points that are not fitted; empty without any."""
+    if not points.left_out:
+        return ""
+    which = "point below the tip has" if points.left_out == 1 else "points below the tip have"
+    return (
+        f" The {points.left_out} {which} no station, and the tip alone is fitted: give stations "
+        "to fit all points."
     )
 
 
@@ -508,7 +621,7 @@ def _estimates(work: Residuals, found: Any, error: Floats, ends: Floats) -> list
 def _correlated_pair(names: Sequence[str], correlation: Floats) -> tuple[str, ...]:
     """The two most strongly correlated parameters, unless both are of one frame; empty if none."""
     size = np.triu(np.nan_to_num(np.abs(correlation)), 1)
-    frame = [n.partition(".")[0] if n.startswith(("base.", "tool.")) else n for n in names]
+    frame = [n.rpartition(".")[0] if n.partition(".")[0] in _OF_FRAMES else n for n in names]
     size[np.array(frame)[:, None] == np.array(frame)] = 0.0
     i, j = divmod(int(np.argmax(size)), len(names))
     return (names[i], names[j]) if size[i, j] >= _HELD_UP else ()
@@ -610,32 +723,31 @@ def _contradicted(search: Search, found: Any, errors: Floats) -> list[str]:
         step -= np.linalg.lstsq(root[:, None] * jacobian, root * left, rcond=SAME)[0]
         left = residuals + jacobian @ step
     moved = errors.copy()
-    moved[work.used] += (1e-3 * (jacobian @ step) / work.weight).reshape(-1, 3)
-    dependence = Dependence.of(moved, work.used, search.group)
+    moved[work.counted] += (1e-3 * (jacobian @ step) / work.weight).reshape(-1, 3)
+    dependence = Dependence.of(moved, work.counted, search.group)
     alone = Uncertainty.of(search.force(left), jacobian, np.empty((0, len(step))), 0.0, dependence)
     variance = np.diag(alone.covariance) + priors.deviation**2
     apart = np.abs(found.x + step - priors.mean) > _CONFLICT * np.sqrt(variance)
     return [work.items[i].name for i in np.flatnonzero(apart)]
 
 
-def _excess(
-    errors: Floats, used: Bools, sigma: Floats | None, parameters: int
-) -> tuple[float, float]:
-    """Square root of the reduced chi-square, and its p-value."""
-    free = 3 * int(used.sum()) - parameters
-    if sigma is None or free < 1:
+def _excess(work: Residuals, errors: Floats, parameters: int) -> tuple[float, float]:
+    """Square root of the reduced chi-square of errors (K, M, 3), and its p-value."""
+    free = work.count - parameters
+    if work.sigma is None or free < 1:
         return math.nan, math.nan
-    square = float(((errors[used] / sigma[used, None]) ** 2).sum())
+    sigma = np.broadcast_to(work.sigma[:, None], work.seen.shape)[work.counted]
+    square = float(((errors[work.counted] / sigma[:, None]) ** 2).sum())
     return math.sqrt(square / free), chi_square_p(square, free)
 
 
 def _rigid_offset(work: Residuals, at: Prediction) -> str:
     """Warn if a rigid motion of the base would remove most of the residuals."""
     base = {f"base.{name}" for name in ("x", "y", "z", "rx", "ry", "rz")}
-    free = 3 * int(work.used.sum()) - len(work.items) - 6
+    free = work.count - len(work.items) - 6
     if free < 1 or base <= {item.name for item in work.items}:
         return ""
-    predicted, measured = at.point[work.used], work.measured[work.used]
+    predicted, measured = at.points[work.counted], work.measured[work.counted]
     moved = align(predicted, measured).apply(predicted)
     before = float(((predicted - measured) ** 2).sum())
     after = float(((moved - measured) ** 2).sum())

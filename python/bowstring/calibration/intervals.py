@@ -1,7 +1,8 @@
 """Uncertainty of fitted parameters: covariance and profile likelihood intervals.
 
-n is the number of used rows, P that of parameters, Q that of priors. Residuals are in mm,
-parameters are divided by their natural steps.
+n is the number of points that are measured in used rows, M that of measured points in a row, N that
+of used rows, P that of parameters, Q that of priors. Residuals are in mm, parameters are divided by
+their natural steps.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ _STARTS: Final = 4
 
 @dataclass(frozen=True, eq=False)
 class Dependence:
-    """Dependence of the residuals of neighbouring rows.
+    """Row and point of each residual, and dependence of neighbouring rows.
 
     Attributes
     ----------
@@ -50,24 +51,34 @@ class Dependence:
         Autocorrelation of neighbouring rows of a group; NaN with too few rows.
     is_significant : bool
         Whether it is above 0.3, and by more than chance.
-    run : ndarray of int (n,)
+    run : ndarray of int (N,)
         Rows of the same number are neighbours of a group.
+    row, point : ndarray of int (n,)
+        Used row and point of three residuals each.
     """
 
     correlation: float
     is_significant: bool
     run: NDArray[np.int64]
+    row: NDArray[np.int64]
+    point: NDArray[np.int64]
 
     @classmethod
-    def of(cls, errors: Floats, used: Bools, group: NDArray[Any]) -> Dependence:
-        """Test errors (K, 3) in m of the used rows; `group` (K,) as by `observations.groups`."""
-        at = np.flatnonzero(used)
+    def of(cls, errors: Floats, counted: Bools, group: NDArray[Any]) -> Dependence:
+        """Test errors (K, M, 3) in m of the points that count (K, M).
+
+        `group` (K,) as by `observations.groups`.
+        """
+        at = np.flatnonzero(counted.any(axis=1))
+        row, point = np.nonzero(counted[at])
         near = (np.diff(at) == 1) & (group[at[1:]] == group[at[:-1]])
         run = np.concatenate([[0], np.cumsum(~near)])
-        if np.abs(errors[at]).max() < EXACT:
-            return cls(math.nan, False, run)
-        correlation, p_value = autocorrelation(errors[at], near)
-        return cls(correlation, correlation > _ALIKE and p_value < NOISE, run)
+        residual = np.where(counted[at][:, :, None], errors[at], 0.0).reshape(len(at), -1)
+        if np.abs(residual).max() < EXACT:
+            return cls(math.nan, False, run, row, point)
+        correlation, p_value = autocorrelation(residual, near)
+        significant = correlation > _ALIKE and p_value < NOISE
+        return cls(correlation, significant, run, row, point)
 
     @property
     def reach(self) -> int:
@@ -113,7 +124,10 @@ class Uncertainty:
         weighted_by: float,
         dependence: Dependence,
     ) -> Uncertainty:
-        """Compute the covariance at a minimum; noise may differ between axes.
+        """Compute the covariance at a minimum; noise may differ between points and axes.
+
+        Each coordinate of each point has its own variance. With several points the quantile of
+        an interval has the degrees of freedom of Welch and Satterthwaite.
 
         Parameters
         ----------
@@ -124,8 +138,8 @@ class Uncertainty:
         weighted_by : float
             Standard deviation of a residual by which the priors are weighted, mm.
         dependence : Dependence
-            Rows that may be correlated (Newey and West, Econometrica 55, 1987; interval by Kiefer
-            and Vogelsang, Econometric Theory 21, 2005).
+            Rows and points of the residuals; rows may be correlated (Newey and West, Econometrica
+            55, 1987; interval by Kiefer and Vogelsang, Econometric Theory 21, 2005).
 
         Returns
         -------
@@ -149,25 +163,31 @@ class Uncertainty:
         force, slope = (each.reshape(-1, 3) for each in by)
         of_axis = (rows @ seen.T).reshape(-1, 3, len(seen))
         own = own @ seen.T
-        square = np.einsum("kap,kaq->apq", of_axis, of_axis)
-        mean = slope.mean(axis=0)
-        bread = np.tensordot(mean, square, 1)
+        points = [dependence.point == m for m in np.unique(dependence.point)]
+        square = np.stack([_square(of_axis[own_rows]) for own_rows in points])
+        mean = np.stack([slope[own_rows].mean(axis=0) for own_rows in points])
+        bread = np.tensordot(mean, square, 2)
         inverse = np.linalg.inv(bread + own.T @ own)
-        taken = mean * np.einsum("apq,qp->a", square, inverse)  # determined by each axis
+        taken = mean * np.einsum("mapq,qp->ma", square, inverse)  # determined by each axis
         determined = float(taken.sum())
-        free = np.maximum(len(of_axis) - taken, 1.0)
-        spread = (force**2).sum(axis=0) / free
+        rows_of = np.array([[float(own_rows.sum())] for own_rows in points])
+        free = np.maximum(rows_of - taken, 1.0)
+        spread = np.stack([(force[own_rows] ** 2).sum(axis=0) for own_rows in points]) / free
         share = determined / slope.size
         correction = 1 + share * float(slope.var()) / float(slope.mean()) ** 2
-        if reach := dependence.reach:
-            scatter = _scatter(of_axis, force, dependence.run, reach) / float(free.min())
-            scatter *= len(of_axis)
-            half = float(np.polyval([-0.5324, 0.4160, 2.9694, 1.9600], reach / len(of_axis)))
-        else:
-            scatter = np.tensordot(spread, square, 1)
-            half = float(stdtrit(free.min(), 0.975))
-        scatter *= correction**2
         back = seen.T @ inverse / size[:, None]
+        half: Any
+        if reach := dependence.reach:
+            scatter = _scatter(of_axis, force, dependence, reach)
+            scatter *= float(rows_of.sum() / free.min(axis=1).sum())
+            width = reach / len(dependence.run)
+            half = float(np.polyval([-0.5324, 0.4160, 2.9694, 1.9600], width))
+        else:
+            of_point = np.einsum("ma,mapq->mpq", spread, square)
+            scatter = of_point.sum(axis=0)
+            share_of_point = np.einsum("ip,mpq,iq->mi", back, of_point, back)
+            half = stdtrit(_freedom(share_of_point, free.min(axis=1)), 0.975)
+        scatter *= correction**2
         of_data = back @ scatter @ back.T
         of_priors = weighted_by**2 * back @ own.T @ own @ back.T
         covariance = of_data + of_priors
@@ -182,9 +202,31 @@ class Uncertainty:
         )
 
 
-def _scatter(of_axis: Floats, force: Floats, run: NDArray[np.int64], reach: int) -> Floats:
-    """Covariance of the gradient with correlated rows of a run, closer than `reach`."""
-    of_row = np.einsum("kap,ka->kp", of_axis, force)
+def _square(of_axis: Floats) -> Floats:
+    """Sums (3, P, P) over the rows of the products of derivatives (n, 3, P) by each axis."""
+    return np.asarray(np.einsum("kap,kaq->apq", of_axis, of_axis))
+
+
+def _freedom(variance: Floats, free: Floats) -> Floats:
+    """Degrees of freedom (P,) of sums of variances (M, P) with `free` (M,) degrees of freedom.
+
+    By Welch and Satterthwaite; equal to that of a single variance.
+    """
+    if len(free) == 1:
+        return np.repeat(free, variance.shape[1])
+    total = variance.sum(axis=0)
+    share = np.divide(variance, total, where=total > 0.0, out=np.ones_like(variance))
+    return np.asarray(1.0 / (share**2 / free[:, None]).sum(axis=0))
+
+
+def _scatter(of_axis: Floats, force: Floats, dependence: Dependence, reach: int) -> Floats:
+    """Covariance of the gradient with correlated rows of a run, closer than `reach`.
+
+    Points of the same row may be correlated as well.
+    """
+    run = dependence.run
+    of_row = np.zeros((len(run), of_axis.shape[2]))
+    np.add.at(of_row, dependence.row, np.einsum("kap,ka->kp", of_axis, force))
     scatter = np.asarray(of_row.T @ of_row)
     for apart in range(1, reach):
         one_run = run[apart:] == run[:-apart]

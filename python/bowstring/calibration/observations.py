@@ -1,13 +1,13 @@
 """Measurements for a fit, and scores of predictions.
 
 Any object with the attributes of `Measured` is accepted. All values are in SI; K is the number of
-rows.
+rows, P that of measured points in a row.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,7 @@ from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
-from bowstring.validation import check_is_read, floats
+from bowstring.validation import check_is_read, floats, shown
 
 if TYPE_CHECKING:
     from bowstring.schemas import fit as schema
@@ -25,11 +25,14 @@ if TYPE_CHECKING:
 __all__ = [
     "Data",
     "Measured",
+    "PointScore",
+    "Points",
     "Score",
     "commands",
     "fitted_rows",
     "groups",
     "loads",
+    "measured_points",
     "numbered",
     "repeats_loads",
     "score",
@@ -41,6 +44,9 @@ __all__ = [
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+#: Largest distance between a station and its disk, as a share of the length.
+_SAME_PLACE: Final = 1e-3
+
 
 class Measured(Protocol):
     """Attributes of measurements that a fit reads: K rows, in the order of measurement.
@@ -48,8 +54,9 @@ class Measured(Protocol):
     ``tensions`` and ``displacements`` are (K, T) in N and m, NaN where a tendon has the other
     command; either may be None. ``points`` is (K, P, 3) in m, the last point the tip (or ``tip``
     (K, 3)). ``group`` (K,) and ``time`` (K,) in s may be None. Optional, as in
-    `bowstring.Measurements`: ``sigma`` (K,) in m, ``repeat`` (K,), ``recording`` (K,), ``line``
-    (K,) of the table for messages, ``tool`` (3,) in m.
+    `bowstring.Measurements`: ``stations`` (P,) as shares of the length, ``sigma`` (K,) in m,
+    ``repeat`` (K,), ``recording`` (K,), ``line`` (K,) of the table for messages, ``tool`` (3,)
+    in m.
     """
 
     @property
@@ -90,6 +97,9 @@ class Data:
     recording : array_like (K,) or None
         Rows with the same number or name form one path, which begins in the home pose without a
         history. None: all rows form one path.
+    stations : array_like (P,) or None
+        Arc lengths of the points as shares of the length, where each has a disk. None: the last
+        point is on the end disk, and the others are not fitted.
     """
 
     points: ArrayLike
@@ -98,6 +108,31 @@ class Data:
     group: Any = None
     time: ArrayLike | None = None
     recording: ArrayLike | None = None
+    stations: ArrayLike | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Measured points of a fit and their disks; made by `measured_points`.
+
+    Attributes
+    ----------
+    measured : ndarray (K, M, 3)
+        Measured points in m, NaN where not measured; the last is the tip.
+    disks : tuple of int
+        Disk of each point, from 0.
+    left_out : int
+        Number of points in a row that have no station and are not fitted.
+    """
+
+    measured: Floats
+    disks: tuple[int, ...]
+    left_out: int
+
+    @property
+    def seen(self) -> Bools:
+        """Points (K, M) that are measured."""
+        return np.asarray(np.isfinite(self.measured).all(axis=2))
 
 
 @dataclass(frozen=True)
@@ -137,6 +172,36 @@ class Score:
             "max_mm": 1e3 * self.largest,
             "rmse_centred_mm": 1e3 * self.rmse_centred,
             "mean_centred_mm": 1e3 * self.mean_centred,
+        }
+
+
+@dataclass(frozen=True)
+class PointScore:
+    """Errors of one measured point over the fitted rows in which it is measured.
+
+    Attributes
+    ----------
+    disk : int
+        Disk of the point, from 1.
+    station : float
+        Arc length of the disk as a share of the length.
+    score, before : Score
+        After the fit and before.
+    """
+
+    disk: int
+    station: float
+    score: Score
+    before: Score
+
+    def to_dict(self) -> schema.PointErrors:
+        """Return plain values in mm."""
+        return {
+            "disk": self.disk,
+            "station": self.station,
+            "rows": self.score.count,
+            **self.score.to_dict(),
+            "rmse_before_mm": 1e3 * self.before.rmse,
         }
 
 
@@ -243,9 +308,67 @@ def tips(data: Measured, count: int) -> Floats:
     return found
 
 
+def measured_points(data: Measured, robot: Robot, count: int) -> Points:
+    """Check and return the measured points of all rows, each on the disk at its station.
+
+    Without stations this is the tip alone.
+    """
+    tip = tips(data, count)
+    points = getattr(data, "points", None)
+    table = tip[:, None] if points is None else floats(points).reshape(count, -1, 3)
+    number = table.shape[1]
+    stations = getattr(data, "stations", None)
+    if stations is None:
+        return Points(tip[:, None], (len(robot.disks.station_m) - 1,), number - 1)
+    disks = tuple(_disk_at(k, share, robot) for k, share in enumerate(_shares(stations, number)))
+    if np.isinf(table).any():
+        k, m, _ = np.argwhere(np.isinf(table))[0]
+        raise InputError(f"row {k + 1}: point {m + 1} is infinite")
+    found = Points(table, disks, 0)
+    missing = np.flatnonzero(~found.seen.any(axis=0))
+    if missing.size and number > 1:
+        raise InputError(
+            f"point {missing[0] + 1} of {number} is measured in no row; leave out its columns and "
+            "its station"
+        )
+    return found
+
+
+def _shares(stations: ArrayLike, number: int) -> Floats:
+    """Stations (P,) of `number` points."""
+    try:
+        found = floats(stations)
+    except TypeError:
+        found = np.empty(0)
+    if found.shape != (number,) or not np.isfinite(found).all():
+        raise InputError(
+            f"stations is {shown(stations)}, it must be {number} numbers, one for each point"
+        )
+    return found
+
+
+def _disk_at(point: int, share: float, robot: Robot) -> int:
+    """Disk, from 0, at the station of a point."""
+    stations = robot.disks.station_m / robot.length
+    nearest = int(np.argmin(np.abs(stations - share)))
+    if abs(stations[nearest] - share) > _SAME_PLACE:
+        raise InputError(
+            f"point {point + 1} is at station {share:.5g}, where {robot.name} has no disk; the "
+            f"nearest is disk {nearest + 1} at {stations[nearest]:.5g}: give the robot a disk "
+            "there, correct the station, or leave out all stations to fit the tip alone",
+            argument="stations",
+        )
+    return nearest
+
+
 def fitted_rows(rows: ArrayLike | None, measured: Floats) -> Bools:
-    """Rows (K,) to fit: the selected ones, or all with a measured tip."""
-    seen: Bools = np.array(np.isfinite(measured).all(axis=1))
+    """Rows (K,) to fit: the selected ones, or all with a measured point.
+
+    `measured` are tips (K, 3) or points (K, M, 3).
+    """
+    seen: Bools = np.array(
+        np.isfinite(measured).all(axis=-1).reshape(len(measured), -1).any(axis=1)
+    )
     used = seen if rows is None else np.asarray(rows)
     if used.dtype != bool or used.shape != seen.shape:
         raise InputError(f"rows must be {len(seen)} booleans, one for each measurement")

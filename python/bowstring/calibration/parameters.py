@@ -27,7 +27,7 @@ from bowstring.robot.stiffness import entry_of
 from bowstring.units import read_number, unit_of_size
 from bowstring.validation import shown
 
-__all__ = ["TENDON_PROPERTIES", "Setting", "Unknown", "Unknowns"]
+__all__ = ["TENDON_PROPERTIES", "Setting", "Unknown", "Unknowns", "marker_of"]
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +37,7 @@ _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
     **dict.fromkeys(("base.x", "base.y", "base.z"), (0.0, 1e-3, -np.inf, "mm", 1e-3)),
     **dict.fromkeys(("base.rx", "base.ry", "base.rz"), (0.0, 0.02, -np.inf, "deg", _DEG)),
     **dict.fromkeys(("tool.x", "tool.y", "tool.z"), (0.0, 1e-3, -np.inf, "mm", 1e-3)),
+    "marker": (0.0, 1e-3, -np.inf, "mm", 1e-3),
     "delay": (0.0, 0.05, -np.inf, "s", 1.0),
     "gain": (1.0, 0.02, 0.0, "", 1.0),
     "offset": (0.0, 1e-4, -np.inf, "mm", 1e-3),
@@ -47,6 +48,8 @@ _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
     "bend_gain": (1.0, 0.02, 0.0, "", 1.0),
 }
 _FRAMES: Final = {"base": ("x", "y", "z", "rx", "ry", "rz"), "tool": ("x", "y", "z")}
+#: Offset of a measured point below the tip, all three coordinates or one.
+_MARKER: Final = re.compile(r"marker\.(0|[1-9][0-9]{0,5})(?:\.([xyz]))?")
 #: Whether a parameter may be common to all, one per segment, or one per tendon.
 _EACH: Final = {
     **dict.fromkeys(("gain", "offset", "backlash", "hole_clearance"), ("", "segments", "tendons")),
@@ -124,7 +127,9 @@ class Setting:
     position, turn : ndarray (3,)
         Position (m) and rotation vector (rad) of the robot's base in the measuring frame.
     tool : ndarray (3,)
-        Measured point in the frame of the end disk, m.
+        Offset of the last measured point, the tip, in the frame of its disk, m.
+    markers : dict from int to ndarray (3,)
+        Offsets of the points below the tip that are not zero, in the frames of their disks, m.
     bend_gain : ndarray (S,)
         Factor on the bends of constant curvature.
     """
@@ -138,7 +143,13 @@ class Setting:
     position: Floats
     turn: Floats
     tool: Floats
+    markers: Mapping[int, Floats]
     bend_gain: Floats
+
+    def offsets(self, count: int) -> Floats:
+        """Offsets (M, 3) of `count` measured points in the frames of their disks, m."""
+        none = np.zeros(3)
+        return np.stack([*(self.markers.get(k, none) for k in range(count - 1)), self.tool])
 
 
 class Unknowns:
@@ -270,6 +281,7 @@ class Unknowns:
             position=base[:3],
             turn=base[3:],
             tool=tool,
+            markers=_markers(extra),
             bend_gain=each("bend_gain", "segments"),
         )
 
@@ -301,6 +313,8 @@ class Unknowns:
             return [f"{name}.{member}" for member in _FRAMES[name]]
         if name == "delay" or (head in _FRAMES and name in _EXTRA):
             return [name]
+        if marker := _MARKER.fullmatch(name):
+            return [name] if marker[2] else [f"{name}.{axis}" for axis in "xyz"]
         if head in _EACH:
             kind, _, index = rest.partition(".")
             if kind in _EACH[head]:
@@ -350,7 +364,7 @@ class Unknowns:
         return InputError(
             f"there is no parameter {shown(name)}; {hint} must be a number of the robot "
             f"file, as {example_path(self.robot)}, or one of "
-            f"{', '.join([*_FRAMES, 'delay', *_EACH])}",
+            f"{', '.join([*_FRAMES, 'marker.0', 'delay', *_EACH])}",
             argument="parameters",
         )
 
@@ -404,6 +418,21 @@ class Unknowns:
             -min(sizes),
             min(sizes),
         )  # beyond, no matrix is positive definite
+
+
+def marker_of(name: str) -> int | None:
+    """Point below the tip, from 0, of which a parameter is the offset; None for others."""
+    found = _MARKER.fullmatch(name)
+    return int(found[1]) if found else None
+
+
+def _markers(extra: Mapping[str, float]) -> dict[int, Floats]:
+    """Offsets (3,) of markers by their numbers from 0."""
+    found: dict[int, Floats] = {}
+    for name, value in extra.items():
+        if marker := _MARKER.fullmatch(name):
+            found.setdefault(int(marker[1]), np.zeros(3))["xyz".index(marker[2])] = value
+    return found
 
 
 def _field_of_payload(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Piecewise linear model of the measured point near given parameters, with slack tendons.
+"""Piecewise linear model of the measured points near given parameters, with slack tendons.
 
 With T the tensions of the actuated tendons, s their slack lengths and d a change of the parameters,
 a row of measurements is
@@ -8,7 +8,8 @@ a row of measurements is
 
 a linear complementarity problem (LCP) per row (theory Eq. 4.1 and 4.2). Unlike the
 derivatives of one active set, it contains the changes where tendons become taut or slack. K is the
-number of rows, T that of tendons, P that of parameters; all values are in SI.
+number of rows, C that of measured coordinates in a row, T that of tendons, P that of parameters;
+all values are in SI.
 """
 
 from __future__ import annotations
@@ -67,13 +68,13 @@ def rho(z: Floats, loss: Loss, count: int) -> Floats:
 
 @dataclass(frozen=True)
 class Pieces:
-    """Piecewise linear model of the measured point.
+    """Piecewise linear model of the measured points.
 
     Attributes
     ----------
-    point_by_parameter : ndarray (K, 3, P)
+    point_by_parameter : ndarray (K, C, P)
         Derivatives at constant tensions of actuated tendons.
-    point_by_tension : ndarray (K, 3, T)
+    point_by_tension : ndarray (K, C, T)
     slack, tensions : ndarray (K, T)
         Slack lengths (m) and tensions (N) at no change.
     slack_by_parameter : ndarray (K, T, P)
@@ -103,8 +104,16 @@ class Pieces:
             slack_by_parameter=self.slack_by_parameter * step,
         )
 
+    def seen(self, which: Bools) -> Pieces:
+        """Return the model with coordinates (K, C) that stay in place where not measured."""
+        return replace(
+            self,
+            point_by_parameter=np.where(which[:, :, None], self.point_by_parameter, 0.0),
+            point_by_tension=np.where(which[:, :, None], self.point_by_tension, 0.0),
+        )
+
     def tangent(self, taut: Bools) -> Floats:
-        """Derivatives (K, 3, P) of the point while these tendons (K, T) are taut."""
+        """Derivatives (K, C, P) of the points while these tendons (K, T) are taut."""
         by = self._tensions_by_parameter(taut)
         return np.asarray(self.point_by_parameter + self.point_by_tension @ by)
 
@@ -114,7 +123,7 @@ class Pieces:
         return np.asarray(-np.linalg.solve(self._block(taut, self.slack_by_tension), held))
 
     def moved(self, change: Floats) -> tuple[Floats, Bools]:
-        """Change (K, 3) of the point for a change (P,) of parameters, and taut tendons (K, T)."""
+        """Change (K, C) of the points for a change (P,) of parameters, and taut tendons (K, T)."""
         free = self.slack + self.slack_by_parameter @ change
         free = free - np.einsum("kij,kj->ki", self.slack_by_tension, self.tensions)
         tensions, taut = self._complementary(free)
@@ -223,10 +232,10 @@ class Landscape:
     ----------
     pieces : Pieces
         Model of all used rows, in scaled parameters.
-    residuals : ndarray (3 K + Q,)
-        Residuals at no change, those of priors behind those of the data.
-    weight : ndarray (3 K,)
-        Residual per metre of the point.
+    residuals : ndarray (C K + Q,)
+        Residuals at no change, those of priors behind those of the data; zero where not measured.
+    weight : ndarray (C K,)
+        Residual per metre of the points.
     low, high : ndarray (P,)
         Bounds of the change.
     prior : ndarray (Q, P)

@@ -1,7 +1,8 @@
 """Minimisation of a fit's cost: residuals with derivatives, and search for minima.
 
-K is the number of rows, n that of used rows, P that of parameters, Q that of priors. Scaled
-parameters are SI values over their natural steps.
+K is the number of rows, M that of measured points in a row, n that of points that are measured in
+used rows, P that of parameters, Q that of priors. Scaled parameters are SI values over their
+natural steps.
 """
 
 from __future__ import annotations
@@ -70,9 +71,10 @@ class _Tangent:
 class Residuals:
     """Residuals in mm as a function of scaled parameters, with a cache for derivatives.
 
-    Rows are weighted by their uncertainty, relative to its median. Rows without an equilibrium at
-    the start of a descent are left out (`take`); where rows lose it later, their residuals are
-    extrapolated by the last derivatives.
+    `measured` (K, M, 3) is NaN where a point is not measured. Rows are weighted by their
+    uncertainty, relative to its median. Rows without an equilibrium at the start of a descent are
+    left out (`take`); where rows lose it later, their residuals are extrapolated by the last
+    derivatives.
 
     With friction a derivative needs a path over all rows for each parameter. Later derivatives,
     except by parameters of frames, are therefore Broyden updates (Math. Comp. 19, 1965), until they
@@ -92,6 +94,8 @@ class Residuals:
         self.priors = priors
         self._weights = np.ones(len(asked)) if sigma is None else np.median(sigma[asked]) / sigma
         self.used = asked
+        #: Whether a point (K, M) is measured.
+        self.seen: Bools = np.array(np.isfinite(measured).all(axis=2))
         self._line = line
         self.before = np.full_like(measured, np.nan)
         self.items = model.unknowns.items
@@ -107,7 +111,21 @@ class Residuals:
     @property
     def weight(self) -> Floats:
         """Weight of each residual (3 n,)."""
-        return np.repeat(self._weights[self.used], 3)
+        return self.of_rows(self._weights)
+
+    @property
+    def counted(self) -> Bools:
+        """Points (K, M) that are measured, of the used rows."""
+        return self.used[:, None] & self.seen
+
+    @property
+    def count(self) -> int:
+        """Number of residuals."""
+        return 3 * int(self.counted.sum())
+
+    def of_rows(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values (K,) of rows for each residual (3 n,)."""
+        return np.repeat(np.broadcast_to(values[:, None], self.seen.shape)[self.counted], 3)
 
     @property
     def unsolved(self) -> int:
@@ -120,7 +138,8 @@ class Residuals:
         at = self.model.predict(values)
         placed = values.copy()
         self._align(placed, at, start)
-        self.before = replace(at, setting=self.model.unknowns.setting(placed)).point - self.measured
+        placed_at = replace(at, setting=self.model.unknowns.setting(placed))
+        self.before = placed_at.points - self.measured
         low = np.array([item.low for item in self.items])
         inside = np.where(values <= low, low + 0.5 * self.step, values)
         if (inside != values).any():
@@ -158,7 +177,7 @@ class Residuals:
         """Select the rows that have an equilibrium here; return whether the selection changed."""
         solved = self.prediction(scaled).solved
         used = self.asked & solved
-        if 3 * used.sum() < max(self.priors.free, 1):
+        if 3 * (used[:, None] & self.seen).sum() < max(self.priors.free, 1):
             raise NoSolutionError(
                 f"{self.model.unknowns.robot.name}: {int((self.asked & ~solved).sum())} of "
                 f"{self.asked.sum()} rows have no solution, too many for "
@@ -173,10 +192,10 @@ class Residuals:
 
     def _align(self, values: Floats, at: Prediction, start: Mapping[str, float]) -> None:
         base = [i for i, item in enumerate(self.items) if item.name.startswith("base.")]
-        known = self.asked & at.solved
+        known = (self.asked & at.solved)[:, None] & self.seen
         if len(base) < 6 or any(name.startswith("base") for name in start) or not known.any():
             return
-        local = at.position + at.rotation @ at.setting.tool
+        local = at.position + at.arms
         motion = align(local[known], self.measured[known])
         values[base] = np.concatenate((motion.translation, motion.rotation_vector))
 
@@ -192,9 +211,9 @@ class Residuals:
         try:
             at = self.prediction(scaled)
         except InputError:  # invalid robot
-            return np.full(3 * int(self.used.sum()), 1e6)
-        error = 1e3 * (at.point - self.measured)[self.used].ravel() * self.weight
-        lost = np.repeat(~at.solved[self.used], 3)
+            return np.full(self.count, 1e6)
+        error = 1e3 * (at.points - self.measured)[self.counted].ravel() * self.weight
+        lost = self.of_rows(~at.solved)
         if lost.any():
             tangent = self._tangent
             error[lost] = 0.0
@@ -220,13 +239,14 @@ class Residuals:
         if jacobian is None:
             jacobian = self._columns(self.model.jacobian(scaled * self.step, at))
         jacobian = np.where(np.isfinite(jacobian), jacobian, 0.0)
-        lost = np.repeat(~at.solved[self.used], 3)
+        lost = self.of_rows(~at.solved)
         jacobian[lost] = 0.0 if last is None else last.jacobian[lost]
         self._tangent = _Tangent(scaled.copy(), residuals, jacobian, corrected)
         return jacobian
 
     def _columns(self, derivatives: Floats) -> Floats:
-        rows = derivatives[self.used].reshape(-1, len(self.items))
+        of_points = derivatives.reshape(*self.measured.shape, len(self.items))
+        rows = of_points[self.counted].reshape(-1, len(self.items))
         return np.asarray(1e3 * rows * self.step * self.weight[:, None])
 
     def _corrected(self, last: _Tangent, scaled: Floats, missed: Floats, at: Prediction) -> Floats:
@@ -246,7 +266,7 @@ class Residuals:
 
     def variance(self, cost: float) -> float:
         """Variance of a residual, mm^2, at least that of data without noise."""
-        free = max(3 * int(self.used.sum()) - self.priors.free, 1)
+        free = max(self.count - self.priors.free, 1)
         return float(max(2.0 * cost / free, (1e3 * EXACT) ** 2))
 
     def has_friction(self, scaled: Floats) -> bool:
@@ -256,7 +276,7 @@ class Residuals:
     def refuse_without_effect(self, scaled: Floats) -> None:
         """Raise `InputError` for a parameter without prior and without effect in the used rows."""
         size = np.linalg.norm(self.jacobian(scaled), axis=0)
-        idle = (size <= 1e-9 * np.sqrt(self.used.sum())) & ~self.priors.known
+        idle = (size <= 1e-9 * np.sqrt(self.count / 3)) & ~self.priors.known
         idle = np.flatnonzero(idle)
         pieces = self.pieces(scaled) if idle.size else None
         for i in idle:
@@ -267,15 +287,28 @@ class Residuals:
                     raise InputError(
                         f"parameter {name} is not identifiable: {why}, or leave the parameter out"
                     )
+                what = "the tip" if self.seen.shape[1] == 1 else "the measured points"
                 raise InputError(
-                    f"parameter {name} has no effect on the tip in these rows; leave it out"
+                    f"parameter {name} has no effect on {what} in these rows; leave it out"
                 )
 
     def pieces(self, scaled: Floats) -> Pieces | None:
         """Piecewise linear model of the used rows, in scaled parameters."""
         at = self.prediction(scaled)
         pieces = self.model.pieces(scaled * self.step, at)
-        return None if pieces is None else pieces.rows(at.solved & self.used).scaled(self.step)
+        if pieces is None:
+            return None
+        rows = at.solved & self.used
+        seen = np.repeat(self.seen[rows], 3, axis=1)
+        return pieces.rows(rows).seen(seen).scaled(self.step)
+
+    def in_rows(self, scaled: Floats) -> tuple[Floats, Floats]:
+        """Residuals and their weights (C K,) of the rows of `pieces`, zero where not measured."""
+        rows = self.prediction(scaled).solved & self.used
+        table = np.zeros(self.measured.shape)
+        table[self.counted] = self.residuals(scaled).reshape(-1, 3)
+        weight = np.repeat(self._weights[rows], table[0].size)
+        return table[rows].ravel(), weight
 
 
 class Search:
@@ -321,8 +354,7 @@ class Search:
             if changed:
                 self.noise = now.noise
         if self.loss != "linear":
-            count = 3 * int(self.work.used.sum())
-            turn = _TURN * max(spread(found.fun[:count], determined), 1e-9)
+            turn = _TURN * max(spread(found.fun[: self.work.count], determined), 1e-9)
             if turn <= 0.8 * self.turn:
                 self.turn, changed = turn, True
         return changed
@@ -330,13 +362,13 @@ class Search:
     def uncertainty(self, scaled: Floats) -> Uncertainty:
         """Uncertainty of the estimates if they were these."""
         work = self.work
-        errors = work.prediction(scaled).point - work.measured
+        errors = work.prediction(scaled).points - work.measured
         return Uncertainty.of(
             self.force(work.residuals(scaled)),
             work.jacobian(scaled),
             work.priors.jacobian(self.noise),
             self.noise,
-            Dependence.of(errors, work.used, self.group),
+            Dependence.of(errors, work.counted, self.group),
         )
 
     def force(self, residuals: Floats) -> tuple[Floats, Floats]:
@@ -369,16 +401,16 @@ class Search:
         if self._land is None or self._land[0] != key:
             land, pieces = None, work.pieces(scaled)
             if pieces is not None:
-                count = np.repeat(work.prediction(scaled).solved[work.used], 3)
+                residuals, weight = work.in_rows(scaled)
                 own = work.priors.residuals(scaled, self.noise)
                 land = Landscape(
                     pieces,
-                    np.concatenate([work.residuals(scaled)[count], own]),
-                    1e3 * work.weight[count],
+                    np.concatenate([residuals, own]),
+                    1e3 * weight,
                     work.low - scaled,
                     work.high - scaled,
                     work.priors.jacobian(self.noise),
-                    self._scipy_loss(int(count.sum())),
+                    self._scipy_loss(len(residuals)),
                 )
             self._land = key, land
         return self._land[1]
@@ -408,7 +440,7 @@ class Search:
             x_scale="jac",
             gtol=1e-10,
             **self.options,
-            **self._scipy_loss(3 * int(self.work.used.sum())),
+            **self._scipy_loss(self.work.count),
         )
 
     def _lowest(self, found: Any) -> Any:

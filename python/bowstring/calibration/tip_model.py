@@ -1,12 +1,14 @@
-"""Models of the measured point as a function of commands and parameters, with derivatives.
+"""Models of the measured points as a function of commands and parameters, with derivatives.
 
 There are two models: statics of the rod, and constant curvature with a gain on the bend of each
-segment. All values are in SI; K is the number of rows, T that of tendons, P that of parameters.
+segment. A measured point has an offset in the frame of its disk. All values are in SI; K is the
+number of rows, M that of measured points in a row, T that of tendons, P that of parameters.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring._core import Linearised
 from bowstring.calibration.parameters import TENDON_PROPERTIES, Setting, Unknown, Unknowns
 from bowstring.calibration.pieces import Pieces
 from bowstring.constant_curvature import Arc, RobotArcs
@@ -22,6 +25,7 @@ from bowstring.errors import BowstringError, InputError
 from bowstring.robot.model import Robot
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
+from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.model import RodModel
 
 __all__ = ["Commands", "Prediction", "TipModel", "paths_of", "rotation"]
@@ -38,6 +42,13 @@ _SETTLED: Final = 1e-8
 _PASSES: Final = 8
 #: Change of a displacement for a difference of the bend, m.
 _NUDGE: Final = 1e-5
+#: Parameters of frames and offsets, which move the points and not the robot.
+_FRAMES: Final = ("base.", "tool.", "marker.")
+#: Moment on a disk for a derivative, over bending stiffness and length.
+_PROBE: Final = 1e-3
+#: Places of a central difference of fourth order, and its weights.
+_PLACES: Final = np.array([-2.0, -1.0, 1.0, 2.0])
+_WEIGHTS: Final = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
 #: Number of neighbours from which the solution of a failed row is continued.
 _NEIGHBOURS: Final = 2
 
@@ -134,11 +145,11 @@ def rotation(turn: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Pose of the end disk by a model, in the robot's base frame.
+    """Poses of the disks of the measured points by a model, in the robot's base frame.
 
     Attributes
     ----------
-    position, rotation : ndarray (K, 3), (K, 3, 3)
+    position, rotation : ndarray (K, M, 3), (K, M, 3, 3)
         Position (m) and rotation, NaN where the model has no solution.
     solved : ndarray of bool (K,)
         Rows in which the model has a solution.
@@ -151,6 +162,8 @@ class Prediction:
     left : ndarray (K, T) or None
         Commands less the displacement that is lost in the holes, kept for derivatives; None without
         clearance.
+    disks : tuple of int
+        Disks of the measured points, from 0; empty for the end disk alone.
     columns : list
         Derivatives by each parameter, computed on demand.
     """
@@ -163,6 +176,7 @@ class Prediction:
     tensions: Floats | None = None
     slack: Floats | None = None
     left: Floats | None = None
+    disks: tuple[int, ...] = ()
     columns: list[_Column] = field(default_factory=list, repr=False)
 
     @cached_property
@@ -171,15 +185,31 @@ class Prediction:
         return None if self.solutions is None else _Exact.of(self.solutions, self)
 
     @property
-    def point(self) -> Floats:
-        """Measured point (K, 3) in the measuring frame, m."""
-        local = self.position + self.rotation @ self.setting.tool
+    def arms(self) -> Floats:
+        """Offsets (K, M, 3) of the measured points from their disks, in the base frame, m."""
+        offsets = self.setting.offsets(self.position.shape[1])
+        return np.stack([self.rotation[:, m] @ each for m, each in enumerate(offsets)], axis=1)
+
+    @property
+    def points(self) -> Floats:
+        """Measured points (K, M, 3) in the measuring frame, m; the last is the tip."""
+        local = (self.position + self.arms).reshape(-1, 3)
         moved: Floats = local @ rotation(self.setting.turn).T + self.setting.position
-        return moved
+        return moved.reshape(self.position.shape)
+
+    @property
+    def point(self) -> Floats:
+        """The last measured point (K, 3), the tip, in the measuring frame, m."""
+        return np.asarray(self.points[:, -1])
+
+    @property
+    def coordinates(self) -> Floats:
+        """Coordinates (K, 3 M) of the measured points in the measuring frame, m."""
+        return self.points.reshape(len(self.position), -1)
 
 
 class TipModel:
-    """Measured point as a function of the parameters.
+    """Measured points as a function of the parameters.
 
     Parameters
     ----------
@@ -187,16 +217,27 @@ class TipModel:
     commands : Commands
     rod : RodModel or None
         Statics, by default with one element; None means constant curvature.
+    disks : sequence of int, optional
+        Disk of each measured point, from 0; by default one point on the end disk, the tip.
     """
 
-    def __init__(self, unknowns: Unknowns, commands: Commands, rod: RodModel | None) -> None:
+    def __init__(
+        self,
+        unknowns: Unknowns,
+        commands: Commands,
+        rod: RodModel | None,
+        disks: Sequence[int] | None = None,
+    ) -> None:
+        end = len(unknowns.robot.disks.station_m) - 1
+        self.disks = (end,) if disks is None else tuple(disks)
+        self._at_end = np.array([disk == end for disk in self.disks])
         self.unknowns = unknowns
         self.commands = commands
         self.rod = None if rod is None else rod.replace(elements=rod.elements or 1)
         self.solves = 0
 
     def predict(self, values: Floats, *, keep: bool = False) -> Prediction:
-        """Predict the pose of the end disk for values (P,) of the parameters.
+        """Predict the poses of the disks for values (P,) of the parameters.
 
         Raises
         ------
@@ -211,30 +252,31 @@ class TipModel:
         return self._rod(self.rod, setting, given, keep)
 
     def jacobian(self, values: Floats, at: Prediction) -> Floats:
-        """Derivatives (K, 3, P) of the measured point.
+        """Derivatives (K, 3 M, P) of the coordinates of the measured points.
 
-        Exact by parameters of displacements and tensions, by E, base and tool, unless the robot has
-        a memory; central differences by the others.
+        Exact by parameters of displacements and tensions, by base, tool and markers, and by E where
+        all points are on the end disk, unless the robot has a memory; central differences by the
+        others.
         """
         return np.stack([column.whole for column in self._columns(values, at)], axis=-1)
 
     @property
     def of_frames(self) -> Bools:
-        """Parameters (P,) of the base or the tool."""
-        return np.array([n.startswith(("base.", "tool.")) for n in self.unknowns.names], dtype=bool)
+        """Parameters (P,) of the base, the tool or the markers."""
+        return np.array([n.startswith(_FRAMES) for n in self.unknowns.names], dtype=bool)
 
     def frame_jacobian(self, values: Floats, at: Prediction) -> Floats:
-        """Derivatives (K, 3, P) by base and tool, zero by other parameters."""
-        table = np.zeros((len(self.commands), 3, len(values)))
+        """Derivatives (K, 3 M, P) by base, tool and markers, zero by other parameters."""
+        table = np.zeros((len(self.commands), 3 * len(self.disks), len(values)))
         for i in np.flatnonzero(self.of_frames).tolist():
             table[:, :, i] = self._by_frame(i, values, at)
         return table
 
     def _by_frame(self, i: int, values: Floats, at: Prediction) -> Floats:
-        return self._difference(i, values, lambda setting: replace(at, setting=setting).point)
+        return self._difference(i, values, lambda s: replace(at, setting=s).coordinates)
 
     def pieces(self, values: Floats, at: Prediction) -> Pieces | None:
-        """Piecewise linear model of the measured point, with tendons that become taut or slack.
+        """Piecewise linear model of the measured points, with tendons that become taut or slack.
 
         None where no tendon is displacement-controlled, where the displacements do not determine
         the tensions, with a memory or clearance in the holes, and for constant curvature. Rows
@@ -289,21 +331,48 @@ class TipModel:
             solutions.append(core.step(held, row, _NO_LOAD))
         solved = np.array([s.converged for s in solutions])
         _continue_from_neighbours(core, by_displacement, given, solutions, solved)
-        position = _table(solutions, solved, "tip_position", 3)
-        turned = _table(solutions, solved, "tip_rotation", 3, 3)
+        found = {
+            "tip_position": _table(solutions, solved, "tip_position", 3),
+            "tip_rotation": _table(solutions, solved, "tip_rotation", 3, 3),
+        }
+        if not self._at_end.all():
+            count = len(robot.disks.station_m)
+            found["disk_positions"] = _table(solutions, solved, "disk_positions", count, 3)
+            found["disk_rotations"] = _table(solutions, solved, "disk_rotations", count, 3, 3)
         slack = _table(solutions, solved, "slack_lengths", given.shape[1])
-        return Prediction(position, turned, solved, setting, solutions, slack=slack, left=left)
+        return Prediction(
+            *self._poses(found),
+            solved,
+            setting,
+            solutions,
+            slack=slack,
+            left=left,
+            disks=self.disks,
+        )
+
+    def _poses(self, found: Mapping[str, Floats]) -> tuple[Floats, Floats]:
+        """Positions (K, M, 3) and rotations (K, M, 3, 3) of the disks of the measured points."""
+        poses = []
+        for kind in ("position", "rotation"):
+            tip = found[f"tip_{kind}"][:, None]
+            if self._at_end.all():
+                poses.append(np.repeat(tip, len(self.disks), axis=1))
+                continue
+            on_disks = found[f"disk_{kind}s"][:, list(self.disks)]
+            on_disks[:, self._at_end] = tip
+            poses.append(on_disks)
+        return poses[0], poses[1]
 
     def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
         """Predict by the rod in rows, with a memory along each path from the home pose."""
-        at = self._follow(core, setting.robot, given)
+        at = self._follow(core, setting.robot, given, disks=not self._at_end.all())
         return Prediction(
-            at["tip_position"],
-            at["tip_rotation"],
+            *self._poses(at),
             at["converged"],
             setting,
             tensions=at["tensions"],
             slack=at["slack_lengths"],
+            disks=self.disks,
         )
 
     def _follow(
@@ -319,7 +388,7 @@ class TipModel:
             late = self.commands.durations(rows) if robot.is_viscoelastic else None
             found.append(core.follow(by_displacement, given[rows], _NO_LOAD, disks, threads, late))
         names = ["tip_position", "tip_rotation", "converged", "tensions", "slack_lengths"]
-        names += ["disk_rotations"] * disks
+        names += ["disk_positions", "disk_rotations"] * disks
         back = np.argsort(np.concatenate(paths))
         return {name: np.concatenate([each[name] for each in found])[back] for name in names}
 
@@ -373,8 +442,12 @@ class TipModel:
                 "rows mix both"
             )
         bent = Arc(arc.kappa * setting.bend_gain, arc.phi, arc.length)
-        position, turned = RobotArcs(robot, bent).tip
-        return Prediction(position, turned, np.ones(len(given), bool), setting)
+        arcs = RobotArcs(robot, bent)
+        found = dict(zip(("tip_position", "tip_rotation"), arcs.tip, strict=True))
+        if not self._at_end.all():
+            found["disk_positions"] = arcs.disk_positions
+            found["disk_rotations"] = arcs.disk_rotations
+        return Prediction(*self._poses(found), np.ones(len(given), bool), setting, disks=self.disks)
 
     # -- derivatives -------------------------------------------------------------------------
 
@@ -382,10 +455,10 @@ class TipModel:
         item, exact = self.unknowns.items[i], at.exact
         name = item.name
         none = np.zeros(self.commands.values.shape)
-        if name.startswith(("base.", "tool.")):
+        if name.startswith(_FRAMES):
             moved = self._by_frame(i, values, at)
             return _Column(moved, moved, none, none)
-        still = np.zeros((len(none), 3))
+        still = np.zeros((len(none), 3 * len(self.disks)))
         by_displacement = self.commands.by_displacement
         if exact is not None and (holes is None or by_displacement.all()):
             if not item.paths and not name.startswith(("hole_angle", "pitch_radius", "bend_gain")):
@@ -404,10 +477,11 @@ class TipModel:
                 gives = np.where(by_displacement, exact.tensions * by_compliance, 0.0)
                 longer = by_home + gives
                 return exact.column(still, longer if holes is None else holes.follow(longer), none)
-            if item.leaf == "E" and holes is None and self._same_nu(item):
+            by_stiffness = exact.by_stiffness if holes is None else None
+            if item.leaf == "E" and by_stiffness is not None and self._same_nu(item):
                 for path in item.paths:
                     j = int(path.split(".")[1])
-                    still = still + exact.by_stiffness[:, :, j] / values[i]
+                    still = still + by_stiffness[:, :, j] / values[i]
                     by_home = by_home - exact.lengths_by_stiffness[:, :, j] / values[i]
                 return exact.column(still, by_home, none)
 
@@ -416,13 +490,13 @@ class TipModel:
         return self._by_differences(change, at)
 
     def _state(self, setting: Setting) -> Floats:
-        """Point, tensions and slack lengths (K, 3 + 2 T); for constant curvature the point only."""
+        """Coordinates, tensions and slack lengths (K, 3 M + 2 T); of arcs coordinates only."""
         given = self.commands.effective(setting)
         if self.rod is None:
-            return self._arcs(setting, given).point
+            return self._arcs(setting, given).coordinates
         found = self._rod(self.rod, setting, given, keep=False)
         assert found.tensions is not None and found.slack is not None
-        return np.concatenate((found.point, found.tensions, found.slack), axis=1)
+        return np.concatenate((found.coordinates, found.tensions, found.slack), axis=1)
 
     def _small(self, at: Prediction) -> float:
         return _SMALL_FRICTION if at.setting.robot.has_friction else _SMALL
@@ -430,13 +504,13 @@ class TipModel:
     def _by_differences(self, change: Floats, at: Prediction) -> _Column:
         """Convert central differences of `_state` to derivatives."""
         exact = at.exact
-        count = self.commands.values.shape[1]
         none = np.zeros(self.commands.values.shape)
+        size = 3 * len(self.disks)
         if exact is None:
-            return _Column(change[:, :3], change[:, :3], none, none)
+            return _Column(change[:, :size], change[:, :size], none, none)
         by_displacement = self.commands.by_displacement
         change = np.where(at.solved[:, None], change, 0.0)
-        whole, tensions, slack = change[:, :3], change[:, 3 : 3 + count], change[:, 3 + count :]
+        whole, (tensions, slack) = change[:, :size], np.split(change[:, size:], 2, axis=1)
         forced = np.where(by_displacement, 0.0, tensions)
         by_tensions = np.einsum("kit,kt->ki", exact.by_tension, tensions)
         slack = slack - np.einsum("kst,kt->ks", exact.slack_by_tension, tensions)
@@ -532,10 +606,10 @@ class _Column:
 
     Attributes
     ----------
-    whole : ndarray (K, 3)
-        Derivative of the measured point.
-    point, slack : ndarray (K, 3), (K, T)
-        Derivatives of the measured point and of the slack lengths at constant tensions.
+    whole : ndarray (K, 3 M)
+        Derivatives of the measured points.
+    point, slack : ndarray (K, 3 M), (K, T)
+        Derivatives of the measured points and of the slack lengths at constant tensions.
     tensions : ndarray (K, T)
         Derivative of commanded tensions.
     """
@@ -566,15 +640,51 @@ class _InHoles:
         return np.asarray(np.einsum("kst,kt->ks", self.share, change))
 
 
+def _of_disks(
+    solutions: list[Any], at: Prediction, disks: Sequence[int]
+) -> dict[int, tuple[Floats, Floats]]:
+    """Derivatives (K, 3, T) of positions and rotation vectors of disks by tensions.
+
+    By reciprocity (Maxwell and Betti): a force on a disk shortens a tendon by what the tension of
+    the tendon moves the disk. Zero for unsolved rows.
+    """
+    robot = at.setting.robot
+    length, count = robot.length, len(robot.disks.station_m)
+    moment = _PROBE * float(robot.bending_stiffness.min()) / length
+    lengths = slice(7, 7 + robot.core.tendon_count)  # behind tip, its rotation vector and energy
+    linearised = []
+    for k in np.flatnonzero(at.solved) if disks else ():
+        core = Linearised.at(solutions[k])
+        assert core is not None  # it has derivatives
+        linearised.append((k, core, np.tile(solutions[k].tensions, (len(_PLACES), 1))))
+    found = {}
+    for disk in disks:
+        both = []
+        for name, size in (("disk_forces", moment / length), ("disk_moments", moment)):
+            table = np.zeros((len(at.solved), 3, robot.core.tendon_count))
+            for axis in range(3):
+                wrench = np.zeros((len(_PLACES), count, 3))
+                wrench[:, disk, axis] = _PLACES * size
+                load = with_arrays(Load(**{name: wrench}), " or (n, N, 3)")
+                weights = np.stack([_WEIGHTS, _WEIGHTS, 0.0 * _WEIGHTS]) / size
+                for k, core, tensions in linearised:
+                    row = core.along(None, tensions, load, _PLACES * size, weights)[0]
+                    table[k, axis] = -row[lengths]
+            both.append(table)
+        found[disk] = (both[0], both[1])
+    return found
+
+
 @dataclass(frozen=True)
 class _Exact:
-    """Derivatives of the measured point by tensions and stiffness; zero for unsolved rows.
+    """Derivatives of the measured points by tensions and stiffness; zero for unsolved rows.
 
     Attributes
     ----------
-    by_tension : ndarray (K, 3, T)
-    by_stiffness : ndarray (K, 3, S)
-        Derivative by the relative change of the stiffness of each segment at constant tensions.
+    by_tension : ndarray (K, 3 M, T)
+    by_stiffness : ndarray (K, 3 M, S) or None
+        Derivative by the relative change of the stiffness of each segment at constant tensions;
+        None with points that are not on the end disk.
     lengths_by_stiffness : ndarray (K, T, S)
     slack_by_tension : ndarray (K, T, T)
         slack = home length - displacement - length + compliance x tension (theory Eq. 4.1)
@@ -584,7 +694,7 @@ class _Exact:
     """
 
     by_tension: Floats
-    by_stiffness: Floats
+    by_stiffness: Floats | None
     lengths_by_stiffness: Floats
     slack_by_tension: Floats
     answer: Floats
@@ -617,15 +727,24 @@ class _Exact:
         if not np.isfinite(block).all() or np.linalg.cond(block).max() > 1e10:
             return None
         spin = rotation(at.setting.turn)
-        arm = np.where(at.solved[:, None], at.rotation @ at.setting.tool, 0.0)
+        arms = np.where(at.solved[:, None, None], at.arms, 0.0)
+        end = len(at.setting.robot.disks.station_m) - 1
+        disks = at.disks or (end,)
+        below = _of_disks(solutions, at, [disk for disk in disks if disk != end])
 
-        def point(name: str) -> Floats:
-            turned = np.cross(stacked(f"tip_rotation_by_{name}"), arm[:, :, None], axis=1)
-            return np.asarray(spin @ (stacked(f"tip_position_by_{name}") + turned))
+        def points(name: str) -> Floats:
+            tip = stacked(f"tip_position_by_{name}"), stacked(f"tip_rotation_by_{name}")
+            of_disk = {end: tip, **below}
+            found = []
+            for m, disk in enumerate(disks):
+                moved, turned = of_disk[disk]
+                turned = np.cross(turned, arms[:, m, :, None], axis=1)
+                found.append(np.asarray(spin @ (moved + turned)))
+            return np.concatenate(found, axis=1)
 
         return cls(
-            by_tension=point("tension"),
-            by_stiffness=point("stiffness"),
+            by_tension=points("tension"),
+            by_stiffness=None if below else points("stiffness"),
             lengths_by_stiffness=stacked("lengths_by_stiffness"),
             slack_by_tension=by_tension,
             answer=np.where(both, np.linalg.inv(block), 0.0),
@@ -633,7 +752,7 @@ class _Exact:
         )
 
     def column(self, point: Floats, slack: Floats, tensions: Floats) -> _Column:
-        """Column from changes at constant tensions (K, 3), (K, T) and commanded tensions (K, T)."""
+        """Column from changes at constant tensions (K, 3 M), (K, T) and of commanded tensions."""
         lacks = slack + np.einsum("kst,kt->ks", self.slack_by_tension, tensions)
         follow = tensions - np.einsum("kst,kt->ks", self.answer, lacks)
         whole = point + np.einsum("kit,kt->ki", self.by_tension, follow)

@@ -156,6 +156,36 @@ class OutlierRow(Object):
     distance_mm: Annotated[float, about("Tip error.")]
 
 
+class PointErrors(Object):
+    """Errors of one measured point over the fitted rows in which it is measured."""
+
+    disk: Annotated[int, about("Number of its disk, from 1.")]
+    station: Annotated[float, about("Arc length of the disk over the length of the robot.")]
+    rows: Annotated[int, about("Fitted rows in which it is measured.")]
+    rmse_mm: Annotated[OrNull, about("Root mean square of the distance to the predicted point.")]
+    mean_mm: Annotated[OrNull, about("Mean distance.")]
+    max_mm: Annotated[OrNull, about("Largest distance.")]
+    rmse_centred_mm: Annotated[
+        OrNull, about("Root mean square of the distance without the mean error vector.")
+    ]
+    mean_centred_mm: Annotated[OrNull, about("Mean distance without the mean error vector.")]
+    rmse_before_mm: Annotated[OrNull, about("Root mean square of the distance before the fit.")]
+
+
+class AllPointErrors(Object):
+    """Errors over all measured points of the fitted rows."""
+
+    count: Annotated[int, about("Number of points over all rows.")]
+    rmse_mm: Annotated[OrNull, about("Root mean square of the distance to the predicted point.")]
+    mean_mm: Annotated[OrNull, about("Mean distance.")]
+    max_mm: Annotated[OrNull, about("Largest distance.")]
+    rmse_centred_mm: Annotated[
+        OrNull, about("Root mean square of the distance without the mean error vector.")
+    ]
+    mean_centred_mm: Annotated[OrNull, about("Mean distance without the mean error vector.")]
+    rmse_before_mm: Annotated[OrNull, about("Root mean square of the distance before the fit.")]
+
+
 class EndOfFit(Object):
     """Estimates, and how the fit ended."""
 
@@ -187,6 +217,11 @@ class FitNumbers(EndOfFit, TipErrors):
         ),
     ]
     mean_before_mm: Annotated[OrNull, about("Mean of the same.")]
+    points: Annotated[
+        list[PointErrors],
+        about("Measured points that are fitted, from base to tip; the last is the tip."),
+    ]
+    all_points: Annotated[AllPointErrors, about("Errors over all of them.")]
     noise_mm: Annotated[
         OrNull, about("Scatter of a coordinate by its median, which outliers hardly change.")
     ]
