@@ -221,6 +221,11 @@ class Fit:
         return self.point_residuals[:, -1]
 
     @property
+    def used_tips(self) -> Bools:
+        """Fitted rows (K,) with a measured tip."""
+        return self.used & np.isfinite(self.residuals).all(axis=1)
+
+    @property
     def before(self) -> Floats:
         """Residuals of the tip (K, 3) at the initial parameters, m."""
         return self.points_before[:, -1]

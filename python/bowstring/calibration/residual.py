@@ -354,8 +354,14 @@ def fit_residual(
             "needs one kind of command for each tendon"
         )
     _check_order(commands, Hyperparameters())
+    end = len(found.robot.disks.station_m)
+    if found.points[-1].disk != end:
+        raise InputError(
+            f"the last point is on disk {found.points[-1].disk}; a residual is of a tip on the end "
+            f"disk, disk {end}"
+        )
     measured = observations.tips(data, len(commands))
-    used = observations.fitted_rows(found.used if rows is None else rows, measured)
+    used = observations.fitted_rows(found.used_tips if rows is None else rows, measured)
     values = found.outside_robot
     model = TipModel(Unknowns(found.robot, [], values), commands, found.rod)
     table = Table(commands.values, model.predict(np.zeros(0)).point, commands.paths)

@@ -34,7 +34,7 @@ Kind = Literal["rod", "arc", "commands"]
 #: Numbers of fitted rows that are compared, beside all.
 _COUNTS: Final = (50, 100, 300)
 #: Parameters that constant curvature shares with statics.
-_OF_BOTH: Final = ("base", "tool", "gain", "offset", "backlash", "delay", "hole_angle")
+_OF_BOTH: Final = ("base", "tool", "marker", "gain", "offset", "backlash", "delay", "hole_angle")
 _OF_ARCS: Final = ("bend_gain", "pitch_radius")
 
 
@@ -186,7 +186,7 @@ def study_residual(
 
 
 def _rows_of(calibration: Calibration) -> _Rows:
-    data, used = calibration.data, calibration.fit.used
+    data, used = calibration.data, calibration.fit.used_tips
     other, judged = calibration.other, calibration.held_out
     if other is not None:
         judged = other.seen

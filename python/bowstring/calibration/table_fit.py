@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.atomic_io import readable
+from bowstring.calibration import observations
 from bowstring.calibration.cross_validation import CrossValidation, cross_validate, hold_out
 from bowstring.calibration.filtering import (
     Filtered,
@@ -60,7 +61,10 @@ _MOST_BYTES: Final = 1_000_000
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Fit to K rows of measurements, with validation and diagnostics; made by `calibrate`."""
+    """Fit to K rows of measurements, with validation and diagnostics; made by `calibrate`.
+
+    Validation, filter and outliers are of the tip, whichever points are fitted.
+    """
 
     data: Measurements
     """The table."""
@@ -336,7 +340,8 @@ def calibrate(
     rows = None
     if holdout is not None:
         out = hold_out(robot, data, holdout)
-        rows = ~out & data.seen
+        points = observations.measured_points(data, robot, len(data))
+        rows = ~out & points.seen.any(axis=1)
     notify("fit", 0.0)
     order = check_tendons(robot, data)
     try:

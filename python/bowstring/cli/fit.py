@@ -63,11 +63,11 @@ def fit(
         option(
             "NAME",
             "Parameter to fit: a number of the robot file (segments.0.backbone.E, "
-            "payloads.0.mass), base, tool, gain, offset, backlash, hole_clearance, delay, "
-            "hole_angle, pitch_radius, bend_gain. Repeatable.",
+            "payloads.0.mass), base, tool, marker.0, gain, offset, backlash, hole_clearance, "
+            "delay, hole_angle, pitch_radius, bend_gain. Repeatable.",
             values=completion.words(
-                *("base", "tool", "gain", "offset", "backlash", "hole_clearance", "delay"),
-                *("hole_angle", "pitch_radius", "bend_gain", "segments.0.backbone.E"),
+                *("base", "tool", "marker.0", "gain", "offset", "backlash", "hole_clearance"),
+                *("delay", "hole_angle", "pitch_radius", "bend_gain", "segments.0.backbone.E"),
             ),
         ),
     ],
@@ -151,7 +151,7 @@ def fit(
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate a robot: fit parameters to measured tips."""
+    """Calibrate a robot: fit parameters to measured tips and points along the body."""
     from bowstring.calibration import table_fit
     from bowstring.data import datasets
     from bowstring.data.measurements import read_measurements
@@ -299,9 +299,10 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     left += f", {data.left_out} left out" if data.left_out else ""
     kept = f", {counted(int(found.held_out.sum()), 'row')} held out" if found.held_out.any() else ""
     what = "statics" if fit.model == "rod" else "constant curvature"
+    several = f", {len(fit.points)} points a row" if len(fit.points) > 1 else ""
     yield (
         f"{fit.robot.name}, {what}, fitted to {data.name} ({data.source}): "
-        f"{counted(int(fit.used.sum()), 'row')}{kept}{left}"
+        f"{counted(int(fit.used.sum()), 'row')}{several}{kept}{left}"
     )
     some = [">prior"] if any(e.prior_sd for e in fit.estimates) else []
     table = new_table(
@@ -343,6 +344,8 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
         cells = [fixed(1e3 * v, 3) for v in (score.rmse, score.mean, score.largest)]
         scores.add_row(name, str(score.count), *cells)
     yield scores
+    if len(fit.points) > 1:
+        yield _point_table(fit)
     if found.other is not None and found.other_score is not None:
         own = found.other_score
         yield (
@@ -375,6 +378,24 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
         yield f"Calibrated robot: {folder / 'robot.yaml'}"
         if found.beside:
             yield f"Base, tool and actuation, for --start: {folder / table_fit.BESIDE}"
+
+
+def _point_table(fit: Fit) -> Table:
+    """Errors of each measured point after the fit, and its RMSE before."""
+    table = new_table(
+        "point", ">disk", ">rows", ">RMSE mm", ">mean mm", ">largest mm", ">RMSE mm before"
+    )
+    last = len(fit.points)
+    rows = [
+        ("tip" if k == last else str(k), str(each.disk), each.score, each.before)
+        for k, each in enumerate(fit.points, start=1)
+    ]
+    rows.append(("all", "", fit.score_of_points, fit.score_of_points_before))
+    for name, disk, score, before in rows:
+        sizes = (score.rmse, score.mean, score.largest, before.rmse)
+        cells = [fixed(1e3 * size, 3) for size in sizes]
+        table.add_row(name, disk, str(score.count), *cells)
+    return table
 
 
 def _residual_tables(found: ResidualStudy, folder: Path | None) -> Iterator[Table | str]:

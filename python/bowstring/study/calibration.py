@@ -374,14 +374,14 @@ def _clearly_better(plain: Fit, richer: Fit) -> bool:
         return False
     before, after = _squares(plain), _squares(richer)
     more = len(richer.estimates) - len(plain.estimates)
-    dof = 3 * int(richer.used.sum()) - len(richer.estimates)
+    dof = 3 * richer.score_of_points.count - len(richer.estimates)
     if dof <= 0 or after >= before:
         return False
     return explained_p(before, after, more, dof) < EXTRA_LOAD
 
 
 def _squares(found: Fit) -> float:
-    return float(np.nansum(found.residuals[found.used] ** 2))
+    return float(np.nansum(found.point_residuals[found.used] ** 2))
 
 
 def _gravity(found: Fit) -> tuple[Array, Array]:
