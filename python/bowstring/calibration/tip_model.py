@@ -319,6 +319,9 @@ class TipModel:
         robot = setting.robot
         by_displacement = self.commands.by_displacement
         given = np.where(by_displacement, given, np.maximum(given, 0.0))
+        continuous = robot.is_embedded or rod.tendon_path == "continuous"
+        if continuous and not by_displacement.any() and not robot.has_memory:
+            return self._by_tensions(rod, setting, given)
         core = actuation.Path(robot, rod).core
         left = None
         if setting.hole_clearance.any():
@@ -347,6 +350,19 @@ class TipModel:
             solutions,
             slack=slack,
             left=left,
+            disks=self.disks,
+        )
+
+    def _by_tensions(self, rod: RodModel, setting: Setting, given: Floats) -> Prediction:
+        """Predict by continuous tendons, which have tensions only and no derivatives."""
+        below = not self._at_end.all()
+        at = setting.robot.core.solve_batch(given, _NO_LOAD, rod, 0, below)
+        return Prediction(
+            *self._poses(at),
+            at["converged"],
+            setting,
+            tensions=given,
+            slack=np.zeros_like(given),
             disks=self.disks,
         )
 

@@ -1,4 +1,7 @@
-"""Predictions of the models of a set, and fits of their parameters to other observables than tips.
+"""Predictions of the models of a set, and fits of their parameters.
+
+Tips and markers are fitted by `bowstring.fit`. Bends, and rows with loads of their own, are fitted
+here by least squares on these.
 
 K is the number of rows. All values are in SI.
 """
@@ -13,12 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring.calibration import fitting, observations
+from bowstring.calibration.observations import Measured
 from bowstring.calibration.parameters import Setting, Unknowns
-from bowstring.calibration.tip_model import rotation
-from bowstring.constant_curvature import Arc, RobotArcs, fit_arcs
+from bowstring.calibration.tip_model import Commands, Prediction, TipModel
+from bowstring.constant_curvature import fit_arcs
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
+from bowstring.statics.model import RodModel
 from bowstring.statics.rod import solve_batch, sweep
 from bowstring.suite.metrics import Observable
 from bowstring.suite.protocol import Model, SuiteSet, marker_disk
@@ -117,20 +122,26 @@ def fitted(given: SuiteSet, model: Model, table: Table, rows: Bools | None = Non
     assert given.robot is not None
     robot = given.robot.with_(model.changes) if model.changes else given.robot
     observable = next(iter(given.metrics.values())).observable
-    if model.parameters and observable == "tip" and table.load is None:
+    markers = _Markers.of(given, robot)
+    if model.parameters and observable in ("tip", "markers") and table.load is None:
+        data = markers.placed(table)
+        measured = np.isfinite(data.points).all(axis=2).any(axis=1)
         found = fitting.fit(
             robot,
-            table.data,
+            data,
             model.parameters,
             model=None if model.model == "rod" else "arc",
-            start=model.start,
-            rows=None if rows is None else rows & table.data.seen,
+            start={**markers.offsets, **model.start},
+            rows=None if rows is None else rows & measured,
             loss=model.loss,
         )
-        return Fitted(
-            lambda other: found.predict(other.data), found.values, found.converged, found.message
-        )
-    return _fit(_Predictor(given, model, robot, observable), model, table, rows)
+
+        def predict(other: Table) -> Floats:
+            points = found.predict_points(markers.placed(other))
+            return points if observable == "markers" else points[:, -1]
+
+        return Fitted(predict, found.values, found.converged, found.message)
+    return _fit(_Predictor(model, robot, markers, observable), model, table, rows)
 
 
 def arcs_of_shapes(table: Table, pieces: int) -> Floats:
@@ -160,73 +171,106 @@ def arcs_of_shapes(table: Table, pieces: int) -> Floats:
 # -- observables of any kind -----------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class _Markers:
+    """Disks of the markers of a set, and their offsets; none without markers.
+
+    Attributes
+    ----------
+    disks : tuple of int
+        Disk of each marker, from 0.
+    stations : ndarray (M,)
+        Arc lengths of these disks as shares of the length.
+    offsets : dict
+        Offsets of the markers below the tip, as parameters of `bowstring.fit`.
+    tool : ndarray (3,) or None
+        Offset of the last marker, m.
+    """
+
+    disks: tuple[int, ...]
+    stations: Floats
+    offsets: Mapping[str, float]
+    tool: Floats | None
+
+    @classmethod
+    def of(cls, given: SuiteSet, robot: Robot) -> _Markers:
+        """Markers of a set on the disks of its robot."""
+        markers = given.protocol.markers
+        disks = tuple(marker_disk(robot, marker) for marker in markers)
+        offsets = {
+            f"marker.{k}.{axis}": value
+            for k, marker in enumerate(markers[:-1])
+            for axis, value in zip("xyz", marker.offset, strict=True)
+        }
+        tool = np.array(markers[-1].offset) if markers else None
+        return cls(disks, robot.disks.station_m[list(disks)] / robot.length, offsets, tool)
+
+    def placed(self, table: Table) -> Measured:
+        """Measurements of a table with the stations of the markers."""
+        if self.tool is None:
+            return table.data
+        return replace(table.data, stations=self.stations, tool=self.tool)
+
+
 class _Predictor:
     """Observable of a table as a function of parameter values."""
 
-    def __init__(self, given: SuiteSet, model: Model, robot: Robot, observable: Observable) -> None:
-        if any(n.startswith("hole_clearance") for n in (*model.parameters, *model.start)):
-            raise InputError(
-                f"{model.name}: hole_clearance is for fits of a measured tip; leave it out"
-            )
-        self.model, self.observable = model, observable
-        self.unknowns = Unknowns(robot, model.parameters, model.start)
-        markers = given.protocol.markers
-        self.disks = [marker_disk(robot, marker) for marker in markers]
-        self.offsets = np.array([marker.offset for marker in markers]).reshape(-1, 3)
+    def __init__(
+        self, model: Model, robot: Robot, markers: _Markers, observable: Observable
+    ) -> None:
+        self.model, self.observable, self.markers = model, observable, markers
+        self.unknowns = Unknowns(robot, model.parameters, {**markers.offsets, **model.start})
 
     def __call__(self, values: ArrayLike, table: Table) -> Floats:
         """Observable (K, ...) of parameter values (P,)."""
-        setting = self.unknowns.setting(np.asarray(values, dtype=float))
-        at = self._arcs if self.model.model == "constant_curvature" else self._rod
-        position, turned = at(setting, table)
+        at = self._prediction(np.asarray(values, dtype=float), table)
         if self.observable == "bend":
-            tangent = turned[:, -1, :, 2]
+            tangent = at.rotation[:, -1, :, 2]
             return np.asarray(np.arctan2(np.hypot(tangent[:, 0], tangent[:, 1]), tangent[:, 2]))
-        if self.observable == "tip":
-            tool = setting.tool if setting.tool.any() else table.data.tool
-            local = position[:, -1] + turned[:, -1] @ tool
-        else:
-            local = position[:, self.disks]
-            local = local + np.einsum("kpij,pj->kpi", turned[:, self.disks], self.offsets)
-        return np.asarray(local @ rotation(setting.turn).T + setting.position)
+        if not at.setting.tool.any():
+            tool = observations.tool(self.markers.placed(table))
+            at = replace(at, setting=replace(at.setting, tool=tool))
+        return at.points if self.observable == "markers" else at.point
 
-    def _rod(self, setting: Setting, table: Table) -> tuple[Floats, Floats]:
-        """Positions (K, N, 3) and rotations (K, N, 3, 3) of the disks by the rod."""
-        commands = observations.commands(table.data, setting.robot)
-        by_displacement, values = commands.by_displacement, commands.effective(setting)
-        load = table.load or Load()
-        if not by_displacement.all():
-            tensions = np.where(by_displacement, np.nan, np.maximum(values, 0.0))
-            load = replace(load, tensions=tensions)
-        if by_displacement.any():
-            load = replace(load, displacements=np.where(by_displacement, values, np.nan))
-        if not setting.robot.has_memory:
-            found = [solve_batch(setting.robot, load=load)]
-            order = np.arange(len(commands))
-        else:  # friction and hysteresis have a history
-            found = [sweep(setting.robot, load=rows_of(load, path)) for path in commands.paths]
-            order = np.argsort(np.concatenate(commands.paths))
-        position, turned = (
-            np.concatenate([np.asarray(getattr(each, name)) for each in found])[order]
-            for name in ("disk_positions", "disk_rotations")
-        )
-        return position, turned
+    def _prediction(self, values: Floats, table: Table) -> Prediction:
+        """Poses of the disks of the markers, or of the end disk."""
+        disks = self.markers.disks or None
+        commands = observations.commands(table.data, self.unknowns.robot)
+        if self.model.model == "constant_curvature":
+            return TipModel(self.unknowns, commands, None, disks).predict(values)
+        if (self.model.parameters or self.model.start) and table.load is None:
+            return TipModel(self.unknowns, commands, RodModel(), disks).predict(values)
+        setting = self.unknowns.setting(values)
+        position, turned = _solved(setting, commands, table.load or Load())
+        own = list(disks or (position.shape[1] - 1,))
+        solved = np.array(np.isfinite(position[:, -1]).all(axis=1))
+        return Prediction(position[:, own], turned[:, own], solved, setting)
 
-    def _arcs(self, setting: Setting, table: Table) -> tuple[Floats, Floats]:
-        """The same by constant curvature."""
-        robot = setting.robot
-        commands = observations.commands(table.data, robot)
-        by_displacement, values = commands.by_displacement, commands.effective(setting)
-        if by_displacement.all():
-            lengths = robot.disks.station_m[robot.tendons.end_disk] - values
-            arcs = RobotArcs.from_lengths(robot, lengths, hold_length=True)
-        elif not by_displacement.any():
-            arcs = RobotArcs.from_tensions(robot, values)
-        else:
-            raise InputError("constant curvature needs all tendons by displacement or by tension")
-        bent = Arc(arcs.kappa * setting.bend_gain, arcs.phi, arcs.length)
-        arcs = RobotArcs(robot, bent)
-        return arcs.disk_positions, arcs.disk_rotations
+
+def _solved(setting: Setting, commands: Commands, load: Load) -> tuple[Floats, Floats]:
+    """Positions (K, N, 3) and rotations (K, N, 3, 3) of the disks by the rod, under any loads.
+
+    The elements are as many as `bowstring.solve` takes.
+    """
+    if setting.hole_clearance.any():
+        raise InputError("hole_clearance is not for rows with loads of their own; leave it out")
+    by_displacement, values = commands.by_displacement, commands.effective(setting)
+    if not by_displacement.all():
+        tensions = np.where(by_displacement, np.nan, np.maximum(values, 0.0))
+        load = replace(load, tensions=tensions)
+    if by_displacement.any():
+        load = replace(load, displacements=np.where(by_displacement, values, np.nan))
+    if not setting.robot.has_memory:
+        found = [solve_batch(setting.robot, load=load)]
+        order = np.arange(len(commands))
+    else:  # friction and hysteresis have a history
+        found = [sweep(setting.robot, load=rows_of(load, path)) for path in commands.paths]
+        order = np.argsort(np.concatenate(commands.paths))
+    position, turned = (
+        np.concatenate([np.asarray(getattr(each, name)) for each in found])[order]
+        for name in ("disk_positions", "disk_rotations")
+    )
+    return position, turned
 
 
 def _fit(predict: _Predictor, model: Model, table: Table, rows: Bools | None) -> Fitted:
