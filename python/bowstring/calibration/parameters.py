@@ -357,7 +357,12 @@ class Unknowns:
                 "axial_stiffness, or fit the tendons' compliance",
                 argument="parameters",
             )
-        known = [*self._leaves, *_EXTRA, *_FRAMES]
+        known = [
+            *self._leaves,
+            *(name for name in _EXTRA if name != "marker"),
+            *_FRAMES,
+            "marker.0",
+        ]
         known += [f"{name}.{kind}" for name, kinds in _EACH.items() for kind in kinds if kind]
         near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
         hint = f"did you mean {near[0]}? It" if near else "it"

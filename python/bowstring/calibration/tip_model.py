@@ -45,10 +45,7 @@ _NUDGE: Final = 1e-5
 #: Parameters of frames and offsets, which move the points and not the robot.
 _FRAMES: Final = ("base.", "tool.", "marker.")
 #: Moment on a disk for a derivative, over bending stiffness and length.
-_PROBE: Final = 1e-3
-#: Places of a central difference of fourth order, and its weights.
-_PLACES: Final = np.array([-2.0, -1.0, 1.0, 2.0])
-_WEIGHTS: Final = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
+_PROBE: Final = 1e-4
 #: Number of neighbours from which the solution of a failed row is continued.
 _NEIGHBOURS: Final = 2
 
@@ -656,39 +653,58 @@ class _InHoles:
         return np.asarray(np.einsum("kst,kt->ks", self.share, change))
 
 
-def _of_disks(
-    solutions: list[Any], at: Prediction, disks: Sequence[int]
-) -> dict[int, tuple[Floats, Floats]]:
-    """Derivatives (K, 3, T) of positions and rotation vectors of disks by tensions.
+@dataclass(frozen=True)
+class _Reciprocal:
+    """Derivatives of the poses of disks by tensions, by reciprocity (Maxwell and Betti).
 
-    By reciprocity (Maxwell and Betti): a force on a disk shortens a tendon by what the tension of
-    the tendon moves the disk. Zero for unsolved rows.
+    A force on a disk shortens a tendon by what the tension of the tendon moves the disk; so do a
+    moment and the rotation vector.
+
+    Attributes
+    ----------
+    robot : Robot
+    cores : list
+        Linearised solutions of the core, None for unsolved rows.
+    tensions : ndarray (K, T)
     """
-    robot = at.setting.robot
-    length, count = robot.length, len(robot.disks.station_m)
-    moment = _PROBE * float(robot.bending_stiffness.min()) / length
-    lengths = slice(7, 7 + robot.core.tendon_count)  # behind tip, its rotation vector and energy
-    linearised = []
-    for k in np.flatnonzero(at.solved) if disks else ():
-        core = Linearised.at(solutions[k])
-        assert core is not None  # it has derivatives
-        linearised.append((k, core, np.tile(solutions[k].tensions, (len(_PLACES), 1))))
-    found = {}
-    for disk in disks:
-        both = []
-        for name, size in (("disk_forces", moment / length), ("disk_moments", moment)):
-            table = np.zeros((len(at.solved), 3, robot.core.tendon_count))
+
+    robot: Robot
+    cores: list[Linearised | None]
+    tensions: Floats
+
+    def position(self, disk: int) -> Floats:
+        """Derivatives (K, 3, T) of the position of a disk, zero for unsolved rows."""
+        return self._by_wrench("disk_forces", disk, self._moment / self.robot.length)
+
+    def rotation(self, disk: int) -> Floats:
+        """Derivatives (K, 3, T) of its rotation vector, zero for unsolved rows."""
+        return self._by_wrench("disk_moments", disk, self._moment)
+
+    @property
+    def _moment(self) -> float:
+        return _PROBE * float(self.robot.bending_stiffness.min()) / self.robot.length
+
+    def _by_wrench(self, name: str, disk: int, size: float) -> Floats:
+        table = np.zeros((len(self.cores), 3, self.tensions.shape[1]))
+        places = np.array([-size, size])
+        weights = np.array([[-0.5, 0.5], [-0.5, 0.5], [0.0, 0.0]]) / size
+        # behind position, rotation vector and energy of the tip
+        lengths = slice(7, 7 + self.tensions.shape[1])
+        with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
             for axis in range(3):
-                wrench = np.zeros((len(_PLACES), count, 3))
-                wrench[:, disk, axis] = _PLACES * size
+                wrench = np.zeros((2, len(self.robot.disks.station_m), 3))
+                wrench[:, disk, axis] = places
                 load = with_arrays(Load(**{name: wrench}), " or (n, N, 3)")
-                weights = np.stack([_WEIGHTS, _WEIGHTS, 0.0 * _WEIGHTS]) / size
-                for k, core, tensions in linearised:
-                    row = core.along(None, tensions, load, _PLACES * size, weights)[0]
-                    table[k, axis] = -row[lengths]
-            both.append(table)
-        found[disk] = (both[0], both[1])
-    return found
+
+                def shortened(k: int, load: Load = load) -> Floats:
+                    core = self.cores[k]
+                    if core is None:
+                        return np.zeros(self.tensions.shape[1])
+                    both = np.stack([self.tensions[k]] * 2)
+                    return -core.along(None, both, load, places, weights)[0][lengths]
+
+                table[:, axis] = list(pool.map(shortened, range(len(self.cores))))
+        return table
 
 
 @dataclass(frozen=True)
@@ -746,7 +762,7 @@ class _Exact:
         arms = np.where(at.solved[:, None, None], at.arms, 0.0)
         end = len(at.setting.robot.disks.station_m) - 1
         disks = at.disks or (end,)
-        below = _of_disks(solutions, at, [disk for disk in disks if disk != end])
+        below = cls._below(solutions, at, tensions, end)
 
         def points(name: str) -> Floats:
             tip = stacked(f"tip_position_by_{name}"), stacked(f"tip_rotation_by_{name}")
@@ -766,6 +782,24 @@ class _Exact:
             answer=np.where(both, np.linalg.inv(block), 0.0),
             tensions=tensions,
         )
+
+    @staticmethod
+    def _below(
+        solutions: list[Any], at: Prediction, tensions: Floats, end: int
+    ) -> dict[int, tuple[Floats, Floats]]:
+        """Derivatives (K, 3, T) of positions and rotation vectors of disks before the end disk."""
+        disks = {disk for disk in at.disks if disk != end}
+        if not disks:
+            return {}
+        cores = [
+            Linearised.at(s) if solved else None
+            for s, solved in zip(solutions, at.solved, strict=True)
+        ]
+        by = _Reciprocal(at.setting.robot, cores, tensions)
+        offsets = at.setting.offsets(len(at.disks))
+        turning = {d for d, offset in zip(at.disks, offsets, strict=True) if offset.any()}
+        still = np.zeros((len(cores), 3, tensions.shape[1]))
+        return {d: (by.position(d), by.rotation(d) if d in turning else still) for d in disks}
 
     def column(self, point: Floats, slack: Floats, tensions: Floats) -> _Column:
         """Column from changes at constant tensions (K, 3 M), (K, T) and of commanded tensions."""
