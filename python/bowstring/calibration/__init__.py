@@ -3,7 +3,7 @@
 from bowstring.calibration.cross_validation import CrossValidation, cross_validate, hold_out
 from bowstring.calibration.filtering import Filtered, SlowBias, filtered, fit_slow_bias
 from bowstring.calibration.fitting import Estimate, Fit, fit
-from bowstring.calibration.observations import Data, Score, score
+from bowstring.calibration.observations import Data, PointScore, Score, score
 from bowstring.calibration.priors import default_priors
 from bowstring.calibration.residual import Corrected, Hyperparameters, Residual, fit_residual
 from bowstring.calibration.residual_comparison import Compared, ResidualStudy, study_residual
@@ -20,6 +20,7 @@ __all__ = [
     "Filtered",
     "Fit",
     "Hyperparameters",
+    "PointScore",
     "Residual",
     "ResidualStudy",
     "Score",

@@ -658,7 +658,7 @@ class _Reciprocal:
     """Derivatives of the poses of disks by tensions, by reciprocity (Maxwell and Betti).
 
     A force on a disk shortens a tendon by what the tension of the tendon moves the disk; so do a
-    moment and the rotation vector.
+    moment and the rotation vector (theory Eq. 7.10).
 
     Attributes
     ----------
