@@ -280,6 +280,24 @@ def test_each_point_has_its_own_noise() -> None:
         assert sum(held) >= 26
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("rows", [8, 20])
+def test_intervals_contain_the_truth(rows: int) -> None:
+    """Over 80 tables: points with noise of 0.02, 0.1 and 1 mm, the first seen in a half of rows."""
+    truth, names = {E: 35e9, **OFFSETS}, [E, "base", "tool.z", "marker.0", "marker.1"]
+    robot, noise = one_segment(), (2e-5, 1e-4, 1e-3)
+    held = []
+    for seed in range(80):
+        given = tensions(rows, seed=seed)
+        data = made(robot, truth, DISKS, noise=noise, seed=1000 + seed, tensions=given)
+        unseen = np.random.default_rng(2000 + seed).permutation(rows) < rows // 2
+        found = fit(robot, blank(data, (unseen, 0)), names, loss="linear")
+        for each in found.estimates:
+            real = truth.get(each.name, 0.0) / {"mm": 1e-3, "deg": 1.0, "GPa": 1e9}[each.unit]
+            held.append(each.low < real < each.high)
+    assert 0.93 < np.mean(held) < 0.985
+
+
 def test_a_tip_is_fitted_as_without_a_station() -> None:
     truth = {E: 33e9, "tool.z": 0.01}
     data = tip_of(made(one_segment(), truth, DISKS, tensions=tensions()))
@@ -408,6 +426,15 @@ def test_held_out_rows_are_fitted_by_no_point() -> None:
         for points in (data.points, spoilt)
     )
     assert found.held_out.sum() == 6 and found.fit.values == other.fit.values
+
+
+def test_rows_behind_the_first_held_out_one_are_not_fitted() -> None:
+    """Not by their markers either, where their tips are blank."""
+    points = made(one_segment(), OFFSETS, DISKS, tensions=tensions())
+    data = measurements(blank(points, (slice(26, 28), -1)))
+    found = calibrate(one_segment(), data, ["tool.z"], validation=Validation(holdout=0.2))
+    last = int(np.flatnonzero(found.fit.used)[-1])
+    assert found.held_out.sum() + last + 1 == 28 and not found.fit.used[last + 1 :].any()
 
 
 def test_the_command_reports_each_point(shell: Shell, tmp_path: Path) -> None:

@@ -341,7 +341,7 @@ def calibrate(
     if holdout is not None:
         out = hold_out(robot, data, holdout)
         points = observations.measured_points(data, robot, len(data))
-        rows = ~out & points.seen.any(axis=1)
+        rows = points.seen.any(axis=1) & (np.cumsum(out) == 0)  # the last rows are held out
     notify("fit", 0.0)
     order = check_tendons(robot, data)
     try:
