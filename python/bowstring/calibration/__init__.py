@@ -4,6 +4,7 @@ from bowstring.calibration.cross_validation import CrossValidation, cross_valida
 from bowstring.calibration.filtering import Filtered, SlowBias, filtered, fit_slow_bias
 from bowstring.calibration.fitting import Estimate, Fit, fit
 from bowstring.calibration.observations import Data, PointScore, Score, score
+from bowstring.calibration.prediction import Predicted, predict_with_interval
 from bowstring.calibration.priors import default_priors
 from bowstring.calibration.residual import Corrected, Hyperparameters, Residual, fit_residual
 from bowstring.calibration.residual_comparison import Compared, ResidualStudy, study_residual
@@ -21,6 +22,7 @@ __all__ = [
     "Fit",
     "Hyperparameters",
     "PointScore",
+    "Predicted",
     "Residual",
     "ResidualStudy",
     "Score",
@@ -33,6 +35,7 @@ __all__ = [
     "fit_residual",
     "fit_slow_bias",
     "hold_out",
+    "predict_with_interval",
     "read_residual",
     "score",
     "study_residual",

@@ -267,10 +267,34 @@ class Fit:
         """
         return self._predicted(data, self.disks)
 
-    def _predicted(self, data: Measured, disks: Sequence[int]) -> Floats:
+    def jacobian(self, data: Measured) -> Floats:
+        """Derivatives (K, 3, P) of the predicted tip by the parameters, in SI.
+
+        Parameters
+        ----------
+        data : measurements
+            As for `predict`.
+
+        Returns
+        -------
+        ndarray (K, 3, P)
+            In the order of `estimates`; NaN or zero where the model has no solution.
+        """
+        model = self._model(data, self.disks[-1:])
+        return model.jacobian(self._values, model.predict(self._values, keep=True))
+
+    @property
+    def standard_errors(self) -> Floats:
+        """Standard errors (P,) of the estimates in SI."""
+        units = [item.per_unit for item in self._unknowns.items]
+        return np.array([e.standard_error for e in self.estimates]) * units
+
+    def _model(self, data: Measured, disks: Sequence[int]) -> TipModel:
         commands = observations.commands(data, self._unknowns.robot)
-        model = TipModel(self._unknowns, commands, self._rod, disks)
-        found = model.predict(self._values)
+        return TipModel(self._unknowns, commands, self._rod, disks)
+
+    def _predicted(self, data: Measured, disks: Sequence[int]) -> Floats:
+        found = self._model(data, disks).predict(self._values)
         held = found.setting.tool
         tool = np.where(self._tool_said, observations.tool(data, held), held)
         return replace(found, setting=replace(found.setting, tool=tool)).points

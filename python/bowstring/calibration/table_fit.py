@@ -29,11 +29,13 @@ from bowstring.calibration.filtering import (
 from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Score, score
 from bowstring.calibration.pieces import Loss
+from bowstring.calibration.prediction import Predicted, predict_with_interval
 from bowstring.calibration.priors import PriorChoice
 from bowstring.data.measurements import Measurements
 from bowstring.data.tendon_check import TendonCheck, check_tendons
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.formatting import plain
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
 from bowstring.validation import check_is_read
@@ -88,6 +90,8 @@ class Calibration:
     """Another table, for validation only."""
     other_score: Score | None = None
     """Score of its rows, predicted by the fit without registration to them (open loop)."""
+    other_predicted: Predicted | None = None
+    """Its predicted tips with their intervals; None where a parameter is not identifiable."""
     ahead: Filtered | None = None
     """Its rows, each predicted from the measured tips before it, if requested."""
     bias: SlowBias | None = None
@@ -197,6 +201,7 @@ class Calibration:
                 "source": self.other.source,
                 "rows_left_out": self.other.left_out,
                 "sha256": self.other.sha256,
+                "intervals": self._intervals_to_dict(self.other),
                 "filtered": self._ahead_to_dict(),
             }
         return {
@@ -221,6 +226,14 @@ class Calibration:
             "outliers": [{"line": line, "distance_mm": 1e3 * away} for line, away in self.outliers],
             "lines": data.line.tolist(),
             "residuals_mm": (1e3 * found.residuals).tolist(),
+        }
+
+    def _intervals_to_dict(self, other: Measurements) -> schema.Intervals | None:
+        if self.other_predicted is None:
+            return None
+        return {
+            "coverage_95": plain(self.other_predicted.coverage(other.tip)),
+            "half_width_mm": plain(1e3 * self.other_predicted.half_width),
         }
 
     def _ahead_to_dict(self) -> schema.OneRowAhead | None:
@@ -375,10 +388,10 @@ def calibrate(
             start=start,
             priors=priors,
         )
-    other = None
+    other = predicted = None
     if validate is not None:
         notify("validation", 0.9)
-        other = _judged(found, validate)
+        other, predicted = _judged(found, validate)
     ahead = bias = None
     if validate is not None and check.filter:
         notify("filter", 0.95)
@@ -397,19 +410,23 @@ def calibrate(
         priors=priors,
         other=validate,
         other_score=other,
+        other_predicted=predicted,
         ahead=ahead,
         bias=bias,
     )
 
 
-def _judged(found: Fit, data: Measurements) -> Score:
-    """Score of a table that was not fitted."""
+def _judged(found: Fit, data: Measurements) -> tuple[Score, Predicted | None]:
+    """Score of a table that was not fitted, and its intervals if all parameters have one."""
     predicted = found.predict(data)
     if not data.seen.any():
         raise InputError(f"{data.name} has no measured tip to validate with")
     if not np.isfinite(predicted + data.tip).all(axis=1).any():
         raise NoSolutionError(f"the calibrated model has no solution for any row of {data.name}")
-    return score(predicted, data.tip)
+    interval = None
+    if np.isfinite(found.standard_errors).all():
+        interval = predict_with_interval(found, data)
+    return score(predicted, data.tip), interval
 
 
 def read_start(path: str | Path) -> dict[str, float]:

@@ -38,7 +38,7 @@ from bowstring.cli.output import (
     write_tables,
 )
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.formatting import in_mm, listed, plain
+from bowstring.formatting import in_mm, in_percent, listed, plain
 from bowstring.units import rounded, si_of
 
 if TYPE_CHECKING:
@@ -352,6 +352,13 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
             f"{found.other.name} was not fitted, and nothing was aligned to it. Without the mean "
             f"offset its RMSE is {fixed(1e3 * own.rmse_centred, 3)} mm, its mean "
             f"{fixed(1e3 * own.mean_centred, 3)} mm."
+        )
+    if found.other is not None and found.other_predicted is not None:
+        inside = found.other_predicted.coverage(found.other.tip)
+        yield (
+            f"{in_percent(inside)} of its coordinates lie in their 95 % intervals, "
+            f"{in_mm(found.other_predicted.half_width)} to either side: parameters and scatter of "
+            "the fitted rows."
         )
     if found.bias is not None:
         unit = "s" if found.bias.timed else "rows"

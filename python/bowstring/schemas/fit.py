@@ -104,6 +104,13 @@ class OneRowAhead(RowErrors):
     ]
 
 
+class Intervals(Object):
+    """95 % intervals of the coordinates, from the uncertainty of parameters and the scatter."""
+
+    coverage_95: Annotated[OrNull, about("Share of the measured coordinates inside.")]
+    half_width_mm: Annotated[OrNull, about("Median half-width.")]
+
+
 class FileValidation(RowErrors):
     """Validation with another table."""
 
@@ -115,6 +122,10 @@ class FileValidation(RowErrors):
     source: Annotated[Source, about("Origin of its numbers.")]
     rows_left_out: Annotated[int, about("Rows left out; `bench check` has the reasons.")]
     sha256: Annotated[str | None, about("SHA-256 of the table.")]
+    intervals: Annotated[
+        Intervals | None,
+        about("Open loop; `null` where a parameter is not identifiable."),
+    ]
     filtered: Annotated[
         OneRowAhead | None,
         about("The same rows, each predicted from those before; `null` without `--filter`."),

@@ -1,0 +1,77 @@
+"""Intervals of predicted tips: coverage of synthetic tables, and refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import bowstring as bs
+from bowstring.calibration import Data, Fit, fit, predict_with_interval
+from bowstring.errors import InputError
+
+ROBOT = bs.load_robot("amouri2019")
+E = "segments.0.backbone.E"
+Floats = NDArray[np.float64]
+
+
+def table(seed: int, count: int, noise: float, most: float = 40.0) -> Data:
+    """Synthetic tips of the robot of the file under random tensions."""
+    rng = np.random.default_rng(seed)
+    tensions = rng.uniform(0.0, most, (count, 3))
+    tips = bs.solve_batch(ROBOT, tensions).tip_position
+    return Data(points=tips + rng.normal(0.0, noise, tips.shape), tensions=tensions)
+
+
+def of(seed: int, count: int, most: float) -> Fit:
+    return fit(ROBOT, table(seed, count, 5e-4, most), [E, "base", "tool.z"], loss="linear")
+
+
+def test_intervals_hold_95_percent_where_the_parameters_hardly_count() -> None:
+    predicted = predict_with_interval(of(1, 60, 40.0), other := table(2, 400, 5e-4))
+    assert 0.92 < predicted.coverage(other.points) < 0.97
+    assert predicted.scatter == pytest.approx(5e-4, rel=0.3)
+    low, high = predicted.interval
+    assert predicted.half_width == pytest.approx(float(np.median(high - low)) / 2)
+
+
+def test_intervals_hold_95_percent_where_the_parameters_count_most() -> None:
+    """Twelve rows of small bends say little of large ones."""
+    inside, alone, factor = [], [], 0.0
+    for seed in range(40):
+        other = table(1000 + seed, 50, 5e-4, 60.0)
+        predicted = predict_with_interval(of(seed, 12, 15.0), other)
+        inside.append(predicted.coverage(other.points))
+        without = np.abs(other.points - predicted.point) < 1.96 * predicted.scatter
+        alone.append(without.mean())
+        factor = max(factor, float(np.median(predicted.by_parameters / predicted.scatter)))
+    assert 0.89 < np.mean(inside) < 0.985
+    assert np.mean(alone) < 0.8 and factor > 1.5  # the scatter alone is too little
+
+
+def test_the_standard_deviation_by_parameters_is_that_of_repeated_fits() -> None:
+    other = table(0, 6, 0.0, 60.0)
+    found = [of(seed, 60, 15.0) for seed in range(60)]
+    spread = np.std([each.predict(other) for each in found], axis=0)
+    stated = np.mean([predict_with_interval(each, other).by_parameters for each in found], axis=0)
+    assert np.median(stated / spread) == pytest.approx(1.0, abs=0.2)
+
+
+def test_errors_of_left_out_rows_may_give_the_scatter() -> None:
+    found, other = of(1, 30, 40.0), table(2, 5, 5e-4)
+    errors = np.full((20, 3), [1e-3, 2e-3, 3e-3])
+    errors[4] = np.nan
+    predicted = predict_with_interval(found, other, errors=errors)
+    assert predicted.scatter == pytest.approx([1e-3, 2e-3, 3e-3])
+    for bad, what in ((np.zeros(3), "has shape"), (np.full((4, 3), np.nan), "0 rows say")):
+        with pytest.raises(InputError, match=what):
+            predict_with_interval(found, other, errors=bad)
+
+
+def test_a_parameter_that_is_not_identifiable_has_no_interval() -> None:
+    data = table(1, 30, 5e-4)
+    still = Data(points=data.points, tensions=np.ones_like(data.tensions))
+    found = fit(ROBOT, still, [E, "base"], loss="linear")
+    assert not np.isfinite(found.standard_errors).all()
+    with pytest.raises(InputError, match="is not identifiable, so that no prediction"):
+        predict_with_interval(found, data)
