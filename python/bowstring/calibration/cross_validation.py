@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -20,7 +20,7 @@ from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
 from bowstring.validation import is_whole, shown
 
-__all__ = ["CrossValidation", "cross_validate", "hold_out", "parts"]
+__all__ = ["CrossValidation", "cross_validate", "hold_out", "part_of_rows", "parts"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -66,6 +66,7 @@ def cross_validate(
     rows: ArrayLike | None = None,
     loss: Loss = "soft_l1",
     priors: PriorChoice = None,
+    progress: Callable[[float], None] | None = None,
 ) -> CrossValidation:
     """Fit without a part of the rows and predict the tips of that part, for each part.
 
@@ -94,24 +95,25 @@ def cross_validate(
         As for `fit`.
     priors : "default" or mapping of str to float, optional
         As for `fit`.
+    progress : callable, optional
+        Progress callback, called before each fit with the finished share from 0 to 1.
 
     Returns
     -------
     CrossValidation
         Errors of the predicted rows, by part and in total.
     """
-    if not is_whole(folds) or folds < 2:
-        raise InputError(f"folds is {shown(folds)}, it must be a whole number from 2")
     commands = observations.commands(data, robot)
     measured = observations.tips(data, len(commands))
     points = observations.measured_points(data, robot, len(commands)).measured
     fitted = observations.fitted_rows(rows, points)
     used = fitted & np.isfinite(measured).all(axis=1)
-    group = _groups_of_folds(data, commands.values, used)
-    part = _blocks(group, used, int(folds))
+    part, group = part_of_rows(data, commands.values, used, folds)
     predicted = np.full_like(measured, np.nan)
     scores, labels, converged = [], [], True
     for k in range(int(folds)):
+        if progress is not None:
+            progress(k / folds)
         out = used & (part == k)
         others = fitted & (part != k)
         found = fit(
@@ -143,6 +145,22 @@ def cross_validate(
         without_solution=int(np.isnan(predicted[used]).any(axis=1).sum()),
         converged=converged,
     )
+
+
+def part_of_rows(
+    data: Measured, values: Floats, used: Bools, folds: int
+) -> tuple[NDArray[np.int64], NDArray[Any]]:
+    """Part (K,) of each row in `cross_validate`, from 0, and the groups (K,) that no part splits.
+
+    Raises
+    ------
+    InputError
+        If the groups cannot be divided into so many parts.
+    """
+    if not is_whole(folds) or folds < 2:
+        raise InputError(f"folds is {shown(folds)}, it must be a whole number from 2")
+    group = _groups_of_folds(data, values, used)
+    return _blocks(group, used, int(folds)), group
 
 
 def hold_out(robot: Robot, data: Measured, share: float) -> Bools:

@@ -32,7 +32,16 @@ from bowstring.statics.model import RodModel
 if TYPE_CHECKING:
     from bowstring.schemas import fit as schema
 
-__all__ = ["Corrected", "Hyperparameters", "Residual", "Scales", "Table", "fit_residual", "learn"]
+__all__ = [
+    "Corrected",
+    "Hyperparameters",
+    "Residual",
+    "Scales",
+    "Table",
+    "fit_residual",
+    "learn",
+    "refuse_disorder",
+]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -490,12 +499,18 @@ def _spread(commands: Floats, by_displacement: Bools) -> Floats:
 
 def _check_order(commands: Commands, at: Hyperparameters) -> None:
     """Refuse rows that are not in the order of measurement, if there are memory states."""
-    if commands.time is None or math.isinf(at.memory):
+    if math.isfinite(at.memory):
+        refuse_disorder(commands, "memory states need")
+
+
+def refuse_disorder(commands: Commands, what: str) -> None:
+    """Raise `InputError` if times decrease along a path; `what` needs the order of measurement."""
+    if commands.time is None:
         return
     for rows in commands.paths:
         back = np.flatnonzero(np.diff(commands.time[rows]) < 0)
         if len(back):
             raise InputError(
-                f"row {rows[back[0] + 1] + 1} is earlier than the row before it; memory states "
-                "need rows in the order of measurement: sort them by time"
+                f"row {rows[back[0] + 1] + 1} is earlier than the row before it; {what} "
+                "rows in the order of measurement: sort them by time"
             )

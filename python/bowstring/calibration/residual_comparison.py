@@ -25,7 +25,14 @@ from bowstring.robot.model import Robot
 if TYPE_CHECKING:
     from bowstring.schemas import fit as schema
 
-__all__ = ["Compared", "ResidualStudy", "study_residual"]
+__all__ = [
+    "Compared",
+    "ResidualStudy",
+    "common_rows",
+    "of_arcs",
+    "priors_of_arcs",
+    "study_residual",
+]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -197,7 +204,7 @@ def _rows_of(calibration: Calibration) -> _Rows:
             "a residual needs validation rows: give another table, or hold rows out of the fit"
         )
     if other is not data:
-        same = _common(data, used, other, judged)
+        same = common_rows(data, used, other, judged)
         if len(same):
             raise InputError(
                 f"{len(same)} of {int(judged.sum())} validation rows are also fitted, the first in "
@@ -206,7 +213,7 @@ def _rows_of(calibration: Calibration) -> _Rows:
     return _Rows(data, used, other, judged)
 
 
-def _common(
+def common_rows(
     data: Measurements, used: Bools, other: Measurements, judged: Bools
 ) -> NDArray[np.int64]:
     """Validation rows with the commands and the tip of a fitted row."""
@@ -225,9 +232,9 @@ def _refitted(
     found, names, start = calibration.fit, calibration.fit.names, calibration.start
     priors = calibration.priors
     if kind != found.model:
-        names, start = _of_arcs(names, start)
+        names, start = of_arcs(names, start)
         if isinstance(priors, Mapping):
-            priors = {name: value for name, value in priors.items() if _head(name) in _OF_BOTH}
+            priors = priors_of_arcs(priors)
     return fit(
         robot,
         data,
@@ -240,13 +247,16 @@ def _refitted(
     )
 
 
-def _of_arcs(
-    names: Sequence[str], start: Mapping[str, float]
-) -> tuple[list[str], dict[str, float]]:
+def of_arcs(names: Sequence[str], start: Mapping[str, float]) -> tuple[list[str], dict[str, float]]:
     """Parameters and start values of constant curvature, from those of statics."""
     own = [name for name in names if _head(name) in _OF_BOTH]
     held = {name: v for name, v in start.items() if _head(name) in (*_OF_BOTH, *_OF_ARCS)}
     return [*own, "bend_gain.segments"], held
+
+
+def priors_of_arcs(priors: Mapping[str, float]) -> dict[str, float]:
+    """Priors of the parameters that constant curvature shares with statics."""
+    return {name: value for name, value in priors.items() if _head(name) in _OF_BOTH}
 
 
 def _head(name: str) -> str:
