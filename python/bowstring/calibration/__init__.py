@@ -1,10 +1,13 @@
 """Calibration of a robot's parameters from measured tips: fits, statistics, figures."""
 
 from bowstring.calibration.cross_validation import CrossValidation, cross_validate, hold_out
+from bowstring.calibration.error_parts import ErrorParts
 from bowstring.calibration.filtering import Filtered, SlowBias, filtered, fit_slow_bias
 from bowstring.calibration.fitting import Estimate, Fit, fit
 from bowstring.calibration.observations import Data, PointScore, Score, score
 from bowstring.calibration.prediction import Predicted, predict_with_interval
+from bowstring.calibration.model_comparison import JudgedModel, ModelComparison, compare_models
+from bowstring.calibration.observations import Data, Score, score
 from bowstring.calibration.priors import default_priors
 from bowstring.calibration.residual import Corrected, Hyperparameters, Residual, fit_residual
 from bowstring.calibration.residual_comparison import Compared, ResidualStudy, study_residual
@@ -17,17 +20,21 @@ __all__ = [
     "Corrected",
     "CrossValidation",
     "Data",
+    "ErrorParts",
     "Estimate",
     "Filtered",
     "Fit",
     "Hyperparameters",
     "PointScore",
     "Predicted",
+    "JudgedModel",
+    "ModelComparison",
     "Residual",
     "ResidualStudy",
     "Score",
     "SlowBias",
     "calibrate",
+    "compare_models",
     "cross_validate",
     "default_priors",
     "filtered",

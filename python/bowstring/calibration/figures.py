@@ -7,17 +7,27 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from bowstring.calibration.error_parts import PARTS
 from bowstring.formatting import in_mm
 from bowstring.viz.style import AXES, LIGHT, legend_above, subplots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from bowstring.calibration.model_comparison import ModelComparison
     from bowstring.calibration.table_fit import Calibration
 
-__all__ = ["draw_fit"]
+__all__ = ["draw_fit", "draw_parts"]
 
 _MANY: Final = 300  # rows
+#: Colour and hatch of each part of the error, in order.
+_PARTS: Final = (
+    ("blue", ""),
+    ("sky", "///"),
+    ("amber", ""),
+    ("grid", "..."),
+    ("muted", ""),
+)
 
 
 def draw_fit(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
@@ -36,6 +46,46 @@ def draw_fit(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
     """
     yield "residuals", _residuals(calibration)
     yield "parity", _parity(calibration)
+
+
+def draw_parts(comparison: ModelComparison) -> Figure:
+    """Draw the parts of the error of constant curvature as one stacked bar.
+
+    Negative parts are stacked to the left of zero.
+
+    Parameters
+    ----------
+    comparison : ModelComparison
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Figure, to be drawn and saved within `figure_style`.
+    """
+    parts = comparison.parts
+    figure, (axes,) = subplots(1, 2.3)
+    ends = {True: 0.0, False: 0.0}
+    looks = dict(zip(PARTS, _PARTS, strict=True))
+    for name, value in parts.known.items():
+        colour, hatch = looks[name]
+        axes.barh(
+            0.0,
+            1e3 * value,
+            left=ends[value >= 0.0],
+            color=LIGHT[colour],
+            hatch=hatch,
+            edgecolor=LIGHT["paper"],
+            label=f"{parts.called(name)} {1e3 * value:.3g} mm",
+        )
+        ends[value >= 0.0] += 1e3 * value
+    axes.axvline(0.0, color=LIGHT["ink"], linewidth=0.8)
+    axes.axvline(1e3 * parts.total, color=LIGHT["ink"], linestyle=":", linewidth=1.2)
+    axes.set(ylim=(-0.6, 0.6), yticks=[], xlabel="mean tip error of constant curvature (mm)")
+    axes.grid(visible=False, axis="y")
+    rows = "rows left out by folds" if comparison.on == "folds" else "rows of the validation table"
+    axes.set_title(f"{in_mm(parts.total)} (dotted) over {parts.rows} {rows}", fontsize=8.5, pad=48)
+    legend_above(axes, 2)
+    return figure
 
 
 def _residuals(calibration: Calibration) -> Figure:

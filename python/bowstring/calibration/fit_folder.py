@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from bowstring.atomic_io import write_whole
+from bowstring.calibration.model_comparison import ModelComparison
+from bowstring.calibration.observations import Score
 from bowstring.calibration.residual import Residual
 from bowstring.calibration.residual_file import RESIDUAL, residual_to_dict
 from bowstring.calibration.table_fit import BESIDE, Calibration
 from bowstring.result_folder import check_folder, write_json, write_listing
 from bowstring.robot.writer import to_yaml
-from bowstring.viz.style import figure_style, save_figures
+from bowstring.viz.style import figure_style, save_figure, save_figures
 
 __all__ = ["write_fit"]
 
 Progress = Callable[[str, float], None]
+
+_SCORES = ("fitted", "left_out", "validation")
 
 
 def write_fit(
@@ -25,6 +30,7 @@ def write_fit(
     out: str | Path,
     *,
     residual: Residual | None = None,
+    comparison: ModelComparison | None = None,
     progress: Progress | None = None,
 ) -> Path:
     """Write a calibration: calibrated robot file, all numbers, two figures.
@@ -38,6 +44,8 @@ def write_fit(
         Folder; a former fit in it is replaced as a whole after success.
     residual : Residual, optional
         Residual of the calibration, for ``residual.json``.
+    comparison : ModelComparison, optional
+        Comparison of models, for ``models.csv`` and ``error_parts``.
     progress : callable, optional
         Progress callback, called with the name of the work and its finished share from 0 to 1.
 
@@ -46,14 +54,14 @@ def write_fit(
     Path
         Absolute path of the folder, with robot.yaml, calibration.json (parameters that are not part
         of a robot file), residual.json where given, fit.json, and residuals and parity as PNG and
-        PDF.
+        PDF; of a comparison models.csv, and error_parts as SVG too.
 
     Raises
     ------
     InputError
         If the folder cannot be written (see `check_folder`).
     """
-    from bowstring.calibration.figures import draw_fit
+    from bowstring.calibration.figures import draw_fit, draw_parts
 
     notify = progress or (lambda what, share: None)
     folder = check_folder(out, "fit")
@@ -72,6 +80,11 @@ def write_fit(
         write_json(new / BESIDE, calibration.beside_to_dict())
         if residual is not None:
             write_json(new / RESIDUAL, residual_to_dict(residual))
+        if comparison is not None:
+            _write_models(new / "models.csv", comparison)
+            with figure_style():
+                figure = draw_parts(comparison)
+                save_figure(figure, new / "error_parts", (".png", ".pdf", ".svg"))
         with figure_style():
             save_figures(draw_fit(calibration), new, lambda share: notify("figures", share))
         write_listing(new / "fit.json", content)
@@ -79,3 +92,22 @@ def write_fit(
     write_whole(folder, "fit", fill, lambda: check_folder(folder, "fit"))
     notify("done", 1.0)
     return folder
+
+
+def _write_models(path: Path, comparison: ModelComparison) -> None:
+    """Write the models of a comparison as CSV; missing numbers are empty fields."""
+    columns = [f"{name}_{number}_mm" for name in _SCORES for number in ("rmse", "mean")]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["model", "parameters", "rows", *columns, "chosen", "reason"])
+        for each in comparison.models:
+            numbers = [cell for name in _SCORES for cell in _cells(getattr(each, name))]
+            rows = "" if each.left_out is None else each.left_out.count
+            chosen = "yes" if each is comparison.chosen else "no"
+            names = " ".join(each.parameters)
+            writer.writerow([each.name, names, rows, *numbers, chosen, each.reason])
+
+
+def _cells(score: Score | None) -> tuple[str, str]:
+    """RMSE and mean in mm."""
+    return ("", "") if score is None else (f"{1e3 * score.rmse:.9g}", f"{1e3 * score.mean:.9g}")

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.calibration.fitting import Fit
+    from bowstring.calibration.model_comparison import ModelComparison
     from bowstring.calibration.residual_comparison import ResidualStudy
     from bowstring.calibration.table_fit import Calibration
     from bowstring.data.measurements import Measurements
@@ -137,6 +138,14 @@ def fit(
             "with the commands alone; needs --validate or --holdout.",
         ),
     ] = False,
+    compare: Annotated[
+        bool,
+        typer.Option(
+            "--compare",
+            help="Compare constant curvature, the rod and its memories on left-out rows (5 folds, "
+            "or --folds; with --validate on that table too), and name the cause of the error.",
+        ),
+    ] = False,
     start: Annotated[
         Path | None,
         option(
@@ -168,7 +177,9 @@ def fit(
         raise InputError("--part is of a public data set; name it by --data.")
     if data is not None and mapping is not None:
         raise InputError("--mapping is of a table; a set of --data brings its own.")
-    if sum(way is not None for way in (holdout, folds, validate)) > 1:
+    if compare:
+        _check_comparison(model, loss, holdout, start)
+    elif sum(way is not None for way in (holdout, folds, validate)) > 1:
         raise InputError("--holdout, --folds and --validate are ways to validate; give one.")
     if filter_ and validate is None:
         raise InputError("--filter is of the table that is predicted; name it by --validate.")
@@ -197,9 +208,24 @@ def fit(
         return replace(found, name=data if part is None else f"{data}, {part}")
 
     flag = "--measurements" if data is None else "--data" if part is None else "--part"
-    with progress_bar("measurements") as notify:
+    with progress_bar("measurements"):
         table = read(flag, measurements, part)
         other = None if validate is None else read("--validate", validate, validate)
+    compared = None
+    if compare:
+        from bowstring.calibration.model_comparison import compare_models
+
+        with progress_bar("comparison") as notify:
+            compared = compare_models(
+                known,
+                table,
+                parameter,
+                folds=folds or 5,
+                validation=other,
+                priors=deviations,
+                progress=notify,
+            )
+    with progress_bar("fit") as notify:
         found = table_fit.calibrate(
             known,
             table,
@@ -208,7 +234,7 @@ def fit(
             loss=loss,
             start=begin,
             priors=deviations,
-            validation=table_fit.Validation(share, folds, other, filter_),
+            validation=table_fit.Validation(share, None if compare else folds, other, filter_),
             progress=notify,
         )
     learnt = None
@@ -239,9 +265,11 @@ def fit(
             validate=validate,
             filter=filter_,
             learn_residual=residual,
+            compare=compare,
             start=begin,
         ),
         "residual": None if learnt is None else learnt.to_dict(),
+        "comparison": None if compared is None else compared.to_dict(),
         "warnings": [*known.warnings, *doubts],
         "folder": None,
     }
@@ -252,16 +280,36 @@ def fit(
             written = {key: value for key, value in content.items() if key != "folder"}
             own = None if learnt is None else learnt.residual
             content["folder"] = str(
-                write_fit(found, plain(written), out, residual=own, progress=notify)
+                write_fit(
+                    found,
+                    plain(written),
+                    out,
+                    residual=own,
+                    comparison=compared,
+                    progress=notify,
+                )
             )
     if as_json:
         write_json(content)
     else:
         folder = out if content["folder"] else None
         parts = [] if learnt is None else _residual_tables(learnt, folder)
-        write_tables(*_fit_tables(found, folder), *parts)
+        models = [] if compared is None else _comparison_tables(compared, folder)
+        write_tables(*_fit_tables(found, folder), *parts, *models)
     if not found.fit.converged:
         raise NoSolutionError(f"{known.name}: {found.fit.message}")
+
+
+def _check_comparison(model: str, loss: str, holdout: str | None, start: Path | None) -> None:
+    """Refuse flags that a comparison of models cannot use."""
+    if model == "arc":
+        raise InputError("--compare has constant curvature and the rod; leave --model out.")
+    if loss != "soft_l1":
+        raise InputError("--compare fits with the loss soft_l1; leave --loss out.")
+    if holdout is not None:
+        raise InputError("--compare leaves rows out by folds; give --folds in place of --holdout.")
+    if start is not None:
+        raise InputError("--compare begins at the values of ROBOT; leave --start out.")
 
 
 def _priors_of(
@@ -439,6 +487,43 @@ def _residual_tables(found: ResidualStudy, folder: Path | None) -> Iterator[Tabl
     )
     if folder is not None:
         yield f"Residual: {folder / RESIDUAL}"
+
+
+def _comparison_tables(found: ModelComparison, folder: Path | None) -> Iterator[Table | str]:
+    yield f"Models on {found.folds} folds of neighbouring rows; errors of the tip in mm:"
+    there = any(each.validation is not None for each in found.models)
+    columns = ["fitted RMSE", "left-out RMSE", "mean"] + ["validation RMSE", "mean"] * there
+    table = new_table("", "model", ">parameters", *[f">{name}" for name in columns])
+    for each in found.models:
+        numbers = [(each.fitted, "rmse"), (each.left_out, "rmse"), (each.left_out, "mean")]
+        numbers += [(each.validation, "rmse"), (each.validation, "mean")] * there
+        table.add_row(
+            "*" if each is found.chosen else "",
+            each.called,
+            str(len(each.parameters)),
+            *["-" if of is None else fixed(1e3 * getattr(of, name), 3) for of, name in numbers],
+        )
+    yield table
+    yield from (
+        f"{m.called[:1].upper()}{m.called[1:]}: {m.reason}." for m in found.models if m.reason
+    )
+    chosen = set(found.chosen.parameters) - set(found["rod_calibrated"].parameters)
+    more = [f"--parameter {name}" for name in found.chosen.parameters if name in chosen]
+    fitted = f" Fit it with {' '.join(more)} besides." if found.chosen is found.memory else ""
+    yield (
+        f"* {found.chosen.called}: the simplest model within one standard error of the least mean "
+        f"left-out error.{fitted}"
+    )
+    parts = found.parts
+    of = "left-out rows" if found.on == "folds" else "rows of the validation table"
+    cells = new_table(f"mean error of {parts.rows} {of}", ">mm")
+    cells.add_row("constant curvature", fixed(1e3 * parts.total, 3))
+    for name, value in parts.known.items():
+        cells.add_row(f"  {parts.called(name)}", fixed(1e3 * value, 3))
+    yield cells
+    yield found.verdict
+    if folder is not None:
+        yield f"Models and parts: {folder / 'models.csv'}, {folder / 'error_parts.svg'}"
 
 
 def _of_others(fit: Fit) -> str:

@@ -327,7 +327,86 @@ class ResidualStudy(ResidualNumbers):
     comparison: Annotated[list[ComparedModel], about("Models by number of fitted rows.")]
 
 
+ModelName = Literal[
+    "cc", "cc_calibrated", "rod", "rod_calibrated", "rod_backlash", "rod_friction", "rod_hysteresis"
+]
+
+
+class JudgedModel(Object):
+    """A model of a comparison."""
+
+    model: Annotated[
+        ModelName,
+        about(
+            "`cc`, `rod`: constant curvature and statics as the robot file has them; "
+            "`_calibrated`: with fitted parameters; the others: with a memory besides."
+        ),
+    ]
+    parameters: Annotated[list[str], about("Fitted parameters.")]
+    estimates: Annotated[
+        list[Estimate], about("Their estimates; empty if nothing was fitted, or the fit failed.")
+    ]
+    fitted: Annotated[
+        RowErrors | None, about("Tip errors of the fitted rows; `null` if `reason` says why.")
+    ]
+    left_out: Annotated[
+        RowErrors | None, about("Tip errors of the rows, each predicted by a fit without its fold.")
+    ]
+    validation: Annotated[
+        RowErrors | None, about("Tip errors of the validation table; `null` without one.")
+    ]
+    reason: Annotated[
+        str, about("Why there are no numbers; with numbers a note on the fit, or empty.")
+    ]
+
+
+class ErrorParts(Object):
+    """Parts of the mean error of constant curvature, which add up to the total."""
+
+    rows: Annotated[int, about("Rows that all models of the parts predict.")]
+    total_mm: Annotated[float, about("Mean error of constant curvature as the robot file has it.")]
+    parameters_mm: Annotated[
+        float, about("Parameters and geometry: what calibration of constant curvature removes.")
+    ]
+    physics_mm: Annotated[float, about("Physics: what the calibrated rod removes beyond that.")]
+    memory_mm: Annotated[float, about("What the chosen memory removes beyond that.")]
+    noise_mm: Annotated[
+        OrNull, about("Mean error of a perfect model by noise; `null` if noise is not known.")
+    ]
+    unexplained_mm: Annotated[
+        float, about("What is left, with the noise if that is not known. Parts may be negative.")
+    ]
+    noise_source: Annotated[
+        Literal["repeats", "stated"] | None, about("How the noise is known; `null` if it is not.")
+    ]
+
+
+class HeldOutParts(ErrorParts):
+    """Parts of the error of constant curvature, and the rows they are of."""
+
+    on: Annotated[
+        Literal["folds", "validation"], about("Left-out rows of the folds, or validation table.")
+    ]
+
+
+class ModelComparison(Object):
+    """Models judged on left-out rows."""
+
+    folds: Annotated[int, about("Number of folds.")]
+    models: Annotated[list[JudgedModel], about("Models in the order of complexity.")]
+    chosen: Annotated[ModelName, about("The model to use.")]
+    memory: Annotated[
+        ModelName | None,
+        about("The memory that is clearly better than the calibrated rod; `null` without one."),
+    ]
+    parts: Annotated[HeldOutParts, about("Parts of the error of constant curvature.")]
+    verdict: Annotated[str, about("Its largest part and what to do, as a sentence.")]
+
+
 class Fit(TableFit, OfRobot, InFolder):
     """Output of `bowstring fit`."""
 
     residual: Annotated[ResidualStudy | None, about("Residual; `null` without `--residual`.")]
+    comparison: Annotated[
+        ModelComparison | None, about("Comparison of models; `null` without `--compare`.")
+    ]

@@ -135,12 +135,12 @@ def save_figures(
     for_each(list(drawings), lambda each: save_figure(each[1], folder / each[0]), notify=notify)
 
 
-def save_figure(figure: Figure, path: Path) -> None:
-    """Save a figure as PNG and PDF; `path` has no suffix."""
+def save_figure(figure: Figure, path: Path, suffixes: Sequence[str] = (".png", ".pdf")) -> None:
+    """Save a figure in each format; `path` has no suffix."""
     if (engine := figure.get_layout_engine()) is not None:
         engine.execute(figure)
         figure.set_layout_engine("none")  # one layout for all file formats
-    for suffix in (".png", ".pdf"):
+    for suffix in suffixes:
         save(figure, Path(f"{path}{suffix}"), _DPI)
 
 

@@ -1,0 +1,192 @@
+"""Parts of the error of constant curvature: differences of mean errors of nested models."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.calibration import observations
+from bowstring.calibration.observations import Measured
+from bowstring.formatting import in_mm
+
+if TYPE_CHECKING:
+    from bowstring.schemas import fit as schema
+
+__all__ = ["PARTS", "ErrorParts", "NoiseSource", "noise_of", "parts_of"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+NoiseSource = Literal["repeats", "stated"]
+
+#: Mean length of a normal vector over the standard deviation of its three coordinates (Maxwell).
+_MEAN_LENGTH: Final = math.sqrt(8.0 / math.pi)
+#: Least number of degrees of freedom for noise from repeats, three coordinates each.
+_FEWEST: Final = 5
+
+#: Error that is numerical, m.
+_NOTHING: Final = 1e-8
+PARTS: Final = {
+    "parameters": "parameters and geometry",
+    "physics": "physics of the rod",
+    "memory": "memory",
+    "noise": "measurement noise",
+    "unexplained": "unexplained",
+}
+"""Attributes of the parts, and their names in words, in order."""
+#: What to do about the largest part.
+_ADVICE: Final = {
+    "parameters": "mend these first, by calibration",
+    "physics": "use statics of the rod first",
+    "memory": "add {memory} to the rod first",
+    "noise": "no model mends that",
+    "unexplained": "look for missing physics (gravity, payloads, contact) and for errors of the "
+    "data first",
+}
+
+
+@dataclass(frozen=True)
+class ErrorParts:
+    """Parts of the mean error of constant curvature, m; they add up to `total`.
+
+    Each is the mean error of a model less that of the next one on the same rows, and negative where
+    the next one is worse.
+
+    Attributes
+    ----------
+    total : float
+        Mean error of constant curvature as the robot file has it.
+    parameters : float
+        Parameters and geometry: to calibrated constant curvature.
+    physics : float
+        From there to the calibrated rod.
+    memory : float
+        From there to the rod with the chosen memory; 0 without one.
+    noise : float or None
+        Mean error of a model without error, by the noise of the measurements; None if not known.
+    unexplained : float
+        The remaining error, with the noise if that is not known.
+    noise_source : {"repeats", "stated"} or None
+        Whether the noise is the scatter of repeats, or the stated uncertainty.
+    rows : int
+        Number of rows.
+    """
+
+    total: float
+    parameters: float
+    physics: float
+    memory: float
+    noise: float | None
+    unexplained: float
+    noise_source: NoiseSource | None
+    rows: int
+
+    @property
+    def known(self) -> dict[str, float]:
+        """Parts by attribute, in order; without noise if that is not known."""
+        return {name: value for name in PARTS if (value := getattr(self, name)) is not None}
+
+    def called(self, name: str) -> str:
+        """Name of a part in words."""
+        with_noise = name == "unexplained" and self.noise is None
+        return "unexplained or noise" if with_noise else PARTS[name]
+
+    def verdict(self, memory: str) -> str:
+        """Sentence on the largest part and what to do; `memory` names the chosen one."""
+        name = max(self.known, key=lambda each: self.known[each])
+        most = self.known[name]
+        if most < _NOTHING:
+            return "Constant curvature has no error on these rows."
+        share = "Most" if most > 0.5 * self.total else "The largest part"
+        return (
+            f"{share} of the {in_mm(self.total)} of constant curvature: {self.called(name)} "
+            f"({in_mm(most)}); {_ADVICE[name].format(memory=memory)}."
+        )
+
+    def to_dict(self) -> schema.ErrorParts:
+        """Return plain values in mm."""
+        return {
+            "rows": self.rows,
+            "total_mm": 1e3 * self.total,
+            "parameters_mm": 1e3 * self.parameters,
+            "physics_mm": 1e3 * self.physics,
+            "memory_mm": 1e3 * self.memory,
+            "noise_mm": None if self.noise is None else 1e3 * self.noise,
+            "unexplained_mm": 1e3 * self.unexplained,
+            "noise_source": self.noise_source,
+        }
+
+
+def parts_of(
+    stated: Floats,
+    arcs: Floats,
+    rod: Floats,
+    memory: Floats | None,
+    noise: tuple[Floats, NoiseSource] | None,
+) -> ErrorParts:
+    """Divide the mean error of constant curvature.
+
+    Parameters
+    ----------
+    stated, arcs, rod : ndarray (K,)
+        Errors of constant curvature as the robot file has it, of the same calibrated, and of the
+        calibrated rod, m; NaN where a row has none.
+    memory : ndarray (K,), optional
+        Errors of the rod with the chosen memory.
+    noise : tuple of ndarray (K,) and str, optional
+        Standard uncertainty of a coordinate in each row, and its source.
+
+    Returns
+    -------
+    ErrorParts
+        Parts over the rows that all these models predict.
+    """
+    last = rod if memory is None else memory
+    errors = np.stack([stated, arcs, rod, last])
+    seen = np.isfinite(errors).all(axis=0)
+    a, b, d, e = errors[:, seen].mean(axis=1).tolist()
+    of_noise = None if noise is None else _MEAN_LENGTH * float(noise[0][seen].mean())
+    return ErrorParts(
+        total=a,
+        parameters=a - b,
+        physics=b - d,
+        memory=d - e,
+        noise=of_noise,
+        unexplained=e - (of_noise or 0.0),
+        noise_source=None if noise is None else noise[1],
+        rows=int(seen.sum()),
+    )
+
+
+def noise_of(data: Measured, values: Floats, measured: Floats) -> tuple[Floats, NoiseSource] | None:
+    """Standard uncertainty (K,) of a coordinate by repeats, else as stated, and its source.
+
+    Repeats are rows with the same commands (K, T) and group in different runs. With a memory the
+    first run may differ from the others, which counts as noise here.
+    """
+    if (scatter := _of_repeats(data, values, measured)) is not None:
+        return np.full(len(measured), scatter), "repeats"
+    sigma = observations.sigmas(data, len(measured))
+    return None if sigma is None else (sigma, "stated")
+
+
+def _of_repeats(data: Measured, values: Floats, measured: Floats) -> float | None:
+    """Pooled standard deviation of a coordinate of repeated rows, m; None with too few."""
+    repeat = getattr(data, "repeat", None)
+    if repeat is None or len(np.unique(repeat)) < 2:
+        return None
+    group = getattr(data, "group", None)
+    label = np.zeros(len(values), int) if group is None else observations.numbered(group)
+    cell = observations.numbered(np.stack([observations.loads(values), label], axis=1))
+    seen = np.isfinite(measured).all(axis=1)
+    square, free = 0.0, 0
+    for number in np.unique(cell[seen]).tolist():
+        rows = np.flatnonzero(seen & (cell == number))
+        if len(np.unique(np.asarray(repeat)[rows])) < len(rows):
+            continue  # the path passes here twice in a run, with different histories
+        square += float(((measured[rows] - measured[rows].mean(axis=0)) ** 2).sum())
+        free += len(rows) - 1
+    return math.sqrt(square / (3 * free)) if free >= _FEWEST else None

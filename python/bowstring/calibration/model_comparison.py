@@ -1,0 +1,575 @@
+"""Comparison of nested models on a table: which one to use, and where constant curvature errs.
+
+K is the number of rows. All values are in SI.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.calibration import observations
+from bowstring.calibration.cross_validation import cross_validate, part_of_rows
+from bowstring.calibration.error_parts import ErrorParts, noise_of, parts_of
+from bowstring.calibration.fitting import Fit, fit
+from bowstring.calibration.model_choice import MEMORY_ERRORS, blocks_of, choose, difference
+from bowstring.calibration.observations import Score, score
+from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.priors import PriorChoice, default_priors, read_priors
+from bowstring.calibration.residual import refuse_disorder
+from bowstring.calibration.residual_comparison import common_rows, of_arcs
+from bowstring.calibration.tip_model import Commands, TipModel
+from bowstring.data.measurements import Measurements
+from bowstring.display import short_repr
+from bowstring.errors import BowstringError, InputError, NoSolutionError
+from bowstring.formatting import listed, plain
+from bowstring.robot.model import Robot, check_robot
+from bowstring.robot.parts import TendonRing
+from bowstring.schemas.fit import ModelName
+from bowstring.statics.model import RodModel
+from bowstring.validation import check_is_read, shown
+
+if TYPE_CHECKING:
+    from bowstring.schemas import fit as schema
+
+__all__ = ["MEMORIES", "JudgedModel", "Memory", "ModelComparison", "ModelName", "compare_models"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Memory = Literal["backlash", "friction", "hysteresis"]
+MEMORIES: Final[tuple[Memory, ...]] = ("backlash", "friction", "hysteresis")
+"""Memories in the order of their number of parameters."""
+#: Names of models in words.
+_CALLED: Final[dict[ModelName, str]] = {
+    "cc": "constant curvature",
+    "cc_calibrated": "constant curvature, calibrated",
+    "rod": "rod",
+    "rod_calibrated": "rod, calibrated",
+    "rod_backlash": "rod with backlash",
+    "rod_friction": "rod with tendon friction",
+    "rod_hysteresis": "rod with backbone hysteresis",
+}
+_OF_MEMORY: Final[dict[Memory, ModelName]] = {
+    "backlash": "rod_backlash",
+    "friction": "rod_friction",
+    "hysteresis": "rod_hysteresis",
+}
+_SHARE: Final = "segments.*.backbone.hysteresis"
+_PLAY: Final = "segments.*.backbone.hysteresis_play"
+#: Initial share and bend (rad) of a hysteresis that the robot file does not have.
+_SLIDING: Final = (0.1, 0.1)
+#: Least number of rows in a fold.
+_PER_FOLD: Final = 4
+#: Value in SI up to which a memory is none.
+_NONE: Final = 1e-7
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class JudgedModel:
+    """One model of a comparison.
+
+    Attributes
+    ----------
+    name : str
+        ``cc``, ``cc_calibrated``, ``rod``, ``rod_calibrated``, ``rod_backlash``, ``rod_friction``
+        or ``rod_hysteresis``.
+    parameters : tuple of str
+        Fitted parameters; empty for a model as the robot file has it, whose frames are stated.
+    fit : Fit or None
+        Fit to all rows; None without parameters and where it failed.
+    fitted : Score or None
+        Score of the fitted rows.
+    left_out : Score or None
+        Score of the same rows, each predicted by a fit without its fold.
+    validation : Score or None
+        Score of the validation table.
+    residuals : ndarray (K, 3) or None
+        Predicted minus measured tip of the left-out rows, m; NaN without a prediction.
+    validation_residuals : ndarray or None
+        The same for the validation table.
+    reason : str
+        Why there are no numbers; with numbers a note on them, or empty.
+    """
+
+    name: ModelName
+    parameters: tuple[str, ...]
+    fit: Fit | None = None
+    fitted: Score | None = None
+    left_out: Score | None = None
+    validation: Score | None = None
+    residuals: Floats | None = None
+    validation_residuals: Floats | None = None
+    reason: str = ""
+
+    @property
+    def called(self) -> str:
+        """Name in words."""
+        return _CALLED[self.name]
+
+    @property
+    def errors(self) -> Floats:
+        """Distances (K,) of the left-out rows, m; NaN where a row has none."""
+        if self.residuals is None:
+            raise InputError(f"{self.called} has no numbers: {self.reason}")
+        return np.asarray(np.linalg.norm(self.residuals, axis=1))
+
+    def to_dict(self) -> schema.JudgedModel:
+        """Return plain values in mm."""
+        return {
+            "model": self.name,
+            "parameters": list(self.parameters),
+            "estimates": [] if self.fit is None else plain([asdict(e) for e in self.fit.estimates]),
+            "fitted": _numbers(self.fitted),
+            "left_out": _numbers(self.left_out),
+            "validation": _numbers(self.validation),
+            "reason": self.reason,
+        }
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class ModelComparison:
+    """Models judged on left-out rows; made by `compare_models`.
+
+    Attributes
+    ----------
+    models : tuple of JudgedModel
+        All models, in the order of complexity.
+    chosen : JudgedModel
+        The model to use.
+    memory : JudgedModel or None
+        The memory that is clearly better than the calibrated rod; None without one.
+    parts : ErrorParts
+        Parts of the error of constant curvature, on the validation table if there is one, else on
+        the left-out rows.
+    folds : int
+        Number of folds.
+    on : {"folds", "validation"}
+        Rows of `parts`.
+    """
+
+    models: tuple[JudgedModel, ...]
+    chosen: JudgedModel
+    memory: JudgedModel | None
+    parts: ErrorParts
+    folds: int
+    on: Literal["folds", "validation"]
+
+    def __getitem__(self, name: str) -> JudgedModel:
+        for each in self.models:
+            if each.name == name:
+                return each
+        known = listed([each.name for each in self.models])
+        raise InputError(f"{shown(name)} was not compared; the models are {known}")
+
+    @property
+    def verdict(self) -> str:
+        """Sentence on the largest part of the error of constant curvature, and what to do."""
+        memory = "" if self.memory is None else self.memory.called.removeprefix("rod with ")
+        return self.parts.verdict(memory)
+
+    def to_dict(self) -> schema.ModelComparison:
+        """Return all numbers, ready for `json.dumps`."""
+        return {
+            "folds": self.folds,
+            "models": [each.to_dict() for each in self.models],
+            "chosen": self.chosen.name,
+            "memory": None if self.memory is None else self.memory.name,
+            "parts": {"on": self.on, **self.parts.to_dict()},
+            "verdict": self.verdict,
+        }
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A model to fit: parameters, kind, initial values, and parameters of an added memory."""
+
+    name: ModelName
+    parameters: tuple[str, ...]
+    arcs: bool = False
+    start: Mapping[str, float] | None = None
+    added: tuple[str, ...] = ()
+
+
+def compare_models(
+    robot: Robot,
+    data: Measurements,
+    parameters: Sequence[str],
+    *,
+    folds: int = 5,
+    validation: Measurements | None = None,
+    priors: PriorChoice = None,
+    memories: Sequence[Memory] = MEMORIES,
+    progress: Callable[[str, float], None] | None = None,
+) -> ModelComparison:
+    """Compare constant curvature, the rod and its memories on left-out rows, and choose one.
+
+    Parameters
+    ----------
+    robot : Robot
+        As for `bowstring.fit`.
+    data : Measurements
+        As for `bowstring.fit`.
+    parameters : sequence of str
+        Parameters of the calibrated rod, as for `bowstring.fit`. Calibrated constant curvature has
+        those that it knows, and one ``bend_gain`` for each segment. Models as the robot file has
+        them fit only those of ``base`` and ``tool``.
+    folds : int
+        Number of folds of the cross-validation, by blocks of neighbouring groups, loads or rows
+        (`bowstring.calibration.cross_validate`). Groups that are fewer than the folds, such as
+        loading and unloading, may be split.
+    validation : Measurements, optional
+        Another table of the same bench, which every model predicts without registration to it.
+    priors : "default" or mapping from name to float, optional
+        As for `bowstring.fit`; a mapping names parameters of the calibrated rod.
+    memories : sequence of {"backlash", "friction", "hysteresis"}
+        Memories, each of which is added to the calibrated rod: ``backlash`` of displacements,
+        friction of the tendons, hysteresis of the backbones.
+    progress : callable, optional
+        Progress callback, called before each fit with the name of the model and the finished share
+        from 0 to 1.
+
+    Returns
+    -------
+    ModelComparison
+        Models, choice, and parts of the error of constant curvature.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, there are too few rows, rows are not in the order of their times,
+        or validation rows are also fitted. Nothing is fitted then.
+    NoSolutionError
+        If a model without an added memory has no solution for most rows.
+
+    Notes
+    -----
+    The chosen model is the simplest whose mean left-out error is within one standard error of the
+    least one (one-standard-error rule: Hastie, Tibshirani and Friedman, The Elements of Statistical
+    Learning, 2nd ed. 2009, section 7.10). Here it is the standard error of the paired difference of
+    both models over blocks of neighbouring rows, four in each fold, because neighbours have similar
+    errors. The order of complexity is that of `ModelComparison.models`.
+
+    A memory takes part only if it is better than the calibrated rod by more than three standard
+    errors: three memories are tried, and folds share most of their fitted rows, so that one
+    standard error would choose a memory too often. A memory whose fit fails or finds no effect has
+    a reason instead of numbers.
+
+    The fits of the folds start from the values of the fit to all rows.
+    """
+    work = _Work.of(robot, data, parameters, folds, validation, progress)
+    candidates = _candidates(robot, parameters)
+    known = _priors(robot, parameters, priors)
+    asked = [memory for memory in MEMORIES if memory in _checked(memories)]
+    if asked:
+        refuse_disorder(work.commands, "a memory needs")
+        if validation is not None:
+            others = observations.commands(validation, robot)
+            refuse_disorder(others, f"in {validation.name} a memory needs")
+    work.total = len(candidates) + len(asked)
+    models = [work.judge(each, known(each)) for each in candidates]
+    rod = models[-1]
+    for memory in asked:
+        models.append(_remembering(work, robot, parameters, memory, rod, known))
+    work.notify("done", 1.0)
+    return _compared(work, models)
+
+
+def _compared(work: _Work, models: Sequence[JudgedModel]) -> ModelComparison:
+    """Choose a model, and divide the error of constant curvature."""
+    block = blocks_of(work.part, work.used)
+    plain, rod = list(models[:4]), models[3]
+    better = [
+        each
+        for each in models[4:]
+        if each.residuals is not None
+        and difference(rod.errors, each.errors, block).exceeds(MEMORY_ERRORS)
+    ]
+    memory = better[choose([each.errors for each in better], block)] if better else None
+    rivals = plain if memory is None else [*plain, memory]
+    chosen = rivals[choose([each.errors for each in rivals], block)]
+    nested = [models[0], models[1], rod, memory]
+    on: Literal["folds", "validation"] = "folds" if work.validation is None else "validation"
+    table = work.data if work.validation is None else work.validation
+    commands = observations.commands(table, work.robot)
+    noise = noise_of(table, commands.values, table.tip)
+    stated, arcs, whole, last = (None if each is None else _held_out(each, on) for each in nested)
+    assert stated is not None and arcs is not None and whole is not None
+    parts = parts_of(stated, arcs, whole, last, noise)
+    return ModelComparison(tuple(models), chosen, memory, parts, work.folds, on)
+
+
+def _held_out(model: JudgedModel, on: str) -> Floats:
+    """Errors of the left-out rows, or of those of the validation table."""
+    if on == "folds":
+        return model.errors
+    assert model.validation_residuals is not None
+    return np.asarray(np.linalg.norm(model.validation_residuals, axis=1))
+
+
+# -- models --------------------------------------------------------------------------------------
+
+
+def _checked(memories: Sequence[Memory]) -> Sequence[Memory]:
+    for name in [memories] if isinstance(memories, str) else memories:
+        if name not in MEMORIES:
+            raise InputError(f"memory {shown(name)} is unknown; memories are {listed(MEMORIES)}")
+    return memories
+
+
+def _candidates(robot: Robot, parameters: Sequence[str]) -> list[_Candidate]:
+    """Models without an added memory, in the order of complexity."""
+    for name in parameters:
+        if name.partition(".")[0] == "bend_gain":
+            raise InputError(
+                f"parameter {name} is of constant curvature; leave it out, calibrated constant "
+                "curvature has it",
+                argument="parameters",
+            )
+    whole = tuple(Unknowns(robot, parameters).names)
+    frames = tuple(name for name in whole if name.partition(".")[0] in ("base", "tool"))
+    arcs, _ = of_arcs(whole, {})
+    return [
+        _Candidate("cc", frames, arcs=True),
+        _Candidate("cc_calibrated", tuple(arcs), arcs=True),
+        _Candidate("rod", frames),
+        _Candidate("rod_calibrated", whole),
+    ]
+
+
+def _priors(
+    robot: Robot, parameters: Sequence[str], choice: PriorChoice
+) -> Callable[[_Candidate], dict[str, float]]:
+    """Function that gives the priors of a model's parameters."""
+    given = read_priors(choice, robot, Unknowns(robot, parameters))
+
+    def of(model: _Candidate) -> dict[str, float]:
+        names = Unknowns(robot, model.parameters).names
+        own = default_priors(robot, names) if choice == "default" else given
+        return {name: value for name, value in own.items() if name in names}
+
+    return of
+
+
+def _remembering(
+    work: _Work,
+    robot: Robot,
+    parameters: Sequence[str],
+    memory: Memory,
+    rod: JudgedModel,
+    known: Callable[[_Candidate], dict[str, float]],
+) -> JudgedModel:
+    """Add a memory to the calibrated rod; a reason in place of numbers where that fails."""
+    name, added = _OF_MEMORY[memory], _parameters_of(robot, memory)
+    whole = (*Unknowns(robot, parameters).names, *added)
+    if reason := _why_not(work, robot, parameters, memory, added):
+        return JudgedModel(name, whole, reason=reason)
+    start = dict(_start_of(robot, memory))
+    if rod.fit is not None:
+        start |= _without_frames(rod.fit.values)
+    candidate = _Candidate(name, whole, start=start, added=tuple(added))
+    try:
+        return work.judge(candidate, known(candidate))
+    except BowstringError as error:
+        return JudgedModel(name, whole, reason=str(error).rstrip("."))
+
+
+def _parameters_of(robot: Robot, memory: Memory) -> list[str]:
+    if memory == "backlash":
+        return ["backlash"]
+    if memory == "hysteresis":
+        return [_SHARE, _PLAY]
+    rings = [isinstance(segment.tendons, TendonRing) for segment in robot.segments]
+    own = [not ring and bool(s.tendons) for ring, s in zip(rings, robot.segments, strict=True)]
+    names = ["segments.*.tendons.friction"] * any(rings)
+    return names + ["segments.*.tendons.*.friction"] * any(own)
+
+
+def _why_not(
+    work: _Work, robot: Robot, parameters: Sequence[str], memory: Memory, added: Sequence[str]
+) -> str:
+    """Reason why a memory cannot be added; empty if it can."""
+    if memory == "backlash" and not work.commands.by_displacement.any():
+        return "backlash is of displacements, and all tendons are tension-controlled"
+    items = Unknowns(robot, parameters).items
+    leaves = {item.leaf or item.name.partition(".")[0] for item in items}
+    if leaves & {each.rpartition(".")[2] for each in added}:
+        return "it is among the given parameters"
+    return ""
+
+
+def _start_of(robot: Robot, memory: Memory) -> dict[str, float]:
+    """Initial values of a memory that the robot file does not have."""
+    if memory == "hysteresis" and not any(s.backbone.hysteresis for s in robot.segments):
+        return dict(zip((_SHARE, _PLAY), _SLIDING, strict=True))
+    return {}
+
+
+def _without_frames(values: Mapping[str, float]) -> dict[str, float]:
+    """Values except base and tool: a base without an initial value is registered anew."""
+    return {k: v for k, v in values.items() if k.partition(".")[0] not in ("base", "tool")}
+
+
+def _numbers(of: Score | None) -> schema.RowErrors | None:
+    return None if of is None else {"rows": of.count, **of.to_dict()}
+
+
+# -- judgement -----------------------------------------------------------------------------------
+
+
+@dataclass
+class _Work:
+    """Rows of a comparison, and the progress of its fits."""
+
+    robot: Robot
+    data: Measurements
+    commands: Commands
+    used: NDArray[np.bool_]
+    part: Ints
+    folds: int
+    validation: Measurements | None
+    notify: Callable[[str, float], None]
+    total: int = 1
+    done: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        data: Measurements,
+        parameters: Sequence[str],
+        folds: int,
+        validation: Measurements | None,
+        progress: Callable[[str, float], None] | None,
+    ) -> _Work:
+        """Check the rows before any work."""
+        check_robot(robot)
+        check_is_read(data)
+        commands = observations.commands(data, robot)
+        used = observations.fitted_rows(None, observations.tips(data, len(commands)))
+        data = _foldable(data, used, folds)
+        part, _ = part_of_rows(data, commands.values, used, folds)
+        most = int(np.bincount(part[used]).max())
+        count, free = int(used.sum()), len(Unknowns(robot, parameters).items) + 2
+        least = max(_PER_FOLD * int(folds), free + most)
+        if count < least:
+            raise InputError(
+                f"{count} rows with a measured tip are too few to compare models of up to {free} "
+                f"parameters in {folds} folds; measure {least} at least, or take fewer folds or "
+                "parameters",
+                argument="folds",
+            )
+        if validation is not None:
+            cls._check_validation(data, used, validation, robot)
+        notify = progress or (lambda what, share: None)
+        return cls(robot, data, commands, used, part, int(folds), validation, notify)
+
+    @staticmethod
+    def _check_validation(
+        data: Measurements, used: NDArray[np.bool_], other: Measurements, robot: Robot
+    ) -> None:
+        observations.commands(other, robot)
+        if not other.seen.any():
+            raise InputError(f"{other.name} has no measured tip to validate with")
+        same = common_rows(data, used, other, other.seen)
+        if len(same):
+            raise InputError(
+                f"{len(same)} of {int(other.seen.sum())} validation rows are also fitted, the "
+                f"first in line {other.line[same[0]]} of {other.name}; leave them out of one table"
+            )
+
+    def judge(self, model: _Candidate, priors: dict[str, float]) -> JudgedModel:
+        """Fit a model to all rows and without each fold, and predict the validation table."""
+        self._step(model, 0.0)
+        self.done += 1
+        if not model.parameters:
+            return self._stated(model)
+        found = self._fitted(model, priors)
+        reason = "" if found.converged else found.message.partition(". ")[0]
+        if model.added and (why := reason or _no_effect(found, model.added)):
+            return JudgedModel(model.name, model.parameters, found, reason=why)
+        self.done -= 1
+        crossed = cross_validate(
+            self.robot,
+            self.data,
+            model.parameters,
+            folds=self.folds,
+            model="arc" if model.arcs else None,
+            start={**(model.start or {}), **_without_frames(found.values)},
+            priors=priors,
+            progress=lambda share: self._step(model, (1 + share * self.folds) / (1 + self.folds)),
+        )
+        self.done += 1
+        other = None
+        if self.validation is not None:
+            other = found.predict(self.validation) - self.validation.tip
+        return JudgedModel(
+            model.name,
+            model.parameters,
+            found,
+            found.score,
+            crossed.score,
+            None if other is None else _score(other, model),
+            crossed.residuals,
+            other,
+            reason,
+        )
+
+    def _step(self, model: _Candidate, share: float) -> None:
+        self.notify(_CALLED[model.name], (self.done + share) / self.total)
+
+    def _fitted(self, model: _Candidate, priors: dict[str, float]) -> Fit:
+        return fit(
+            self.robot,
+            self.data,
+            model.parameters,
+            model="arc" if model.arcs else None,
+            start=model.start,
+            priors=priors,
+        )
+
+    def _stated(self, model: _Candidate) -> JudgedModel:
+        """Judge a model without parameters to fit: its frames are stated."""
+        here = self._predicted(model, self.data) - self.data.tip
+        here[~self.used] = np.nan
+        there = None
+        if self.validation is not None:
+            there = self._predicted(model, self.validation) - self.validation.tip
+        own = _score(here, model)
+        validated = None if there is None else _score(there, model)
+        return JudgedModel(model.name, (), None, own, own, validated, here, there)
+
+    def _predicted(self, model: _Candidate, table: Measurements) -> Floats:
+        said: dict[str, Any] = dict(zip(("tool.x", "tool.y", "tool.z"), table.tool, strict=True))
+        unknowns = Unknowns(self.robot, [], said)
+        rod = None if model.arcs else RodModel()
+        commands = observations.commands(table, self.robot)
+        return TipModel(unknowns, commands, rod).predict(np.zeros(0)).point
+
+
+def _foldable(data: Measurements, used: NDArray[np.bool_], folds: int) -> Measurements:
+    """Rows without groups where these are fewer than the folds, as loading and unloading are.
+
+    Folds are then blocks of neighbouring loads or rows.
+    """
+    groups = len(np.unique(observations.groups(data, len(data))[used]))
+    return data if not groups < folds else replace(data, group=np.full(len(data), ""))
+
+
+def _score(residuals: Floats, model: _Candidate) -> Score:
+    if not np.isfinite(residuals).all(axis=1).any():
+        raise NoSolutionError(f"{_CALLED[model.name]} has no solution for any row")
+    return score(residuals, np.zeros_like(residuals))
+
+
+def _no_effect(found: Fit, added: Sequence[str]) -> str:
+    """Why an added memory has no effect; empty if it has one, or none was added."""
+    sizes = [found.values[name] for name in added if name != _PLAY]
+    if not sizes or max(sizes) > _NONE:
+        return ""
+    return f"the fit finds none: {listed([str(found[name]) for name in added if name != _PLAY])}"
