@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_fit", "draw_parts"]
 
 _MANY: Final = 300  # rows
+_LINE: Final = 13.5  # points; height of a line of the legend
 #: Colour and hatch of each part of the error, in order.
 _PARTS: Final = (
     ("blue", ""),
@@ -63,7 +64,7 @@ def draw_parts(comparison: ModelComparison) -> Figure:
         Figure, to be drawn and saved within `figure_style`.
     """
     parts = comparison.parts
-    figure, (axes,) = subplots(1, 2.3)
+    figure, (axes,) = subplots(1, 2.9)
     ends = {True: 0.0, False: 0.0}
     looks = dict(zip(PARTS, _PARTS, strict=True))
     for name, value in parts.known.items():
@@ -83,8 +84,9 @@ def draw_parts(comparison: ModelComparison) -> Figure:
     axes.set(ylim=(-0.6, 0.6), yticks=[], xlabel="mean tip error of constant curvature (mm)")
     axes.grid(visible=False, axis="y")
     rows = "rows left out by folds" if comparison.on == "folds" else "rows of the validation table"
-    axes.set_title(f"{in_mm(parts.total)} (dotted) over {parts.rows} {rows}", fontsize=8.5, pad=48)
-    legend_above(axes, 2)
+    title = f"{in_mm(parts.total)} (dotted) over {parts.rows} {rows}"
+    axes.set_title(title, fontsize=8.5, pad=6 + _LINE * len(parts.known))
+    legend_above(axes, 1)
     return figure
 
 

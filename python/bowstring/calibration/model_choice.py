@@ -1,6 +1,8 @@
 """Choice between models by their errors on left-out rows: one-standard-error rule.
 
-K is the number of rows, P that of models. Errors are distances in m, NaN where a row has none.
+Models are compared by the ratio of their errors in blocks of neighbouring rows. Differences would
+be those of the few blocks with the largest errors, where a memory acts most. K is the number of
+rows, P that of models. Errors are distances in m, NaN where a row has none.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MEMORY_ERRORS", "Difference", "blocks_of", "choose", "difference"]
+__all__ = ["MEMORY_ERRORS", "Gain", "blocks_of", "choose", "gain"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -21,22 +23,22 @@ Ints = NDArray[np.int64]
 #: Blocks of neighbouring rows in each fold.
 _PER_FOLD: Final = 4
 #: Standard errors by which a memory must be better than the calibrated rod.
-MEMORY_ERRORS: Final = 3.0
-#: Difference of mean errors that is numerical, m.
+MEMORY_ERRORS: Final = 2.5
+#: Error below which a model has none, m.
 _NOTHING: Final = 1e-8
 
 
 @dataclass(frozen=True)
-class Difference:
-    """Difference of the mean errors of two models on the same rows.
+class Gain:
+    """Decrease of the error from one model to a more complex one on the same rows.
 
     Attributes
     ----------
     mean : float
-        Mean error of the simpler model less that of the more complex one, m: positive if the more
-        complex one is better.
+        Mean over blocks of the natural logarithm of the ratio of their mean errors: positive if the
+        more complex model is better.
     standard_error : float
-        Standard error of the mean over blocks of neighbouring rows, m.
+        Standard error of that mean.
     """
 
     mean: float
@@ -44,7 +46,7 @@ class Difference:
 
     def exceeds(self, errors: float) -> bool:
         """Whether the more complex model is better by more than some standard errors."""
-        return self.mean > max(errors * self.standard_error, _NOTHING)
+        return self.mean > errors * self.standard_error
 
 
 def blocks_of(part: Ints, used: NDArray[np.bool_]) -> Ints:
@@ -69,23 +71,21 @@ def blocks_of(part: Ints, used: NDArray[np.bool_]) -> Ints:
     return block
 
 
-def difference(simple: Floats, complex_: Floats, block: Ints) -> Difference:
-    """Compare the errors (K,) of two models, with the standard error over blocks (K,)."""
+def gain(simple: Floats, complex_: Floats, block: Ints) -> Gain:
+    """Compare the errors (K,) of two models over blocks (K,) of the rows that have both."""
     both = np.isfinite(simple - complex_) & (block >= 0)
-    gain, label = (simple - complex_)[both], np.unique(block[both], return_inverse=True)[1]
-    if not len(gain):
-        return Difference(-math.inf, math.inf)
-    mean, count = float(gain.mean()), int(label.max()) + 1
-    if count < 2:
-        return Difference(mean, math.inf)
-    # a ratio of sums, as blocks have different numbers of rows
-    left = np.bincount(label, gain - mean)
-    scatter = math.sqrt(count / (count - 1) * float(left @ left)) / len(gain)
-    return Difference(mean, scatter)
+    _, label = np.unique(block[both], return_inverse=True)
+    count = np.bincount(label)
+    if len(count) < 2:
+        return Gain(0.0, math.inf)
+    means = (np.bincount(label, each[both]) / count for each in (simple, complex_))
+    before, after = (np.log(np.maximum(mean, _NOTHING)) for mean in means)
+    ratio = before - after
+    return Gain(float(ratio.mean()), float(ratio.std(ddof=1)) / math.sqrt(len(ratio)))
 
 
 def choose(errors: Sequence[Floats], block: Ints) -> int:
-    """Choose the simplest model that is within one standard error of the best.
+    """Choose the simplest model that is within one standard error of the least mean error.
 
     Parameters
     ----------
@@ -101,6 +101,6 @@ def choose(errors: Sequence[Floats], block: Ints) -> int:
     """
     best = int(np.argmin([np.nanmean(each) for each in errors]))
     for simpler in range(best):
-        if not difference(errors[simpler], errors[best], block).exceeds(1.0):
+        if not gain(errors[simpler], errors[best], block).exceeds(1.0):
             return simpler
     return best

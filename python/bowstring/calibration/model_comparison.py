@@ -16,7 +16,7 @@ from bowstring.calibration import observations
 from bowstring.calibration.cross_validation import cross_validate, part_of_rows
 from bowstring.calibration.error_parts import ErrorParts, noise_of, parts_of
 from bowstring.calibration.fitting import Fit, fit
-from bowstring.calibration.model_choice import MEMORY_ERRORS, blocks_of, choose, difference
+from bowstring.calibration.model_choice import MEMORY_ERRORS, blocks_of, choose, gain
 from bowstring.calibration.observations import Score, score
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.priors import PriorChoice, default_priors, read_priors
@@ -249,13 +249,14 @@ def compare_models(
 
     Notes
     -----
-    The chosen model is the simplest whose mean left-out error is within one standard error of the
-    least one (one-standard-error rule: Hastie, Tibshirani and Friedman, The Elements of Statistical
-    Learning, 2nd ed. 2009, section 7.10). Here it is the standard error of the paired difference of
-    both models over blocks of neighbouring rows, four in each fold, because neighbours have similar
-    errors. The order of complexity is that of `ModelComparison.models`.
+    The chosen model is the simplest one that is within one standard error of the one with the least
+    mean left-out error (one-standard-error rule: Hastie, Tibshirani and Friedman, The Elements of
+    Statistical Learning, 2nd ed. 2009, section 7.10). The standard error is here that of the paired
+    comparison: of the mean logarithm of the ratio of both errors over blocks of neighbouring rows,
+    four in each fold, because neighbours have similar errors. The order of complexity is that of
+    `ModelComparison.models`.
 
-    A memory takes part only if it is better than the calibrated rod by more than three standard
+    A memory takes part only if it is better than the calibrated rod by more than 2.5 standard
     errors: three memories are tried, and folds share most of their fitted rows, so that one
     standard error would choose a memory too often. A memory whose fit fails or finds no effect has
     a reason instead of numbers.
@@ -288,7 +289,7 @@ def _compared(work: _Work, models: Sequence[JudgedModel]) -> ModelComparison:
         each
         for each in models[4:]
         if each.residuals is not None
-        and difference(rod.errors, each.errors, block).exceeds(MEMORY_ERRORS)
+        and gain(rod.errors, each.errors, block).exceeds(MEMORY_ERRORS)
     ]
     memory = better[choose([each.errors for each in better], block)] if better else None
     rivals = plain if memory is None else [*plain, memory]
