@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bowstring.calibration import observations
 from bowstring.calibration.observations import Measured
+from bowstring.errors import NoSolutionError
 from bowstring.formatting import in_mm
 
 if TYPE_CHECKING:
@@ -147,6 +148,8 @@ def parts_of(
     last = rod if memory is None else memory
     errors = np.stack([stated, arcs, rod, last])
     seen = np.isfinite(errors).all(axis=0)
+    if not seen.any():
+        raise NoSolutionError("no held-out row has a solution of all models")
     a, b, d, e = errors[:, seen].mean(axis=1).tolist()
     of_noise = None if noise is None else _MEAN_LENGTH * float(noise[0][seen].mean())
     return ErrorParts(

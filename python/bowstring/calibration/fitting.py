@@ -516,7 +516,8 @@ def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit
     ]
     half = known.half
     error = np.sqrt(np.diag(known.covariance))
-    correlation = known.covariance / np.outer(error, error)
+    with np.errstate(invalid="ignore"):  # zero for parameters that are not identifiable
+        correlation = known.covariance / np.outer(error, error)
     hessian = jacobian.T @ (slope[:, None] * jacobian) + of_priors.T @ of_priors
     ends = profile_ends(land, known, hessian)
     profiled = ends is not None

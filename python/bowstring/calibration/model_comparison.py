@@ -506,6 +506,9 @@ class _Work:
             progress=lambda share: self._step(model, (1 + share * self.folds) / (1 + self.folds)),
         )
         self.done += 1
+        if crossed.without_solution:
+            lost = f"{crossed.without_solution} of {int(self.used.sum())} left-out rows"
+            reason = f"{reason}; " * bool(reason) + f"{lost} have no solution"
         other = None
         if self.validation is not None:
             other = found.predict(self.validation) - self.validation.tip

@@ -1,0 +1,356 @@
+"""Comparison of models: choice on synthetic benches, parts of the error, bad input, output."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from rich.table import Table
+
+import bowstring as bs
+from bowstring.calibration import Data, JudgedModel, ModelComparison, compare_models
+from bowstring.calibration.error_parts import noise_of, parts_of
+from bowstring.calibration.figures import draw_parts
+from bowstring.calibration.model_choice import blocks_of, choose, gain
+from bowstring.cli.fit import _comparison_tables
+from bowstring.data.measurements import Measurements
+from bowstring.data.rigid import Rigid
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.model import Robot
+from shell import Shell
+
+Floats = NDArray[np.float64]
+
+ROOT = Path(__file__).parents[1]
+E = "segments.0.backbone.E"
+STIFFER = {E: 33e9}
+NOISE = 1e-4
+SHARE, PLAY = "segments.0.backbone.hysteresis", "segments.0.backbone.hysteresis_play"
+#: Differences of the actual robot, and half of the dead travel of its tendons in m.
+TRUTH: dict[str, tuple[dict[str, float], float]] = {
+    "none": ({}, 0.0),
+    "backlash": ({}, 2.5e-4),
+    "friction": ({"segments.0.tendons.friction": 0.15}, 0.0),
+    "hysteresis": ({SHARE: 0.3, PLAY: 0.2}, 0.0),
+}
+#: Memories by whether a bench is displacement-controlled.
+BENCHES = [
+    (True, "none"),
+    (True, "backlash"),
+    (True, "friction"),
+    (True, "hysteresis"),
+    (False, "none"),
+    (False, "friction"),
+    (False, "hysteresis"),
+]
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return bs.load_robot("amouri2019")
+
+
+def table(robot: Robot, by_displacement: bool, memory: str, seed: int, rows: int) -> Measurements:
+    """Synthetic table of a stiffer robot on a smooth random path, in a measuring frame."""
+    rng = np.random.default_rng(seed)
+    t, shift = np.linspace(0.0, 1.0, rows), rng.uniform(size=4)
+    bend = 0.15 + 0.75 * np.abs(np.sin(np.pi * (2.5 * t + shift[0])))
+    bend += 0.1 * np.sin(9 * t + 6 * shift[1])
+    towards = 2 * np.pi * (shift[2] + 0.8 * np.sin(2 * np.pi * (1.3 * t + shift[3])))
+    along = np.cos(towards[:, None] - 2 * np.pi * np.arange(3) / 3)
+    changes, half = TRUTH[memory]
+    actual = robot.with_({**STIFFER, **changes})
+    none = np.full((rows, 3), np.nan)
+    if by_displacement:
+        tensions, displacements = none, 0.029 * bend[:, None] * along
+        load = bs.Load(displacements=followed(displacements, half))
+    else:
+        tensions, displacements = 2 + 60 * bend[:, None] * np.maximum(along, 0.0), none
+        load = bs.Load(tensions)
+    frame = Rigid.from_rotation_vector([0.01, -0.02, 0.015], [3e-3, -2e-3, 1e-3])
+    tips = frame.apply(bs.sweep(actual, load=load).tip_position)
+    return Measurements(
+        source="synthetic",
+        name="virtual bench",
+        tensions=tensions,
+        displacements=displacements,
+        points=(tips + NOISE * rng.standard_normal((rows, 3)))[:, None],
+        line=np.arange(2, rows + 2),
+        group=np.full(rows, ""),
+        repeat=np.ones(rows, dtype=int),
+        sigma=np.full(rows, NOISE),
+    )
+
+
+def followed(commands: Floats, half: float) -> Floats:
+    """Commands that follow with a play of the given half width."""
+    out, state = np.empty_like(commands), commands[0]
+    for k, row in enumerate(commands):
+        state = np.clip(state, row - half, row + half)
+        out[k] = state
+    return out
+
+
+def compared(
+    robot: Robot, by_displacement: bool, memory: str, seed: int, rows: int = 60
+) -> ModelComparison:
+    data = table(robot, by_displacement, memory, seed, rows)
+    return compare_models(robot, data, ["base", "gain" if by_displacement else E])
+
+
+@pytest.fixture(scope="module")
+def remembered(robot: Robot) -> ModelComparison:
+    """Comparison on a bench with backlash."""
+    return compared(robot, True, "backlash", 0)
+
+
+# -- parts of the error ---------------------------------------------------------------------------
+
+
+def test_parts_add_up_with_negative_ones() -> None:
+    rng = np.random.default_rng(3)
+    means = np.array([[8e-3], [1e-3], [3e-3], [0.0]])
+    stated, arcs, rod, memory = means + rng.uniform(1e-3, 5e-3, (4, 50))
+    arcs[7] = memory[9] = np.nan
+    noise = np.full(50, NOISE)
+    for last in (None, memory):
+        for known in (None, (noise, "stated")):
+            parts = parts_of(stated, arcs, rod, last, known)  # type: ignore[arg-type]
+            assert sum(parts.known.values()) == pytest.approx(parts.total, rel=1e-14)
+            assert parts.physics < 0.0 < parts.parameters
+            assert parts.rows == (49 if last is None else 48)
+            assert parts.memory == 0.0 or last is not None
+            assert ("noise" in parts.known) == (known is not None)
+    seen = np.isfinite(arcs + memory)
+    assert parts.total == pytest.approx(stated[seen].mean())
+    with pytest.raises(NoSolutionError, match="no held-out row"):
+        parts_of(stated, np.full(50, np.nan), rod, None, None)
+
+
+def test_noise_is_that_of_repeats_else_as_stated() -> None:
+    rng = np.random.default_rng(1)
+    runs, loads = 6, 40
+    tensions = np.tile(np.arange(loads)[:, None] * [1.0, 0.0, 0.0], (runs, 1))
+    tips = 0.5 * NOISE * rng.standard_normal((runs * loads, 3)) + tensions
+    data = Data(points=tips, tensions=tensions)
+    assert noise_of(data, tensions, tips) is None
+    stated = replace_of(data, sigma=np.full(len(tips), NOISE))
+    assert noise_of(stated, tensions, tips)[1] == "stated"  # type: ignore[index]
+    repeated = replace_of(stated, repeat=np.repeat(np.arange(runs), loads))
+    found = noise_of(repeated, tensions, tips)
+    assert found is not None and found[1] == "repeats"
+    np.testing.assert_allclose(found[0], 0.5 * NOISE, rtol=0.1)
+
+
+def replace_of(data: Any, **columns: Any) -> Any:
+    """Object with the attributes of other data and further columns."""
+    names = ("tensions", "displacements", "points", "group", "time", "sigma", "repeat")
+    given = {name: getattr(data, name, None) for name in names}
+    return type("Rows", (), {**given, **columns})()
+
+
+# -- choice ---------------------------------------------------------------------------------------
+
+
+def test_a_model_is_chosen_if_it_is_clearly_better() -> None:
+    rng = np.random.default_rng(0)
+    rows, part = np.arange(100), np.arange(100) // 20
+    block = blocks_of(part, rows % 10 != 3)
+    assert set(block[rows % 10 == 3]) == {-1} and len(set(block)) == 21
+    assert all(len(set(part[block == k])) == 1 for k in range(20))
+    simple = 1e-3 * rng.uniform(0.5, 1.5, 100)
+    assert choose([simple, simple], block) == 0
+    mixed = simple * np.where(block % 2, 1.1, 0.88)  # less on average, by chance
+    assert mixed.mean() < simple.mean() and choose([simple, mixed], block) == 0
+    assert choose([simple, 0.8 * simple], block) == 1
+    assert choose([2 * simple, simple, simple * rng.uniform(0.9, 1.1, 100)], block) == 1
+    # a tenth less in all blocks counts, whatever the errors in a block are
+    size = np.where(rows < 10, 100.0, 1.0)
+    assert gain(simple * size, 0.9 * simple * size, block).mean == pytest.approx(-np.log(0.9))
+    assert gain(simple * 1e-9, simple * 1e-12, block).mean == 0.0  # both without error
+
+
+@pytest.mark.parametrize(("by_displacement", "memory"), [(True, "none"), (False, "friction")])
+def test_the_memory_of_a_bench_is_found(robot: Robot, by_displacement: bool, memory: str) -> None:
+    found = compared(robot, by_displacement, memory, 0)
+    if memory == "none":
+        assert found.memory is None and found.parts.memory == 0.0
+        assert found.chosen.name in ("rod", "rod_calibrated")
+        assert found.chosen.left_out is not None
+        assert found.chosen.left_out.mean == pytest.approx(1.6 * NOISE, rel=0.15)
+        return
+    assert found.chosen is found.memory is found[f"rod_{memory}"]
+    assert "Most of" in found.verdict or "The largest part of" in found.verdict
+
+
+def test_numbers_of_a_comparison(remembered: ModelComparison) -> None:
+    found = remembered
+    assert found.chosen is found.memory is found["rod_backlash"]
+    fit = found.chosen.fit
+    assert fit is not None and fit.values["backlash"] == pytest.approx(2.5e-4, rel=0.05)
+    parts = found.parts
+    assert sum(parts.known.values()) == pytest.approx(parts.total, rel=1e-14)
+    assert parts.noise == pytest.approx(NOISE * np.sqrt(8 / np.pi)) and found.on == "folds"
+    names = ["cc", "cc_calibrated", "rod_calibrated", "rod_backlash"]
+    a, b, d, e = (found[name].errors.mean() for name in names)
+    assert parts.parameters == pytest.approx(a - b) and parts.physics == pytest.approx(b - d)
+    assert parts.memory == pytest.approx(d - e)
+    assert parts.memory == max(parts.known.values()) and "add backlash" in found.verdict
+    assert abs(parts.unexplained) < 0.2 * parts.noise
+    with pytest.raises(InputError, match="was not compared"):
+        found["rod_creep"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("by_displacement", "memory"), BENCHES)
+def test_memories_are_found_and_none_is_invented(
+    robot: Robot, by_displacement: bool, memory: str
+) -> None:
+    found = [compared(robot, by_displacement, memory, seed, 90) for seed in range(100, 104)]
+    expected = None if memory == "none" else f"rod_{memory}"
+    names = [None if each.memory is None else each.memory.name for each in found]
+    assert names == [expected] * 4
+
+
+def test_a_memory_that_cannot_be_fitted_has_a_reason(robot: Robot) -> None:
+    data = table(robot, False, "none", 1, 40)
+    names = ["base", "segments.0.tendons.friction"]
+    found = compare_models(robot, data, names, memories=("backlash", "friction"))
+    assert [each.name for each in found.models[4:]] == ["rod_backlash", "rod_friction"]
+    for name, reason in (("backlash", "tension-controlled"), ("friction", "given parameters")):
+        judged = found[f"rod_{name}"]
+        assert reason in judged.reason and judged.left_out is None
+        with pytest.raises(InputError, match="has no numbers"):
+            _ = judged.errors
+    assert found.memory is None
+
+
+def test_models_without_frames_are_judged_as_they_stand(robot: Robot) -> None:
+    data = table(robot, False, "none", 1, 40)
+    found = compare_models(robot, data, [E], memories=())
+    stated: JudgedModel = found["rod"]
+    assert stated.parameters == () and stated.fit is None and stated.fitted == stated.left_out
+    tips = bs.sweep(robot, data.tensions).tip_position
+    np.testing.assert_allclose(stated.errors, np.linalg.norm(tips - data.tip, axis=1), atol=1e-5)
+
+
+def test_validation_rows_are_divided(robot: Robot) -> None:
+    data, other = (table(robot, False, "none", seed, 40) for seed in (1, 2))
+    found = compare_models(robot, data, ["base", E], validation=other, memories=())
+    assert found.on == "validation" and found.parts.rows == 40
+    scores = [found[name].validation for name in ("cc", "cc_calibrated", "rod_calibrated")]
+    a, b, d = (score.mean for score in scores if score is not None)
+    assert found.parts.total == pytest.approx(a)
+    assert found.parts.physics == pytest.approx(b - d)
+    fit = found["rod_calibrated"].fit
+    assert fit is not None
+    own = np.linalg.norm(fit.predict(other) - other.tip, axis=1)
+    assert d == pytest.approx(own.mean())
+
+
+# -- bad input ------------------------------------------------------------------------------------
+
+
+def test_bad_input_is_refused_before_work(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*given: Any, **named: Any) -> None:
+        raise AssertionError("work has begun")
+
+    monkeypatch.setattr("bowstring.calibration.model_comparison.fit", never)
+    data = table(robot, False, "none", 1, 40)
+
+    def refused(
+        says: str, data: Measurements = data, names: Any = ("base", E), **more: Any
+    ) -> None:
+        with pytest.raises(InputError, match=says):
+            compare_models(robot, data, list(names), **more)
+
+    refused("12 rows with a measured tip are too few .* measure 20", data.select(slice(0, 12)))
+    refused("too few .* 30 folds", folds=30)
+    refused("whole number from 2", folds=1)
+    refused("memory 'creep' is unknown", memories=["creep"])
+    refused("leave it out, calibrated constant curvature has it", names=["base", "bend_gain"])
+    refused("there is no parameter", names=["base", "stiffness"])
+    refused("prior of 'offset' is of no fitted parameter", priors={"offset": 1e-3})
+    half = data.select(slice(20, 40))
+    refused("20 of 20 validation rows are also fitted, the first in line 22", validation=half)
+    blank = replace(half, points=np.full_like(half.points, np.nan))
+    refused("no measured tip to validate", validation=blank)
+    time = np.arange(40.0)
+    time[[10, 11]] = time[[11, 10]]
+    disordered = replace(data, time=time)
+    refused("row 12 is earlier .* a memory needs rows in the order of measurement", disordered)
+    other = replace(table(robot, False, "none", 2, 40), time=time)
+    refused("row 12 is earlier .* in virtual bench a memory needs", validation=other)
+    with pytest.raises(AssertionError):  # without a memory the order is free
+        compare_models(robot, disordered, ["base", E], memories=())
+
+
+def test_flags_of_a_comparison(shell: Shell, tmp_path: Path) -> None:
+    base = ("fit", "amouri2019", "--measurements", str(ROOT / "examples" / "bench.csv"))
+    base += ("--parameter", "base", "--compare")
+    for flags, says in (
+        (("--model", "arc"), "leave --model out"),
+        (("--loss", "linear"), "leave --loss out"),
+        (("--holdout", "0.2"), "give --folds in place of --holdout"),
+        (("--start", str(tmp_path / "calibration.json")), "leave --start out"),
+        (("--folds", "16"), "too few to compare models"),
+    ):
+        assert says in shell.error(*base, *flags)
+
+
+# -- output ---------------------------------------------------------------------------------------
+
+
+def test_the_bar_adds_up(remembered: ModelComparison) -> None:
+    parts = replace(remembered.parts, physics=-1e-3, total=remembered.parts.total - 1e-3)
+    figure = draw_parts(replace(remembered, parts=parts))
+    (axes,) = figure.axes
+    bars = [(bar.get_x(), bar.get_width()) for bar in axes.patches]
+    assert sum(width for _, width in bars) == pytest.approx(
+        1e3 * sum(parts.known.values()), rel=1e-12
+    )
+    ends = sorted((x + min(width, 0.0), x + max(width, 0.0)) for x, width in bars)
+    assert all(a[1] == pytest.approx(b[0]) for a, b in pairwise(ends))
+    assert axes.get_xlabel().endswith("(mm)")
+    assert len(axes.get_legend().get_texts()) == 5  # type: ignore[union-attr]
+
+
+def test_the_table_marks_the_choice(remembered: ModelComparison) -> None:
+    judged = replace(remembered["rod_hysteresis"], fitted=None, left_out=None, reason="not found")
+    models = (*remembered.models[:-1], judged)
+    sentence, table, *rest = _comparison_tables(replace(remembered, models=models), None)
+    assert isinstance(table, Table) and "5 folds" in str(sentence)
+    marks = dict(zip(*(table.columns[k].cells for k in (1, 0)), strict=True))
+    assert [name for name, mark in marks.items() if mark == "*"] == ["rod with backlash"]
+    assert list(table.columns[-1].cells)[-1] == "-"
+    text = " ".join(each for each in rest if isinstance(each, str))
+    assert "Rod with backbone hysteresis: not found." in text
+    assert "Fit it with --parameter backlash besides." in text and remembered.verdict in text
+
+
+def test_the_command_writes_the_comparison(shell: Shell, tmp_path: Path) -> None:
+    file, out = ROOT / "examples" / "bench.csv", tmp_path / "out"
+    flags = ("--set", "gravity=0 0 -9.80665 m/s^2", "--parameter", "base", "--parameter", E)
+    command = ("fit", "amouri2019", "--measurements", str(file), *flags, "--compare")
+    got = shell.json(*command, "--out", str(out))["comparison"]
+    assert got["chosen"] == got["memory"] == "rod_friction" and got["folds"] == 5
+    parts = [value for name, value in got["parts"].items() if name.endswith("_mm")]
+    assert 2 * parts[0] == pytest.approx(sum(parts), rel=1e-12)
+    assert got["parts"]["noise_source"] == "stated"
+    with (out / "models.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["model"] for row in rows] == [each["model"] for each in got["models"]]
+    assert [row["model"] for row in rows if row["chosen"] == "yes"] == ["rod_friction"]
+    shown = {row["model"]: row["left_out_mean_mm"] for row in rows}
+    for each in got["models"]:
+        if each["left_out"] is None:
+            assert shown[each["model"]] == "" and each["reason"]
+        else:
+            assert float(shown[each["model"]]) == pytest.approx(each["left_out"]["mean_mm"])
+    assert "<svg" in (out / "error_parts.svg").read_text(encoding="utf-8")
