@@ -66,6 +66,8 @@ _SLIDING: Final = (0.1, 0.1)
 _PER_FOLD: Final = 4
 #: Value in SI up to which a memory is none.
 _NONE: Final = 1e-7
+#: Least share by which a memory lowers the fitted error.
+_LITTLE: Final = 0.01
 
 
 @short_repr
@@ -258,8 +260,8 @@ def compare_models(
 
     A memory takes part only if it is better than the calibrated rod by more than 2.5 standard
     errors: three memories are tried, and folds share most of their fitted rows, so that one
-    standard error would choose a memory too often. A memory whose fit fails or finds no effect has
-    a reason instead of numbers.
+    standard error would choose a memory too often. A memory whose fit fails or finds no effect,
+    less than 1 % of the fitted error, has a reason instead of numbers.
 
     The fits of the folds start from the values of the fit to all rows.
     """
@@ -275,6 +277,7 @@ def compare_models(
     work.total = len(candidates) + len(asked)
     models = [work.judge(each, known(each)) for each in candidates]
     rod = models[-1]
+    work.rod = rod.fitted
     for memory in asked:
         models.append(_remembering(work, robot, parameters, memory, rod, known))
     work.notify("done", 1.0)
@@ -437,6 +440,7 @@ class _Work:
     notify: Callable[[str, float], None]
     total: int = 1
     done: int = 0
+    rod: Score | None = None  # of the calibrated rod at the fitted rows
 
     @classmethod
     def of(
@@ -492,7 +496,7 @@ class _Work:
             return self._stated(model)
         found = self._fitted(model, priors)
         reason = "" if found.converged else found.message.partition(". ")[0]
-        if model.added and (why := reason or _no_effect(found, model.added)):
+        if model.added and (why := reason or self._no_effect(found, model)):
             return JudgedModel(model.name, model.parameters, found, reason=why)
         self.done -= 1
         crossed = cross_validate(
@@ -523,6 +527,15 @@ class _Work:
             other,
             reason,
         )
+
+    def _no_effect(self, found: Fit, model: _Candidate) -> str:
+        """Why an added memory has no effect; empty if it has one."""
+        sizes = [name for name in model.added if name != _PLAY]
+        if max(found.values[name] for name in sizes) <= _NONE:
+            return f"the fit finds none: {listed([str(found[name]) for name in sizes])}"
+        if self.rod is not None and found.score.mean > (1.0 - _LITTLE) * self.rod.mean:
+            return "it lowers the fitted error by less than 1 %"
+        return ""
 
     def _step(self, model: _Candidate, share: float) -> None:
         self.notify(_CALLED[model.name], (self.done + share) / self.total)
@@ -569,11 +582,3 @@ def _score(residuals: Floats, model: _Candidate) -> Score:
     if not np.isfinite(residuals).all(axis=1).any():
         raise NoSolutionError(f"{_CALLED[model.name]} has no solution for any row")
     return score(residuals, np.zeros_like(residuals))
-
-
-def _no_effect(found: Fit, added: Sequence[str]) -> str:
-    """Why an added memory has no effect; empty if it has one, or none was added."""
-    sizes = [found.values[name] for name in added if name != _PLAY]
-    if not sizes or max(sizes) > _NONE:
-        return ""
-    return f"the fit finds none: {listed([str(found[name]) for name in added if name != _PLAY])}"
