@@ -166,6 +166,24 @@ def test_a_memory_that_cannot_be_fitted_has_a_reason(robot: Robot) -> None:
     assert found.memory is None
 
 
+def test_progress_is_reported_before_each_fit_and_can_interrupt(robot: Robot) -> None:
+    data, seen = table(False, "none", 1, 40), list[tuple[str, float]]()
+    names = ["base", E]
+    compare_models(
+        robot, data, names, memories=["backlash"], progress=lambda *given: seen.append(given)
+    )
+    shares = [share for _, share in seen]
+    assert shares == sorted(shares) and shares[0] == 0.0 and seen[-1] == ("done", 1.0)
+    assert [name for name, _ in seen].count("rod, calibrated") == 6  # all rows, and five folds
+
+    def stop(name: str, share: float) -> None:
+        if name == "rod with tendon friction":  # no failure of this memory
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        compare_models(robot, data, names, memories=["friction"], progress=stop)
+
+
 def test_models_without_frames_are_judged_as_they_stand(robot: Robot) -> None:
     data = table(False, "none", 1, 40)
     found = compare_models(robot, data, [E], memories=())

@@ -491,28 +491,35 @@ class _Work:
     def judge(self, model: _Candidate, priors: dict[str, float]) -> JudgedModel:
         """Fit a model to all rows and without each fold, and predict the validation table."""
         self._step(model, 0.0)
-        self.done += 1
-        if not model.parameters:
-            return self._stated(model)
-        found = self._fitted(model, priors)
-        reason = "" if found.converged else found.message.partition(". ")[0]
-        if model.added and (why := reason or self._no_effect(found, model)):
+        try:
+            return self._fitted(model, priors) if model.parameters else self._stated(model)
+        finally:
+            self.done += 1
+
+    def _fitted(self, model: _Candidate, priors: dict[str, float]) -> JudgedModel:
+        kind: Literal["arc"] | None = "arc" if model.arcs else None
+        found = fit(
+            self.robot, self.data, model.parameters, model=kind, start=model.start, priors=priors
+        )
+        why = "" if found.converged else found.message.partition(". ")[0]
+        if model.added and (why := why or self._no_effect(found, model)):
             return JudgedModel(model.name, model.parameters, found, reason=why)
-        self.done -= 1
         crossed = cross_validate(
             self.robot,
             self.data,
             model.parameters,
             folds=self.folds,
-            model="arc" if model.arcs else None,
+            model=kind,
             start={**(model.start or {}), **_without_frames(found.values)},
             priors=priors,
             progress=lambda share: self._step(model, (1 + share * self.folds) / (1 + self.folds)),
         )
-        self.done += 1
+        notes = [why] if why else []
+        if edge := [name for name in model.added if found[name].at_limit]:
+            notes.append(f"{listed(edge)} at the end of the range, perhaps for another effect")
         if crossed.without_solution:
             lost = f"{crossed.without_solution} of {int(self.used.sum())} left-out rows"
-            reason = f"{reason}; " * bool(reason) + f"{lost} have no solution"
+            notes.append(f"{lost} have no solution")
         other = None
         if self.validation is not None:
             other = found.predict(self.validation) - self.validation.tip
@@ -525,7 +532,7 @@ class _Work:
             None if other is None else _score(other, model),
             crossed.residuals,
             other,
-            reason,
+            "; ".join(notes),
         )
 
     def _no_effect(self, found: Fit, model: _Candidate) -> str:
@@ -539,16 +546,6 @@ class _Work:
 
     def _step(self, model: _Candidate, share: float) -> None:
         self.notify(_CALLED[model.name], (self.done + share) / self.total)
-
-    def _fitted(self, model: _Candidate, priors: dict[str, float]) -> Fit:
-        return fit(
-            self.robot,
-            self.data,
-            model.parameters,
-            model="arc" if model.arcs else None,
-            start=model.start,
-            priors=priors,
-        )
 
     def _stated(self, model: _Candidate) -> JudgedModel:
         """Judge a model without parameters to fit: its frames are stated."""
