@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -60,6 +61,12 @@ def test_parts_add_up_with_negative_ones() -> None:
     stated, arcs, rod, memory = means + rng.uniform(1e-3, 5e-3, (4, 50))
     arcs[7] = memory[9] = np.nan
     noise = np.full(50, NOISE)
+    verdict = parts_of(stated, arcs, rod, memory, None).verdict("backlash")
+    assert re.fullmatch(
+        r"Most of the \S+ mm of constant curvature are parameters and geometry \(\S+ mm\): mend "
+        r"these first, by calibration\.",
+        verdict,
+    )
     for last in (None, memory):
         for known in (None, (noise, "stated")):
             parts = parts_of(stated, arcs, rod, last, known)  # type: ignore[arg-type]

@@ -101,10 +101,10 @@ class ErrorParts:
         most = self.known[name]
         if most < _NOTHING:
             return "Constant curvature has no error on these rows."
-        share = "Most" if most > 0.5 * self.total else "The largest part"
+        share, verb = ("Most", "are") if most > 0.5 * self.total else ("The largest part", "is")
         return (
-            f"{share} of the {in_mm(self.total)} of constant curvature: {self.called(name)} "
-            f"({in_mm(most)}); {_ADVICE[name].format(memory=memory)}."
+            f"{share} of the {in_mm(self.total)} of constant curvature {verb} {self.called(name)} "
+            f"({in_mm(most)}): {_ADVICE[name].format(memory=memory)}."
         )
 
     def to_dict(self) -> schema.ErrorParts:
