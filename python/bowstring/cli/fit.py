@@ -490,10 +490,13 @@ def _residual_tables(found: ResidualStudy, folder: Path | None) -> Iterator[Tabl
 
 
 def _comparison_tables(found: ModelComparison, folder: Path | None) -> Iterator[Table | str]:
-    yield f"Models on {found.folds} folds of neighbouring rows; errors of the tip in mm:"
+    yield (
+        "Models, number of parameters, and RMSE and mean of the tip error in mm; left out by "
+        f"{found.folds} folds:"
+    )
     there = any(each.validation is not None for each in found.models)
-    columns = ["fitted RMSE", "left-out RMSE", "mean"] + ["validation RMSE", "mean"] * there
-    table = new_table("", "model", ">parameters", *[f">{name}" for name in columns])
+    columns = ["fitted", "left out", "mean"] + ["validation", "mean"] * there
+    table = new_table("", "model", ">number", *[f">{name}" for name in columns])
     for each in found.models:
         numbers = [(each.fitted, "rmse"), (each.left_out, "rmse"), (each.left_out, "mean")]
         numbers += [(each.validation, "rmse"), (each.validation, "mean")] * there
