@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
@@ -60,8 +61,9 @@ _OF_MEMORY: Final[dict[Memory, ModelName]] = {
 }
 _SHARE: Final = "segments.*.backbone.hysteresis"
 _PLAY: Final = "segments.*.backbone.hysteresis_play"
-#: Initial share and bend (rad) of a hysteresis that the robot file does not have.
-_SLIDING: Final = (0.1, 0.1)
+#: Initial shares and bends (rad) of a hysteresis that the robot file does not have: the error has
+#: several minima by the bend.
+_SLIDING: Final = ((0.1, 0.05), (0.1, 0.15), (0.1, 0.4))
 #: Least number of rows in a fold.
 _PER_FOLD: Final = 4
 #: Value in SI up to which a memory is none.
@@ -189,12 +191,12 @@ class ModelComparison:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A model to fit: parameters, kind, initial values, and parameters of an added memory."""
+    """A model to fit: parameters, kind, initial values to try, and those of an added memory."""
 
     name: ModelName
     parameters: tuple[str, ...]
     arcs: bool = False
-    start: Mapping[str, float] | None = None
+    starts: tuple[Mapping[str, float], ...] = ({},)
     added: tuple[str, ...] = ()
 
 
@@ -263,7 +265,8 @@ def compare_models(
     standard error would choose a memory too often. A memory whose fit fails or finds no effect,
     less than 1 % of the fitted error, has a reason instead of numbers.
 
-    The fits of the folds start from the values of the fit to all rows.
+    The fits of the folds start from the values of the fit to all rows. That of hysteresis starts
+    from three plays, as its error has several minima.
     """
     work = _Work.of(robot, data, parameters, folds, validation, progress)
     candidates = _candidates(robot, parameters)
@@ -373,10 +376,9 @@ def _remembering(
     whole = (*Unknowns(robot, parameters).names, *added)
     if reason := _why_not(work, robot, parameters, memory, added):
         return JudgedModel(name, whole, reason=reason)
-    start = dict(_start_of(robot, memory))
-    if rod.fit is not None:
-        start |= _without_frames(rod.fit.values)
-    candidate = _Candidate(name, whole, start=start, added=tuple(added))
+    known_start = {} if rod.fit is None else _without_frames(rod.fit.values)
+    starts = tuple({**known_start, **each} for each in _starts_of(robot, memory))
+    candidate = _Candidate(name, whole, starts=starts, added=tuple(added))
     try:
         return work.judge(candidate, known(candidate))
     except BowstringError as error:
@@ -407,11 +409,11 @@ def _why_not(
     return ""
 
 
-def _start_of(robot: Robot, memory: Memory) -> dict[str, float]:
-    """Initial values of a memory that the robot file does not have."""
+def _starts_of(robot: Robot, memory: Memory) -> list[dict[str, float]]:
+    """Initial values to try of a memory that the robot file does not have."""
     if memory == "hysteresis" and not any(s.backbone.hysteresis for s in robot.segments):
-        return dict(zip((_SHARE, _PLAY), _SLIDING, strict=True))
-    return {}
+        return [{_SHARE: share, _PLAY: bend} for share, bend in _SLIDING]
+    return [{}]
 
 
 def _without_frames(values: Mapping[str, float]) -> dict[str, float]:
@@ -498,9 +500,8 @@ class _Work:
 
     def _fitted(self, model: _Candidate, priors: dict[str, float]) -> JudgedModel:
         kind: Literal["arc"] | None = "arc" if model.arcs else None
-        found = fit(
-            self.robot, self.data, model.parameters, model=kind, start=model.start, priors=priors
-        )
+        begin = partial(fit, self.robot, self.data, model.parameters, model=kind, priors=priors)
+        found = _best(begin, model.starts)
         why = "" if found.converged else found.message.partition(". ")[0]
         if model.added and (why := why or self._no_effect(found, model)):
             return JudgedModel(model.name, model.parameters, found, reason=why)
@@ -510,7 +511,7 @@ class _Work:
             model.parameters,
             folds=self.folds,
             model=kind,
-            start={**(model.start or {}), **_without_frames(found.values)},
+            start=_without_frames(found.values),
             priors=priors,
             progress=lambda share: self._step(model, (1 + share * self.folds) / (1 + self.folds)),
         )
@@ -564,6 +565,22 @@ class _Work:
         rod = None if model.arcs else RodModel()
         commands = observations.commands(table, self.robot)
         return TipModel(unknowns, commands, rod).predict(np.zeros(0)).point
+
+
+def _best(begin: Callable[..., Fit], starts: Sequence[Mapping[str, float]]) -> Fit:
+    """Fit from each start, and return the converged one with the least error.
+
+    Starts may fail, as a play larger than all bends has no effect; the last error is raised if all
+    do.
+    """
+    found: list[Fit] = []
+    for k, start in enumerate(starts):
+        try:
+            found.append(begin(start=start))
+        except BowstringError:
+            if k == len(starts) - 1 and not found:
+                raise
+    return min(found, key=lambda one: (not one.converged, one.score.mean))
 
 
 def _foldable(data: Measurements, used: NDArray[np.bool_], folds: int) -> Measurements:
