@@ -4,10 +4,9 @@ from bowstring.calibration.cross_validation import CrossValidation, cross_valida
 from bowstring.calibration.error_parts import ErrorParts
 from bowstring.calibration.filtering import Filtered, SlowBias, filtered, fit_slow_bias
 from bowstring.calibration.fitting import Estimate, Fit, fit
+from bowstring.calibration.model_comparison import JudgedModel, ModelComparison, compare_models
 from bowstring.calibration.observations import Data, PointScore, Score, score
 from bowstring.calibration.prediction import Predicted, predict_with_interval
-from bowstring.calibration.model_comparison import JudgedModel, ModelComparison, compare_models
-from bowstring.calibration.observations import Data, Score, score
 from bowstring.calibration.priors import default_priors
 from bowstring.calibration.residual import Corrected, Hyperparameters, Residual, fit_residual
 from bowstring.calibration.residual_comparison import Compared, ResidualStudy, study_residual
@@ -25,10 +24,10 @@ __all__ = [
     "Filtered",
     "Fit",
     "Hyperparameters",
-    "PointScore",
-    "Predicted",
     "JudgedModel",
     "ModelComparison",
+    "PointScore",
+    "Predicted",
     "Residual",
     "ResidualStudy",
     "Score",
