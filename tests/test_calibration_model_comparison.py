@@ -233,7 +233,7 @@ def test_bad_input_is_refused_before_work(robot: Robot, monkeypatch: pytest.Monk
     refused("12 rows with a measured tip are too few .* measure 20", data.select(slice(0, 12)))
     refused("too few .* 30 folds", folds=30)
     refused("whole number from 2", folds=1)
-    refused("memory 'creep' is unknown", memories=["creep"])
+    refused("memory 'set' is unknown", memories=["set"])
     refused("leave it out, calibrated constant curvature has it", names=["base", "bend_gain"])
     refused("there is no parameter", names=["base", "stiffness"])
     refused("prior of 'offset' is of no fitted parameter", priors={"offset": 1e-3})

@@ -41,8 +41,8 @@ __all__ = ["MEMORIES", "JudgedModel", "Memory", "ModelComparison", "ModelName", 
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Memory = Literal["backlash", "friction", "hysteresis"]
-MEMORIES: Final[tuple[Memory, ...]] = ("backlash", "friction", "hysteresis")
+Memory = Literal["backlash", "friction", "hysteresis", "creep", "relaxation"]
+MEMORIES: Final[tuple[Memory, ...]] = ("backlash", "friction", "hysteresis", "creep", "relaxation")
 """Memories in the order of their number of parameters."""
 #: Names of models in words.
 _CALLED: Final[dict[ModelName, str]] = {
@@ -53,17 +53,27 @@ _CALLED: Final[dict[ModelName, str]] = {
     "rod_backlash": "rod with backlash",
     "rod_friction": "rod with tendon friction",
     "rod_hysteresis": "rod with backbone hysteresis",
+    "rod_creep": "rod with creeping tendons",
+    "rod_relaxation": "rod with backbone relaxation",
 }
 _OF_MEMORY: Final[dict[Memory, ModelName]] = {
     "backlash": "rod_backlash",
     "friction": "rod_friction",
     "hysteresis": "rod_hysteresis",
+    "creep": "rod_creep",
+    "relaxation": "rod_relaxation",
 }
 _SHARE: Final = "segments.*.backbone.hysteresis"
 _PLAY: Final = "segments.*.backbone.hysteresis_play"
+_RELAXES: Final = "segments.*.backbone.relaxation"
 #: Initial shares and bends (rad) of a hysteresis that the robot file does not have: the error has
 #: several minima by the bend.
 _SLIDING: Final = ((0.1, 0.05), (0.1, 0.15), (0.1, 0.4))
+#: Initial share that relaxes, initial creep over the compliance of a bending robot, and number of
+#: initial times.
+_RELAXING: Final = 0.1
+_CREEPING: Final = 0.1
+_TIMES: Final = 3
 #: Least number of rows in a fold.
 _PER_FOLD: Final = 4
 #: Value in SI up to which a memory is none.
@@ -80,8 +90,8 @@ class JudgedModel:
     Attributes
     ----------
     name : str
-        ``cc``, ``cc_calibrated``, ``rod``, ``rod_calibrated``, ``rod_backlash``, ``rod_friction``
-        or ``rod_hysteresis``.
+        ``cc``, ``cc_calibrated``, ``rod``, ``rod_calibrated``, ``rod_backlash``, ``rod_friction``,
+        ``rod_hysteresis``, ``rod_creep`` or ``rod_relaxation``.
     parameters : tuple of str
         Fitted parameters; empty for a model as the robot file has it, whose frames are stated.
     fit : Fit or None
@@ -231,9 +241,10 @@ def compare_models(
         Another table of the same bench, which every model predicts without registration to it.
     priors : "default" or mapping from name to float, optional
         As for `bowstring.fit`; a mapping names parameters of the calibrated rod.
-    memories : sequence of {"backlash", "friction", "hysteresis"}
+    memories : sequence of {"backlash", "friction", "hysteresis", "creep", "relaxation"}
         Memories, each of which is added to the calibrated rod: ``backlash`` of displacements,
-        friction of the tendons, hysteresis of the backbones.
+        friction of the tendons, hysteresis of the backbones; in rows with times creep of the
+        tendons under displacement control, and relaxation of the backbones.
     progress : callable, optional
         Progress callback, called before each fit with the name of the model and the finished share
         from 0 to 1.
@@ -261,12 +272,13 @@ def compare_models(
     `ModelComparison.models`.
 
     A memory takes part only if it is better than the calibrated rod by more than 2.5 standard
-    errors: three memories are tried, and folds share most of their fitted rows, so that one
+    errors: several memories are tried, and folds share most of their fitted rows, so that one
     standard error would choose a memory too often. A memory whose fit fails or finds no effect,
     less than 1 % of the fitted error, has a reason instead of numbers.
 
     The fits of the folds start from the values of the fit to all rows. That of hysteresis starts
-    from three plays, as its error has several minima.
+    from three plays, those of creep and relaxation from three times, as their errors have several
+    minima.
     """
     work = _Work.of(robot, data, parameters, folds, validation, progress)
     candidates = _candidates(robot, parameters)
@@ -377,7 +389,7 @@ def _remembering(
     if reason := _why_not(work, robot, parameters, memory, added):
         return JudgedModel(name, whole, reason=reason)
     known_start = {} if rod.fit is None else _without_frames(rod.fit.values)
-    starts = tuple({**known_start, **each} for each in _starts_of(robot, memory))
+    starts = tuple({**known_start, **each} for each in _starts_of(work, memory, added))
     candidate = _Candidate(name, whole, starts=starts, added=tuple(added))
     try:
         return work.judge(candidate, known(candidate))
@@ -390,10 +402,13 @@ def _parameters_of(robot: Robot, memory: Memory) -> list[str]:
         return ["backlash"]
     if memory == "hysteresis":
         return [_SHARE, _PLAY]
+    if memory == "relaxation":
+        return [_RELAXES, f"{_RELAXES}_time"]
     rings = [isinstance(segment.tendons, TendonRing) for segment in robot.segments]
     own = [not ring and bool(s.tendons) for ring, s in zip(rings, robot.segments, strict=True)]
-    names = ["segments.*.tendons.friction"] * any(rings)
-    return names + ["segments.*.tendons.*.friction"] * any(own)
+    groups = ["segments.*.tendons"] * any(rings) + ["segments.*.tendons.*"] * any(own)
+    leaves = ["friction"] if memory == "friction" else ["creep_compliance", "creep_time"]
+    return [f"{group}.{leaf}" for group in groups for leaf in leaves]
 
 
 def _why_not(
@@ -402,6 +417,13 @@ def _why_not(
     """Reason why a memory cannot be added; empty if it can."""
     if memory == "backlash" and not work.commands.by_displacement.any():
         return "backlash is of displacements, and all tendons are tension-controlled"
+    if memory == "creep" and not work.commands.by_displacement.any():
+        return "creep moves no tip, as all tendons are tension-controlled"
+    if memory in ("creep", "relaxation"):
+        try:
+            work.commands.clock(memory)
+        except InputError as error:
+            return str(error)
     items = Unknowns(robot, parameters).items
     leaves = {item.leaf or item.name.partition(".")[0] for item in items}
     if leaves & {each.rpartition(".")[2] for each in added}:
@@ -409,11 +431,28 @@ def _why_not(
     return ""
 
 
-def _starts_of(robot: Robot, memory: Memory) -> list[dict[str, float]]:
+def _starts_of(work: _Work, memory: Memory, added: Sequence[str]) -> list[dict[str, float]]:
     """Initial values to try of a memory that the robot file does not have."""
+    robot = work.robot
     if memory == "hysteresis" and not any(s.backbone.hysteresis for s in robot.segments):
         return [{_SHARE: share, _PLAY: bend} for share, bend in _SLIDING]
+    if memory == "relaxation" and not robot.relaxation[:, 0].any():
+        return _over_times(work, added, _RELAXING)
+    if memory == "creep" and not robot.tendons.creep[:, 0].any():
+        radius = float(robot.tendons.pitch_radius_m.max())
+        bending = radius**2 * robot.length / float(robot.bending_stiffness.min())
+        return _over_times(work, added, _CREEPING * bending)
     return [{}]
+
+
+def _over_times(work: _Work, added: Sequence[str], size: float) -> list[dict[str, float]]:
+    """Initial values with times from two rows to half of the table."""
+    time = work.commands.clock()
+    first, last = 2.0 * float(np.median(np.diff(time))), 0.5 * float(np.ptp(time))
+    return [
+        {name: tau if name.endswith("_time") else size for name in added}
+        for tau in np.geomspace(first, max(first, last), _TIMES).tolist()
+    ]
 
 
 def _without_frames(values: Mapping[str, float]) -> dict[str, float]:
@@ -538,7 +577,7 @@ class _Work:
 
     def _no_effect(self, found: Fit, model: _Candidate) -> str:
         """Why an added memory has no effect; empty if it has one."""
-        sizes = [name for name in model.added if name != _PLAY]
+        sizes = [name for name in model.added if not name.endswith(("_play", "_time"))]
         if max(found.values[name] for name in sizes) <= _NONE:
             return f"the fit finds none: {listed([str(found[name]) for name in sizes])}"
         if self.rod is not None and found.score.mean > (1.0 - _LITTLE) * self.rod.mean:

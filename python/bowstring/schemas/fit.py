@@ -328,7 +328,15 @@ class ResidualStudy(ResidualNumbers):
 
 
 ModelName = Literal[
-    "cc", "cc_calibrated", "rod", "rod_calibrated", "rod_backlash", "rod_friction", "rod_hysteresis"
+    "cc",
+    "cc_calibrated",
+    "rod",
+    "rod_calibrated",
+    "rod_backlash",
+    "rod_friction",
+    "rod_hysteresis",
+    "rod_creep",
+    "rod_relaxation",
 ]
 
 
