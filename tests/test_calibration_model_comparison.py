@@ -147,7 +147,7 @@ def test_numbers_of_a_comparison(remembered: ModelComparison) -> None:
     assert parts.memory == max(parts.known.values()) and "add backlash" in found.verdict
     assert abs(parts.unexplained) < 0.2 * parts.noise
     with pytest.raises(InputError, match="was not compared"):
-        found["rod_creep"]
+        found["rod_set"]
 
 
 @pytest.mark.slow

@@ -71,7 +71,7 @@ def test_the_first_answer_is_elastic_and_the_last_has_the_relaxed_stiffness(disk
     soft = elastic.with_({"segments.0.backbone.E": (1.0 - SHARE) * elastic.segments[0].backbone.E})
     off = np.linalg.norm(found.tip_position - [alone(elastic), alone(soft)], axis=1)
     assert off[0] < 1e-5 * off[1] + 1e-9
-    assert off[1] < found.tip_error[1] < 1e-3 * elastic.length
+    assert off[1] < found.tip_error[1] < 8 * off[1]
     assert alone(elastic.with_(RELAXES)) == pytest.approx(alone(elastic), abs=1e-9)
 
 
