@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring.calibration import Data, fit
+from bowstring.calibration import Data, filtered, fit, fit_residual, fit_slow_bias, score
 from bowstring.errors import InputError
 from bowstring.suite import built_in_sets, prediction, read_set, run_set, run_suite, running
 from bowstring.suite.figures import draw_set
@@ -299,6 +299,12 @@ def test_missing_files_of_one_set_leave_the_others(
          "arcs are fitted to each shape; leave out parameters"),
         ((("value: 7.5 mm", "value: 7.5 deg"),), "must be a number of mm"),
         ((("without: {}", "without: {rodd: none}"),), "without.rodd"),
+        ((("label: of the file", "label: of the file, correction: residual"),),
+         "correction: of a fitted model only; give parameters"),
+        ((("label: E fitted", "label: E fitted, correction: residual"),),
+         "correction: the columns are of models alone"),
+        ((("column: rod_calibrated, label: E fitted", "label: E fitted, correction: residual"),
+          ("validation: val.csv", "leave_out: row")), "stiffer has a correction, which is of tips"),
         ((("[segments.0.backbone.E]", "[segments.0.backbone.E]\n    start: {tool.z: long}"),),
          "not valid YAML"),
         ((("label: of the file", "label: of the file, start: {tool.z: long}"),),
@@ -311,6 +317,32 @@ def test_bad_protocols(
     change(sets, *changes)
     code, out, err = shell("suite", "--sets", str(sets))
     assert (code, out) == (2, "") and says in err and "mine" in err
+
+
+def test_corrections_are_learnt_from_the_rows_of_training(sets: Path) -> None:
+    """Of a model with the wrong modulus, whose errors are smooth."""
+    around = 2 * np.pi * np.linspace(0, 3, 60)[:, None] - 2 * np.pi * np.arange(3) / 3
+    loops = 30.0 * np.maximum(np.cos(around), 0.0)
+    table(sets / "mine" / "train.csv", loops)
+    table(sets / "mine" / "val.csv", 0.9 * loops[5:45])
+    models = "".join(
+        f"  - {{name: {name}, model: rod, label: x, parameters: [base.z]{correction}}}\n"
+        for name, correction in (
+            ("alone", ""),
+            ("residual", ", correction: residual"),
+            ("ahead", ", correction: one_row_ahead"),
+        )
+    )
+    change(sets, ("published:", f"{models}published:"))
+    found = errors(run_set(read_set(sets / "mine")))
+    assert found["residual"] < 0.1 * found["alone"] and found["ahead"] < 0.6 * found["alone"]
+    given = read_set(sets / "mine")
+    train, val = (given.table(name).data for name in ("train.csv", "val.csv"))
+    alone = fit(bs.load_robot("amouri2019"), train, ["base.z"], loss="linear")
+    ahead = filtered(alone, val, fit_slow_bias(alone, train))
+    assert found["ahead"] == pytest.approx(1e3 * ahead.score.rmse, rel=1e-9)
+    learnt = score(fit_residual(alone, train).correct(val).point, val.tip)
+    assert found["residual"] == pytest.approx(1e3 * learnt.rmse, rel=1e-9)
 
 
 def test_markers_stand_on_disks(sets: Path) -> None:

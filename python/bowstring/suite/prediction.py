@@ -16,8 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring.calibration import fitting, observations
+from bowstring.calibration.filtering import filtered, fit_slow_bias
+from bowstring.calibration.fitting import Fit
 from bowstring.calibration.observations import Measured
 from bowstring.calibration.parameters import Setting, Unknowns
+from bowstring.calibration.residual import fit_residual
 from bowstring.calibration.tip_model import Commands, Prediction, TipModel
 from bowstring.constant_curvature import fit_arcs
 from bowstring.errors import InputError, NoSolutionError
@@ -136,12 +139,22 @@ def fitted(given: SuiteSet, model: Model, table: Table, rows: Bools | None = Non
             loss=model.loss,
         )
 
-        def predict(other: Table) -> Floats:
+        def alone(other: Table) -> Floats:
             points = found.predict_points(markers.placed(other))
             return points if observable == "markers" else points[:, -1]
 
+        predict = _corrected(model, found, table) if model.correction else alone
         return Fitted(predict, found.values, found.converged, found.message)
     return _fit(_Predictor(model, robot, markers, observable), model, table, rows)
+
+
+def _corrected(model: Model, found: Fit, table: Table) -> Callable[[Table], Floats]:
+    """Tips of a table by a fitted model and what corrects it, learnt from the rows of training."""
+    if model.correction == "residual":
+        learnt = fit_residual(found, table.data)
+        return lambda other: learnt.correct(other.data).point
+    bias = fit_slow_bias(found, table.data)
+    return lambda other: filtered(found, other.data, bias).point
 
 
 def arcs_of_shapes(table: Table, pieces: int) -> Floats:

@@ -120,6 +120,9 @@ class Model(Fields):
         Loss of the fit.
     pieces : int
         Number of arcs of ``arcs``.
+    correction : {"residual", "one_row_ahead"} or None
+        What corrects the fitted model: a residual that is learnt from the rows of training, or a
+        filter, which predicts each row from the measured tips before it.
     """
 
     name: Word
@@ -131,6 +134,7 @@ class Model(Fields):
     changes: dict[str, str] = Field(default_factory=dict, alias="set")
     loss: Loss = "linear"
     pieces: Annotated[int, Count(100, "2")] = 1
+    correction: Literal["residual", "one_row_ahead"] | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Model:
@@ -138,6 +142,10 @@ class Model(Fields):
             raise wrong("model: arcs are fitted to each shape; leave out parameters, start and set")
         if self.model != "arcs" and self.pieces != 1:
             raise wrong("pieces: of arcs only")
+        if self.correction is not None and not self.parameters:
+            raise wrong("correction: of a fitted model only; give parameters")
+        if self.correction is not None and self.column is not None:
+            raise wrong("correction: the columns are of models alone; leave out column")
         return self
 
 
@@ -258,6 +266,11 @@ class Protocol(Fields):
             if twice := [name for name in names if names.count(name) > 1]:
                 raise wrong(f"models: two have the {what} {twice[0]}")
         for model in self.models:
+            if model.correction is not None and (kinds != {"tip"} or self.validation is None):
+                raise wrong(
+                    f"models: {model.name} has a correction, which is of tips in a table of "
+                    "validation"
+                )
             if "bend" in kinds and model.model == "arcs":
                 raise wrong("models: arcs are fitted to shapes, and the metrics are of bends")
             if "shape" in kinds and model.model != "arcs":
