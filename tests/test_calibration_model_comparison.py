@@ -251,6 +251,15 @@ def test_bad_input_is_refused_before_work(robot: Robot, monkeypatch: pytest.Monk
         compare_models(robot, disordered, ["base", E], memories=())
 
 
+def test_times_restart_with_each_recording(robot: Robot) -> None:
+    rows = np.arange(60)
+    data = replace(table(False, "none", 3, 60), recording=rows % 2, time=5.0 * (rows // 2))
+    found = compare_models(robot, data, ["base", E], memories=["relaxation"])
+    assert found["rod_relaxation"].fit is not None and found.memory is None
+    with pytest.raises(InputError, match="must be Measurements"):
+        compare_models(robot, Data(points=data.tip, tensions=data.tensions), [E])  # type: ignore[arg-type]
+
+
 def test_flags_of_a_comparison(shell: Shell, tmp_path: Path) -> None:
     base = ("fit", "amouri2019", "--measurements", str(ROOT / "examples" / "bench.csv"))
     base += ("--parameter", "base", "--compare")

@@ -476,6 +476,7 @@ def test_the_command_reports_each_point(shell: Shell, tmp_path: Path) -> None:
          r"point 1 is at station 0.25, where amouri2019 has no disk; the nearest is disk 2 at "
          r"0.22222: give the robot a disk there"),
         ({"stations": [0.5, 1.0]}, [E], "it must be 3 numbers, one for each point"),
+        ({"stations": [2 / 3, 1 / 3, 1.0]}, [E], "must rise from point to point"),
         ({"stations": [0.3, np.nan, 1.0]}, [E], "it must be 3 numbers, one for each point"),
         ({"stations": "0.3"}, [E], "it must be 3 numbers, one for each point"),
         ({}, ["marker.2.x"],

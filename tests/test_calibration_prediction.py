@@ -63,9 +63,20 @@ def test_errors_of_left_out_rows_may_give_the_scatter() -> None:
     errors[4] = np.nan
     predicted = predict_with_interval(found, other, errors=errors)
     assert predicted.scatter == pytest.approx([1e-3, 2e-3, 3e-3])
-    for bad, what in ((np.zeros(3), "has shape"), (np.full((4, 3), np.nan), "0 rows say")):
+    for bad, what in (
+        (np.zeros(3), "has shape"),
+        (np.full((4, 3), np.nan), "0 rows say"),
+        ([[0.0, 0, 1]], "1 rows say"),
+        ("x", "must be numbers"),
+    ):
         with pytest.raises(InputError, match=what):
             predict_with_interval(found, other, errors=bad)
+
+
+def test_tips_of_other_rows_are_refused() -> None:
+    predicted = predict_with_interval(of(1, 30, 40.0), other := table(2, 5, 5e-4))
+    with pytest.raises(InputError, match=r"must have \(5, 3\)"):
+        predicted.coverage(other.points[:3])
 
 
 def test_a_parameter_that_is_not_identifiable_has_no_interval() -> None:

@@ -162,6 +162,32 @@ def test_a_history_continues():
             bs.sweep(robot, rows.displacements, times=times, history=damaged)
 
 
+def test_a_history_keeps_the_estimated_error_and_the_time_without_a_solution():
+    robot = VISCOELASTIC.with_({**CREEPS, "segments.0.disks.count": 4})
+    force = np.array([[0.4, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    load = bs.Load(np.full((2, 3), 1.0), tip_force=force)
+    whole = bs.sweep(robot, load=load, times=[1e3, 1e3])
+    first = bs.sweep(robot, load=bs.Load(np.ones((1, 3)), tip_force=force[:1]), times=[1e3])
+    rest = bs.sweep(robot, load=bs.Load(np.ones((1, 3))), times=[0.0], history=first.history())
+    assert rest.tip_error[0] == pytest.approx(whole.tip_error[1]) and rest.tip_error[0] > 1e-4
+
+    rows = np.array([[0.02, -0.01, -0.01], [0.1, 0.1, 0.1], [0.02, -0.01, -0.01]])
+    whole = bs.sweep(CREEPING, load=bs.Load(displacements=rows), times=[1.0, 40.0, 50.0])
+    begun = bs.sweep(CREEPING, load=bs.Load(displacements=rows[:2]), times=[1.0, 40.0])
+    stored = json.loads(json.dumps(begun.history()))
+    assert not begun.converged[1] and stored["time_since_last_solution_s"] == 39.0
+    rest = bs.sweep(CREEPING, load=bs.Load(displacements=rows[2:]), times=[10.0], history=stored)
+    assert rest.tensions[0] == pytest.approx(whole.tensions[2], rel=1e-9)
+
+
+def test_rows_that_do_not_follow_each_other_have_their_whole_time():
+    tensions = [[40.0, 0, 0]] * 3
+    apart = bs.sweep(VISCOELASTIC, tensions, times=[100.0, 200.0, 200.001], warm=False)
+    alone = [bs.sweep(VISCOELASTIC, [tensions[0]], times=[t]) for t in (100.0, 200.0, 200.001)]
+    expected = [each.tip_position[0] for each in alone]
+    assert apart.tip_position == pytest.approx(np.array(expected), abs=1e-9)
+
+
 def test_time_in_a_row_without_a_solution_passes():
     load = bs.Load(displacements=np.array([[0.02, -0.01, -0.01], [0.1, 0.1, 0.1], [0.0, 0, 0]]))
     found = bs.sweep(CREEPING, load=load, times=[1.0, 30.0, 31.0])
@@ -203,6 +229,7 @@ def test_a_robot_that_depends_on_time_is_refused_where_no_time_is_known():
         ([3.0, 1.0], "row 2 is 1 s"),
         ([-1.0, 1.0], "row 1 is -1 s"),
         ([0.0, math.nan], "row 2 is nan s"),
+        (["0 s", "1 s"], "must be numbers in s"),
     ):
         with pytest.raises(InputError, match=what):
             bs.sweep(CREEPING, tensions, times=times)
@@ -212,5 +239,7 @@ def test_a_robot_that_depends_on_time_is_refused_where_no_time_is_known():
         bs.modes(VISCOELASTIC)
     with pytest.raises(InputError, match=r"together 0\.7 of the bending stiffness"):
         VISCOELASTIC.with_({"segments.0.backbone.hysteresis": 0.4})
+    both = {"segments.0.backbone.hysteresis": 0.2, "segments.0.backbone.relaxation": 0.4}
+    assert ELASTIC.with_(both).has_memory
     # equilibria at once need no time
     assert bs.solve_batch(VISCOELASTIC, tensions).converged.all()

@@ -7,6 +7,7 @@ use crate::model::{DeadLoad, DesignArrays, Lines, OwnLoads, RodModel};
 use crate::rod::{check_rows, column, Answer, PathResult, Robot, Solution, State};
 use bowstring_core::model::load::Load;
 use bowstring_core::model::load::RodModel as Settings;
+use bowstring_core::rod::estimate::ErrorEstimate;
 use bowstring_core::statics::hysteresis::Hysteresis;
 use bowstring_core::statics::inelastic::Inelasticity;
 use bowstring_core::statics::path::{self, Command, Memory};
@@ -184,6 +185,8 @@ impl PathSolver {
         let commands: Vec<_> = now.commands.iter().map(Command::value).collect();
         let load = &now.load;
         let strain = self.inner.strain();
+        let error = self.inner.remembered();
+        let carried = [error.tip, error.tension, self.inner.waited()];
         let floats = |values: &[f64], shape: &[usize]| copied(py, values, shape).into_any();
         let on_disks = |v: &[[f64; 3]]| floats(v.as_flattened(), &[v.len(), 3]);
         for (name, values) in [
@@ -215,6 +218,7 @@ impl PathSolver {
                 floats(now.lags.as_flattened(), &[now.lags.len(), 2]),
             ),
             ("crept", floats(&now.crept, &[now.crept.len()])),
+            ("carried", floats(&carried, &[3])),
             ("strain", floats(strain.as_flattened(), &[strain.len(), 3])),
         ] {
             out.set_item(name, values)?;
@@ -235,6 +239,7 @@ impl PathSolver {
         let plays = history.plays.extract::<Rows<2>>()?;
         let lags = history.lags.extract::<Rows<2>>()?;
         let crept = flat(&history.crept);
+        let [tip, tension, waited] = three(&history.carried, "carried", "m, N, s")?;
         let disk_forces = history.disk_forces.extract::<Rows<3>>()?;
         let disk_moments = history.disk_moments.extract::<Rows<3>>()?;
         let line_forces = history.line_forces.extract::<Rows<3>>()?;
@@ -265,6 +270,8 @@ impl PathSolver {
                     plays: &plays,
                     lags: &lags,
                     crept: &crept,
+                    error: ErrorEstimate { tip, tension },
+                    waited,
                 };
                 self.inner
                     .start_from(&strain, &flat(&history.slips), memory)
@@ -338,6 +345,7 @@ struct History<'py> {
     plays: Bound<'py, PyAny>,
     lags: Bound<'py, PyAny>,
     crept: PyReadonlyArray1<'py, f64>,
+    carried: Bound<'py, PyAny>,
 }
 
 /// Laws from shares and plays, shares and times, compliances and times.

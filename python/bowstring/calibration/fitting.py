@@ -242,7 +242,7 @@ class Fit:
         ----------
         data : measurements
             Measurements, of which the commands are used, the time for a delay, and the tool if the
-            fit took it from its measurements. With friction or backlash the rows form one path.
+            fit took it from its measurements. With a memory or backlash the rows form one path.
 
         Returns
         -------
@@ -344,7 +344,7 @@ def fit(
     robot : Robot
         Robot with the initial values of its file's parameters.
     data : measurements
-        Rows in the order of measurement; with friction or backlash they form one path. Rows are
+        Rows in the order of measurement; with a memory or backlash they form one path. Rows are
         weighted by their uncertainty where it varies. A stated tool is kept unless it is fitted or
         given in `start`. All points with stations are fitted, each where it is measured, on the
         disk at its station; without stations the tip alone is.

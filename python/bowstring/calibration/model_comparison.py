@@ -22,7 +22,7 @@ from bowstring.calibration.observations import Score, score
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.priors import PriorChoice, default_priors, read_priors
 from bowstring.calibration.residual import refuse_disorder
-from bowstring.calibration.residual_comparison import common_rows, of_arcs
+from bowstring.calibration.residual_comparison import of_arcs
 from bowstring.calibration.tip_model import Commands, TipModel
 from bowstring.data.measurements import Measurements
 from bowstring.display import short_repr
@@ -228,7 +228,7 @@ def compare_models(
     robot : Robot
         As for `bowstring.fit`.
     data : Measurements
-        As for `bowstring.fit`.
+        Table of measurements, as `bowstring.read_measurements` gives it.
     parameters : sequence of str
         Parameters of the calibrated rod, as for `bowstring.fit`. Calibrated constant curvature has
         those that it knows, and one ``bend_gain`` for each segment. Models as the robot file has
@@ -424,6 +424,8 @@ def _why_not(
             work.commands.clock(memory)
         except InputError as error:
             return str(error)
+        if all(len(rows) < 2 for rows in work.commands.paths):
+            return f"{memory} needs recordings of two rows at least"
     items = Unknowns(robot, parameters).items
     leaves = {item.leaf or item.name.partition(".")[0] for item in items}
     if leaves & {each.rpartition(".")[2] for each in added}:
@@ -439,16 +441,22 @@ def _starts_of(work: _Work, memory: Memory, added: Sequence[str]) -> list[dict[s
     if memory == "relaxation" and not robot.relaxation[:, 0].any():
         return _over_times(work, added, _RELAXING)
     if memory == "creep" and not robot.tendons.creep[:, 0].any():
-        radius = float(robot.tendons.pitch_radius_m.max())
-        bending = radius**2 * robot.length / float(robot.bending_stiffness.min())
-        return _over_times(work, added, _CREEPING * bending)
+        return _over_times(work, added, _CREEPING * _bending_compliance(robot))
     return [{}]
+
+
+def _bending_compliance(robot: Robot) -> float:
+    """Displacement of a tendon by its tension in the bending robot, about (m/N)."""
+    radius = float(robot.tendons.pitch_radius_m.max())
+    return radius**2 * robot.length / float(robot.bending_stiffness.min())
 
 
 def _over_times(work: _Work, added: Sequence[str], size: float) -> list[dict[str, float]]:
     """Initial values with times from two rows to half of the table."""
-    time = work.commands.clock()
-    first, last = 2.0 * float(np.median(np.diff(time))), 0.5 * float(np.ptp(time))
+    time, paths = work.commands.clock(), work.commands.paths
+    steps = np.concatenate([np.diff(time[rows]) for rows in paths])
+    first = 2.0 * float(np.median(steps))
+    last = 0.5 * max(float(np.ptp(time[rows])) for rows in paths)
     return [
         {name: tau if name.endswith("_time") else size for name in added}
         for tau in np.geomspace(first, max(first, last), _TIMES).tolist()
@@ -496,6 +504,8 @@ class _Work:
         """Check the rows before any work."""
         check_robot(robot)
         check_is_read(data)
+        if not isinstance(data, Measurements):
+            raise InputError(f"data is {shown(data)}, it must be Measurements, of a table")
         commands = observations.commands(data, robot)
         used = observations.fitted_rows(None, observations.tips(data, len(commands)))
         data = _foldable(data, used, folds)
@@ -522,12 +532,7 @@ class _Work:
         observations.commands(other, robot)
         if not other.seen.any():
             raise InputError(f"{other.name} has no measured tip to validate with")
-        same = common_rows(data, used, other, other.seen)
-        if len(same):
-            raise InputError(
-                f"{len(same)} of {int(other.seen.sum())} validation rows are also fitted, the "
-                f"first in line {other.line[same[0]]} of {other.name}; leave them out of one table"
-            )
+        observations.refuse_common_rows(data, used, other, other.seen)
 
     def judge(self, model: _Candidate, priors: dict[str, float]) -> JudgedModel:
         """Fit a model to all rows and without each fold, and predict the validation table."""
@@ -578,11 +583,17 @@ class _Work:
     def _no_effect(self, found: Fit, model: _Candidate) -> str:
         """Why an added memory has no effect; empty if it has one."""
         sizes = [name for name in model.added if not name.endswith(("_play", "_time"))]
-        if max(found.values[name] for name in sizes) <= _NONE:
+        if all(found.values[name] <= self._least(name) for name in sizes):
             return f"the fit finds none: {listed([str(found[name]) for name in sizes])}"
         if self.rod is not None and found.score.mean > (1.0 - _LITTLE) * self.rod.mean:
             return "it lowers the fitted error by less than 1 %"
         return ""
+
+    def _least(self, name: str) -> float:
+        """Value in SI up to which a parameter of a memory is zero."""
+        if name.endswith("creep_compliance"):
+            return _NONE * _bending_compliance(self.robot)
+        return _NONE
 
     def _step(self, model: _Candidate, share: float) -> None:
         self.notify(_CALLED[model.name], (self.done + share) / self.total)

@@ -20,6 +20,7 @@ from bowstring.statics.load import Load
 from bowstring.validation import check_is_read, floats, shown
 
 if TYPE_CHECKING:
+    from bowstring.data.measurements import Measurements
     from bowstring.schemas import fit as schema
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "loads",
     "measured_points",
     "numbered",
+    "refuse_common_rows",
     "repeats_loads",
     "score",
     "sigmas",
@@ -321,6 +323,8 @@ def measured_points(data: Measured, robot: Robot, count: int) -> Points:
     if stations is None:
         return Points(tip[:, None], (len(robot.disks.station_m) - 1,), number - 1)
     disks = tuple(_disk_at(k, share, robot) for k, share in enumerate(_shares(stations, number)))
+    if list(disks) != sorted(set(disks)):
+        raise InputError("stations must rise from point to point, from the base to the tip")
     if np.isinf(table).any():
         k, m, _ = np.argwhere(np.isinf(table))[0]
         raise InputError(f"row {k + 1}: point {m + 1} is infinite")
@@ -424,3 +428,19 @@ def tool(data: Measured, unsaid: Floats | None = None) -> Floats:
     """Offset of the measured point from the tip (3,) in m, as stated; zero by default."""
     none = np.zeros(3) if unsaid is None else unsaid
     return np.asarray(getattr(data, "tool", none), dtype=float)
+
+
+def refuse_common_rows(data: Measurements, used: Bools, other: Measurements, judged: Bools) -> None:
+    """Refuse validation rows with the commands and the tip of a fitted row."""
+
+    def keys(table: Measurements) -> list[bytes]:
+        columns = (np.nan_to_num(table.tensions), np.nan_to_num(table.displacements), table.tip)
+        return [row.tobytes() for row in np.concatenate(columns, axis=1)]
+
+    fitted = {key for key, own in zip(keys(data), used, strict=True) if own}
+    same = [k for k, key in enumerate(keys(other)) if judged[k] and key in fitted]
+    if same:
+        raise InputError(
+            f"{len(same)} of {int(judged.sum())} validation rows are also fitted, the first in "
+            f"line {other.line[same[0]]} of {other.name}; leave them out of one table"
+        )

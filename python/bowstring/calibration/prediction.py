@@ -16,7 +16,7 @@ from bowstring.calibration.fitting import Fit
 from bowstring.calibration.observations import Measured
 from bowstring.display import short_repr
 from bowstring.errors import InputError
-from bowstring.validation import floats, shown
+from bowstring.validation import floats
 
 __all__ = ["Predicted", "predict_with_interval"]
 
@@ -74,7 +74,7 @@ class Predicted:
         float
             Share of the coordinates that are measured and predicted; NaN without any.
         """
-        error = np.abs(floats(measured) - self.point)
+        error = np.abs(_table(measured, "measured", len(self.point)) - self.point)
         known = np.isfinite(error)
         inside = error[known] <= _NORMAL * self.deviation[known]
         return float(inside.mean()) if known.any() else math.nan
@@ -145,13 +145,23 @@ def _scatter(found: Fit, errors: ArrayLike | None) -> Floats:
     if errors is None:
         table, free = found.residuals[found.used_tips], len(found.estimates) / 3
     else:
-        table, free = floats(errors), 0.0
-        if table.ndim != 2 or table.shape[1] != 3:
-            raise InputError(f"errors has shape {table.shape}, it must have (K, 3), in m")
+        table, free = _table(errors, "errors"), 0.0
         table = table[np.isfinite(table).all(axis=1)]
-    if len(table) - free < 1:
+    if len(table) < 2 or len(table) - free < 1:
         raise InputError(
-            f"{len(table)} rows say no scatter beside {shown(len(found.estimates))} parameters; "
-            "measure more rows"
+            f"{len(table)} rows say no scatter beside {len(found.estimates)} parameters; measure "
+            "more rows"
         )
     return np.asarray(np.sqrt((table**2).sum(axis=0) / (len(table) - free)))
+
+
+def _table(given: ArrayLike, name: str, rows: int | None = None) -> Floats:
+    """Numbers (K, 3) in m."""
+    try:
+        table = floats(given)
+    except TypeError:
+        raise InputError(f"{name} must be numbers of shape (K, 3) in m") from None
+    if table.ndim != 2 or table.shape[1] != 3 or rows not in (None, len(table)):
+        count = "K" if rows is None else str(rows)
+        raise InputError(f"{name} has shape {table.shape}, it must have ({count}, 3), in m")
+    return table

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 __all__ = [
     "Compared",
     "ResidualStudy",
-    "common_rows",
     "of_arcs",
     "priors_of_arcs",
     "study_residual",
@@ -203,27 +202,7 @@ def _rows_of(calibration: Calibration) -> _Rows:
         raise InputError(
             "a residual needs validation rows: give another table, or hold rows out of the fit"
         )
-    if other is not data:
-        same = common_rows(data, used, other, judged)
-        if len(same):
-            raise InputError(
-                f"{len(same)} of {int(judged.sum())} validation rows are also fitted, the first in "
-                f"line {other.line[same[0]]} of {other.name}; leave them out of one table"
-            )
     return _Rows(data, used, other, judged)
-
-
-def common_rows(
-    data: Measurements, used: Bools, other: Measurements, judged: Bools
-) -> NDArray[np.int64]:
-    """Validation rows with the commands and the tip of a fitted row."""
-
-    def keys(table: Measurements) -> list[bytes]:
-        columns = (np.nan_to_num(table.tensions), np.nan_to_num(table.displacements), table.tip)
-        return [row.tobytes() for row in np.concatenate(columns, axis=1)]
-
-    fitted = {key for key, own in zip(keys(data), used, strict=True) if own}
-    return np.array([k for k, key in enumerate(keys(other)) if judged[k] and key in fitted], int)
 
 
 def _refitted(

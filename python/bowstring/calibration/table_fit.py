@@ -345,6 +345,8 @@ def calibrate(
         raise InputError(
             f"{validate.name} is the table that is fitted, and validates nothing; name another"
         )
+    if validate is not None:
+        observations.refuse_common_rows(data, data.seen, validate, validate.seen)
     if check.filter and validate is not None:
         check_order(data, robot)
         check_order(validate, robot)

@@ -300,7 +300,7 @@ class Backbone(Part):
             _exactly_one(self, "G", "nu")
             _rest_of_section(self)
         both = self.hysteresis + self.relaxation
-        if both > _MOST_INELASTIC:
+        if both > _MOST_INELASTIC + 1e-9:
             raise wrong(
                 f"hysteresis and relaxation: together {both:.3g} of the bending stiffness, at most "
                 f"{_MOST_INELASTIC:g} is possible"

@@ -5,6 +5,7 @@ A tendon displacement is counted from the home pose, in m, positive where the te
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
@@ -206,8 +207,12 @@ def _not_one(
     return InputError(f"{tendon} has {both}; it can have only one of them")
 
 
-def durations(robot: Robot, times: ArrayLike | None, count: int) -> Floats | None:
-    """Times from the row before to each row (n,) in s, from times since the start of the path.
+def durations(
+    robot: Robot, times: ArrayLike | None, count: int, *, warm: bool = True
+) -> Floats | None:
+    """Times from the row before, or from the start if not `warm`, to each row (n,) in s.
+
+    `times` count from the start of the path.
 
     Raises
     ------
@@ -221,7 +226,10 @@ def durations(robot: Robot, times: ArrayLike | None, count: int) -> Floats | Non
                 "bowstring.sweep with times, or set relaxation and creep_compliance to 0",
             )
         return None
-    table = validation.floats(times)
+    try:
+        table = validation.floats(times)
+    except TypeError:
+        raise InputError("times must be numbers in s", argument="times") from None
     if table.shape != (count,):
         raise InputError(
             f"times has shape {table.shape}, it must have one for each of {count} rows"
@@ -233,7 +241,7 @@ def durations(robot: Robot, times: ArrayLike | None, count: int) -> Floats | Non
             f"times: row {row + 1} is {table[row]:g} s; times must be finite, count from the start "
             "of the path and not decrease"
         )
-    return np.asarray(steps)
+    return np.asarray(steps if warm else table)
 
 
 # --------------------------------------------------------------------------------------
@@ -296,6 +304,9 @@ class Path:
             "plays_per_m": now["plays"].tolist(),
             "lags_per_m": now["lags"].tolist(),
             "creep_m": now["crept"].tolist(),
+            "tip_error_m": _or_none(now["carried"][0]),
+            "tension_error_N": _or_none(now["carried"][1]),
+            "time_since_last_solution_s": float(now["carried"][2]),
         }
 
     def _resume(self, history: Mapping[str, Any]) -> None:
@@ -347,6 +358,7 @@ class Path:
                     "plays": _curvatures(history, "plays_per_m"),
                     "lags": _curvatures(history, "lags_per_m"),
                     "crept": np.array(history.get("creep_m", []), dtype=np.float64),
+                    "carried": _carried(history),
                 }
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -367,6 +379,21 @@ def _order(item: Mapping[str, float]) -> tuple[bool, float]:
 def _on_disks(history: Mapping[str, Any], name: str) -> Floats:
     """Vectors on the disks (N, 3), or (0, 3): earlier versions have none."""
     return _numbers(history, name, 2) if history.get(name) else np.zeros((0, 3))
+
+
+def _carried(history: Mapping[str, Any]) -> Floats:
+    """Errors of tip (m) and tensions (N) so far, and time without a solution (s).
+
+    Earlier versions have none.
+    """
+    names = ("tip_error_m", "tension_error_N")
+    errors = [history.get(name, 0.0) for name in names]
+    time = history.get("time_since_last_solution_s", 0.0)
+    return np.array([*(math.inf if e is None else e for e in errors), time], dtype=np.float64)
+
+
+def _or_none(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
 
 
 def _curvatures(history: Mapping[str, Any], name: str) -> Floats:

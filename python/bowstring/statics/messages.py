@@ -105,6 +105,9 @@ def of_tensions(found: Any, advice: str = "") -> str:
             )
 
 
+_WITHOUT_POTENTIAL: Final = "a dead moment, hysteresis or relaxation has"
+
+
 def of_actuation(
     found: Any,
     slack: Sequence[int] | NDArray[np.int64],
@@ -124,7 +127,7 @@ def of_actuation(
             if found.stable:
                 said = "A stable equilibrium."
             else:
-                why = "friction has" if friction > 0 else "a dead moment has"
+                why = "friction has" if friction > 0 else _WITHOUT_POTENTIAL
                 said = (
                     "An equilibrium; whether it is stable is not known, because "
                     f"{why} no potential."

@@ -52,8 +52,9 @@ def solve(
         Model of the rod. The default ``RodModel()`` is a Cosserat rod with straight tendons and
         adaptive elements.
     history : dict, optional
-        `Solution.history()` of the previous step, whose path is continued; matters with friction.
-        By default the path begins in the home pose.
+        `Solution.history()` of the previous step, whose path is continued; matters with friction or
+        another memory. By default the path begins in the home pose. Relaxation and creep have no
+        time to act: the solution is that at once after the load.
 
     Returns
     -------
@@ -113,7 +114,8 @@ def sweep(
         As for `solve`; the first row continues it.
     times : array_like (n,), optional
         Times in s since the home pose, or since the last row of the history; for a robot with
-        relaxation or creep. Actuation is linear in time from row to row.
+        relaxation or creep. Actuation is linear in time from row to row. `fit` counts from the
+        first row: ``times=data.time - data.time[0]`` gives its predictions.
     warm : bool
         Start each load from the previous solution, which is faster for small increments and stays
         on one branch of solutions. Otherwise each starts from the straight robot, or, where the
@@ -145,6 +147,7 @@ def sweep(
     load, model = _rows(as_load(tensions, load)), as_model(model)
     if actuation.is_by_tensions(robot, load, history):
         rows = _tensions(robot, load)
+        actuation.durations(robot, times, len(rows))  # checked, without an effect
         found = robot.core.sweep(rows, load, model, warm, disks)
         return Sweep(robot, rows.copy(), model, **found)
     return _follow(robot, load, model, history, disks, threads=None if warm else 1, times=times)
@@ -217,7 +220,10 @@ def _follow(
     """Solve rows as a path or, with a number of threads, each from the start."""
     given, commands = actuation.commands(robot, load, rows=True)
     at_once = threads is not None and times is None  # all loads at once after the start
-    durations = None if at_once else actuation.durations(robot, times, len(commands))
+    durations = None
+    if not at_once:
+        warm = threads is None
+        durations = actuation.durations(robot, times, len(commands), warm=warm)
     path = actuation.Path(robot, model, before)
     found = path.core.follow(given, commands, load, disks, threads, durations)
     names = ("displacements", "slack_lengths", "span_tensions", "undetermined", "conflicts")

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.calibration import observations
 from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.tip_model import paths_of
 from bowstring.data.measurements import STANDARD_GRAVITY, Measurements
@@ -98,12 +99,16 @@ def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.
     tables = (data.tensions, data.displacements)
     given = [None if np.isnan(values).all() else gain * values for values in tables]
     model = RodModel(theory)
+    timed = robot.is_viscoelastic
     if not robot.has_memory:
         return rod.solve_batch(robot, load=Load(*given), model=model, disks=False)
 
+    times = observations.commands(data, robot).clock("relaxation or creep") if timed else None
+
     def path(rows: NDArray[np.int64]) -> Sweep:
         load = Load(*(None if table is None else table[rows] for table in given))
-        return rod.sweep(robot, load=load, model=model, disks=False)
+        late = None if times is None else times[rows] - times[rows[0]]
+        return rod.sweep(robot, load=load, model=model, times=late, disks=False)
 
     paths = paths_of(data.recording, len(data))
     if len(paths) == 1:

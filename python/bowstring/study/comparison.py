@@ -250,7 +250,7 @@ class Model:
         self, robot: Robot, tendon: int, theory: Theory, shares: Sequence[float] | None = None
     ) -> None:
         self.given_robot = without_viscoelasticity(robot)
-        """Robot of the file, with friction and hysteresis."""
+        """Robot of the file, with friction and hysteresis, without relaxation and creep."""
         self.robot = without_memory(robot)
         """Robot without friction and hysteresis, for main sweep, dynamics and verdict."""
         self.tendon = tendon

@@ -368,10 +368,24 @@ pub struct Memory<'a> {
     pub lags: &'a [[f64; 2]],
     /// [`History::crept`].
     pub crept: &'a [f64],
+    /// [`PathSolver::remembered`].
+    pub error: ErrorEstimate,
+    /// [`PathSolver::waited`].
+    pub waited: f64,
 }
 
 /// Start of the next step, for a stored history.
 impl PathSolver {
+    /// Largest estimated error of the steps so far.
+    pub fn remembered(&self) -> ErrorEstimate {
+        self.remembered
+    }
+
+    /// Time that passed in steps without a solution since the last one with (s).
+    pub fn waited(&self) -> f64 {
+        self.waited
+    }
+
     /// Strain of the backbone.
     pub fn strain(&self) -> Vec<[f64; 3]> {
         self.history().strain.iter().map(|w| w.0).collect()
@@ -394,10 +408,18 @@ impl PathSolver {
         slips: &[i8],
         memory: Memory,
     ) -> Result<(), InputError> {
-        let Memory { plays, lags, crept } = memory;
+        let Memory {
+            plays,
+            lags,
+            crept,
+            error,
+            waited,
+        } = memory;
         let curvatures = plays.as_flattened().iter().chain(lags.as_flattened());
         let numbers = strain.as_flattened().iter().chain(curvatures);
         let finite = numbers.chain(crept).all(|w| w.is_finite());
+        let sizes = [error.tip, error.tension, waited];
+        let finite = finite && waited.is_finite() && sizes.iter().all(|x| *x >= 0.0);
         let (n, now) = (self.robot().module_count(), self.history().clone());
         let elements = LEVELS.into_iter().find(|e| 2 * e * n == strain.len());
         if let (true, Some(elements)) = (self.automatic, elements) {
@@ -440,6 +462,7 @@ impl PathSolver {
                 _ => Slip::Sticks,
             };
         }
+        (self.remembered, self.waited) = (error, waited);
         let now = self.history().clone();
         self.last.begin(&now, 0.0);
         self.tendons().note_displacements();
