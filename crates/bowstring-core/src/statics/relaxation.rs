@@ -91,6 +91,11 @@ impl Lag {
             end: 1.0 - mean,
         }
     }
+
+    /// State at the end of the step, without the part of the followed value there.
+    pub fn carried(&self, state: f64, start: f64) -> f64 {
+        self.kept * state + self.start * start
+    }
 }
 
 /// Tendons that creep.
@@ -134,8 +139,7 @@ impl CreepingTendons {
         for (i, law) in self.laws.iter().enumerate() {
             let lag = Lag::over(duration, law.time);
             self.now[i] = lag.end * law.compliance;
-            self.carried[i] =
-                lag.kept * old.crept[i] + lag.start * law.compliance * old.tensions[i];
+            self.carried[i] = lag.carried(old.crept[i], law.compliance * old.tensions[i]);
             tendons.home[i] = self.home[i] + self.carried[i];
             tendons.compliance.before[i] = self.before[i] + self.now[i];
         }
