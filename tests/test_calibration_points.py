@@ -309,7 +309,7 @@ def test_a_tip_is_fitted_as_without_a_station() -> None:
     assert [e.standard_error for e in stated.estimates] == [
         e.standard_error for e in plain.estimates
     ]
-    # points without stations are not fitted, and the message says so
+    # points without stations are not fitted, and the message names them
     more = np.stack([np.full_like(points, 7.0), points], axis=1)
     found = fit(one_segment(), Data(more, tensions()), names)
     assert found.values == plain.values

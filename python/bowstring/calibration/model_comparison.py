@@ -17,6 +17,14 @@ from bowstring.calibration import observations
 from bowstring.calibration.cross_validation import cross_validate, part_of_rows
 from bowstring.calibration.error_parts import ErrorParts, noise_of, parts_of
 from bowstring.calibration.fitting import Fit, fit
+from bowstring.calibration.memories import (
+    MEMORIES,
+    Memory,
+    is_zero,
+    parameters_of,
+    reason_against,
+    starts_of,
+)
 from bowstring.calibration.model_choice import MEMORY_ERRORS, blocks_of, choose, gain
 from bowstring.calibration.observations import Score, score
 from bowstring.calibration.parameters import Unknowns
@@ -29,7 +37,6 @@ from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.formatting import listed, plain
 from bowstring.robot.model import Robot, check_robot
-from bowstring.robot.parts import TendonRing
 from bowstring.schemas.fit import ModelName
 from bowstring.statics.model import RodModel
 from bowstring.validation import check_is_read, shown
@@ -37,13 +44,10 @@ from bowstring.validation import check_is_read, shown
 if TYPE_CHECKING:
     from bowstring.schemas import fit as schema
 
-__all__ = ["MEMORIES", "JudgedModel", "Memory", "ModelComparison", "ModelName", "compare_models"]
+__all__ = ["JudgedModel", "ModelComparison", "ModelName", "compare_models"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Memory = Literal["backlash", "friction", "hysteresis", "creep", "relaxation"]
-MEMORIES: Final[tuple[Memory, ...]] = ("backlash", "friction", "hysteresis", "creep", "relaxation")
-"""Memories in the order of their number of parameters."""
 #: Names of models in words.
 _CALLED: Final[dict[ModelName, str]] = {
     "cc": "constant curvature",
@@ -63,21 +67,8 @@ _OF_MEMORY: Final[dict[Memory, ModelName]] = {
     "creep": "rod_creep",
     "relaxation": "rod_relaxation",
 }
-_SHARE: Final = "segments.*.backbone.hysteresis"
-_PLAY: Final = "segments.*.backbone.hysteresis_play"
-_RELAXES: Final = "segments.*.backbone.relaxation"
-#: Initial shares and bends (rad) of a hysteresis that the robot file does not have: the error has
-#: several minima by the bend.
-_SLIDING: Final = ((0.1, 0.05), (0.1, 0.15), (0.1, 0.4))
-#: Initial share that relaxes, initial creep over the compliance of a bending robot, and number of
-#: initial times.
-_RELAXING: Final = 0.1
-_CREEPING: Final = 0.1
-_TIMES: Final = 3
 #: Least number of rows in a fold.
 _PER_FOLD: Final = 4
-#: Value in SI up to which a memory is none.
-_NONE: Final = 1e-7
 #: Least share by which a memory lowers the fitted error.
 _LITTLE: Final = 0.01
 
@@ -384,83 +375,18 @@ def _remembering(
     known: Callable[[_Candidate], dict[str, float]],
 ) -> JudgedModel:
     """Add a memory to the calibrated rod; a reason in place of numbers where that fails."""
-    name, added = _OF_MEMORY[memory], _parameters_of(robot, memory)
-    whole = (*Unknowns(robot, parameters).names, *added)
-    if reason := _why_not(work, robot, parameters, memory, added):
+    name, added = _OF_MEMORY[memory], parameters_of(robot, memory)
+    given = Unknowns(robot, parameters)
+    whole = (*given.names, *added)
+    if reason := reason_against(memory, work.commands, given):
         return JudgedModel(name, whole, reason=reason)
     known_start = {} if rod.fit is None else _without_frames(rod.fit.values)
-    starts = tuple({**known_start, **each} for each in _starts_of(work, memory, added))
+    starts = tuple({**known_start, **each} for each in starts_of(memory, robot, work.commands))
     candidate = _Candidate(name, whole, starts=starts, added=tuple(added))
     try:
         return work.judge(candidate, known(candidate))
     except BowstringError as error:
         return JudgedModel(name, whole, reason=str(error).rstrip("."))
-
-
-def _parameters_of(robot: Robot, memory: Memory) -> list[str]:
-    if memory == "backlash":
-        return ["backlash"]
-    if memory == "hysteresis":
-        return [_SHARE, _PLAY]
-    if memory == "relaxation":
-        return [_RELAXES, f"{_RELAXES}_time"]
-    rings = [isinstance(segment.tendons, TendonRing) for segment in robot.segments]
-    own = [not ring and bool(s.tendons) for ring, s in zip(rings, robot.segments, strict=True)]
-    groups = ["segments.*.tendons"] * any(rings) + ["segments.*.tendons.*"] * any(own)
-    leaves = ["friction"] if memory == "friction" else ["creep_compliance", "creep_time"]
-    return [f"{group}.{leaf}" for group in groups for leaf in leaves]
-
-
-def _why_not(
-    work: _Work, robot: Robot, parameters: Sequence[str], memory: Memory, added: Sequence[str]
-) -> str:
-    """Reason why a memory cannot be added; empty if it can."""
-    if memory == "backlash" and not work.commands.by_displacement.any():
-        return "backlash is of displacements, and all tendons are tension-controlled"
-    if memory == "creep" and not work.commands.by_displacement.any():
-        return "creep moves no tip, as all tendons are tension-controlled"
-    if memory in ("creep", "relaxation"):
-        try:
-            work.commands.clock(memory)
-        except InputError as error:
-            return str(error)
-        if all(len(rows) < 2 for rows in work.commands.paths):
-            return f"{memory} needs recordings of two rows at least"
-    items = Unknowns(robot, parameters).items
-    leaves = {item.leaf or item.name.partition(".")[0] for item in items}
-    if leaves & {each.rpartition(".")[2] for each in added}:
-        return "it is among the given parameters"
-    return ""
-
-
-def _starts_of(work: _Work, memory: Memory, added: Sequence[str]) -> list[dict[str, float]]:
-    """Initial values to try of a memory that the robot file does not have."""
-    robot = work.robot
-    if memory == "hysteresis" and not any(s.backbone.hysteresis for s in robot.segments):
-        return [{_SHARE: share, _PLAY: bend} for share, bend in _SLIDING]
-    if memory == "relaxation" and not robot.relaxation[:, 0].any():
-        return _over_times(work, added, _RELAXING)
-    if memory == "creep" and not robot.tendons.creep[:, 0].any():
-        return _over_times(work, added, _CREEPING * _bending_compliance(robot))
-    return [{}]
-
-
-def _bending_compliance(robot: Robot) -> float:
-    """Displacement of a tendon by its tension in the bending robot, about (m/N)."""
-    radius = float(robot.tendons.pitch_radius_m.max())
-    return radius**2 * robot.length / float(robot.bending_stiffness.min())
-
-
-def _over_times(work: _Work, added: Sequence[str], size: float) -> list[dict[str, float]]:
-    """Initial values with times from two rows to half of the table."""
-    time, paths = work.commands.clock(), work.commands.paths
-    steps = np.concatenate([np.diff(time[rows]) for rows in paths])
-    first = 2.0 * float(np.median(steps))
-    last = 0.5 * max(float(np.ptp(time[rows])) for rows in paths)
-    return [
-        {name: tau if name.endswith("_time") else size for name in added}
-        for tau in np.geomspace(first, max(first, last), _TIMES).tolist()
-    ]
 
 
 def _without_frames(values: Mapping[str, float]) -> dict[str, float]:
@@ -583,17 +509,11 @@ class _Work:
     def _no_effect(self, found: Fit, model: _Candidate) -> str:
         """Why an added memory has no effect; empty if it has one."""
         sizes = [name for name in model.added if not name.endswith(("_play", "_time"))]
-        if all(found.values[name] <= self._least(name) for name in sizes):
+        if all(is_zero(self.robot, name, found.values[name]) for name in sizes):
             return f"the fit finds none: {listed([str(found[name]) for name in sizes])}"
         if self.rod is not None and found.score.mean > (1.0 - _LITTLE) * self.rod.mean:
             return "it lowers the fitted error by less than 1 %"
         return ""
-
-    def _least(self, name: str) -> float:
-        """Value in SI up to which a parameter of a memory is zero."""
-        if name.endswith("creep_compliance"):
-            return _NONE * _bending_compliance(self.robot)
-        return _NONE
 
     def _step(self, model: _Candidate, share: float) -> None:
         self.notify(_CALLED[model.name], (self.done + share) / self.total)

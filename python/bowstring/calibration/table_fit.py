@@ -420,14 +420,14 @@ def calibrate(
 
 def _judged(found: Fit, data: Measurements) -> tuple[Score, Predicted | None]:
     """Score of a table that was not fitted, and its intervals if all parameters have one."""
-    predicted = found.predict(data)
     if not data.seen.any():
         raise InputError(f"{data.name} has no measured tip to validate with")
-    if not np.isfinite(predicted + data.tip).all(axis=1).any():
-        raise NoSolutionError(f"the calibrated model has no solution for any row of {data.name}")
     interval = None
     if np.isfinite(found.standard_errors).all():
         interval = predict_with_interval(found, data)
+    predicted = found.predict(data) if interval is None else interval.point
+    if not np.isfinite(predicted + data.tip).all(axis=1).any():
+        raise NoSolutionError(f"the calibrated model has no solution for any row of {data.name}")
     return score(predicted, data.tip), interval
 
 

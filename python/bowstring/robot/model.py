@@ -321,7 +321,7 @@ def without_viscoelasticity(robot: Robot) -> Robot:
     return with_tendons(relaxed, {"creep_compliance": 0.0})
 
 
-def with_elastic(robot: Robot) -> Robot:
+def without_inelasticity(robot: Robot) -> Robot:
     """Return the robot with elastic backbone and tendons."""
     robot = without_viscoelasticity(robot)
     if not robot.has_hysteresis:
@@ -331,7 +331,7 @@ def with_elastic(robot: Robot) -> Robot:
 
 def without_memory(robot: Robot) -> Robot:
     """Return the robot with elastic backbone and tendons, and without friction."""
-    return with_tendons(with_elastic(robot), {"friction": 0.0})
+    return with_tendons(without_inelasticity(robot), {"friction": 0.0})
 
 
 def check_robot(robot: object) -> None:

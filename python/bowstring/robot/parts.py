@@ -139,7 +139,8 @@ def _rest_of_section(backbone: Backbone) -> None:
             raise wrong(f"{name}: given with diameter; it is for a rectangular backbone")
 
 
-#: Largest share of the bending stiffness that slides or relaxes, as in the core.
+#: Largest share of the bending stiffness that slides or relaxes: the statics of a step does not
+#: converge far above it.
 _MOST_INELASTIC: Final = 0.6
 
 
@@ -300,7 +301,7 @@ class Backbone(Part):
             _exactly_one(self, "G", "nu")
             _rest_of_section(self)
         both = self.hysteresis + self.relaxation
-        if both > _MOST_INELASTIC + 1e-9:
+        if both > _MOST_INELASTIC + 1e-9:  # 0.2 + 0.4 is rounded
             raise wrong(
                 f"hysteresis and relaxation: together {both:.3g} of the bending stiffness, at most "
                 f"{_MOST_INELASTIC:g} is possible"

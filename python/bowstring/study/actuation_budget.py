@@ -28,7 +28,7 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, significant
-from bowstring.robot.model import Robot, with_elastic, with_tendons
+from bowstring.robot.model import Robot, with_tendons, without_inelasticity
 from bowstring.robot.parts import TENDON_MATERIALS, TendonRing
 from bowstring.statics import rod
 from bowstring.statics.load import Load
@@ -302,7 +302,7 @@ def actuation_budget(
     t = model.tendon
     given = model.given_robot.tendons
     with_friction, friction_origin = _with_friction(model, calibrated)
-    with_friction = with_elastic(with_friction)
+    with_friction = without_inelasticity(with_friction)
     stiff_of: float | None = None
     elasticity_origin: Source = "file"
     elasticity_by = "as in the file"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, check_robot, with_elastic, with_tendons
+from bowstring.robot.model import Robot, check_robot, with_tendons, without_inelasticity
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, share_of_length
@@ -205,7 +205,7 @@ def space_of(
         If the load has an actuation, a tip moment or loads on disks.
     """
     check_robot(robot)
-    robot = with_elastic(robot)
+    robot = without_inelasticity(robot)
     paths = [axis.path for axis in axes]
     if "tension" in paths and "bend" in paths:
         raise InputError("over has tension and bend; motors command one of them")
