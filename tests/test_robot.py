@@ -672,16 +672,16 @@ def test_positions_forms(load):
             "three",
             'segments[0].tendons: got "three"; must be a set of fields: '
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
-            "creep_compliance, creep_time, friction, pretension, spool_radius, diameter, material, "
-            "turns, end_pitch_radius.",
+            "creep_compliance, creep_time, friction, backlash, pretension, spool_radius, diameter, "
+            "material, turns, end_pitch_radius.",
         ),
         (
             "pitch_radius: 12 mm",
             "pitch_radius: 12 mm, mu: 0.1",
             "segments[0].tendons.mu: unknown field; did you mean friction? Known here: "
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
-            "creep_compliance, creep_time, friction, pretension, spool_radius, diameter, material, "
-            "turns, end_pitch_radius.",
+            "creep_compliance, creep_time, friction, backlash, pretension, spool_radius, diameter, "
+            "material, turns, end_pitch_radius.",
         ),
         (
             "thickness: 3 mm",

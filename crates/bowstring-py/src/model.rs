@@ -543,7 +543,7 @@ impl DesignArrays<'_> {
         let count = self.sections.shape()[0];
         for (name, shape, columns) in [
             ("disks", self.disks.shape(), 6 * spec.disks.len()),
-            ("lines", self.lines.shape(), 5 * spec.tendons.len()),
+            ("lines", self.lines.shape(), LINE * spec.tendons.len()),
             ("payloads", self.payloads.shape(), 8 * spec.payloads.len()),
         ] {
             if shape != [count, columns] {
@@ -619,10 +619,14 @@ impl DesignArrays<'_> {
             compliance: v[2],
             friction: v[3],
             pretension: v[4],
+            backlash: v[5],
         };
-        numbers.chunks_exact(5).map(line).collect()
+        numbers.chunks_exact(LINE).map(line).collect()
     }
 }
+
+/// Numbers of a [`Line`] of a design.
+const LINE: usize = 6;
 
 /// Arrays of Python's `RobotTendons` for actuation, one entry for each tendon.
 #[derive(FromPyObject)]
@@ -636,23 +640,29 @@ pub struct Lines<'py> {
     friction: Bound<'py, PyAny>,
     #[pyo3(attribute("pretension_N"))]
     pretension: Bound<'py, PyAny>,
+    #[pyo3(attribute("backlash_m"))]
+    backlash: Bound<'py, PyAny>,
 }
 
 impl Lines<'_> {
-    /// Lines of a robot with this many tendons; without friction if `friction` is false.
-    pub fn lines(&self, count: usize, friction: bool) -> PyResult<Vec<Line>> {
+    /// Lines of a robot with this many tendons; without friction and backlash unless
+    /// `has_memory`.
+    pub fn lines(&self, count: usize, has_memory: bool) -> PyResult<Vec<Line>> {
         let stiffness = numbers(&self.axial_stiffness, "axial_stiffness", "N", count)?;
         let free_length = numbers(&self.free_length, "free_length", "m", count)?;
         let compliance = numbers(&self.compliance, "compliance", "m/N", count)?;
         let coefficient = numbers(&self.friction, "friction", "1", count)?;
         let pretension = numbers(&self.pretension, "pretension", "N", count)?;
+        let backlash = numbers(&self.backlash, "backlash", "m", count)?;
+        let of_memory = |value: f64| if has_memory { value } else { 0.0 };
         Ok((0..count)
             .map(|i| Line {
                 stiffness: stiffness[i],
                 free_length: free_length[i],
                 compliance: compliance[i],
-                friction: if friction { coefficient[i] } else { 0.0 },
+                friction: of_memory(coefficient[i]),
                 pretension: pretension[i],
+                backlash: of_memory(backlash[i]),
             })
             .collect())
     }

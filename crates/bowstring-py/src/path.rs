@@ -37,8 +37,8 @@ impl PathSolver {
 impl PathSolver {
     /// From the arrays of a robot's tendons, and its inelasticity: share and play (1/m) of the
     /// hysteresis and share and time (s) of the relaxation of each segment, both (S, 2), compliance
-    /// (m/N) and time (s) of the creep of each tendon, (T, 2). Elastic and without friction unless
-    /// it `has_memory`.
+    /// (m/N) and time (s) of the creep of each tendon, (T, 2). Elastic, without friction and backlash,
+    /// unless it `has_memory`.
     #[new]
     fn new(
         robot: &Bound<'_, Robot>,

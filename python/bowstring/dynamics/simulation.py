@@ -35,7 +35,7 @@ from bowstring.dynamics.modal import about
 from bowstring.dynamics.start_stability import judged_start
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.formatting import in_mm, in_percent
-from bowstring.robot.model import check_elastic, check_robot
+from bowstring.robot.model import check_friction_alone, check_robot
 from bowstring.statics import actuation
 from bowstring.statics.fields import Frames, Section, completing, has_matrix, to_dataset
 from bowstring.statics.load import Load, PointLoad, as_load, point_loads
@@ -403,7 +403,7 @@ def simulate(
     True
     """
     check_robot(robot)
-    check_elastic(robot, ", which dynamics does not model")
+    check_friction_alone(robot, ", which dynamics does not model")
     if duration is None:
         raise InputError("simulate needs a duration, in s")
     duration = _check_time("duration", validation.number("duration", duration, "s", zero=True))

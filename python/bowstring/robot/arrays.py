@@ -91,6 +91,8 @@ class RobotTendons:
     """Creep of each tendon (T, 2): compliance that comes with time in m/N, and time in s."""
     friction: Floats
     """Coulomb friction coefficients (T,) at each hole."""
+    backlash_m: Floats
+    """Halves (T,) of the free travel of the drives when the displacement reverses, m."""
     pretension_N: Floats
     """Tensions (T,) in the home pose, where the tendon displacements are zero, N."""
     spool_radius_m: Floats
@@ -345,6 +347,7 @@ class RobotArrays(Part):
             compliance_m_per_N=each("compliance"),
             creep=_in_pairs(each("creep_compliance"), each("creep_time")),
             friction=each("friction"),
+            backlash_m=each("backlash"),
             pretension_N=each("pretension"),
             spool_radius_m=each("spool_radius"),
             diameter_m=each("diameter"),
@@ -435,6 +438,11 @@ class RobotArrays(Part):
         return bool(self.tendons.friction.any())
 
     @cached_property
+    def has_backlash(self) -> bool:
+        """Whether any drive has backlash."""
+        return bool(self.tendons.backlash_m.any())
+
+    @cached_property
     def hysteresis(self) -> Floats:
         """Hysteresis of each backbone (S, 2): share, and half-width of the play in 1/m."""
         share = stacked([s.backbone.hysteresis for s in self.segments])
@@ -459,8 +467,11 @@ class RobotArrays(Part):
 
     @cached_property
     def has_memory(self) -> bool:
-        """Whether equilibria depend on the path: with friction, hysteresis, relaxation or creep."""
-        return self.has_friction or self.has_hysteresis or self.is_viscoelastic
+        """Whether equilibria depend on the path.
+
+        So they do with friction, backlash, hysteresis, relaxation or creep.
+        """
+        return self.has_friction or self.has_backlash or self.has_hysteresis or self.is_viscoelastic
 
     def _by_segment(self, value: Callable[[Backbone], Any]) -> Floats:
         """Means (S,) of a number over the length of each segment."""

@@ -32,6 +32,7 @@ _LINE: Final = (
     "compliance_m_per_N",
     "friction",
     "pretension_N",
+    "backlash_m",
 )
 
 

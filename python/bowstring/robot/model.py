@@ -290,18 +290,23 @@ def check_without_memory(robot: Robot, consequence: str, argument: str = "") -> 
     Raises
     ------
     InputError
-        If its tendons have friction, or backbone or tendons are not elastic.
+        If its tendons have friction, or it has another memory.
     """
     if robot.has_friction:
         raise InputError(
             f"the tendons of {robot.name} have friction{consequence}; set friction to 0",
             argument=argument,
         )
-    check_elastic(robot, consequence, argument)
+    check_friction_alone(robot, consequence, argument)
 
 
-def check_elastic(robot: Robot, consequence: str, argument: str = "") -> None:
-    """Refuse a robot whose backbone or tendons are not elastic; see `check_without_memory`."""
+def check_friction_alone(robot: Robot, consequence: str, argument: str = "") -> None:
+    """Refuse a robot with another memory than friction; see `check_without_memory`."""
+    if robot.has_backlash:
+        raise InputError(
+            f"the drives of {robot.name} have backlash{consequence}; set backlash to 0",
+            argument=argument,
+        )
     for law, what, name in (
         (robot.hysteresis, "backbone of {} has hysteresis", "hysteresis"),
         (robot.relaxation, "backbone of {} has relaxation", "relaxation"),
@@ -329,9 +334,14 @@ def without_inelasticity(robot: Robot) -> Robot:
     return robot.with_({"segments.*.backbone.hysteresis": 0.0})
 
 
+def with_friction_alone(robot: Robot) -> Robot:
+    """Return the robot without the memories other than friction."""
+    return with_tendons(without_inelasticity(robot), {"backlash": 0.0})
+
+
 def without_memory(robot: Robot) -> Robot:
-    """Return the robot with elastic backbone and tendons, and without friction."""
-    return with_tendons(without_inelasticity(robot), {"friction": 0.0})
+    """Return the robot with elastic backbone and tendons, without friction and backlash."""
+    return with_tendons(with_friction_alone(robot), {"friction": 0.0})
 
 
 def check_robot(robot: object) -> None:

@@ -580,6 +580,11 @@ class TendonProperties(Part):
     friction: Annotated[float, Quantity("", "0.1", "0", "10")] = Field(
         0.0, description="Coulomb friction coefficient mu at each hole; 0 if left out."
     )
+    backlash: Annotated[float, Quantity("m", "0.2 mm", "0 mm", "1 km")] = Field(
+        0.0,
+        description="Half the free travel of the drive when the displacement reverses; 0 if left "
+        "out.",
+    )
     pretension: Annotated[float, Quantity("N", "2 N", "0 N", "1e9 N")] = Field(
         0.0, description="Tension in the home pose, where its displacement is zero; 0 if left out."
     )
@@ -617,10 +622,10 @@ class TendonRing(TendonProperties):
         Distance of the holes from the backbone's axis in m.
     first_angle : float
         Angle of the first tendon from x in rad.
-    axial_stiffness, free_length, compliance, friction, pretension, spool_radius, diameter : float
+    axial_stiffness, free_length, compliance, friction, backlash, pretension : float
         Values of each tendon, as in `Tendon`.
-    creep_compliance, creep_time : float
-        Creep of each tendon, as in `Tendon`.
+    spool_radius, diameter, creep_compliance, creep_time : float
+        Values of each tendon, as in `Tendon`.
     material : str or None
         Material of each tendon.
     turns, end_pitch_radius : float
@@ -656,6 +661,8 @@ class Tendon(TendonProperties):
         s.
     friction : float
         Coulomb friction coefficient at each hole.
+    backlash : float
+        Half the free travel of the drive when the displacement reverses, in m.
     pretension : float
         Tension in the home pose, where its displacement is zero, in N.
     spool_radius : float or None

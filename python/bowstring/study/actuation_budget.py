@@ -28,7 +28,7 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, significant
-from bowstring.robot.model import Robot, with_tendons, without_inelasticity
+from bowstring.robot.model import Robot, with_friction_alone, with_tendons
 from bowstring.robot.parts import TENDON_MATERIALS, TendonRing
 from bowstring.statics import rod
 from bowstring.statics.load import Load
@@ -302,7 +302,7 @@ def actuation_budget(
     t = model.tendon
     given = model.given_robot.tendons
     with_friction, friction_origin = _with_friction(model, calibrated)
-    with_friction = without_inelasticity(with_friction)
+    with_friction = with_friction_alone(with_friction)
     stiff_of: float | None = None
     elasticity_origin: Source = "file"
     elasticity_by = "as in the file"
@@ -368,6 +368,12 @@ def actuation_budget(
         beside = sweep if by == "tension" else base
         return ActuationRow(effect, label, by, assumed, case(branch, by), beside)
 
+    def both_ways(
+        effect: str, label: str, branches: tuple[_Branch, _Branch]
+    ) -> tuple[ActuationRow, ...]:
+        ways = zip(("loading", "unloading"), branches, strict=True)
+        return tuple(row(f"{effect}_{way}", f"{label}, {way}", (), each) for way, each in ways)
+
     rows = (
         row("friction_loading", f"{friction}, loading", friction_assumed, up),
         row("friction_unloading", f"{friction}, unloading", friction_assumed, down),
@@ -391,10 +397,12 @@ def actuation_budget(
         share = float(set_only.hysteresis[:, 0].max())
         label = f"hysteresis of the backbone ({in_percent(share)})"
         branches = solved(set_only, Load(model.tensions(and_back)))
-        sets = tuple(
-            row(f"hysteresis_{way}", f"{label}, {way}", (), branch)
-            for way, branch in zip(("loading", "unloading"), branches, strict=True)
-        )
+        sets = both_ways("hysteresis", label, branches)
+    drives: tuple[ActuationRow, ...] = ()
+    if model.given_robot.has_backlash:
+        half = {"backlash": float(given.backlash_m[t])}
+        label = f"displacement control, backlash ({in_mm(half['backlash'])} each way)"
+        drives = both_ways("backlash", label, by_displacement(with_tendons(rigid, half)))
     law = model.constant_curvature("cc_from_force", there, commanded.lengths)
     tips = stiff.path_tip, loaded.path_tip, released.path_tip, commanded.tip
     loops = (
@@ -412,11 +420,13 @@ def actuation_budget(
         displacement=commanded.displacements[::every, t],
         tension_controlled=sweep,
         displacement_controlled=base,
-        rows=rows + sets,
+        rows=rows + sets + drives,
         loops=loops,
         notes=_notes(model, friction_origin, elasticity_origin, elasticity_by, stiffness)
         + _path_notes(model, len(there) - 1, taut),
-        text=_in_words(rows, loops, friction_origin, elasticity_origin) + _of_sets(sets),
+        text=_in_words(rows, loops, friction_origin, elasticity_origin)
+        + _of_memory(sets)
+        + _of_memory(drives),
     )
 
 
@@ -606,14 +616,17 @@ def _in_words(
     return tuple(out)
 
 
-def _of_sets(sets: tuple[ActuationRow, ...]) -> tuple[str, ...]:
-    if not sets or not all(math.isfinite(row.moved) for row in sets):
+def _of_memory(rows: tuple[ActuationRow, ...]) -> tuple[str, ...]:
+    """Sentences on hysteresis or backlash by its rows of loading and unloading, if any."""
+    if not rows or not all(math.isfinite(row.moved) for row in rows):
         return ()
-    up, down = sets
+    up, down = rows
+    what = up.label.removesuffix(", loading").removeprefix("displacement control, ")
+    law = "from force" if up.control == "tension" else "from the commanded lengths"
     return (
-        f"Tension control: {up.label.removesuffix(', loading')} moves the tip by "
+        f"{up.control.capitalize()} control: {what} moves the tip by "
         f"{in_mm(up.moved)} on average during loading and {in_mm(down.moved)} during unloading. "
-        "The mean error of constant curvature from force changes from "
+        f"The mean error of constant curvature {law} changes from "
         f"{in_mm(up.mean_error(up.base))} to {in_mm(up.mean_error(up.case))} (loading) and "
         f"{in_mm(down.mean_error(down.case))} (unloading).",
     )

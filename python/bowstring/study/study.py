@@ -1103,6 +1103,12 @@ def _notes(
             "and strain and of the verdict. What it does, loading and unloading, is in the error "
             "budget under 'Actuation'."
         )
+    if robot.has_backlash:
+        out.append(
+            "The backlash of the drives is left out of the main sweep, of dynamics and of the "
+            "verdict. What it does under displacement control, loading and unloading, is in the "
+            "error budget under 'Actuation'."
+        )
     if robot.is_viscoelastic:
         out.append("Relaxation and creep are left out: the loads of a study have no times.")
     for name, comparison in comparisons.items():

@@ -165,7 +165,7 @@ def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:
 
 def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     actuation = study.budget.actuation
-    rows = [row for row in actuation.rows if not row.effect.startswith("hysteresis")]
+    rows = [row for row in actuation.rows if not row.effect.startswith(("hysteresis", "backlash"))]
     up, down, *elastic, _, _ = rows
     parts = []
     if _enough(study, min(up.moved_n, down.moved_n)):

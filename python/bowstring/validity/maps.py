@@ -324,6 +324,7 @@ def check_map_file(path: str | Path) -> Path:
 _FRICTIONLESS: Final = (
     "The friction of the robot is left out; an axis friction or bend takes it in."
 )
+_WITHOUT_BACKLASH: Final = "The backlash of the drives is left out."
 _ELASTIC: Final = "The hysteresis of the backbone is left out."
 _VISCOELASTIC: Final = "Relaxation of the backbone and creep of the tendons are left out."
 _LISTED: Final = (
@@ -401,6 +402,8 @@ def validity_map(
         notes.append(_LISTED)
     if robot.has_friction and not space.has_friction:
         notes.append(_FRICTIONLESS)
+    if robot.has_backlash:
+        notes.append(_WITHOUT_BACKLASH)
     if robot.has_hysteresis:
         notes.append(_ELASTIC)
     if robot.is_viscoelastic:

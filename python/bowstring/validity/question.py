@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, check_robot, with_tendons, without_inelasticity
+from bowstring.robot.model import Robot, check_robot, with_friction_alone, with_tendons
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, share_of_length
@@ -190,7 +190,7 @@ def space_of(
     Parameters
     ----------
     robot : Robot
-        Its friction is left out, except with an axis friction or ``bend``, and its hysteresis.
+        Its friction is left out, except with an axis friction or ``bend``, and its other memories.
     axes : tuple of Axis
     loading, load
         As for `validity_map`.
@@ -205,7 +205,7 @@ def space_of(
         If the load has an actuation, a tip moment or loads on disks.
     """
     check_robot(robot)
-    robot = without_inelasticity(robot)
+    robot = with_friction_alone(robot)
     paths = [axis.path for axis in axes]
     if "tension" in paths and "bend" in paths:
         raise InputError("over has tension and bend; motors command one of them")

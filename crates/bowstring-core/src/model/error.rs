@@ -51,6 +51,7 @@ pub enum Argument {
     Compliance,
     Friction,
     Pretension,
+    Backlash,
 }
 
 impl Argument {
@@ -124,6 +125,7 @@ impl Argument {
             Argument::Compliance => ("compliance of the transmission", "m/N", "tendon"),
             Argument::Friction => ("friction coefficient", "", "tendon"),
             Argument::Pretension => ("pretension", "N", "tendon"),
+            Argument::Backlash => ("backlash", "m", "tendon"),
         }
     }
 

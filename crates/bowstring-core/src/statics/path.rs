@@ -211,9 +211,10 @@ impl PathSolver {
         now.load.set_dead(load);
     }
 
-    /// Whether equilibria depend on the path: with friction, hysteresis, relaxation or creep.
+    /// Whether equilibria depend on the path: with friction, backlash, hysteresis, relaxation or
+    /// creep.
     pub fn has_memory(&self) -> bool {
-        self.last.has_memory()
+        self.last.has_memory() || self.transmission().tendons.has_backlash()
     }
 
     /// Slack length of each tendon (m); zero where it is taut.
@@ -273,6 +274,7 @@ impl PathSolver {
     /// If a number does not fit the robot.
     pub fn step(&mut self, commands: &[Command], load: &Load) -> Result<PathOutcome, InputError> {
         self.check(commands, load)?;
+        let commands = &self.transmission().tendons.driven(commands);
         let load = &self.solver().settings.without_negligible(load);
         let mut iterations = 0;
         let last = &self.history().load.point_loads;

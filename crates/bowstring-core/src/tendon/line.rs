@@ -16,6 +16,8 @@ pub struct Line {
     pub friction: f64,
     /// Tension in the home pose, where the displacement is zero (N).
     pub pretension: f64,
+    /// Half the free travel of the drive when it reverses (m).
+    pub backlash: f64,
 }
 
 impl Default for Line {
@@ -27,6 +29,7 @@ impl Default for Line {
             compliance: 0.0,
             friction: 0.0,
             pretension: 0.0,
+            backlash: 0.0,
         }
     }
 }
@@ -50,6 +53,17 @@ impl Command {
     pub fn value(&self) -> f64 {
         match *self {
             Command::Tension(value) | Command::Displacement(value) => value,
+        }
+    }
+
+    /// Command that reaches the tendon through a drive with this backlash (m), after a displacement
+    /// (theory Eq. 4.9).
+    pub(crate) fn through(&self, backlash: f64, before: f64) -> Self {
+        match *self {
+            Command::Displacement(p) => {
+                Command::Displacement(before.clamp(p - backlash, p + backlash))
+            }
+            Command::Tension(_) => *self,
         }
     }
 

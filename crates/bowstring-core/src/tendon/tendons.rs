@@ -142,6 +142,20 @@ impl Tendons {
         }
     }
 
+    /// Whether a drive has backlash.
+    pub fn has_backlash(&self) -> bool {
+        self.lines.iter().any(|line| line.backlash > 0.0)
+    }
+
+    /// Commands that reach the tendons through their drives, after the present displacements.
+    pub fn driven(&self, commands: &[Command]) -> Vec<Command> {
+        let rows = self.lines.iter().zip(&self.now.displacements);
+        let driven = commands.iter().zip(rows);
+        driven
+            .map(|(command, (line, before))| command.through(line.backlash, *before))
+            .collect()
+    }
+
     /// Checks commands and load against the robot.
     pub fn check(
         &self,
@@ -315,6 +329,7 @@ fn check_lines(robot: &Robot, model: Model, lines: &[Line]) -> Result<(), InputE
             (Argument::Compliance, line.compliance),
             (Argument::Friction, line.friction),
             (Argument::Pretension, line.pretension),
+            (Argument::Backlash, line.backlash),
         ] {
             InputError::check_number(argument, i, value, Rule::NotNegative)?;
         }

@@ -1,0 +1,138 @@
+"""Backlash of the drives: the play operator, its invariants, calibration, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring.calibration import Data, fit
+from bowstring.errors import InputError
+from bowstring.robot.designs import Designs
+from bowstring.statics.designs import sweep_designs
+
+HALF = 0.4e-3
+FIELD = "segments.*.tendons.backlash"
+TIGHT = bs.load_robot("amouri2019")
+LOOSE = bs.load_robot("amouri2019", {FIELD: HALF})
+#: To a turning point, back by less than the free travel, and beyond.
+BEND = np.array([4.0, 10.0, 9.5, 9.2, 3.0, 3.5, -6.0, 0.0]) * 1e-3
+COMMANDS = np.stack([BEND, -0.5 * BEND - 1e-3, -0.5 * BEND - 1e-3], axis=1)
+
+
+def followed(commands, half, start):
+    """Play operator of each column, after a start (T,)."""
+    out, state = [], np.asarray(start, dtype=float)
+    for row in commands:
+        state = np.clip(state, row - half, row + half)
+        out.append(state)
+    return np.array(out)
+
+
+def test_tendons_move_by_the_play_operator_of_the_commands():
+    found = bs.sweep(LOOSE, load=bs.Load(displacements=COMMANDS)).raise_for_status()
+    moved = followed(COMMANDS, HALF, np.zeros(3))
+    assert found.displacements() == pytest.approx(moved, abs=1e-15)
+    same = bs.sweep(TIGHT, load=bs.Load(displacements=moved)).raise_for_status()
+    assert found.tip_position == pytest.approx(same.tip_position, abs=1e-9)
+    assert found.tensions == pytest.approx(same.tensions, abs=1e-5)
+    # within the free travel nothing moves
+    assert found.tip_position[2] == pytest.approx(found.tip_position[1], abs=1e-9)
+    assert np.linalg.norm(found.tip_position[4] - found.tip_position[1]) > 1e-2
+
+
+def test_each_row_of_a_batch_starts_from_home():
+    found = bs.solve_batch(LOOSE, load=bs.Load(displacements=COMMANDS)).raise_for_status()
+    alone = [followed(row[None], HALF, np.zeros(3))[0] for row in COMMANDS]
+    assert found.displacements() == pytest.approx(np.array(alone), abs=1e-15)
+
+
+def test_a_history_keeps_where_the_drive_is():
+    whole = bs.sweep(LOOSE, load=bs.Load(displacements=COMMANDS))
+    first = bs.sweep(LOOSE, load=bs.Load(displacements=COMMANDS[:3]))
+    second = bs.sweep(LOOSE, load=bs.Load(displacements=COMMANDS[3:]), history=first.history())
+    assert second.displacements() == pytest.approx(whole.displacements()[3:], abs=1e-15)
+    one = bs.solve(LOOSE, load=bs.Load(displacements=COMMANDS[3]), history=first.history())
+    assert one.displacements() == pytest.approx(whole.displacements()[3], abs=1e-15)
+
+
+def test_a_step_without_a_solution_leaves_the_drive_where_it_was():
+    impossible = np.full((1, 3), 0.3)  # all tendons shortened by half of the robot
+    rows = np.concatenate([COMMANDS[:2], impossible, COMMANDS[2:]])
+    found = bs.sweep(LOOSE, load=bs.Load(displacements=rows))
+    assert found.converged.tolist() == [True, True, False, *[True] * 6]
+    whole = bs.sweep(LOOSE, load=bs.Load(displacements=COMMANDS))
+    assert found.displacements()[3:] == pytest.approx(whole.displacements()[2:], abs=1e-15)
+
+
+def test_after_tensions_the_drive_is_where_the_tendon_is():
+    nan = np.nan
+    load = bs.Load(
+        tensions=[[40.0, 0.0, 0.0], [nan] * 3],
+        displacements=[[nan] * 3, [0.0, 0.0, 0.0]],
+    )
+    found = bs.sweep(LOOSE, load=load).raise_for_status()
+    reached = found.displacements()[0]
+    assert reached[0] > 2e-3
+    assert found.displacements()[1] == pytest.approx(np.clip(reached, -HALF, HALF), abs=1e-15)
+
+
+def test_robots_that_differ_in_backlash_follow_their_own():
+    halves = [0.0, 2e-4, 6e-4]
+    designs = Designs(TIGHT, {FIELD: halves})
+    found = sweep_designs(designs, displacements=COMMANDS)
+    for k, half in enumerate(halves):
+        alone = bs.sweep(
+            bs.load_robot("amouri2019", {FIELD: half}), load=bs.Load(displacements=COMMANDS)
+        )
+        assert found.tip_position[k] == pytest.approx(alone.tip_position, abs=1e-8)
+
+
+def test_a_fit_finds_it():
+    rng = np.random.default_rng(5)
+    t = np.linspace(0.0, 3.0, 70)
+    bend = 8e-3 * np.sin(2 * np.pi * t)
+    towards = 2.0 * t
+    commands = bend[:, None] * np.cos(towards[:, None] - 2 * np.pi * np.arange(3) / 3)
+    tips = bs.sweep(LOOSE, load=bs.Load(displacements=commands)).raise_for_status().tip_position
+    data = Data(points=tips + 5e-5 * rng.standard_normal(tips.shape), displacements=commands)
+    found = fit(TIGHT, data, ["gain", FIELD], start={FIELD: 2e-4}, loss="linear")
+    assert found.converged
+    assert found[FIELD].low <= 1e3 * HALF <= found[FIELD].high
+    assert found.values[FIELD] == pytest.approx(HALF, rel=0.05)
+
+
+def test_the_error_budget_has_rows_of_backlash():
+    from bowstring.study.actuation_budget import actuation_budget
+    from bowstring.study.comparison import Model
+
+    tension = np.linspace(0.0, 60.0, 5)
+
+    def budget(robot):
+        model = Model(robot, 0, "cosserat")
+        return actuation_budget(model, tension, model.case(model.main, tension))
+
+    found, tight = budget(LOOSE), budget(TIGHT)
+    rows = {row.effect: row for row in found.rows}
+    up, down = rows["backlash_loading"], rows["backlash_unloading"]
+    assert up.control == "displacement"
+    assert up.moved > 1e-3 and down.moved > 1e-3
+    assert any("backlash (0.4 mm each way) moves the tip" in text for text in found.text)
+    # the other rows are those of the robot without backlash
+    assert [row.effect for row in tight.rows] == list(rows)[:-2]
+    for row in tight.rows:
+        assert rows[row.effect].moved == pytest.approx(row.moved, rel=1e-9)
+
+
+def test_what_does_not_follow_a_path_refuses_it():
+    bent = bs.solve(LOOSE, load=bs.Load(displacements=COMMANDS[0])).raise_for_status()
+    for refused in (
+        lambda: bs.inverse_kinematics(LOOSE, [[0.1, 0.0, 0.62]]),
+        lambda: bs.compile_robot(LOOSE),
+        lambda: bs.displacement_jacobian(bent),
+        lambda: bs.simulate(LOOSE, [[0.0, 0.0, 0.0]], duration=0.1),
+    ):
+        with pytest.raises(InputError, match=r"backlash.*; set backlash to 0"):
+            refused()
+    with pytest.raises(InputError, match="backlash"):
+        bs.load_robot("amouri2019", {FIELD: "-1 mm"})
