@@ -106,6 +106,14 @@ def replace_of(data: Any, **columns: Any) -> Any:
 # -- choice ---------------------------------------------------------------------------------------
 
 
+def test_a_missing_compliance_is_no_creep(robot: Robot) -> None:
+    """Disks that clamp the backbone make the tendons act on a stiffer robot, whatever the time."""
+    data = table(True, "none, disks clamp", 1001, 120)
+    found = compare_models(robot, data, ["base", "gain"], memories=["creep"])
+    assert found.memory is None and found.chosen.name == "rod_calibrated"
+    assert "hardly better than a compliance of the tendons" in found["rod_creep"].reason
+
+
 def test_a_model_is_chosen_if_it_is_clearly_better() -> None:
     rng = np.random.default_rng(0)
     rows, part = np.arange(100), np.arange(100) // 20

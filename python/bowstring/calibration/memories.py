@@ -13,7 +13,15 @@ from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.robot.parts import TendonRing
 
-__all__ = ["MEMORIES", "Memory", "is_zero", "parameters_of", "reason_against", "starts_of"]
+__all__ = [
+    "MEMORIES",
+    "Memory",
+    "is_zero",
+    "limit_of",
+    "parameters_of",
+    "reason_against",
+    "starts_of",
+]
 
 Memory = Literal["backlash", "friction", "hysteresis", "creep", "relaxation"]
 MEMORIES: Final[tuple[Memory, ...]] = ("backlash", "friction", "hysteresis", "creep", "relaxation")
@@ -29,6 +37,8 @@ _SLIDING: Final = ((0.1, 0.05), (0.1, 0.15), (0.1, 0.4))
 _RELAXING: Final = 0.1
 _CREEPING: Final = 0.1
 _TIMES: Final = 3
+#: Least time of relaxation and creep in the robot file, s.
+_AT_ONCE: Final = 1e-3
 #: Value in SI up to which a parameter of a memory has no effect.
 _NONE: Final = 1e-7
 
@@ -46,6 +56,20 @@ def parameters_of(robot: Robot, memory: Memory) -> list[str]:
     groups = ["segments.*.tendons"] * any(rings) + ["segments.*.tendons.*"] * any(own)
     leaves = ["friction"] if memory == "friction" else ["creep_compliance", "creep_time"]
     return [f"{group}.{leaf}" for group in groups for leaf in leaves]
+
+
+def limit_of(robot: Robot, memory: Memory) -> tuple[dict[str, float], str]:
+    """Limit in which a memory acts at once, as an elasticity: fixed values in SI, and its name.
+
+    Empty for memories without such a limit.
+    """
+    if memory in ("backlash", "friction"):
+        return {}, ""
+    if memory == "hysteresis":
+        return {_PLAY: 0.0}, "a softer backbone"
+    times = [name for name in parameters_of(robot, memory) if name.endswith("_time")]
+    what = "a softer backbone" if memory == "relaxation" else "a compliance of the tendons"
+    return dict.fromkeys(times, _AT_ONCE), what
 
 
 def reason_against(memory: Memory, commands: Commands, given: Unknowns) -> str:

@@ -6,7 +6,7 @@ K is the number of rows. All values are in SI.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -21,6 +21,7 @@ from bowstring.calibration.memories import (
     MEMORIES,
     Memory,
     is_zero,
+    limit_of,
     parameters_of,
     reason_against,
     starts_of,
@@ -192,13 +193,18 @@ class ModelComparison:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A model to fit: parameters, kind, initial values to try, and those of an added memory."""
+    """A model to fit.
+
+    Its parameters, kind, initial values to try, the parameters of an added memory, and values that
+    are not fitted.
+    """
 
     name: ModelName
     parameters: tuple[str, ...]
     arcs: bool = False
     starts: tuple[Mapping[str, float], ...] = ({},)
     added: tuple[str, ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
 
 def compare_models(
@@ -265,7 +271,9 @@ def compare_models(
     A memory takes part only if it is better than the calibrated rod by more than 2.5 standard
     errors: several memories are tried, and folds share most of their fitted rows, so that one
     standard error would choose a memory too often. A memory whose fit fails or finds no effect,
-    less than 1 % of the fitted error, has a reason instead of numbers.
+    less than 1 % of the fitted error, has a reason instead of numbers. So has hysteresis, creep or
+    relaxation that is not also clearly better than its limit of no play or time: in this limit it
+    is an elasticity that the calibrated rod may lack.
 
     The fits of the folds start from the values of the fit to all rows. That of hysteresis starts
     from three plays, those of creep and relaxation from three times, as their errors have several
@@ -295,10 +303,7 @@ def _compared(work: _Work, models: Sequence[JudgedModel]) -> ModelComparison:
     block = blocks_of(work.part, work.used)
     plain, rod = list(models[:4]), models[3]
     better = [
-        each
-        for each in models[4:]
-        if each.residuals is not None
-        and gain(rod.errors, each.errors, block).exceeds(MEMORY_ERRORS)
+        each for each in models[4:] if each.residuals is not None and work.is_better(rod, each)
     ]
     memory = better[choose([each.errors for each in better], block)] if better else None
     rivals = plain if memory is None else [*plain, memory]
@@ -384,9 +389,31 @@ def _remembering(
     starts = tuple({**known_start, **each} for each in starts_of(memory, robot, work.commands))
     candidate = _Candidate(name, whole, starts=starts, added=tuple(added))
     try:
-        return work.judge(candidate, known(candidate))
+        found = work.judge(candidate, known(candidate))
+        if found.residuals is not None and work.is_better(rod, found):
+            limit, what = limit_of(robot, memory)
+            if limit and not work.is_better(_in_limit(work, candidate, found, limit, known), found):
+                reason = f"it does hardly better than {what} without memory, which may be missing"
+                return JudgedModel(name, whole, found.fit, reason=reason)
+        return found
     except BowstringError as error:
         return JudgedModel(name, whole, reason=str(error).rstrip("."))
+
+
+def _in_limit(
+    work: _Work,
+    candidate: _Candidate,
+    found: JudgedModel,
+    limit: Mapping[str, float],
+    known: Callable[[_Candidate], dict[str, float]],
+) -> JudgedModel:
+    """Judge a memory that acts at once: it may fit what another elasticity does."""
+    assert found.fit is not None
+    left = tuple(name for name in candidate.parameters if name not in limit)
+    start = {**_without_frames(found.fit.values), **limit}
+    at_once = replace(candidate, parameters=left, starts=(start,), added=(), fixed=limit)
+    work.total += 1
+    return work.judge(at_once, known(at_once))
 
 
 def _without_frames(values: Mapping[str, float]) -> dict[str, float]:
@@ -460,6 +487,11 @@ class _Work:
             raise InputError(f"{other.name} has no measured tip to validate with")
         observations.refuse_common_rows(data, used, other, other.seen)
 
+    def is_better(self, simple: JudgedModel, memory: JudgedModel) -> bool:
+        """Whether a memory is clearly better than a model without it."""
+        found = gain(simple.errors, memory.errors, blocks_of(self.part, self.used))
+        return found.exceeds(MEMORY_ERRORS)
+
     def judge(self, model: _Candidate, priors: dict[str, float]) -> JudgedModel:
         """Fit a model to all rows and without each fold, and predict the validation table."""
         self._step(model, 0.0)
@@ -481,7 +513,7 @@ class _Work:
             model.parameters,
             folds=self.folds,
             model=kind,
-            start=_without_frames(found.values),
+            start={**_without_frames(found.values), **model.fixed},
             priors=priors,
             progress=lambda share: self._step(model, (1 + share * self.folds) / (1 + self.folds)),
         )
