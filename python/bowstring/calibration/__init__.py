@@ -11,12 +11,14 @@ from bowstring.calibration.priors import default_priors
 from bowstring.calibration.residual import Corrected, Hyperparameters, Residual, fit_residual
 from bowstring.calibration.residual_comparison import Compared, ResidualStudy, study_residual
 from bowstring.calibration.residual_file import read_residual
+from bowstring.calibration.residual_inverse import CorrectedInverse, inverse_with_residual
 from bowstring.calibration.table_fit import Calibration, calibrate
 
 __all__ = [
     "Calibration",
     "Compared",
     "Corrected",
+    "CorrectedInverse",
     "CrossValidation",
     "Data",
     "ErrorParts",
@@ -41,6 +43,7 @@ __all__ = [
     "fit_residual",
     "fit_slow_bias",
     "hold_out",
+    "inverse_with_residual",
     "predict_with_interval",
     "read_residual",
     "score",

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
     from bowstring.inverse.solution import InverseSolution
     from bowstring.robot.model import Robot
-    from bowstring.schemas.inverse import Ik, IkPath
+    from bowstring.schemas.inverse import Ik, IkPath, IkResidual
     from bowstring.statics.load import Load
 
 #: Coordinate over the robot's length above which a number without a unit is hardly in m.
@@ -113,6 +113,14 @@ def ik(
         str | None, option("x,y,z", "Dead load: force at the tip, base axes.")
     ] = None,
     elements: AutomaticElements = None,
+    residual: Annotated[
+        Path | None,
+        option(
+            "FILE",
+            "residual.json of fit --residual: positions are those of the measured point, in the "
+            "measuring frame, by its model and residual.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         option("FILE", "Table of the commands for --path (.csv).  [default: commands.csv]"),
@@ -133,6 +141,28 @@ def ik(
     robot_ = load(robot, overrides)
     if (tip is None) == (path is None):
         raise InputError("--tip: give either --tip or --path.")
+    if residual is not None:
+        others = (
+            ("--model", model != "cc"),
+            ("--theory", theory != "cosserat"),
+            ("--gravity", gravity is not None),
+            ("--tip-force", tip_force is not None),
+            ("--elements", elements is not None),
+            ("--displacement-limits", displacement_limits is not None),
+            ("--distance-margin", distance_margin is not None),
+            ("--direction", direction is not None),
+            ("--free-length", free_length),
+            ("--chord", chord),
+            ("--figure", figure is not None),
+        )
+        for flag, there in others:
+            if there:
+                raise InputError(f"{flag}: not with --residual, which has the model of its fit.")
+        if out is not None and path is None:
+            raise InputError("--out: it is for --path; a single tip is printed.")
+        least = _limit("--min-tension", min_tension, robot_)
+        limits = 0.0 if least is None else least, _limit("--max-tension", max_tension, robot_)
+        return _with_residual(robot_, residual, tip, path, limits, out, as_json)
     if model == "cc":
         given = (
             ("--theory", theory != "cosserat"),
@@ -208,6 +238,108 @@ def ik(
         tip_line(found.tip_position, found.tip_rotation) + where,
         _tendon_table(found),
     )
+
+
+def _with_residual(
+    robot: Robot,
+    file: Path,
+    tip: str | None,
+    path: Path | None,
+    limits: tuple[Any, Any],
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Commands that bring the measured point, by a model and its residual, to positions."""
+    import numpy as np
+
+    from bowstring.calibration import inverse_with_residual, read_residual
+    from bowstring.inverse.table import check_commands, read_tips, write_rows
+
+    residual = of_flag("--residual", lambda name: read_residual(name, robot), file)
+    table = None
+    if path is None:
+        assert tip is not None
+        positions = np.array([vector("--tip", tip, "m")])
+        check_bare("--tip", tip, "m", robot, _FAR * robot.length, "mm")
+    else:
+        tips = of_flag("--path", read_tips, path)
+        if tips.directions is not None:
+            raise InputError("--path: a residual is of positions; leave the directions out.")
+        positions = tips.positions
+        table = of_flag("--out", check_commands, out or Path("commands.csv"))
+    with progress_bar("inverse kinematics") as notify:
+        found = inverse_with_residual(
+            residual,
+            positions,
+            min_tension=limits[0],
+            max_tension=limits[1],
+            progress=lambda share: notify("inverse kinematics", share),
+        )
+    kinds = found.by_displacement
+    if table is not None:
+        names = [
+            f"displacement_{i}_mm" if by else f"tension_{i}_N" for i, by in enumerate(kinds, 1)
+        ]
+        header = ["tip_x_mm", "tip_y_mm", "tip_z_mm", "status", "distance_mm", "share_kept", *names]
+        scale = np.where(kinds, 1e3, 1.0)
+        rows = zip(
+            (1e3 * found.position).tolist(),
+            found.status,
+            (1e3 * found.distance).tolist(),
+            found.kept.tolist(),
+            (scale * found.commands + 0.0).tolist(),
+            strict=True,
+        )
+        cells = [[*at, status, miss, kept, *row] for at, status, miss, kept, row in rows]
+        table = write_rows(table, f"{robot.name}, calibrated model with residual", header, cells)
+    if as_json:
+        result: IkResidual = {
+            "count": len(found.status),
+            "reached": int(found.reached.sum()),
+            "rows": [
+                {
+                    "position_m": found.position[k].tolist(),
+                    "status": status,  # type: ignore[typeddict-item]
+                    "tensions_N": plain(np.where(kinds, np.nan, found.commands[k]).tolist()),
+                    "displacements_m": plain(np.where(kinds, found.commands[k], np.nan).tolist()),
+                    "point_m": plain(found.point[k].tolist()),
+                    "distance_m": plain(float(found.distance[k])),
+                    "share_kept": plain(float(found.kept[k])),
+                    "beyond_data": bool(found.beyond[k]),
+                }
+                for k, status in enumerate(found.status)
+            ],
+            "file": None if table is None else str(table),
+            **provenance_of(
+                robot,
+                tip_m=None if path is not None else positions[0].tolist(),
+                path=None if path is None else str(path),
+                residual=str(file),
+                min_tension_N=limits[0],
+                max_tension_N=limits[1],
+            ),
+        }
+        return write_json(result)
+    if not np.isfinite(found.point).any():
+        raise NoSolutionError(f"{robot.name}: no equilibrium at the given positions")
+    beyond = int(found.beyond.sum())
+    if beyond:
+        say(
+            "Warning",
+            f"{beyond} of {len(found.status)} positions are beyond the data of the residual; the "
+            "calibrated model alone answers there.",
+        )
+    lines = [
+        f"{robot.name}, calibrated model with residual: {int(found.reached.sum())} of "
+        f"{len(found.status)} reached; the measured point misses its position by "
+        f"{fixed(1e3 * float(np.nanmax(found.distance)), 4)} mm at most."
+    ]
+    if table is not None:
+        return write_tables("\n".join([*lines, f"Commands: {table}"]))
+    commands = new_table("tendon", ">command")
+    for i, (by, value) in enumerate(zip(kinds, found.commands[0], strict=True), 1):
+        commands.add_row(str(i), f"{fixed(1e3 * value, 3)} mm" if by else f"{fixed(value, 4)} N")
+    write_tables("\n".join(lines), commands)
 
 
 class _Options:

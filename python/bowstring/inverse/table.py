@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -16,7 +17,7 @@ from bowstring.errors import InputError
 from bowstring.inverse.solution import InverseSolution
 from bowstring.units import quote
 
-__all__ = ["Landing", "Tips", "check_commands", "read_tips", "write_commands"]
+__all__ = ["Landing", "Tips", "check_commands", "read_tips", "write_commands", "write_rows"]
 
 Floats = NDArray[np.float64]
 
@@ -184,26 +185,56 @@ def write_commands(
     numbers = np.column_stack(parts) + 0.0  # no -0
     model = found.model if isinstance(found.model, str) else f"physics, {found.model.theory}"
 
-    def text(value: float) -> str:
-        return f"{value:.9g}" if math.isfinite(value) else ""
+    rows = [
+        [
+            *(1e3 * found.position[k]).tolist(),
+            found.status[k],
+            1e3 * float(found.distance[k]),
+            1e3 * float(found.nearest_distance[k]),
+            int(found.restarted[k]),
+            *row,
+        ]
+        for k, row in enumerate(numbers.tolist())
+    ]
+    return write_rows(file, f"{found.robot.name}, {model}", header, rows)
+
+
+def _text(cell: object) -> object:
+    """Cell of a number with nine digits, blank where there is none; other cells as they are."""
+    if not isinstance(cell, float):
+        return cell
+    return f"{cell:.9g}" if math.isfinite(cell) else ""
+
+
+def write_rows(
+    path: str | Path, about: str, header: Sequence[str], rows: Iterable[Sequence[object]]
+) -> Path:
+    """Write a table of commands as CSV, whole or not at all.
+
+    Parameters
+    ----------
+    path : str or Path
+        As for `write_commands`.
+    about : str
+        Robot and model, for the first line.
+    header : sequence of str
+        Names of the columns with their units.
+    rows : iterable of sequences
+        Cells: texts as they are, numbers with nine digits, blank where not finite.
+
+    Returns
+    -------
+    Path
+        The file, absolute.
+    """
+    file = check_commands(path)
 
     def fill(new: Path) -> None:
         with new.open("w", newline="", encoding="utf-8") as stream:
-            about = f"{found.robot.name}, {model}"
             stream.write(f"{_MARK.decode()} {__version__}: {' '.join(about.split())}\n")
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow(header)
-            for k, row in enumerate(numbers.tolist()):
-                writer.writerow(
-                    [
-                        *map(text, (1e3 * found.position[k]).tolist()),
-                        found.status[k],
-                        text(1e3 * float(found.distance[k])),
-                        text(1e3 * float(found.nearest_distance[k])),
-                        int(found.restarted[k]),
-                        *map(text, row),
-                    ]
-                )
+            writer.writerows([_text(cell) for cell in row] for row in rows)
 
     write_whole_file(file, "table of commands", fill, lambda: check_commands(file))
     return file

@@ -31,6 +31,7 @@ COMMANDS: Final[dict[str, Any]] = {
     "fk": statics.Fk,
     "ik": inverse.Ik,
     "ik --path": inverse.IkPath,
+    "ik --residual": inverse.IkResidual,
     "compile": compiled.Compiled,
     "control": inverse.Control,
     "reach": inverse.ReachFound,

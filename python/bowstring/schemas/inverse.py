@@ -15,6 +15,7 @@ __all__ = [
     "ControlValues",
     "Ik",
     "IkPath",
+    "IkResidual",
     "InverseRow",
     "InverseRows",
     "ReachFound",
@@ -128,6 +129,35 @@ class IkPath(OfRobot):
     ]
     constant_curvature_max_miss_m: Annotated[OrNull, about("Largest such distance.")]
     files: Annotated[list[str], about("Table of the commands and figure.")]
+
+
+class CorrectedCommand(Object):
+    """Commands whose measured point, by model and residual, is at a position."""
+
+    position_m: Annotated[Vector, about("Wanted position, measuring frame.")]
+    status: Annotated[
+        InverseStatus,
+        about("As for a tip; `reached` within 1e-5 of the length."),
+    ]
+    tensions_N: Annotated[
+        list[OrNull], about("Tension of each tendon; `null` where a displacement is commanded.")
+    ]
+    displacements_m: Annotated[
+        list[OrNull], about("Displacement of each tendon; `null` where a tension is commanded.")
+    ]
+    point_m: Annotated[VectorOrNull, about("Measured point by model and residual.")]
+    distance_m: Annotated[OrNull, about("Its distance from the position.")]
+    share_kept: Annotated[OrNull, about("Share of the variance that the fitted rows explain.")]
+    beyond_data: Annotated[bool, about("Whether that share is below one half: physics answers.")]
+
+
+class IkResidual(OfRobot):
+    """Output of `bowstring ik --residual`."""
+
+    count: Annotated[int, about("Number of positions.")]
+    reached: Annotated[int, about("Number of those that are reached.")]
+    rows: Annotated[list[CorrectedCommand], about("All positions.")]
+    file: Annotated[str | None, about("Table of the commands; `null` without `--path`.")]
 
 
 class ControlDistance(Object):
