@@ -26,7 +26,13 @@ from bowstring.calibration.memories import (
     reason_against,
     starts_of,
 )
-from bowstring.calibration.model_choice import MEMORY_ERRORS, blocks_of, choose, gain
+from bowstring.calibration.model_choice import (
+    LIMIT_ERRORS,
+    MEMORY_ERRORS,
+    blocks_of,
+    choose,
+    gain,
+)
 from bowstring.calibration.observations import Score, score
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.priors import PriorChoice, default_priors, read_priors
@@ -272,8 +278,8 @@ def compare_models(
     errors: several memories are tried, and folds share most of their fitted rows, so that one
     standard error would choose a memory too often. A memory whose fit fails or finds no effect,
     less than 1 % of the fitted error, has a reason instead of numbers. So has hysteresis, creep or
-    relaxation that is not also clearly better than its limit of no play or time: in this limit it
-    is an elasticity that the calibrated rod may lack.
+    relaxation that is not also better, by one standard error, than its limit of no play or time: in
+    this limit it is an elasticity that the calibrated rod may lack.
 
     The fits of the folds start from the values of the fit to all rows. That of hysteresis starts
     from three plays, those of creep and relaxation from three times, as their errors have several
@@ -392,9 +398,11 @@ def _remembering(
         found = work.judge(candidate, known(candidate))
         if found.residuals is not None and work.is_better(rod, found):
             limit, what = limit_of(robot, memory)
-            if limit and not work.is_better(_in_limit(work, candidate, found, limit, known), found):
-                reason = f"it does hardly better than {what} without memory, which may be missing"
-                return JudgedModel(name, whole, found.fit, reason=reason)
+            if limit:
+                at_once = _in_limit(work, candidate, found, limit, known)
+                if not work.is_better(at_once, found, LIMIT_ERRORS):
+                    reason = f"it does no better than {what} without memory, which may be missing"
+                    return JudgedModel(name, whole, found.fit, reason=reason)
         return found
     except BowstringError as error:
         return JudgedModel(name, whole, reason=str(error).rstrip("."))
@@ -487,10 +495,12 @@ class _Work:
             raise InputError(f"{other.name} has no measured tip to validate with")
         observations.refuse_common_rows(data, used, other, other.seen)
 
-    def is_better(self, simple: JudgedModel, memory: JudgedModel) -> bool:
-        """Whether a memory is clearly better than a model without it."""
+    def is_better(
+        self, simple: JudgedModel, memory: JudgedModel, errors: float = MEMORY_ERRORS
+    ) -> bool:
+        """Whether a memory is better than a model without it by some standard errors."""
         found = gain(simple.errors, memory.errors, blocks_of(self.part, self.used))
-        return found.exceeds(MEMORY_ERRORS)
+        return found.exceeds(errors)
 
     def judge(self, model: _Candidate, priors: dict[str, float]) -> JudgedModel:
         """Fit a model to all rows and without each fold, and predict the validation table."""
