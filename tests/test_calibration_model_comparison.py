@@ -286,7 +286,7 @@ def test_flags_of_a_comparison(shell: Shell, tmp_path: Path) -> None:
 
 def test_the_bar_adds_up(remembered: ModelComparison) -> None:
     parts = replace(remembered.parts, physics=-1e-3, total=remembered.parts.total - 1e-3)
-    figure = draw_parts(replace(remembered, parts=parts))
+    figure = draw_parts(replace(remembered, parts=parts), "synthetic: a bench")
     (axes,) = figure.axes
     bars = [(bar.get_x(), bar.get_width()) for bar in axes.patches]
     assert sum(width for _, width in bars) == pytest.approx(

@@ -39,7 +39,9 @@ from bowstring.study.data_validation import (
     check_measurements,
     judge_data,
 )
+from bowstring.study.settings import Extras
 from bowstring.study.study import DATA_FIGURES, Study, run_study
+from bowstring.study.summary import summarise
 from bowstring.validity.loading import Loading
 from shell import Shell
 from stages import Stages
@@ -518,8 +520,9 @@ def test_a_mean_over_some_rows_is_labelled(robot: bs.Robot, bench: Measurements)
 
 @pytest.fixture(scope="module")
 def whole(robot: bs.Robot, bench: Measurements) -> Study:
-    """The whole study with measurements."""
-    return run_study(robot, measurements=bench, loading=Loading(points=5))
+    """The whole study with measurements and a comparison on left-out rows."""
+    extras = Extras(compare=True)
+    return run_study(robot, measurements=bench, loading=Loading(points=5), extras=extras)
 
 
 def test_json_is_as_its_schema_has_it(whole: Study) -> None:
@@ -603,6 +606,35 @@ def test_the_page_has_the_figures_and_labels_the_data(written: Path, whole: Stud
     assert "measured tip (mm)" not in text  # nothing here was measured
 
 
+def test_the_verdict_divides_the_error_of_left_out_rows(written: Path, whole: Study) -> None:
+    assert whole.data is not None
+    found = whole.data.models_compared
+    assert found is not None and found.memory is not None
+    assert found.memory.name == "rod_friction"  # the bench has it
+    parts = whole.to_dict()["measurements"]["comparison"]["parts"]
+    names = ("parameters", "physics", "memory", "noise", "unexplained")
+    assert sum(parts[f"{name}_mm"] for name in names) == pytest.approx(parts["total_mm"])
+    assert found.verdict in whole.data.text[-1]
+    assert "the rod with tendon friction is the one to use" in whole.data.text[-1]
+    assert dict(summarise(whole).findings)["Rows left out of the fits"] == found.verdict.rstrip(".")
+    with (written / "tables" / "measured_models.csv").open(encoding="utf-8") as file:
+        rows = {row["model"]: row for row in csv.DictReader(file)}
+    assert rows["rod_friction"]["chosen"] == "yes" and rows["cc"]["source"] == "synthetic"
+    assert float(rows["rod_friction"]["left_out_mean_mm"]) == pytest.approx(
+        1e3 * np.nanmean(found.memory.errors)
+    )
+
+
+def test_a_comparison_needs_measurements_and_the_cosserat_rod(
+    robot: bs.Robot, bench: Measurements, shell: Shell
+) -> None:
+    for given in ({}, {"measurements": bench, "theory": "kirchhoff"}):
+        with pytest.raises(InputError, match="give measurements, and leave theory out"):
+            run_study(robot, extras=Extras(compare=True), **given)  # type: ignore[arg-type]
+    said = shell.error("study", "amouri2019", "--compare")
+    assert "--compare is of measurements" in said
+
+
 def test_the_tables_label_the_data_in_each_row(written: Path, whole: Study) -> None:
     with (written / "tables" / "measured.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -643,7 +675,8 @@ def test_a_failed_calibration_keeps_the_other_results(
     folder = report.write(found, tmp_path / "out")
     source = (folder / "report.html").read_text(encoding="utf-8")
     assert 'id="measured_comparison"' in source
-    assert 'id="measured_residuals"' not in source
+    assert 'id="measured_residuals"' not in source and 'id="measured_parts"' not in source
+    assert content["comparison"] is None
 
 
 def test_the_fewest_rows_are_validated(robot: bs.Robot, bench: Measurements) -> None:

@@ -49,7 +49,7 @@ def draw_fit(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
     yield "parity", _parity(calibration)
 
 
-def draw_parts(comparison: ModelComparison) -> Figure:
+def draw_parts(comparison: ModelComparison, data: str) -> Figure:
     """Draw the parts of the error of constant curvature as one stacked bar.
 
     Negative parts are stacked to the left of zero.
@@ -57,6 +57,8 @@ def draw_parts(comparison: ModelComparison) -> Figure:
     Parameters
     ----------
     comparison : ModelComparison
+    data : str
+        Source and name of the data, for the title.
 
     Returns
     -------
@@ -84,7 +86,7 @@ def draw_parts(comparison: ModelComparison) -> Figure:
     axes.set(ylim=(-0.6, 0.6), yticks=[], xlabel="mean tip error of constant curvature (mm)")
     axes.grid(visible=False, axis="y")
     rows = "rows left out by folds" if comparison.on == "folds" else "rows of the validation table"
-    title = f"{in_mm(parts.total)} (dotted) over {parts.rows} {rows}"
+    title = f"{data}\n{in_mm(parts.total)} (dotted) over {parts.rows} {rows}"
     axes.set_title(title, fontsize=8.5, pad=6 + _LINE * len(parts.known))
     legend_above(axes, 1)
     return figure

@@ -17,7 +17,7 @@ from bowstring.result_folder import check_folder, write_json, write_listing
 from bowstring.robot.writer import to_yaml
 from bowstring.viz.style import figure_style, save_figure, save_figures
 
-__all__ = ["write_fit"]
+__all__ = ["model_rows", "write_fit"]
 
 Progress = Callable[[str, float], None]
 
@@ -83,7 +83,8 @@ def write_fit(
         if comparison is not None:
             _write_models(new / "models.csv", comparison)
             with figure_style():
-                figure = draw_parts(comparison)
+                label = f"{data.source}: {data.name}"[:60].replace("$", r"\$")
+                figure = draw_parts(comparison, label)
                 save_figure(figure, new / "error_parts", (".png", ".pdf", ".svg"))
         with figure_style():
             save_figures(draw_fit(calibration), new, lambda share: notify("figures", share))
@@ -96,16 +97,20 @@ def write_fit(
 
 def _write_models(path: Path, comparison: ModelComparison) -> None:
     """Write the models of a comparison as CSV; missing numbers are empty fields."""
-    columns = [f"{name}_{number}_mm" for name in _SCORES for number in ("rmse", "mean")]
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["model", "parameters", "rows", *columns, "chosen", "reason"])
-        for each in comparison.models:
-            numbers = [cell for name in _SCORES for cell in _cells(getattr(each, name))]
-            rows = "" if each.left_out is None else each.left_out.count
-            chosen = "yes" if each is comparison.chosen else "no"
-            names = " ".join(each.parameters)
-            writer.writerow([each.name, names, rows, *numbers, chosen, each.reason])
+        csv.writer(file, lineterminator="\n").writerows(model_rows(comparison))
+
+
+def model_rows(comparison: ModelComparison) -> list[list[str]]:
+    """Header and rows of a table of the compared models; cells without a number are empty."""
+    columns = [f"{name}_{number}_mm" for name in _SCORES for number in ("rmse", "mean")]
+    rows = [["model", "parameters", "rows", *columns, "chosen", "reason"]]
+    for each in comparison.models:
+        numbers = [cell for name in _SCORES for cell in _cells(getattr(each, name))]
+        count = "" if each.left_out is None else str(each.left_out.count)
+        chosen = "yes" if each is comparison.chosen else "no"
+        rows.append([each.name, " ".join(each.parameters), count, *numbers, chosen, each.reason])
+    return rows
 
 
 def _cells(score: Score | None) -> tuple[str, str]:

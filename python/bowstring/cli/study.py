@@ -35,6 +35,14 @@ def study(
         option("FILE", "Table of measurements; each model is compared with it."),
     ] = None,
     mapping: MappingFile = None,
+    compare: Annotated[
+        bool,
+        typer.Option(
+            "--compare",
+            help="Compare models with memories on left-out rows of the measurements, and divide "
+            "the error of constant curvature into parts; takes a minute.",
+        ),
+    ] = False,
     out: Annotated[
         Path | None,
         option("DIR", "Folder of the report.  [default: bowstring-study/NAME OF ROBOT]"),
@@ -110,6 +118,10 @@ def study(
     """
     if mapping is not None and measurements is None:
         raise InputError("--mapping is of a table; name the table by --measurements.")
+    if compare and measurements is None:
+        raise InputError("--compare is of measurements; name their table by --measurements.")
+    if compare and theory != "cosserat":
+        raise InputError("--compare has the Cosserat rod; leave --theory out.")
     if grip is not None and not fe:
         raise InputError("--grip is of finite elements; give --fe too.")
     tolerated = share_of(
@@ -144,7 +156,9 @@ def study(
         joint = of_flag("--uncertainty", lambda file: read_distributions(file, model), uncertainty)
         for sentence in joint.warnings:
             say("Warning", sentence)
-    extras = Extras(solid, Settings(grip=grip or Settings.grip) if fe else None, joint, over)
+    extras = Extras(
+        solid, Settings(grip=grip or Settings.grip) if fe else None, joint, over, compare
+    )
     folder = of_flag("--out", check_folder, report.default_folder(model) if out is None else out)
     try:
         with progress_bar("CAD kernel" if solid else "geometric sweep") as notify:

@@ -22,7 +22,7 @@ from bowstring.schemas.basic import (
     VectorOrNull,
     about,
 )
-from bowstring.schemas.fit import EndOfFit
+from bowstring.schemas.fit import EndOfFit, ModelComparison
 from bowstring.schemas.maps import MapValues, SpreadValues
 
 # -- comparisons -----------------------------------------------------------------------------------
@@ -565,6 +565,10 @@ class StudyMeasurements(Object):
     ]
     decomposition: Annotated[Decomposition, about("Decomposition of the error.")]
     bootstrap: Annotated[Bootstrap, about("How the intervals were found.")]
+    comparison: Annotated[
+        ModelComparison | None,
+        about("Models on left-out rows; `null` without `--compare`, or `notes` says why."),
+    ]
     text: Annotated[list[str], about("Results in sentences.")]
     notes: Annotated[list[str], about("Choices and limits in sentences.")]
 

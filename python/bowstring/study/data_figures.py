@@ -19,7 +19,13 @@ if TYPE_CHECKING:
 
     from bowstring.study.data_validation import AgainstData
 
-__all__ = ["measured_comparison", "measured_errors", "measured_residuals", "measured_tip"]
+__all__ = [
+    "measured_comparison",
+    "measured_errors",
+    "measured_parts",
+    "measured_residuals",
+    "measured_tip",
+]
 
 Array = NDArray[np.float64]
 
@@ -129,6 +135,15 @@ def measured_comparison(study: Study) -> Figure:
     percent.set_xlabel(f"% of length; {_label(found)}", fontsize=8.5)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
+
+
+def measured_parts(study: Study) -> Figure:
+    """Draw the parts of the error of constant curvature on left-out rows."""
+    from bowstring.calibration.figures import draw_parts
+
+    found = _data_of(study)
+    assert found.models_compared is not None
+    return draw_parts(found.models_compared, _label(found))
 
 
 def measured_residuals(study: Study) -> Figure:

@@ -36,6 +36,7 @@ from bowstring.calibration.bootstrap import (
     refitted,
 )
 from bowstring.calibration.fitting import Estimate
+from bowstring.calibration.model_comparison import ModelComparison, compare_models
 from bowstring.calibration.residual_tests import NoiseTest, noise_test
 from bowstring.data.measurements import Measurements
 from bowstring.data.registration import fit_model
@@ -267,6 +268,8 @@ class AgainstData:
     """Test of the residuals of the calibrated rod."""
     expected: Expected | None
     """Expected error of the calibrated rod at unseen rows."""
+    models_compared: ModelComparison | None = None
+    """Models with memories on left-out rows, if asked for and possible."""
     text: tuple[str, ...] = ()
     """Results in sentences."""
     notes: tuple[str, ...] = ()
@@ -358,6 +361,7 @@ class AgainstData:
                 if self.expected is None
                 else self.expected.to_dict(),
             },
+            "comparison": None if self.models_compared is None else self.models_compared.to_dict(),
             "text": list(self.text),
             "notes": list(self.notes),
         }
@@ -483,6 +487,8 @@ def judge_data(
     tolerance: float,
     theory: Theory = "cosserat",
     progress: Callable[[float], None] | None = None,
+    *,
+    compare: bool = False,
 ) -> AgainstData:
     """Compare all models with measurements.
 
@@ -497,6 +503,8 @@ def judge_data(
     theory : {"cosserat", "kirchhoff"}
     progress : callable, optional
         Progress callback, called with the finished share from 0 to 1.
+    compare : bool
+        Whether models with memories are compared on left-out rows too.
 
     Returns
     -------
@@ -507,7 +515,12 @@ def judge_data(
     InputError
         If the data cannot be judged.
     """
-    notify = progress or (lambda share: None)
+    report = progress or (lambda share: None)
+    own_share = 0.2 if compare else 1.0
+
+    def notify(share: float) -> None:
+        report(own_share * share)
+
     check_measurements(robot, data)
     loads = _loads(data)
     notes: list[str] = []
@@ -607,6 +620,13 @@ def judge_data(
         if np.isfinite(calibration.fit.residuals[used]).all():
             expected = refitted(calibration.fit.residuals[used], calibration.fit.linear, unit[used])
     notify(1.0)
+    compared = None
+    if compare and calibration is not None:
+        try:
+            compared = _compared(robot, data, calibration, lambda share: report(0.2 + 0.8 * share))
+        except BowstringError as error:
+            notes.append(f"Models are not compared on left-out rows: {str(error).rstrip('.')}.")
+    report(1.0)
     out = AgainstData(
         data=data,
         loads=loads,
@@ -622,9 +642,21 @@ def judge_data(
         effects=effects,
         residuals=residuals,
         expected=expected,
+        models_compared=compared,
         notes=(*_notes(data, loads, calibration), *notes),
     )
     return replace(out, text=_in_words(out, tolerance, check_tendons(robot, data)))
+
+
+def _compared(
+    robot: Robot,
+    data: Measurements,
+    calibration: StudyCalibration,
+    progress: Callable[[float], None],
+) -> ModelComparison:
+    """Compare models on left-out rows; friction is one of the memories there."""
+    names = [name for name in calibration.fit.names if not name.endswith(".friction")]
+    return compare_models(robot, data, names, progress=lambda _, share: progress(share))
 
 
 def _points(
@@ -835,6 +867,11 @@ def _in_words(found: AgainstData, tolerance: float, order: TendonCheck) -> tuple
             )
     if found.residuals is not None:
         out.append(found.residuals.text)
+    if found.models_compared is not None:
+        out.append(
+            f"On rows left out of the fits: {found.models_compared.verdict} Of the models with and "
+            f"without a memory the {found.models_compared.chosen.called} is the one to use."
+        )
     return tuple(out)
 
 

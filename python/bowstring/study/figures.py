@@ -20,6 +20,7 @@ from bowstring.study.comparison import short
 from bowstring.study.data_figures import (
     measured_comparison,
     measured_errors,
+    measured_parts,
     measured_residuals,
     measured_tip,
 )
@@ -706,5 +707,6 @@ _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig09_measured_tip": measured_tip,
     "fig12_measured_errors": measured_errors,
     "measured_comparison": measured_comparison,
+    "measured_parts": measured_parts,
     "measured_residuals": measured_residuals,
 }

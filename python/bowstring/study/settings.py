@@ -69,12 +69,16 @@ class Extras:
         ``"tip_force=0:1 N"`` (perpendicular to the bending plane), a component such as
         ``tip_force.x`` or ``gravity.z``. By default a payload, or a tip force where the robot has
         no gravity.
+    compare : bool
+        Whether models with memories are compared on left-out rows of the measurements
+        (`bowstring.calibration.compare_models`), for the parts of the error; takes a minute.
     """
 
     solid: bool = False
     fe: FeSettings | None = None
     uncertainty: Distributions | str | Path | Mapping[str, Any] | None = None
     over: str | None = None
+    compare: bool = False
 
 
 @short_repr

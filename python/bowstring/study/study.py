@@ -297,6 +297,13 @@ DATA_FIGURES: Final = (
         "all, and registered to each model alone.",
     ),
     Figure(
+        "measured_parts",
+        "Parts of the error of constant curvature",
+        "Mean tip error of constant curvature as the robot file has it, on rows that were left out "
+        "of the fits: what calibration removes, what the physics of the rod removes then, and a "
+        "memory; noise, and what no model explains. The parts add up to the dotted line.",
+    ),
+    Figure(
         "measured_residuals",
         "What the calibrated rod leaves",
         "Calibrated rod minus measurement along each axis, row by row in the order of the table. "
@@ -477,10 +484,12 @@ class Study:
             found += FE_FIGURES
         if self.data is None:
             return tuple(found)
+        absent = {"measured_residuals"} if self.data.calibration is None else set()
+        absent |= {"measured_parts"} if self.data.models_compared is None else set()
         of_data = [
             replace(f, caption=f"{self.data.title}. {f.caption}")
             for f in DATA_FIGURES
-            if self.data.calibration or f.stem != "measured_residuals"
+            if f.stem not in absent
         ]
         return (*of_data, *found)
 
@@ -721,6 +730,11 @@ def run_study(
 
         check(robot)
         fe.check()
+    if extras.compare and (measurements is None or theory != "cosserat"):
+        raise InputError(
+            "compare is of models on left-out rows of measurements, with the Cosserat rod; give "
+            "measurements, and leave theory out"
+        )
     data = None
     if measurements is not None:
         from bowstring.study.data_validation import judge_data
@@ -732,6 +746,7 @@ def run_study(
             settings.tolerance,
             settings.theory,
             lambda share: notify("measurements", 0.2 * share),
+            compare=extras.compare,
         )
     whole = _between(notify, 0.2 if data is not None else 0.0, 1.0)
     notify = _between(

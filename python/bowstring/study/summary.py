@@ -147,6 +147,8 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         yield "Finite elements", study.bricks.text[0].rstrip(".")
     if study.data is not None:
         yield "Measurements", " ".join(study.data.text[:2]).rstrip(".")
+        if study.data.models_compared is not None:
+            yield "Rows left out of the fits", study.data.models_compared.verdict.rstrip(".")
 
 
 def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:

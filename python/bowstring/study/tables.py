@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.calibration.fit_folder import model_rows
 from bowstring.data.tip_errors import Comparison
 from bowstring.study.actuation_budget import COMMANDED
 from bowstring.study.comparison import MEANINGS
@@ -212,6 +213,13 @@ def _data_tables(found: AgainstData) -> Iterable[Table]:
         *((key, [row[key] for row in rows]) for key in ("max_mm", "rms_mm", "mean_percent")),
         *((_named(key), [row[f"{key}_by_axis_mm"] for row in rows]) for key in ("mean", "max")),
     )
+    if found.models_compared is not None:
+        header, *models = model_rows(found.models_compared)
+        yield (
+            "measured_models",
+            ["source", *header],
+            [[data.source, *(cell or None for cell in row)] for row in models],
+        )
     if found.effects:
         steps: list[Mapping[str, Any]] = [effect.to_dict() for effect in found.effects]
         keys = [key for key in steps[0] if "interval" not in key]
