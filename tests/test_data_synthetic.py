@@ -163,6 +163,42 @@ def test_friction_follows_the_path(robot: bs.Robot) -> None:
 # -- disturbances ----------------------------------------------------------------------------------
 
 
+def test_rows_with_a_period_let_the_robot_relax(robot: bs.Robot, tmp_path: Path) -> None:
+    relaxes = {
+        "segments.0.backbone.relaxation": 0.2,
+        "segments.0.backbone.relaxation_time": 30.0,
+    }
+    tensions = np.outer(np.linspace(0.0, 40.0, 90), [1.0, 0.0, 0.0])
+    given = {"tensions": tensions, "actual": relaxes, "period": 10.0, "noise": 0.0}
+    made = set_up(robot, **bench(**given))
+    time = 10.0 * np.arange(len(made))
+    assert made.time == pytest.approx(time)
+    path = np.concatenate([tensions, tensions[-2::-1]])
+    direct = bs.sweep(robot.with_(relaxes), path, times=time).tip_position
+    assert made.tip_position == pytest.approx(direct, abs=1e-12)
+    pieces = set_up(robot, **bench(**given), progress=lambda share: None)
+    assert pieces.tip_position == pytest.approx(direct, abs=1e-12)
+    assert made.hysteresis is not None and made.hysteresis > 1e-3
+    table, _ = write(made.measure(), tmp_path / "relaxing.csv")
+    assert read_measurements(table, robot).time == pytest.approx(time)
+    assert made.truth["loads"]["period_s"] == 10.0
+    with pytest.raises(InputError, match=r"relaxation or creep.*give the loads a period"):
+        set_up(robot, **bench(**{**given, "period": None}))
+    with pytest.raises(InputError, match="period is -1"):
+        set_up(robot, **bench(**{**given, "period": -1.0}))
+
+
+def test_the_command_writes_times(shell: Shell, tmp_path: Path) -> None:
+    out = tmp_path / "relaxing.csv"
+    call = ("bench", "simulate", "amouri2019", "--tensions", "0:10:40", "--out", str(out))
+    call = (*call, "--actual", "segments.0.backbone.relaxation=0.2")
+    assert "--period: amouri2019 has relaxation or creep" in shell.error(*call)
+    assert "write for example --period" in shell.error(*call, "--period", "soon")
+    found = shell.json(*call, "--period", "10 s")
+    assert found["truth"]["loads"]["period_s"] == 10.0
+    assert read_measurements(out, bs.load_robot("amouri2019")).time[:2].tolist() == [0.0, 10.0]
+
+
 def test_noise_has_the_stated_size(study: Bench) -> None:
     rng = np.random.default_rng(2)
     noise = np.concatenate([study.measure(rng).tip - study.points for _ in range(100)])

@@ -127,6 +127,10 @@ def simulate(
         bool,
         typer.Option("--unload/--no-unload", help="Whether each run returns to the first load."),
     ] = True,
+    period: Annotated[
+        str | None,
+        option("s", "Time from row to row, for a column of times; relaxation and creep need it."),
+    ] = None,
     noise: Annotated[
         str, option("m", "Standard deviation of each measured coordinate.")
     ] = "0.02 mm",
@@ -195,6 +199,7 @@ def simulate(
         g=positive("--g", g, "m/s^2"),
         repeats=repeats,
         unload=unload,
+        period=None if period is None else positive("--period", period, "s"),
     )
     mu = None if friction is None else not_negative("--friction", friction, "")
     if mu is not None:
@@ -222,14 +227,19 @@ def simulate(
     )
     of_flag("--out", synthetic.check_table, out)
     with progress_bar("equilibria") as notify:
-        made = synthetic.set_up(
-            model,
-            loads,
-            actual=really,
-            mounting=mounting,
-            instrument=instrument,
-            progress=lambda share: notify("equilibria", 0.95 * share),
-        )
+        try:
+            made = synthetic.set_up(
+                model,
+                loads,
+                actual=really,
+                mounting=mounting,
+                instrument=instrument,
+                progress=lambda share: notify("equilibria", 0.95 * share),
+            )
+        except InputError as error:
+            if error.argument == "period":
+                raise InputError(f"--period: {error}") from None
+            raise
         found = made.measure(seed)
         notify("table", 0.95)
         table, truth = synthetic.write(found, out)

@@ -182,6 +182,7 @@ _EXAMPLES: Final = {
     "--from-tip-force": "0,0,-4",
     "--from-gravity": "0,0,-9.81",
     "--max-factor": "2",
+    "--period": '"5 s"',
     "--step": "0.05",
     "--from-displacement": '"10 mm",-0.005,-0.005',
     "--rise": '"500 ms"',

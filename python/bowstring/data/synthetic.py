@@ -94,6 +94,8 @@ class Bench:
     """Labels (n,), loading or unloading; empty without unloading."""
     repeat: Ints
     """Numbers of the repeats (n,), from 1."""
+    time: Floats | None
+    """Times (n,) since the first row, s; None without a period."""
     tip_position: Floats
     """Tips of the actual robot (n, 3), m, base frame."""
     tip_rotation: Floats
@@ -164,6 +166,7 @@ class Bench:
             group=self.group,
             repeat=self.repeat,
             sigma=np.full(n, self.noise) if self.noise else None,
+            time=self.time,
             tool=self.tool,
             truth={**self.truth, "seed": recorded},
         )
@@ -187,6 +190,9 @@ class Loads:
         Number of passes through the loads; the path, and with it the state of friction, continues.
     unload : bool
         Whether each pass returns to the first load; the largest load is measured once.
+    period : float, optional
+        Time from row to row, s; rows have no times without it. Relaxation and creep need it.
+        Commands are linear in time in between; the first row is at once after the home pose.
     """
 
     tensions: actuation.Given | None = None
@@ -196,11 +202,14 @@ class Loads:
     g: float = STANDARD_GRAVITY
     repeats: int = 1
     unload: bool = True
+    period: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.unload, bool):
             raise InputError.of("unload", shown(self.unload), "True or False")
         whole("repeats", self.repeats, 1, _MOST_ROWS)
+        if self.period is not None:
+            number("period", self.period, "s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,7 +350,14 @@ def set_up(
     commands = by_tension[rows], by_displacement[rows]
     tensions, displacements = (None if np.isnan(table).all() else table for table in commands)
     load = Load(tensions, displacements, gravity=felt, tip_force=force)
-    tip_position, tip_rotation = _tips(other, load, RodModel(theory), len(rows), progress)
+    time = None if loads.period is None else loads.period * np.arange(len(rows), dtype=float)
+    if other.is_viscoelastic and time is None:
+        raise InputError(
+            f"{other.name} has relaxation or creep, which need the time from row to row; give the "
+            "loads a period",
+            argument="period",
+        )
+    tip_position, tip_rotation = _tips(other, load, RodModel(theory), time, len(rows), progress)
     points = pose.apply(tip_position + tip_rotation @ there)
     points = points + np.linspace(0.0, 1.0, len(rows))[:, None] * moves
     x, y, z = pose.rotation[:, 2].tolist()
@@ -356,7 +372,12 @@ def set_up(
         "differences": list(_differences(_tree(robot), _tree(other))),
         "actual_robot": _tree(other),
         "theory": theory,
-        "loads": {**record, "repeats": int(loads.repeats), "unload": loads.unload},
+        "loads": {
+            **record,
+            "repeats": int(loads.repeats),
+            "unload": loads.unload,
+            "period_s": loads.period,
+        },
         "gravity_m_per_s2": given.tolist(),
         "gravity_frame": gravity_frame,
         "gravity_in_base_m_per_s2": felt.tolist(),
@@ -378,6 +399,7 @@ def set_up(
         displacements=commands[1],
         group=group,
         repeat=repeat,
+        time=time,
         tip_position=tip_position,
         tip_rotation=tip_rotation,
         points=points,
@@ -392,6 +414,7 @@ def _tips(
     robot: Robot,
     load: Load,
     model: RodModel,
+    time: Floats | None,
     count: int,
     progress: Callable[[float], None] | None,
 ) -> tuple[Floats, Floats]:
@@ -408,14 +431,18 @@ def _tips(
                 tensions=None if load.tensions is None else load.tensions[rows],
                 displacements=None if load.displacements is None else load.displacements[rows],
             )
-            before = found[-1].history() if found else None
-            found.append(rod.sweep(robot, load=piece, model=model, history=before, disks=False))
+            before, since = (found[-1].history(), first - 1) if found else (None, None)
+            own = None if time is None else time[rows] - (0.0 if since is None else time[since])
+            found.append(
+                rod.sweep(robot, load=piece, model=model, history=before, times=own, disks=False)
+            )
             stable = robot.has_memory or all(found[-1].stable)
             if not (found[-1].converged.all() and stable):  # the warning is for the whole path
                 found.clear()
                 break
     if not found:
-        found = [rod.sweep(robot, load=load, model=model, disks=False).raise_for_status()]
+        whole_path = rod.sweep(robot, load=load, model=model, times=time, disks=False)
+        found = [whole_path.raise_for_status()]
     return (
         np.concatenate([part.tip_position for part in found]),
         np.concatenate([part.tip_rotation for part in found]),

@@ -139,6 +139,7 @@ class BenchLoads(Object):
     ]
     g_m_per_s2: NotRequired[Annotated[float, about("Gravity on the masses, if masses are given.")]]
     repeats: Annotated[int, about("Number of runs through the loads.")]
+    period_s: Annotated[float | None, about("Time from row to row; `null` without times.")]
     unload: Annotated[bool, about("Whether a run unloads again.")]
 
 
