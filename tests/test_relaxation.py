@@ -243,3 +243,21 @@ def test_a_robot_that_depends_on_time_is_refused_where_no_time_is_known():
     assert ELASTIC.with_(both).has_memory
     # equilibria at once need no time
     assert bs.solve_batch(VISCOELASTIC, tensions).converged.all()
+
+
+@pytest.mark.parametrize(
+    ("time", "says"),
+    [
+        (["now"] * 20, r"time must be \(20,\) numbers in s"),
+        ([*range(19), np.nan], "needs the time of each row, and row 20 has none"),
+        (None, "the measurements have none"),
+    ],
+)
+def test_a_fit_names_missing_times(time, says):
+    tensions = np.outer(np.linspace(0.0, 40.0, 20), [1.0, 0.0, 0.0])
+    robot = bs.load_robot("amouri2019")
+    tips = bs.sweep(robot, tensions).tip_position
+    data = Data(points=tips, tensions=tensions, time=time)
+    name = "segments.0.backbone.relaxation"
+    with pytest.raises(InputError, match=says):
+        fit(robot, data, ["segments.0.backbone.E", name], start={name: 0.1})

@@ -266,7 +266,7 @@ def commands(data: Measured, robot: Robot) -> Commands:
         k, t = np.argwhere(~np.isfinite(values))[0]
         raise InputError(f"row {k + 1}: the command of tendon {t + 1} is {values[k, t]}")
     time = _column(data, "time", len(values), "s")
-    if time is not None and not np.isfinite(time).all():
+    if time is not None and not np.isfinite(time).any():
         time = None
     recording = _column(data, "recording", len(values))
     if recording is not None:
@@ -279,7 +279,10 @@ def _column(data: Measured, name: str, count: int, unit: str = "") -> NDArray[An
     given = getattr(data, name, None)
     if given is None:
         return None
-    found = np.asarray(given, dtype=float if unit else None)
+    try:
+        found = floats(given) if unit else np.asarray(given)
+    except TypeError:
+        raise InputError(f"{name} must be ({count},) numbers in {unit}") from None
     if found.shape != (count,):
         what = f", in {unit}" if unit else ""
         raise InputError(f"{name} has shape {found.shape}, it must be ({count},){what}")

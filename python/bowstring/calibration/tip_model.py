@@ -61,7 +61,7 @@ class Commands:
     values : ndarray (K, T)
         Displacements in m and tensions in N.
     time : ndarray (K,) or None
-        Time in s.
+        Time in s, NaN in rows without one.
     recording : ndarray of int (K,) or None
         Rows with the same number form one path, which begins in the home pose; None: all rows do.
     """
@@ -100,6 +100,9 @@ class Commands:
         time = self.time
         if time is None:
             raise InputError(f"{what} needs the time of each row, and the measurements have none")
+        if not np.isfinite(time).all():
+            row = int(np.flatnonzero(~np.isfinite(time))[0]) + 1
+            raise InputError(f"{what} needs the time of each row, and row {row} has none")
         if not all((np.diff(time[rows]) > 0).all() for rows in self.paths):
             raise InputError(f"{what} needs times that increase from row to row")
         return time

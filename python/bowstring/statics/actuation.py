@@ -6,7 +6,7 @@ A tendon displacement is counted from the home pose, in m, positive where the te
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -335,81 +335,93 @@ class Path:
                     f"the history was made with {name} {history.get(name)!r:.40}, it cannot be "
                     f"continued with {name} {value!r}"
                 )
+        orders = _field(history, "commands", lambda rows: [_order(item) for item in rows])
+
+        def numbers(name: str, dimensions: int) -> Floats:
+            found: Floats = _field(history, name, lambda value: _numbers(value, dimensions))
+            return found
+
+        def rows(name: str, width: int) -> Floats:
+            """Rows of numbers; earlier versions have none."""
+            return numbers(name, 2) if history.get(name) else np.zeros((0, width))
+
+        points = history.get("point_loads") or []
+        found = {
+            "tensions": numbers("tensions_N", 1),
+            "drops": numbers("log_tension_drops", 2),
+            "spans": numbers("unstretched_spans_m", 2),
+            "by_displacement": np.array([by for by, _ in orders], dtype=bool),
+            "commands": np.array([value for _, value in orders], dtype=float),
+            "gravity": numbers("gravity_m_per_s2", 1),
+            "tip_force": numbers("tip_force_N", 1),
+            "tip_moment": numbers("tip_moment_Nm", 1),
+            "disk_forces": rows("disk_forces_N", 3),
+            "disk_moments": rows("disk_moments_Nm", 3),
+            "point_loads": _field({"point_loads": points}, "point_loads", _points),
+            "line_forces": rows("line_forces_N_per_m", 3),
+            "strain": numbers("arcs_rad", 2),
+            "slips": np.sign(numbers("slips", 2)).astype(np.int8),
+            "plays": rows("plays_per_m", 2),
+            "lags": rows("lags_per_m", 2),
+            "crept": numbers("creep_m", 1) if history.get("creep_m") else np.zeros(0),
+            "carried": np.array(
+                [_field({name: history.get(name, 0.0)}, name, _size) for name in _CARRIED]
+            ),
+        }
         try:
-            orders = [_order(item) for item in history["commands"]]
-            self.core.resume(
-                {
-                    "tensions": _numbers(history, "tensions_N", 1),
-                    "drops": _numbers(history, "log_tension_drops", 2),
-                    "spans": _numbers(history, "unstretched_spans_m", 2),
-                    "by_displacement": np.array(
-                        [by_displacement for by_displacement, _ in orders], dtype=bool
-                    ),
-                    "commands": np.array([value for _, value in orders], dtype=float),
-                    "gravity": _numbers(history, "gravity_m_per_s2", 1),
-                    "tip_force": _numbers(history, "tip_force_N", 1),
-                    "tip_moment": _numbers(history, "tip_moment_Nm", 1),
-                    "disk_forces": _on_disks(history, "disk_forces_N"),
-                    "disk_moments": _on_disks(history, "disk_moments_Nm"),
-                    "point_loads": _points(history),
-                    "line_forces": _on_disks(history, "line_forces_N_per_m"),
-                    "strain": _numbers(history, "arcs_rad", 2),
-                    "slips": np.sign(_numbers(history, "slips", 2)).astype(np.int8),
-                    "plays": _curvatures(history, "plays_per_m"),
-                    "lags": _curvatures(history, "lags_per_m"),
-                    "crept": np.array(history.get("creep_m", []), dtype=np.float64),
-                    "carried": _carried(history),
-                }
-            )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            if isinstance(error, InputError):
-                raise InputError(f"the history is damaged: {error}") from None
+            self.core.resume(found)
+        except InputError as error:
+            said = str(error).removeprefix("the history is damaged: ")
+            raise InputError(f"the history is damaged: {said}") from None
+        except (TypeError, ValueError):
             raise InputError(
-                f"the history is damaged: {' '.join(str(error).split()):.100}"
+                "the history is damaged: its numbers do not belong to this robot"
             ) from None
+
+
+#: Largest errors so far, and time without a solution; earlier versions have none.
+_CARRIED: Final = ("tip_error_m", "tension_error_N", "time_since_last_solution_s")
+
+
+def _field(history: Mapping[str, Any], name: str, read: Callable[[Any], Any]) -> Any:
+    """Read an entry of a history."""
+    if name not in history:
+        raise InputError(f"the history is damaged: it has no {name}")
+    try:
+        return read(history[name])
+    except (KeyError, TypeError, ValueError, AttributeError, InputError):
+        raise InputError(
+            f"the history is damaged: {name} is not as history() of a solution gives it"
+        ) from None
 
 
 def _order(item: Mapping[str, float]) -> tuple[bool, float]:
     ((name, value),) = item.items()
     if name not in ("displacement_m", "tension_N") or not np.isfinite(float(value)):
-        raise ValueError(f"a command is {name}: {value}")
+        raise ValueError
     return name == "displacement_m", float(value)
 
 
-def _on_disks(history: Mapping[str, Any], name: str) -> Floats:
-    """Vectors on the disks (N, 3), or (0, 3): earlier versions have none."""
-    return _numbers(history, name, 2) if history.get(name) else np.zeros((0, 3))
-
-
-def _carried(history: Mapping[str, Any]) -> Floats:
-    """Errors of tip (m) and tensions (N) so far, and time without a solution (s).
-
-    Earlier versions have none.
-    """
-    names = ("tip_error_m", "tension_error_N")
-    errors = [history.get(name, 0.0) for name in names]
-    time = history.get("time_since_last_solution_s", 0.0)
-    return np.array([*(math.inf if e is None else e for e in errors), time], dtype=np.float64)
+def _size(value: float | None) -> float:
+    """A number that is not negative; without one an infinite error."""
+    found = math.inf if value is None else float(value)
+    if not found >= 0.0:
+        raise ValueError
+    return found
 
 
 def _or_none(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _curvatures(history: Mapping[str, Any], name: str) -> Floats:
-    """Curvatures (N, 2) that the backbone has followed, or (0, 2): earlier versions have none."""
-    return _numbers(history, name, 2) if history.get(name) else np.zeros((0, 2))
-
-
-def _points(history: Mapping[str, Any]) -> Floats:
-    """Numbers (P, 12) of the point loads: earlier versions have none."""
-    loads = history.get("point_loads") or []
-    rows = [PointLoad.of_dict(item).numbers() for item in loads]
+def _points(given: Any) -> Floats:
+    """Numbers (P, 12) of the point loads."""
+    rows = [PointLoad.of_dict(item).numbers() for item in given]
     return table_of(np.array(rows, dtype=float))
 
 
-def _numbers(history: Mapping[str, Any], name: str, dimensions: int) -> Floats:
-    values = np.array(history[name], dtype=np.float64)
+def _numbers(given: Any, dimensions: int) -> Floats:
+    values = np.array(given, dtype=np.float64)
     if values.ndim != dimensions or not np.isfinite(values).all():
-        raise ValueError(f"{name} must be a table of finite numbers")
+        raise ValueError
     return values
