@@ -88,7 +88,8 @@ def test_robots_that_differ_in_backlash_follow_their_own():
         assert found.tip_position[k] == pytest.approx(alone.tip_position, abs=1e-8)
 
 
-def test_a_fit_finds_it():
+@pytest.mark.parametrize("start", [{}, {FIELD: 2e-4}])
+def test_a_fit_finds_it(start):
     rng = np.random.default_rng(5)
     t = np.linspace(0.0, 3.0, 70)
     bend = 8e-3 * np.sin(2 * np.pi * t)
@@ -96,7 +97,7 @@ def test_a_fit_finds_it():
     commands = bend[:, None] * np.cos(towards[:, None] - 2 * np.pi * np.arange(3) / 3)
     tips = bs.sweep(LOOSE, load=bs.Load(displacements=commands)).raise_for_status().tip_position
     data = Data(points=tips + 5e-5 * rng.standard_normal(tips.shape), displacements=commands)
-    found = fit(TIGHT, data, ["gain", FIELD], start={FIELD: 2e-4}, loss="linear")
+    found = fit(TIGHT, data, ["gain", FIELD], start=start, loss="linear")
     assert found.converged
     assert found[FIELD].low <= 1e3 * HALF <= found[FIELD].high
     assert found.values[FIELD] == pytest.approx(HALF, rel=0.05)

@@ -58,6 +58,7 @@ _EACH: Final = {
 #: Natural steps of fields that may be zero; the step of other fields is a share of their value.
 _STEP: Final = {
     "friction": 0.05,
+    "backlash": 1e-4,
     "compliance": 1e-5,
     "pretension": 0.2,
     "clamped_length": 5e-4,
