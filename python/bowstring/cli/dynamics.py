@@ -162,6 +162,14 @@ def simulate(
         Path | None,
         option("FILE", "Animation, .gif or .mp4.", values=completion.formats(".gif", ".mp4")),
     ] = None,
+    glb: Annotated[
+        Path | None,
+        option(
+            "FILE",
+            "Moving solid as binary glTF, .glb, for browsers and Blender.",
+            values=completion.formats(".glb"),
+        ),
+    ] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -216,7 +224,7 @@ def simulate(
     )
     modal = ratio("--modal-damping", modal_damping)
     error = None if tolerance is None else positive("--tolerance", tolerance, "m")
-    targets = _Targets(model, out, vtk, animation, duration)
+    targets = _Targets(model, out, vtk, animation, glb, duration)
 
     from bowstring._core import RodModel
     from bowstring.dynamics import simulation
@@ -224,9 +232,9 @@ def simulate(
 
     integrator = Integrator(fixed, error, spectral_radius, mass, material, modal)
     points = simulation.DEFAULT_POINTS
-    if not (targets.out or vtk or animation):  # no output needs fields of the backbone
+    if not (targets.out or vtk or animation or glb):  # no output needs fields of the backbone
         points = 2 if targets.table else 0
-    share = 0.1 if vtk or animation else 1.0  # of the progress
+    share = 0.1 if vtk or animation or glb else 1.0  # of the progress
     run: Run | None = None
     files: dict[str, Path | None] | None = None
     try:
@@ -416,14 +424,15 @@ class _Targets:
         out: Path | None,
         vtk: Path | None,
         animation: Path | None,
+        glb: Path | None,
         duration: float,
     ) -> None:
-        self.vtk, self.animation = vtk, animation
+        self.vtk, self.animation, self.glb = vtk, animation, glb
         #: Of --out: the run as it goes on, or its table, which is written at its end.
         self.out: Path | None = None
         self.table: Path | None = None
         #: Files that exist so far.
-        self.files: dict[str, Path | None] = {"run": None, "vtk": None, "animation": None}
+        self.files: dict[str, Path | None] = dict.fromkeys(("run", "vtk", "animation", "glb"))
         if out is not None and out.suffix.lower() == ".csv":
             from bowstring.dynamics.run_table import check_table
 
@@ -447,7 +456,16 @@ class _Targets:
 
             self.animation = of_flag("--animation", check_picture, animation)
             of_flag("--animation", check_length, duration)
-        for flag, file in (("--out", self.out or self.table), ("--animation", self.animation)):
+        if glb is not None:
+            from bowstring.viz.gltf import check_glb, check_solid
+
+            check_solid(robot)
+            self.glb = of_flag("--glb", check_glb, glb)
+        for flag, file in (
+            ("--out", self.out or self.table),
+            ("--animation", self.animation),
+            ("--glb", self.glb),
+        ):
             if self.vtk is None or file is None:
                 continue
             if file == self.vtk or file in self.vtk.parents:
@@ -469,7 +487,7 @@ class _Targets:
         files["run"] = run.path
         if run.status == "interrupted" or len(run.time) == 0:
             return files
-        if self.vtk is None and self.animation is None and self.table is None:
+        if not (self.vtk or self.animation or self.table or self.glb):
             return files
         share = 0.5 if self.vtk and self.animation else 1.0  # of the progress, each
         data = run.to_dataset()
@@ -477,6 +495,10 @@ class _Targets:
             from bowstring.dynamics.run_table import write_table
 
             files["run"] = write_table(data, self.table)
+        if self.glb is not None:
+            from bowstring.viz.gltf import write_glb
+
+            files["glb"] = write_glb(run.robot, data, self.glb)
         if self.vtk is not None:
             from bowstring.viz.vtk import write_vtk
 
@@ -500,6 +522,7 @@ class _Targets:
             (str(self.out or self.table), self.out or self.table, run.path or self.files["run"]),
             ("the VTK series", self.vtk, self.files["vtk"]),
             ("the animation", self.animation, self.files["animation"]),
+            ("the glTF file", self.glb, self.files["glb"]),
         ]
         kept = [name for name, flag, file in wanted if flag and file]
         missing = [name for name, flag, file in wanted if flag and not file]
@@ -531,6 +554,7 @@ def _run_json(run: Run, every: float, files: Mapping[str, Path | None]) -> schem
             "run": _path(files["run"]),
             "vtk": _path(files["vtk"]),
             "animation": _path(files["animation"]),
+            "glb": _path(files["glb"]),
         },
         **provenance_of(run.robot, **run.settings),
         "warnings": [*run.robot.warnings, *run.warnings],
@@ -560,7 +584,7 @@ def _run_tables(run: Run, files: dict[str, Path | None]) -> Iterator[Table | str
             name, f"{run.time[i]:.6g}", *(fixed(1e3 * value, 3) for value in run.tip_position[i])
         )
     yield table
-    labels = {"run": "Run", "vtk": "VTK series", "animation": "Animation"}
+    labels = {"run": "Run", "vtk": "VTK series", "animation": "Animation", "glb": "glTF file"}
     lines = [f"{labels[name]}: {file}" for name, file in files.items() if file is not None]
     if lines:
         yield "\n".join(lines)

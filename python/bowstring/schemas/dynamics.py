@@ -47,6 +47,13 @@ class RunFiles(Object):
             "interrupt, and for a run without a time step."
         ),
     ]
+    glb: Annotated[
+        str | None,
+        about(
+            "Binary glTF; `null` without `--glb`, without an initial equilibrium and after an "
+            "interrupt."
+        ),
+    ]
 
 
 class Simulate(OfRobot):
