@@ -14,17 +14,19 @@ from collections.abc import Callable, Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Final
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import bowstring as bs
 from bowstring.data import datasets, registration, synthetic
-from bowstring.dynamics.load_history import ramp
+from bowstring.dynamics.load_history import ramp, step
 from bowstring.study.study import Study
 
 ROOT = Path(__file__).parents[1]
+SVG: Final = "{http://www.w3.org/2000/svg}"
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +88,9 @@ def test_notebooks_get_a_small_table(name: str, objects: dict[str, Any]) -> None
     text = objects[name]._repr_html_()
     tags = _Tags()
     tags.feed(text)
-    assert not tags.open and tags.seen <= {"table", "caption", "thead", "tbody", "tr", "th", "td"}
-    assert len(text) < 3000
+    table = {"table", "caption", "thead", "tbody", "tr", "th", "td"}
+    assert not tags.open and tags.seen <= table | {"svg", "title", "g", "path"}
+    assert len(text) < 15_000 and len(text[text.find("<table>") :]) < 3000
 
 
 def test_tables_have_the_numbers(objects: dict[str, Any]) -> None:
@@ -197,3 +200,57 @@ def test_dir_has_what_is_public_and_nothing_else() -> None:
     assert dir(bs) == sorted(bs.__all__)
     for name in dir(bs):
         getattr(bs, name)
+
+
+# -- pictures in a notebook -----------------------------------------------------------------------
+
+
+def drawn(text: str) -> ElementTree.Element:
+    """The picture of a representation, as XML."""
+    return ElementTree.fromstring(text[: text.index("</svg>") + len("</svg>")])
+
+
+def backbones(picture: ElementTree.Element) -> list[list[tuple[float, float]]]:
+    """Points of each backbone, the widest line of its pose."""
+    lines = [line for line in picture.iter(f"{SVG}path") if line.get("stroke-width") == "3"]
+    numbers = (re.findall(r"-?[0-9.]+", line.attrib["d"]) for line in lines)
+    return [list(zip(map(float, n[::2]), map(float, n[1::2]), strict=True)) for n in numbers]
+
+
+def test_a_solution_is_drawn_as_it_is_bent() -> None:
+    robot = bs.load_robot("amouri2019")
+    bent = bs.solve(robot, load=bs.Load(displacements=[0.03, -0.05, -0.02]))
+    assert bent.slack == (2, 3)
+    picture = drawn(bent._repr_html_())
+    (line,) = backbones(picture)
+    (x0, y0), (x1, y1) = line[0], line[-1]
+    tip = bent.raise_for_status().tip
+    assert tip is not None
+    aside, up = np.hypot(*tip.position[:2]), tip.position[2]
+    assert (y0 - y1) / (x1 - x0) == pytest.approx(up / aside, rel=0.01)
+    dashed = [line for line in picture.iter(f"{SVG}path") if line.get("stroke-dasharray")]
+    assert len(dashed) == 2
+
+
+def test_at_most_four_poses_are_drawn_and_failed_ones_left_out() -> None:
+    robot = bs.load_robot("amouri2019")
+    rows = np.outer(np.linspace(0.0, 60.0, 30), [1.0, 0.0, 0.0])
+    found = bs.sweep(robot, rows)
+    assert len(backbones(drawn(found._repr_html_()))) == 4
+    run = bs.simulate(robot, step([20.0, 0.0, 0.0]), 0.05)
+    assert len(backbones(drawn(run._repr_html_()))) == 4
+    impossible = bs.solve(robot, load=bs.Load(displacements=[0.3, 0.3, 0.3]))
+    assert impossible._repr_html_().startswith("<table>")
+    unsaid = bs.sweep(robot, rows, disks=False)
+    assert unsaid._repr_html_().startswith("<table>")
+
+
+def test_a_robot_is_drawn_unloaded_and_its_name_escaped() -> None:
+    straight = bs.load_robot("amouri2019", {"name": "<script>alert(1)</script>"})
+    picture = drawn(straight._repr_html_())
+    assert picture.attrib["aria-label"] == straight.name
+    (line,) = backbones(picture)
+    assert len({x for x, _ in line}) == 1
+    bent = straight.with_({"segments.0.backbone.rest_bend": "60 deg"})
+    (line,) = backbones(drawn(bent._repr_html_()))
+    assert line[-1][0] - line[0][0] > 40

@@ -9,7 +9,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-__all__ = ["html_table", "millimetres", "sampled_rows", "short_repr"]
+__all__ = ["html_table", "millimetres", "sampled_rows", "short_repr", "some"]
 
 Class = TypeVar("Class", bound=type)
 
@@ -86,10 +86,13 @@ def html_table(title: str, rows: Iterable[Sequence[object]], header: Sequence[st
 
 def sampled_rows(count: int, row: Callable[[int], Sequence[object]]) -> list[Sequence[object]]:
     """Sample the rows of a long table: the first, some between, the last."""
-    if count <= _MOST_ROWS:
-        return [row(k) for k in range(count)]
-    shown = np.unique(np.linspace(0, count - 1, _MOST_ROWS).round().astype(int))
-    return [row(int(k)) for k in shown]
+    return [row(k) for k in some(count, _MOST_ROWS)]
+
+
+def some(count: int, most: int) -> list[int]:
+    """Choose at most so many of the numbers from 0, evenly, the first and the last among them."""
+    shown = np.linspace(0, count - 1, min(count, most)).round().astype(int)
+    return np.unique(shown).tolist() if count else []
 
 
 def millimetres(point: object) -> str:

@@ -36,6 +36,7 @@ from bowstring.dynamics.start_stability import judged_start
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.formatting import in_mm, in_percent
 from bowstring.robot.model import check_friction_alone, check_robot
+from bowstring.robot.picture import picture
 from bowstring.statics import actuation
 from bowstring.statics.fields import Frames, Section, completing, has_matrix, to_dataset
 from bowstring.statics.load import Load, PointLoad, as_load, point_loads
@@ -154,8 +155,11 @@ class Run:
         def row(k: int) -> tuple[object, ...]:
             return f"{self.time[k]:.6g} s", millimetres(self.tip_position[k])
 
-        title = repr(self).strip("<>")
-        return html_table(title, sampled_rows(len(self.time), row), ("time", "tip"))
+        title, drawn = repr(self).strip("<>"), ""
+        if self.frames is not None:
+            poses = self.frames.disk_position, self.frames.disk_rotation
+            drawn = picture(self.robot, *poses, title=title)
+        return drawn + html_table(title, sampled_rows(len(self.time), row), ("time", "tip"))
 
     @property
     def converged(self) -> bool:

@@ -17,6 +17,7 @@ from bowstring.robot.arrays import RobotArrays
 from bowstring.robot.messages import build, build_changed
 from bowstring.robot.overrides import check_mapping, expand_all, fill, override
 from bowstring.robot.parts import Backbone, Disks, Tendon, TendonProperties, TendonRing
+from bowstring.robot.picture import picture
 from bowstring.robot.plausibility import implausible
 from bowstring.units import number_with_unit
 from bowstring.validation import shown
@@ -54,7 +55,10 @@ class Robot(RobotArrays):
             for j, segment in enumerate(self.segments, 1)
         ]
         header = ("", "length", "diameter", "E", "disks", "tendons")
-        return html_table(f"{self.name}: {self._summary}", rows, header)
+        from bowstring.robot.rest_shape import rest_frames
+
+        drawn = picture(self, *rest_frames(self, self.disks.station_m))
+        return drawn + html_table(f"{self.name}: {self._summary}", rows, header)
 
     @property
     def _summary(self) -> str:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from bowstring.display import html_table, millimetres, sampled_rows
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.formatting import plain
+from bowstring.robot.picture import picture
 from bowstring.robot.plausibility import load_advice
 from bowstring.statics import actuation, messages
 from bowstring.statics.load import Load, PointLoad
@@ -153,7 +154,17 @@ class Solution:
         if self.core.tip_position is not None:
             rows.insert(0, ("tip", millimetres(self.core.tip_position)))
             rows.append(("tendon lengths", millimetres(self.tendon_lengths)))
-        return html_table(f"Solution of {self.robot.name}", rows)
+        title = f"Solution of {self.robot.name}"
+        drawn = ""
+        if self.disk_positions is not None and self.disk_rotations is not None:
+            drawn = picture(
+                self.robot,
+                self.disk_positions,
+                self.disk_rotations,
+                slack=self.slack or (),
+                title=title,
+            )
+        return drawn + html_table(title, rows)
 
     def __reduce__(self) -> tuple[Any, ...]:
         model = self.model
@@ -576,8 +587,11 @@ class Sweep:
             tip = millimetres(self.tip_position[k]) if self.converged[k] else ""
             return k, tensions, tip, self.status[k]
 
-        title = repr(self).strip("<>")
-        return html_table(title, sampled_rows(len(self), row), ("", "tensions, N", "tip", "status"))
+        title, drawn = repr(self).strip("<>"), ""
+        if self.disk_positions is not None and self.disk_rotations is not None:
+            drawn = picture(self.robot, self.disk_positions, self.disk_rotations, title=title)
+        header = ("", "tensions, N", "tip", "status")
+        return drawn + html_table(title, sampled_rows(len(self), row), header)
 
     def to_dataset(self) -> xr.Dataset:
         """All rows with labels and units, along the dimension ``load``.
