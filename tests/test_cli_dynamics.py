@@ -132,19 +132,21 @@ def test_table_may_jump(tmp_path: Path, robot: bs.Robot) -> None:
 def test_files(shell: Shell, tmp_path: Path, robot: bs.Robot) -> None:
     """The terminal names the files, which have the numbers of the JSON."""
     out, vtk, gif = tmp_path / "run.nc", tmp_path / "series", tmp_path / "run.gif"
-    flags = ["--out", str(out), "--vtk", str(vtk), "--animation", str(gif)]
+    glb = tmp_path / "run.glb"
+    flags = ["--out", str(out), "--vtk", str(vtk), "--animation", str(gif), "--glb", str(glb)]
     arguments = (*DISPLACED, "--rise", "0.05", "--hold", "0.05", *flags)
     code, text, err = shell(*arguments)
     assert code == 0 and not err
-    assert f"Run: {out}\nVTK series: {vtk / 'run.pvd'}\nAnimation: {gif}\n" in text
+    assert f"Run: {out}\nVTK series: {vtk / 'run.pvd'}\nAnimation: {gif}\nglTF file: {glb}\n" in text
     assert "amouri2019, cosserat: converged, 0.1 s in" in text
     found = shell.json(*arguments)  # replaces them
-    assert found["files"] == {"run": str(out), "vtk": str(vtk / "run.pvd"), "animation": str(gif)}
+    files = {"run": out, "vtk": vtk / "run.pvd", "animation": gif, "glb": glb}
+    assert found["files"] == {name: str(file) for name, file in files.items()}
     data = read_run(out)
     assert data.attrs["status"] == "converged" and data.attrs["robot_hash"] == robot.hash
     tip = data["disk_position"].isel(disk=-1)
     np.testing.assert_allclose(found["tip_position_m"], tip, atol=1e-12)
-    assert gif.read_bytes().startswith(b"GIF8")
+    assert gif.read_bytes().startswith(b"GIF8") and glb.read_bytes().startswith(b"glTF")
     assert len(list(vtk.glob("*.vtu"))) == 3 * 11
 
 
