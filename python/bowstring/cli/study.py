@@ -40,7 +40,7 @@ def study(
         typer.Option(
             "--compare",
             help="Compare models with memories on left-out rows of the measurements, and divide "
-            "the error of constant curvature into parts; takes a minute.",
+            "the error of constant curvature into parts; takes up to a second for each row.",
         ),
     ] = False,
     out: Annotated[
