@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates/bowstring-core crates/bowstring-py -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
 .PHONY: study checks test test-slow test-all test-versions docs bench build campaign campaign-files clean lock suite \
-	paper-figures wheel sdist check-wheel check-sdist check-version
+	paper-figures playground test-playground wheel sdist check-wheel check-sdist check-version
 
 study: build ## the main job: the study of the built-in robot, or of ROBOT=my_robot.yaml
 	@$(BIN)/bowstring study "$(ROBOT)"
@@ -48,7 +48,7 @@ checks: build $(VENV)/.installed-test
 	$(BIN)/lint-imports
 
 test: checks ## lints, types, and the tests that are quick
-	cargo test -p bowstring-core -p bowstring-c --locked
+	cargo test -p bowstring-core -p bowstring-c -p bowstring-wasm --locked
 	$(PYTEST) -m "not slow and not fem and not cad and not data"
 
 test-slow: checks $(VENV)/.installed-all ## the others: statistics, finite elements, solids, kills, data of others
@@ -95,6 +95,44 @@ docs: build ## the documentation site, in docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -q docs docs/_build/html
 	@echo "Documentation: $(abspath docs/_build/html/index.html)"
 
+WASM := target/wasm32-unknown-unknown/release/bowstring_wasm.wasm
+BINDGEN := target/bindgen/release/bowstring-bindgen
+WASM_SOURCES := $(shell find crates/bowstring-core/src crates/bowstring-compiled crates/bowstring-wasm -name '*.rs' -o -name Cargo.toml) \
+	Cargo.toml Cargo.lock
+WEB_SOURCES := $(shell find web/src web/public -type f) web/index.html web/vite.config.ts python/bowstring/robot/builtin
+
+playground: web/dist/index.html ## the page in web/dist, which any web server can show
+	@echo "Playground: $(abspath web/dist); show it with: npm --prefix web run preview"
+
+web/.tools:
+	@command -v npm >/dev/null || { echo "the playground needs Node.js 20 or newer with npm" >&2; exit 1; }
+	@command -v cargo >/dev/null || { echo "the playground needs a Rust toolchain (1.89 or newer)" >&2; exit 1; }
+	@test -d "$$(rustc --print sysroot)/lib/rustlib/wasm32-unknown-unknown" || { \
+		echo "the playground needs Rust's target wasm32-unknown-unknown: rustup target add wasm32-unknown-unknown" >&2; exit 1; }
+	@touch $@
+
+web/node_modules/.installed: web/package.json web/package-lock.json | web/.tools
+	npm --prefix web ci --silent
+	@touch $@
+
+$(BINDGEN): web/bindgen/Cargo.lock web/bindgen/src/main.rs | web/.tools
+	CARGO_TARGET_DIR=target/bindgen cargo build --release --locked --quiet --manifest-path web/bindgen/Cargo.toml
+	@touch $@
+
+web/generated/core.bin: $(WASM_SOURCES) $(BINDGEN) web/pack.mjs | web/.tools
+	@echo "== compiling the core to WebAssembly (about four minutes the first time)"
+	cargo build --release --locked --quiet -p bowstring-wasm --target wasm32-unknown-unknown
+	$(BINDGEN) $(WASM) web/generated
+	node web/pack.mjs web/generated/bowstring_wasm_bg.wasm $@
+
+web/dist/index.html: web/generated/core.bin web/node_modules/.installed $(WEB_SOURCES)
+	npm --prefix web run --silent build
+	@touch $@
+
+test-playground: playground $(VENV)/.built ## the page in a headless Chromium, and its core beside Python's
+	$(BIN)/python web/tests/random_robots.py target/random-robots.json
+	npm --prefix web test
+
 paper-figures: build $(VENV)/.installed-test ## the figures of paper/paper.md and the numbers it quotes
 	$(BIN)/python paper/figures.py
 
@@ -115,7 +153,7 @@ check-version: ## TAG=v1.2.3 names the version of the package
 		{ echo "the tag $(TAG) is not the version in Cargo.toml" >&2; exit 1; }
 
 clean:
-	rm -rf docs/_build dist .venv-wheel
+	rm -rf docs/_build dist .venv-wheel web/dist web/generated web/node_modules web/.tools
 	rm -rf $(VENV) .venv-peers .venv-lowest-direct .venv-highest target
 
 LOCK := uv pip compile --universal --no-header --no-annotate --generate-hashes --no-emit-index-url --no-emit-find-links

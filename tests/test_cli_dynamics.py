@@ -137,7 +137,8 @@ def test_files(shell: Shell, tmp_path: Path, robot: bs.Robot) -> None:
     arguments = (*DISPLACED, "--rise", "0.05", "--hold", "0.05", *flags)
     code, text, err = shell(*arguments)
     assert code == 0 and not err
-    assert f"Run: {out}\nVTK series: {vtk / 'run.pvd'}\nAnimation: {gif}\nglTF file: {glb}\n" in text
+    written = f"Run: {out}\nVTK series: {vtk / 'run.pvd'}\nAnimation: {gif}\nglTF file: {glb}\n"
+    assert written in text
     assert "amouri2019, cosserat: converged, 0.1 s in" in text
     found = shell.json(*arguments)  # replaces them
     files = {"run": out, "vtk": vtk / "run.pvd", "animation": gif, "glb": glb}

@@ -7,7 +7,6 @@
 // units end the names, as in the outputs of the package: N is newton
 #![allow(non_snake_case)]
 
-mod file;
 mod robot;
 mod solver;
 mod status;

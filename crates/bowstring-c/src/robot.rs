@@ -1,7 +1,7 @@
 //! The robot: read once, then immutable.
 
-use crate::file::{self, Compiled};
 use crate::status::{fail, guarded, BowstringStatus};
+use bowstring_compiled::{self as compiled, Compiled};
 use std::ffi::{c_char, CStr};
 use std::ptr::null_mut;
 
@@ -28,7 +28,7 @@ pub unsafe extern "C" fn bowstring_robot_from_text(
             return Err("text is NULL".into());
         }
         // SAFETY: the caller gives `size` readable bytes
-        file::read(unsafe { std::slice::from_raw_parts(text.cast(), size) })
+        compiled::read(unsafe { std::slice::from_raw_parts(text.cast(), size) })
     })
 }
 
@@ -57,7 +57,7 @@ pub unsafe extern "C" fn bowstring_robot_from_file(path: *const c_char) -> *mut 
             ));
         }
         let text = std::fs::read(path).map_err(unread)?;
-        file::read(&text).map_err(|sentence| format!("{path}: {sentence}"))
+        compiled::read(&text).map_err(|sentence| format!("{path}: {sentence}"))
     })
 }
 

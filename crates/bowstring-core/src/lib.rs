@@ -1,5 +1,7 @@
 #![doc = include_str!("../README.md")]
 #![warn(missing_docs)]
+// rods side by side are for x86-64
+#![cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
 
 // each folder uses only those above it in this list
 

@@ -148,16 +148,27 @@ impl RobotArcs {
     /// # Errors
     /// If no arc has these tendon lengths, or the law has no equilibrium at these tensions.
     pub fn tip(&self, law: Law, commands: &[f64]) -> Result<[f64; 3], Error> {
-        let mut rest = commands.to_vec();
         let mut position = Vec3::zero();
         let mut frame = Mat3::<f64>::identity();
+        let mut rest = commands.to_vec();
         for segment in &self.segments {
-            let arc = segment.arc(law, &mut rest)?;
-            let pose = arc.pose();
+            let pose = segment.arc(law, &mut rest)?.pose();
             position += frame * Vec3(pose.position);
             frame = frame * Mat3(pose.rotation);
         }
         Ok(position.0)
+    }
+
+    /// The arc of each segment, in the frame of its start.
+    ///
+    /// # Errors
+    /// As for [`RobotArcs::tip`].
+    pub fn arcs(&self, law: Law, commands: &[f64]) -> Result<Vec<Arc>, Error> {
+        let mut rest = commands.to_vec();
+        let segments = self.segments.iter();
+        segments
+            .map(|segment| segment.arc(law, &mut rest))
+            .collect()
     }
 }
 

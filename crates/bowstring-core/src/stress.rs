@@ -27,6 +27,22 @@ pub struct Section {
 }
 
 impl Section {
+    /// A ring, or a full circle with inner radius zero (m), for stress alone: it has no compliance.
+    pub fn ring(outer: f64, inner: f64) -> Self {
+        let (square, bore) = (outer * outer, inner * inner);
+        let area = PI * (square - bore);
+        // the parabolic law at the neutral axis: 4/3 for a solid rod, 2 for a thin tube
+        let factor = 4.0 / 3.0 * (square + outer * inner + bore) / (square + bore);
+        Section {
+            radius: outer,
+            area,
+            modulus: 0.25 * area * (square + bore) / outer,
+            shear: factor / area,
+            bending_compliance: [0.0; 3],
+            force_compliance: [0.0; 3],
+        }
+    }
+
     /// Normal and shear stress around the surface by force and moment in body axes, theory Eq. 6.1:
     /// the coefficients of `a + b cos(psi) + c sin(psi)` (Pa).
     #[inline(always)]
@@ -169,6 +185,17 @@ pub fn von_mises(sigma: &[f64], tau: &[f64]) -> Vec<f64> {
         }
     }
     out
+}
+
+/// Largest von Mises stress around each section (Pa), from force (N) and moment (N m) in body axes,
+/// (K, 3) flat.
+pub fn largest_von_mises(sections: &[Section], force: &[f64], moment: &[f64]) -> Vec<f64> {
+    let stress = surface_stress(sections, force, moment);
+    let total = force.len() / 3;
+    let (sigma, tau) = stress.split_at(3 * total);
+    let mut found = von_mises(sigma, tau);
+    found.truncate(total);
+    found
 }
 
 /// Sections computed side by side.

@@ -71,7 +71,8 @@ class Extras:
         no gravity.
     compare : bool
         Whether models with memories are compared on left-out rows of the measurements
-        (`bowstring.calibration.compare_models`), for the parts of the error; takes up to a second for each row.
+        (`bowstring.calibration.compare_models`), for the parts of the error; takes up to a second
+        for each row.
     """
 
     solid: bool = False

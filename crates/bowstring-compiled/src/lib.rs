@@ -1,6 +1,10 @@
-//! File of a robot, as `bowstring compile` writes it.
+//! Reader of compiled robots: files of `bowstring compile`.
 //!
 //! The layout is that of `bowstring.schemas.compiled`: numbers in SI, as the core takes them.
+
+#![warn(missing_docs)]
+// units end the names, as in the outputs of the package: N is newton
+#![allow(non_snake_case)]
 
 use bowstring_core::model::load::TendonPath;
 use bowstring_core::model::robot::{
@@ -71,8 +75,10 @@ struct PayloadRow {
 }
 
 /// A robot and what belongs to its tendons, one of each for each tendon.
-pub(crate) struct Compiled {
+pub struct Compiled {
+    /// The robot as the core takes it.
     pub robot: Robot,
+    /// How tendons run between the disks.
     pub path: TendonPath,
     /// Compliance from motor to end disk (m/N).
     pub compliance: Vec<f64>,
@@ -82,8 +88,11 @@ pub(crate) struct Compiled {
     pub max_tension: Vec<f64>,
 }
 
-/// Reads the text of a file; the error is a sentence.
-pub(crate) fn read(text: &[u8]) -> Result<Compiled, String> {
+/// Reads the text of a file.
+///
+/// # Errors
+/// A sentence that says what is wrong.
+pub fn read(text: &[u8]) -> Result<Compiled, String> {
     let remedy = "write it with `bowstring compile ROBOT --out robot.json`";
     let unread = |error: serde_json::Error| format!("no compiled robot: {error}; {remedy}");
     let head: Head = serde_json::from_slice(text).map_err(unread)?;

@@ -1,0 +1,577 @@
+/** The page: state to pose to pictures, and events to state. */
+
+import amouri from "../../python/bowstring/robot/builtin/amouri2019.yaml?raw";
+import crl from "../../python/bowstring/robot/builtin/crl-ftdcr-v4.yaml?raw";
+import rao from "../../python/bowstring/robot/builtin/rao2021.yaml?raw";
+import { drawChart } from "./chart";
+import { button, buttons, check, choice, download, fileButton, group, slider } from "./controls";
+import {
+  bench, constantCurvature, deadLoads, distance, lawOf, loadCore, solve, tipOf, type Loading, type Playground, type Point,
+} from "./core";
+import { Curve, causes } from "./diagnosis";
+import { modelOf, readModel, type Model } from "./model";
+import { mainNumbers, withMainNumbers, writeRobotFile, type MainNumbers } from "./robot-file";
+import { GHOST_STEPS, RobotScene, type Drawing } from "./scene";
+import { applyHash, commandsOf, gravityOf, initial, sourceOf, toHash, type Source, type State } from "./state";
+import { short } from "./units";
+
+const PRESETS: Record<string, string> = { amouri2019: amouri, "crl-ftdcr-v4": crl, rao2021: rao };
+const FIRST = "amouri2019";
+const MOST_FILE_BYTES = 2_000_000;
+/** Work on the error curve in a frame (ms), and the pause after which causes are sought. */
+const CURVE_BUDGET = 4;
+const PAUSE = 150;
+/** Damping in proportion to mass of a motion (1/s), its longest time (s), and rise of displacements. */
+const DAMPING = 3;
+const MOST_TIME = 6;
+const RISE = 0.1;
+
+const find = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+const said = (error: unknown) => (error instanceof Error ? error.message : String(error));
+
+/** Step of a slider: 1, 2 or 5 times a power of ten, some hundreds of them to its end. */
+function stepFor(most: number): number {
+  const least = most / 500;
+  const power = 10 ** Math.floor(Math.log10(least));
+  return power * [1, 2, 5, 10].find((m) => m * power >= least)!;
+}
+
+class Page {
+  private state!: State;
+  /** Robot as it came, and with the numbers of the user. */
+  private original!: Model;
+  private model!: Model;
+  private on: Playground | null = null;
+  private readonly scene: RobotScene | null;
+  private curve: Curve | null = null;
+  private tip: Point | null = null;
+  private tipError = NaN;
+  private ghost: Float64Array = new Float64Array();
+  private pending = 0;
+  private pause = 0;
+  private moving = 0;
+
+  constructor() {
+    this.scene = this.tryScene();
+  }
+
+  private tryScene(): RobotScene | null {
+    try {
+      return new RobotScene(find("scene"));
+    } catch {
+      const note = find("no-scene");
+      note.textContent =
+        "This browser has no WebGL, so the robot is not drawn; all numbers and the curve are shown as usual.";
+      note.hidden = false;
+      find("scene").hidden = true;
+      return null;
+    }
+  }
+
+  /** Shows the robot of the address, or the first preset. */
+  start(hash: string): void {
+    this.alert("");
+    let source: Source = { preset: FIRST };
+    try {
+      source = sourceOf(hash) ?? source;
+      this.load(source, (state) => applyHash(hash, state));
+    } catch (error) {
+      if (this.on === null) this.load({ preset: FIRST });
+      this.alert(said(error));
+    }
+  }
+
+  /** Takes another robot; throws and keeps the present one where it cannot be read. */
+  private load(source: Source, adjust: (state: State) => void = () => {}): void {
+    const isPreset = "preset" in source;
+    const text = isPreset ? PRESETS[source.preset] : source.text;
+    if (text === undefined) throw new Error("the link names a robot that this page does not have");
+    const original = readModel(text, isPreset ? source.preset : source.fileName);
+    const on = bench(original);
+    const state = initial(source, original);
+    let problem: unknown = null;
+    try {
+      adjust(state);
+    } catch (error) {
+      problem = error; // the robot of a link is shown although one of its numbers is damaged
+    }
+    this.stop();
+    this.on?.free();
+    [this.state, this.original, this.model, this.on] = [state, original, original, on];
+    if (state.numbers !== null && original.file !== null) this.rebuild();
+    this.scene?.show(this.model.geometry, false);
+    this.buildControls();
+    this.changed(true, true);
+    if (problem !== null) this.alert(said(problem));
+  }
+
+  /** Builds the robot with the numbers of the user. */
+  private rebuild(): void {
+    const { file } = this.original;
+    if (file === null || this.state.numbers === null) return;
+    const model = modelOf(withMainNumbers(file, this.state.numbers));
+    const on = bench(model);
+    this.on?.free();
+    [this.model, this.on] = [model, on];
+  }
+
+  private get loading(): Loading {
+    const { state } = this;
+    return {
+      displacements: state.displacements,
+      commands: commandsOf(state, this.model.geometry),
+      gravity: gravityOf(state),
+      force: state.force,
+    };
+  }
+
+  alert(sentence: string): void {
+    find("alert").textContent = sentence === "" ? "" : sentence[0].toUpperCase() + sentence.slice(1).replace(/\.?$/, ".");
+  }
+
+  /** After a change of state: at most one solve a frame. */
+  private changed(curve: boolean, cold = false): void {
+    this.stop();
+    if (curve) {
+      this.curve?.free();
+      this.curve = null;
+    }
+    if (cold) this.update(true);
+    else if (this.pending === 0) this.pending = requestAnimationFrame(() => this.update(false));
+  }
+
+  private update(cold: boolean): void {
+    cancelAnimationFrame(this.pending);
+    this.pending = 0;
+    if (this.on === null) return;
+    const { loading } = this;
+    let found;
+    try {
+      found = solve(this.on, loading, cold);
+    } catch (error) {
+      found = said(error);
+    }
+    if (typeof found === "string") {
+      this.alert(`${found}; the last pose stays`);
+    } else {
+      this.alert(found.sentence);
+      this.tip = found.tip;
+      const arcs = constantCurvature(this.on, lawOf(loading), loading.commands, GHOST_STEPS);
+      this.ghost = typeof arcs === "string" ? new Float64Array() : arcs;
+      this.tipError = typeof arcs === "string" ? NaN : distance(found.tip, tipOf(arcs));
+      if (typeof arcs === "string") this.alert(`constant curvature has no answer here: ${arcs}`);
+      this.showNumbers(found.error);
+      this.draw();
+    }
+    this.continueCurve();
+    clearTimeout(this.pause);
+    this.pause = window.setTimeout(() => this.settle(), PAUSE);
+    if (performance.getEntriesByName("bowstring:first-pose").length === 0) performance.mark("bowstring:first-pose");
+  }
+
+  private draw(): void {
+    if (this.on === null || this.scene === null) return;
+    const stress = this.state.stressColours ? this.on.stress() : new Float64Array();
+    const mostStress = stress.reduce((a, b) => Math.max(a, b), 0);
+    const slack = this.on.slack();
+    const drawing: Drawing = {
+      backbone: this.on.backbone(), disks: this.on.disks(), slack, stress, mostStress, ghost: this.ghost,
+    };
+    this.scene.draw(drawing);
+    find("slack-legend").hidden = !slack.some((s) => s > 1e-6 * this.model.geometry.length);
+    const legend = find("stress-legend");
+    legend.hidden = mostStress === 0;
+    find("stress-most").textContent = `${short(mostStress / 1e6)} MPa (von Mises)`;
+  }
+
+  private showNumbers(discretisation: number): void {
+    const { length } = this.model.geometry;
+    const { tolerance, displacements } = this.state;
+    const share = this.tipError / length;
+    const verdict = find("verdict");
+    const fails = !(share <= tolerance);
+    verdict.className = fails ? "bad" : "good";
+    const limit = `the tolerance of ${short(tolerance * 100)} % of the length (${short(tolerance * length * 1e3)} mm)`;
+    verdict.textContent = Number.isNaN(this.tipError)
+      ? "Constant curvature has no answer for these commands."
+      : `Constant curvature is wrong by ${short(this.tipError * 1e3)} mm at the tip, ${short(share * 100)} % of the length: ` +
+        (fails ? `more than ${limit}.` : `within ${limit}.`);
+    const rows: [string, string][] = [];
+    const [x, y, z] = this.tip!.map((v) => (v * 1e3).toFixed(2));
+    rows.push(["tip of the rod, x y z", `${x}  ${y}  ${z} mm`]);
+    const estimate = discretisation * 1e6;
+    rows.push(["estimated discretisation error", Number.isNaN(estimate) ? "–" : `${short(Math.max(estimate, 1e-3), 2)} µm`]);
+    const on = this.on!;
+    const list = (values: Float64Array, factor: number) => Array.from(values, (v) => short(v * factor, 3)).join(", ");
+    if (displacements) rows.push(["tensions", `${list(on.tensions().slice(0, 12), 1)} N`]);
+    else rows.push(["displacements", `${list(on.displacements().slice(0, 12), 1e3)} mm`]);
+    find("numbers").replaceChildren(
+      ...rows.flatMap(([name, value]) => {
+        const [term, description] = [document.createElement("dt"), document.createElement("dd")];
+        [term.textContent, description.textContent] = [name, value];
+        return [term, description];
+      }),
+    );
+  }
+
+  /** Largest command of the curve. */
+  private get mostCommand(): number {
+    const now = Math.max(...this.loading.commands.map(Math.abs));
+    return Math.max(this.mostOf().command, now);
+  }
+
+  /** Bounds of the sliders. */
+  private mostOf(): { tension: number; command: number } {
+    const { tendons } = this.original.geometry;
+    const nice = (x: number) => {
+      const power = 10 ** Math.floor(Math.log10(x));
+      return Math.ceil((x / power) * 2) * power / 2;
+    };
+    const tension = nice(0.5 * Math.max(...tendons.map((t) => t.mostTension)));
+    const arm = Math.max(...tendons.map((t) => Math.hypot(...t.holes[0])));
+    return { tension, command: this.state.displacements ? nice((2 * Math.PI * arm) / 3) : tension };
+  }
+
+  private continueCurve(): void {
+    if (this.curve === null) {
+      try {
+        this.curve = new Curve(this.model, this.loading, this.mostCommand);
+      } catch {
+        return; // the pose says why
+      }
+    }
+    const { curve } = this;
+    const end = performance.now() + CURVE_BUDGET;
+    while (!curve.isDone && performance.now() < end) curve.step();
+    this.drawCurve();
+    if (!curve.isDone && this.pending === 0) {
+      requestAnimationFrame(() => {
+        if (this.curve === curve && this.pending === 0) this.continueCurve();
+      });
+    }
+  }
+
+  private drawCurve(): void {
+    const { curve, state, model } = this;
+    if (curve === null) return;
+    const { length } = model.geometry;
+    const tolerance = state.tolerance * length;
+    const [label, scale, unit] = state.displacements
+      ? ["largest displacement, mm", 1e3, "mm"]
+      : ["largest tension, N", 1, "N"];
+    const command = Math.max(...this.loading.commands.map(Math.abs));
+    const now = Number.isNaN(this.tipError) ? null : { command, error: this.tipError };
+    drawChart(find("chart"), { points: curve.points, most: curve.most, tolerance, now, label: label as string, scale: scale as number });
+    const crossing = curve.crossing(tolerance);
+    const where = find("where");
+    if (crossing !== null) {
+      const at = short(crossing * (scale as number), 2);
+      where.textContent = `In this direction constant curvature leaves the tolerance at ${at} ${unit}.`;
+    } else if (curve.isDone) {
+      const last = curve.points.at(-1)?.command ?? 0;
+      where.textContent =
+        `In this direction constant curvature stays within the tolerance up to ${short(last * (scale as number), 2)} ${unit}.`;
+    } else where.textContent = "";
+  }
+
+  /** What waits for a pause: causes, and the address. */
+  private settle(): void {
+    const hash = `#${toHash(this.state)}`;
+    if (location.hash !== hash) history.replaceState(null, "", hash);
+    let found: ReturnType<typeof causes> = [];
+    try {
+      found = causes(this.model, this.loading);
+    } catch {
+      // the pose says why
+    }
+    const rows = found.map(({ name, moves }) => {
+      const row = document.createElement("tr");
+      row.insertCell().textContent = name;
+      row.insertCell().textContent = `${short(moves * 1e3)} mm`;
+      return row;
+    });
+    const body = document.querySelector("#causes tbody") as HTMLElement;
+    body.replaceChildren(...rows);
+    const main = found.reduce<(typeof found)[number] | null>((a, b) => (a === null || b.moves > a.moves ? b : a), null);
+    find("advice").textContent =
+      main !== null && main.moves > 1e-6 * this.model.geometry.length ? `Mostly ${main.name}. ${main.advice}` : "";
+    performance.clearMarks("bowstring:settled");
+    performance.mark("bowstring:settled");
+  }
+
+  // -- motion ---------------------------------------------------------------------------------
+
+  private release(): void {
+    this.stop();
+    if (this.on === null) return;
+    const zero = { ...this.loading, commands: this.loading.commands.map(() => 0), force: [0, 0, 0] };
+    const commands = Float64Array.from(zero.commands);
+    try {
+      this.on.release(commands, deadLoads(zero), this.state.displacements ? RISE : 0, DAMPING);
+    } catch (error) {
+      this.alert(`no motion: ${said(error)}`);
+      return;
+    }
+    this.ghost = new Float64Array();
+    let [last, time] = [performance.now(), 0];
+    const frame = (now: number) => {
+      // a slow frame makes the motion slower, not the step longer
+      const passed = Math.min((now - last) / 1e3, 1 / 30);
+      last = now;
+      time += passed;
+      let stopped: string;
+      try {
+        stopped = this.on!.advance(passed);
+      } catch (error) {
+        stopped = said(error);
+      }
+      this.draw();
+      const verdict = find("verdict");
+      verdict.className = "";
+      verdict.textContent = `Motion after release, ${time.toFixed(1)} s. Move a slider to go on.`;
+      if (stopped !== "") this.alert(stopped);
+      this.moving = stopped === "" && time < MOST_TIME ? requestAnimationFrame(frame) : 0;
+    };
+    this.moving = requestAnimationFrame(frame);
+  }
+
+  private stop(): void {
+    cancelAnimationFrame(this.moving);
+    this.moving = 0;
+  }
+
+  // -- controls -------------------------------------------------------------------------------
+
+  private buildControls(): void {
+    const { state, original, model } = this;
+    find("robot-name").textContent = original.name;
+    const most = this.mostOf();
+    const set = (change: (value: number) => void, curve: boolean) => (value: number) => {
+      change(value);
+      this.changed(curve);
+    };
+    const preset = "preset" in state.source ? state.source.preset : "";
+    const names = Object.keys(PRESETS).map((name): [string, string] => [name, name]);
+    if (preset === "") names.unshift(["", original.name]);
+    const robots = group(
+      "Robot",
+      choice("robot", "robot", names, preset, (name) => name !== "" && this.tryLoad({ preset: name })),
+      buttons(fileButton("file", "Open a robot file", ".yaml,.yml,.json", (file) => void this.open(file))),
+    );
+    const control = group(
+      "Actuation",
+      choice(
+        "control", "control by",
+        [["tension", "tensions"], ["displacement", "displacements"]],
+        state.displacements ? "displacement" : "tension",
+        (value) => {
+          state.displacements = value === "displacement";
+          this.buildControls();
+          this.changed(true, true);
+        },
+      ),
+    );
+    if (state.displacements) {
+      model.geometry.diameters.forEach((_, i) => {
+        const segment = model.geometry.diameters.length > 1 ? ` of segment ${i + 1}` : "";
+        const angle = (k: number, label: string, least: number, most: number) =>
+          slider({
+            id: `bend-${2 * i + k}`, label: label + segment, unit: "°", least, most, step: 0.5,
+            value: (state.bends[2 * i + k] * 180) / Math.PI,
+            onInput: set((x) => (state.bends[2 * i + k] = (x * Math.PI) / 180), k === 1),
+          });
+        control.append(angle(0, "commanded bend", 0, 120), angle(1, "direction", -180, 180));
+      });
+    } else {
+      state.tensions.forEach((value, i) => {
+        control.append(
+          slider({
+            id: `tension-${i}`, label: `tension ${i + 1}`, unit: "N", least: 0, most: most.tension,
+            step: stepFor(most.tension), value,
+            onInput: (x) => {
+              // the curve is along the direction of the tensions, which a single one does not change
+              const others = state.tensions.some((t, k) => k !== i && t > 0);
+              const other = state.tensions[i] === 0 || x === 0;
+              state.tensions[i] = x;
+              this.changed(others || other);
+            },
+          }),
+        );
+      });
+    }
+    control.append(
+      buttons(
+        button("release", "Release", () => this.release()),
+        button("home", "Home pose", () => {
+          state.tensions.fill(0);
+          state.bends.fill(0);
+          state.force.fill(0);
+          this.buildControls();
+          this.changed(true, true);
+        }),
+      ),
+    );
+    const degrees = (id: string, label: string, least: number, most: number, key: "tilt" | "azimuth") =>
+      slider({
+        id, label, unit: "°", least, most, step: 1, value: (state[key] * 180) / Math.PI,
+        onInput: set((x) => (state[key] = (x * Math.PI) / 180), true),
+      });
+    const loads = group("Loads", check("gravity", "gravity", state.gravityOn, (on) => {
+      state.gravityOn = on;
+      this.changed(true);
+    }));
+    loads.append(
+      degrees("tilt", "gravity, angle from −z", 0, 180, "tilt"),
+      degrees("azimuth", "gravity, direction from x", -180, 180, "azimuth"),
+    );
+    const mostForce = most.tension / 20;
+    ["x", "y", "z"].forEach((axis, i) => {
+      loads.append(
+        slider({
+          id: `force-${axis}`, label: `tip force along ${axis}`, unit: "N", least: -mostForce, most: mostForce,
+          step: stepFor(mostForce), value: state.force[i], onInput: set((x) => (state.force[i] = x), true),
+        }),
+      );
+    });
+    const view = group(
+      "Verdict and view",
+      slider({
+        id: "tolerance", label: "tolerance, share of the length", unit: "%", least: 0.1, most: 10, step: 0.1,
+        value: state.tolerance * 100, onInput: set((x) => (state.tolerance = x / 100), false),
+      }),
+    );
+    if (model.geometry.known) {
+      view.append(check("stress", "colour by stress", state.stressColours, (on) => {
+        state.stressColours = on;
+        this.changed(false);
+      }));
+    }
+    view.append(
+      buttons(
+        button("share", "Copy link", () => void this.share()),
+        button("png", "Save PNG", () => void this.savePicture()),
+        ...(model.file === null ? [] : [button("save", "Save robot file", () => this.saveRobot())]),
+      ),
+    );
+    find("controls").replaceChildren(robots, control, loads, ...this.numberControls(), view);
+  }
+
+  private numberControls(): HTMLElement[] {
+    const { file } = this.original;
+    if (file === null) return [];
+    const of = mainNumbers(file);
+    const now = this.state.numbers ?? of;
+    const change = (key: keyof MainNumbers, value: number) => {
+      const numbers = { ...(this.state.numbers ?? of), [key]: value };
+      const before = this.state.numbers;
+      this.state.numbers = numbers;
+      try {
+        this.rebuild();
+        this.scene?.show(this.model.geometry, true);
+        this.changed(true, true);
+      } catch (error) {
+        this.state.numbers = before;
+        this.alert(`${said(error)}; the last robot stays`);
+      }
+    };
+    const scaled = (key: keyof MainNumbers, label: string, unit: string, factor: number) => {
+      const shown = of[key] * factor;
+      const step = 10 ** (Math.floor(Math.log10(shown)) - 2);
+      const round = (x: number) => Math.max(step, Math.round(x / step) * step);
+      return slider({
+        id: `number-${key}`, label, unit, least: round(shown / 3), most: round(shown * 3), step,
+        value: now[key] * factor, onInput: (x) => change(key, x / factor),
+      });
+    };
+    return [
+      group(
+        file.segments.length > 1 ? "Robot's numbers (first segment, others in proportion)" : "Robot's numbers",
+        slider({
+          id: "number-disks", label: "disks in the segment", unit: "", least: 1, most: Math.max(30, 2 * of.disks), step: 1,
+          value: now.disks, onInput: (x) => change("disks", x),
+        }),
+        scaled("length", "length", "mm", 1e3),
+        scaled("diameter", "diameter of the backbone", "mm", 1e3),
+        scaled("E", "Young's modulus", "GPa", 1e-9),
+        scaled("pitchRadius", "pitch radius of the tendons", "mm", 1e3),
+      ),
+    ];
+  }
+
+  // -- files and links ------------------------------------------------------------------------
+
+  tryLoad(source: Source): void {
+    try {
+      this.load(source);
+    } catch (error) {
+      this.alert(`${said(error)}; the last robot stays`);
+    }
+  }
+
+  async open(file: File): Promise<void> {
+    if (file.size > MOST_FILE_BYTES) {
+      this.alert(`${file.name} has ${file.size} bytes, which is no robot file; the last robot stays`);
+      return;
+    }
+    try {
+      const text = new TextDecoder("utf-8", { fatal: true }).decode(await file.arrayBuffer());
+      this.load({ text, fileName: file.name.slice(0, 100) });
+    } catch (error) {
+      const why = error instanceof TypeError ? "it is no text" : said(error);
+      this.alert(`${file.name}: ${why}; the last robot stays`);
+    }
+  }
+
+  private async share(): Promise<void> {
+    this.settle();
+    try {
+      await navigator.clipboard.writeText(location.href);
+      this.alert("the link is copied");
+    } catch {
+      this.alert("the browser does not allow copying; the link is in the address bar");
+    }
+  }
+
+  private async savePicture(): Promise<void> {
+    const blob = await this.scene?.picture();
+    if (blob) download(blob, `${this.fileName}.png`);
+    else this.alert("there is no picture to save: this browser has no WebGL");
+  }
+
+  private saveRobot(): void {
+    const { file } = this.model;
+    if (file === null) return;
+    const text = writeRobotFile({ ...file, gravity: gravityOf(this.state) });
+    download(new Blob([text], { type: "text/yaml" }), `${this.fileName}.yaml`);
+  }
+
+  private get fileName(): string {
+    return this.model.name.replace(/[^\w.-]+/g, "_") || "robot";
+  }
+}
+
+async function main(): Promise<void> {
+  const core = loadCore(); // beside the start of WebGL
+  const page = new Page();
+  try {
+    await core;
+  } catch (error) {
+    page.alert(`the core could not start: ${said(error)}; the page needs WebAssembly and a web server`);
+    return;
+  }
+  page.start(location.hash.slice(1));
+  addEventListener("hashchange", () => page.start(location.hash.slice(1)));
+  const over = (event: DragEvent, on: boolean) => {
+    event.preventDefault();
+    document.body.classList.toggle("drop", on);
+  };
+  addEventListener("dragover", (event) => over(event, true));
+  addEventListener("dragleave", (event) => over(event, false));
+  addEventListener("drop", (event) => {
+    over(event, false);
+    const file = event.dataTransfer?.files[0];
+    if (file) void page.open(file);
+  });
+}
+
+void main();

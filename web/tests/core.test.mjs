@@ -1,0 +1,137 @@
+/** The core of the page and its reading of robot files, beside the Python package. */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { after, before, test } from "node:test";
+import { fileURLToPath } from "node:url";
+import { gunzipSync } from "node:zlib";
+import { createServer } from "vite";
+import init, { Playground } from "../generated/bowstring_wasm.js";
+
+const at = (path) => fileURLToPath(new URL(path, import.meta.url));
+const cases = JSON.parse(readFileSync(at("../../target/random-robots.json"), "utf8"));
+
+let server, files;
+
+before(async () => {
+  await init({ module_or_path: gunzipSync(readFileSync(at("../generated/core.bin"))) });
+  server = await createServer({ root: at(".."), server: { middlewareMode: true, ws: false }, appType: "custom", logLevel: "error" });
+  files = await server.ssrLoadModule("/src/robot-file.ts");
+});
+after(() => server.close());
+
+function tipOf(text, { tensions, gravity, force }) {
+  const on = new Playground(text);
+  const solved = on.solve(false, Float64Array.from(tensions), Float64Array.from([...gravity, ...force, 0, 0, 0]), true);
+  const tip = solved.converged ? [...on.disks().slice(-12, -9)] : null;
+  on.free();
+  return tip;
+}
+
+const apart = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
+
+test("1000 random robots and loads: tips of the page within 1e-9 of Python's", () => {
+  let solved = 0;
+  let worst = 0;
+  for (const robot of cases) {
+    const tip = tipOf(robot.compiled, robot);
+    assert.equal(tip === null, robot.tip === null);
+    if (tip === null) continue;
+    solved++;
+    worst = Math.max(worst, apart(tip, robot.tip) / robot.length);
+  }
+  console.log(`  ${solved} of ${cases.length} solved; largest difference ${worst.toExponential(1)} of the length`);
+  assert.equal(cases.length, 1000);
+  assert.ok(solved > 900);
+  assert.ok(worst < 1e-9);
+});
+
+test("the page compiles robot files as the Python package does", () => {
+  let worst = 0;
+  const compare = (page, python, path) => {
+    if (typeof python === "number") {
+      assert.ok(Math.abs(page - python) <= 1e-12 * Math.max(Math.abs(python), 1e-9), `${path}: ${page}, ${python}`);
+      if (python !== 0) worst = Math.max(worst, Math.abs(page / python - 1));
+    } else if (python !== null && typeof python === "object") {
+      assert.deepEqual(Object.keys(page).sort(), Object.keys(python).sort(), path);
+      for (const key of Object.keys(python)) compare(page[key], python[key], `${path}.${key}`);
+    } else assert.equal(page, python, path);
+  };
+  for (const { file, compiled } of cases) {
+    compare(JSON.parse(files.compiled(files.readRobotFile(file, "robot"))), JSON.parse(compiled), "robot");
+  }
+});
+
+test("a written robot file is read back as the same robot", () => {
+  for (const { file } of cases.slice(0, 100)) {
+    const robot = files.readRobotFile(file, "robot");
+    const again = files.readRobotFile(files.writeRobotFile(robot), "robot");
+    const [a, b] = [robot, again].map((r) => JSON.parse(files.compiled(r)));
+    const numbers = (value) => (typeof value === "number" ? [value] : value && typeof value === "object" ? Object.values(value).flatMap(numbers) : []);
+    numbers(a).forEach((x, i) => assert.ok(Math.abs(x - numbers(b)[i]) <= 1e-9 * Math.max(Math.abs(x), 1e-6)));
+  }
+});
+
+const REFUSED = [
+  ["segments: 3", /segments: must be a list/],
+  ["a: [", /the file is no YAML/],
+  ["just text", /must be a mapping/],
+  ["segments: []", /1 to 20 segments/],
+];
+const GOOD = () => readFileSync(at("../../python/bowstring/robot/builtin/amouri2019.yaml"), "utf8");
+const CHANGED = [
+  ["diameter: 5 mm", "diameter: 5", /backbone\.diameter: got 5 without a unit/],
+  ["diameter: 5 mm", "diameter: 5 furlong", /the unit must be one of m, cm/],
+  ["E: 35 GPa", "E: -35 GPa", /backbone\.E: got -35000000000 Pa; must be from/],
+  ["nu: 0.3", "nu: 0.3\n      G: 1 GPa", /exactly one of G and nu/],
+  ["count: 9", "count: 0", /disks\.count: got "0"; must be a whole number/],
+  ["count: 9", "count: 1e9", /must be a whole number from 1 to 300/],
+  ["count: 3\n", "count: 3\n      friction: 0.2\n", /friction: the page follows no load history/],
+  ["count: 3\n", "count: 3\n      turns: 1\n", /turns: the page does not read this field; write it with "bowstring compile/],
+  ["pitch_radius: 29 mm", "pitch_radius: 40 mm", /pitch_radius must lie between/],
+  ["length: 641 mm", "length: .nan m", /length: got/],
+  ["clamped_length: 0 mm", "clamped_length: 80 mm", /leaves no free backbone/],
+];
+
+test("what is no robot of the page is refused in one sentence", () => {
+  for (const [text, pattern] of REFUSED) assert.throws(() => files.readRobotFile(text, "x"), pattern);
+  for (const [from, to, pattern] of CHANGED) {
+    const text = GOOD().replace(from, to);
+    assert.notEqual(text, GOOD(), from);
+    assert.throws(() => files.readRobotFile(text, "x"), (error) => {
+      assert.match(error.message, pattern);
+      assert.ok(!error.message.includes("\n"));
+      return true;
+    });
+  }
+});
+
+test("bad numbers at the core are errors", () => {
+  const { compiled } = cases[0];
+  const on = new Playground(compiled);
+  const count = on.tensions().length || cases[0].tensions.length;
+  const zeros = new Float64Array(9);
+  assert.throws(() => on.solve(false, new Float64Array(count + 1), zeros, false), /tendon|tension/);
+  assert.throws(() => on.solve(false, new Float64Array(count).fill(NaN), zeros, false), /tension/);
+  assert.throws(() => on.solve(false, new Float64Array(count).fill(-1), zeros, false), /tension/);
+  assert.throws(() => on.solve(false, new Float64Array(count), new Float64Array(8), false), /8 numbers of loads/);
+  assert.throws(() => on.advance(0.1), /release the robot first/);
+  assert.throws(() => new Playground("{}"), /no compiled robot/);
+  on.free();
+});
+
+test("a motion comes to rest where statics is", () => {
+  const robot = cases.find((c) => c.tip !== null && c.tensions.some((t) => t > 0));
+  const on = new Playground(robot.compiled);
+  const loads = Float64Array.from([...robot.gravity, 0, 0, 0, 0, 0, 0]);
+  const zeros = new Float64Array(robot.tensions.length);
+  on.solve(false, zeros, loads, true);
+  const rest = [...on.disks().slice(-12, -9)];
+  on.solve(false, Float64Array.from(robot.tensions), loads, true);
+  on.release(zeros, loads, 0, 20);
+  const start = [...on.disks().slice(-12, -9)];
+  for (let frame = 0; frame < 300; frame++) assert.equal(on.advance(1 / 60), "");
+  const end = [...on.disks().slice(-12, -9)];
+  assert.ok(apart(end, rest) < 1e-3 * apart(start, rest), `${apart(end, rest)} of ${apart(start, rest)}`);
+  on.free();
+});

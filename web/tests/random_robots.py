@@ -1,0 +1,93 @@
+"""Random robots, loads and the tips that the Python package finds, for the page's core.
+
+``python random_robots.py FILE`` writes them as JSON: the text of each robot file, its compiled
+form, the load and the tip.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import bowstring as bs
+
+COUNT = 1000
+
+
+def segment(rng: np.random.Generator, diameter: float) -> dict[str, Any]:
+    """A segment of a random robot, as a robot file has it."""
+    count = int(rng.integers(2, 9))
+    length = rng.uniform(40, 160)
+    pitch = diameter * rng.uniform(2, 5)
+    tendons: Any = {"count": int(rng.integers(3, 5)), "pitch_radius": f"{pitch:.4f} mm"}
+    if rng.random() < 0.5:
+        tendons["first_angle"] = f"{rng.uniform(-180, 180):.3f} deg"
+    else:
+        angles = np.sort(rng.uniform(-180, 180, 3))
+        tendons = [{"angle": f"{a:.3f} deg", "pitch_radius": f"{pitch:.4f} mm"} for a in angles]
+    disks: dict[str, Any] = {
+        "mass": f"{rng.uniform(0.1, 3):.3f} g",
+        "radius": f"{6 * diameter:.4f} mm",
+        "thickness": "1.5 mm",
+        "clamped_length": f"{rng.choice([0.0, 1.5])} mm",
+    }
+    if rng.random() < 0.5:
+        disks["count"] = count
+    else:
+        shares = np.cumsum(rng.uniform(0.6, 1.4, count))
+        places = [f"{x:.4f}" for x in shares[:-1] / shares[-1] * length] + [f"{length:.4f}"]
+        disks["positions"] = " ".join(places) + " mm"
+    backbone: dict[str, Any] = {
+        "diameter": f"{diameter:.3f} mm",
+        "E": f"{rng.uniform(30, 80):.3f} GPa",
+        "density": "6450 kg/m^3",
+        **({"nu": 0.3} if rng.random() < 0.5 else {"G": "20 GPa"}),
+    }
+    if rng.random() < 0.3:
+        backbone["inner_diameter"] = f"{0.6 * diameter:.3f} mm"
+    return {
+        "length": f"{length:.4f} mm",
+        "backbone": backbone,
+        "disks": disks,
+        "tendons": tendons,
+    }
+
+
+def case(rng: np.random.Generator, folder: Path) -> dict[str, Any]:
+    """A random robot, a load that it holds, and its tip by the Python package."""
+    diameter = rng.uniform(0.8, 1.6)
+    content = {
+        "name": "random",
+        "gravity": f"0 {rng.uniform(-3, 3):.3f} {rng.choice([-9.8, 9.8])} m/s^2",
+        "segments": [segment(rng, diameter) for _ in range(int(rng.integers(1, 4)))],
+    }
+    if rng.random() < 0.3:
+        content["payloads"] = [{"mass": "2 g", "centre": "1 0 5 mm"}]
+    path = folder / "robot.yaml"
+    path.write_text(json.dumps(content))
+    robot = bs.load_robot(path)
+    most = np.array([t["max_tension_N"] for t in bs.compile_robot(robot)["tendons"]])
+    tensions = most * rng.uniform(0, 0.2, len(most)) * (rng.random(len(most)) < 0.6)
+    force = rng.uniform(-0.02, 0.02, 3)
+    found = bs.solve(robot, tensions, load=bs.Load(tip_force=force))
+    return {
+        "file": json.dumps(content),
+        "compiled": json.dumps(bs.compile_robot(robot)),
+        "length": robot.length,
+        "tensions": tensions.tolist(),
+        "gravity": list(robot.gravity),
+        "force": force.tolist(),
+        "tip": None if found.tip is None else found.tip.position.tolist(),
+    }
+
+
+if __name__ == "__main__":
+    generator = np.random.default_rng(23)
+    with tempfile.TemporaryDirectory() as folder:
+        cases = [case(generator, Path(folder)) for _ in range(COUNT)]
+    Path(sys.argv[1]).write_text(json.dumps(cases))
