@@ -468,7 +468,7 @@ export function writeRobotFile(robot: RobotFile): string {
         ...optional("hole_length", disks.holeLength, 0, mm(disks.holeLength)),
       },
       tendons: tendons.map((t) => ({
-        angle: `${digits((t.angle * 180) / Math.PI)} deg`,
+        angle: `${digits(((t.angle * 180) / Math.PI) % 360)} deg`, // a ring may go beyond a turn
         pitch_radius: mm(t.pitchRadius),
         ...optional("pretension", t.pretension, 0, `${digits(t.pretension)} N`),
         ...optional("compliance", t.compliance, 0, `${digits(t.compliance * 1e3)} mm/N`),
