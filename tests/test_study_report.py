@@ -98,7 +98,8 @@ def test_the_page_is_complete_and_self_contained(written: Path) -> None:
     assert len(page.ids) == len(set(page.ids))
     assert all(r.startswith("#") and r[1:] in page.ids for r in page.references)
     text = (written / "report.html").read_text(encoding="utf-8")
-    assert not re.search(r"@import|url\((?!#)|<script|<link", text)
+    assert not re.search(r"@import|url\((?!#)|<script [^>]*src|<link|\bimport\(|fetch\(", text)
+    assert text.count("<script") == 2  # the 3-D view and its data
     # the only addresses are names of XML namespaces
     assert all(a.startswith("http://www.w3.org/") for a in re.findall(r"https?://[^\"' <]+", text))
 
@@ -128,7 +129,7 @@ def test_the_page_has_all_results(written: Path, paper: Study) -> None:
     text = " ".join(" ".join(page.text).split())
     assert page.tags.count("h1") == 1
     assert page.tags.count("caption") == page.tags.count("table")
-    assert page.tags.count("figcaption") == len(FIGURES)
+    assert page.tags.count("figcaption") == 1 + len(FIGURES)
     for sentence in paper.verdict.text:
         assert sentence in text
     assert "published mean" in text
@@ -137,7 +138,7 @@ def test_the_page_has_all_results(written: Path, paper: Study) -> None:
     assert paper.robot.hash in text
     source = (written / "report.html").read_text(encoding="utf-8")
     assert "prefers-color-scheme: dark" in source and "width=device-width" in source
-    assert source.count('role="img"') == len(FIGURES)
+    assert source.count('role="img"') == len(FIGURES) + 2  # and the two of the 3-D view
 
 
 @pytest.mark.slow
@@ -157,7 +158,8 @@ def test_the_robot_as_a_solid_opens_the_page(paper: Study) -> None:
 
 def test_every_colour_follows_the_theme(written: Path) -> None:
     source = (written / "report.html").read_text(encoding="utf-8")
-    drawings = re.findall(r"<svg.*?</svg>", source, flags=re.DOTALL)
+    figures_alone = re.sub(r"<script.*?</script>", "", source, flags=re.DOTALL)
+    drawings = re.findall(r"<svg.*?</svg>", figures_alone, flags=re.DOTALL)
     assert len(drawings) == len(FIGURES)
     for drawing in drawings:
         assert re.findall(r"(?:fill|stroke): #[0-9a-f]{3,6}", drawing) == []
@@ -171,7 +173,7 @@ def test_names_from_a_robot_file_are_escaped(paper: Study, tmp_path: Path) -> No
     )
     folder = report.write(Stages(robot, points=3).over(paper), tmp_path / "out")
     page = read(folder / "report.html")
-    assert page.open == [] and "script" not in page.tags
+    assert page.open == [] and page.tags.count("script") == 2
     assert "Is constant curvature good enough for a<b>&c?" in "".join(page.text)
 
 
@@ -457,6 +459,39 @@ def test_no_table_is_cut_in_a_window_of_1280_pixels(paper: Study, tmp_path: Path
     title = re.search(r"<title>([\d ]+)</title>", done.stdout)
     assert title is not None, done.stderr[-500:]
     assert title.group(1).split() == ["0"] * source.count('class="scroll"')
+
+
+@pytest.mark.slow
+def test_the_page_shows_the_robot_in_3d(written: Path, tmp_path: Path) -> None:
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("needs a browser")
+    source = (written / "report.html").read_text(encoding="utf-8")
+    # the errors of the page, and the slider at 55 N
+    before = "<script>onerror = (e) => { document.body.dataset.error = e }</script></head>"
+    after = """<script>{ const s = document.getElementById("scene-load"); s.value = 11;
+        s.dispatchEvent(new Event("input")); const c = document.querySelector("#scene canvas");
+        const p = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
+        document.body.dataset.drawn = p.filter((v, i) => i % 4 === 3 && v > 0).length }</script>"""
+    page = tmp_path / "page.html"
+    page.write_text(
+        source.replace("</head>", before).replace("</body>", after + "</body>"), encoding="utf-8"
+    )
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--window-size=1280,900"]
+    options += [f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=2000"]
+    done = subprocess.run(
+        [browser, *options, "--dump-dom", page.as_uri()], capture_output=True, text=True, timeout=60
+    )
+    assert "data-error" not in done.stdout
+    drawn = re.search(r'data-drawn="(\d+)"', done.stdout)
+    assert drawn is not None and int(drawn[1]) > 5000
+    output = re.search(r"<output[^>]*>([^<]*)</output>", done.stdout)
+    assert output is not None
+    assert output[1] == (
+        "55 N. Tip error of CC from tendon lengths: 0.311 mm; CC from force: 6.17 mm."
+    )
+    assert re.search(r'<figure id="scene">', done.stdout)  # no longer hidden
+    assert (written / "report.html").stat().st_size < 3e6
 
 
 # -- the terminal ------------------------------------------------------------------------------

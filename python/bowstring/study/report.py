@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,7 @@ from bowstring.study.counterparts import counterparts
 from bowstring.study.equations import study_equations
 from bowstring.study.error_budget import SIDES, Side
 from bowstring.study.parameters import assumed, parameters
+from bowstring.study.report_scene import scene_text
 from bowstring.study.study import Study
 from bowstring.study.summary import COLUMNS, summarise
 from bowstring.study.tables import simulated, study_tables, write_csv
@@ -134,6 +136,7 @@ def _html(study: Study, content: Mapping[str, Any], drawn: dict[str, str]) -> st
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    script = files("bowstring.study") / "templates" / "scene.js"
     environment.filters["number"] = number
     environment.filters["signed"] = signed
 
@@ -152,6 +155,8 @@ def _html(study: Study, content: Mapping[str, Any], drawn: dict[str, str]) -> st
         budget=[_budget_page(study, side, title) for side, title in SIDES.items()],
         # drawn by this program, ids and text escaped by matplotlib
         figures=[(f, Markup(drawn[f.stem])) for f in study.figures],
+        scene=Markup(scene_text(study)),  # JSON without "<"
+        scene_script=Markup(script.read_text(encoding="utf-8")),
         counterparts=counterparts(study),
         equations=study_equations(study),
         mathml=Markup,  # of this program, numbers and symbols only

@@ -356,6 +356,8 @@ class Statics:
     """Tip (n, 3), m; NaN where not converged."""
     disk_positions: Array
     """(n, N, 3), m."""
+    disk_rotations: Array
+    """(n, N, 3, 3), disk frame to base frame."""
     tendon_lengths: Array
     """(n, T), m."""
     displacement: Array
@@ -973,13 +975,14 @@ def _statics(model: Model, settings: Settings) -> Statics:
             f"no load from 0 to {tension[-1]:g} N has a stable equilibrium that the solver could "
             f"find ({sweep.message(0).rstrip('.')}); check stiffness, gravity and largest tension"
         )
-    assert sweep.disk_positions is not None
+    assert sweep.disk_positions is not None and sweep.disk_rotations is not None
     return Statics(
         tension=tension,
         status=cast("tuple[StaticsStatus, ...]", tuple(sweep.status)),
         converged=np.asarray(sweep.converged, dtype=bool),
         tip_position=sweep.tip_position,
         disk_positions=sweep.disk_positions,
+        disk_rotations=sweep.disk_rotations,
         tendon_lengths=sweep.tendon_lengths,
         displacement=_displacement(model, sweep.tendon_lengths),
         linear_displacement=model.linear_displacement(tension),
