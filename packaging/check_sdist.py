@@ -26,7 +26,7 @@ from check_wheel import built, run, without
 NEEDED = {"Cargo.lock", "Cargo.toml", "CHANGELOG.md", "CITATION.cff", "LICENSE", "PKG-INFO"}
 NEEDED |= {"README.md", "pyproject.toml"}
 ALLOWED = re.compile(
-    r"python/bowstring/[\w/]+\.(py|pyi|typed|html\.j2)"
+    r"python/bowstring/[\w/]+\.(py|pyi|typed|html\.j2|js)"
     r"|python/bowstring/(robot/builtin|data/mappings)/[\w-]+\.yaml"
     r"|python/bowstring/suite/sets/[\w-]+/(robot|protocol)\.yaml"
     r"|python/bowstring/validity/chart_response\.npz"
