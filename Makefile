@@ -2,6 +2,7 @@
 PYTHON ?= python3
 ROBOT ?= amouri2019
 RESOLUTION ?= lowest-direct
+# of the extras, view is in no lock: viser holds rich below 15
 SMALL_EXTRAS := --extra excel --extra download --extra uncertainty --extra cluster --extra jax --extra gymnasium
 VENV := .venv
 BIN := $(VENV)/bin
@@ -158,7 +159,7 @@ clean:
 
 LOCK := uv pip compile --universal --no-header --no-annotate --generate-hashes --no-emit-index-url --no-emit-find-links
 lock: ## renew the lock files (needs uv)
-	$(LOCK) --python-version 3.10 --all-extras pyproject.toml requirements/build.in requirements/dev.in -o requirements/all.lock
+	$(LOCK) --python-version 3.10 --extra cad $(SMALL_EXTRAS) pyproject.toml requirements/build.in requirements/dev.in -o requirements/all.lock
 	$(LOCK) --python-version 3.10 pyproject.toml requirements/build.in -c requirements/all.lock -o requirements/base.lock
 	$(LOCK) --python-version 3.10 $(SMALL_EXTRAS) pyproject.toml requirements/build.in requirements/dev.in -c requirements/all.lock -o requirements/test.lock
 	$(LOCK) --python-version 3.11 pyproject.toml requirements/build.in requirements/docs.in -c requirements/all.lock -o requirements/docs.lock

@@ -163,6 +163,8 @@ def test_python(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     for library in ("jax", "torch"):
         if f"bowstring.{library}" in block:
             pytest.importorskip(library, reason=f"needs {library}", exc_type=ImportError)
+    if "bs.view(" in block:
+        pytest.importorskip("viser", reason="needs viser", exc_type=ImportError)
     for library in ("gymnasium", "osqp"):
         if library in block:
             pytest.importorskip(library, reason=f"needs {library}", exc_type=ImportError)

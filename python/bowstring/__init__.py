@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from bowstring.validity.reach import Reach, reach
     from bowstring.validity.spread import Spread, validity_spread
     from bowstring.validity.workspace import WorkspaceMap, workspace_map
+    from bowstring.viz.live import view
 
 __all__ = [
     "BaseMotion",
@@ -167,6 +168,7 @@ __all__ = [
     "validity_grid",
     "validity_map",
     "validity_spread",
+    "view",
     "viz",
     "workspace_map",
     "write_measurements",
@@ -213,6 +215,7 @@ _HOME = {
         "validity.reach": "Reach reach",
         "validity.spread": "Spread validity_spread",
         "validity.workspace": "WorkspaceMap workspace_map",
+        "viz.live": "view",
     }.items()
     for name in names.split()
 }

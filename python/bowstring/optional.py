@@ -20,6 +20,7 @@ EXTRAS: Final = {
     "cluster": ("distributed", "clusters and Zarr", "bowstring.blocks"),
     "jax": ("jax", "equilibria in JAX", "bowstring.jax"),
     "gymnasium": ("gymnasium", "environments", "bowstring.gymnasium"),
+    "view": ("viser", "live views", "bowstring view"),
 }
 
 
@@ -28,7 +29,7 @@ def load_extra(extra: str, module: str = "") -> ModuleType:
 
     Parameters
     ----------
-    extra : {"cad", "excel", "download", "uncertainty", "cluster", "jax", "gymnasium"}
+    extra : {"cad", "excel", "download", "uncertainty", "cluster", "jax", "gymnasium", "view"}
     module : str
         Another module of the extra, instead of that in `EXTRAS`.
 

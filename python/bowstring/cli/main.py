@@ -36,6 +36,7 @@ from bowstring.cli import (
     study,
     suite,
     uncertainty,
+    view,
 )
 from bowstring.cli.output import Stopped, be_quiet, coloured, say, write
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
@@ -94,6 +95,7 @@ for _command in (
     fit.fit,
     cad.cad,
     fe.fe,
+    view.view,
     doctor.doctor,
 ):
     app.command()(_with_quiet(_command))

@@ -1,0 +1,67 @@
+"""Command view: robots and runs in the browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from bowstring.cli import completion
+from bowstring.cli.options import Overrides, load, measurements_of, of_flag, option, share_of
+from bowstring.cli.output import write
+from bowstring.errors import InputError
+
+Robots = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[ROBOT]...",
+        help="Built-in robots' names or paths of robot files.",
+        autocompletion=completion.robots,
+    ),
+]
+
+
+def view(
+    robots: Robots = None,
+    run: Annotated[
+        list[Path] | None, option("FILE", "Run of simulate --out (.nc), which plays. Repeatable.")
+    ] = None,
+    measurements: Annotated[
+        Path | None,
+        option("FILE", "Table of measurements in the base frame of the first robot, as points."),
+    ] = None,
+    tolerance: Annotated[
+        str, typer.Option(help='Tolerated tip error, a share of the length: 0.01 or "1 %".')
+    ] = "1 %",
+    port: Annotated[int, option("N", "Port of this machine to serve at.")] = 8080,
+    overrides: Overrides = None,
+) -> None:
+    """Show robots and runs in the browser, with sliders.
+
+    It serves a page on this machine until Ctrl-C; nothing leaves the machine. Tips of constant
+    curvature are beside the rod, all simulated.
+    """
+    from bowstring.dynamics.run_file import read_run
+    from bowstring.viz.live import view as live_view
+
+    tolerated = share_of(
+        "--tolerance",
+        tolerance,
+        "a share of the length above 0 and below 1",
+        lambda value: 0 < value < 1,
+    )
+    names = robots or ([] if run else ["amouri2019"])
+    subjects: list[Any] = [load(name, overrides) for name in names]
+    points = None
+    if measurements is not None:
+        if not subjects:
+            raise InputError("--measurements needs a ROBOT whose points they are.")
+        points = measurements_of("--measurements", measurements, subjects[0], None).tip
+    subjects += [of_flag("--run", read_run, file) for file in run or ()]
+    shown = live_view(*subjects, measured=points, tolerance=tolerated, port=port)
+    try:
+        write(f"{shown.url} shows {len(subjects)} in the browser; Ctrl-C ends it.\n")
+        shown.wait()
+    finally:
+        shown.stop()
