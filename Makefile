@@ -48,12 +48,15 @@ checks: build $(VENV)/.installed-test
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# the same packages everywhere: others would turn on other features of their dependencies, and compile anew
+CARGO_TEST := cargo test -p bowstring-core -p bowstring-c -p bowstring-wasm --locked
+
 test: checks ## lints, types, and the tests that are quick
-	cargo test -p bowstring-core -p bowstring-c -p bowstring-wasm --locked
+	$(CARGO_TEST)
 	$(PYTEST) -m "not slow and not fem and not cad and not data"
 
 test-slow: checks $(VENV)/.installed-all ## the others: statistics, finite elements, solids, kills, data of others
-	cargo test -p bowstring-core -p bowstring-c --locked -- --ignored
+	$(CARGO_TEST) -- --ignored
 	$(PYTEST) -m "slow or fem or cad or data"
 
 test-all: test test-slow

@@ -201,7 +201,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
 
 
 def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    for extra in ("build123d", "openpyxl", "SALib", "distributed", "jax", "gymnasium"):
+    for extra in ("build123d", "openpyxl", "SALib", "distributed", "jax", "gymnasium", "viser"):
         monkeypatch.setitem(sys.modules, extra, None)
     monkeypatch.setenv("PATH", "")
     parts = {part["name"]: part for part in shell.json("doctor")["optional"]}
@@ -214,6 +214,7 @@ def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPa
         "distributed": "'bowstring[cluster]'",
         "jax": "'bowstring[jax]'",
         "gymnasium": "'bowstring[gymnasium]'",
+        "viser": "'bowstring[view]'",
         "CalculiX": "https://www.calculix.de",
         "ffmpeg": "https://ffmpeg.org",
     }

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import bowstring as bs
+from bowstring.constant_curvature.robot_arcs import RobotArcs
 from bowstring.errors import InputError
 from bowstring.viz.live import LiveView, tube
 from shell import Shell
@@ -32,7 +33,7 @@ def opened() -> Iterator[Any]:
     views: list[LiveView] = []
 
     def open_(*subjects: Any, **settings: Any) -> LiveView:
-        views.append(bs.view(*subjects, port=free_port(), **settings))
+        views.append(bs.view(subjects, port=free_port(), **settings))
         return views[-1]
 
     yield open_
@@ -78,6 +79,39 @@ def test_the_sliders_move_the_rod_and_constant_curvature(opened: Any) -> None:
     with urllib.request.urlopen(view.url, timeout=10) as page:
         assert page.status == 200
     assert view.url in view._repr_html_()
+
+
+def test_a_solution_and_a_run_show_themselves() -> None:
+    pytest.importorskip("viser", reason="needs the extra view", exc_type=ImportError)
+    robot = bs.load_robot("amouri2019")
+    run = bs.simulate(robot, [0.0, 0.0, 0.0], duration=0.01)
+    for subject in (bs.solve(robot, [30.0, 0.0, 0.0]), run):
+        port = free_port()
+        page = subject.show(port=port)
+        try:
+            assert isinstance(page, LiveView) and page.url.endswith(str(port))
+        finally:
+            page.stop()
+
+
+def test_displacements_follow_from_commanded_bends(opened: Any) -> None:
+    robot = bs.load_robot("amouri2019")
+    live = opened(robot).robots[0]
+    live.set_bends([np.radians(30.0)], [0.0])
+    given = np.asarray(live.load.displacements)
+    assert live.load.tensions is None and given[0] > 0 > given[1]
+    np.testing.assert_allclose(given / given[0], [1.0, -0.5, -0.5], atol=1e-9)
+    bent = RobotArcs.from_lengths(robot, robot.length - given)
+    assert bent.theta[0] == pytest.approx(np.radians(30.0))
+    expected = bs.solve(robot, load=live.load)
+    assert expected.slack is not None and len(expected.slack)
+    np.testing.assert_allclose(live.solution.tip.position, expected.tip.position, atol=1e-9)
+    colours = np.asarray(live._body._tendons.colors)
+    assert len(np.unique(colours.reshape(-1, 3), axis=0)) == 2  # slack tendons stand out
+    off = np.linalg.norm(bent.tip.position - expected.tip.position)
+    assert live.tip_error == pytest.approx(off, rel=1e-6)
+    with pytest.raises(InputError, match="must be 1 finite numbers each"):
+        live.set_bends([0.1, 0.2], [0.0, 0.0])
 
 
 def test_gravity_and_tip_force_count(opened: Any) -> None:
@@ -146,7 +180,7 @@ def test_what_cannot_be_viewed_is_refused() -> None:
         ((robot,), {"measured": "here"}, "measured must be numbers"),
     ):
         with pytest.raises(InputError, match=message):
-            bs.view(*given, **settings)
+            bs.view(given, **settings)
 
 
 def test_without_the_extra_there_is_a_sentence(

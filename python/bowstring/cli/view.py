@@ -59,7 +59,7 @@ def view(
             raise InputError("--measurements needs a ROBOT whose points they are.")
         points = measurements_of("--measurements", measurements, subjects[0], None).tip
     subjects += [of_flag("--run", read_run, file) for file in run or ()]
-    shown = live_view(*subjects, measured=points, tolerance=tolerated, port=port)
+    shown = live_view(subjects, measured=points, tolerance=tolerated, port=port)
     try:
         write(f"{shown.url} shows {len(subjects)} in the browser; Ctrl-C ends it.\n")
         shown.wait()

@@ -188,6 +188,23 @@ class Solution:
         "tendon_lengths", "Lengths (T,) of the tendons from the base hole to the end disk's, in m."
     )
 
+    def show(self, *, port: int = 8080) -> Any:
+        """Show the pose in the browser; short for `bowstring.view` with its defaults.
+
+        Parameters
+        ----------
+        port : int
+            Port of this machine to serve at.
+
+        Returns
+        -------
+        LiveView
+            The page; in a notebook it shows itself.
+        """
+        from bowstring import view  # the page stands above
+
+        return view(self, port=port)
+
     @property
     def load(self) -> Load:
         """The load that was solved, with its actuation."""

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring.constant_curvature.arc import Arc
 from bowstring.constant_curvature.robot_arcs import RobotArcs
 from bowstring.dynamics.simulation import Run
 from bowstring.errors import BowstringError, InputError
@@ -35,6 +36,8 @@ from bowstring.viz.vtk import check_data
 if TYPE_CHECKING:
     import xarray as xr
 
+    _Subject: TypeAlias = Robot | Solution | Run | xr.Dataset
+
 __all__ = ["LiveRobot", "LiveView", "view"]
 
 Floats = NDArray[np.float64]
@@ -46,11 +49,13 @@ _GRAVITY: Final = 9.80665
 _APART: Final = 0.7  # distance of two robots over their lengths
 _FRAME: Final = 1.0 / 30.0  # s
 _MOST_TENDONS: Final = 60
+_MOST_BEND: Final = 120.0  # degrees
 _TURN: Final = np.linspace(0.0, math.tau, _AROUND, endpoint=False)
 
 
 def view(
-    *subjects: Robot | Solution | Run | xr.Dataset,
+    subjects: _Subject | Sequence[_Subject],
+    *,
     measured: ArrayLike | None = None,
     tolerance: float = 0.01,
     host: str = "127.0.0.1",
@@ -63,8 +68,8 @@ def view(
 
     Parameters
     ----------
-    *subjects : Robot, Solution, Run or xarray.Dataset
-        At least one. A run in a file is what `bowstring.dynamics.run_file.read_run` reads.
+    subjects : Robot, Solution, Run or xarray.Dataset, or a sequence of them
+        A run in a file is what `bowstring.dynamics.run_file.read_run` reads.
     measured : array_like (K, 3), optional
         Measured points in the base frame of the first subject, m.
     tolerance : float
@@ -84,9 +89,10 @@ def view(
     InputError
         If viser is missing, the port is in use, or a subject cannot be shown.
     """
-    if not subjects:
+    several = subjects if isinstance(subjects, (list, tuple)) else [subjects]
+    if not several:
         raise InputError("there is nothing to view: give a robot, a solution or a run")
-    shown = [_checked(subject) for subject in subjects]
+    shown = [_checked(subject) for subject in several]
     if not (0.0 < tolerance <= 1.0):
         raise InputError(f"tolerance is {tolerance}, it must be above 0 and at most 1")
     points = None if measured is None else _points(measured)
@@ -330,7 +336,8 @@ class LiveRobot:
     solution : Solution or None
         Equilibrium that is shown.
     tip_error : float
-        Tip error of constant curvature under the same tensions, m; NaN without an arc.
+        Tip error of constant curvature from the same tensions or displacements, m; NaN without an
+        arc.
     """
 
     def __init__(
@@ -372,9 +379,18 @@ class LiveRobot:
 
         with gui.add_folder(robot.name):
             self._said = gui.add_markdown("")
+            self._control = gui.add_dropdown("control by", ("tensions", "displacements"))
+            self._control.on_update(lambda _: self.update())
             self._tensions = [
                 slider(f"tension {i + 1}", 0.0, float(most[i]), 0.0, "N") for i in range(tendons)
             ]
+            self._bends = []
+            for i in range(len(robot.segments)):
+                of = f" {i + 1}" if len(robot.segments) > 1 else ""
+                self._bends += [
+                    slider(f"commanded bend{of}", 0.0, _MOST_BEND, 0.0, "degrees"),
+                    slider(f"direction{of}", -180.0, 180.0, 0.0, "degrees"),
+                ]
             size = math.hypot(*robot.gravity)
             tilt = math.degrees(math.acos(-robot.gravity[2] / size)) if size else 0.0
             self._weight = gui.add_checkbox("gravity", size > 0.0)
@@ -386,7 +402,7 @@ class LiveRobot:
         self.update()
 
     def set_tensions(self, tensions: ArrayLike) -> None:
-        """Move the sliders of the tensions, and show the pose.
+        """Move the sliders of the tensions, and show the pose under them.
 
         Parameters
         ----------
@@ -396,9 +412,43 @@ class LiveRobot:
         values = np.asarray(tensions, dtype=float)
         if values.shape != (len(self._tensions),) or not np.isfinite(values).all():
             raise InputError(f"tensions must be {len(self._tensions)} finite numbers")
+        self._control.value = "tensions"
         for slider, value in zip(self._tensions, values, strict=True):
             slider.value = float(min(max(value, slider.min), slider.max))
         self.update()
+
+    def set_bends(self, bends: ArrayLike, directions: ArrayLike) -> None:
+        """Move the sliders of the displacements, and show the pose under them.
+
+        Parameters
+        ----------
+        bends, directions : array_like (S,)
+            Bend angle of each segment and its direction from x towards y, rad, as constant
+            curvature has them. The displacements of the tendons follow from it.
+        """
+        count = len(self.robot.segments)
+        values = np.degrees([np.asarray(bends, dtype=float), np.asarray(directions, dtype=float)])
+        if values.shape != (2, count) or not np.isfinite(values).all():
+            raise InputError(f"bends and directions must be {count} finite numbers each")
+        self._control.value = "displacements"
+        for slider, value in zip(self._bends, values.T.ravel(), strict=True):
+            slider.value = float(min(max(value, slider.min), slider.max))
+        self.update()
+
+    def _arcs(self) -> RobotArcs:
+        """Constant curvature from the tensions or displacements of the sliders."""
+        if self._control.value == "tensions":
+            return RobotArcs.from_tensions(self.robot, [s.value for s in self._tensions])
+        return RobotArcs.from_lengths(self.robot, self._lengths(0.0) - self._displacements())
+
+    def _lengths(self, share: float) -> Floats:
+        """Tendon lengths of constant curvature at a share of the commanded bends."""
+        bend, direction = np.radians([s.value for s in self._bends]).reshape(-1, 2).T
+        length = np.array([segment.length for segment in self.robot.segments])
+        return RobotArcs(self.robot, Arc(share * bend / length, direction, length)).lengths()
+
+    def _displacements(self) -> Floats:
+        return self._lengths(0.0) - self._lengths(1.0)
 
     @property
     def load(self) -> Load:
@@ -410,8 +460,10 @@ class LiveRobot:
             side * math.sin(self._azimuth),
             -math.cos(tilt) * self._size,
         )
+        pulled = self._control.value == "tensions"
         return Load(
-            tensions=[s.value for s in self._tensions],
+            tensions=[s.value for s in self._tensions] if pulled else None,
+            displacements=None if pulled else self._displacements(),
             gravity=gravity if self._weight.value else (0.0, 0.0, 0.0),
             tip_force=[s.value for s in self._force],
         )
@@ -419,9 +471,13 @@ class LiveRobot:
     def update(self) -> None:
         """Solve the load of the sliders and show the pose; without one the last stays."""
         with self._lock:
-            load = self.load
+            pulled = self._control.value == "tensions"
+            for slider in self._tensions:
+                slider.visible = pulled
+            for slider in self._bends:
+                slider.visible = not pulled
             try:
-                found = solve(self.robot, load=load)
+                found = solve(self.robot, load=self.load)
             except BowstringError as error:
                 self._said.content = f"**{error}** The last pose stays."
                 return
@@ -430,8 +486,8 @@ class LiveRobot:
                 self._said.content = f"**{found.message}** The last pose stays."
                 return
             self.solution = found
-            self._body.bend(line, found.disk_positions, found.disk_rotations)
-            self._show_arcs([s.value for s in self._tensions], line[-1])
+            self._body.bend(line, found.disk_positions, found.disk_rotations, _slack(found))
+            self._show_arcs(line[-1])
 
     def _arc_tube(self, line: Floats) -> NDArray[np.float32]:
         ahead = np.gradient(line, axis=0)
@@ -444,9 +500,9 @@ class LiveRobot:
         found = tube(line, side, np.full(len(line), self._ghost_radius))
         return np.asarray(found + self._place, dtype=np.float32)
 
-    def _show_arcs(self, tensions: list[float], tip: Floats) -> None:
+    def _show_arcs(self, tip: Floats) -> None:
         try:
-            arcs = RobotArcs.from_tensions(self.robot, tensions)
+            arcs = self._arcs()
         except BowstringError as error:
             self._ghost.visible = False
             self.tip_error = math.nan
@@ -477,10 +533,13 @@ def _show_solution(server: Any, found: Solution, path: str, place: Floats) -> No
     line = found.centerline(_POINTS)
     assert line is not None and found.disk_positions is not None
     assert found.disk_rotations is not None
-    slack = [] if found.slack is None else [int(i) for i in found.slack]
     _Body(server, found.robot, path, place).bend(
-        line, found.disk_positions, found.disk_rotations, slack
+        line, found.disk_positions, found.disk_rotations, _slack(found)
     )
+
+
+def _slack(found: Solution) -> list[int]:
+    return [] if found.slack is None else [int(i) for i in found.slack]
 
 
 class _Player:
