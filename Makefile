@@ -8,7 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates/bowstring-core crates/bowstring-py -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: study checks test test-slow test-all test-versions docs bench build campaign campaign-files clean lock suite \
+.PHONY: study checks core-tests test test-slow test-all test-versions docs bench build campaign campaign-files clean lock suite \
 	paper-figures playground test-playground wheel sdist check-wheel check-sdist check-version
 
 study: build ## the main job: the study of the built-in robot, or of ROBOT=my_robot.yaml
@@ -50,6 +50,9 @@ checks: build $(VENV)/.installed-test
 
 # the same packages everywhere: others would turn on other features of their dependencies, and compile anew
 CARGO_TEST := cargo test -p bowstring-core -p bowstring-c -p bowstring-wasm --locked
+
+core-tests: ## compiles the tests of the core
+	$(CARGO_TEST) --no-run --quiet
 
 test: checks ## lints, types, and the tests that are quick
 	$(CARGO_TEST)

@@ -28,6 +28,7 @@ from bowstring.cli import (
     data,
     doctor,
     dynamics,
+    export,
     fe,
     fit,
     inverse,
@@ -95,6 +96,7 @@ for _command in (
     fit.fit,
     cad.cad,
     fe.fe,
+    export.export,
     view.view,
     doctor.doctor,
 ):

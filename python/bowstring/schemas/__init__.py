@@ -32,6 +32,7 @@ COMMANDS: Final[dict[str, Any]] = {
     "ik": inverse.Ik,
     "ik --path": inverse.IkPath,
     "ik --residual": inverse.IkResidual,
+    "export": program.Export,
     "compile": compiled.Compiled,
     "control": inverse.Control,
     "reach": inverse.ReachFound,

@@ -1,10 +1,10 @@
-"""JSON of the commands robots, doctor, data list and data get."""
+"""JSON of the commands robots, export, doctor, data list and data get."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from bowstring.schemas.basic import Object, about
+from bowstring.schemas.basic import Object, OfRobot, about
 
 
 class BuiltInRobot(Object):
@@ -22,6 +22,22 @@ class Robots(Object):
     """Output of `bowstring robots`."""
 
     robots: Annotated[list[BuiltInRobot], about("Built-in robots.")]
+
+
+class Export(OfRobot):
+    """Output of `bowstring export`."""
+
+    file: Annotated[str, about("The model.")]
+    format: Annotated[Literal["MJCF", "URDF"], about("Its format.")]
+    joints: Annotated[int, about("Number of joints, of three hinges each.")]
+    tensions_N: Annotated[list[float], about("Tensions at which the tip error is stated.")]
+    tip_error_m: Annotated[
+        float,
+        about(
+            "Distance of the tip of the links from that of the rod: in equilibrium (MJCF), or with "
+            "the rod's rotations of the disks (URDF)."
+        ),
+    ]
 
 
 class OptionalPart(Object):
