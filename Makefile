@@ -2,7 +2,7 @@
 PYTHON ?= python3
 ROBOT ?= amouri2019
 RESOLUTION ?= lowest-direct
-# of the extras, view is in no lock: viser holds rich below 15
+# of the extras, view and rerun are in no lock: viser holds rich below 15, rerun-sdk takes 170 MB
 SMALL_EXTRAS := --extra excel --extra download --extra uncertainty --extra cluster --extra jax --extra gymnasium
 VENV := .venv
 BIN := $(VENV)/bin

@@ -201,7 +201,8 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
 
 
 def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    for extra in ("build123d", "openpyxl", "SALib", "distributed", "jax", "gymnasium", "viser"):
+    extras = "build123d openpyxl SALib distributed jax gymnasium viser rerun"
+    for extra in extras.split():
         monkeypatch.setitem(sys.modules, extra, None)
     monkeypatch.setenv("PATH", "")
     parts = {part["name"]: part for part in shell.json("doctor")["optional"]}
@@ -215,6 +216,7 @@ def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPa
         "jax": "'bowstring[jax]'",
         "gymnasium": "'bowstring[gymnasium]'",
         "viser": "'bowstring[view]'",
+        "rerun": "'bowstring[rerun]'",
         "CalculiX": "https://www.calculix.de",
         "ffmpeg": "https://ffmpeg.org",
     }

@@ -142,7 +142,8 @@ def test_files(shell: Shell, tmp_path: Path, robot: bs.Robot) -> None:
     assert "amouri2019, cosserat: converged, 0.1 s in" in text
     found = shell.json(*arguments)  # replaces them
     files = {"run": out, "vtk": vtk / "run.pvd", "animation": gif, "glb": glb}
-    assert found["files"] == {name: str(file) for name, file in files.items()}
+    expected = {name: str(file) for name, file in files.items()}
+    assert found["files"] == {**expected, "rerun": None}
     data = read_run(out)
     assert data.attrs["status"] == "converged" and data.attrs["robot_hash"] == robot.hash
     tip = data["disk_position"].isel(disk=-1)

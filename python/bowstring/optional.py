@@ -21,6 +21,7 @@ EXTRAS: Final = {
     "jax": ("jax", "equilibria in JAX", "bowstring.jax"),
     "gymnasium": ("gymnasium", "environments", "bowstring.gymnasium"),
     "view": ("viser", "live views", "bowstring view"),
+    "rerun": ("rerun", "recordings", "simulate --rerun"),
 }
 
 
@@ -29,7 +30,8 @@ def load_extra(extra: str, module: str = "") -> ModuleType:
 
     Parameters
     ----------
-    extra : {"cad", "excel", "download", "uncertainty", "cluster", "jax", "gymnasium", "view"}
+    extra : str
+        Name of an extra in `EXTRAS`.
     module : str
         Another module of the extra, instead of that in `EXTRAS`.
 

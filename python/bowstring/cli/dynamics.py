@@ -170,6 +170,10 @@ def simulate(
             values=completion.formats(".glb"),
         ),
     ] = None,
+    rerun: Annotated[
+        Path | None,
+        option("FILE", "Recording for Rerun, .rrd.", values=completion.formats(".rrd")),
+    ] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -224,7 +228,7 @@ def simulate(
     )
     modal = ratio("--modal-damping", modal_damping)
     error = None if tolerance is None else positive("--tolerance", tolerance, "m")
-    targets = _Targets(model, out, vtk, animation, glb, duration)
+    targets = _Targets(model, out, vtk, animation, glb, rerun, duration)
 
     from bowstring._core import RodModel
     from bowstring.dynamics import simulation
@@ -232,9 +236,11 @@ def simulate(
 
     integrator = Integrator(fixed, error, spectral_radius, mass, material, modal)
     points = simulation.DEFAULT_POINTS
-    if not (targets.out or vtk or animation or glb):  # no output needs fields of the backbone
+    if not (
+        targets.out or vtk or animation or glb or rerun
+    ):  # no output needs fields of the backbone
         points = 2 if targets.table else 0
-    share = 0.1 if vtk or animation or glb else 1.0  # of the progress
+    share = 0.1 if vtk or animation or glb or rerun else 1.0  # of the progress
     run: Run | None = None
     files: dict[str, Path | None] | None = None
     try:
@@ -425,14 +431,18 @@ class _Targets:
         vtk: Path | None,
         animation: Path | None,
         glb: Path | None,
+        rerun: Path | None,
         duration: float,
     ) -> None:
         self.vtk, self.animation, self.glb = vtk, animation, glb
+        self.rerun = rerun
         #: Of --out: the run as it goes on, or its table, which is written at its end.
         self.out: Path | None = None
         self.table: Path | None = None
         #: Files that exist so far.
-        self.files: dict[str, Path | None] = dict.fromkeys(("run", "vtk", "animation", "glb"))
+        self.files: dict[str, Path | None] = dict.fromkeys(
+            ("run", "vtk", "animation", "glb", "rerun")
+        )
         if out is not None and out.suffix.lower() == ".csv":
             from bowstring.dynamics.run_table import check_table
 
@@ -461,10 +471,17 @@ class _Targets:
 
             check_solid(robot)
             self.glb = of_flag("--glb", check_glb, glb)
+        if rerun is not None:
+            from bowstring.optional import load_extra
+            from bowstring.viz.rerun_file import check_rerun
+
+            self.rerun = of_flag("--rerun", check_rerun, rerun)
+            load_extra("rerun")
         for flag, file in (
             ("--out", self.out or self.table),
             ("--animation", self.animation),
             ("--glb", self.glb),
+            ("--rerun", self.rerun),
         ):
             if self.vtk is None or file is None:
                 continue
@@ -487,7 +504,7 @@ class _Targets:
         files["run"] = run.path
         if run.status == "interrupted" or len(run.time) == 0:
             return files
-        if not (self.vtk or self.animation or self.table or self.glb):
+        if not (self.vtk or self.animation or self.table or self.glb or self.rerun):
             return files
         share = 0.5 if self.vtk and self.animation else 1.0  # of the progress, each
         data = run.to_dataset()
@@ -499,6 +516,10 @@ class _Targets:
             from bowstring.viz.gltf import write_glb
 
             files["glb"] = write_glb(run.robot, data, self.glb)
+        if self.rerun is not None:
+            from bowstring.viz.rerun_file import write_rerun
+
+            files["rerun"] = write_rerun(run.robot, data, self.rerun)
         if self.vtk is not None:
             from bowstring.viz.vtk import write_vtk
 
@@ -523,6 +544,7 @@ class _Targets:
             ("the VTK series", self.vtk, self.files["vtk"]),
             ("the animation", self.animation, self.files["animation"]),
             ("the glTF file", self.glb, self.files["glb"]),
+            ("the Rerun recording", self.rerun, self.files["rerun"]),
         ]
         kept = [name for name, flag, file in wanted if flag and file]
         missing = [name for name, flag, file in wanted if flag and not file]
@@ -555,6 +577,7 @@ def _run_json(run: Run, every: float, files: Mapping[str, Path | None]) -> schem
             "vtk": _path(files["vtk"]),
             "animation": _path(files["animation"]),
             "glb": _path(files["glb"]),
+            "rerun": _path(files["rerun"]),
         },
         **provenance_of(run.robot, **run.settings),
         "warnings": [*run.robot.warnings, *run.warnings],
@@ -584,7 +607,13 @@ def _run_tables(run: Run, files: dict[str, Path | None]) -> Iterator[Table | str
             name, f"{run.time[i]:.6g}", *(fixed(1e3 * value, 3) for value in run.tip_position[i])
         )
     yield table
-    labels = {"run": "Run", "vtk": "VTK series", "animation": "Animation", "glb": "glTF file"}
+    labels = {
+        "run": "Run",
+        "vtk": "VTK series",
+        "animation": "Animation",
+        "glb": "glTF file",
+        "rerun": "Rerun recording",
+    }
     lines = [f"{labels[name]}: {file}" for name, file in files.items() if file is not None]
     if lines:
         yield "\n".join(lines)

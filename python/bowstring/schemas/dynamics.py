@@ -54,6 +54,13 @@ class RunFiles(Object):
             "interrupt."
         ),
     ]
+    rerun: Annotated[
+        str | None,
+        about(
+            "Recording for Rerun; `null` without `--rerun`, without an initial equilibrium and "
+            "after an interrupt."
+        ),
+    ]
 
 
 class Simulate(OfRobot):
