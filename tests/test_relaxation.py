@@ -261,3 +261,42 @@ def test_a_fit_names_missing_times(time, says):
     name = "segments.0.backbone.relaxation"
     with pytest.raises(InputError, match=says):
         fit(robot, data, ["segments.0.backbone.E", name], start={name: 0.1})
+
+
+def test_the_error_budget_has_rows_of_relaxation_and_creep():
+    from bowstring.study.actuation_budget import actuation_budget
+    from bowstring.study.comparison import Model
+
+    tension = np.linspace(0.0, 60.0, 5)
+    plain = bs.load_robot("amouri2019")
+    lasting = plain.with_(
+        {
+            "segments.0.backbone.relaxation": 0.2,
+            "segments.0.backbone.relaxation_time": "30 s",
+            "segments.0.tendons.creep_compliance": "0.01 mm/N",
+            "segments.0.tendons.creep_time": "100 s",
+        }
+    )
+
+    def budget(robot):
+        model = Model(robot, 0, "cosserat")
+        return actuation_budget(model, tension, model.case(model.main, tension))
+
+    found, elastic = budget(lasting), budget(plain)
+    rows = {row.effect: row for row in found.rows}
+    assert list(rows) == [*(row.effect for row in elastic.rows), "relaxation", "creep"]
+    for row in elastic.rows:
+        assert rows[row.effect].moved == pytest.approx(row.moved, rel=1e-9)
+    # once at rest the backbone bends as one of 0.8 of the stiffness does at once
+    soft = plain.with_({"segments.0.backbone.E": 0.8 * plain.segments[0].backbone.young})
+    at_rest = bs.sweep(soft, np.outer(tension, [1.0, 0.0, 0.0])).tip_position
+    tip = rows["relaxation"].case.tip_position
+    assert abs(tip - at_rest).max() < 0.01 * rows["relaxation"].moved
+    assert rows["relaxation"].moved > 5e-3
+    # once at rest the tendons give as those of that compliance do at once
+    crept = rows["creep"].case.tip_position
+    with_compliance = budget(plain.with_({"segments.0.tendons.compliance": "0.01 mm/N"}))
+    elastic_tip = with_compliance.row("tendon_elasticity").case.tip_position
+    np.testing.assert_allclose(crept, elastic_tip, atol=1e-6)
+    assert rows["creep"].moved > 1e-4
+    assert sum("held until the robot rests" in text for text in found.text) == 2

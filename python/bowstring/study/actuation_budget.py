@@ -7,6 +7,9 @@ Two kinds of control of the actuated tendon, each compared with itself without t
   inextensible tendons, with elastic ones, and with elastic ones and friction, loading and
   unloading.
 
+A memory that the robot file gives adds rows: hysteresis and backlash in loading and unloading,
+relaxation and creep for loads that are held until the robot rests.
+
 With friction the pose depends on the path, so both are solved step by step. Calibrated friction
 takes precedence over that of the robot file. If the file gives no friction or no elasticity, a
 stated value is assumed to show its effect; it is marked as assumed in all output. The assumed
@@ -28,7 +31,12 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, significant
-from bowstring.robot.model import Robot, with_friction_alone, with_tendons
+from bowstring.robot.model import (
+    Robot,
+    with_friction_alone,
+    with_tendons,
+    without_viscoelasticity,
+)
 from bowstring.robot.parts import TENDON_MATERIALS, TendonRing
 from bowstring.statics import rod
 from bowstring.statics.load import Load
@@ -41,6 +49,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ASSUMED_FRICTION",
     "COMMANDED",
+    "MEMORIES",
     "ActuationBudget",
     "ActuationRow",
     "Loop",
@@ -60,6 +69,10 @@ _THINNEST, _THICKEST = 2e-5, 5e-3  # m; range of realistic tendon diameters
 _MATERIAL: Final = "steel"  # default of the robot file
 _SURPLUS: Final = 0.01  # slack of the other tendons over length
 _STEPS: Final = 40  # least number of steps for loading, and for unloading
+
+_HELD: Final = 1e6  # time of each load over that of the memory: at rest, within a millionth
+#: Effects that a robot file may add to those of friction and elastic tendons.
+MEMORIES: Final = ("hysteresis", "backlash", "relaxation", "creep")
 
 COMMANDED: Final = "cc_from_commanded_lengths"
 """Comparison: constant curvature from the commanded lengths, l0 - displacement."""
@@ -321,10 +334,17 @@ def actuation_budget(
     commanded = _Commanded(model, there)
     displacements = np.concatenate((commanded.displacements, commanded.displacements[-2::-1]))
 
-    def solved(robot: Robot, load: Load) -> tuple[_Branch, _Branch]:
-        """Solve loading and unloading, both in the order of increasing commands."""
+    def solved(robot: Robot, load: Load, *, held: bool = False) -> tuple[_Branch, _Branch]:
+        """Solve loading and unloading, both in the order of increasing commands.
+
+        With `held` each load is held until the robot rests.
+        """
         load = load.replace(gravity=model.main.gravity)
-        path = rod.sweep(robot, load=load, model=model.main.model, disks=False)
+        times = None
+        if held:
+            slowest = max(robot.relaxation[:, 1].max(), robot.tendons.creep[:, 1].max())
+            times = _HELD * slowest * np.arange(2.0 * len(there) - 1.0)
+        path = rod.sweep(robot, load=load, model=model.main.model, disks=False, times=times)
         up = np.arange(len(there))
         return _Branch(path, up, every), _Branch(path, len(path.status) - 1 - up, every)
 
@@ -363,7 +383,7 @@ def actuation_budget(
     elasticity_assumed = ("elasticity",) * (elasticity_origin == "assumed")
 
     def row(effect: str, label: str, assumed: tuple[str, ...], branch: _Branch) -> ActuationRow:
-        on_tension = effect.startswith(("friction", "hysteresis"))
+        on_tension = effect.startswith(("friction", "hysteresis", "relaxation"))
         by: Control = "tension" if on_tension else "displacement"
         beside = sweep if by == "tension" else base
         return ActuationRow(effect, label, by, assumed, case(branch, by), beside)
@@ -393,7 +413,7 @@ def actuation_budget(
     )
     sets: tuple[ActuationRow, ...] = ()
     if model.given_robot.has_hysteresis:
-        set_only = with_tendons(model.given_robot, {"friction": 0.0})
+        set_only = with_tendons(without_viscoelasticity(model.given_robot), {"friction": 0.0})
         share = float(set_only.hysteresis[:, 0].max())
         label = f"hysteresis of the backbone ({in_percent(share)})"
         branches = solved(set_only, Load(model.tensions(and_back)))
@@ -403,6 +423,23 @@ def actuation_budget(
         half = {"backlash": float(given.backlash_m[t])}
         label = f"displacement control, backlash ({in_mm(half['backlash'])} each way)"
         drives = both_ways("backlash", label, by_displacement(with_tendons(rigid, half)))
+    held: tuple[ActuationRow, ...] = ()
+    timeless = {"friction": 0.0, "backlash": 0.0}
+    if (share := float(model.given_robot.relaxation[:, 0].max())) > 0.0:
+        soft = with_tendons(model.given_robot, {**timeless, "creep_compliance": 0.0})
+        soft = soft.with_({"segments.*.backbone.hysteresis": 0.0})
+        label = f"relaxation of the backbone ({in_percent(share)}), load held"
+        rested, _ = solved(soft, Load(model.tensions(and_back)), held=True)
+        held += (row("relaxation", label, (), rested),)
+    if (creep := float(given.creep[t, 0])) > 0.0:
+        alone = {**timeless, "axial_stiffness": None, "compliance": 0.0}
+        flows = model.given_robot.with_(
+            {"segments.*.backbone.hysteresis": 0.0, "segments.*.backbone.relaxation": 0.0}
+        )
+        load = Load(displacements=displacements)
+        crept, _ = solved(with_tendons(flows, alone), load, held=True)
+        label = f"displacement control, creep of the tendons ({1e3 * creep:.4g} mm/N), load held"
+        held += (row("creep", label, (), crept),)
     law = model.constant_curvature("cc_from_force", there, commanded.lengths)
     tips = stiff.path_tip, loaded.path_tip, released.path_tip, commanded.tip
     loops = (
@@ -420,13 +457,14 @@ def actuation_budget(
         displacement=commanded.displacements[::every, t],
         tension_controlled=sweep,
         displacement_controlled=base,
-        rows=rows + sets + drives,
+        rows=rows + sets + drives + held,
         loops=loops,
         notes=_notes(model, friction_origin, elasticity_origin, elasticity_by, stiffness)
         + _path_notes(model, len(there) - 1, taut),
         text=_in_words(rows, loops, friction_origin, elasticity_origin)
         + _of_memory(sets)
-        + _of_memory(drives),
+        + _of_memory(drives)
+        + _when_held(held),
     )
 
 
@@ -630,6 +668,23 @@ def _of_memory(rows: tuple[ActuationRow, ...]) -> tuple[str, ...]:
         f"{in_mm(up.mean_error(up.base))} to {in_mm(up.mean_error(up.case))} (loading) and "
         f"{in_mm(down.mean_error(down.case))} (unloading).",
     )
+
+
+def _when_held(rows: tuple[ActuationRow, ...]) -> tuple[str, ...]:
+    """Sentences on relaxation and creep."""
+    out = []
+    for row in rows:
+        if not math.isfinite(row.moved):
+            continue
+        what = row.label.removesuffix(", load held").removeprefix("displacement control, ")
+        law = "from force" if row.control == "tension" else "from the commanded lengths"
+        out.append(
+            f"{row.control.capitalize()} control: {what} moves the tip by {in_mm(row.moved)} on "
+            f"average once each load is held until the robot rests. The mean error of constant "
+            f"curvature {law} then changes from {in_mm(row.mean_error(row.base))} to "
+            f"{in_mm(row.mean_error(row.case))}."
+        )
+    return tuple(out)
 
 
 def _notes(

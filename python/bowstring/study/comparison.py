@@ -21,7 +21,7 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError
-from bowstring.robot.model import Robot, without_memory, without_viscoelasticity
+from bowstring.robot.model import Robot, without_memory
 from bowstring.robot.parts import Backbone
 from bowstring.statics import rod
 from bowstring.statics.load import Load
@@ -249,10 +249,10 @@ class Model:
     def __init__(
         self, robot: Robot, tendon: int, theory: Theory, shares: Sequence[float] | None = None
     ) -> None:
-        self.given_robot = without_viscoelasticity(robot)
-        """Robot of the file, with friction and hysteresis, without relaxation and creep."""
+        self.given_robot = robot
+        """Robot of the file, with its friction and other memories."""
         self.robot = without_memory(robot)
-        """Robot without friction and hysteresis, for main sweep, dynamics and verdict."""
+        """Robot without them, for main sweep, dynamics and verdict."""
         self.tendon = tendon
         """Index of the actuated tendon, from 0; of several, the one with the whole tension."""
         self.shares = np.zeros(len(robot.tendons.segment))

@@ -1128,7 +1128,11 @@ def _notes(
             "error budget under 'Actuation'."
         )
     if robot.is_viscoelastic:
-        out.append("Relaxation and creep are left out: the loads of a study have no times.")
+        out.append(
+            "Relaxation and creep are left out of all but the error budget, since the loads have "
+            "no times. What they do once a load is held until the robot rests is there under "
+            "'Actuation'."
+        )
     for name, comparison in comparisons.items():
         missing = int(statics.converged.sum()) - comparison.n
         if missing and not comparison.n:
