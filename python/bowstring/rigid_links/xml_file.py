@@ -34,7 +34,7 @@ def joint_names(chain: LinkChain) -> list[list[str]]:
 
 def row(values: Iterable[float]) -> str:
     """Numbers as an attribute."""
-    return " ".join(f"{float(v):.12g}" for v in values)
+    return " ".join(f"{float(v) + 0.0:.12g}" for v in values)  # + 0.0: no -0
 
 
 def backbone_radius(chain: LinkChain) -> float:
