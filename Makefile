@@ -126,11 +126,10 @@ $(BINDGEN): web/bindgen/Cargo.lock web/bindgen/src/main.rs | web/.tools
 	CARGO_TARGET_DIR=target/bindgen cargo build --release --locked --quiet --manifest-path web/bindgen/Cargo.toml
 	@touch $@
 
-web/generated/core.bin: $(WASM_SOURCES) $(BINDGEN) web/pack.mjs | web/.tools
+web/generated/core.bin: $(WASM_SOURCES) $(BINDGEN) | web/.tools
 	@echo "== compiling the core to WebAssembly (about four minutes the first time)"
 	cargo build --release --locked --quiet -p bowstring-wasm --target wasm32-unknown-unknown
 	$(BINDGEN) $(WASM) web/generated
-	node web/pack.mjs web/generated/bowstring_wasm_bg.wasm $@
 
 web/dist/index.html: web/generated/core.bin web/node_modules/.installed $(WEB_SOURCES)
 	npm --prefix web run --silent build

@@ -1,5 +1,6 @@
 /** The core in WebAssembly. */
 
+import { decompress } from "fzstd";
 import init, { CurvatureLaw, Playground } from "../generated/bowstring_wasm.js";
 import packed from "../generated/core.bin?url";
 import type { Model } from "./model";
@@ -9,9 +10,9 @@ export { CurvatureLaw, Playground };
 /** Loads the core; it comes compressed, whatever the server does. */
 export async function loadCore(): Promise<void> {
   const response = await fetch(packed);
-  if (!response.ok || response.body === null) throw new Error(`its file was not found (${response.status})`);
-  const body = response.body.pipeThrough(new DecompressionStream("gzip"));
-  await init({ module_or_path: new Response(body, { headers: { "Content-Type": "application/wasm" } }) });
+  if (!response.ok) throw new Error(`its file was not found (${response.status})`);
+  const module = decompress(new Uint8Array(await response.arrayBuffer()));
+  await init({ module_or_path: module as Uint8Array<ArrayBuffer> });
 }
 
 /** A robot in its home pose; the caller frees it. */
