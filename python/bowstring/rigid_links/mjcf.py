@@ -69,6 +69,7 @@ def write_mjcf(
     Parameters
     ----------
     chain : LinkChain
+        The links to write.
     path : str or Path
         Ends in ``.xml``; an older model is replaced.
     load : Load, optional

@@ -57,6 +57,7 @@ def write_urdf(chain: LinkChain, path: str | Path) -> Path:
     Parameters
     ----------
     chain : LinkChain
+        The links to write.
     path : str or Path
         Ends in ``.urdf``; an older model is replaced.
 

@@ -23,6 +23,7 @@ def joint_names(chain: LinkChain) -> list[list[str]]:
     Parameters
     ----------
     chain : LinkChain
+        The links.
 
     Returns
     -------
