@@ -313,8 +313,10 @@ class Page {
       return;
     }
     this.ghost = new Float64Array();
-    let [last, time] = [performance.now(), 0];
+    let last: number | null = null; // the first frame may have begun before the click
+    let time = 0;
     const frame = (now: number) => {
+      last ??= now;
       // a slow frame makes the motion slower, not the step longer
       const passed = Math.min((now - last) / 1e3, 1 / 30);
       last = now;

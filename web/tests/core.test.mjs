@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
-import { gunzipSync } from "node:zlib";
+import { decompress } from "fzstd";
 import { createServer } from "vite";
 import init, { Playground } from "../generated/bowstring_wasm.js";
 
@@ -14,7 +14,7 @@ const cases = JSON.parse(readFileSync(at("../../target/random-robots.json"), "ut
 let server, files;
 
 before(async () => {
-  await init({ module_or_path: gunzipSync(readFileSync(at("../generated/core.bin"))) });
+  await init({ module_or_path: decompress(readFileSync(at("../generated/core.bin"))) });
   server = await createServer({ root: at(".."), server: { middlewareMode: true, ws: false }, appType: "custom", logLevel: "error" });
   files = await server.ssrLoadModule("/src/robot-file.ts");
 });
@@ -116,6 +116,9 @@ test("bad numbers at the core are errors", () => {
   assert.throws(() => on.solve(false, new Float64Array(count).fill(-1), zeros, false), /tension/);
   assert.throws(() => on.solve(false, new Float64Array(count), new Float64Array(8), false), /8 numbers of loads/);
   assert.throws(() => on.advance(0.1), /release the robot first/);
+  on.release(new Float64Array(count), zeros, 0, 3);
+  for (const bad of [-0.02, NaN, Infinity]) assert.throws(() => on.advance(bad), /zero or more seconds/);
+  assert.equal(on.advance(0), "");
   assert.throws(() => new Playground("{}"), /no compiled robot/);
   on.free();
 });

@@ -87,6 +87,11 @@ impl Bench {
         let Some(motion) = &mut self.motion else {
             return Err("nothing moves: release the robot first".into());
         };
+        if !(duration >= 0.0 && duration.is_finite()) {
+            return Err(format!(
+                "a duration is zero or more seconds, not {duration}"
+            ));
+        }
         let end = motion.simulator.time() + duration;
         // the load is linear in time only before and after the end of the rise
         let bend = motion.rise.clamp(motion.simulator.time(), end);
