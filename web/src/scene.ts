@@ -108,6 +108,9 @@ export class RobotScene {
   private readonly orbit: OrbitControls;
   private readonly resize: ResizeObserver;
   private parts: Parts | null = null;
+  /** Its end is the end of linking the programs, which takes seconds without a GPU; nothing is drawn before. */
+  private linking: Promise<void> | null = null;
+  private linked = false;
 
   /** @throws Error where the browser has no WebGL. */
   constructor(private readonly into: HTMLElement) {
@@ -165,6 +168,7 @@ export class RobotScene {
     if (this.parts !== null) this.scene.remove(this.parts.group);
     this.parts = new Parts(geometry);
     this.scene.add(this.parts.group);
+    this.linking ??= this.link();
     const { length } = geometry;
     if (keepView) return;
     this.camera.near = length / 100;
@@ -175,19 +179,31 @@ export class RobotScene {
     this.orbit.update();
   }
 
+  private async link(): Promise<void> {
+    if (this.renderer.extensions.has("KHR_parallel_shader_compile")) {
+      await this.renderer.compileAsync(this.scene, this.camera);
+    } else {
+      // the first drawing waits for the driver, so let the browser show the numbers before it
+      await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
+    }
+    this.linked = true;
+    this.render();
+  }
+
   draw(drawing: Drawing): void {
     this.parts?.bend(drawing);
     this.render();
   }
 
   render(): void {
-    this.renderer.render(this.scene, this.camera);
+    if (this.linked) this.renderer.render(this.scene, this.camera);
   }
 
   /** The picture as PNG. */
-  picture(): Promise<Blob | null> {
+  async picture(): Promise<Blob | null> {
+    await this.linking;
     this.render(); // the buffer is empty after a frame
-    return new Promise((done) => this.renderer.domElement.toBlob(done, "image/png"));
+    return await new Promise((done) => this.renderer.domElement.toBlob(done, "image/png"));
   }
 }
 
