@@ -313,7 +313,7 @@ class Page {
       return;
     }
     this.ghost = new Float64Array();
-    let last: number | null = null; // the first frame may have begun before the click
+    let last: number | null = null; // time of the first frame, which may be before the click
     let time = 0;
     const frame = (now: number) => {
       last ??= now;

@@ -108,7 +108,7 @@ export class RobotScene {
   private readonly orbit: OrbitControls;
   private readonly resize: ResizeObserver;
   private parts: Parts | null = null;
-  /** Its end is the end of linking the programs, which takes seconds without a GPU; nothing is drawn before. */
+  /** Resolved when the shader programs are linked, which can take seconds without a GPU; nothing is drawn before. */
   private linking: Promise<void> | null = null;
   private linked = false;
 
@@ -183,7 +183,7 @@ export class RobotScene {
     if (this.renderer.extensions.has("KHR_parallel_shader_compile")) {
       await this.renderer.compileAsync(this.scene, this.camera);
     } else {
-      // the first drawing waits for the driver, so let the browser show the numbers before it
+      // the first drawing blocks until the programs are linked; let the browser show the numbers before it
       await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
     }
     this.linked = true;
@@ -203,7 +203,7 @@ export class RobotScene {
   async picture(): Promise<Blob | null> {
     await this.linking;
     this.render(); // the buffer is empty after a frame
-    return await new Promise((done) => this.renderer.domElement.toBlob(done, "image/png"));
+    return new Promise((done) => this.renderer.domElement.toBlob(done, "image/png"));
   }
 }
 

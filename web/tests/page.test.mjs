@@ -249,7 +249,7 @@ test("a load without equilibrium keeps the last pose", { skip }, async () => {
 
 test("motion on release ends, and a slider ends it", { skip }, async () => {
   const { page, check } = await open("#robot=amouri2019&tensions=60_0_0", {}, (page) => page.addInitScript(() => {
-    // a frame of a busy machine began long before the click that it shows
+    // on a busy machine the time of a frame can be long before the click
     const ask = globalThis.requestAnimationFrame.bind(globalThis);
     globalThis.requestAnimationFrame = (call) => ask((now) => call(now - 300));
   }));

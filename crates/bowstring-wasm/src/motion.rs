@@ -89,7 +89,7 @@ impl Bench {
         };
         if !(duration >= 0.0 && duration.is_finite()) {
             return Err(format!(
-                "a duration is zero or more seconds, not {duration}"
+                "the duration is {duration} s; it must be zero or more seconds"
             ));
         }
         let end = motion.simulator.time() + duration;
