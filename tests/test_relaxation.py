@@ -28,10 +28,10 @@ VISCOELASTIC = bs.load_robot("amouri2019", RELAXES)
 CREEPING = bs.load_robot("amouri2019", CREEPS)
 
 
-def bends(moments, times, axis=(1.0, 0.0, 0.0)):
+def bends(moments, times, axis=(1.0, 0.0, 0.0), robot=VISCOELASTIC):
     """Bends (n,) about `axis` in rad under tip moments (N m) at these times (s)."""
     load = bs.Load(np.zeros((len(times), 3)), tip_moment=np.outer(moments, axis))
-    found = bs.sweep(VISCOELASTIC, load=load, times=times)
+    found = bs.sweep(robot, load=load, times=times)
     assert found.converged.all()
     tangent = found.tip_rotation[:, :, 2]
     across = np.cross(axis, [0.0, 0.0, 1.0])
@@ -81,6 +81,94 @@ def test_a_turned_load_turns_the_answer():
     turned = bends(moments, times, (math.cos(0.7), math.sin(0.7), 0.0))
     assert turned == pytest.approx(bends(moments, times), abs=1e-11)
     assert abs(turned[-1]) > 0.01  # it remembers
+
+
+SECOND, SECOND_TIME = 0.2, 150.0
+TWICE = VISCOELASTIC.with_(
+    {
+        "segments.*.backbone.second_relaxation": SECOND,
+        "segments.*.backbone.second_relaxation_time": f"{SECOND_TIME} s",
+    }
+)
+
+
+def test_under_a_constant_moment_two_time_constants_creep_by_the_closed_form():
+    """EI (k - s1 v1 - s2 v2) = M with tau v' = k - v, by the matrix exponential."""
+    from scipy.linalg import expm
+
+    moment = 0.8 * ELASTIC.bending_stiffness[0] / ELASTIC.length
+    shares, rates = np.array([SHARE, SECOND]), 1.0 / np.array([TIME, SECOND_TIME])
+    matrix = rates[:, None] * (shares[None, :] - np.eye(2))
+
+    def worst(steps):
+        times = np.linspace(0.0, 2 * SECOND_TIME, steps + 1)
+        found = bends(np.full(steps + 1, moment), times, robot=TWICE)
+        # v' = matrix v + rates k0, with the curvature at once k0 = 1
+        rest = -np.linalg.solve(matrix, rates)
+        lags = np.stack([rest - expm(t * matrix) @ rest for t in times])
+        return np.abs(found / found[0] - (1.0 + lags @ shares)).max()
+
+    assert worst(120) < 1e-3
+    assert worst(60) / worst(120) == pytest.approx(4, rel=0.25)  # second order
+
+
+def test_two_time_constants_rest_at_the_stiffness_that_neither_relaxes():
+    moment = 0.5 * ELASTIC.bending_stiffness[0] / ELASTIC.length
+    found = bends([moment] * 2, [0.0, 1e9], robot=TWICE)
+    assert found[1] == pytest.approx(found[0] / (1.0 - SHARE - SECOND), rel=1e-4)
+    with pytest.raises(InputError, match=r"together 0\.7 of the bending stiffness"):
+        TWICE.with_({"segments.*.backbone.second_relaxation": 0.4})
+
+
+def test_two_time_constants_of_creep_add_up():
+    second = {
+        "segments.*.tendons.second_creep_compliance": 2e-5,
+        "segments.*.tendons.second_creep_time": "200 s",
+    }
+    times = np.array([0.0, 3.0, 70.0, 500.0])
+    tensions = np.array([20.0, 3.0, 0.0])
+    found = bs.sweep(CREEPING.with_(second), np.tile(tensions, (4, 1)), times=times)
+    grown = found.displacements() - found.displacements()[0]
+    terms = CREEP * -np.expm1(-times / TIME) + 2e-5 * -np.expm1(-times / 200.0)
+    assert grown == pytest.approx(np.outer(terms, tensions), abs=1e-12)
+
+
+def test_a_history_of_one_time_constant_continues():
+    """Histories of earlier versions have one term."""
+    robot = VISCOELASTIC.with_(CREEPS)
+    rows = bs.Load(displacements=np.outer([0.01, 0.03, 0.02], [1.0, -0.5, -0.5]))
+    stored = bs.sweep(robot, load=rows, times=[1.0, 9.0, 14.0]).history()
+    old = {
+        **stored,
+        "lags_per_m": [row[:2] for row in stored["lags_per_m"]],
+        "creep_m": [row[0] for row in stored["creep_m"]],
+    }
+    now, then = (
+        bs.sweep(robot, np.zeros((1, 3)), times=[5.0], history=each) for each in (stored, old)
+    )
+    assert np.array_equal(now.tip_position, then.tip_position)
+    for name, rows in (("creep_m", [[[0.0]]]), ("lags_per_m", [[1.0, 2.0, 3.0]])):
+        with pytest.raises(InputError, match=f"damaged: {name} is not as"):
+            bs.sweep(robot, np.zeros((1, 3)), times=[5.0], history={**stored, name: rows})
+
+
+def test_fit_finds_two_time_constants():
+    names = ["relaxation", "relaxation_time", "second_relaxation", "second_relaxation_time"]
+    paths = [f"segments.0.backbone.{name}" for name in names]
+    values = [0.15, 8.0, 0.2, 120.0]
+    truth = ELASTIC.with_(dict(zip(paths, values, strict=True)))
+    size = np.repeat([10.0, 40.0, 5.0, 30.0, 0.0], 16)
+    tensions = np.concatenate([np.outer(size, row) for row in np.eye(3)])
+    times = np.cumsum(np.tile(np.geomspace(1.0, 30.0, 16), 15))
+    noise = np.random.default_rng(2).normal(0.0, 1e-4, (len(tensions), 3))
+    tips = bs.sweep(truth, tensions, times=times).tip_position + noise  # synthetic
+    data = Data(points=tips, tensions=tensions, time=times)
+    start = ELASTIC.with_(dict(zip(paths, [0.1, 5.0, 0.1, 200.0], strict=True)))
+    found = fit(start, data, [*paths, "segments.0.backbone.E"], loss="linear")
+    assert found.converged
+    for path, exact in zip(paths, values, strict=True):
+        assert abs(found.values[path] - exact) < 3.5 * found[path].standard_error
+        assert found[path].standard_error < 0.15 * exact
 
 
 def test_under_constant_tensions_the_displacements_creep_exactly():

@@ -672,7 +672,8 @@ def test_positions_forms(load):
             "three",
             'segments[0].tendons: got "three"; must be a set of fields: '
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
-            "creep_compliance, creep_time, friction, backlash, pretension, spool_radius, diameter, "
+            "creep_compliance, creep_time, second_creep_compliance, second_creep_time, friction, "
+            "wrap_angle, backlash, pretension, spool_radius, diameter, "
             "material, turns, end_pitch_radius.",
         ),
         (
@@ -680,7 +681,8 @@ def test_positions_forms(load):
             "pitch_radius: 12 mm, mu: 0.1",
             "segments[0].tendons.mu: unknown field; did you mean friction? Known here: "
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
-            "creep_compliance, creep_time, friction, backlash, pretension, spool_radius, diameter, "
+            "creep_compliance, creep_time, second_creep_compliance, second_creep_time, friction, "
+            "wrap_angle, backlash, pretension, spool_radius, diameter, "
             "material, turns, end_pitch_radius.",
         ),
         (
@@ -705,7 +707,7 @@ def test_positions_forms(load):
             "height, end_width, end_height, width_direction, E, G, nu, density, stiffness, "
             "mass_per_length, rotary_inertia, yield_strength, strain_limit, rest_bend, "
             "rest_direction, rest_twist, hysteresis, hysteresis_play, relaxation, "
-            "relaxation_time.",
+            "relaxation_time, second_relaxation, second_relaxation_time.",
         ),
     ],
 )

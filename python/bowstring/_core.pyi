@@ -102,7 +102,7 @@ class PathSolver:
         robot: Robot,
         model: RodModel,
         tendons: Any,
-        inelasticity: Sequence[Floats],
+        inelasticity: tuple[Floats, Floats, Floats],
         has_memory: bool,
     ) -> PathSolver: ...
     def reset(self) -> None: ...

@@ -73,11 +73,13 @@ const MOST_DISKS = 300;
 const COMPILE = "write it with \"bowstring compile ROBOT --out robot.json\" and drop that file here";
 
 /** Fields that describe what no compiled robot has either: states that depend on the past. */
-const MEMORY = new Set(["friction", "backlash", "hysteresis", "relaxation", "creep_compliance"]);
+const MEMORY = new Set(["friction", "backlash", "hysteresis", "relaxation", "second_relaxation",
+  "creep_compliance", "second_creep_compliance"]);
 /** Fields without an effect on the page. */
 const WITHOUT_EFFECT = new Set([
   "yield_strength", "strain_limit", "spool_radius", "diameter", "material", "hole_diameter",
-  "hysteresis_play", "relaxation_time", "creep_time",
+  "hysteresis_play", "relaxation_time", "second_relaxation_time", "creep_time", "second_creep_time",
+  "wrap_angle",
 ]);
 
 /** A mapping of the file, read field by field; what is left at the end is refused. */

@@ -620,13 +620,14 @@ impl DesignArrays<'_> {
             friction: v[3],
             pretension: v[4],
             backlash: v[5],
+            wrap: v[6],
         };
         numbers.chunks_exact(LINE).map(line).collect()
     }
 }
 
 /// Numbers of a [`Line`] of a design.
-const LINE: usize = 6;
+const LINE: usize = 7;
 
 /// Arrays of Python's `RobotTendons` for actuation, one entry for each tendon.
 #[derive(FromPyObject)]
@@ -642,6 +643,8 @@ pub struct Lines<'py> {
     pretension: Bound<'py, PyAny>,
     #[pyo3(attribute("backlash_m"))]
     backlash: Bound<'py, PyAny>,
+    #[pyo3(attribute("wrap_angle_rad"))]
+    wrap: Bound<'py, PyAny>,
 }
 
 impl Lines<'_> {
@@ -654,6 +657,7 @@ impl Lines<'_> {
         let coefficient = numbers(&self.friction, "friction", "1", count)?;
         let pretension = numbers(&self.pretension, "pretension", "N", count)?;
         let backlash = numbers(&self.backlash, "backlash", "m", count)?;
+        let wrap = numbers(&self.wrap, "wrap_angle", "rad", count)?;
         let of_memory = |value: f64| if has_memory { value } else { 0.0 };
         Ok((0..count)
             .map(|i| Line {
@@ -663,6 +667,7 @@ impl Lines<'_> {
                 friction: of_memory(coefficient[i]),
                 pretension: pretension[i],
                 backlash: of_memory(backlash[i]),
+                wrap: wrap[i],
             })
             .collect())
     }

@@ -12,12 +12,14 @@ use bowstring_core::statics::hysteresis::Hysteresis;
 use bowstring_core::statics::inelastic::Inelasticity;
 use bowstring_core::statics::path::{self, Command, Memory};
 use bowstring_core::statics::path_batch::{self, Designs, PathSolutions, Steps};
-use bowstring_core::statics::relaxation::{Creep, Relaxation};
+use bowstring_core::statics::relaxation::{Creep, Relaxation, TERMS};
 use bowstring_core::statics::solver::{Outcome, Status};
+use numpy::ndarray::ArrayView2;
 use numpy::{PyReadonlyArray, PyUntypedArrayMethods};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::array::from_fn;
 
 /// A robot that is actuated through its tendons, along a path.
 #[pyclass(module = "bowstring._core")]
@@ -36,15 +38,15 @@ impl PathSolver {
 #[pymethods]
 impl PathSolver {
     /// From the arrays of a robot's tendons, and its inelasticity: share and play (1/m) of the
-    /// hysteresis and share and time (s) of the relaxation of each segment, both (S, 2), compliance
-    /// (m/N) and time (s) of the creep of each tendon, (T, 2). Elastic, without friction and backlash,
-    /// unless it `has_memory`.
+    /// hysteresis of each segment (S, 2), share and time (s) of the two terms of its relaxation
+    /// (S, 2, 2), compliance (m/N) and time (s) of those of the creep of each tendon (T, 2, 2).
+    /// Elastic, without friction and backlash, unless it `has_memory`.
     #[new]
     fn new(
         robot: &Bound<'_, Robot>,
         model: &RodModel,
         tendons: Lines<'_>,
-        inelasticity: [PyReadonlyArray2<'_, f64>; 3],
+        inelasticity: Laws<'_>,
         has_memory: bool,
     ) -> PyResult<Self> {
         let settings = robot.get().settings(model);
@@ -215,9 +217,15 @@ impl PathSolver {
             ),
             (
                 "lags",
-                floats(now.lags.as_flattened(), &[now.lags.len(), 2]),
+                floats(
+                    now.lags.as_flattened().as_flattened(),
+                    &[now.lags.len(), 2 * TERMS],
+                ),
             ),
-            ("crept", floats(&now.crept, &[now.crept.len()])),
+            (
+                "crept",
+                floats(now.crept.as_flattened(), &[now.crept.len(), TERMS]),
+            ),
             ("carried", floats(&carried, &[3])),
             ("strain", floats(strain.as_flattened(), &[strain.len(), 3])),
         ] {
@@ -237,8 +245,10 @@ impl PathSolver {
             return Err(refused("the history does not belong to this robot"));
         };
         let plays = history.plays.extract::<Rows<2>>()?;
-        let lags = history.lags.extract::<Rows<2>>()?;
-        let crept = flat(&history.crept);
+        let lags = history.lags.extract::<Rows<{ 2 * TERMS }>>()?;
+        let of_terms = |row: &[f64; 2 * TERMS]| from_fn(|i| [row[2 * i], row[2 * i + 1]]);
+        let lags: Vec<_> = lags.iter().map(of_terms).collect();
+        let crept = history.crept.extract::<Rows<{ TERMS }>>()?;
         let [tip, tension, waited] = three(&history.carried, "carried", "m, N, s")?;
         let disk_forces = history.disk_forces.extract::<Rows<3>>()?;
         let disk_moments = history.disk_moments.extract::<Rows<3>>()?;
@@ -344,32 +354,38 @@ struct History<'py> {
     slips: PyReadonlyArray2<'py, i8>,
     plays: Bound<'py, PyAny>,
     lags: Bound<'py, PyAny>,
-    crept: PyReadonlyArray1<'py, f64>,
+    crept: Bound<'py, PyAny>,
     carried: Bound<'py, PyAny>,
 }
 
+/// Hysteresis (S, 2), relaxation (S, 2, 2) and creep (T, 2, 2).
+type Laws<'py> = (
+    PyReadonlyArray2<'py, f64>,
+    PyReadonlyArray3<'py, f64>,
+    PyReadonlyArray3<'py, f64>,
+);
+
 /// Laws from shares and plays, shares and times, compliances and times.
-fn laws(arrays: &[PyReadonlyArray2<'_, f64>; 3]) -> Inelasticity {
-    let [hysteresis, relaxation, creep] = arrays.each_ref().map(|given| {
-        let rows = given.as_array();
-        rows.outer_iter()
-            .map(|row| [row[0], row[1]])
-            .collect::<Vec<_>>()
-    });
+fn laws((hysteresis, relaxation, creep): &Laws<'_>) -> Inelasticity {
+    let rows = hysteresis.as_array();
     Inelasticity {
-        hysteresis: hysteresis
-            .into_iter()
-            .map(|[share, play]| Hysteresis { share, play })
+        hysteresis: rows
+            .outer_iter()
+            .map(|row| Hysteresis {
+                share: row[0],
+                play: row[1],
+            })
             .collect(),
-        relaxation: relaxation
-            .into_iter()
-            .map(|[share, time]| Relaxation { share, time })
-            .collect(),
-        creep: creep
-            .into_iter()
-            .map(|[compliance, time]| Creep { compliance, time })
-            .collect(),
+        relaxation: terms(relaxation, |[share, time]| Relaxation { share, time }),
+        creep: terms(creep, |[compliance, time]| Creep { compliance, time }),
     }
+}
+
+/// Terms of each segment or tendon from pairs of numbers (n, TERMS, 2).
+fn terms<L>(array: &PyReadonlyArray3<'_, f64>, law: impl Fn([f64; 2]) -> L) -> Vec<[L; TERMS]> {
+    let array = array.as_array();
+    let of = |pairs: ArrayView2<'_, f64>| from_fn(|i| law([pairs[[i, 0]], pairs[[i, 1]]]));
+    array.outer_iter().map(of).collect()
 }
 
 fn flat<T: numpy::Element + Copy, D: numpy::ndarray::Dimension>(

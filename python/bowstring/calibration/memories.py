@@ -102,9 +102,9 @@ def starts_of(memory: Memory, robot: Robot, commands: Commands) -> list[dict[str
     added = parameters_of(robot, memory)
     if memory == "hysteresis" and not any(s.backbone.hysteresis for s in robot.segments):
         return [{_SHARE: share, _PLAY: bend} for share, bend in _SLIDING]
-    if memory == "relaxation" and not robot.relaxation[:, 0].any():
+    if memory == "relaxation" and not robot.relaxation[..., 0].any():
         return _over_times(commands, added, _RELAXING)
-    if memory == "creep" and not robot.tendons.creep[:, 0].any():
+    if memory == "creep" and not robot.tendons.creep[..., 0].any():
         return _over_times(commands, added, _CREEPING * _bending_compliance(robot))
     return [{}]
 

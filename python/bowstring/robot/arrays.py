@@ -88,9 +88,12 @@ class RobotTendons:
     compliance_m_per_N: Floats
     """Compliances (T,) of the transmission, m/N."""
     creep: Floats
-    """Creep of each tendon (T, 2): compliance that comes with time in m/N, and time in s."""
+    """Creep of each tendon (T, 2, 2): two terms, each a compliance that comes with time in m/N, and
+    its time in s."""
     friction: Floats
     """Coulomb friction coefficients (T,) at each hole."""
+    wrap_angle_rad: Floats
+    """Angles (T,) by which the tendons turn between drive and base hole, with the same friction."""
     backlash_m: Floats
     """Halves (T,) of the free travel of the drives when the displacement reverses, m."""
     pretension_N: Floats
@@ -101,6 +104,13 @@ class RobotTendons:
 
 def _in_pairs(first: Floats, second: Floats) -> Floats:
     return frozen(np.stack(np.broadcast_arrays(first, second), axis=-1))
+
+
+def _in_terms(each: Callable[[str], Floats], size: str, time: str) -> Floats:
+    """Sizes and times (..., 2, 2) of both terms, from fields of these names."""
+    names = ((size, time), (f"second_{size}", f"second_{time}"))
+    terms = [np.stack(np.broadcast_arrays(*map(each, pair)), axis=-1) for pair in names]
+    return frozen(np.stack(np.broadcast_arrays(*terms), axis=-2))
 
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
@@ -345,8 +355,9 @@ class RobotArrays(Part):
             axial_stiffness_N=each("axial_stiffness", math.inf),
             free_length_m=each("free_length"),
             compliance_m_per_N=each("compliance"),
-            creep=_in_pairs(each("creep_compliance"), each("creep_time")),
+            creep=_in_terms(each, "creep_compliance", "creep_time"),
             friction=each("friction"),
+            wrap_angle_rad=each("wrap_angle"),
             backlash_m=each("backlash"),
             pretension_N=each("pretension"),
             spool_radius_m=each("spool_radius"),
@@ -451,9 +462,12 @@ class RobotArrays(Part):
 
     @cached_property
     def relaxation(self) -> Floats:
-        """Relaxation of each backbone (S, 2): share, and time in s."""
-        share = stacked([s.backbone.relaxation for s in self.segments])
-        return _in_pairs(share, stacked([s.backbone.relaxation_time for s in self.segments]))
+        """Relaxation of each backbone (S, 2, 2): two terms, each a share and a time in s."""
+
+        def each(name: str) -> Floats:
+            return stacked([getattr(s.backbone, name) for s in self.segments])
+
+        return _in_terms(each, "relaxation", "relaxation_time")
 
     @cached_property
     def has_hysteresis(self) -> bool:

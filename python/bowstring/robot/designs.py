@@ -33,6 +33,7 @@ _LINE: Final = (
     "friction",
     "pretension_N",
     "backlash_m",
+    "wrap_angle_rad",
 )
 
 

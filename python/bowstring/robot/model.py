@@ -9,10 +9,11 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, Final
 
 from bowstring.display import html_table
 from bowstring.errors import InputError
+from bowstring.formatting import listed
 from bowstring.robot.arrays import RobotArrays
 from bowstring.robot.messages import build, build_changed
 from bowstring.robot.overrides import check_mapping, expand_all, fill, override
@@ -23,6 +24,10 @@ from bowstring.units import number_with_unit
 from bowstring.validation import shown
 
 __all__ = ["Robot", "check_robot", "with_tendons"]
+
+#: Fields of backbone and tendon that make them viscoelastic.
+_RELAXATIONS: Final = ("relaxation", "second_relaxation")
+_CREEPS: Final = ("creep_compliance", "second_creep_compliance")
 
 
 class Robot(RobotArrays):
@@ -311,23 +316,35 @@ def check_friction_alone(robot: Robot, consequence: str, argument: str = "") -> 
             f"the drives of {robot.name} have backlash{consequence}; set backlash to 0",
             argument=argument,
         )
-    for law, what, name in (
-        (robot.hysteresis, "backbone of {} has hysteresis", "hysteresis"),
-        (robot.relaxation, "backbone of {} has relaxation", "relaxation"),
-        (robot.tendons.creep, "tendons of {} have creep", "creep_compliance"),
+    for law, what, names in (
+        (robot.hysteresis, "backbone of {} has hysteresis", ("hysteresis",)),
+        (robot.relaxation, "backbone of {} has relaxation", _RELAXATIONS),
+        (robot.tendons.creep, "tendons of {} have creep", _CREEPS),
     ):
         if law[..., 0].any():
             raise InputError(
-                f"the {what.format(robot.name)}{consequence}; set {name} to 0", argument=argument
+                f"the {what.format(robot.name)}{consequence}; set {listed(names)} to 0",
+                argument=argument,
             )
+
+
+def without_relaxation(robot: Robot) -> Robot:
+    """Return the robot without relaxation of its backbones."""
+    if not robot.relaxation[..., 0].any():
+        return robot
+    return robot.with_({f"segments.*.backbone.{name}": 0.0 for name in _RELAXATIONS})
+
+
+def without_creep(robot: Robot) -> Robot:
+    """Return the robot without creep of its tendons."""
+    if not robot.tendons.creep[..., 0].any():
+        return robot
+    return with_tendons(robot, dict.fromkeys(_CREEPS, 0.0))
 
 
 def without_viscoelasticity(robot: Robot) -> Robot:
     """Return the robot without relaxation and creep."""
-    if not robot.is_viscoelastic:
-        return robot
-    relaxed = robot.with_({"segments.*.backbone.relaxation": 0.0})
-    return with_tendons(relaxed, {"creep_compliance": 0.0})
+    return without_creep(without_relaxation(robot))
 
 
 def without_inelasticity(robot: Robot) -> Robot:

@@ -293,6 +293,13 @@ class Backbone(Part):
     relaxation_time: Annotated[float, Quantity("s", "30 s", "1 ms", "1e9 s")] = Field(
         30.0, description="Time constant of the relaxation; 30 s if left out."
     )
+    second_relaxation: Annotated[float, Quantity("", "0.1", "0", "0.6")] = Field(
+        0.0,
+        description="Share that relaxes with another time constant; 0 if left out.",
+    )
+    second_relaxation_time: Annotated[float, Quantity("s", "300 s", "1 ms", "1e9 s")] = Field(
+        300.0, description="Time constant of the second relaxation; 300 s if left out."
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Backbone:
@@ -300,11 +307,11 @@ class Backbone(Part):
         if self.stiffness is None:
             _exactly_one(self, "G", "nu")
             _rest_of_section(self)
-        both = self.hysteresis + self.relaxation
-        if both > _MOST_INELASTIC + 1e-9:  # 0.2 + 0.4 is rounded
+        shares = self.hysteresis + self.relaxation + self.second_relaxation
+        if shares > _MOST_INELASTIC + 1e-9:  # 0.2 + 0.4 is rounded
             raise wrong(
-                f"hysteresis and relaxation: together {both:.3g} of the bending stiffness, at most "
-                f"{_MOST_INELASTIC:g} is possible"
+                f"hysteresis and relaxation: together {shares:.3g} of the bending stiffness, at "
+                f"most {_MOST_INELASTIC:g} is possible"
             )
         return self
 
@@ -577,8 +584,22 @@ class TendonProperties(Part):
     creep_time: Annotated[float, Quantity("s", "30 s", "1 ms", "1e9 s")] = Field(
         30.0, description="Time constant of that compliance; 30 s if left out."
     )
+    second_creep_compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = (
+        Field(
+            0.0,
+            description="Compliance that comes with another time constant; 0 if left out.",
+        )
+    )
+    second_creep_time: Annotated[float, Quantity("s", "300 s", "1 ms", "1e9 s")] = Field(
+        300.0, description="Time constant of the second creep; 300 s if left out."
+    )
     friction: Annotated[float, Quantity("", "0.1", "0", "10")] = Field(
         0.0, description="Coulomb friction coefficient mu at each hole; 0 if left out."
+    )
+    wrap_angle: Annotated[float, Quantity("rad", "90 deg", "0 deg", "3600 deg")] = Field(
+        0.0,
+        description="Angle by which the tendon turns between drive and base hole, over guides or "
+        "in a sheath, with the same friction; 0 if left out.",
     )
     backlash: Annotated[float, Quantity("m", "0.2 mm", "0 mm", "1 km")] = Field(
         0.0,
@@ -626,6 +647,8 @@ class TendonRing(TendonProperties):
         Values of each tendon, as in `Tendon`.
     spool_radius, diameter, creep_compliance, creep_time : float
         Values of each tendon, as in `Tendon`.
+    second_creep_compliance, second_creep_time, wrap_angle : float
+        Values of each tendon, as in `Tendon`.
     material : str or None
         Material of each tendon.
     turns, end_pitch_radius : float
@@ -659,8 +682,12 @@ class Tendon(TendonProperties):
     creep_compliance, creep_time : float
         Compliance of tendon and transmission that comes with time in m/N, and its time constant in
         s.
+    second_creep_compliance, second_creep_time : float
+        The same with another time constant.
     friction : float
         Coulomb friction coefficient at each hole.
+    wrap_angle : float
+        Angle by which the tendon turns between drive and base hole, with the same friction, in rad.
     backlash : float
         Half the free travel of the drive when the displacement reverses, in m.
     pretension : float

@@ -223,7 +223,7 @@ def durations(
         if robot.is_viscoelastic:
             raise InputError(
                 f"{robot.name} has relaxation or creep, which need the time of each row: call "
-                "bowstring.sweep with times, or set relaxation and creep_compliance to 0",
+                "bowstring.sweep with times, or set their shares and compliances to 0",
             )
         return None
     try:
@@ -263,7 +263,7 @@ class Path:
         has_memory: bool = True,
     ) -> None:
         self.robot, self.model = robot, model
-        laws = [robot.hysteresis, robot.relaxation, robot.tendons.creep]
+        laws = robot.hysteresis, robot.relaxation, robot.tendons.creep
         self.core = PathSolver(robot.core, model, robot.tendons, laws, has_memory)
         if history is not None:
             try:
@@ -362,8 +362,8 @@ class Path:
             "strain": numbers("arcs_rad", 2),
             "slips": np.sign(numbers("slips", 2)).astype(np.int8),
             "plays": rows("plays_per_m", 2),
-            "lags": rows("lags_per_m", 2),
-            "crept": numbers("creep_m", 1) if history.get("creep_m") else np.zeros(0),
+            "lags": _both_terms(history, "lags_per_m", 2),
+            "crept": _both_terms(history, "creep_m", 1),
             "carried": np.array(
                 [_field({name: history.get(name, 0.0)}, name, _size) for name in _CARRIED]
             ),
@@ -393,6 +393,26 @@ def _field(history: Mapping[str, Any], name: str, read: Callable[[Any], Any]) ->
         raise InputError(
             f"the history is damaged: {name} is not as history() of a solution gives it"
         ) from None
+
+
+def _both_terms(history: Mapping[str, Any], name: str, width: int) -> Floats:
+    """Numbers of both terms of relaxation or creep, `width` each.
+
+    Earlier versions have the first term only, or none.
+    """
+    if not history.get(name):
+        return np.zeros((0, 2 * width))
+
+    def read(value: Any) -> Floats:
+        if np.ndim(value) == 1:  # a creep of one term
+            value = np.reshape(value, (-1, 1))
+        found = _numbers(value, 2)
+        if found.shape[1] not in (width, 2 * width):
+            raise ValueError
+        return np.pad(found, ((0, 0), (0, 2 * width - found.shape[1])))
+
+    found: Floats = _field(history, name, read)
+    return found
 
 
 def _order(item: Mapping[str, float]) -> tuple[bool, float]:

@@ -35,6 +35,8 @@ from bowstring.robot.model import (
     Robot,
     with_friction_alone,
     with_tendons,
+    without_creep,
+    without_relaxation,
     without_viscoelasticity,
 )
 from bowstring.robot.parts import TENDON_MATERIALS, TendonRing
@@ -342,7 +344,7 @@ def actuation_budget(
         load = load.replace(gravity=model.main.gravity)
         times = None
         if held:
-            slowest = max(robot.relaxation[:, 1].max(), robot.tendons.creep[:, 1].max())
+            slowest = max(robot.relaxation[..., 1].max(), robot.tendons.creep[..., 1].max())
             times = _HELD * slowest * np.arange(2.0 * len(there) - 1.0)
         path = rod.sweep(robot, load=load, model=model.main.model, disks=False, times=times)
         up = np.arange(len(there))
@@ -425,17 +427,16 @@ def actuation_budget(
         drives = both_ways("backlash", label, by_displacement(with_tendons(rigid, half)))
     held: tuple[ActuationRow, ...] = ()
     timeless = {"friction": 0.0, "backlash": 0.0}
-    if (share := float(model.given_robot.relaxation[:, 0].max())) > 0.0:
-        soft = with_tendons(model.given_robot, {**timeless, "creep_compliance": 0.0})
+    if (share := float(model.given_robot.relaxation[..., 0].sum(axis=-1).max())) > 0.0:
+        soft = with_tendons(without_creep(model.given_robot), timeless)
         soft = soft.with_({"segments.*.backbone.hysteresis": 0.0})
         label = f"relaxation of the backbone ({in_percent(share)}), load held"
         rested, _ = solved(soft, Load(model.tensions(and_back)), held=True)
         held += (row("relaxation", label, (), rested),)
-    if (creep := float(given.creep[t, 0])) > 0.0:
+    if (creep := float(given.creep[t, :, 0].sum())) > 0.0:
         alone = {**timeless, "axial_stiffness": None, "compliance": 0.0}
-        flows = model.given_robot.with_(
-            {"segments.*.backbone.hysteresis": 0.0, "segments.*.backbone.relaxation": 0.0}
-        )
+        flows = without_relaxation(model.given_robot)
+        flows = flows.with_({"segments.*.backbone.hysteresis": 0.0})
         load = Load(displacements=displacements)
         crept, _ = solved(with_tendons(flows, alone), load, held=True)
         label = f"displacement control, creep of the tendons ({1e3 * creep:.4g} mm/N), load held"

@@ -52,6 +52,7 @@ pub enum Argument {
     Friction,
     Pretension,
     Backlash,
+    WrapAngle,
 }
 
 impl Argument {
@@ -126,6 +127,7 @@ impl Argument {
             Argument::Friction => ("friction coefficient", "", "tendon"),
             Argument::Pretension => ("pretension", "N", "tendon"),
             Argument::Backlash => ("backlash", "m", "tendon"),
+            Argument::WrapAngle => ("wrap_angle", "rad", "tendon"),
         }
     }
 

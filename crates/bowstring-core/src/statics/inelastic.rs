@@ -8,7 +8,7 @@ use crate::model::error::InputError;
 use crate::model::robot::{Profile, Robot};
 use crate::statics::hysteresis::{followed, Hysteresis};
 use crate::statics::relaxation::{Creep, Lag, Relaxation};
-use crate::tendon::History;
+use crate::tendon::{History, TERMS};
 
 /// Weights of the neglected motion by an uneven bend of a module, and by the bulge of a compressed
 /// one, which changes its mean bend. Measured against robots with the relaxed stiffness: 144 random
@@ -21,32 +21,32 @@ const BULGE: f64 = 4.5e-3;
 pub struct Inelasticity {
     /// Hysteresis of the backbone, by segments; empty if none.
     pub hysteresis: Vec<Hysteresis>,
-    /// Relaxation of the backbone, by segments; empty if none.
-    pub relaxation: Vec<Relaxation>,
-    /// Creep by tendons; empty if none.
-    pub creep: Vec<Creep>,
+    /// Terms of the relaxation of the backbone, by segments; empty if none.
+    pub relaxation: Vec<[Relaxation; TERMS]>,
+    /// Terms of the creep, by tendons; empty if none.
+    pub creep: Vec<[Creep; TERMS]>,
 }
 
 /// Curvature that each module keeps without load, as it follows the present strain.
 #[derive(Clone)]
 pub(crate) struct UnloadedCurvature {
     modules: Vec<Module>,
-    /// Curvature beyond that at rest which each module's play and lag have followed (1/m).
+    /// Curvature beyond that at rest which each module's play and lags have followed (1/m).
     pub plays: Vec<[f64; 2]>,
-    pub lags: Vec<[f64; 2]>,
+    pub lags: Vec<[[f64; 2]; TERMS]>,
 }
 
 #[derive(Clone)]
 struct Module {
     hysteresis: Hysteresis,
-    relaxation: Relaxation,
+    relaxation: [Relaxation; TERMS],
     /// Curvature without load and history (1/m).
     rest: Vec3,
     per_length: f64,
-    /// Lag at the end of the step without the part of the curvature there (1/m), and the weight of
-    /// that part.
-    carried: [f64; 2],
-    now: f64,
+    /// Lag of each term at the end of the step without the part of the curvature there (1/m), and
+    /// the weight of that part.
+    carried: [[f64; 2]; TERMS],
+    now: [f64; TERMS],
 }
 
 impl Module {
@@ -68,9 +68,10 @@ impl UnloadedCurvature {
             ..
         } = laws;
         hysteresis.iter().try_for_each(Hysteresis::check)?;
-        relaxation.iter().try_for_each(Relaxation::check)?;
+        let terms = relaxation.as_flattened();
+        terms.iter().try_for_each(Relaxation::check)?;
         let elastic = hysteresis.iter().all(|law| law.share == 0.0)
-            && relaxation.iter().all(|law| law.share == 0.0);
+            && terms.iter().all(|law| law.share == 0.0);
         if elastic {
             return Ok(None);
         }
@@ -98,14 +99,14 @@ impl UnloadedCurvature {
                 relaxation: relaxation.get(segment).copied().unwrap_or_default(),
                 rest: Vec3(robot.profile(k).sections()[0].rest_curvature),
                 per_length: 1.0 / robot.modules[k].flexible,
-                carried: [0.0; 2],
-                now: 0.0,
+                carried: [[0.0; 2]; TERMS],
+                now: [0.0; TERMS],
             }
         };
         let modules: Vec<_> = (0..robot.module_count()).map(module).collect();
         Ok(Some(UnloadedCurvature {
             plays: vec![[0.0; 2]; modules.len()],
-            lags: vec![[0.0; 2]; modules.len()],
+            lags: vec![[[0.0; 2]; TERMS]; modules.len()],
             modules,
         }))
     }
@@ -113,11 +114,14 @@ impl UnloadedCurvature {
     /// Prepares a step from `old`, whose strain has `arcs` entries in each module.
     pub fn begin(&mut self, old: &History, arcs: usize, duration: f64) {
         for (k, module) in self.modules.iter_mut().enumerate() {
-            let lag = Lag::over(duration, module.relaxation.time);
             let strain = &old.strain[arcs * k..][..arcs];
             let curvature = module.beyond_rest([0, 1].map(|q| strain.iter().map(|w| w[q]).sum()));
-            module.carried = [0, 1].map(|q| lag.carried(old.lags[k][q], curvature[q]));
-            module.now = lag.end;
+            for (term, law) in module.relaxation.iter().enumerate() {
+                let lag = Lag::over(duration, law.time);
+                let state = old.lags[k][term];
+                module.carried[term] = [0, 1].map(|q| lag.carried(state[q], curvature[q]));
+                module.now[term] = lag.end;
+            }
         }
     }
 
@@ -135,8 +139,9 @@ impl UnloadedCurvature {
         });
         for (k, module) in modules.iter().enumerate() {
             let curvature = now[k];
-            for q in 0..2 {
-                self.lags[k][q] = module.carried[q] + module.now * curvature[q];
+            for (term, lag) in self.lags[k].iter_mut().enumerate() {
+                let (carried, end) = (module.carried[term], module.now[term]);
+                *lag = [0, 1].map(|q| carried[q] + end * curvature[q]);
             }
             now[k] = followed(old.plays[k], curvature, module.hysteresis.play);
         }
@@ -148,7 +153,11 @@ impl UnloadedCurvature {
                 rest,
                 ..
             } = modules[k];
-            let kept = |q: usize| hysteresis.share * now[k][q] + relaxation.share * lags[k][q];
+            let relaxed = |q: usize| -> f64 {
+                let terms = relaxation.iter().zip(&lags[k]);
+                terms.map(|(law, lag)| law.share * lag[q]).sum()
+            };
+            let kept = |q: usize| hysteresis.share * now[k][q] + relaxed(q);
             rest + Vec3([kept(0), kept(1), 0.0])
         });
     }
@@ -181,8 +190,9 @@ impl UnloadedCurvature {
                     f64::from(u8::from(by > 0.0))
                 }
             };
+            let terms = module.relaxation.iter().zip(&self.lags[k]);
             let share = module.hysteresis.share * ratio(self.plays[k])
-                + module.relaxation.share * ratio(self.lags[k]);
+                + terms.map(|(law, lag)| law.share * ratio(*lag)).sum::<f64>();
             let uneven = UNEVEN * first[0].hypot(first[1]) * length / arcs as f64;
             let bulge = BULGE * compression * compression * bend[0].hypot(bend[1]) * beyond;
             motion += share / (1.0 - share) * (uneven + bulge);

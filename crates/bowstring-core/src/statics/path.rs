@@ -19,7 +19,7 @@ use crate::statics::path_step::PathStep;
 use crate::statics::relaxation::CreepingTendons;
 use crate::statics::solver::{Solver, Status};
 pub use crate::tendon::{Command, History, Line};
-use crate::tendon::{Slip, Tendons, Transmission};
+use crate::tendon::{Slip, Tendons, Transmission, TERMS};
 
 /// A robot that is actuated through its tendons, along a path of equilibria.
 #[derive(Clone)]
@@ -95,7 +95,7 @@ impl PathSolver {
         }
         let creep = CreepingTendons::new(self.tendons(), &laws.creep)?;
         if creep.is_some() {
-            self.home.crept = vec![0.0; self.robot().tendon_count()];
+            self.home.crept = vec![[0.0; TERMS]; self.robot().tendon_count()];
         }
         self.last.unloaded = unloaded;
         self.last.creep = creep;
@@ -367,9 +367,9 @@ pub struct Memory<'a> {
     /// [`History::plays`].
     pub plays: &'a [[f64; 2]],
     /// [`History::lags`].
-    pub lags: &'a [[f64; 2]],
+    pub lags: &'a [[[f64; 2]; TERMS]],
     /// [`History::crept`].
-    pub crept: &'a [f64],
+    pub crept: &'a [[f64; TERMS]],
     /// [`PathSolver::remembered`].
     pub error: ErrorEstimate,
     /// [`PathSolver::waited`].
@@ -417,9 +417,11 @@ impl PathSolver {
             error,
             waited,
         } = memory;
-        let curvatures = plays.as_flattened().iter().chain(lags.as_flattened());
+        let lagging = lags.as_flattened().as_flattened();
+        let curvatures = plays.as_flattened().iter().chain(lagging);
         let numbers = strain.as_flattened().iter().chain(curvatures);
-        let finite = numbers.chain(crept).all(|w| w.is_finite());
+        let mut numbers = numbers.chain(crept.as_flattened());
+        let finite = numbers.all(|w| w.is_finite());
         let sizes = [error.tip, error.tension, waited];
         let finite = finite && waited.is_finite() && sizes.iter().all(|x| *x >= 0.0);
         let (n, now) = (self.robot().module_count(), self.history().clone());

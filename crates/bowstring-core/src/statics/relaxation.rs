@@ -1,12 +1,13 @@
 //! Linear viscoelasticity along a path: relaxation of the backbone and creep of the tendons, each a
-//! standard linear solid.
+//! standard linear solid with up to two time constants.
 //!
 //! Theory: docs/theory/actuation.md (Relaxation and creep).
 
 use crate::model::error::InputError;
+pub use crate::tendon::TERMS;
 use crate::tendon::{History, Tendons};
 
-/// Relaxation of the backbone of one segment at constant curvature.
+/// Relaxation of the backbone of one segment at constant curvature, by one time constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relaxation {
     /// Share of the bending stiffness that relaxes; zero if elastic.
@@ -36,7 +37,7 @@ impl Relaxation {
     }
 }
 
-/// Creep of one tendon at constant tension.
+/// Creep of one tendon at constant tension, by one time constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Creep {
     /// Compliance that comes with time (m/N); zero if elastic.
@@ -101,21 +102,21 @@ impl Lag {
 /// Tendons that creep.
 #[derive(Clone)]
 pub(crate) struct CreepingTendons {
-    laws: Vec<Creep>,
+    laws: Vec<[Creep; TERMS]>,
     /// Unstretched lengths (m) and compliances before the base hole (m/N) without creep.
     home: Vec<f64>,
     before: Vec<f64>,
     /// Elongation by creep at the end of the step (m), without the part of the tension there, and
-    /// the compliance of that part (m/N).
-    carried: Vec<f64>,
-    now: Vec<f64>,
+    /// the compliance of that part (m/N), by terms.
+    carried: Vec<[f64; TERMS]>,
+    now: Vec<[f64; TERMS]>,
 }
 
 impl CreepingTendons {
-    /// One law for each tendon; `None` if all are elastic.
-    pub fn new(tendons: &Tendons, laws: &[Creep]) -> Result<Option<Self>, InputError> {
-        laws.iter().try_for_each(Creep::check)?;
-        if laws.iter().all(|law| law.compliance == 0.0) {
+    /// The terms of each tendon; `None` if all are elastic.
+    pub fn new(tendons: &Tendons, laws: &[[Creep; TERMS]]) -> Result<Option<Self>, InputError> {
+        laws.as_flattened().iter().try_for_each(Creep::check)?;
+        if laws.as_flattened().iter().all(|law| law.compliance == 0.0) {
             return Ok(None);
         }
         let count = tendons.lines.len();
@@ -129,26 +130,31 @@ impl CreepingTendons {
             laws: laws.to_vec(),
             home: tendons.home.clone(),
             before: tendons.compliance.before.clone(),
-            carried: vec![0.0; count],
-            now: vec![0.0; count],
+            carried: vec![[0.0; TERMS]; count],
+            now: vec![[0.0; TERMS]; count],
         }))
     }
 
     /// Sets lengths and compliances for a step from `old`.
     pub fn begin(&mut self, tendons: &mut Tendons, old: &History, duration: f64) {
-        for (i, law) in self.laws.iter().enumerate() {
-            let lag = Lag::over(duration, law.time);
-            self.now[i] = lag.end * law.compliance;
-            self.carried[i] = lag.carried(old.crept[i], law.compliance * old.tensions[i]);
-            tendons.home[i] = self.home[i] + self.carried[i];
-            tendons.compliance.before[i] = self.before[i] + self.now[i];
+        for (i, laws) in self.laws.iter().enumerate() {
+            for (term, law) in laws.iter().enumerate() {
+                let lag = Lag::over(duration, law.time);
+                let at_start = law.compliance * old.tensions[i];
+                self.now[i][term] = lag.end * law.compliance;
+                self.carried[i][term] = lag.carried(old.crept[i][term], at_start);
+            }
+            tendons.home[i] = self.home[i] + self.carried[i].iter().sum::<f64>();
+            tendons.compliance.before[i] = self.before[i] + self.now[i].iter().sum::<f64>();
         }
     }
 
     /// Stores the elongations at the end of a step.
     pub fn finish(&self, now: &mut History) {
         for (i, crept) in now.crept.iter_mut().enumerate() {
-            *crept = self.carried[i] + self.now[i] * now.tensions[i];
+            for (term, crept) in crept.iter_mut().enumerate() {
+                *crept = self.carried[i][term] + self.now[i][term] * now.tensions[i];
+            }
         }
     }
 }

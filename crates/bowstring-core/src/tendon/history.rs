@@ -6,6 +6,9 @@ use super::line::Command;
 use crate::math::linalg::Vec3;
 use crate::model::load::OwnedLoad;
 
+/// Largest number of time constants of a viscoelastic backbone or tendon.
+pub const TERMS: usize = 2;
+
 /// State of the tendons and of the backbone at the last step of a path.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
@@ -23,11 +26,11 @@ pub struct History {
     /// Curvature that the hysteresis of each module has followed (1/m); empty without hysteresis
     /// and relaxation.
     pub plays: Vec<[f64; 2]>,
-    /// Curvature that the relaxation of each module has followed (1/m); empty without hysteresis
-    /// and relaxation.
-    pub lags: Vec<[f64; 2]>,
-    /// Elongation of each tendon by creep (m); empty without it.
-    pub crept: Vec<f64>,
+    /// Curvature that each term of the relaxation of each module has followed (1/m); empty without
+    /// hysteresis and relaxation.
+    pub lags: Vec<[[f64; 2]; TERMS]>,
+    /// Elongation of each tendon by each term of its creep (m); empty without it.
+    pub crept: Vec<[f64; TERMS]>,
     /// Commands of the last step.
     pub commands: Vec<Command>,
     /// Dead loads of the last step, without tensions.

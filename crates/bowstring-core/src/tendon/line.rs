@@ -14,6 +14,9 @@ pub struct Line {
     pub compliance: f64,
     /// Coefficient of Coulomb friction at every hole except the anchor.
     pub friction: f64,
+    /// Angle by which the tendon turns between motor and base hole, with the friction of the holes
+    /// (rad).
+    pub wrap: f64,
     /// Tension in the home pose, where the displacement is zero (N).
     pub pretension: f64,
     /// Half the free travel of the drive when it reverses (m).
@@ -28,6 +31,7 @@ impl Default for Line {
             free_length: 0.0,
             compliance: 0.0,
             friction: 0.0,
+            wrap: 0.0,
             pretension: 0.0,
             backlash: 0.0,
         }

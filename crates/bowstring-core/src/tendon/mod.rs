@@ -52,8 +52,8 @@ mod unknowns;
 
 mod transmission;
 
-pub use history::History;
 pub(crate) use history::Slip;
+pub use history::{History, TERMS};
 pub use line::{Command, Line};
 pub(crate) use tendons::Tendons;
 pub(crate) use transmission::Transmission;

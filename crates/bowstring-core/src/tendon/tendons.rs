@@ -328,6 +328,7 @@ fn check_lines(robot: &Robot, model: Model, lines: &[Line]) -> Result<(), InputE
             (Argument::FreeLength, line.free_length),
             (Argument::Compliance, line.compliance),
             (Argument::Friction, line.friction),
+            (Argument::WrapAngle, line.wrap),
             (Argument::Pretension, line.pretension),
             (Argument::Backlash, line.backlash),
         ] {
