@@ -111,7 +111,7 @@ def test_exact_derivatives_match_differences(mixed):
 
 def test_play_follows_when_pushed():
     x = np.array([0, 1, 2, 1.5, 1, 0, 0.5])[:, None]
-    assert _play(x, np.array([0.5]))[:, 0].tolist() == [0, 0.5, 1.5, 1.5, 1.5, 0.5, 0.5]
+    assert _play(x, np.array([0.5]), x[0])[:, 0].tolist() == [0, 0.5, 1.5, 1.5, 1.5, 0.5, 0.5]
 
 
 def test_delay_looks_back_between_rows():

@@ -20,11 +20,11 @@ from bowstring.calibration import observations
 from bowstring.calibration.bootstrap import Linear
 from bowstring.calibration.intervals import EXACT, SAME, Dependence, Uncertainty, profile_ends
 from bowstring.calibration.observations import Measured, Points, PointScore, Score, score
-from bowstring.calibration.parameters import Unknowns, marker_of
+from bowstring.calibration.parameters import Unknowns, initial_of, marker_of
 from bowstring.calibration.pieces import Loss
 from bowstring.calibration.priors import PriorChoice, Priors, read_priors
 from bowstring.calibration.search import Residuals, Search, spread
-from bowstring.calibration.tip_model import Prediction, TipModel
+from bowstring.calibration.tip_model import Commands, Prediction, TipModel
 from bowstring.data.rigid import align
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import in_mm, listed, plain, significant, with_error
@@ -179,6 +179,7 @@ class Fit:
     unsolved: int
     linear: Linear
     _unknowns: Unknowns
+    _commands: Commands
     _values: Floats
     _rod: RodModel | None
     _tool_said: Bools
@@ -291,7 +292,10 @@ class Fit:
 
     def _model(self, data: Measured, disks: Sequence[int]) -> TipModel:
         commands = observations.commands(data, self._unknowns.robot)
-        return TipModel(self._unknowns, commands, self._rod, disks)
+        unknowns = self._unknowns
+        if not commands.is_same(self._commands):  # the fitted initial state is not theirs
+            unknowns = unknowns.from_home()
+        return TipModel(unknowns, commands, self._rod, disks)
 
     def _predicted(self, data: Measured, disks: Sequence[int]) -> Floats:
         found = self._model(data, disks).predict(self._values)
@@ -360,7 +364,11 @@ def fit(
         measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the last measured
         point, the tip, in the frame of its disk. ``marker.0``, ``marker.1`` and so on: the points
         below it in the frames of their disks, from base to tip, ``marker.0.x`` to ``marker.0.z``;
-        zero by default.
+        zero by default. ``initial_displacement`` (of path 0, with a number that of another path;
+        ``initial_displacement.0.4`` of one tendon) and ``initial_tension``: the commands at which
+        the robot rested before the first row of a path, less those of the first row, for a memory
+        whose state there is not known. Other tables begin in the home pose. Their prior is half the
+        range of the tendon's commands, unless `priors` has another.
     model : RodModel or "arc", optional
         Statics of `bowstring.solve`, by default with one element; or constant curvature from tendon
         lengths (from tensions where the rows have them), with segments of constant length.
@@ -420,13 +428,14 @@ def fit(
     commands = observations.commands(data, unknowns.robot)
     points = observations.measured_points(data, unknowns.robot, len(commands))
     _check_markers(unknowns, points)
+    _check_initial(unknowns, commands, arcs=rod is None)
     used = observations.fitted_rows(rows, points.measured)
     if rod is not None and len(commands) > _MOST_ROWS:
         raise InputError(
             f"{len(commands)} rows are too many to fit statics to, {_MOST_ROWS} are possible; keep "
             f"one row of {-(-len(commands) // _MOST_ROWS)}"
         )
-    deviations = read_priors(priors, robot, unknowns)
+    deviations = _of_initial(unknowns, commands) | read_priors(priors, robot, unknowns)
     frames = {k: v for k, v in begin.items() if k.partition(".")[0] in _OF_FRAMES}
     prior = Priors.of(unknowns, Unknowns(robot, unknowns.names, frames), deviations)
     count = int((used[:, None] & points.seen).sum())
@@ -471,6 +480,51 @@ def _check_markers(unknowns: Unknowns, points: Points) -> None:
             last = f"marker.0 to marker.{below - 1}" if below > 1 else "marker.0"
             why = f"the rows have the points {last} below the tip; the offset of the tip is tool"
         raise InputError(f"parameter {name} is not identifiable: {why}", argument="parameters")
+
+
+def _check_initial(unknowns: Unknowns, commands: Commands, *, arcs: bool) -> None:
+    """Refuse the initial command of a path or of a kind that the rows do not have.
+
+    And one without a memory; `arcs` is True for constant curvature.
+    """
+    paths = commands.paths
+    for name in unknowns.names:
+        initial = initial_of(name)
+        if initial is None:
+            continue
+        path, tendon, by_displacement = initial
+        if why := unknowns.why_without_effect(name, arcs=arcs):
+            raise InputError(
+                f"parameter {name} is not identifiable: {why}, or leave the parameter out",
+                argument="parameters",
+            )
+        if path >= len(paths):
+            raise InputError(
+                f"parameter {name} is of path {path}; the rows have {len(paths)}, from path 0",
+                argument="parameters",
+            )
+        if commands.by_displacement[paths[path][0], tendon] != by_displacement:
+            kind = "a tension" if by_displacement else "a displacement"
+            raise InputError(
+                f"parameter {name} has no effect: tendon {tendon} has {kind} in the first row of "
+                f"path {path}",
+                argument="parameters",
+            )
+
+
+def _of_initial(unknowns: Unknowns, commands: Commands) -> dict[str, float]:
+    """Standard deviations of initial commands: half the range of the tendon's commands.
+
+    Without them a command is undetermined once a memory has followed it as far as it can.
+    """
+    found = {}
+    for name in unknowns.names:
+        if initial := initial_of(name):
+            path, tendon, _ = initial
+            values = commands.values[commands.paths[path], tendon]
+            if size := 0.5 * float(np.ptp(values)):
+                found[name] = size
+    return found
 
 
 def _from_frictionless(
@@ -587,6 +641,7 @@ def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit
             tip=dependence.point == len(points.disks) - 1,
         ),
         _unknowns=work.model.unknowns,
+        _commands=work.model.commands,
         _values=found.x * work.step,
         _rod=work.model.rod,
         _tool_said=tool_said,

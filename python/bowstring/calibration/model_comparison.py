@@ -34,7 +34,7 @@ from bowstring.calibration.model_choice import (
     gain,
 )
 from bowstring.calibration.observations import Score, score
-from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.parameters import Unknowns, initial_of
 from bowstring.calibration.priors import PriorChoice, default_priors, read_priors
 from bowstring.calibration.residual import refuse_disorder
 from bowstring.calibration.residual_comparison import of_arcs
@@ -235,7 +235,8 @@ def compare_models(
     parameters : sequence of str
         Parameters of the calibrated rod, as for `bowstring.fit`. Calibrated constant curvature has
         those that it knows, and one ``bend_gain`` for each segment. Models as the robot file has
-        them fit only those of ``base`` and ``tool``.
+        them fit only those of ``base`` and ``tool``. Those of an initial state are of models with a
+        memory only.
     folds : int
         Number of folds of the cross-validation, by blocks of neighbouring groups, loads or rows
         (`bowstring.calibration.cross_validate`). Groups that are fewer than the folds, such as
@@ -353,6 +354,8 @@ def _candidates(robot: Robot, parameters: Sequence[str]) -> list[_Candidate]:
                 argument="parameters",
             )
     whole = tuple(Unknowns(robot, parameters).names)
+    if not (robot.has_memory or any(name.startswith("backlash") for name in whole)):
+        whole = tuple(name for name in whole if initial_of(name) is None)
     frames = tuple(name for name in whole if name.partition(".")[0] in ("base", "tool"))
     arcs, _ = of_arcs(whole, {})
     return [

@@ -7,6 +7,7 @@ SI.
 
 from __future__ import annotations
 
+import copy
 import difflib
 import math
 import re
@@ -27,7 +28,7 @@ from bowstring.robot.stiffness import entry_of
 from bowstring.units import read_number, unit_of_size
 from bowstring.validation import shown
 
-__all__ = ["TENDON_PROPERTIES", "Setting", "Unknown", "Unknowns", "marker_of"]
+__all__ = ["TENDON_PROPERTIES", "Setting", "Unknown", "Unknowns", "initial_of", "marker_of"]
 
 Floats = NDArray[np.float64]
 
@@ -39,6 +40,8 @@ _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
     **dict.fromkeys(("tool.x", "tool.y", "tool.z"), (0.0, 1e-3, -np.inf, "mm", 1e-3)),
     "marker": (0.0, 1e-3, -np.inf, "mm", 1e-3),
     "delay": (0.0, 0.05, -np.inf, "s", 1.0),
+    "initial_displacement": (0.0, 1e-3, -np.inf, "mm", 1e-3),
+    "initial_tension": (0.0, 1.0, -np.inf, "N", 1.0),
     "gain": (1.0, 0.02, 0.0, "", 1.0),
     "offset": (0.0, 1e-4, -np.inf, "mm", 1e-3),
     "backlash": (0.0, 1e-4, 0.0, "mm", 1e-3),
@@ -50,6 +53,10 @@ _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
 _FRAMES: Final = {"base": ("x", "y", "z", "rx", "ry", "rz"), "tool": ("x", "y", "z")}
 #: Offset of a measured point below the tip, all three coordinates or one.
 _MARKER: Final = re.compile(r"marker\.(0|[1-9][0-9]{0,5})(?:\.([xyz]))?")
+#: Commands before the first row of a path, of all its tendons or one.
+_INITIAL: Final = re.compile(
+    r"initial_(displacement|tension)(?:\.(0|[1-9][0-9]{0,5})(?:\.(0|[1-9][0-9]{0,5}))?)?"
+)
 #: Whether a parameter may be common to all, one per segment, or one per tendon.
 _EACH: Final = {
     **dict.fromkeys(("gain", "offset", "backlash", "hole_clearance"), ("", "segments", "tendons")),
@@ -59,6 +66,7 @@ _EACH: Final = {
 _STEP: Final = {
     "friction": 0.05,
     "backlash": 1e-4,
+    "wrap_angle": 0.2,
     "compliance": 1e-5,
     "pretension": 0.2,
     "clamped_length": 5e-4,
@@ -70,8 +78,8 @@ _STEP: Final = {
     "gravity": 1.0,
     "hysteresis": 0.05,
     "hysteresis_play": 0.05,
-    "relaxation": 0.05,
-    "creep_compliance": 1e-5,
+    **dict.fromkeys(("relaxation", "second_relaxation"), 0.05),
+    **dict.fromkeys(("creep_compliance", "second_creep_compliance"), 1e-5),
 }
 _SHARE: Final = 0.05
 #: The same for fields of a payload, in kg and m.
@@ -133,6 +141,9 @@ class Setting:
         Offsets of the points below the tip that are not zero, in the frames of their disks, m.
     bend_gain : ndarray (S,)
         Factor on the bends of constant curvature.
+    initial : dict from int to ndarray (2, T)
+        Of paths that do not begin in the home pose, by number: displacements (m) and tensions (N)
+        at which the robot rested before, less those of the first row.
     """
 
     robot: Robot
@@ -146,6 +157,15 @@ class Setting:
     tool: Floats
     markers: Mapping[int, Floats]
     bend_gain: Floats
+    initial: Mapping[int, Floats]
+
+    def lead(self, path: int, by_displacement: NDArray[np.bool_]) -> Floats | None:
+        """Effective commands (T,) before a path less those of its first row; None from home."""
+        before = self.initial.get(path)
+        if before is None:
+            return None
+        displacement = before[0] - np.clip(before[0], -self.backlash, self.backlash)
+        return np.asarray(self.gain * np.where(by_displacement, displacement, before[1]))
 
     def offsets(self, count: int) -> Floats:
         """Offsets (M, 3) of `count` measured points in the frames of their disks, m."""
@@ -184,6 +204,7 @@ class Unknowns:
         self._count = {"segments": len(robot.segments), "tendons": len(robot.tendons.segment)}
         self._held: dict[str, float] = {}
         self._robots: dict[object, Robot] = {}
+        self._from_home = False
         begin = {name: _finite(name, value) for name, value in (start or {}).items()}
         given = {each: value for name, value in begin.items() for each in self._expand(name)}
         fitted = [each for name in names for each in self._expand(name)]
@@ -214,10 +235,15 @@ class Unknowns:
         return np.array([item.start for item in self.items])
 
     def why_without_effect(self, name: str, *, arcs: bool) -> str:
-        """Reason why a parameter of a payload has no effect; empty for others and if unknown.
+        """Reason why a parameter of a payload or of an initial state has no effect.
 
-        `arcs` is True for constant curvature.
+        Empty for others and if unknown. `arcs` is True for constant curvature.
         """
+        if initial_of(name):
+            backlash = any(each.startswith("backlash") for each in (*self.names, *self._held))
+            if backlash or (self.robot.has_memory and not arcs):
+                return ""
+            return "it is the state of a memory, and this model has none: fit backlash or another"
         field = _field_of_payload(name)
         if not field:
             return ""
@@ -284,7 +310,14 @@ class Unknowns:
             tool=tool,
             markers=_markers(extra),
             bend_gain=each("bend_gain", "segments"),
+            initial={} if self._from_home else _initial(extra, self._count["tendons"]),
         )
+
+    def from_home(self) -> Unknowns:
+        """Return the same for another recording, whose paths begin in the home pose."""
+        other = copy.copy(self)
+        other._from_home = True
+        return other
 
     def _made(self, overrides: Mapping[str, float], angle: Floats, radius: Floats) -> Robot:
         """Make the robot of given overrides; cached, as most differences do not change it."""
@@ -299,11 +332,14 @@ class Unknowns:
         return self._robots[key]
 
     def outside_file(self, values: Floats) -> dict[str, float]:
-        """Return fitted and fixed values that `setting` does not put into the robot, in SI."""
+        """Return fitted and fixed values that `setting` does not put into the robot, in SI.
+
+        Those of the initial state belong to a recording, and are left out.
+        """
         fitted = zip(self.items, values.tolist(), strict=True)
         extra = {**self._held, **{item.name: value for item, value in fitted if not item.paths}}
-        in_holes = ("hole_angle", "pitch_radius")
-        return {name: value for name, value in extra.items() if not name.startswith(in_holes)}
+        others = ("hole_angle", "pitch_radius", "initial_")
+        return {name: value for name, value in extra.items() if not name.startswith(others)}
 
     # -- names -----------------------------------------------------------------------------
 
@@ -314,6 +350,9 @@ class Unknowns:
             return [f"{name}.{member}" for member in _FRAMES[name]]
         if name == "delay" or (head in _FRAMES and name in _EXTRA):
             return [name]
+        if (initial := _INITIAL.fullmatch(name)) and int(initial[3] or 0) < self._count["tendons"]:
+            path, count = f"initial_{initial[1]}.{initial[2] or 0}", self._count["tendons"]
+            return [name] if initial[3] else [f"{path}.{t}" for t in range(count)]
         if marker := _MARKER.fullmatch(name):
             return [name] if marker[2] else [f"{name}.{axis}" for axis in "xyz"]
         if head in _EACH:
@@ -430,6 +469,25 @@ def marker_of(name: str) -> int | None:
     """Point below the tip, from 0, of which a parameter is the offset; None for others."""
     found = _MARKER.fullmatch(name)
     return int(found[1]) if found else None
+
+
+def initial_of(name: str) -> tuple[int, int, bool] | None:
+    """Path and tendon, from 0, of which a parameter is the initial command; None for others.
+
+    The last one is whether it is a displacement.
+    """
+    found = _INITIAL.fullmatch(name)
+    return None if found is None else (int(found[2]), int(found[3]), found[1] == "displacement")
+
+
+def _initial(extra: Mapping[str, float], tendons: int) -> dict[int, Floats]:
+    """Displacements and tensions (2, T) before the first row of paths, by their numbers."""
+    found: dict[int, Floats] = {}
+    for name, value in extra.items():
+        if initial := initial_of(name):
+            path, tendon, by_displacement = initial
+            found.setdefault(path, np.zeros((2, tendons)))[int(not by_displacement), tendon] = value
+    return found
 
 
 def _markers(extra: Mapping[str, float]) -> dict[int, Floats]:

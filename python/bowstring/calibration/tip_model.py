@@ -42,6 +42,8 @@ _SETTLED: Final = 1e-8
 _PASSES: Final = 8
 #: Change of a displacement for a difference of the bend, m.
 _NUDGE: Final = 1e-5
+#: Time at rest before a path, s.
+_AT_REST: Final = 1e15
 #: Parameters of frames and offsets, which move the points and not the robot.
 _FRAMES: Final = ("base.", "tool.", "marker.")
 #: Moment on a disk for a derivative, over bending stiffness and length.
@@ -84,11 +86,20 @@ class Commands:
             values = late
         if setting.backlash.any():
             followed = np.empty_like(values)
-            for rows in self.paths:
-                followed[rows] = _play(values[rows], setting.backlash)
+            for number, rows in enumerate(self.paths):
+                before = setting.initial.get(number, np.zeros((2, 1)))[0]
+                first = values[rows[0]] + before
+                followed[rows] = _play(values[rows], setting.backlash, first)
             values = np.where(self.by_displacement, followed, values)
         out: Floats = values * setting.gain + np.where(self.by_displacement, setting.offset, 0.0)
         return out
+
+    def is_same(self, other: Commands) -> bool:
+        """Whether these are the same rows, at the same times and in the same recordings."""
+        mine, others = (
+            (each.by_displacement, each.values, each.time, each.recording) for each in (self, other)
+        )
+        return all(map(_same, mine, others))
 
     @property
     def paths(self) -> list[NDArray[np.int64]]:
@@ -113,6 +124,12 @@ class Commands:
         return np.diff(time, prepend=time[0])
 
 
+def _same(one: NDArray[Any] | None, other: NDArray[Any] | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return np.array_equal(one, other, equal_nan=True)
+
+
 def paths_of(recording: NDArray[np.int64] | None, count: int) -> list[NDArray[np.int64]]:
     """Rows of each recording in order; None means a single one."""
     if recording is None:
@@ -126,10 +143,9 @@ def _delayed(values: Floats, time: Floats, delay: float) -> Floats:
     return np.stack([np.interp(asked, time, column) for column in values.T], axis=1)
 
 
-def _play(values: Floats, width: Floats) -> Floats:
-    """Play (backlash) operator on each column with its half-width."""
+def _play(values: Floats, width: Floats, state: Floats) -> Floats:
+    """Play (backlash) operator on each column with its half-width, from a state."""
     out = np.empty_like(values)
-    state = values[0]
     for k, row in enumerate(values):
         state = np.minimum(np.maximum(state, row - width), row + width)
         out[k] = state
@@ -381,7 +397,7 @@ class TipModel:
 
     def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
         """Predict by the rod in rows, with a memory along each path from the home pose."""
-        at = self._follow(core, setting.robot, given, disks=not self._at_end.all())
+        at = self._follow(core, setting, given, disks=not self._at_end.all())
         return Prediction(
             *self._poses(at),
             at["converged"],
@@ -392,35 +408,43 @@ class TipModel:
         )
 
     def _follow(
-        self, core: Any, robot: Robot, given: Floats, *, disks: bool = False
+        self, core: Any, setting: Setting, given: Floats, *, disks: bool = False
     ) -> dict[str, Any]:
         """Arrays of all rows by effective commands (K, T), with a memory along each path."""
+        robot = setting.robot
         paths = self.commands.paths if robot.has_memory else [np.arange(len(given))]
         threads = None if robot.has_memory else 0
-        found = []
-        for rows in paths:
-            core.reset()
-            by_displacement = self.commands.by_displacement[rows]
-            late = self.commands.durations(rows) if robot.is_viscoelastic else None
-            found.append(core.follow(by_displacement, given[rows], _NO_LOAD, disks, threads, late))
         names = ["tip_position", "tip_rotation", "converged", "tensions", "slack_lengths"]
         names += ["disk_positions", "disk_rotations"] * disks
+        found = []
+        for number, rows in enumerate(paths):
+            core.reset()
+            held, values = self.commands.by_displacement[rows], given[rows]
+            late = self.commands.durations(rows) if robot.is_viscoelastic else None
+            lead = setting.lead(number, held[0]) if robot.has_memory else None
+            if lead is not None:  # a row before the first one
+                before = values[0] + lead
+                before = np.where(held[0], before, np.maximum(before, 0.0))
+                held, values = np.vstack((held[:1], held)), np.vstack((before, values))
+                late = None if late is None else np.concatenate(([_AT_REST], late))
+            at = core.follow(held, values, _NO_LOAD, disks, threads, late)
+            found.append({name: at[name][len(at[name]) - len(rows) :] for name in names})
         back = np.argsort(np.concatenate(paths))
         return {name: np.concatenate([each[name] for each in found])[back] for name in names}
 
     # -- clearance in the holes, theory Eq. 7.6 ------------------------------------------------
 
-    def _bend(self, core: Any, robot: Robot, given: Floats) -> Floats:
+    def _bend(self, core: Any, setting: Setting, given: Floats) -> Floats:
         """Bend (K, T) in rad from the base to the end disk of each tendon."""
-        bends = _bends(self._follow(core, robot, given, disks=True)["disk_rotations"])
-        return np.nan_to_num(bends[:, robot.tendons.end_disk])
+        bends = _bends(self._follow(core, setting, given, disks=True)["disk_rotations"])
+        return np.nan_to_num(bends[:, setting.robot.tendons.end_disk])
 
     def _left(self, core: Any, setting: Setting, given: Floats) -> Floats:
         """Commands (K, T) less the displacement that is lost in the holes."""
         by_displacement = self.commands.by_displacement
         left = given
         for _ in range(_PASSES):
-            bend = self._bend(core, setting.robot, left)
+            bend = self._bend(core, setting, left)
             lost = np.where(by_displacement, setting.hole_clearance * bend, 0.0)
             change, left = np.abs(given - lost - left).max(), given - lost
             if change < _SETTLED:
@@ -434,12 +458,12 @@ class TipModel:
             return None
         left = at.left
         core = actuation.Path(setting.robot, rod).core
-        bend = self._bend(core, setting.robot, left)
+        bend = self._bend(core, setting, left)
         count = left.shape[1]
         response = np.zeros((len(left), count, count))
         for i in range(count):
             moved = left + _NUDGE * (np.arange(count) == i)
-            response[:, :, i] = (self._bend(core, setting.robot, moved) - bend) / _NUDGE
+            response[:, :, i] = (self._bend(core, setting, moved) - bend) / _NUDGE
         lost = np.where(self.commands.by_displacement, setting.hole_clearance, 0.0)
         share = np.asarray(np.linalg.inv(np.eye(count) + lost[:, :, None] * response), float)
         return _InHoles(bend, share)
