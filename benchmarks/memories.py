@@ -5,9 +5,9 @@
 The benches are those of `benchmarks.model_choice`: 60, 90 or 120 rows, one every 5 s, 0.1 mm noise,
 backlash with a dead travel of 0.5 mm, friction 0.15, hysteresis, creep and relaxation with 30 s.
 Each fit has the memory as unknown, beside the base and the modulus of the backbone or the gain, and
-starts near the truth: this counts intervals, not searches. With --begun the path has begun 30 rows
-before the first measured one; each bench is then fitted twice, from the home pose and with the
-initial state as unknown. All data are synthetic.
+starts near the truth: this counts intervals, not searches. With --begun only the last 20 rows of a
+path are measured; each bench is then fitted twice, from the home pose and with the initial state as
+unknown. All data are synthetic.
 """
 
 from __future__ import annotations
@@ -29,28 +29,24 @@ _MEMORIES: Final = {
 } | {"backlash": {"backlash": 2.5e-4}}
 
 
-#: Rows before the first measured one.
-_BEFORE: Final = 30
-_FROM_HOME: Final = (("", 0, False),)
-_BEGUN: Final = (
-    (", fitted from home", _BEFORE, False),
-    (", initial state fitted", _BEFORE, True),
-)
+#: Rows measured at the end of a path that has begun before.
+_LAST: Final = 20
 
 
 def inside(
-    kind: str, by_displacement: bool, seed: int, before: int = 0, initial: bool = False
+    kind: str, by_displacement: bool, seed: int, begun: bool = False, initial: bool = False
 ) -> dict[str, bool]:
     """Whether the interval of each parameter of a memory holds the truth, by its name.
 
-    The path has rows `before` the first measured one; `initial` is whether that state is fitted.
+    `begun` is whether the first rows of the path are lost, `initial` whether that state is fitted.
     """
     truth = _MEMORIES[kind]
     rng = np.random.default_rng([7, seed])
     start = {name: value * rng.uniform(0.7, 1.4) for name, value in truth.items()}
     # stiffness and gain are known: creep counts against the stiffness of the backbone
     robot = bs.load_robot("amouri2019").with_({E: 33e9})
-    data = table(by_displacement, kind, seed, ROWS[seed % len(ROWS)], before)
+    rows = ROWS[seed % len(ROWS)]
+    data = table(by_displacement, kind, seed, rows, rows - _LAST if begun else 0)
     names = ["base", *truth, "gain" if by_displacement else E]
     if initial:
         names.append("initial_displacement" if by_displacement else "initial_tension")
@@ -71,12 +67,13 @@ def main() -> None:
     warnings.simplefilter("ignore")
     for kind in _MEMORIES:
         by_displacement = kind in ("backlash", "creep", "friction")
-        for how, before, initial in _BEGUN if begun else _FROM_HOME:
+        for initial in (False, True) if begun else (False,):
             held: dict[str, list[bool]] = defaultdict(list)
             for seed in range(first, first + count):
-                for name, hit in inside(kind, by_displacement, seed, before, initial).items():
+                for name, hit in inside(kind, by_displacement, seed, begun, initial).items():
                     held[name].append(hit)
             shares = {name: f"{np.mean(hits):.3f}" for name, hits in held.items()}
+            how = ", initial state fitted" if initial else ", from home" if begun else ""
             print(f"{kind}{how}: {shares} of {count}", flush=True)
 
 

@@ -56,17 +56,17 @@ _HALF: Final = 2.5e-4
 _SLOW: Final = (3e-4, 0.9, 5e-4)
 
 
-def table(by_displacement: bool, kind: str, seed: int, rows: int, before: int = 0) -> Measurements:
-    """Synthetic table of one bench; the path has rows `before` the first measured one."""
+def table(by_displacement: bool, kind: str, seed: int, rows: int, skip: int = 0) -> Measurements:
+    """Synthetic table of one bench, without the first `skip` rows of its path."""
     rng = np.random.default_rng(seed)
-    t, shift = np.arange(-before, rows) / (rows - 1), rng.uniform(size=4)
-    measured = slice(before, None)
+    t, shift = np.linspace(0.0, 1.0, rows), rng.uniform(size=4)
+    measured = slice(skip, None)
     bend = 0.15 + 0.75 * np.abs(np.sin(np.pi * (2.5 * t + shift[0])))
     bend += 0.1 * np.sin(9 * t + 6 * shift[1])
     towards = 2 * np.pi * (shift[2] + 0.8 * np.sin(2 * np.pi * (1.3 * t + shift[3])))
     along = np.cos(towards[:, None] - 2 * np.pi * np.arange(3) / 3)
     actual = bs.load_robot("amouri2019").with_({E: 33e9, **TRUTH[kind]})
-    none = np.full((rows + before, 3), np.nan)
+    none = np.full((rows, 3), np.nan)
     if by_displacement:
         tensions, displacements = none, 0.029 * bend[:, None] * along
         half = _HALF if kind == "backlash" else 0.0
@@ -75,8 +75,8 @@ def table(by_displacement: bool, kind: str, seed: int, rows: int, before: int = 
         tensions, displacements = 2 + 60 * bend[:, None] * np.maximum(along, 0.0), none
         load = bs.Load(tensions)
     frame = Rigid.from_rotation_vector([0.01, -0.02, 0.015], [3e-3, -2e-3, 1e-3])
-    times = _PERIOD * np.arange(rows + before)
-    tips = frame.apply(bs.sweep(actual, load=load, times=times).tip_position)[measured]
+    times = _PERIOD * np.arange(rows)
+    tips = frame.apply(bs.sweep(actual, load=load, times=times).tip_position)
     tips = tips + NOISE * rng.standard_normal((rows, 3))
     if kind == "none, slow errors":
         tips += _slow(rng, rows)
@@ -85,11 +85,11 @@ def table(by_displacement: bool, kind: str, seed: int, rows: int, before: int = 
         name="virtual bench",
         tensions=tensions[measured],
         displacements=displacements[measured],
-        points=tips[:, None],
-        line=np.arange(2, rows + 2),
-        group=np.full(rows, ""),
-        repeat=np.ones(rows, dtype=int),
-        sigma=np.full(rows, NOISE),
+        points=tips[measured, None],
+        line=np.arange(2, rows + 2 - skip),
+        group=np.full(rows - skip, ""),
+        repeat=np.ones(rows - skip, dtype=int),
+        sigma=np.full(rows - skip, NOISE),
         time=times[measured],
     )
 

@@ -81,6 +81,11 @@ _STEP: Final = {
     **dict.fromkeys(("relaxation", "second_relaxation"), 0.05),
     **dict.fromkeys(("creep_compliance", "second_creep_compliance"), 1e-5),
 }
+#: Fields of the robot file of which any value above zero makes a memory.
+_REMEMBERS: Final = frozenset(
+    ("friction", "hysteresis", "relaxation", "second_relaxation", "creep_compliance")
+    + ("second_creep_compliance", "backlash")
+)
 _SHARE: Final = 0.05
 #: The same for fields of a payload, in kg and m.
 _PAYLOAD_STEP: Final = {"mass": 5e-3, "centre": 5e-3}
@@ -240,8 +245,9 @@ class Unknowns:
         Empty for others and if unknown. `arcs` is True for constant curvature.
         """
         if initial_of(name):
+            fitted = {item.leaf for item in self.items}
             backlash = any(each.startswith("backlash") for each in (*self.names, *self._held))
-            if backlash or (self.robot.has_memory and not arcs):
+            if backlash or (not arcs and (self.robot.has_memory or fitted & _REMEMBERS)):
                 return ""
             return "it is the state of a memory, and this model has none: fit backlash or another"
         field = _field_of_payload(name)
