@@ -499,9 +499,9 @@ def _check_initial(unknowns: Unknowns, commands: Commands, *, arcs: bool) -> Non
                 argument="parameters",
             )
         if path >= len(paths):
+            own = "path 0 only" if len(paths) == 1 else f"paths 0 to {len(paths) - 1}"
             raise InputError(
-                f"parameter {name} is of path {path}; the rows have {len(paths)}, from path 0",
-                argument="parameters",
+                f"parameter {name} is of path {path}; the rows have {own}", argument="parameters"
             )
         if commands.by_displacement[paths[path][0], tendon] != by_displacement:
             kind = "a tension" if by_displacement else "a displacement"

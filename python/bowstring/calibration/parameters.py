@@ -83,8 +83,10 @@ _STEP: Final = {
 }
 #: Fields of the robot file of which any value above zero makes a memory.
 _REMEMBERS: Final = frozenset(
-    ("friction", "hysteresis", "relaxation", "second_relaxation", "creep_compliance")
-    + ("second_creep_compliance", "backlash")
+    {
+        *("friction", "backlash", "hysteresis", "relaxation", "second_relaxation"),
+        *("creep_compliance", "second_creep_compliance"),
+    }
 )
 _SHARE: Final = 0.05
 #: The same for fields of a payload, in kg and m.
