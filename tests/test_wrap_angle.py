@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -55,6 +56,16 @@ def test_the_lost_displacement_grows_with_the_tension():
     assert wide > 3 * narrow
     drop = math.log(found.tensions[7, 0] / found.span_tensions[7, 0, 0])
     assert MU * WRAP < drop < MU * (WRAP + 0.5)
+
+
+def test_a_history_continues():
+    far = RUBS.with_({"segments.0.tendons.wrap_angle": "400 deg"})
+    rows = np.outer([10.0, 40.0, 25.0, 5.0], [1.0, 0.0, 0.0])
+    whole = bs.sweep(far, rows)
+    first = bs.sweep(far, rows[:2])
+    rest = bs.sweep(far, rows[2:], history=json.loads(json.dumps(first.history())))
+    assert whole.converged.all()
+    assert rest.tip_position == pytest.approx(whole.tip_position[2:], abs=1e-10)
 
 
 def test_fit_finds_the_wrap():
