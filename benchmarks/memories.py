@@ -49,7 +49,8 @@ def inside(
     data = table(by_displacement, kind, seed, rows, rows - _LAST if begun else 0)
     names = ["base", *truth, "gain" if by_displacement else E]
     if initial:
-        names.append("initial_displacement" if by_displacement else "initial_tension")
+        at = "displacement" if by_displacement and kind != "creep" else "tension"
+        names.append(f"initial_{at}")
     found = fit(robot, data, names, start=start, loss="linear")
     out = {}
     for name, value in truth.items():

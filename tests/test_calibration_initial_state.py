@@ -67,6 +67,25 @@ def test_a_path_begins_at_the_commands_before_it(memory):
     assert np.linalg.norm(from_home - found, axis=1).max() > 1e-5
 
 
+def test_a_tendon_begins_at_the_tension_at_rest():
+    """The creep of a tendon that holds a tension for long is that tension times its compliance."""
+    robot = ROBOT.with_(MEMORIES["creep"])
+    rest = np.array([20.0, 3.0, 0.0])
+    start = {f"initial_tension.0.{t}": rest[t] for t in TENDONS}
+    rows, times = course(4), np.array([0.0, 1.0, 2.0, 3.0])
+    found = predicted(robot, rows, start=start, time=times)
+    model = bs.RodModel(elements=1)
+    first = bs.sweep(robot, rest[None], model=model, times=[1e15])
+    later = bs.sweep(
+        robot,
+        load=bs.Load(displacements=rows),
+        model=model,
+        times=times,
+        history=first.history(),
+    )
+    assert found == pytest.approx(later.tip_position, abs=1e-9)
+
+
 def test_backlash_begins_within_its_play():
     rows = course(12)
     start = {"backlash": 5e-4, **INITIAL}
@@ -129,9 +148,10 @@ def test_a_fit_finds_the_initial_state(begun):
     [
         (["backlash", "initial_displacement.1"], "is of path 1; the rows have path 0 only"),
         (["backlash", "initial_displacement.0.3"], r"there is no parameter .*displacement\.0\.3"),
+        (["backlash", "initial_tension"], "the state of a memory, and this model has none"),
         (
-            ["backlash", "initial_tension"],
-            "tendon 0 has a displacement in the first row",
+            ["segments.0.tendons.friction", "initial_displacement", "initial_tension"],
+            r"displacement\.0\.0 and initial_tension\.0\.0 are of the same tendon",
         ),
         (["gain", "initial_displacement"], "the state of a memory, and this model has none"),
     ],

@@ -367,8 +367,9 @@ def fit(
         zero by default. ``initial_displacement`` (of path 0, with a number that of another path;
         ``initial_displacement.0.4`` of one tendon) and ``initial_tension``: the commands at which
         the robot rested before the first row of a path, less those of the first row, for a memory
-        whose state there is not known. Other tables begin in the home pose. Their prior is half the
-        range of the tendon's commands, unless `priors` has another.
+        whose state there is not known. The tension of a tendon with a displacement there is that
+        at rest; creep needs it. Other tables begin in the home pose. The prior is half the range of
+        the tendon's commands, unless `priors` has another.
     model : RodModel or "arc", optional
         Statics of `bowstring.solve`, by default with one element; or constant curvature from tendon
         lengths (from tensions where the rows have them), with segments of constant length.
@@ -503,11 +504,16 @@ def _check_initial(unknowns: Unknowns, commands: Commands, *, arcs: bool) -> Non
             raise InputError(
                 f"parameter {name} is of path {path}; the rows have {own}", argument="parameters"
             )
-        if commands.by_displacement[paths[path][0], tendon] != by_displacement:
-            kind = "a tension" if by_displacement else "a displacement"
+        if by_displacement and not commands.by_displacement[paths[path][0], tendon]:
             raise InputError(
-                f"parameter {name} has no effect: tendon {tendon} has {kind} in the first row of "
-                f"path {path}",
+                f"parameter {name} has no effect: tendon {tendon} has a tension in the first row "
+                f"of path {path}",
+                argument="parameters",
+            )
+        other = name.replace("displacement", "tension")
+        if by_displacement and other in unknowns.names:
+            raise InputError(
+                f"parameters {name} and {other} are of the same tendon; fit one of them",
                 argument="parameters",
             )
 
@@ -515,14 +521,21 @@ def _check_initial(unknowns: Unknowns, commands: Commands, *, arcs: bool) -> Non
 def _of_initial(unknowns: Unknowns, commands: Commands) -> dict[str, float]:
     """Standard deviations of initial commands: half the range of the tendon's commands.
 
-    Without them a command is undetermined once a memory has followed it as far as it can.
+    Without them a command is undetermined once a memory has followed it as far as it can. Where
+    displacements do not tell the range of tensions, it is the tension that bends the robot by 1
+    rad.
     """
+    robot = unknowns.robot
     found = {}
     for name in unknowns.names:
         if initial := initial_of(name):
-            path, tendon, _ = initial
-            values = commands.values[commands.paths[path], tendon]
-            if size := 0.5 * float(np.ptp(values)):
+            path, tendon, by_displacement = initial
+            rows = commands.paths[path]
+            values = commands.values[rows, tendon]
+            if commands.by_displacement[rows[0], tendon] and not by_displacement:
+                arm = float(robot.tendons.pitch_radius_m[tendon])
+                found[name] = float(robot.bending_stiffness.min()) / (arm * robot.length)
+            elif size := 0.5 * float(np.ptp(values)):
                 found[name] = size
     return found
 

@@ -150,7 +150,8 @@ class Setting:
         Factor on the bends of constant curvature.
     initial : dict from int to ndarray (2, T)
         Of paths that do not begin in the home pose, by number: displacements (m) and tensions (N)
-        at which the robot rested before, less those of the first row.
+        at which the robot rested before, less those of the first row, NaN where not given. Tensions
+        of tendons with a displacement there are those at rest.
     """
 
     robot: Robot
@@ -166,13 +167,22 @@ class Setting:
     bend_gain: Floats
     initial: Mapping[int, Floats]
 
-    def lead(self, path: int, by_displacement: NDArray[np.bool_]) -> Floats | None:
-        """Effective commands (T,) before a path less those of its first row; None from home."""
-        before = self.initial.get(path)
-        if before is None:
+    def before(
+        self, path: int, by_displacement: NDArray[np.bool_], first: Floats
+    ) -> tuple[NDArray[np.bool_], Floats] | None:
+        """Effective commands (T,) before the first ones of a path; None from the home pose.
+
+        First which of them are displacements.
+        """
+        given = self.initial.get(path)
+        if given is None:
             return None
-        displacement = before[0] - np.clip(before[0], -self.backlash, self.backlash)
-        return np.asarray(self.gain * np.where(by_displacement, displacement, before[1]))
+        displacement, tension = np.nan_to_num(given)
+        displacement = displacement - np.clip(displacement, -self.backlash, self.backlash)
+        values = first + self.gain * np.where(by_displacement, displacement, tension)
+        at_tension = by_displacement & np.isfinite(given[1])
+        held = by_displacement & ~at_tension
+        return held, np.where(held, values, np.maximum(np.where(at_tension, tension, values), 0.0))
 
     def offsets(self, count: int) -> Floats:
         """Offsets (M, 3) of `count` measured points in the frames of their disks, m."""
@@ -249,7 +259,8 @@ class Unknowns:
         if initial_of(name):
             fitted = {item.leaf for item in self.items}
             backlash = any(each.startswith("backlash") for each in (*self.names, *self._held))
-            if backlash or (not arcs and (self.robot.has_memory or fitted & _REMEMBERS)):
+            of_backlash = backlash and name.startswith("initial_displacement")
+            if of_backlash or (not arcs and (self.robot.has_memory or fitted & _REMEMBERS)):
                 return ""
             return "it is the state of a memory, and this model has none: fit backlash or another"
         field = _field_of_payload(name)
@@ -489,12 +500,13 @@ def initial_of(name: str) -> tuple[int, int, bool] | None:
 
 
 def _initial(extra: Mapping[str, float], tendons: int) -> dict[int, Floats]:
-    """Displacements and tensions (2, T) before the first row of paths, by their numbers."""
+    """Displacements and tensions (2, T) before paths, by their numbers; NaN where not given."""
     found: dict[int, Floats] = {}
     for name, value in extra.items():
         if initial := initial_of(name):
             path, tendon, by_displacement = initial
-            found.setdefault(path, np.zeros((2, tendons)))[int(not by_displacement), tendon] = value
+            found.setdefault(path, np.full((2, tendons), np.nan))
+            found[path][int(not by_displacement), tendon] = value
     return found
 
 

@@ -88,7 +88,7 @@ class Commands:
             followed = np.empty_like(values)
             for number, rows in enumerate(self.paths):
                 before = setting.initial.get(number, np.zeros((2, 1)))[0]
-                first = values[rows[0]] + before
+                first = values[rows[0]] + np.nan_to_num(before)
                 followed[rows] = _play(values[rows], setting.backlash, first)
             values = np.where(self.by_displacement, followed, values)
         out: Floats = values * setting.gain + np.where(self.by_displacement, setting.offset, 0.0)
@@ -421,11 +421,9 @@ class TipModel:
             core.reset()
             held, values = self.commands.by_displacement[rows], given[rows]
             late = self.commands.durations(rows) if robot.is_viscoelastic else None
-            lead = setting.lead(number, held[0]) if robot.has_memory else None
-            if lead is not None:  # a row before the first one
-                before = values[0] + lead
-                before = np.where(held[0], before, np.maximum(before, 0.0))
-                held, values = np.vstack((held[:1], held)), np.vstack((before, values))
+            before = setting.before(number, held[0], values[0]) if robot.has_memory else None
+            if before is not None:  # a row before the first one
+                held, values = np.vstack((before[0], held)), np.vstack((before[1], values))
                 late = None if late is None else np.concatenate(([_AT_REST], late))
             at = core.follow(held, values, _NO_LOAD, disks, threads, late)
             found.append({name: at[name][len(at[name]) - len(rows) :] for name in names})
