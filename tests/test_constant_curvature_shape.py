@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import time
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,13 @@ def test_measured_shapes_against_scipy(measured: Array) -> None:
         starts = [[a, b] for a in (-3.0, -1.5, 0.0, 1.5) for b in (-4.0, -1.0, 1.0, 4.0)]
         best = min(optimize.least_squares(left, x, xtol=1e-12).cost for x in starts)
         assert np.sum(fit.distance[k] ** 2) == pytest.approx(2 * best, rel=1e-8)
+
+
+def test_speed(measured: Array) -> None:
+    fit_arcs(measured[:3])
+    begin = time.process_time()
+    fit_arcs(measured)
+    assert time.process_time() - begin < 1.0
 
 
 # -- synthetic ---------------------------------------------------------------------------------

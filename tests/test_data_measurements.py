@@ -464,7 +464,9 @@ def test_a_million_rows(file: Write) -> None:
     rows = [f"{i % 977 / 10},{i % 89},{i % 359}\n" for i in range(1_000_000)]
     rows[777_777] = "1,?,3\n"
     path = file("displacement_1_mm,bend_deg,direction_deg\n" + "".join(rows))
+    started = time.process_time()
     found = read_measurements(path)
+    assert time.process_time() - started < 20  # 3 to 5 s
     assert len(found) == 999_999 and found.left_out == 1
     assert (777_779, 'left out: bend_deg is "?", which is not a finite number') in found.issues
     assert found.displacements[-1, 0] == pytest.approx(999_999 % 977 / 10 * 1e-3)
@@ -507,7 +509,7 @@ def test_a_zip_bomb_is_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     started = time.process_time()
     with pytest.raises(InputError, match=r"would unpack to 55 MB in 2 parts, .* is not opened"):
         read_measurements(bomb)
-    assert time.process_time() - started < 60
+    assert time.process_time() - started < 5
     entities = b'<!DOCTYPE x [<!ENTITY a "aaaaaaaa">]><x>&a;</x>'
     laughs = _archive(tmp_path / "laughs.xlsx", {"xl/workbook.xml": entities})
     with pytest.raises(InputError, match="document type definition"):
@@ -578,7 +580,7 @@ def test_a_sheet_that_claims_to_be_huge(sheet: Write, tmp_path: Path) -> None:
     assert parts["xl/worksheets/sheet1.xml"].count(b"1048576") == 3
     started = time.process_time()
     found = read_measurements(_archive(tmp_path / "huge.xlsx", parts))
-    assert time.process_time() - started < 300
+    assert time.process_time() - started < 30
     assert len(found) == 50
 
 

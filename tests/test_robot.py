@@ -492,7 +492,7 @@ def test_hostile_text_is_refused_at_once(text):
     start = time.process_time()
     with pytest.raises(PydanticCustomError) as caught:
         quantity.read(text)
-    assert time.process_time() - start < 20.0
+    assert time.process_time() - start < 2.0
     assert len(str(caught.value)) < 250
 
 

@@ -738,4 +738,4 @@ def test_a_study_of_51_points_is_quick(tmp_path: Path) -> None:
     before = time.process_time()
     judge_data(robot, data, 0.01)
     # of 15 s for the whole study; the rest is drawing. CPU time: other work may run in parallel
-    assert time.process_time() - before < 50.0
+    assert time.process_time() - before < 5.0

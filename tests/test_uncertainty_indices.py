@@ -311,5 +311,5 @@ def test_eight_factors_take_little_time(robot: bs.Robot) -> None:
     design = SaltelliDesign(joint, 2**14)
     assert len(design) == 163_840
     found: SobolIndices = sobol_indices(design, evaluate(lambda x: x @ np.ones(8), design))
-    assert time.process_time() - before < 12.0
+    assert time.process_time() - before < 1.2
     assert np.isfinite(found.first.value).all()
