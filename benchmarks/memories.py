@@ -64,7 +64,7 @@ def main() -> None:
     given = [text for text in sys.argv[1:] if text != "--begun"]
     count = int(given[0]) if given else 200
     first = int(given[1]) if len(given) > 1 else 0
-    begun = len(given) < len(sys.argv) - 1
+    begun = "--begun" in sys.argv
     warnings.simplefilter("ignore")
     for kind in _MEMORIES:
         by_displacement = kind in ("backlash", "creep", "friction")

@@ -14,7 +14,7 @@ from bowstring.dynamics.run_file import read_run
 from shell import Shell, refuses
 
 SOLVE = ("solve", "amouri2019")
-RUBS = ("--set", "segments.0.tendons.friction=0.1")
+WITH_FRICTION = ("--set", "segments.0.tendons.friction=0.1")
 SPOOL = ("--set", "segments.0.tendons.spool_radius=10 mm")
 SIMULATE = ("simulate", "amouri2019")
 BRIEF = ("--rise", "0.1", "--hold", "0.1")
@@ -90,7 +90,7 @@ def test_history_goes_through_files(shell: Shell, tmp_path: Path) -> None:
     for i, tension in enumerate(("40,0,0", "20,0,0", "10,0,0")):
         before = ["--history", str(file)] if i else []
         arguments = ("--tension", tension, *before, "--save-history", str(file))
-        last = shell.json(*SOLVE, *RUBS, *arguments)
+        last = shell.json(*SOLVE, *WITH_FRICTION, *arguments)
         assert last["tip"]["position_m"] == pytest.approx(path.tip_position[i], abs=1e-9)
     assert last is not None and last["provenance"]["settings"]["history"] == str(file)
     assert json.loads(file.read_text())["robot_hash"] == robot.hash
@@ -292,8 +292,8 @@ def test_bad_columns(shell: Shell, tmp_path: Path, header: str, says: str) -> No
 def test_modes_after_a_history(shell: Shell, tmp_path: Path) -> None:
     """While unloading, friction holds the robot at a larger bend than while loading."""
     file = tmp_path / "path.json"
-    shell.json(*SOLVE, *RUBS, "--tension", "40,0,0", "--save-history", str(file))
-    flags = (*RUBS, "--tension", "20,0,0", "--count", "1")
+    shell.json(*SOLVE, *WITH_FRICTION, "--tension", "40,0,0", "--save-history", str(file))
+    flags = (*WITH_FRICTION, "--tension", "20,0,0", "--count", "1")
     there = shell.json("modes", "amouri2019", *flags)
     back = shell.json("modes", "amouri2019", *flags, "--history", str(file))
     assert back["provenance"]["settings"]["history"] == str(file)
@@ -308,12 +308,21 @@ def test_modes_after_a_history(shell: Shell, tmp_path: Path) -> None:
 
 def test_motion_with_friction_goes_on_from_a_history(shell: Shell, tmp_path: Path) -> None:
     file, run = tmp_path / "path.json", tmp_path / "run.nc"
-    shell.json(*SOLVE, *RUBS, "--tension", "40,0,0", "--save-history", str(file))
+    shell.json(*SOLVE, *WITH_FRICTION, "--tension", "40,0,0", "--save-history", str(file))
     loaded = shell.json(
-        *SOLVE, *RUBS, "--tension", "20,0,0", "--history", str(file), "--save-history", str(file)
+        *SOLVE,
+        *WITH_FRICTION,
+        "--tension",
+        "20,0,0",
+        "--history",
+        str(file),
+        "--save-history",
+        str(file),
     )
     flags = ("--tension", "20,0,0", "--from", "20,0,0", "--history", str(file), *BRIEF)
-    found = shell.json(*SIMULATE, *RUBS, *flags, "--modal-damping", "5 %", "--out", str(run))
+    found = shell.json(
+        *SIMULATE, *WITH_FRICTION, *flags, "--modal-damping", "5 %", "--out", str(run)
+    )
     tip = np.array(found["tip_position_m"])
     np.testing.assert_allclose(tip, [loaded["tip"]["position_m"]] * len(tip), atol=1e-8)
     assert read_run(run).span_tension[0, 8, 0] > 20.5  # the tendon was lengthened
@@ -336,7 +345,7 @@ def test_modes_of_displacements(shell: Shell) -> None:
     turned = shell.json("modes", "amouri2019", *SPOOL, "--angle=2,-3,-3")
     assert turned["modes"][0]["frequency_hz"] == pytest.approx(expected.frequency_hz[0])
     assert found["provenance"]["settings"]["displacements_m"] == [0.02, -0.03, -0.03]
-    stuck = shell.json("modes", "amouri2019", *RUBS, "--tension", "20,0,0")
+    stuck = shell.json("modes", "amouri2019", *WITH_FRICTION, "--tension", "20,0,0")
     free = shell.json("modes", "amouri2019", "--tension", "20,0,0")
     assert stuck["modes"][1]["frequency_hz"] > 2 * free["modes"][1]["frequency_hz"]
 

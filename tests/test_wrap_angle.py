@@ -12,8 +12,8 @@ import bowstring as bs
 from bowstring.calibration import Data, fit
 
 MU, WRAP = 0.1, math.pi / 2
-RUBS = bs.load_robot("amouri2019", {"segments.0.tendons.friction": MU})
-WRAPPED = RUBS.with_({"segments.0.tendons.wrap_angle": "90 deg"})
+WITH_FRICTION = bs.load_robot("amouri2019", {"segments.0.tendons.friction": MU})
+WRAPPED = WITH_FRICTION.with_({"segments.0.tendons.wrap_angle": "90 deg"})
 LOST = math.exp(-MU * WRAP)
 
 
@@ -24,7 +24,7 @@ def test_a_wrap_lowers_the_tension_as_a_capstan():
     assert found.converged.all()
     # once it slips, the robot has the tension on the other side of the wrap
     inner = np.concatenate((up * LOST, up[::-1] / LOST))[:, None] * [1.0, 0.0, 0.0]
-    alone = bs.sweep(RUBS, np.delete(inner, 8, axis=0))  # at the turning point it sticks
+    alone = bs.sweep(WITH_FRICTION, np.delete(inner, 8, axis=0))  # at the turning point it sticks
     assert found.tip_position[:8] == pytest.approx(alone.tip_position[:8], abs=1e-9)
     assert found.tip_position[8] == pytest.approx(found.tip_position[7], abs=1e-9)
     assert found.tip_position[-1] == pytest.approx(alone.tip_position[-1], abs=1e-9)
@@ -59,7 +59,7 @@ def test_the_lost_displacement_grows_with_the_tension():
 
 
 def test_a_history_continues():
-    far = RUBS.with_({"segments.0.tendons.wrap_angle": "400 deg"})
+    far = WITH_FRICTION.with_({"segments.0.tendons.wrap_angle": "400 deg"})
     rows = np.outer([10.0, 40.0, 25.0, 5.0], [1.0, 0.0, 0.0])
     whole = bs.sweep(far, rows)
     first = bs.sweep(far, rows[:2])
@@ -76,7 +76,7 @@ def test_fit_finds_the_wrap():
     tensions = size[:, None] * np.maximum(np.cos(towards[:, None] - 2.0944 * np.arange(3)), 0.05)
     tips = bs.sweep(WRAPPED, tensions).tip_position + rng.normal(0, 1e-4, (80, 3))  # synthetic
     name = "segments.*.tendons.wrap_angle"
-    found = fit(RUBS, Data(points=tips, tensions=tensions), [name], loss="linear")
+    found = fit(WITH_FRICTION, Data(points=tips, tensions=tensions), [name], loss="linear")
     assert found.converged
     estimate = found[name]
     assert abs(found.values[name] - WRAP) < 3.5 * estimate.standard_error * (

@@ -82,7 +82,7 @@ _STEP: Final = {
     **dict.fromkeys(("creep_compliance", "second_creep_compliance"), 1e-5),
 }
 #: Fields of the robot file of which any value above zero makes a memory.
-_REMEMBERS: Final = frozenset(
+_OF_MEMORIES: Final = frozenset(
     {
         *("friction", "backlash", "hysteresis", "relaxation", "second_relaxation"),
         *("creep_compliance", "second_creep_compliance"),
@@ -260,7 +260,7 @@ class Unknowns:
             fitted = {item.leaf for item in self.items}
             backlash = any(each.startswith("backlash") for each in (*self.names, *self._held))
             of_backlash = backlash and name.startswith("initial_displacement")
-            if of_backlash or (not arcs and (self.robot.has_memory or fitted & _REMEMBERS)):
+            if of_backlash or (not arcs and (self.robot.has_memory or fitted & _OF_MEMORIES)):
                 return ""
             return "it is the state of a memory, and this model has none: fit backlash or another"
         field = _field_of_payload(name)

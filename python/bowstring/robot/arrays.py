@@ -109,7 +109,7 @@ def _in_pairs(first: Floats, second: Floats) -> Floats:
 def _in_terms(each: Callable[[str], Floats], size: str, time: str) -> Floats:
     """Sizes and times (..., 2, 2) of both terms, from fields of these names."""
     names = ((size, time), (f"second_{size}", f"second_{time}"))
-    terms = [np.stack(np.broadcast_arrays(*map(each, pair)), axis=-1) for pair in names]
+    terms = [_in_pairs(*map(each, pair)) for pair in names]
     return frozen(np.stack(np.broadcast_arrays(*terms), axis=-2))
 
 
