@@ -423,10 +423,10 @@ class _Reader:
     # -- rows --
 
     def chunk(self, rows: list[Row]) -> dict[str, NDArray[Any]]:
-        rows = [row for row in rows if self.is_whole(row)]
+        if self.layout.keep is not None or any(len(cells) != self.width for _, cells in rows):
+            rows = [(line, cells[: self.width]) for line, cells in filter(self.is_whole, rows)]
         lines = [line for line, _ in rows]
-        cells = [tuple(row[: self.width]) for _, row in rows]
-        columns: list[tuple[str, ...]] = list(zip(*cells, strict=True)) if rows else []
+        columns = list(zip(*(cells for _, cells in rows), strict=True))
         good = np.ones(len(rows), bool)
 
         def numbers(
@@ -478,8 +478,9 @@ class _Reader:
         repeat = numbers(layout.repeat, "repeat") if layout.repeat else np.ones(n)
         out["repeat"] = np.where(good, repeat, 0).astype(np.int64)
         label = layout.group or layout.recording
-        labels = columns[label.index] if label and n else [""] * n
-        out["group"] = np.array([printable(cell.strip()) for cell in labels], dtype=str)
+        labels = columns[label.index] if label and n else ()
+        groups = [printable(cell.strip()) for cell in labels] or np.full(n, "")
+        out["group"] = np.array(groups, dtype=str)
         if layout.recording is not None:
             number = [self.recording(cell) for cell in columns[layout.recording.index]] if n else []
             out["recording"] = np.array(number, dtype=np.int64)
@@ -490,7 +491,7 @@ class _Reader:
         if layout.points:
             self.note_unseen(lines, good & np.isnan(points[:, -1]).all(axis=1))
         out["line"] = np.array(lines, dtype=np.int64)
-        out["key"] = np.array([hash(row) for row in cells], dtype=np.int64)
+        out["key"] = np.fromiter(map(hash, zip(*columns, strict=True)), np.int64, n)
         return {name: array[good] for name, array in out.items()}
 
     def recording(self, cell: str) -> int:
@@ -581,10 +582,11 @@ class _Reader:
         lines, runs = arrays["line"], arrays["repeat"]
         path = arrays.get("recording", np.ones_like(lines))
         anew = np.r_[True, path[1:] != path[:-1]]
-        again = {"recording": _come_again(path, anew)}
         begins = anew | np.r_[True, runs[1:] != runs[:-1]]
-        pairs = np.unique(np.stack([path, runs]), axis=1, return_inverse=True)[1]
-        again["repeat"] = _come_again(pairs.ravel(), begins)
+        again = {
+            "recording": _come_again(np.stack([path]), anew),
+            "repeat": _come_again(np.stack([path, runs]), begins),
+        }
         notes = [(rows, f"{what} comes again") for what, rows in again.items()]
         if "time" in arrays:
             back = np.r_[False, np.diff(arrays["time"]) < 0] & ~anew
@@ -608,9 +610,9 @@ class _Reader:
 
 
 def _come_again(labels: Ints, begins: NDArray[np.bool_]) -> Ints:
-    """Rows that begin a block with the label of an earlier block."""
+    """Rows that begin a block with the labels (of each kind, of each row) of an earlier block."""
     rows = np.flatnonzero(begins)
-    _, first = np.unique(labels[rows], return_index=True)
+    _, first = np.unique(labels[:, rows], axis=1, return_index=True)
     return np.asarray(rows[np.setdiff1d(np.arange(len(rows)), first)])
 
 

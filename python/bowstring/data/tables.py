@@ -49,7 +49,7 @@ _MOST_RATIO: Final = 100  # packed XML of numbers has 5 to 30
 _MOST_PARTS: Final = 5_000
 _LAST_SHEET_ROW: Final = 1_048_576  # last row of a sheet in Excel
 _LONGEST_SHEET_ROW: Final = 5_000_000  # bytes of XML; a row is kept in memory as a whole
-_CHUNK: Final = 200_000  # cells
+_CHUNK: Final = 20_000  # cells
 
 _MARKS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": " "}
 
@@ -353,11 +353,13 @@ def _text_rows(path: Path, rows: Iterable[Row], skipped: int) -> Iterator[Row]:
     try:
         for end, cells in rows:
             began, line = line + 1, end
-            if not cells or cells[0].lstrip().startswith("#"):
+            if not cells:
                 continue
-            if not cells[0] and not any(map(str.strip, cells)):
+            first = cells[0]
+            if "#" in first and first.lstrip().startswith("#"):
                 continue
-            yield skipped + began, cells
+            if first or any(map(str.strip, cells)):
+                yield skipped + began, cells
     except csv.Error as error:
         raise InputError(
             f"{path}, line {skipped + line + 1}: the table cannot be read: {error}"
