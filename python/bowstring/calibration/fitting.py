@@ -358,7 +358,9 @@ def fit(
         each tendon (``gain``, ``gain.segments``, ``gain.tendons``, ``gain.tendons.4``): ``gain`` of
         displacements or tensions; ``offset`` of displacements, positive where a tendon is too
         short; ``backlash``, half the dead travel of a displacement; ``hole_clearance``, the
-        radial clearance of the tendons in their holes. For all or each segment:
+        radial clearance of the tendons in their holes. ``mount_compliance``, of the mount of all
+        motors against the base: each displacement loses its product with the sum of all tensions
+        (theory Eq. 7.7). For all or each segment:
         ``hole_angle``, an added angle; ``pitch_radius``, a factor; ``bend_gain`` of constant
         curvature. ``delay`` of the tip behind the commands in s. ``base``: the robot's base in the
         measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the last measured

@@ -46,6 +46,7 @@ _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
     "offset": (0.0, 1e-4, -np.inf, "mm", 1e-3),
     "backlash": (0.0, 1e-4, 0.0, "mm", 1e-3),
     "hole_clearance": (0.0, 1e-4, 0.0, "mm", 1e-3),
+    "mount_compliance": (0.0, 1e-6, 0.0, "mm/N", 1e-3),
     "hole_angle": (0.0, 0.02, -np.inf, "deg", _DEG),
     "pitch_radius": (1.0, 0.01, 0.01, "", 1.0),
     "bend_gain": (1.0, 0.02, 0.0, "", 1.0),
@@ -57,6 +58,8 @@ _MARKER: Final = re.compile(r"marker\.(0|[1-9][0-9]{0,5})(?:\.([xyz]))?")
 _INITIAL: Final = re.compile(
     r"initial_(displacement|tension)(?:\.(0|[1-9][0-9]{0,5})(?:\.(0|[1-9][0-9]{0,5}))?)?"
 )
+#: Parameters of the whole robot.
+_OF_ROBOT: Final = ("delay", "mount_compliance")
 #: Whether a parameter may be common to all, one per segment, or one per tendon.
 _EACH: Final = {
     **dict.fromkeys(("gain", "offset", "backlash", "hole_clearance"), ("", "segments", "tendons")),
@@ -138,6 +141,9 @@ class Setting:
     hole_clearance : ndarray (T,)
         Difference of the radii of hole and tendon, m. A taut tendon lies on the side of the hole
         towards the centre of curvature: the displacement loses clearance x bend.
+    mount_compliance : float
+        Compliance of the mount of all motors against the base, m/N: each displacement loses
+        compliance x sum of all tensions less that in the home pose.
     delay : float
         Delay of the tip behind the commands, s.
     position, turn : ndarray (3,)
@@ -159,6 +165,7 @@ class Setting:
     offset: Floats
     backlash: Floats
     hole_clearance: Floats
+    mount_compliance: float
     delay: float
     position: Floats
     turn: Floats
@@ -323,6 +330,7 @@ class Unknowns:
             offset=each("offset", "tendons"),
             backlash=each("backlash", "tendons"),
             hole_clearance=each("hole_clearance", "tendons"),
+            mount_compliance=extra.get("mount_compliance", 0.0),
             delay=extra.get("delay", 0.0),
             position=base[:3],
             turn=base[3:],
@@ -367,7 +375,7 @@ class Unknowns:
         head, _, rest = name.partition(".")
         if name in _FRAMES:
             return [f"{name}.{member}" for member in _FRAMES[name]]
-        if name == "delay" or (head in _FRAMES and name in _EXTRA):
+        if name in _OF_ROBOT or (head in _FRAMES and name in _EXTRA):
             return [name]
         if (initial := _INITIAL.fullmatch(name)) and int(initial[3] or 0) < self._count["tendons"]:
             path, count = f"initial_{initial[1]}.{initial[2] or 0}", self._count["tendons"]
@@ -428,7 +436,7 @@ class Unknowns:
         return InputError(
             f"there is no parameter {shown(name)}; {hint} must be a number of the robot "
             f"file, as {example_path(self.robot)}, or one of "
-            f"{', '.join([*_FRAMES, 'marker.0', 'delay', *_EACH])}",
+            f"{', '.join([*_FRAMES, 'marker.0', *_OF_ROBOT, *_EACH])}",
             argument="parameters",
         )
 

@@ -86,7 +86,7 @@ def predict_with_interval(
     """Predict tips by a calibrated model, with the uncertainty of parameters and measurements.
 
     The variance of a coordinate is that by the parameters, to first order, and that of measured
-    tips about the model (theory Eq. 7.11). The latter has the misfit of the model in it, as far as
+    tips about the model (theory Eq. 7.12). The latter has the misfit of the model in it, as far as
     the rows show it from which it comes: rows of another kind than these may be further off.
 
     Parameters

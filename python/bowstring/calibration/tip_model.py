@@ -37,9 +37,12 @@ _NO_LOAD: Final = Load()  # only the robot's gravity
 #: Step of differences over natural step of a parameter; larger with friction, which jumps.
 _SMALL: Final = 1e-3
 _SMALL_FRICTION: Final = 0.1
-#: Remaining change of a displacement by the clearance in holes, m, and most passes to reach it.
+#: Remaining change of a displacement by clearance and mount, m, and most passes to reach it.
 _SETTLED: Final = 1e-8
-_PASSES: Final = 8
+_PASSES: Final = 12
+#: Least compliance of a tendon in the first of them, m/N, and least square of a change, m^2.
+_STIFFEST: Final = 1e-9
+_TINY: Final = 1e-36
 #: Change of a displacement for a difference of the bend, m.
 _NUDGE: Final = 1e-5
 #: Time at rest before a path, s.
@@ -176,8 +179,8 @@ class Prediction:
     tensions, slack : ndarray (K, T) or None
         Tensions (N) and slack lengths (m) by statics.
     left : ndarray (K, T) or None
-        Commands less the displacement that is lost in the holes, kept for derivatives; None without
-        clearance.
+        Commands less the displacement that is lost in holes and mount, kept for derivatives; None
+        without clearance and compliance of the mount.
     disks : tuple of int
         Disks of the measured points, from 0; empty for the end disk alone.
     columns : list
@@ -339,17 +342,19 @@ class TipModel:
         if continuous and not by_displacement.any() and not robot.has_memory:
             return self._by_tensions(rod, setting, given)
         core = actuation.Path(robot, rod).core
-        left = None
-        if setting.hole_clearance.any():
-            given = left = self._left(core, setting, given)
+        left, settled = None, np.ones(len(given), bool)
+        if setting.hole_clearance.any() or setting.mount_compliance:
+            given, settled = self._left(core, setting, given)
+            left = given
         if robot.has_memory or not keep:
-            return self._followed(core, setting, given)
+            return self._followed(core, setting, given, settled)
         solutions = []
         for held, row in zip(by_displacement, given, strict=True):
             core.reset()
             solutions.append(core.step(held, row, _NO_LOAD))
         solved = np.array([s.converged for s in solutions])
         _continue_from_neighbours(core, by_displacement, given, solutions, solved)
+        solved &= settled
         found = {
             "tip_position": _table(solutions, solved, "tip_position", 3),
             "tip_rotation": _table(solutions, solved, "tip_rotation", 3, 3),
@@ -395,12 +400,12 @@ class TipModel:
             poses.append(on_disks)
         return poses[0], poses[1]
 
-    def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
+    def _followed(self, core: Any, setting: Setting, given: Floats, settled: Bools) -> Prediction:
         """Predict by the rod in rows, with a memory along each path from the home pose."""
         at = self._follow(core, setting, given, disks=not self._at_end.all())
         return Prediction(
             *self._poses(at),
-            at["converged"],
+            at["converged"] & settled,
             setting,
             tensions=at["tensions"],
             slack=at["slack_lengths"],
@@ -430,41 +435,57 @@ class TipModel:
         back = np.argsort(np.concatenate(paths))
         return {name: np.concatenate([each[name] for each in found])[back] for name in names}
 
-    # -- clearance in the holes, theory Eq. 7.6 ------------------------------------------------
+    # -- clearance in the holes and compliance of the mount, theory Eq. 7.6 and 7.7 --------------
 
-    def _bend(self, core: Any, setting: Setting, given: Floats) -> Floats:
-        """Bend (K, T) in rad from the base to the end disk of each tendon."""
-        bends = _bends(self._follow(core, setting, given, disks=True)["disk_rotations"])
-        return np.nan_to_num(bends[:, setting.robot.tendons.end_disk])
-
-    def _left(self, core: Any, setting: Setting, given: Floats) -> Floats:
-        """Commands (K, T) less the displacement that is lost in the holes."""
-        by_displacement = self.commands.by_displacement
-        left = given
+    def _left(self, core: Any, setting: Setting, given: Floats) -> tuple[Floats, Bools]:
+        """Commands (K, T) less what holes and mount take, and rows (K,) in which it has settled."""
+        clearance, mount = setting.hole_clearance, setting.mount_compliance
+        own = np.maximum(actuation.compliances(setting.robot), _STIFFEST)
+        lost = np.zeros_like(given)
+        before: tuple[Floats, Floats] | None = None
         for _ in range(_PASSES):
-            bend = self._bend(core, setting, left)
-            lost = np.where(by_displacement, setting.hole_clearance * bend, 0.0)
-            change, left = np.abs(given - lost - left).max(), given - lost
-            if change < _SETTLED:
+            at = self._follow(core, setting, given - lost, disks=bool(clearance.any()))
+            tensions = np.nan_to_num(at["tensions"])
+            taken = mount * (tensions - setting.robot.tendons.pretension_N).sum(1, keepdims=True)
+            if clearance.any():
+                taken = taken + clearance * _bends_of_tendons(setting.robot, at)
+            error = np.where(self.commands.by_displacement, taken, 0.0) - lost
+            if before is None:
+                # too short rather than too long: a long step makes all tendons slack
+                yields = (mount * (tensions > 0) / own).sum(axis=1, keepdims=True)
+                step = error / (1.0 + yields)
+            else:  # secant method along the last step of each row
+                change, turn = lost - before[0], error - before[1]
+                size = np.maximum((turn**2).sum(axis=1, keepdims=True), _TINY)
+                along = (error * turn).sum(axis=1, keepdims=True) / size
+                step = error - along * (change + turn)
+            before, lost = (lost, error), lost + step
+            settled = np.asarray(np.abs(error).max(axis=1) < _SETTLED)
+            if settled.all():
                 break
-        return left
+        return given - lost, settled
 
     def _in_holes(self, at: Prediction) -> _InHoles | None:
         """How the displacement lost in the holes follows a change; None without clearance."""
-        setting, rod = at.setting, self.rod
-        if rod is None or at.left is None:
+        setting, rod, exact = at.setting, self.rod, at.exact
+        if rod is None or at.left is None or exact is None or not setting.hole_clearance.any():
             return None
-        left = at.left
         core = actuation.Path(setting.robot, rod).core
-        bend = self._bend(core, setting, left)
-        count = left.shape[1]
-        response = np.zeros((len(left), count, count))
+
+        def bend(left: Floats) -> Floats:
+            found = self._follow(core, setting, left, disks=True)
+            return _bends_of_tendons(setting.robot, found)
+
+        start, count = bend(at.left), at.left.shape[1]
+        response = np.zeros((len(start), count, count))
         for i in range(count):
-            moved = left + _NUDGE * (np.arange(count) == i)
-            response[:, :, i] = (self._bend(core, setting, moved) - bend) / _NUDGE
+            response[:, :, i] = (bend(at.left + _NUDGE * (np.arange(count) == i)) - start) / _NUDGE
+        # of a change before the mount, which takes some of it from all tendons
+        shared = setting.mount_compliance * exact.answer.sum(axis=1)
+        response -= response.sum(axis=2)[:, :, None] * shared[:, None, :]
         lost = np.where(self.commands.by_displacement, setting.hole_clearance, 0.0)
         share = np.asarray(np.linalg.inv(np.eye(count) + lost[:, :, None] * response), float)
-        return _InHoles(bend, share)
+        return _InHoles(start, share)
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
         """Predict by constant curvature, with the gain on the bend of each segment."""
@@ -501,6 +522,10 @@ class TipModel:
         if exact is not None and (holes is None or by_displacement.all()):
             if not item.paths and not name.startswith(("hole_angle", "pitch_radius", "bend_gain")):
                 commands = self._difference(i, values, self.commands.effective)
+                if name == "mount_compliance":
+                    more = exact.tensions - at.setting.robot.tendons.pretension_N
+                    taken = more.sum(axis=1, keepdims=True)
+                    commands = np.where(by_displacement, -taken, commands)
                 if holes is not None:
                     wider = self._difference(i, values, lambda setting: setting.hole_clearance)
                     commands = holes.follow(commands - wider * holes.bend)
@@ -572,7 +597,10 @@ class TipModel:
     def _home(self, setting: Setting) -> Floats:
         assert self.rod is not None
         home = actuation.home_lengths(setting.robot, self.rod)
-        return np.full(self.commands.values.shape[1], np.nan) if home is None else home
+        if home is None:
+            return np.full(self.commands.values.shape[1], np.nan)
+        pretension = setting.robot.tendons.pretension_N
+        return np.asarray(home - setting.mount_compliance * pretension.sum())
 
     def _same_nu(self, item: Unknown) -> bool:
         segments = self.unknowns.robot.segments
@@ -630,6 +658,12 @@ def _bends(rotations: Floats) -> Floats:
     return bends
 
 
+def _bends_of_tendons(robot: Robot, found: Mapping[str, Floats]) -> Floats:
+    """Bend (K, T) in rad from the base to the end disk of each tendon, zero in unsolved rows."""
+    bends = _bends(found["disk_rotations"])[:, robot.tendons.end_disk]
+    return np.asarray(np.nan_to_num(bends))
+
+
 def _table(solutions: list[Any], solved: Bools, name: str, *shape: int) -> Floats:
     """Attribute (K, ...) of the core's solutions; NaN in rows that are not solved."""
     table = np.full((len(solved), *shape), np.nan)
@@ -683,7 +717,7 @@ class _Reciprocal:
     """Derivatives of the poses of disks by tensions, by reciprocity (Maxwell and Betti).
 
     A force on a disk shortens a tendon by what the tension of the tendon moves the disk; so do a
-    moment and the rotation vector (theory Eq. 7.10).
+    moment and the rotation vector (theory Eq. 7.11).
 
     Attributes
     ----------
@@ -744,7 +778,8 @@ class _Exact:
         None with points that are not on the end disk.
     lengths_by_stiffness : ndarray (K, T, S)
     slack_by_tension : ndarray (K, T, T)
-        slack = home length - displacement - length + compliance x tension (theory Eq. 4.1)
+        slack = home length - displacement - length + compliance x tension (theory Eq. 4.1), with
+        the compliance of the mount in each entry of the matrix of compliances
     answer : ndarray (K, T, T)
         Derivative of tensions by slack, for taut displacement-controlled tendons.
     tensions : ndarray (K, T)
@@ -775,9 +810,8 @@ class _Exact:
         tensions = np.where(at.solved[:, None], [s.tensions for s in solutions], 0.0)
         by_displacement = np.stack([s.by_displacement for s in solutions])
         held = by_displacement & (tensions > 0)
-        by_tension = np.diag(actuation.compliances(at.setting.robot)) - stacked(
-            "lengths_by_tension"
-        )
+        compliance = np.diag(actuation.compliances(at.setting.robot)) + at.setting.mount_compliance
+        by_tension = compliance - stacked("lengths_by_tension")
         both = held[:, :, None] & held[:, None, :]
         size = np.abs(np.einsum("kii->ki", by_tension)).max()
         block = np.where(both, by_tension, 0.0) + size * np.eye(held.shape[1]) * ~held[:, :, None]

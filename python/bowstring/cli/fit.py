@@ -65,12 +65,12 @@ def fit(
             "NAME",
             "Parameter to fit: a number of the robot file (segments.0.backbone.E, "
             "payloads.0.mass), base, tool, marker.0, gain, offset, backlash, hole_clearance, "
-            "delay, hole_angle, pitch_radius, bend_gain, initial_displacement, initial_tension. "
-            "Repeatable.",
+            "mount_compliance, delay, hole_angle, pitch_radius, bend_gain, initial_displacement, "
+            "initial_tension. Repeatable.",
             values=completion.words(
                 *("base", "tool", "marker.0", "gain", "offset", "backlash", "hole_clearance"),
-                *("delay", "hole_angle", "pitch_radius", "bend_gain", "segments.0.backbone.E"),
-                *("initial_displacement", "initial_tension"),
+                *("mount_compliance", "delay", "hole_angle", "pitch_radius", "bend_gain"),
+                *("segments.0.backbone.E", "initial_displacement", "initial_tension"),
             ),
         ),
     ],

@@ -179,9 +179,7 @@ impl PathSolver {
         }
         tendons.check(self.robot(), commands, load)?;
         for at in 0..n * m {
-            let line = &tendons.lines[at % m];
-            let wrap = if at < m { line.wrap } else { 0.0 };
-            let most = (std::f64::consts::PI + wrap) * line.friction;
+            let most = tendons.lines[at % m].friction_bound(at / m, std::f64::consts::PI);
             if drops[at].abs() > 1e-12 + most * (1.0 + 1e-9) {
                 return Err(InputError::other(format!(
                     "the history is damaged: the tension of tendon {} drops more at a hole than friction allows",

@@ -131,9 +131,7 @@ impl Friction {
         let mut settled = true;
         for k in 0..=tendons.routing.ends[i] {
             let at = k * m + i;
-            let line = &tendons.lines[i];
-            let wrap = if k == 0 { line.wrap } else { 0.0 };
-            let bound = line.friction * (angles[at] + wrap);
+            let bound = tendons.lines[i].friction_bound(k, angles[at]);
             let (drop, slip) = (tendons.now.drops[at], tendons.now.slip[at]);
             self.bounds[at] = bound;
             let (next, to) = match at_base {

@@ -38,6 +38,14 @@ impl Default for Line {
     }
 }
 
+impl Line {
+    /// Largest drop of the logarithm of the tension at a hole where the tendon turns by `angle`
+    /// (rad), which at the base hole includes friction between it and the motor (theory Eq. 4.4).
+    pub(crate) fn friction_bound(&self, hole: usize, angle: f64) -> f64 {
+        self.friction * (angle + if hole == 0 { self.wrap } else { 0.0 })
+    }
+}
+
 /// Command of a motor to its tendon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
