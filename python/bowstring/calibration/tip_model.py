@@ -334,7 +334,15 @@ class TipModel:
 
     # -- the models --------------------------------------------------------------------------
 
-    def _rod(self, rod: RodModel, setting: Setting, given: Floats, keep: bool) -> Prediction:
+    def _rod(
+        self,
+        rod: RodModel,
+        setting: Setting,
+        given: Floats,
+        keep: bool,
+        near: Prediction | None = None,
+    ) -> Prediction:
+        """Predict by the rod; `near` is a prediction by nearly the same values."""
         robot = setting.robot
         by_displacement = self.commands.by_displacement
         given = np.where(by_displacement, given, np.maximum(given, 0.0))
@@ -344,7 +352,7 @@ class TipModel:
         core = actuation.Path(robot, rod).core
         left, settled = None, np.ones(len(given), bool)
         if setting.hole_clearance.any() or setting.mount_compliance:
-            given, settled = self._left(core, setting, given)
+            given, settled = self._left(core, setting, given, near)
             left = given
         if robot.has_memory or not keep:
             return self._followed(core, setting, given, settled)
@@ -437,11 +445,16 @@ class TipModel:
 
     # -- clearance in the holes and compliance of the mount, theory Eq. 7.6 and 7.7 --------------
 
-    def _left(self, core: Any, setting: Setting, given: Floats) -> tuple[Floats, Bools]:
+    def _left(
+        self, core: Any, setting: Setting, given: Floats, near: Prediction | None
+    ) -> tuple[Floats, Bools]:
         """Commands (K, T) less what holes and mount take, and rows (K,) in which it has settled."""
+        by_displacement = self.commands.by_displacement
         clearance, mount = setting.hole_clearance, setting.mount_compliance
         own = np.maximum(actuation.compliances(setting.robot), _STIFFEST)
         lost = np.zeros_like(given)
+        if near is not None and near.left is not None:
+            lost = np.where(by_displacement, self.commands.effective(near.setting) - near.left, 0.0)
         before: tuple[Floats, Floats] | None = None
         for _ in range(_PASSES):
             at = self._follow(core, setting, given - lost, disks=bool(clearance.any()))
@@ -449,7 +462,7 @@ class TipModel:
             taken = mount * (tensions - setting.robot.tendons.pretension_N).sum(1, keepdims=True)
             if clearance.any():
                 taken = taken + clearance * _bends_of_tendons(setting.robot, at)
-            error = np.where(self.commands.by_displacement, taken, 0.0) - lost
+            error = np.where(by_displacement, taken, 0.0) - lost
             if before is None:
                 # too short rather than too long: a long step makes all tendons slack
                 yields = (mount * (tensions > 0) / own).sum(axis=1, keepdims=True)
@@ -459,9 +472,10 @@ class TipModel:
                 size = np.maximum((turn**2).sum(axis=1, keepdims=True), _TINY)
                 along = (error * turn).sum(axis=1, keepdims=True) / size
                 step = error - along * (change + turn)
-            before, lost = (lost, error), lost + step
             settled = np.asarray(np.abs(error).max(axis=1) < _SETTLED)
-            if settled.all():
+            done = settled.all() and before is not None  # the first step is inexact
+            before, lost = (lost, error), lost + step
+            if done:
                 break
         return given - lost, settled
 
@@ -549,15 +563,15 @@ class TipModel:
                 return exact.column(still, by_home, none)
 
         self.solves += 2
-        change = self._difference(i, values, self._state, self._small(at))
+        change = self._difference(i, values, lambda s: self._state(s, at), self._small(at))
         return self._by_differences(change, at)
 
-    def _state(self, setting: Setting) -> Floats:
+    def _state(self, setting: Setting, near: Prediction | None = None) -> Floats:
         """Coordinates, tensions and slack lengths (K, 3 M + 2 T); of arcs coordinates only."""
         given = self.commands.effective(setting)
         if self.rod is None:
             return self._arcs(setting, given).coordinates
-        found = self._rod(self.rod, setting, given, keep=False)
+        found = self._rod(self.rod, setting, given, False, near)
         assert found.tensions is not None and found.slack is not None
         return np.concatenate((found.coordinates, found.tensions, found.slack), axis=1)
 
