@@ -496,11 +496,7 @@ def _check_initial(unknowns: Unknowns, commands: Commands, *, arcs: bool) -> Non
         if initial is None:
             continue
         path, tendon, by_displacement = initial
-        if why := unknowns.why_without_effect(name, arcs=arcs):
-            raise InputError(
-                f"parameter {name} is not identifiable: {why}, or leave the parameter out",
-                argument="parameters",
-            )
+        unknowns.refuse_without_effect(name, arcs=arcs)
         if path >= len(paths):
             own = "path 0 only" if len(paths) == 1 else f"paths 0 to {len(paths) - 1}"
             raise InputError(

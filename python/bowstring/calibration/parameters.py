@@ -258,7 +258,15 @@ class Unknowns:
         """Start values (P,) in SI."""
         return np.array([item.start for item in self.items])
 
-    def why_without_effect(self, name: str, *, arcs: bool) -> str:
+    def refuse_without_effect(self, name: str, *, arcs: bool) -> None:
+        """Raise `InputError` where a parameter has no effect for a reason that is known."""
+        if why := self._why_without_effect(name, arcs=arcs):
+            raise InputError(
+                f"parameter {name} is not identifiable: {why}, or leave the parameter out",
+                argument="parameters",
+            )
+
+    def _why_without_effect(self, name: str, *, arcs: bool) -> str:
         """Reason why a parameter of a payload or of an initial state has no effect.
 
         Empty for others and if unknown. `arcs` is True for constant curvature.

@@ -283,10 +283,7 @@ class Residuals:
             # it may have an effect once slack tendons become taut
             if pieces is None or not pieces.answers(int(i)):
                 name, arcs = self.items[i].name, self.model.rod is None
-                if why := self.model.unknowns.why_without_effect(name, arcs=arcs):
-                    raise InputError(
-                        f"parameter {name} is not identifiable: {why}, or leave the parameter out"
-                    )
+                self.model.unknowns.refuse_without_effect(name, arcs=arcs)
                 what = "the tip" if self.seen.shape[1] == 1 else "the measured points"
                 raise InputError(
                     f"parameter {name} has no effect on {what} in these rows; leave it out"
