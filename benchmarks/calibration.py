@@ -27,6 +27,7 @@ from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Data, commands, score
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import TipModel
+from bowstring.statics import actuation
 from bowstring.suite import built_in_sets, read_set
 
 DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data"))
@@ -184,6 +185,40 @@ def friction(train: Data) -> None:
         print(f"  mu {mu:.2f}  {MM * best:.3f}", flush=True)
 
 
+def cost_of_memories(train: Data) -> None:
+    """Processor time of a row of train along its path, beside that without a memory."""
+    fields = {
+        "none": "",
+        "backlash 0.05 mm": "tendons.backlash=5e-5",
+        "friction 0.01": "tendons.friction=0.01",
+        "friction 0.15": "tendons.friction=0.15",
+        "friction 0.01, wrap angle 15 rad": "tendons.friction=0.01 tendons.wrap_angle=15",
+        "hysteresis": "backbone.hysteresis=0.3 backbone.hysteresis_play=0.05",
+        "relaxation": "backbone.relaxation=0.3 backbone.relaxation_time=30",
+        "creep": "tendons.creep_compliance=3e-5 tendons.creep_time=30",
+    }
+    spent: dict[str, list[float]] = {name: [] for name in fields}
+    solved = {}
+    for _ in range(3):
+        for name, text in fields.items():
+            given = dict(each.split("=") for each in text.split())
+            own = {f"segments.{i}.{k}": float(v) for k, v in given.items() for i in range(3)}
+            robot = ELASTIC.with_(own)
+            path, rows = actuation.Path(robot, ROD.replace(elements=1)), commands(train, robot)
+            late = rows.durations(np.arange(len(rows))) if robot.is_viscoelastic else None
+            begin = time.process_time()
+            at = path.core.follow(rows.by_displacement, rows.values, bs.Load(), False, None, late)
+            spent[name].append(1e3 * (time.process_time() - begin) / len(rows))
+            solved[name] = at["converged"].mean()
+    print("\nCost of a memory: processor time of a row along the path of train")
+    for name, times in spent.items():
+        ratio = float(np.median(np.divide(times, spent["none"])))
+        print(
+            f"  {name:34s} {np.median(times):.2f} ms, {ratio:.1f} times that without; "
+            f"{100 * solved[name]:.1f} % of rows solved"
+        )
+
+
 def one_tendon(train: Data) -> None:
     """Rows in which eight tendons are slack, predicted by fits without them."""
     slack = np.asarray(train.group) == "one tendon"
@@ -245,6 +280,7 @@ def main() -> None:
     if "--quick" not in sys.argv:
         ablation(train)
         friction(train)
+        cost_of_memories(train)
         one_tendon(train)
         few_rows(train, every, val)
     print("\nFitted on all of train, val predicted once")
