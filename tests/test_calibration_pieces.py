@@ -1,6 +1,7 @@
 """The piecewise linear model of a measured point, against the rod that it approximates."""
 
 import numpy as np
+import pytest
 
 import bowstring as bs
 from bowstring import RodModel
@@ -16,17 +17,18 @@ DISPLACEMENTS = np.concatenate(
 )
 
 
-def model_at(offset, names=NAMES):
+def model_at(offset, names=NAMES, mount=0.0):
     """The rod's model, the values, and the point there."""
     robot = bs.load_robot("amouri2019").with_({"segments.0.tendons.compliance": 2e-4})
-    unknowns = Unknowns(robot, names, {"offset.tendons": offset})
+    unknowns = Unknowns(robot, names, {"offset.tendons": offset, "mount_compliance": mount})
     data = Data(points=np.zeros((12, 3)), displacements=DISPLACEMENTS)
     model = TipModel(unknowns, observations.commands(data, robot), RodModel())
     return model, unknowns.start, model.predict(unknowns.start, keep=True)
 
 
-def test_the_model_follows_the_rod_across_active_set_changes():
-    model, values, at = model_at(5e-4)
+@pytest.mark.parametrize("mount", [0.0, 1e-5])
+def test_the_model_follows_the_rod_across_active_set_changes(mount):
+    model, values, at = model_at(5e-4, mount=mount)
     pieces = model.pieces(values, at)
     change = np.array([0.0, *(3 * [6e-4]), 0.0, 0.0])  # to a state with more taut tendons
     real = model.predict(values + change, keep=True)
@@ -41,9 +43,10 @@ def test_the_model_follows_the_rod_across_active_set_changes():
     assert straight > 5 * error  # one active set does not represent it
 
 
-def test_its_tangent_is_the_models_derivative():
+@pytest.mark.parametrize("mount", [0.0, 1e-5])
+def test_its_tangent_is_the_models_derivative(mount):
     """Also for parameters differentiated numerically, such as the angle of the holes."""
-    model, values, at = model_at(5e-4, [*NAMES, "hole_angle"])
+    model, values, at = model_at(5e-4, [*NAMES, "hole_angle", "mount_compliance"], mount)
     pieces = model.pieces(values, at)
     taut = np.array([s.tensions for s in at.solutions]) > 0
     exact = model.jacobian(values, at)
