@@ -187,22 +187,21 @@ def friction(train: Data) -> None:
 
 def cost_of_memories(train: Data) -> None:
     """Processor time of a row of train along its path, beside that without a memory."""
-    fields = {
-        "none": "",
-        "backlash 0.05 mm": "tendons.backlash=5e-5",
-        "friction 0.01": "tendons.friction=0.01",
-        "friction 0.15": "tendons.friction=0.15",
-        "friction 0.01, wrap angle 15 rad": "tendons.friction=0.01 tendons.wrap_angle=15",
-        "hysteresis": "backbone.hysteresis=0.3 backbone.hysteresis_play=0.05",
-        "relaxation": "backbone.relaxation=0.3 backbone.relaxation_time=30",
-        "creep": "tendons.creep_compliance=3e-5 tendons.creep_time=30",
+    fields: dict[str, dict[str, float]] = {
+        "none": {},
+        "backlash 0.05 mm": {"tendons.backlash": 5e-5},
+        "friction 0.01": {"tendons.friction": 0.01},
+        "friction 0.15": {"tendons.friction": 0.15},
+        "friction 0.01, wrap angle 15 rad": {"tendons.friction": 0.01, "tendons.wrap_angle": 15},
+        "hysteresis": {"backbone.hysteresis": 0.3, "backbone.hysteresis_play": 0.05},
+        "relaxation": {"backbone.relaxation": 0.3, "backbone.relaxation_time": 30},
+        "creep": {"tendons.creep_compliance": 3e-5, "tendons.creep_time": 30},
     }
     spent: dict[str, list[float]] = {name: [] for name in fields}
     solved = {}
     for _ in range(3):
-        for name, text in fields.items():
-            given = dict(each.split("=") for each in text.split())
-            own = {f"segments.{i}.{k}": float(v) for k, v in given.items() for i in range(3)}
+        for name, given in fields.items():
+            own = {f"segments.{i}.{k}": v for k, v in given.items() for i in range(3)}
             robot = ELASTIC.with_(own)
             path, rows = actuation.Path(robot, ROD.replace(elements=1)), commands(train, robot)
             late = rows.durations(np.arange(len(rows))) if robot.is_viscoelastic else None

@@ -757,6 +757,7 @@ def test_calibrated_physics_on_the_real_robot(mocap, names, values, train_mm, va
     reached = score(path.predict(unknowns.start).point[val], every.points[val])
     found = [reached.rmse, reached.mean, reached.rmse_centred]
     assert [1e3 * each for each in found] == pytest.approx(list(val_mm), abs=0.02)
+    assert reached.rmse < 6e-3
 
 
 @pytest.mark.slow

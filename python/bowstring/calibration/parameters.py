@@ -191,6 +191,11 @@ class Setting:
         held = by_displacement & ~at_tension
         return held, np.where(held, values, np.maximum(np.where(at_tension, tension, values), 0.0))
 
+    def added(self, tensions: Floats) -> Floats:
+        """Sums (K, 1) of the tensions (K, T) less that in the home pose, N."""
+        more = tensions - self.robot.tendons.pretension_N
+        return np.asarray(more.sum(axis=1, keepdims=True))
+
     def offsets(self, count: int) -> Floats:
         """Offsets (M, 3) of `count` measured points in the frames of their disks, m."""
         none = np.zeros(3)

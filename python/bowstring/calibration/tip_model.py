@@ -459,7 +459,7 @@ class TipModel:
         for _ in range(_PASSES):
             at = self._follow(core, setting, given - lost, disks=bool(clearance.any()))
             tensions = np.nan_to_num(at["tensions"])
-            taken = mount * (tensions - setting.robot.tendons.pretension_N).sum(1, keepdims=True)
+            taken = mount * setting.added(tensions)
             if clearance.any():
                 taken = taken + clearance * _bends_of_tendons(setting.robot, at)
             error = np.where(by_displacement, taken, 0.0) - lost
@@ -537,9 +537,7 @@ class TipModel:
             if not item.paths and not name.startswith(("hole_angle", "pitch_radius", "bend_gain")):
                 commands = self._difference(i, values, self.commands.effective)
                 if name == "mount_compliance":
-                    more = exact.tensions - at.setting.robot.tendons.pretension_N
-                    taken = more.sum(axis=1, keepdims=True)
-                    commands = np.where(by_displacement, -taken, commands)
+                    commands = np.where(by_displacement, -at.setting.added(exact.tensions), 0.0)
                 if holes is not None:
                     wider = self._difference(i, values, lambda setting: setting.hole_clearance)
                     commands = holes.follow(commands - wider * holes.bend)
