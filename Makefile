@@ -48,18 +48,26 @@ checks: build $(VENV)/.installed-test
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# the same packages everywhere: others would turn on other features of their dependencies, and compile anew
-CARGO_TEST := cargo test -p bowstring-core -p bowstring-c -p bowstring-wasm --locked
+# Unit tests check overflow and debug assertions. The others take the core as it was compiled for the package, because
+# compiling it takes minutes.
+UNIT_TESTS := cargo test -p bowstring-core --lib --locked
+CORE_TESTS := cargo test --release -p bowstring-core --test '*' --locked
+FACE_TESTS := cargo test --release -p bowstring-c -p bowstring-wasm --locked
 
 core-tests: ## compiles the tests of the core
-	$(CARGO_TEST) --no-run --quiet
+	$(UNIT_TESTS) --no-run --quiet
+	$(CORE_TESTS) --no-run --quiet
+	$(FACE_TESTS) --no-run --quiet
 
 test: checks ## lints, types, and the tests that are quick
-	$(CARGO_TEST)
+	$(UNIT_TESTS)
+	$(CORE_TESTS)
+	$(FACE_TESTS)
+	cargo test --release -p bowstring-core --doc --locked
 	$(PYTEST) -m "not slow and not fem and not cad and not data"
 
 test-slow: checks $(VENV)/.installed-all ## the others: statistics, finite elements, solids, kills, data of others
-	$(CARGO_TEST) -- --ignored
+	$(CORE_TESTS) -- --ignored
 	$(PYTEST) -m "slow or fem or cad or data"
 
 test-all: test test-slow

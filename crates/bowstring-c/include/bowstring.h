@@ -18,7 +18,7 @@
 
 #pragma once
 
-// Made from crates/bowstring-c by cbindgen; change it there, then: BOWSTRING_HEADER=write cargo test -p bowstring-c --test header
+// Made from crates/bowstring-c by cbindgen; change it there, then: BOWSTRING_HEADER=write cargo test --release -p bowstring-c --test header
 
 #include <stdbool.h>
 #include <stddef.h>
