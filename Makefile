@@ -110,7 +110,8 @@ docs: build ## the documentation site, in docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -q docs docs/_build/html
 	@echo "Documentation: $(abspath docs/_build/html/index.html)"
 
-WASM := target/wasm32-unknown-unknown/release/bowstring_wasm.wasm
+# folders of their own: cargo builds one thing at a time in one
+WASM := target/wasm/wasm32-unknown-unknown/release/bowstring_wasm.wasm
 BINDGEN := target/bindgen/release/bowstring-bindgen
 WASM_SOURCES := $(shell find crates/bowstring-core/src crates/bowstring-compiled crates/bowstring-wasm -name '*.rs' -o -name Cargo.toml) \
 	Cargo.toml Cargo.lock
@@ -136,7 +137,7 @@ $(BINDGEN): web/bindgen/Cargo.lock web/bindgen/src/main.rs | web/.tools
 
 web/generated/core.bin: $(WASM_SOURCES) $(BINDGEN) | web/.tools
 	@echo "== compiling the core to WebAssembly (about four minutes the first time)"
-	cargo build --release --locked --quiet -p bowstring-wasm --target wasm32-unknown-unknown
+	CARGO_TARGET_DIR=target/wasm cargo build --release --locked --quiet -p bowstring-wasm --target wasm32-unknown-unknown
 	$(BINDGEN) $(WASM) web/generated
 
 web/dist/index.html: web/generated/core.bin web/node_modules/.installed $(WEB_SOURCES)
