@@ -23,12 +23,44 @@ pub(crate) struct Complementarity {
     work: Vec<f64>,
     index: Vec<usize>,
     wrong: Vec<(usize, Side)>,
+    /// Sides at the start of `solve`.
+    first: Vec<Side>,
+    path: Path,
 }
 
-/// Most block pivots; each costs an elimination.
-const PIVOTINGS: usize = 15;
-/// Most Gauss-Seidel sweeps where pivoting cycles.
+/// Problems with the right-hand side `q + s from`, from share `s = 1` to 0.
+#[derive(Clone, Default)]
+struct Path {
+    from: Vec<f64>,
+    /// Derivatives of `z` and `w` with respect to the share.
+    dz: Vec<f64>,
+    dw: Vec<f64>,
+}
+
+/// Unknown that changes its side.
+#[derive(Clone, Copy)]
+struct Pivot {
+    unknown: usize,
+    from: Side,
+    to: Side,
+}
+
+/// Most block pivots, and most in succession after which no fewer unknowns are on a wrong side; each
+/// costs an elimination.
+const BLOCK_PIVOTS: usize = 15;
+const PATIENCE: usize = 3;
+/// Most pivots along a path, over the number of unknowns; on paths of friction twice that number were
+/// seen.
+const PATH_PIVOTS: usize = 6;
+/// Most Gauss-Seidel sweeps where a path has no end.
 const RELAXATIONS: usize = 100;
+
+/// How block pivoting ended.
+enum Blocks {
+    Solved,
+    Cycle,
+    Singular,
+}
 
 /// Position of an unknown relative to its bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -58,21 +90,30 @@ impl Complementarity {
         self.side.resize(size, Side::Between);
     }
 
-    /// Solves the problem by block principal pivoting (Judice and Pires 1994), with Murty's rule
-    /// where that cycles; starts from the present sides. Where both fail, the solution is
+    /// Solves the problem by block principal pivoting (Judice and Pires 1994), or by parametric
+    /// pivoting where that cycles; starts from the present sides. Where both fail, the solution is
     /// approximate. False if there is none.
     pub fn solve(&mut self) -> bool {
-        let n = self.size;
-        for i in 0..n {
+        for i in 0..self.size {
             if self.bound(i).is_some_and(|bound| !bound.is_finite()) {
                 self.side[i] = Side::Between;
             }
         }
-        let mut fewest = n + 1;
-        let mut patience = 3;
-        for _ in 0..PIVOTINGS {
-            if !self.solve_between() {
-                return false;
+        self.first.clone_from(&self.side);
+        match self.pivot_blocks() {
+            Blocks::Solved => true,
+            Blocks::Singular => false,
+            Blocks::Cycle => self.follow_path() || self.relax(),
+        }
+    }
+
+    /// Moves all unknowns that are on a wrong side together.
+    fn pivot_blocks(&mut self) -> Blocks {
+        let n = self.size;
+        let (mut fewest, mut patience) = (n + 1, PATIENCE);
+        for _ in 0..BLOCK_PIVOTS {
+            if !self.solve_between(false) {
+                return Blocks::Singular;
             }
             let noise = 1e-15 * self.q.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
             self.wrong.clear();
@@ -95,20 +136,112 @@ impl Complementarity {
                 }
             }
             if self.wrong.is_empty() {
-                return true;
+                return Blocks::Solved;
             }
             if self.wrong.len() < fewest {
-                (fewest, patience) = (self.wrong.len(), 3);
+                (fewest, patience) = (self.wrong.len(), PATIENCE);
             } else {
                 patience -= 1;
             }
-            let all = patience > 0;
-            let first = if all { 0 } else { self.wrong.len() - 1 };
-            for &(i, to) in &self.wrong[first..] {
+            if patience == 0 {
+                break;
+            }
+            for &(i, to) in &self.wrong {
                 self.side[i] = to;
             }
         }
-        self.relax()
+        Blocks::Cycle
+    }
+
+    /// Parametric principal pivoting (Cottle, Pang and Stone 1992, section 4.5): follows the solution
+    /// from that of a problem with another `q`, for which the first sides are right, to that of this
+    /// one. One unknown changes its side at a time; the path may turn back, and then the share of the
+    /// other `q` grows for a while. False where the path has no end.
+    fn follow_path(&mut self) -> bool {
+        let n = self.size;
+        self.side.clone_from(&self.first);
+        if !self.solve_between(false) {
+            return false;
+        }
+        for i in 0..n {
+            self.z[i] = self.z[i].max(self.lower[i]).min(self.upper[i]);
+            if self.z[i] == self.lower[i] {
+                self.side[i] = Side::Lower;
+            } else if self.z[i] == self.upper[i] {
+                self.side[i] = Side::Upper;
+            }
+        }
+        self.path.from.clear();
+        for i in 0..n {
+            let w = self.q[i] + dot(&self.matrix[i * n..(i + 1) * n], &self.z);
+            self.path.from.push(match self.side[i] {
+                Side::Between => -w,
+                Side::Lower => w.abs() - w,
+                Side::Upper => -w.abs() - w,
+            });
+        }
+        let (mut share, mut last) = (1.0, None);
+        for _ in 0..PATH_PIVOTS * n {
+            if !self.solve_between(true) {
+                return false;
+            }
+            let sign = last.map_or(-1.0, |pivot| self.direction(pivot));
+            let (way, next) = self.next_pivot(share, sign, last);
+            if sign < 0.0 && way >= share {
+                // `z` is that of share 0
+                return true;
+            }
+            let Some(pivot) = next else {
+                return false;
+            };
+            share += sign * way;
+            self.side[pivot.unknown] = pivot.to;
+            last = next;
+        }
+        false
+    }
+
+    /// Sign of the change of the share with which an unknown moves on from its last change of side.
+    fn direction(&self, last: Pivot) -> f64 {
+        let (dz, dw) = (self.path.dz[last.unknown], self.path.dw[last.unknown]);
+        match (last.to, last.from) {
+            (Side::Between, Side::Lower) => dz.signum(),
+            (Side::Between, _) => -dz.signum(),
+            (Side::Lower, _) => dw.signum(),
+            (Side::Upper, _) => -dw.signum(),
+        }
+    }
+
+    /// First unknown that reaches the end of its side as the share changes, and the change of the
+    /// share until then; infinite where none does.
+    fn next_pivot(&self, share: f64, sign: f64, last: Option<Pivot>) -> (f64, Option<Pivot>) {
+        let (mut least, mut next) = (f64::INFINITY, None);
+        for i in 0..self.size {
+            let (lower, upper, from) = (self.lower[i], self.upper[i], self.side[i]);
+            let (dz, dw) = (self.path.dz[i], self.path.dw[i]);
+            let (z, w) = (self.z[i] + share * dz, self.w[i] + share * dw);
+            let (dz, dw) = (sign * dz, sign * dw);
+            // at its bound by rounding alone
+            let moved = last.is_some_and(|last| last.unknown == i);
+            let (way, to) = match from {
+                _ if lower == upper => continue,
+                Side::Between if dz < 0.0 => ((lower - z) / dz, Side::Lower),
+                Side::Between if dz > 0.0 => ((upper - z) / dz, Side::Upper),
+                Side::Lower if dw < 0.0 && !moved => (-w / dw, Side::Between),
+                Side::Upper if dw > 0.0 && !moved => (-w / dw, Side::Between),
+                _ => continue,
+            };
+            let way = f64::max(way, 0.0);
+            if way < least {
+                let pivot = Pivot {
+                    unknown: i,
+                    from,
+                    to,
+                };
+                (least, next) = (way, Some(pivot));
+            }
+        }
+        (least, next)
     }
 
     /// The bound at which an unknown is; `None` between the bounds.
@@ -145,8 +278,9 @@ impl Complementarity {
         self.z.iter().all(|z| z.is_finite())
     }
 
-    /// Solves for the unknowns between their bounds, with the others at theirs.
-    fn solve_between(&mut self) -> bool {
+    /// Solves for the unknowns between their bounds, with the others at theirs; `along` the path, for
+    /// their derivatives too.
+    fn solve_between(&mut self, along: bool) -> bool {
         let n = self.size;
         self.index.clear();
         for i in 0..n {
@@ -157,23 +291,40 @@ impl Complementarity {
             self.z[i] = bound.unwrap_or(0.0);
         }
         let m = self.index.len();
+        let width = m + 1 + usize::from(along);
         self.work.clear();
         for &i in &self.index {
             let row = &self.matrix[i * n..(i + 1) * n];
             self.work.extend(self.index.iter().map(|&j| row[j]));
             self.work.push(-self.q[i] - dot(row, &self.z));
+            if along {
+                self.work.push(-self.path.from[i]);
+            }
         }
         if !eliminate(&mut self.work, m) {
             return false;
         }
-        for (row, &i) in self.index.iter().enumerate() {
-            self.z[i] = self.work[row * (m + 1) + m];
+        for (row, &i) in self.work.chunks(width).zip(&self.index) {
+            self.z[i] = row[m];
         }
         for i in 0..n {
             self.w[i] = match self.side[i] {
                 Side::Between => 0.0,
                 _ => self.q[i] + dot(&self.matrix[i * n..(i + 1) * n], &self.z),
             };
+        }
+        if along {
+            let Path { from, dz, dw } = &mut self.path;
+            dz.clear();
+            dz.resize(n, 0.0);
+            for (row, &i) in self.work.chunks(width).zip(&self.index) {
+                dz[i] = row[m + 1];
+            }
+            dw.clear();
+            dw.extend((0..n).map(|i| match self.side[i] {
+                Side::Between => 0.0,
+                _ => from[i] + dot(&self.matrix[i * n..(i + 1) * n], dz),
+            }));
         }
         true
     }
@@ -312,7 +463,7 @@ mod tests {
                 Side::Lower => trial.lower[i].is_finite(),
                 Side::Upper => trial.upper[i].is_finite(),
             });
-            (finite && trial.solve_between() && is_answer(&trial)).then(|| trial.z.clone())
+            (finite && trial.solve_between(false) && is_answer(&trial)).then(|| trial.z.clone())
         })
     }
 
@@ -334,19 +485,64 @@ mod tests {
         let mut draw = Draw::new(1, 0);
         for round in 0..300 {
             let n = 1 + round % if round < 280 { 6 } else { 8 };
-            let mut problem = problem(&mut draw, n, if round % 2 == 0 { 0.0 } else { 0.3 });
-            for i in 0..n {
-                problem.lower[i] = [f64::NEG_INFINITY, -0.5, 0.0, 0.0][draw.count(0, 3)];
-                let room = [f64::INFINITY, 1.0, 0.2, 0.0][draw.count(0, 3)];
-                problem.upper[i] = problem.lower[i].max(-3.0) + room;
-                problem.side[i] = [Side::Between, Side::Lower, Side::Upper][draw.count(0, 2)];
-            }
+            let mut problem = bounded(&mut draw, n, if round % 2 == 0 { 0.0 } else { 0.3 });
             assert!(problem.solve(), "{round}");
             let exact = by_brute_force(&problem).expect("one solution");
             for i in 0..n {
                 let off = (problem.z[i] - exact[i]).abs();
                 assert!(off < 1e-8, "{round}: {:?} {exact:?}", problem.z);
             }
+        }
+    }
+
+    /// A problem with bounds of all kinds, from sides at random.
+    fn bounded(draw: &mut Draw, n: usize, skew: f64) -> Complementarity {
+        let mut problem = problem(draw, n, skew);
+        for i in 0..n {
+            problem.lower[i] = [f64::NEG_INFINITY, -0.5, 0.0, 0.0][draw.count(0, 3)];
+            let room = [f64::INFINITY, 1.0, 0.2, 0.0][draw.count(0, 3)];
+            problem.upper[i] = problem.lower[i].max(-3.0) + room;
+            problem.side[i] = [Side::Between, Side::Lower, Side::Upper][draw.count(0, 2)];
+            if problem.bound(i).is_some_and(|bound| !bound.is_finite()) {
+                problem.side[i] = Side::Between;
+            }
+        }
+        problem
+    }
+
+    #[test]
+    fn a_path_leads_to_the_same_solution() {
+        let mut draw = Draw::new(4, 0);
+        for round in 0..300 {
+            let n = 1 + round % 6;
+            let mut problem = bounded(&mut draw, n, if round % 2 == 0 { 0.0 } else { 0.3 });
+            problem.first.clone_from(&problem.side);
+            assert!(problem.follow_path(), "{round}");
+            let exact = by_brute_force(&problem).expect("one solution");
+            for i in 0..n {
+                let off = (problem.z[i] - exact[i]).abs();
+                assert!(off < 1e-8, "{round}: {:?} {exact:?}", problem.z);
+            }
+        }
+    }
+
+    #[test]
+    fn many_unknowns_with_narrow_bounds_are_solved() {
+        let mut draw = Draw::new(5, 0);
+        for round in 0..30 {
+            let n = 40 + 2 * round;
+            let mut problem = bounded(&mut draw, n, 0.3);
+            // bounds that a block pivot passes, as those of friction where tendons are nearly slack
+            for i in 0..n {
+                if problem.upper[i] > problem.lower[i] && problem.upper[i].is_finite() {
+                    problem.upper[i] = problem.lower[i].max(-3.0) + 1e-3;
+                }
+            }
+            problem.first.clone_from(&problem.side);
+            assert!(problem.follow_path(), "{round}");
+            assert!(is_answer(&problem), "{round}");
+            assert!(problem.solve(), "{round}");
+            assert!(is_answer(&problem), "{round}");
         }
     }
 
