@@ -199,7 +199,7 @@ def cost_of_memories(train: Data) -> None:
     }
     spent: dict[str, list[float]] = {name: [] for name in fields}
     solved = {}
-    for _ in range(3):
+    for _ in range(9):
         for name, given in fields.items():
             own = {f"segments.{i}.{k}": v for k, v in given.items() for i in range(3)}
             robot = ELASTIC.with_(own)

@@ -58,6 +58,25 @@ def test_the_lost_displacement_grows_with_the_tension():
     assert MU * WRAP < drop < MU * (WRAP + 0.5)
 
 
+@pytest.mark.parametrize(("friction", "wrap"), [(0.01, "15 rad"), (0.05, "10 rad"), (0.1, "5 rad")])
+def test_segments_bend_in_turn_behind_long_wraps(friction, wrap):
+    """Tendons become slack, stick and reverse; block pivots cycle on such rows."""
+    own = {"compliance": "0.1 mm/N", "friction": friction, "wrap_angle": wrap}
+    fields = {f"segments.{i}.tendons.{name}": v for i in range(3) for name, v in own.items()}
+    robot = bs.load_robot("crl-ftdcr-v4", fields)
+    up = np.linspace(0.0, 1.0, 21)
+    bend = 4e-3 * np.cos(np.radians(45.0 - 120.0 * np.arange(3)))
+    cycle = np.concatenate((up, up[-2::-1]))[:, None] * bend
+    rows = np.full((3 * len(cycle), 9), -5e-5)
+    first, second, both = np.split(rows, 3)
+    for part, columns in ((first, [0]), (second, [3]), (both, [0, 3])):
+        for start in columns:
+            part[:, start : start + 3] += cycle
+    found = bs.sweep(robot, load=bs.Load(displacements=rows))
+    assert found.converged.all()
+    assert found.iterations.max() < 50
+
+
 def test_a_history_continues():
     far = WITH_FRICTION.with_({"segments.0.tendons.wrap_angle": "400 deg"})
     rows = np.outer([10.0, 40.0, 25.0, 5.0], [1.0, 0.0, 0.0])
