@@ -108,6 +108,11 @@ def test_the_terminal_labels_the_data(shell: Shell) -> None:
     assert "The residuals are not noise" in text and "times the stated uncertainty" in text
 
 
+def test_a_table_is_not_a_public_data_set(shell: Shell) -> None:
+    said = shell.error("fit", "amouri2019", "--data", str(TABLE), "--parameter", "base")
+    assert "bench.csv is a file, not a public data set; give --measurements." in said
+
+
 def test_priors_by_flag(shell: Shell) -> None:
     """Without gravity tips determine only the ratio of E to the gain of all tensions."""
     names = ("--parameter", E, "--parameter", "gain")

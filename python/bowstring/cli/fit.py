@@ -196,6 +196,8 @@ def fit(
         share = share_of("--holdout", holdout, rule, lambda value: 0 < value < 1)
     if folds is not None and folds < 2:
         raise InputError(f"--folds: got {folds}; must be 2 or more.")
+    if data is not None and data not in datasets.available() and Path(data).is_file():
+        raise InputError(f"--data: {data} is a file, not a public data set; give --measurements.")
     known = load(robot, overrides)
     deviations = _priors_of(known, parameter, prior or (), priors)
     out_folder(out, "fit")
