@@ -110,7 +110,7 @@ docs: build ## the documentation site, in docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -q docs docs/_build/html
 	@echo "Documentation: $(abspath docs/_build/html/index.html)"
 
-# folders of their own: cargo builds one thing at a time in one
+# each in a target folder of its own, which cargo locks while it builds
 WASM := target/wasm/wasm32-unknown-unknown/release/bowstring_wasm.wasm
 BINDGEN := target/bindgen/release/bowstring-bindgen
 WASM_SOURCES := $(shell find crates/bowstring-core/src crates/bowstring-compiled crates/bowstring-wasm -name '*.rs' -o -name Cargo.toml) \

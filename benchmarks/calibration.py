@@ -155,34 +155,97 @@ def ablation(train: Data) -> None:
         )
 
 
-def friction(train: Data) -> None:
-    """Train RMSE with friction at the holes, rows as one path and other parameters refitted.
+def everywhere(fields: dict[str, float]) -> bs.Robot:
+    """Return the elastic robot with fields of each segment changed."""
+    return ELASTIC.with_({f"segments.{i}.{k}": v for k, v in fields.items() for i in range(3)})
+
+
+def one_memory(train: Data, every: Data, val: np.ndarray) -> None:
+    """Time and RMSE of fits of one memory beside the eight parameters; val continues train."""
+    memories: dict[str, tuple[dict[str, float], list[str]]] = {
+        "none": ({}, []),
+        "backlash": ({}, ["backlash"]),
+        "hysteresis": (
+            {"backbone.hysteresis": 0.3, "backbone.hysteresis_play": 0.05},
+            ["segments.*.backbone.hysteresis", "segments.*.backbone.hysteresis_play"],
+        ),
+        "relaxation": (
+            {"backbone.relaxation": 0.3, "backbone.relaxation_time": 3},
+            ["segments.*.backbone.relaxation", "segments.*.backbone.relaxation_time"],
+        ),
+        "friction": ({"tendons.friction": 0.05}, ["segments.*.tendons.friction"]),
+        "wrap angle, friction 0.01": (
+            {"tendons.friction": 0.01, "tendons.wrap_angle": 5},
+            ["segments.*.tendons.wrap_angle"],
+        ),
+    }
+    print("\nOne memory beside the eight parameters: RMSE in mm, and time of the fit")
+    for name, (fields, parameters) in memories.items():
+        began = time.perf_counter()
+        found = fit(everywhere(fields), train, [*EIGHT, *parameters], start=START, loss="linear")
+        spent = time.perf_counter() - began
+        reached = score(found.predict(every)[val], np.asarray(every.points)[val])
+        own = ", ".join(str(each) for each in found.estimates if each.name in parameters)
+        print(
+            f"  {name:26s} train {MM * found.score.rmse:.2f}, val {MM * reached.rmse:.2f},"
+            f" {spent:.0f} s; {own}",
+            flush=True,
+        )
+
+
+def friction(train: Data, val: Data) -> None:
+    """RMSE with friction at the holes or before the base hole, other parameters refitted.
 
     Derivatives with friction are not exact, but those without it are descent directions that are
-    good enough to see whether friction reduces the error. The best of a few steps counts.
+    good enough to see whether friction reduces the error. The best of a few steps counts. Rows of
+    each table are one path.
     """
-    print("\nFriction at the holes: RMSE on train in mm, the rest fitted again")
-    found = fit(ELASTIC, train, WITHOUT, start=START, loss="linear")
-    print(f"  mu 0.00  {MM * found.score.rmse:.3f}")
-    plain = TipModel(Unknowns(ELASTIC, WITHOUT, START), commands(train, ELASTIC), ROD)
+    print("\nFriction: RMSE in mm on train, where the rest is fitted again, and on val")
+    models = {
+        "without gravity": (WITHOUT, [(0.0, 0.0), (0.02, 0.0), (0.05, 0.0), (0.1, 0.0)]),
+        "chosen": (CHOSEN, [(0.0, 0.0), (0.05, 0.0), (0.01, 5.0), (0.01, 15.0), (0.01, 30.0)]),
+    }
+    same = np.asarray(val.group) == "all3_same"
+    for model, (parameters, cases) in models.items():
+        start = np.array(
+            list(fit(ELASTIC, train, parameters, start=START, loss="linear").values.values())
+        )
+        for mu, wrap in cases:
+            robot = everywhere({"tendons.friction": mu, "tendons.wrap_angle": wrap})
+            values, reached = _refitted(robot, train, parameters, start)
+            other = TipModel(Unknowns(robot, parameters, START), commands(val, robot), ROD)
+            predicted = other.predict(values).point
+            on_val = score(predicted, np.asarray(val.points)).rmse
+            on_same = score(predicted[same], np.asarray(val.points)[same]).rmse
+            print(
+                f"  {model}, friction {mu:.2f}, wrap angle {wrap:2.0f} rad: "
+                f"train {MM * reached:.3f}, val {MM * on_val:.3f}, "
+                f"all segments bent the same way {MM * on_same:.3f}",
+                flush=True,
+            )
+
+
+def _refitted(
+    robot: bs.Robot, train: Data, parameters: list[str], values: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Parameters of a robot with friction and their RMSE in m, from those without friction."""
+    plain = TipModel(Unknowns(ELASTIC, parameters, START), commands(train, ELASTIC), ROD)
+    with_friction = TipModel(Unknowns(robot, parameters, START), plain.commands, ROD)
     step = np.array([item.step for item in plain.unknowns.items])
     low = np.array([item.low for item in plain.unknowns.items])
-    tips = np.asarray(train.points)
-    for mu in (0.02, 0.05, 0.1):
-        robot = ELASTIC.with_({f"segments.{i}.tendons.friction": mu for i in range(3)})
-        with_friction = TipModel(Unknowns(robot, WITHOUT, START), plain.commands, ROD)
-        values, best = np.array(list(found.values.values())), np.inf
-        for _ in range(4):
-            error = with_friction.predict(values).point - tips
-            reached = np.sqrt((error**2).sum(axis=1).mean())
-            if not reached < best:
-                break
-            best = reached
-            at = plain.predict(values, keep=True)
-            jacobian = plain.jacobian(values, at).reshape(error.size, -1) * step
-            values = values - step * np.linalg.lstsq(jacobian, error.ravel(), rcond=None)[0]
-            values = np.maximum(values, low)
-        print(f"  mu {mu:.2f}  {MM * best:.3f}", flush=True)
+    best, reached = values, np.inf
+    for _ in range(6):
+        point = with_friction.predict(values).point
+        rmse = score(point, np.asarray(train.points)).rmse
+        if not rmse < reached:
+            break
+        best, reached = values, rmse
+        error = np.nan_to_num(point - np.asarray(train.points))  # unsolved rows have no part
+        at = plain.predict(values, keep=True)
+        jacobian = plain.jacobian(values, at).reshape(error.size, -1) * step
+        values = values - step * np.linalg.lstsq(jacobian, error.ravel(), rcond=None)[0]
+        values = np.maximum(values, low)
+    return best, reached
 
 
 def cost_of_memories(train: Data) -> None:
@@ -193,6 +256,7 @@ def cost_of_memories(train: Data) -> None:
         "friction 0.01": {"tendons.friction": 0.01},
         "friction 0.15": {"tendons.friction": 0.15},
         "friction 0.01, wrap angle 15 rad": {"tendons.friction": 0.01, "tendons.wrap_angle": 15},
+        "friction 0.2, wrap angle 3 rad": {"tendons.friction": 0.2, "tendons.wrap_angle": 3},
         "hysteresis": {"backbone.hysteresis": 0.3, "backbone.hysteresis_play": 0.05},
         "relaxation": {"backbone.relaxation": 0.3, "backbone.relaxation_time": 30},
         "creep": {"tendons.creep_compliance": 3e-5, "tendons.creep_time": 30},
@@ -201,8 +265,7 @@ def cost_of_memories(train: Data) -> None:
     solved = {}
     for _ in range(9):
         for name, given in fields.items():
-            own = {f"segments.{i}.{k}": v for k, v in given.items() for i in range(3)}
-            robot = ELASTIC.with_(own)
+            robot = everywhere(given)
             path, rows = actuation.Path(robot, ROD.replace(elements=1)), commands(train, robot)
             late = rows.durations(np.arange(len(rows))) if robot.is_viscoelastic else None
             begin = time.process_time()
@@ -278,7 +341,8 @@ def main() -> None:
     slack_pose(train)
     if "--quick" not in sys.argv:
         ablation(train)
-        friction(train)
+        one_memory(train, every, val)
+        friction(train, read("val"))
         cost_of_memories(train)
         one_tendon(train)
         few_rows(train, every, val)

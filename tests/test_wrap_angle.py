@@ -69,9 +69,9 @@ def test_segments_bend_in_turn_behind_long_wraps(friction, wrap):
     cycle = np.concatenate((up, up[-2::-1]))[:, None] * bend
     rows = np.full((3 * len(cycle), 9), -5e-5)
     first, second, both = np.split(rows, 3)
-    for part, columns in ((first, [0]), (second, [3]), (both, [0, 3])):
-        for start in columns:
-            part[:, start : start + 3] += cycle
+    first[:, :3] += cycle
+    second[:, 3:6] += cycle
+    both[:, :6] += np.tile(cycle, 2)
     found = bs.sweep(robot, load=bs.Load(displacements=rows))
     assert found.converged.all()
     assert found.iterations.max() < 50

@@ -43,13 +43,13 @@ struct Pivot {
     to: Side,
 }
 
-/// Most block pivots, and most in succession after which no fewer unknowns are on a wrong side before
-/// one unknown is moved at a time; each costs an elimination.
+/// Most block pivots; each costs an elimination.
 const BLOCK_PIVOTS: usize = 15;
+/// Block pivots without progress, after which only one unknown changes its side (Murty's rule).
 const PATIENCE: usize = 3;
-/// Most pivots along a path, over the number of unknowns; with friction up to 1.3 were seen.
+/// Most pivots along a path for each unknown; paths of friction took up to 1.3.
 const PATH_PIVOTS: usize = 6;
-/// Most Gauss-Seidel sweeps where a path has no end.
+/// Most Gauss-Seidel sweeps where the path does not reach the problem.
 const RELAXATIONS: usize = 100;
 
 /// How block pivoting ended.
@@ -89,17 +89,21 @@ impl Complementarity {
 
     /// Solves the problem by block principal pivoting (Judice and Pires 1994), with Murty's rule and
     /// then parametric pivoting where that cycles; starts from the present sides. Where all fail, the
-    /// solution is approximate. False if there is none.
+    /// solution is approximate. Returns false if the problem has no solution.
     pub fn solve(&mut self) -> bool {
-        for i in 0..self.size {
-            if self.bound(i).is_some_and(|bound| !bound.is_finite()) {
-                self.side[i] = Side::Between;
-            }
-        }
+        self.leave_infinite_bounds();
         match self.pivot_blocks() {
             Blocks::Solved => true,
             Blocks::Singular => false,
             Blocks::Cycle => self.follow_path() || self.relax(),
+        }
+    }
+
+    fn leave_infinite_bounds(&mut self) {
+        for i in 0..self.size {
+            if self.bound(i).is_some_and(|bound| !bound.is_finite()) {
+                self.side[i] = Side::Between;
+            }
         }
     }
 
@@ -151,7 +155,7 @@ impl Complementarity {
     /// Parametric principal pivoting (Cottle, Pang and Stone 1992, section 4.5): follows the solution
     /// from that of a problem with another `q`, for which the present sides are right, to that of
     /// this one. One unknown changes its side at a time; the path may turn back, and then the share
-    /// of the other `q` grows for a while. False where the path has no end.
+    /// of the other `q` grows for a while. Returns false if the path does not reach this problem.
     fn follow_path(&mut self) -> bool {
         let n = self.size;
         if !self.solve_between(false) {
@@ -195,19 +199,20 @@ impl Complementarity {
         false
     }
 
-    /// Sign of the change of the share with which an unknown moves on from its last change of side.
+    /// Sign of the change of the share that moves an unknown away from its last change of side.
     fn direction(&self, last: Pivot) -> f64 {
         let (dz, dw) = (self.path.dz[last.unknown], self.path.dw[last.unknown]);
-        match (last.to, last.from) {
-            (Side::Between, Side::Lower) => dz.signum(),
-            (Side::Between, _) => -dz.signum(),
-            (Side::Lower, _) => dw.signum(),
-            (Side::Upper, _) => -dw.signum(),
-        }
+        let inwards = match last.to {
+            Side::Between if last.from == Side::Lower => dz,
+            Side::Between => -dz,
+            Side::Lower => dw,
+            Side::Upper => -dw,
+        };
+        inwards.signum()
     }
 
     /// First unknown that reaches the end of its side as the share changes, and the change of the
-    /// share until then; infinite where none does.
+    /// share until then; infinite if no unknown does.
     fn next_pivot(&self, share: f64, sign: f64, last: Option<Pivot>) -> (f64, Option<Pivot>) {
         let (mut least, mut next) = (f64::INFINITY, None);
         for i in 0..self.size {
@@ -215,7 +220,7 @@ impl Complementarity {
             let (dz, dw) = (self.path.dz[i], self.path.dw[i]);
             let (z, w) = (self.z[i] + share * dz, self.w[i] + share * dw);
             let (dz, dw) = (sign * dz, sign * dw);
-            // at its bound by rounding alone
+            // its `w` is zero but for rounding
             let moved = last.is_some_and(|last| last.unknown == i);
             let (way, to) = match from {
                 _ if lower == upper => continue,
@@ -272,8 +277,8 @@ impl Complementarity {
         self.z.iter().all(|z| z.is_finite())
     }
 
-    /// Solves for the unknowns between their bounds, with the others at theirs; `along` the path, for
-    /// their derivatives too.
+    /// Solves for the unknowns between their bounds, with the others at theirs; with `along`, also
+    /// for their derivatives along the path.
     fn solve_between(&mut self, along: bool) -> bool {
         let n = self.size;
         self.index.clear();
@@ -497,9 +502,6 @@ mod tests {
             let room = [f64::INFINITY, 1.0, 0.2, 0.0][draw.count(0, 3)];
             problem.upper[i] = problem.lower[i].max(-3.0) + room;
             problem.side[i] = [Side::Between, Side::Lower, Side::Upper][draw.count(0, 2)];
-            if problem.bound(i).is_some_and(|bound| !bound.is_finite()) {
-                problem.side[i] = Side::Between;
-            }
         }
         problem
     }
@@ -510,6 +512,7 @@ mod tests {
         for round in 0..300 {
             let n = 1 + round % 6;
             let mut problem = bounded(&mut draw, n, if round % 2 == 0 { 0.0 } else { 0.3 });
+            problem.leave_infinite_bounds();
             assert!(problem.follow_path(), "{round}");
             let exact = by_brute_force(&problem).expect("one solution");
             for i in 0..n {
@@ -531,6 +534,7 @@ mod tests {
                     problem.upper[i] = problem.lower[i].max(-3.0) + 1e-3;
                 }
             }
+            problem.leave_infinite_bounds();
             assert!(problem.follow_path(), "{round}");
             assert!(is_answer(&problem), "{round}");
             assert!(problem.solve(), "{round}");
