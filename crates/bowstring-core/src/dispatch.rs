@@ -81,56 +81,34 @@ impl Clone for Box<dyn Passes> {
 
 impl<L: Layout, const A: usize> Passes for Rod<L, A> {
     fn evaluate(&mut self) -> f64 {
-        self.layout.vectorize(
-            #[inline(always)]
-            || self.evaluate().lane(0),
-        )
+        self.evaluate().lane(0)
     }
     fn balance(&mut self) -> f64 {
-        self.layout.vectorize(
-            #[inline(always)]
-            || self.balance().lane(0),
-        )
+        self.balance().lane(0)
     }
     fn gradient(&mut self) -> f64 {
-        self.layout.vectorize(
-            #[inline(always)]
-            || self.gradient().lane(0),
-        )
+        self.gradient().lane(0)
     }
     fn linearise(&mut self) {
-        self.layout.vectorize(
-            #[inline(always)]
-            || self.linearise(),
-        )
+        self.linearise();
     }
     fn eliminate(&mut self, symmetric: bool, shift: f64) -> f64 {
-        self.layout.vectorize(
-            #[inline(always)]
-            || {
-                let shift = Real::splat(shift);
-                let pivot = match symmetric {
-                    true => self.eliminate::<true>(shift),
-                    false => self.eliminate::<false>(shift),
-                };
-                pivot.lane(0)
-            },
-        )
+        let shift = Real::splat(shift);
+        let pivot = match symmetric {
+            true => self.eliminate::<true>(shift),
+            false => self.eliminate::<false>(shift),
+        };
+        pivot.lane(0)
     }
     fn newton_step(&mut self, symmetric: bool) -> Step<f64> {
-        self.layout.vectorize(
-            #[inline(always)]
-            || {
-                let step = match symmetric {
-                    true => self.newton_step::<true>(),
-                    false => self.newton_step::<false>(),
-                };
-                Step {
-                    slope: step.slope.lane(0),
-                    largest: step.largest.lane(0),
-                }
-            },
-        )
+        let step = match symmetric {
+            true => self.newton_step::<true>(),
+            false => self.newton_step::<false>(),
+        };
+        Step {
+            slope: step.slope.lane(0),
+            largest: step.largest.lane(0),
+        }
     }
     fn combine(&mut self, coefficients: &[f64]) -> f64 {
         self.layout.vectorize(
@@ -145,35 +123,19 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
         )
     }
     fn finish(&mut self) {
-        self.layout.vectorize(
-            #[inline(always)]
-            || self.finish(),
-        )
+        self.finish();
     }
     fn estimate(&mut self) -> Correction<f64> {
-        self.layout.vectorize(
-            #[inline(always)]
-            || self.estimate().of_lane(0),
-        )
+        self.estimate().of_lane(0)
     }
     fn correct(&mut self, coefficients: &[f64]) -> f64 {
-        self.layout.vectorize(
-            #[inline(always)]
-            || {
-                self.combine_rotations(coefficients);
-                self.correction().lane(0)
-            },
-        )
+        self.combine_rotations(coefficients);
+        self.correction().lane(0)
     }
 
     fn correct_step(&mut self) -> f64 {
-        self.layout.vectorize(
-            #[inline(always)]
-            || {
-                self.rotations_of_last_elimination();
-                self.correction().lane(0)
-            },
-        )
+        self.rotations_of_last_elimination();
+        self.correction().lane(0)
     }
     fn respond_to_tensions(&mut self, columns: &mut [[Vec3; 2]]) -> bool {
         self.layout.vectorize(
@@ -277,16 +239,10 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
 
 impl<L: Layout, const A: usize> RoutedRod for Rod<L, A> {
     fn measure_spans(&mut self, angles: bool) {
-        self.layout.vectorize(
-            #[inline(always)]
-            || self.measure_spans(angles),
-        )
+        self.measure_spans(angles);
     }
     fn respond(&mut self, sources: Sources) {
-        self.layout.vectorize(
-            #[inline(always)]
-            || self.respond(sources),
-        )
+        self.respond(sources);
     }
     fn span_lengths(&self) -> &[f64] {
         &self.spans.lengths

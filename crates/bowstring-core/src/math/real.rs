@@ -69,6 +69,9 @@ pub trait Real:
 {
     /// Number of lanes.
     const LANES: usize;
+    /// Whether it is `f64`. What is rare (coupled sections, loads between disks) is compiled for plain
+    /// numbers only: a branch on this constant keeps it out of all others.
+    const PLAIN: bool = false;
     /// Place for an optional value that structs over `f64` can have, and structs over lanes cannot.
     type Maybe<C: Copy + Send + Sync + 'static>: Maybe<C>;
     /// The same number in every lane.
@@ -134,6 +137,7 @@ pub trait Real:
 
 impl Real for f64 {
     const LANES: usize = 1;
+    const PLAIN: bool = true;
     type Maybe<C: Copy + Send + Sync + 'static> = Option<Box<C>>;
     #[inline(always)]
     fn splat(x: f64) -> Self {

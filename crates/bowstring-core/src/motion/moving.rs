@@ -110,45 +110,25 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
     }
 
     fn residual(&mut self) -> f64 {
-        self.body.rod.layout.vectorize(
-            #[inline(always)]
-            || {
-                self.shape();
-                self.place_mass();
-                self.residual.set_inertial(&self.body, &self.kinematics);
-                let imbalance = self.residual.evaluate(&mut self.body, &self.strain);
-                imbalance.largest()
-            },
-        )
+        self.forces().largest()
     }
 
     fn imbalance(&mut self) -> f64 {
-        self.body.rod.layout.vectorize(
-            #[inline(always)]
-            || {
-                let imbalance = self.residual.evaluate(&mut self.body, &self.strain);
-                imbalance.largest()
-            },
-        )
+        let imbalance = self.residual.evaluate(&mut self.body, &self.strain);
+        imbalance.largest()
     }
 
     fn ready(&mut self, anew: bool) -> bool {
         let made = anew || !self.tangent.serves(&self.body.scheme);
         if made {
-            self.body.rod.layout.vectorize(
-                #[inline(always)]
-                || self.linearise(),
-            );
+            self.linearise();
         }
         made
     }
 
     fn substitute(&mut self) {
         let (rod, tangent) = (&self.body.rod, &mut self.tangent);
-        rod.layout.vectorize(
-            #[inline(always)]
-            || self.response.solve_imbalance(rod, tangent, &self.residual),
-        )
+        self.response.solve_imbalance(rod, tangent, &self.residual);
     }
 
     fn combine(&mut self, coefficients: &[f64]) {
@@ -365,13 +345,8 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
 
 impl<L: Layout, const A: usize> RoutedRod for Motion<L, A> {
     fn measure_spans(&mut self, angles: bool) {
-        self.body.rod.layout.vectorize(
-            #[inline(always)]
-            || {
-                self.body.rod.measure_spans(angles);
-                self.measure();
-            },
-        )
+        self.body.rod.measure_spans(angles);
+        self.measure();
     }
 
     fn span_lengths(&self) -> &[f64] {
@@ -393,22 +368,17 @@ impl<L: Layout, const A: usize> RoutedRod for Motion<L, A> {
     fn respond(&mut self, sources: Sources) {
         let (body, response, tangent) = (&self.body, &mut self.response, &mut self.tangent);
         let (rod, n) = (&body.rod, body.rod.module_count());
-        rod.layout.vectorize(
-            #[inline(always)]
-            || {
-                let own = std::iter::once(None);
-                for (column, source) in own.chain(sources.iter(n).map(Some)).enumerate() {
-                    if interrupt::work(n * (16 + 2 * rod.tendons.len())) {
-                        return;
-                    }
-                    match source {
-                        None => response.solve_imbalance(rod, tangent, &self.residual),
-                        Some(source) => response.solve_tension(rod, tangent, column, source),
-                    }
-                    response.rate_spans(body, tangent, column);
-                }
-            },
-        )
+        let own = std::iter::once(None);
+        for (column, source) in own.chain(sources.iter(n).map(Some)).enumerate() {
+            if interrupt::work(n * (16 + 2 * rod.tendons.len())) {
+                return;
+            }
+            match source {
+                None => response.solve_imbalance(rod, tangent, &self.residual),
+                Some(source) => response.solve_tension(rod, tangent, column, source),
+            }
+            response.rate_spans(body, tangent, column);
+        }
     }
 
     fn set_span_tensions(&mut self, tensions: &[f64]) {

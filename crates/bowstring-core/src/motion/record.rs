@@ -8,7 +8,7 @@ use super::step::Motion;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::TendonPath;
-use crate::rod::chain::{get, get_mat, put, put_mat};
+use crate::rod::chain::{get, get_mat, put, put_mat, Rod};
 use crate::rod::constants::Constants;
 use crate::rod::module::{Span, State, Tendons};
 
@@ -189,7 +189,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 put_mat::<L>(&mut pieces.frame, i, &frame);
                 let load = self.load_by_length(k, &frame, L::get(&c.mass_per_length, i));
                 put::<L>(&mut pieces.load, i, load);
-                if rod.attached.has_between() {
+                if Rod::<L, A>::BETWEEN && rod.attached.has_between() {
                     let state = &pieces.state;
                     let rotation = |arcs: usize| frame * get_mat::<L>(&state.node(arcs / 2), i);
                     let on_nodes = &mut pieces.on_nodes;
@@ -346,13 +346,13 @@ impl<T: Real, const A: usize> Pieces<T, A> {
                 let stiffness = &c.at_gauss_points(element)[usize::from(side > 0.0)];
                 let from = c.fraction(2 * element).lane(0);
                 let (place, turn) = state.section(c, from + part.lane(0) * xi / elements);
-                let own = match c.coupling() {
-                    Some(coupling) => {
+                let mut own = stiffness.times(curved);
+                if T::PLAIN {
+                    if let Some(coupling) = c.coupling() {
                         let per_element = c.per_flexible * T::splat(elements) / part;
-                        coupling.moment_at(curved, per_element, turn.tr_mul(self.force))
+                        own = coupling.moment_at(curved, per_element, turn.tr_mul(self.force));
                     }
-                    None => stiffness.times(curved),
-                };
+                }
                 moment += (turn * own) * weight;
                 centre += place * weight;
                 // the mean moment has that of the loads on the nodes beyond as well

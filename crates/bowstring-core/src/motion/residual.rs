@@ -206,8 +206,20 @@ impl<L: Layout, const A: usize> Residual<L, A> {
 
     /// Computes the imbalance of arcs and contact forces (theory Eq. 5.1) under the present
     /// tensions and forces on all mass; returns the largest of each robot (N m).
-    #[inline(always)]
+    #[inline(never)]
     pub fn evaluate(&mut self, body: &mut Body<L, A>, strain: &StrainHistory<L, A>) -> L::Chain {
+        body.rod.layout.vectorize(
+            #[inline(always)]
+            || self.evaluate_in_lanes(body, strain),
+        )
+    }
+
+    #[inline(always)]
+    fn evaluate_in_lanes(
+        &mut self,
+        body: &mut Body<L, A>,
+        strain: &StrainHistory<L, A>,
+    ) -> L::Chain {
         self.set_resultants(&mut body.rod);
         self.set_load_moments(body);
         self.set_costate(&mut body.rod);
@@ -237,7 +249,7 @@ impl<L: Layout, const A: usize> Residual<L, A> {
                 total += force;
                 put::<L>(&mut self.modules[g].nodes[a], i, rotation.tr_mul(force));
             }
-            if rod.attached.has_between() {
+            if Rod::<L, A>::BETWEEN && rod.attached.has_between() {
                 let nodes = &mut self.modules[g].nodes;
                 rod.each_force_between(k, |arcs, force| {
                     total += force;
@@ -287,7 +299,7 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             lambda = get_mat::<L>(&state.s, i) * lambda;
             put::<L>(&mut state.lambda, i, lambda);
             lambda -= get::<L>(&state.load_moment, i);
-            if rod.attached.has_between() {
+            if Rod::<L, A>::BETWEEN && rod.attached.has_between() {
                 let start = &rod.rotations[k];
                 let between = &mut rod.attached.between;
                 lambda += between.torque_on::<L, A>(k, start, state);
@@ -306,7 +318,7 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             let (c, offset) = (&constants[g], &strain.offset[g]);
             let (state, out) = (&rod.states[g], &mut rod.gradients[g]);
             state.gradient(c, &t, out);
-            if rod.attached.has_between() {
+            if Rod::<L, A>::BETWEEN && rod.attached.has_between() {
                 let between = &rod.attached.between;
                 between.add_torques::<L, A>(self.moment.len(), g, out);
             }

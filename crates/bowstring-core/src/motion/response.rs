@@ -61,8 +61,21 @@ impl<L: Layout, const A: usize> Response<L, A> {
     }
 
     /// Solves for the present imbalance, in the first column.
-    #[inline(always)]
+    #[inline(never)]
     pub fn solve_imbalance(
+        &mut self,
+        rod: &Rod<L, A>,
+        tangent: &mut Tangent<L, A>,
+        own: &Residual<L, A>,
+    ) {
+        rod.layout.vectorize(
+            #[inline(always)]
+            || self.solve_imbalance_in_lanes(rod, tangent, own),
+        )
+    }
+
+    #[inline(always)]
+    fn solve_imbalance_in_lanes(
         &mut self,
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
@@ -83,8 +96,22 @@ impl<L: Layout, const A: usize> Response<L, A> {
     }
 
     /// Solves for a change of tension in a tendon, by modules.
-    #[inline(always)]
+    #[inline(never)]
     pub fn solve_tension(
+        &mut self,
+        rod: &Rod<L, A>,
+        tangent: &mut Tangent<L, A>,
+        column: usize,
+        tendon_tension: (usize, &[f64]),
+    ) {
+        rod.layout.vectorize(
+            #[inline(always)]
+            || self.solve_tension_in_lanes(rod, tangent, column, tendon_tension),
+        )
+    }
+
+    #[inline(always)]
+    fn solve_tension_in_lanes(
         &mut self,
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
@@ -126,8 +153,16 @@ impl<L: Layout, const A: usize> Response<L, A> {
 
     /// Computes the length change of all spans at the end of the step for a solution. Uses the
     /// spans where forces balance, which is accurate enough for Newton's method.
-    #[inline(always)]
+    #[inline(never)]
     pub fn rate_spans(&mut self, body: &Body<L, A>, tangent: &Tangent<L, A>, column: usize) {
+        body.rod.layout.vectorize(
+            #[inline(always)]
+            || self.rate_spans_in_lanes(body, tangent, column),
+        )
+    }
+
+    #[inline(always)]
+    fn rate_spans_in_lanes(&mut self, body: &Body<L, A>, tangent: &Tangent<L, A>, column: usize) {
         let (rod, out) = (&body.rod, &mut self.columns[column]);
         let (groups, count) = (out.delta.len(), rod.tendons.len());
         let ahead = L::Module::splat(1.0 / body.scheme.af);
@@ -164,8 +199,16 @@ impl<L: Layout, const A: usize> Response<L, A> {
     }
 
     /// Prepares the correction for this tangent.
-    #[cold]
+    #[inline(never)]
     pub fn prepare_turning(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>) {
+        rod.layout.vectorize(
+            #[inline(always)]
+            || self.prepare_turning_in_lanes(rod, tangent),
+        )
+    }
+
+    #[inline(always)]
+    fn prepare_turning_in_lanes(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>) {
         let n = rod.module_count();
         let of = |k: usize| {
             let (attached, rotation) = (&rod.attached, &rod.rotations[k + 1]);
@@ -178,10 +221,10 @@ impl<L: Layout, const A: usize> Response<L, A> {
             numbers.into_iter().any(|x| x.lane(0) != 0.0)
         };
         let disks: Vec<_> = (0..n).map(of).filter(acts).collect();
-        let mut sections = match rod.attached.has_between() {
-            true => rod.turning_between(),
-            false => vec![],
-        };
+        let mut sections = vec![];
+        if Rod::<L, A>::BETWEEN && rod.attached.has_between() {
+            sections = rod.turning_between();
+        }
         sections.retain(|section| acts(&(0, section.parts)));
         let size = 3 * (disks.len() + sections.len());
         let unloaded = |section: &OnSection<_>| OnSection {
@@ -235,8 +278,22 @@ impl<L: Layout, const A: usize> Column<L, A> {
     }
 
     /// Moves the end of the step by this solution times a factor.
-    #[inline(always)]
+    #[inline(never)]
     pub fn add(
+        &self,
+        body: &Body<L, A>,
+        tangent: &Tangent<L, A>,
+        factor: L::Module,
+        next: &mut [State<L::Module, A>],
+    ) {
+        body.rod.layout.vectorize(
+            #[inline(always)]
+            || self.add_in_lanes(body, tangent, factor, next),
+        )
+    }
+
+    #[inline(always)]
+    fn add_in_lanes(
         &self,
         body: &Body<L, A>,
         tangent: &Tangent<L, A>,
@@ -256,8 +313,22 @@ impl<L: Layout, const A: usize> Column<L, A> {
 
     /// Substitution from tip to base and back; moments and forces `on_disks` act in their frames, and
     /// `on_sections` in those of the starts of their modules, if there are any.
-    #[inline(always)]
+    #[inline(never)]
     fn substitute(
+        &mut self,
+        rod: &Rod<L, A>,
+        tangent: &mut Tangent<L, A>,
+        on_disks: &[[Vec3<L::Chain>; 2]],
+        on_sections: &[OnSection<Vec3<L::Chain>>],
+    ) {
+        rod.layout.vectorize(
+            #[inline(always)]
+            || self.substitute_in_lanes(rod, tangent, on_disks, on_sections),
+        )
+    }
+
+    #[inline(always)]
+    fn substitute_in_lanes(
         &mut self,
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,

@@ -240,44 +240,35 @@ impl<L: Layout, const A: usize> SideBySide<L, A> {
     /// converged. Lanes that are not to be solved keep their predictor.
     fn solve(&mut self, chosen: &Flags, tolerance: &[f64; MOST_LANES], problem: Problem) -> Flags {
         let m = &mut self.now.motion;
-        m.body.rod.layout.vectorize(
-            #[inline(always)]
-            || {
-                let (most, anew) = match problem {
-                    Problem::Equilibrium => (MAX_ITERATIONS_AT_REST, 0),
-                    Problem::Unpredictable => (MAX_ITERATIONS, 1),
-                    Problem::Step => (MAX_ITERATIONS, ANEW),
-                };
-                let mut converged = [false; MOST_LANES];
-                for iteration in 0..=most {
-                    m.shape();
-                    m.place_mass();
-                    m.residual.set_inertial(&m.body, &m.kinematics);
-                    let imbalance = m.residual.evaluate(&mut m.body, &m.strain);
-                    let mut all = true;
-                    for lane in 0..L::Chain::LANES {
-                        converged[lane] |= imbalance.lane(lane) <= tolerance[lane];
-                        all &= converged[lane] || !chosen[lane];
-                    }
-                    if all || iteration == most {
-                        break;
-                    }
-                    if iteration == 0 || iteration >= anew {
-                        if iteration < anew && problem == Problem::Unpredictable {
-                            m.drop_forces();
-                        }
-                        m.linearise();
-                    }
-                    let (rod, tangent) = (&m.body.rod, &mut m.tangent);
-                    m.response.solve_imbalance(rod, tangent, &m.residual);
-                    let factor = L::Module::from_fn(|lane| {
-                        f64::from(u8::from(chosen[lane] && !converged[lane]))
-                    });
-                    m.response.columns[0].add(&m.body, &m.tangent, factor, &mut m.next);
+        let (most, anew) = match problem {
+            Problem::Equilibrium => (MAX_ITERATIONS_AT_REST, 0),
+            Problem::Unpredictable => (MAX_ITERATIONS, 1),
+            Problem::Step => (MAX_ITERATIONS, ANEW),
+        };
+        let mut converged = [false; MOST_LANES];
+        for iteration in 0..=most {
+            let imbalance = m.forces();
+            let mut all = true;
+            for lane in 0..L::Chain::LANES {
+                converged[lane] |= imbalance.lane(lane) <= tolerance[lane];
+                all &= converged[lane] || !chosen[lane];
+            }
+            if all || iteration == most {
+                break;
+            }
+            if iteration == 0 || iteration >= anew {
+                if iteration < anew && problem == Problem::Unpredictable {
+                    m.drop_forces();
                 }
-                converged
-            },
-        )
+                m.linearise();
+            }
+            let (rod, tangent) = (&m.body.rod, &mut m.tangent);
+            m.response.solve_imbalance(rod, tangent, &m.residual);
+            let factor =
+                L::Module::from_fn(|lane| f64::from(u8::from(chosen[lane] && !converged[lane])));
+            m.response.columns[0].add(&m.body, &m.tangent, factor, &mut m.next);
+        }
+        converged
     }
 
     /// Takes all steps of the period, each divided by `parts`; returns the result in each lane.
@@ -377,13 +368,18 @@ impl<L: Layout, const A: usize> SideBySide<L, A> {
         self.set_tensions(0.0);
         let m = &mut self.now.motion;
         let rod = &m.body.rod;
-        for (k, state) in m.next.iter_mut().enumerate() {
-            let (c, start) = (&rod.constants[k], &m.strain.start()[k]);
-            let t = in_group(&rod.tendons, &rod.tensions, rod.path, k);
-            (state.w, state.n) = (start.w, start.n);
-            state.shape(c, &t);
-            state.rho = state.rho0 + state.compliance(c) * state.n;
-        }
+        rod.layout.vectorize(
+            #[inline(always)]
+            || {
+                for (k, state) in m.next.iter_mut().enumerate() {
+                    let (c, start) = (&rod.constants[k], &m.strain.start()[k]);
+                    let t = in_group(&rod.tendons, &rod.tensions, rod.path, k);
+                    (state.w, state.n) = (start.w, start.n);
+                    state.shape(c, &t);
+                    state.rho = state.rho0 + state.compliance(c) * state.n;
+                }
+            },
+        );
         self.set_tensions(1.0);
         self.now.motion.keep_disks();
     }

@@ -17,7 +17,7 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::Model;
 use crate::model::robot::Robot;
-use crate::rod::chain::{get, get_mat, in_group};
+use crate::rod::chain::{get, get_mat, in_group, Rod};
 use crate::rod::module::State;
 
 /// A moving rod.
@@ -64,6 +64,24 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         self.body.rod.module_count()
     }
 
+    /// Shape, places of all mass and forces at the present strain; returns the largest imbalance of
+    /// each robot (N m).
+    #[inline(never)]
+    pub(super) fn forces(&mut self) -> L::Chain {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || self.forces_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn forces_in_lanes(&mut self) -> L::Chain {
+        self.shape();
+        self.place_mass();
+        self.residual.set_inertial(&self.body, &self.kinematics);
+        self.residual.evaluate(&mut self.body, &self.strain)
+    }
+
     /// Poses of all modules where forces balance and at the end of the step.
     #[inline(always)]
     pub(super) fn shape(&mut self) {
@@ -87,8 +105,16 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     }
 
     /// Rotations where forces balance, and positions of all mass at the end of the step.
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn place_mass(&mut self) {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || self.place_mass_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn place_mass_in_lanes(&mut self) {
         let rod = &mut self.body.rod;
         let mut rotation = Mat3::identity();
         let (mut frame, mut position) = (Mat3::identity(), Vec3::zero());
@@ -117,8 +143,16 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     }
 
     /// Assembles and eliminates the tangent at the present strain.
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn linearise(&mut self) {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || self.linearise_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn linearise_in_lanes(&mut self) {
         self.tangent.make(&mut self.body, &self.residual);
         self.response.turning = None;
         let rod = &self.body.rod;
@@ -129,7 +163,16 @@ impl<L: Layout, const A: usize> Motion<L, A> {
 
     /// Balances the contact forces under new tensions where no disk moves, and moves the points
     /// inside the modules to their equilibrium.
+    #[inline(never)]
     pub(super) fn keep_disks(&mut self) {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || self.keep_disks_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn keep_disks_in_lanes(&mut self) {
         let rod = &self.body.rod;
         for (g, state) in self.next.iter_mut().enumerate() {
             let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
@@ -146,8 +189,16 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         }
     }
 
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn measure(&mut self) {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || self.measure_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn measure_in_lanes(&mut self) {
         self.spans.measure(&self.body.rod, &self.next);
     }
 
@@ -192,7 +243,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             moment.of_lane(0).dot(log(&turned)) + self.residual.point_force[k].of_lane(0).dot(moved)
         };
         let mut sum = work_of_lines + (0..self.module_count()).map(work).sum::<f64>();
-        if rod.attached.has_between() {
+        if Rod::<L, A>::BETWEEN && rod.attached.has_between() {
             sum += self.work_on_nodes();
         }
         sum
@@ -259,8 +310,16 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     }
 
     /// Elastic and gravitational energy at the end of the step.
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn stored_energies(&self) -> Energies {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || self.stored_energies_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn stored_energies_in_lanes(&self) -> Energies {
         let mut elastic = 0.0;
         for g in 0..self.next.len() {
             elastic += self.over_modules(g, &self.elastic_energy(g));

@@ -176,7 +176,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             let stretching = state.add_dead_loads(c, gradient, nodes, &response.j, hessian);
             contact.delta_x = -(state.f[0] + stretching).skew();
             contact.add_nodes(c, state, gradient, hessian, &body.mass.lanes[g], inertia);
-            if rod.attached.has_between() {
+            if Rod::<L, A>::BETWEEN && rod.attached.has_between() {
                 rod.linearise_torques(g);
             }
         }
@@ -211,7 +211,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
                 value[0][0] += rod.attached.stiffness::<true>(k, &rod.rotations[k + 1]);
             }
             let mut blocks = self.condense(rod, k, value);
-            if rod.attached.has_between() {
+            if Rod::<L, A>::BETWEEN && rod.attached.has_between() {
                 rod.add_stiffness_between::<true, 2>(k, &mut blocks);
             }
             let module = &mut self.eliminated[k];

@@ -123,10 +123,13 @@ impl<C: Real, const A: usize> Attached<C, A> {
         !self.loads.is_empty() || self.has_between()
     }
 
-    /// Whether there are loads between two disks, which need two elements.
+    /// Whether loads can act between two disks. They need two elements, and plain numbers.
+    pub const BETWEEN: bool = A > 2 && C::PLAIN;
+
+    /// Whether there are loads between two disks.
     #[inline(always)]
     pub fn has_between(&self) -> bool {
-        A > 2 && !self.between.loads().is_empty()
+        Self::BETWEEN && !self.between.loads().is_empty()
     }
 
     /// Whether all of them have a potential.
@@ -154,7 +157,7 @@ impl<C: Real, const A: usize> Attached<C, A> {
         } else {
             self.loads.extend_from_slice(load.point_loads);
         }
-        self.loads.sort_by_key(|load| load.disk);
+        sort_by_disk(&mut self.loads);
         let pushes = |load: &&PointLoad| load.follower && load.force != [0.0; 3];
         let loads = self.loads.iter().chain(self.between.loads());
         let followers = loads.filter(pushes);
@@ -166,29 +169,11 @@ impl<C: Real, const A: usize> Attached<C, A> {
     /// Takes over point loads of which some may act between two disks.
     #[cold]
     fn set_places(&mut self, load: &Load, modules: &[Constants<C, A>]) {
-        let mut between = vec![];
-        for load in load.point_loads {
-            let lengths = modules
-                .iter()
-                .map(|c| [c.clamp[0], c.flexible, c.clamp[1]].map(|x| x.lane(0)));
-            let Some(arc_length) = load.arc_length else {
-                self.loads.push(*load);
-                continue;
-            };
-            match place(lengths, arc_length) {
-                Place::Base => continue,
-                Place::Disk { disk, beyond } => {
-                    let [x, y, z] = load.point;
-                    self.loads.push(PointLoad {
-                        disk,
-                        arc_length: None,
-                        point: [x, y, z + beyond],
-                        ..*load
-                    });
-                }
-                Place::Between { module, fraction } => between.push((module, fraction, *load)),
-            }
+        let mut lengths = Vec::with_capacity(modules.len());
+        for c in modules {
+            lengths.push([c.clamp[0].lane(0), c.flexible.lane(0), c.clamp[1].lane(0)]);
         }
+        let between = split(load.point_loads, &lengths, &mut self.loads);
         self.between.set(between, same_section);
     }
 
@@ -197,13 +182,7 @@ impl<C: Real, const A: usize> Attached<C, A> {
         if payloads.is_empty() {
             return;
         }
-        self.loads.extend(payloads.iter().map(|payload| PointLoad {
-            disk: payload.disk,
-            point: payload.centre,
-            force: gravity.map(|g| g * payload.mass),
-            ..PointLoad::default()
-        }));
-        self.loads.sort_by_key(|load| load.disk);
+        push_weights(&mut self.loads, payloads, gravity);
     }
 
     /// The loads on a disk.
@@ -253,6 +232,57 @@ impl<C: Real, const A: usize> Attached<C, A> {
     pub fn coupling(&self, k: usize) -> Option<&Coupling<C, A>> {
         (k < self.followed).then(|| &self.couplings[k])
     }
+}
+
+/// Adds the weights of payloads to loads sorted by disk.
+fn push_weights(loads: &mut Vec<PointLoad>, payloads: &[Payload], gravity: [f64; 3]) {
+    loads.extend(payloads.iter().map(|payload| PointLoad {
+        disk: payload.disk,
+        point: payload.centre,
+        force: gravity.map(|g| g * payload.mass),
+        ..PointLoad::default()
+    }));
+    sort_by_disk(loads);
+}
+
+fn sort_by_disk(loads: &mut [PointLoad]) {
+    loads.sort_by_key(|load| load.disk);
+}
+
+/// Adds the loads on disks to those of `on_disks`; returns the others from base to tip, with their
+/// module and the fraction of its flexible part. `lengths` are clamp, flexible part and clamp of
+/// every module (m).
+fn split(
+    given: &[PointLoad],
+    lengths: &[[f64; 3]],
+    on_disks: &mut Vec<PointLoad>,
+) -> Vec<(usize, f64, PointLoad)> {
+    let mut between = vec![];
+    for load in given {
+        let Some(arc_length) = load.arc_length else {
+            on_disks.push(*load);
+            continue;
+        };
+        match place(lengths.iter().copied(), arc_length) {
+            Place::Base => continue,
+            Place::Disk { disk, beyond } => {
+                let [x, y, z] = load.point;
+                on_disks.push(PointLoad {
+                    disk,
+                    arc_length: None,
+                    point: [x, y, z + beyond],
+                    ..*load
+                });
+            }
+            Place::Between { module, fraction } => between.push((module, fraction, *load)),
+        }
+    }
+    between.sort_by(|a, b| {
+        (a.0, a.1)
+            .partial_cmp(&(b.0, b.1))
+            .expect("they are numbers")
+    });
+    between
 }
 
 /// The loads of a sorted list on a disk.
@@ -345,15 +375,15 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             return;
         }
         let forces = |rod: &Self, k: usize| {
-            let between = match rod.attached.has_between() {
-                true => rod.force_between(k, false),
-                false => Vec3::zero(),
-            };
+            let mut between = Vec3::zero();
+            if Self::BETWEEN && rod.attached.has_between() {
+                between = rod.force_between(k, false);
+            }
             [sum_of_forces(rod.attached.on(k), None), between]
         };
         self.add_resultants(lines, forces);
         self.has_forces_on_disks();
-        if self.attached.has_between() {
+        if Self::BETWEEN && self.attached.has_between() {
             self.set_couples();
             self.set_forces_between(false);
         }
@@ -404,13 +434,13 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 let rotation = &rod.rotations[k + 1];
                 let on_disk = rod.attached.on(k).iter().filter(|load| load.follower);
                 let forces = on_disk.map(|load| *rotation * Vec3::splat(load.force));
-                let between = match rod.attached.has_between() {
-                    true => rod.force_between(k, true),
-                    false => Vec3::zero(),
-                };
+                let mut between = Vec3::zero();
+                if Self::BETWEEN && rod.attached.has_between() {
+                    between = rod.force_between(k, true);
+                }
                 [forces.fold(Vec3::zero(), |sum, force| sum + force), between]
             });
-            if self.attached.has_between() {
+            if Self::BETWEEN && self.attached.has_between() {
                 self.set_forces_between(true);
             }
         }
@@ -418,7 +448,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         for k in 0..self.module_count() {
             energy += self.attached.potential(k, &self.rotations[k + 1]);
         }
-        if self.attached.has_between() {
+        if Self::BETWEEN && self.attached.has_between() {
             energy += self.potential_between();
         }
         energy
@@ -462,7 +492,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             blocks.xu[a][0] += on_start;
         }
         blocks.xx[0][0] += on_start;
-        if self.attached.has_between() {
+        if Self::BETWEEN && self.attached.has_between() {
             self.couple_followers_between(k, blocks);
         }
         self.attached.couplings[k] = coupling;
@@ -477,7 +507,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let by_turn = self.attached.couplings[k].by_turn;
         let turn = Mat3::identity() - self.newton.eliminated[k].turn_by_start();
         self.attached.by_turn = by_turn * turn;
-        if self.attached.has_between() {
+        if Self::BETWEEN && self.attached.has_between() {
             let between = self.force_between_by_start(k);
             self.attached.by_turn += between;
         }

@@ -126,18 +126,9 @@ impl<C: Real> Between<C> {
         self.sections.clear();
     }
 
-    /// Takes over loads with the modules and fractions where they act.
-    pub fn set(
-        &mut self,
-        mut given: Vec<(usize, f64, PointLoad)>,
-        same: impl Fn(f64, f64) -> bool,
-    ) {
+    /// Takes over loads with the modules and fractions where they act, from base to tip.
+    pub fn set(&mut self, given: Vec<(usize, f64, PointLoad)>, same: impl Fn(f64, f64) -> bool) {
         self.clear();
-        given.sort_by(|a, b| {
-            (a.0, a.1)
-                .partial_cmp(&(b.0, b.1))
-                .expect("they are numbers")
-        });
         for (module, fraction, load) in given {
             let at = self.loads.len();
             self.loads.push(PointLoad {
@@ -310,14 +301,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
             if !self.fixed.modules[k].ends_at(ends) {
                 let (robot, model) = &**source;
-                let c = [Constants::divided(robot, k, *model, ends)];
-                self.fixed.modules[k] = Constants::gather(&c);
-                self.constants[k] = Constants::gather(&c);
+                let c = Constants::divided(robot, k, *model, ends);
+                self.fixed.modules[k] = Constants::gather(&[&c]);
+                self.constants[k] = Constants::gather(&[&c]);
                 changed = true;
             }
         }
         self.on_nodes.clear();
-        if self.attached.has_between() {
+        if Self::BETWEEN && self.attached.has_between() {
             let none = [Vec3::zero(); A];
             self.on_nodes.resize(self.states.len(), none);
         }

@@ -289,6 +289,26 @@ pub(crate) fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) ->
     })
 }
 
+/// A value of every module of every robot, by robots and modules.
+fn of_modules<P>(robots: &[Robot], of: impl Fn(&Robot, usize) -> P) -> Vec<P> {
+    let mut all = vec![];
+    for robot in robots {
+        for k in 0..robot.module_count() {
+            all.push(of(robot, k));
+        }
+    }
+    all
+}
+
+/// Values of the modules in the lanes of a group: `width` modules of the first robot, or one module
+/// of several robots. The last of them is also in the lanes beyond.
+fn lanes_of<P>(of: &[P], modules: usize, robots: usize, width: usize, group: usize) -> [&P; 8] {
+    std::array::from_fn(|lane| match width {
+        1 => &of[lane.min(robots - 1) * modules + group],
+        _ => &of[(group * width + lane).min(modules - 1)],
+    })
+}
+
 /// Loads on a module (see [`State::f`]) by a force per length on its backbone, whose flexible part
 /// has some length between two clamps, and a force on its end disk. Hermite's rule: half of the
 /// force on an element at each end, and a couple.
@@ -347,6 +367,9 @@ pub(crate) fn blocks<L: Layout, const A: usize, const SYMMETRIC: bool>(
 }
 
 impl<L: Layout, const A: usize> Rod<L, A> {
+    /// Whether loads can act between two disks; see [`Attached::BETWEEN`].
+    pub const BETWEEN: bool = Attached::<L::Chain, A>::BETWEEN;
+
     pub fn new(layout: L, robot: &Robot, model: Model) -> Self {
         let n = robot.module_count();
         let groups = n.div_ceil(L::WIDTH);
@@ -417,56 +440,61 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// Replaces the numbers of the robots, which have the topology of the rod's own: one for each
     /// lane of the chain, the last one also in the lanes beyond.
+    #[inline(never)]
     pub fn set_robots(&mut self, robots: &[Robot], model: Model) {
         let n = self.module_count();
-        let of = |lane: usize| &robots[lane.min(robots.len() - 1)];
-        let modules = &mut self.fixed.modules;
-        modules.clear();
-        modules.extend((0..n).map(|k| {
-            let each = robots.iter().map(|r| Constants::new(r, k, model));
-            Constants::gather(&each.collect::<Vec<_>>())
-        }));
+        let constants = |robot: &Robot, k: usize| Constants::new(robot, k, model);
+        let plain: Vec<_> = of_modules(robots, constants);
+        self.fixed.modules.clear();
         self.constants.clear();
-        self.constants.extend((0..self.states.len()).map(|g| {
-            let lanes = (0..L::Module::LANES).map(|i| match L::WIDTH {
-                1 => modules[g].of_lane(i),
-                width if g * width + i < n => modules[g * width + i].of_lane(0),
-                // idle lanes repeat the last module; straight, they stay without imbalance
-                _ => Constants {
-                    rest: Vec3::zero(),
-                    ..modules[n - 1].of_lane(0)
-                },
-            });
-            Constants::gather(&lanes.collect::<Vec<_>>())
-        }));
+        for k in 0..n {
+            let chain = lanes_of(&plain, n, robots.len(), 1, k);
+            self.fixed
+                .modules
+                .push(Constants::gather(&chain[..L::Chain::LANES]));
+        }
+        for g in 0..self.states.len() {
+            let lanes = lanes_of(&plain, n, robots.len(), L::WIDTH, g);
+            let mut group = Constants::gather(&lanes[..L::Module::LANES]);
+            // idle lanes repeat the last module; straight, they stay without imbalance
+            for i in (n - g * L::WIDTH).min(L::WIDTH)..L::WIDTH {
+                put::<L>(&mut group.rest, i, Vec3::zero());
+            }
+            self.constants.push(group);
+        }
         self.set_tapers(robots, model);
-        let masses = (0..n).map(|k| L::Chain::from_fn(|lane| of(lane).spec().disks[k].mass));
         self.fixed.masses.clear();
-        self.fixed.masses.extend(masses);
+        for k in 0..n {
+            let mut mass = L::Chain::zero();
+            for lane in 0..L::Chain::LANES {
+                let robot = &robots[lane.min(robots.len() - 1)];
+                mass.set_lane(lane, robot.spec().disks[k].mass);
+            }
+            self.fixed.masses.push(mass);
+        }
         self.fixed.payloads.clear();
         self.fixed.payloads.extend(&robots[0].spec().payloads);
         self.tendons.set::<L>(robots);
     }
 
     fn set_tapers(&mut self, robots: &[Robot], model: Model) {
-        let n = self.module_count();
         self.tapers.clear();
         self.fixed.tapers.clear();
         if !robots.iter().any(Robot::has_taper) {
             return;
         }
-        let of = |lane: usize| &robots[lane.min(robots.len() - 1)];
-        self.fixed.tapers.extend((0..n).map(|k| {
-            let each = robots.iter().map(|r| Taper::new(r, k, model));
-            Taper::gather(&each.collect::<Vec<_>>())
-        }));
-        self.tapers.extend((0..self.states.len()).map(|g| {
-            let lanes = (0..L::Module::LANES).map(|i| match L::WIDTH {
-                1 => Taper::new(of(i), g, model),
-                width => Taper::new(of(0), (g * width + i).min(n - 1), model),
-            });
-            Taper::gather(&lanes.collect::<Vec<_>>())
-        }));
+        let n = self.module_count();
+        let plain: Vec<_> = of_modules(robots, |robot, k| Taper::new(robot, k, model));
+        for k in 0..n {
+            let chain = lanes_of(&plain, n, robots.len(), 1, k);
+            self.fixed
+                .tapers
+                .push(Taper::gather(&chain[..L::Chain::LANES]));
+        }
+        for g in 0..self.states.len() {
+            let lanes = lanes_of(&plain, n, robots.len(), L::WIDTH, g);
+            self.tapers.push(Taper::gather(&lanes[..L::Module::LANES]));
+        }
     }
 
     /// Memory of a rod (bytes) and of the responses to `columns` single tensions.
@@ -549,7 +577,10 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     pub fn set_attached(&mut self, load: &Load) -> bool {
         let divided = self.attached.has_between();
         self.attached.set(load, &self.fixed.modules);
-        (divided || self.attached.has_between()) && self.divide()
+        if Self::BETWEEN {
+            return (divided || self.attached.has_between()) && self.divide();
+        }
+        false
     }
 
     /// Sets a load that has been checked.
@@ -617,8 +648,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Shapes and rotations of the disks.
-    #[inline(always)]
+    #[inline(never)]
     pub(crate) fn turn_disks(&mut self) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.turn_disks_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn turn_disks_in_lanes(&mut self) {
         let (path, n) = (self.path(), self.module_count());
         let mut rotation = Mat3::identity();
         for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
@@ -636,8 +675,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// `evaluate` with the loads on modules as they are.
-    #[inline(always)]
+    #[inline(never)]
     pub(crate) fn evaluate_module_loads(&mut self) -> L::Chain {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.evaluate_module_loads_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn evaluate_module_loads_in_lanes(&mut self) -> L::Chain {
         let path = self.path();
         let n = self.module_count();
         let mut rotation = Mat3::identity();
@@ -653,7 +700,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 for (f, dead) in state.f[..used].iter_mut().zip(&self.dead.modules[k]) {
                     put::<L>(f, i, rotation.tr_mul(*dead));
                 }
-                if self.attached.has_between() {
+                if Self::BETWEEN && self.attached.has_between() {
                     let forces = &self.attached.between;
                     forces.put_forces::<L, A>(k, &rotation, &mut self.on_nodes[g]);
                 }
@@ -670,8 +717,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// The second half of `evaluate`: forces, where only tensions of straight spans have changed.
-    #[inline(always)]
+    #[inline(never)]
     pub fn balance(&mut self) -> L::Chain {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.balance_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn balance_in_lanes(&mut self) -> L::Chain {
         let (tendons, tensions, path) = (&self.tendons, &self.tensions, self.path());
         let n = self.module_count();
         let mut energy = L::Chain::zero();
@@ -688,8 +743,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// Backward pass: gradient by the exact costate (theory Eq. 3.2, with the opposite sign);
     /// returns the largest moment imbalance (N m).
-    #[inline(always)]
+    #[inline(never)]
     pub fn gradient(&mut self) -> L::Chain {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.gradient_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn gradient_in_lanes(&mut self) -> L::Chain {
         let path = self.path();
         let n = self.module_count();
         let mut lambda = Vec3::zero();
@@ -709,7 +772,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 lambda = get_mat::<L>(&state.s, i) * lambda;
                 put::<L>(&mut state.lambda, i, lambda);
                 lambda -= get::<L>(&state.load_moment, i);
-                if self.attached.has_between() {
+                if Self::BETWEEN && self.attached.has_between() {
                     let start = &self.rotations[k];
                     let between = &mut self.attached.between;
                     lambda += between.torque_on::<L, A>(k, start, state);
@@ -719,7 +782,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             t.on_nodes = nodes_of(&self.on_nodes, g);
             let out = &mut self.gradients[g];
             state.gradient(c, &t, out);
-            if self.attached.has_between() {
+            if Self::BETWEEN && self.attached.has_between() {
                 self.attached.between.add_torques::<L, A>(n, g, out);
             }
             for v in &out.g {
@@ -736,8 +799,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Second derivatives of all modules, and the responses of their ends.
-    #[inline(always)]
+    #[inline(never)]
     pub fn linearise(&mut self) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.linearise_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn linearise_in_lanes(&mut self) {
         for g in 0..self.states.len() {
             let mut t = in_group(&self.tendons, &self.tensions, self.path(), g);
             t.on_nodes = nodes_of(&self.on_nodes, g);
@@ -745,7 +816,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let out = &mut self.newton.hessians[g];
             let response = state.hessian::<true>(&self.constants[g], &t, gradient, out);
             self.newton.responses[g] = response;
-            if self.attached.has_between() {
+            if Self::BETWEEN && self.attached.has_between() {
                 self.linearise_torques(g);
             }
         }
@@ -753,8 +824,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// Backward pass: eliminates every arc (theory Eq. 3.4); returns the least pivot, positive at a
     /// minimum.
-    #[inline(always)]
+    #[inline(never)]
     pub fn eliminate<const SYMMETRIC: bool>(&mut self, shift: L::Chain) -> L::Chain {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.eliminate_in_lanes::<SYMMETRIC>(shift),
+        )
+    }
+
+    #[inline(always)]
+    fn eliminate_in_lanes<const SYMMETRIC: bool>(&mut self, shift: L::Chain) -> L::Chain {
         let n = self.module_count();
         self.newton.symmetric = SYMMETRIC;
         let mut value = Mat3::zero();
@@ -769,7 +848,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
             let mut blocks =
                 blocks::<L, A, SYMMETRIC>(&self.newton.hessians[g], i, &s, value, shift);
-            if self.attached.has_between() {
+            if Self::BETWEEN && self.attached.has_between() {
                 self.add_stiffness_between::<SYMMETRIC, 1>(k, &mut blocks);
             }
             if !SYMMETRIC {
@@ -785,8 +864,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// `linearise` and `eliminate` in one pass, without shift, for a symmetric tangent: keeps the
     /// eliminated modules only.
-    #[inline(always)]
+    #[inline(never)]
     pub fn linearise_and_eliminate(&mut self) -> L::Chain {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.linearise_and_eliminate_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn linearise_and_eliminate_in_lanes(&mut self) -> L::Chain {
         let n = self.module_count();
         self.newton.symmetric = true;
         let mut value = Mat3::zero();
@@ -819,8 +906,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Converts the step from rotations added by the arcs to strain.
-    #[inline(always)]
+    #[inline(never)]
     pub(crate) fn step_to_strain(&mut self) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.step_to_strain_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn step_to_strain_in_lanes(&mut self) {
         for (step, gradient) in self.newton.step.iter_mut().zip(&self.gradients) {
             for a in 0..A {
                 step[a] = gradient.to_strain[a] * step[a];
@@ -829,8 +924,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Newton step as rotations added by the arcs.
-    #[inline(always)]
+    #[inline(never)]
     pub(crate) fn rotations_of_step<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.rotations_of_step_in_lanes::<SYMMETRIC>(),
+        )
+    }
+
+    #[inline(always)]
+    fn rotations_of_step_in_lanes<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
         self.backward_step::<SYMMETRIC>(
             #[inline(always)]
             |_, _| (),
@@ -864,7 +967,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             self.newton.eliminated[k].backward::<SYMMETRIC>(&mut solution, &mut start);
             if let Some(coupling) = follower {
                 force = coupling.force_beyond(force, &solution);
-                if self.attached.has_between() {
+                if Self::BETWEEN && self.attached.has_between() {
                     let between = &self.attached.between;
                     force -= between.force_by_arcs(k, |m| *m, &solution);
                 }
@@ -913,8 +1016,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Measures the lengths of all spans and, if `angles`, the angles of the tendons at the holes.
-    #[inline(always)]
+    #[inline(never)]
     pub fn measure_spans(&mut self, angles: bool) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.measure_spans_in_lanes(angles),
+        )
+    }
+
+    #[inline(always)]
+    fn measure_spans_in_lanes(&mut self, angles: bool) {
         let (n, count) = (self.module_count(), self.tendons.len());
         let zero = Vec3::zero();
         self.spans
@@ -1028,8 +1139,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Response to the own gradient only, with modules in the lanes.
-    #[inline(always)]
+    #[inline(never)]
     fn respond_to_gradient(&mut self) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.respond_to_gradient_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn respond_to_gradient_in_lanes(&mut self) {
         self.rotations_of_last_elimination();
         let (n, count) = (self.module_count(), self.tendons.len());
         let out = &mut self.spans.responses[0];
@@ -1075,8 +1194,21 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Substitutes some of the columns along the chain.
-    #[inline(always)]
+    #[inline(never)]
     fn substitute(&mut self, part: usize, columns: std::ops::Range<usize>, sources: &Sources) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.substitute_in_lanes(part, columns, sources),
+        )
+    }
+
+    #[inline(always)]
+    fn substitute_in_lanes(
+        &mut self,
+        part: usize,
+        columns: std::ops::Range<usize>,
+        sources: &Sources,
+    ) {
         self.substitute_backward(part, columns, sources);
         let count = self.tendons.len();
         let mut out = self.take_responses(part);
@@ -1134,8 +1266,21 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// From tip to base: eliminates the right-hand sides of the arcs.
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn substitute_backward(
+        &mut self,
+        part: usize,
+        columns: std::ops::Range<usize>,
+        sources: &Sources,
+    ) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.substitute_backward_in_lanes(part, columns, sources),
+        )
+    }
+
+    #[inline(always)]
+    fn substitute_backward_in_lanes(
         &mut self,
         part: usize,
         columns: std::ops::Range<usize>,
@@ -1175,7 +1320,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 eliminated.backward_as::<_, false>(widen::<L>, &mut solution, &mut start);
                 if let Some(coupling) = &follower {
                     following = coupling.force_beyond(following, &solution);
-                    if self.attached.has_between() {
+                    if Self::BETWEEN && self.attached.has_between() {
                         let between = &self.attached.between;
                         following -= between.force_by_arcs(k, widen::<L>, &solution);
                     }
@@ -1330,8 +1475,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// Positions of the disks (theory Eq. 2.3), lengths of the tendons, and forward components of
     /// their spans.
-    #[inline(always)]
+    #[inline(never)]
     pub fn finish(&mut self) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.finish_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn finish_in_lanes(&mut self) {
         let n = self.module_count();
         let mut position = Vec3::zero();
         let path = self.path();

@@ -96,18 +96,11 @@ impl<T: Real> Stiffness<T> {
         }
     }
 
-    fn of_lane(&self, lane: usize) -> Stiffness<f64> {
-        Stiffness {
-            bending: self.bending.map(|x| x.lane(lane)),
-            torsion: self.torsion.lane(lane),
+    fn set_lane(&mut self, lane: usize, of: &Stiffness<f64>) {
+        for q in 0..3 {
+            self.bending[q].set_lane(lane, of.bending[q]);
         }
-    }
-
-    fn gather<'a>(of: impl Fn(usize) -> &'a Stiffness<f64>) -> Self {
-        Stiffness {
-            bending: std::array::from_fn(|q| T::from_fn(|i| of(i).bending[q])),
-            torsion: T::from_fn(|i| of(i).torsion),
-        }
+        self.torsion.set_lane(lane, of.torsion);
     }
 }
 
@@ -232,45 +225,55 @@ impl<const A: usize> Constants<f64, A> {
 }
 
 impl<T: Real, const A: usize> Constants<T, A> {
-    /// Constants of one lane.
-    pub fn of_lane(&self, lane: usize) -> Constants<f64, A> {
-        Constants {
-            flexible: self.flexible.lane(lane),
-            per_flexible: self.per_flexible.lane(lane),
-            clamp: self.clamp.map(|x| x.lane(lane)),
-            reach: self.reach.map(|x| x.lane(lane)),
-            mass_per_length: self.mass_per_length.lane(lane),
-            own: self.own.map(|x| x.of_lane(lane)),
-            axial_compliance: self.axial_compliance.lane(lane),
-            rest: self.rest.of_lane(lane),
-            d: self.d.map(|x| x.lane(lane)),
-            ends: Maybe::new(self.ends.get().map(|ends| ends.map(|x| x.lane(lane)))),
-            coupled: Maybe::new(self.coupled.get().map(|c| c.of_lane(lane))),
+    /// Constants of modules in lanes.
+    pub fn gather(of: &[&Constants<f64, A>]) -> Self {
+        let mut out = Constants {
+            flexible: T::zero(),
+            per_flexible: T::zero(),
+            clamp: [T::zero(); 2],
+            reach: [T::zero(); 2],
+            mass_per_length: T::zero(),
+            own: [Stiffness::zero(); A],
+            axial_compliance: T::zero(),
+            rest: Vec3::zero(),
+            d: [T::zero(); 4],
+            ends: Maybe::new(None),
+            coupled: Maybe::new(None),
+        };
+        for (lane, of) in of.iter().enumerate() {
+            out.set_lane(lane, of);
         }
+        if T::PLAIN {
+            out.ends = Maybe::new(of[0].ends.get().map(|ends| ends.map(T::splat)));
+            out.coupled = Maybe::new(of[0].coupled.get().map(|c| c.splat()));
+        }
+        out
     }
 
-    /// Constants of modules in SIMD lanes; the last one also in the lanes beyond.
-    pub fn gather(of: &[Constants<f64, A>]) -> Self {
-        let at = |lane: usize| &of[lane.min(of.len() - 1)];
-        Constants {
-            flexible: T::from_fn(|i| at(i).flexible),
-            per_flexible: T::from_fn(|i| at(i).per_flexible),
-            clamp: std::array::from_fn(|q| T::from_fn(|i| at(i).clamp[q])),
-            reach: std::array::from_fn(|q| T::from_fn(|i| at(i).reach[q])),
-            mass_per_length: T::from_fn(|i| at(i).mass_per_length),
-            own: std::array::from_fn(|a| Stiffness::gather(|i| &at(i).own[a])),
-            axial_compliance: T::from_fn(|i| at(i).axial_compliance),
-            rest: Vec3(std::array::from_fn(|q| T::from_fn(|i| at(i).rest[q]))),
-            d: std::array::from_fn(|q| T::from_fn(|i| at(i).d[q])),
-            ends: Maybe::new(of[0].ends.get().map(|ends| ends.map(T::splat))),
-            coupled: Maybe::new(of[0].coupled.get().map(|c| c.splat())),
+    fn set_lane(&mut self, lane: usize, of: &Constants<f64, A>) {
+        self.flexible.set_lane(lane, of.flexible);
+        self.per_flexible.set_lane(lane, of.per_flexible);
+        self.mass_per_length.set_lane(lane, of.mass_per_length);
+        self.axial_compliance.set_lane(lane, of.axial_compliance);
+        for q in 0..2 {
+            self.clamp[q].set_lane(lane, of.clamp[q]);
+            self.reach[q].set_lane(lane, of.reach[q]);
+        }
+        for q in 0..3 {
+            self.rest.0[q].set_lane(lane, of.rest[q]);
+        }
+        for q in 0..4 {
+            self.d[q].set_lane(lane, of.d[q]);
+        }
+        for a in 0..A {
+            self.own[a].set_lane(lane, &of.own[a]);
         }
     }
 
     /// Length of an element over the mean of the module.
     #[inline(always)]
     pub fn part(&self, element: usize) -> T {
-        if A == 2 {
+        if A == 2 || !T::PLAIN {
             return T::splat(1.0);
         }
         let Some(ends) = self.ends.get() else {
@@ -430,8 +433,10 @@ impl<T: Real, const A: usize> Constants<T, A> {
     /// Moments of an element by the elastic rotation vectors of its arcs.
     #[inline(always)]
     pub fn moments_of_element(&self, e: usize, [a, b]: [Vec3<T>; 2]) -> [Vec3<T>; 2] {
-        if let Some(coupling) = self.coupling() {
-            return coupling.moments_of_element(self.part(e), [a, b]);
+        if T::PLAIN {
+            if let Some(coupling) = self.coupling() {
+                return coupling.moments_of_element(self.part(e), [a, b]);
+            }
         }
         let i = 2 * e;
         let mutual = self.mutual(e);
@@ -477,14 +482,25 @@ impl Taper<f64> {
 }
 
 impl<T: Real> Taper<T> {
-    pub fn gather(of: &[Taper<f64>]) -> Self {
-        let at = |lane: usize| &of[lane.min(of.len() - 1)];
-        Taper {
-            stiffness: std::array::from_fn(|p| Stiffness::gather(|i| &at(i).stiffness[p])),
-            shear: std::array::from_fn(|p| T::from_fn(|i| at(i).shear[p])),
-            axial: std::array::from_fn(|p| T::from_fn(|i| at(i).axial[p])),
-            mass: std::array::from_fn(|p| T::from_fn(|i| at(i).mass[p])),
+    /// Tapers of modules in lanes.
+    pub fn gather(of: &[&Taper<f64>]) -> Self {
+        let mut out = Taper {
+            stiffness: [Stiffness::zero(); 5],
+            shear: [T::zero(); 5],
+            axial: [T::zero(); 5],
+            mass: [T::zero(); 2],
+        };
+        for (lane, of) in of.iter().enumerate() {
+            for p in 0..5 {
+                out.stiffness[p].set_lane(lane, &of.stiffness[p]);
+                out.shear[p].set_lane(lane, of.shear[p]);
+                out.axial[p].set_lane(lane, of.axial[p]);
+            }
+            for q in 0..2 {
+                out.mass[q].set_lane(lane, of.mass[q]);
+            }
         }
+        out
     }
 
     /// What the change of the weight along a tapered module adds to the force on its end (N), and to

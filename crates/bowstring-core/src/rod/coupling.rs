@@ -81,19 +81,6 @@ impl Coupling<f64> {
 }
 
 impl<T: Real> Coupling<T> {
-    /// That of one lane.
-    pub fn of_lane(&self, lane: usize) -> Coupling<f64> {
-        let matrix = |m: &Mat3<T>| Mat3(m.0.map(|row| row.map(|x| x.lane(lane))));
-        Coupling {
-            moment: matrix(&self.moment),
-            flexibility: matrix(&self.flexibility),
-            shift: matrix(&self.shift),
-            compliance: matrix(&self.compliance),
-            along: self.along.of_lane(lane),
-            own: matrix(&self.own),
-        }
-    }
-
     /// Scales the stiffness of the arcs.
     pub fn stiffen(&mut self, elastic: &Self, factor: f64) {
         self.own = elastic.own * T::splat(factor);
@@ -164,31 +151,26 @@ impl<T: Real, const A: usize> Constants<T, A> {
         self.coupled.get()
     }
 
-    /// The same where passes are those of coupled sections, else nothing.
-    #[inline(always)]
-    pub fn coupling_if<const COUPLED: bool>(&self) -> Option<&Coupling<T>> {
-        match COUPLED {
-            true => self.coupling(),
-            false => None,
-        }
-    }
-
     /// End point of an arc (m).
     #[inline(always)]
     pub fn arc_end(&self, map: &ArcMap<T>) -> Vec3<T> {
-        match self.coupling() {
-            Some(coupling) => coupling.end(map),
-            None => map.end(),
+        if T::PLAIN {
+            if let Some(coupling) = self.coupling() {
+                return coupling.end(map);
+            }
         }
+        map.end()
     }
 
     /// Derivative of the end point of an arc with respect to its rotation vector (m).
     #[inline(always)]
     pub fn arc_end_jacobian<const COUPLED: bool>(&self, map: &ArcMap<T>) -> Mat3<T> {
-        match self.coupling_if::<COUPLED>() {
-            Some(coupling) => coupling.end_jacobian(map),
-            None => map.end_jacobian(),
+        if COUPLED {
+            if let Some(coupling) = self.coupling() {
+                return coupling.end_jacobian(map);
+            }
         }
+        map.end_jacobian()
     }
 
     /// Hessian of an arc; see [`ArcMap::hessian`].
@@ -199,28 +181,34 @@ impl<T: Real, const A: usize> Constants<T, A> {
         n: Vec3<T>,
         m: Vec3<T>,
     ) -> Mat3<T> {
-        match self.coupling_if::<COUPLED>() {
-            Some(coupling) => coupling.hessian(map, n, m),
-            None => map.hessian(n, m),
+        if COUPLED {
+            if let Some(coupling) = self.coupling() {
+                return coupling.hessian(map, n, m);
+            }
         }
+        map.hessian(n, m)
     }
 
     /// Sum of a matrix and the elastic stiffness of an arc (N m).
     #[inline(always)]
     pub fn plus_own<const COUPLED: bool>(&self, i: usize, m: Mat3<T>) -> Mat3<T> {
-        match self.coupling_if::<COUPLED>() {
-            Some(coupling) => m + coupling.own(self.part(i / 2)),
-            None => self.own[i].plus_mat(m),
+        if COUPLED {
+            if let Some(coupling) = self.coupling() {
+                return m + coupling.own(self.part(i / 2));
+            }
         }
+        self.own[i].plus_mat(m)
     }
 
     /// Product of the elastic stiffness between the arcs of an element and a matrix (N m).
     #[inline(always)]
     pub fn mutual_times<const COUPLED: bool>(&self, e: usize, m: Mat3<T>) -> Mat3<T> {
-        match self.coupling_if::<COUPLED>() {
-            Some(coupling) => coupling.mutual(self.part(e)) * m,
-            None => self.mutual(e).times_mat(m),
+        if COUPLED {
+            if let Some(coupling) = self.coupling() {
+                return coupling.mutual(self.part(e)) * m;
+            }
         }
+        self.mutual(e).times_mat(m)
     }
 }
 

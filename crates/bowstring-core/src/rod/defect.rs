@@ -198,8 +198,10 @@ impl<T: Real, const A: usize, const VARIED: bool> Element<'_, T, A, VARIED> {
     #[inline(always)]
     fn rate(&self, at: &Section<T>, force: Vec3<T>, from_start: T) -> Section<T> {
         let r = &at.rotation;
-        if let Some(coupling) = self.constants.coupling_if::<VARIED>() {
-            return self.coupled_rate(coupling, at, force);
+        if T::PLAIN {
+            if let (true, Some(coupling)) = (VARIED, self.constants.coupling()) {
+                return self.coupled_rate(coupling, at, force);
+            }
         }
         let material = self.material(from_start);
         let curvature = self.curvature(&material, r.tr_mul(at.moment), from_start);

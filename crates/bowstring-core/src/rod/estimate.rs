@@ -135,8 +135,16 @@ impl<T: Real> Correction<T> {
 
 impl<L: Layout, const A: usize> Rod<L, A> {
     /// Error of the last equilibrium at constant tensions; length errors are in `length_errors`.
-    #[inline(always)]
+    #[inline(never)]
     pub fn estimate(&mut self) -> Correction<L::Chain> {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.estimate_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn estimate_in_lanes(&mut self) -> Correction<L::Chain> {
         let n = self.module_count();
         let mut compression = L::Chain::zero();
         let mut folded = L::Chain::splat(-1.0);
@@ -160,8 +168,10 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             t.on_nodes = self.on_nodes(g);
             let mut rhs = [Vec3::zero(); A];
             let mut load = Weight::new(weight, gravity, self.tapers.get(g));
-            let between = self.attached.has_between();
-            let on_nodes = between.then(|| self.loads_on_nodes(g));
+            let mut on_nodes = None;
+            if Self::BETWEEN && self.attached.has_between() {
+                on_nodes = Some(self.loads_on_nodes(g));
+            }
             load.on_nodes = on_nodes.as_ref();
             let (state, gradient) = (&self.states[g], &self.gradients[g]);
             let defect = match !self.tapers.is_empty() || c.coupling().is_some() {
@@ -195,8 +205,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// Motion due to the rotations in `step` and the defects (see [`Correction`]); measures the
     /// change of the lengths.
-    #[inline(always)]
+    #[inline(never)]
     pub fn correction(&mut self) -> L::Chain {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.correction_in_lanes(),
+        )
+    }
+
+    #[inline(always)]
+    fn correction_in_lanes(&mut self) -> L::Chain {
         let n = self.module_count();
         for length in &mut self.errors.lengths {
             *length = L::Chain::zero();

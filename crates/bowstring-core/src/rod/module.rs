@@ -395,10 +395,12 @@ impl<T: Real, const A: usize> State<T, A> {
             .outer_add(mean, (change * d2).outer(change))
             .add_diagonal([diagonal; 3])
             .mirrored();
-        match c.coupling() {
-            Some(coupling) => plain + self.coupled_compliance(c, coupling),
-            None => plain,
+        if T::PLAIN {
+            if let Some(coupling) = c.coupling() {
+                return plain + self.coupled_compliance(c, coupling);
+            }
         }
+        plain
     }
 
     /// Force on `rho0` and moment on the end tangent due to the compliance at constant `N`, without
@@ -417,10 +419,10 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Moment imbalance of each arc, with the costate in `lambda` (theory Eq. 3.2).
     #[inline(always)]
     pub fn gradient(&self, c: &Constants<T, A>, t: &Tendons<T>, out: &mut Gradient<T, A>) {
-        match c.coupling() {
-            None => self.gradient_of::<false>(c, t, out),
-            Some(_) => self.coupled_gradient(c, t, out),
+        if T::PLAIN && c.coupling().is_some() {
+            return self.coupled_gradient(c, t, out);
         }
+        self.gradient_of::<false>(c, t, out)
     }
 
     /// Moment imbalance of each arc; `COUPLED`: the strains of the section are.
@@ -440,10 +442,12 @@ impl<T: Real, const A: usize> State<T, A> {
             self.arc_gradient::<COUPLED>(c, t, 2 * e, elastic[2 * e], out);
             self.arc_gradient::<COUPLED>(c, t, 2 * e + 1, elastic[2 * e + 1], out);
         }
-        if let Some(coupling) = c.coupling_if::<COUPLED>() {
-            let torques = self.sway_torques(c, coupling);
-            for (g, torque) in out.g.iter_mut().zip(torques) {
-                *g += torque;
+        if COUPLED {
+            if let Some(coupling) = c.coupling() {
+                let torques = self.sway_torques(c, coupling);
+                for (g, torque) in out.g.iter_mut().zip(torques) {
+                    *g += torque;
+                }
             }
         }
     }
@@ -510,10 +514,10 @@ impl<T: Real, const A: usize> State<T, A> {
         grad: &Gradient<T, A>,
         out: &mut Hessian<T, A>,
     ) -> Response<T, A> {
-        match c.coupling() {
-            None => self.hessian_of::<CONDENSED, false>(c, t, grad, out),
-            Some(_) => self.coupled_hessian::<CONDENSED>(c, t, grad, out),
+        if T::PLAIN && c.coupling().is_some() {
+            return self.coupled_hessian::<CONDENSED>(c, t, grad, out);
         }
+        self.hessian_of::<CONDENSED, false>(c, t, grad, out)
     }
 
     /// Second derivatives; `COUPLED`: the strains of the section are.
@@ -539,8 +543,10 @@ impl<T: Real, const A: usize> State<T, A> {
             core = (-kd).mul_add(k.transpose(), core).mirrored();
         }
         let along = self.along_force(grad);
-        let coupling = c.coupling_if::<COUPLED>();
-        let sway = coupling.map(|coupling| self.sway(c, coupling));
+        let mut sway = None;
+        if COUPLED {
+            sway = c.coupling().map(|coupling| self.sway(c, coupling));
+        }
         let mut j = self.end_motions(c, grad, &along);
         if let Some(sway) = &sway {
             for i in 0..A {
@@ -793,10 +799,10 @@ impl<T: Real, const A: usize> State<T, A> {
         moved: &[Mat3<T>; A],
         out: &mut Hessian<T, A>,
     ) -> Vec3<T> {
-        match c.coupling() {
-            None => self.add_dead_loads_of::<false>(c, grad, loads, moved, out),
-            Some(_) => self.add_dead_loads_of::<true>(c, grad, loads, moved, out),
+        if T::PLAIN && c.coupling().is_some() {
+            return self.add_dead_loads_of::<true>(c, grad, loads, moved, out);
         }
+        self.add_dead_loads_of::<false>(c, grad, loads, moved, out)
     }
 
     /// The same; `COUPLED`: the strains of the section are.

@@ -101,24 +101,27 @@ impl<M: Real> Routes<M> {
             let lengths = (0..tendons.len()).map(|i| robot.length_in_holes(i));
             self.in_holes.extend(lengths);
         }
-        let at = |lane: usize, k: usize, i: usize, end: usize, q: usize| {
-            let robot = &robots[lane.min(robots.len() - 1)];
-            robot.spec().tendons[i].hole(k + end)[q]
-        };
         self.holes.clear();
         for g in 0..n.div_ceil(L::WIDTH) {
             for i in 0..tendons.len() {
-                let hole = |end: usize| {
-                    [0, 1].map(|q| match L::WIDTH {
-                        1 => M::from_fn(|lane| at(lane, g, i, end, q)),
-                        // modules side by side belong to one robot; idle lanes repeat the last
-                        width => M::from_fn(|lane| at(0, (g * width + lane).min(n - 1), i, end, q)),
-                    })
+                let mut holes = Holes {
+                    start: [M::zero(); 2],
+                    end: [M::zero(); 2],
                 };
-                self.holes.push(Holes {
-                    start: hole(0),
-                    end: hole(1),
-                });
+                for lane in 0..M::LANES {
+                    // modules side by side belong to one robot; idle lanes repeat the last
+                    let (robot, k) = match L::WIDTH {
+                        1 => (lane.min(robots.len() - 1), g),
+                        width => (0, (g * width + lane).min(n - 1)),
+                    };
+                    let tendon = &robots[robot].spec().tendons[i];
+                    let (start, end) = (tendon.hole(k), tendon.hole(k + 1));
+                    for q in 0..2 {
+                        holes.start[q].set_lane(lane, start[q]);
+                        holes.end[q].set_lane(lane, end[q]);
+                    }
+                }
+                self.holes.push(holes);
             }
         }
     }

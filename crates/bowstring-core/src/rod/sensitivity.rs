@@ -398,7 +398,7 @@ fn substitute<const A: usize, const SYMMETRIC: bool>(
         rod.newton.eliminated[k].backward::<SYMMETRIC>(&mut solutions[k], &mut start);
         if let Some(coupling) = follower {
             beyond = coupling.force_beyond(beyond, &solutions[k]);
-            if rod.attached.has_between() {
+            if Rod::<Scalar, A>::BETWEEN && rod.attached.has_between() {
                 let between = &rod.attached.between;
                 beyond -= between.force_by_arcs(k, |m| *m, &solutions[k]);
             }
@@ -422,7 +422,7 @@ fn substitute<const A: usize, const SYMMETRIC: bool>(
             - response.k.tr_mul(turn);
         if let Some(coupling) = rod.attached.coupling(k) {
             force += followers[k] + coupling.by_turn(x + turn);
-            if rod.attached.has_between() {
+            if Rod::<Scalar, A>::BETWEEN && rod.attached.has_between() {
                 force += rod.attached.between.stretching_by_turns(k, c, x, &u);
             }
         }
