@@ -5,6 +5,7 @@
 mod common;
 
 use bowstring_core::model::load::{Load, Model, RodModel, Theory};
+use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{solve_batch, Loads};
 use bowstring_core::statics::solver::{Solver, Status};
 use common::study_robot;
@@ -44,7 +45,7 @@ fn statics(c: &mut Criterion) {
             model: model(theory),
             elements: None,
         };
-        let mut solver = settings.solver(&robot).unwrap();
+        let mut solver = Adaptive::of(&robot, &settings).unwrap();
         c.bench_function(&format!("warm17_{name}"), |b| {
             b.iter(|| {
                 for i in 0..17 {

@@ -5,22 +5,17 @@
 
 // each folder uses only those above it in this list
 
-pub mod interrupt;
-pub mod math;
-pub mod model;
+#[cfg(target_arch = "x86_64")]
+use bowstring_rod::lanes;
+use bowstring_rod::{criteria, dispatch, outcome, step};
+pub use bowstring_rod::{interrupt, math, memory, model, rod};
 
 pub mod arc;
-pub mod memory;
 pub mod stress;
 
 pub mod robot_arcs;
-pub mod rod;
-
-mod motion;
 
 mod tendon;
-
-mod dispatch;
 
 pub mod statics;
 

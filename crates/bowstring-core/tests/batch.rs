@@ -8,6 +8,7 @@ mod cases;
 use bowstring_core::interrupt::{watched, Interrupted};
 use bowstring_core::model::load::{Load, Model, RodModel, Theory};
 use bowstring_core::model::robot::Robot;
+use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{solve_batch, sweep, Loads};
 use bowstring_core::statics::solver::Status;
 use cases::{Case, Draw};
@@ -62,7 +63,7 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
         assert_close(&one.disk_position, &cold.disk_position);
         assert_close(&one.disk_rotation, &cold.disk_rotation);
         assert_close(&one.tendon_length, &cold.tendon_length);
-        let mut solver = settings.solver(&robot).unwrap();
+        let mut solver = Adaptive::of(&robot, &settings).unwrap();
         for i in (0..n).filter(|_| elements == 1) {
             let load = Load {
                 tensions: &t[3 * i..][..3],

@@ -8,6 +8,7 @@ use bowstring_core::math::lie;
 use bowstring_core::math::linalg::{Mat3, Vec3};
 use bowstring_core::model::load::{Load, Model, OwnedLoad, RodModel, TendonPath, Theory};
 use bowstring_core::model::robot::Robot;
+use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{solve_batch, sweep, Loads};
 use bowstring_core::statics::designs::sweep_designs;
 use bowstring_core::statics::path::{Command, Line, PathSolver};
@@ -565,7 +566,7 @@ fn many_loads_equal_single_ones() {
             let warm = sweep(&robot, &settings, &loads, true, true).unwrap();
             let designs = vec![robot.clone(); 3];
             let each = sweep_designs(&designs, &settings, &loads, 1).unwrap();
-            let mut solver = settings.solver(&robot).unwrap();
+            let mut solver = Adaptive::of(&robot, &settings).unwrap();
             for i in 0..21 {
                 let outcome = solver.solve(&loads.row(i, 3)).unwrap();
                 assert_eq!(outcome.status, Status::Converged);
@@ -608,7 +609,7 @@ fn a_polynomial_of_disk_forces_starts_a_batch() {
         ..Loads::default()
     };
     let batch = solve_batch(&robot, &settings, &loads, 1, false).unwrap();
-    let mut solver = settings.solver(&robot).unwrap();
+    let mut solver = Adaptive::of(&robot, &settings).unwrap();
     for i in (0..count).step_by(97) {
         solver.solve(&loads.row(i, 3)).unwrap();
         let tip = solver.solver().tip().unwrap().position;

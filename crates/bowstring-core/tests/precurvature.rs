@@ -8,6 +8,7 @@ use bowstring_core::math::lie::exp;
 use bowstring_core::math::linalg::{Mat3, Vec3};
 use bowstring_core::model::load::{Load, Model, RodModel, Theory};
 use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Section};
+use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{solve_batch, sweep, Loads};
 use bowstring_core::statics::solver::{Solver, Status};
 use cases::{Case, Draw};
@@ -83,7 +84,7 @@ fn stated_errors_hold() {
             model: case.model(),
             elements: None,
         };
-        let mut solver = settings.solver(&robot).unwrap();
+        let mut solver = Adaptive::of(&robot, &settings).unwrap();
         let outcome = solver.solve(&load).unwrap();
         let mut fine = Solver::new(&robot, case.model(), 8).unwrap();
         let exact = fine.solve(&load).unwrap();

@@ -7,6 +7,7 @@ mod common;
 use bowstring_core::math::linalg::Vec3;
 use bowstring_core::model::load::{Load, Model, RodModel, TendonPath, Theory};
 use bowstring_core::model::robot::{Robot, RobotSpec, Tendon};
+use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{solve_batch, sweep, Loads};
 use bowstring_core::statics::solver::{Solver, Status};
 use cases::{Case, Draw};
@@ -63,7 +64,7 @@ fn stated_errors_hold_with_random_routing() {
             model: case.model(),
             elements: None,
         };
-        let mut solver = settings.solver(&robot).unwrap();
+        let mut solver = Adaptive::of(&robot, &settings).unwrap();
         let outcome = solver.solve(&load).unwrap();
         let mut fine = Solver::new(&robot, case.model(), 8).unwrap();
         let exact = fine.solve(&load).unwrap();

@@ -7,6 +7,7 @@ mod common;
 use bowstring_core::math::linalg::Vec3;
 use bowstring_core::model::load::{Load, Model, PointLoad, RodModel, Theory};
 use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Section};
+use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{solve_batch, sweep, Loads};
 use bowstring_core::statics::solver::{Outcome, Solver, Status};
 use cases::{Case, Draw};
@@ -152,7 +153,7 @@ fn a_tapered_cantilever_under_an_end_moment() {
             model: kirchhoff(),
             elements: Some(elements),
         };
-        let mut solver = settings.solver(&robot).unwrap();
+        let mut solver = Adaptive::of(&robot, &settings).unwrap();
         let load = Load {
             tip_moment: [0.0, moment, 0.0],
             ..Load::default()
@@ -205,7 +206,7 @@ fn a_tapered_cantilever_under_its_weight() {
             model: kirchhoff(),
             elements: Some(elements),
         };
-        let mut solver = settings.solver(&robot).unwrap();
+        let mut solver = Adaptive::of(&robot, &settings).unwrap();
         let load = Load {
             gravity: across,
             ..Load::default()
@@ -328,7 +329,7 @@ fn stated_errors_hold() {
             model: case.model(),
             elements: None,
         };
-        let mut solver = settings.solver(&robot).unwrap();
+        let mut solver = Adaptive::of(&robot, &settings).unwrap();
         let outcome = solver.solve(&load).unwrap();
         let mut fine = Solver::new(&robot, case.model(), 8).unwrap();
         let exact = fine.solve(&load).unwrap();

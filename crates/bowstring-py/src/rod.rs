@@ -221,7 +221,7 @@ impl Robot {
         };
         let mut solver = match former {
             Some(solver) => solver,
-            None => settings.solver(&self.inner)?,
+            None => Adaptive::of(&self.inner, &settings)?,
         };
         let done = work(&mut solver);
         if self.inner.module_count() <= Self::MOST_DISKS {

@@ -2,8 +2,8 @@
 //!
 //! Theory: docs/theory/dynamics.md (Tendons in motion).
 
-use crate::motion::Moving;
 use crate::statics::path::{Command, History, PathSolver};
+use crate::step::Moving;
 use crate::tendon::{Tendons, Transmission};
 
 // Tuned constants. Lengths are fractions of the robot's length.

@@ -8,9 +8,9 @@ use crate::dispatch;
 use crate::model::error::{Argument, InputError, Rule};
 use crate::model::load::{Load, Model, OwnedLoad};
 use crate::model::robot::Robot;
-use crate::motion::{Advanced, Flags, MotionsSideBySide, Period, MOST_LANES};
 use crate::statics::batch::for_each;
 use crate::statics::solver::{self, Solver, Status};
+use crate::step::{Advanced, Flags, MotionsSideBySide, Period, MOST_LANES};
 
 /// Largest moment imbalance of a converged step, over (bending stiffness / length): with numerical
 /// damping, and without it, where errors of energy accumulate.

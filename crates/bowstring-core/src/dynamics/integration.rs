@@ -9,8 +9,8 @@ use super::settings::{Count, Integrator, Step, Stop};
 use crate::interrupt;
 use crate::model::load::{Load, OwnedLoad, PointLoad};
 use crate::model::robot::Robot;
-use crate::motion::{Energies, Moving, StepError};
 use crate::statics::solver;
+use crate::step::{Energies, Moving, StepError};
 
 // Tuned constants of a step. Moments are over (bending stiffness / length).
 

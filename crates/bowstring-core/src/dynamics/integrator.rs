@@ -10,10 +10,10 @@ use crate::math::linalg::Vec3;
 use crate::model::error::{Argument, InputError, Rule};
 use crate::model::load::{BaseMotion, Load, Model};
 use crate::model::robot::Robot;
-use crate::motion::Moving;
-pub use crate::motion::{DiskFields, Energies, Fields, SectionFields, TendonFields};
 use crate::statics::path::{Command, Line, PathSolver};
 use crate::statics::solver::{Outcome, Solver, Status};
+use crate::step::Moving;
+pub use crate::step::{DiskFields, Energies, Fields, SectionFields, TendonFields};
 
 /// Checks the settings of a robot's motion.
 pub(super) fn check(robot: &Robot, settings: &Integrator) -> Result<(), InputError> {

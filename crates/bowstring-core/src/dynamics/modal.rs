@@ -7,10 +7,10 @@ use crate::memory;
 use crate::model::error::InputError;
 use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
-use crate::motion::oscillation::linearised;
-pub use crate::motion::oscillation::Flexibility;
 use crate::statics::path::PathSolver;
 use crate::statics::solver::{Outcome, Solver, Status};
+use crate::step::oscillation::linearised;
+pub use crate::step::oscillation::Flexibility;
 
 /// Flexibility about the equilibrium under a load; `None` where there is no stable one, or where a
 /// moment leaves no potential.

@@ -4,7 +4,7 @@
 
 use super::actuation::Actuation;
 use crate::interrupt;
-use crate::motion::Moving;
+use crate::step::Moving;
 
 // Tuned constants of the iteration.
 

@@ -2,7 +2,7 @@
 
 use crate::math::vectorize;
 use crate::model::robot::Robot;
-use crate::motion::Fields;
+use crate::step::Fields;
 use crate::stress::{self, Derived, Section, Sections};
 
 /// Output times packed one after the other.

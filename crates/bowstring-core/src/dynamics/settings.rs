@@ -2,7 +2,7 @@
 //!
 //! Theory: docs/theory/dynamics.md.
 
-pub use crate::motion::Damping;
+pub use crate::step::Damping;
 
 /// Choice of the time step.
 #[derive(Clone, Copy, Debug, PartialEq)]

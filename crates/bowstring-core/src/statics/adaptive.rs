@@ -5,17 +5,15 @@
 //! One element is fourth order and sufficient for most loads. Its error is estimated after the
 //! solve (see [`crate::rod::estimate`]), and a load that needs more is solved again with 2, 4 or 8.
 
+use crate::criteria::is_near;
 use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::model::error::InputError;
-use crate::model::load::{Load, Model};
+use crate::model::load::LEVELS;
+use crate::model::load::{Load, Model, RodModel};
 use crate::model::robot::Robot;
-use crate::rod::estimate::{ErrorEstimate, LEVELS};
+use crate::rod::estimate::ErrorEstimate;
 use crate::statics::solver::{Outcome, Solver, Status};
-
-/// Estimated error of the tip, over the robot's length, up to which finer elements start from the
-/// strain of the coarse ones.
-const START_TOLERANCE: f64 = 1e-2;
 
 /// The same strain on twice as many elements; it is linear in each.
 fn refine(strain: &[Vec3]) -> Vec<Vec3> {
@@ -34,12 +32,6 @@ pub(crate) fn refine_to(mut strain: Vec<Vec3>, factor: usize) -> Vec<Vec3> {
         strain = refine(&strain);
     }
     strain
-}
-
-/// Whether finer elements can start from the strain of a coarse solution: one with a large error
-/// may be on another branch.
-pub(crate) fn is_near(error: &ErrorEstimate, stable: Option<bool>, length: f64) -> bool {
-    error.tip <= START_TOLERANCE * length && stable.is_some()
 }
 
 /// A solver that chooses its number of elements, or keeps a given one.
@@ -68,6 +60,14 @@ impl Adaptive {
             solvers,
             level,
         })
+    }
+
+    /// A solver with the elements of a model.
+    ///
+    /// # Errors
+    /// As [`Adaptive::new`].
+    pub fn of(robot: &Robot, model: &RodModel) -> Result<Self, InputError> {
+        Adaptive::new(robot, model.model, model.elements)
     }
 
     /// Elements in every module, if they are given.

@@ -4,6 +4,12 @@
 
 use crate::dispatch;
 use crate::interrupt;
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::loads::{LaneOutcome, Levels, SideBySide, FINER};
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::polynomial::StartPolynomial;
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::MOST_LANES;
 use crate::math::linalg::Vec3;
 use crate::memory::{filled, unknown};
 use crate::model::error::InputError;
@@ -13,20 +19,11 @@ use crate::model::robot::Robot;
 use crate::statics::adaptive::refine_to;
 use crate::statics::adaptive::Adaptive;
 use crate::statics::equilibria::Differentiator;
-#[cfg(target_arch = "x86_64")]
-use crate::statics::lanes::{LaneOutcome, Levels, SideBySide, FINER, MOST_LANES};
 use crate::statics::solver::{Outcome, Pose, Solver, Status};
 #[cfg(target_arch = "x86_64")]
-use crate::statics::start::StartPolynomial;
+use crate::statics::start;
 #[cfg(target_arch = "x86_64")]
 use std::sync::Arc;
-
-impl RodModel {
-    /// A solver of a robot with these settings.
-    pub fn solver(&self, robot: &Robot) -> Result<Adaptive, InputError> {
-        Adaptive::new(robot, self.model, self.elements)
-    }
-}
 
 /// Loads as flat arrays, row by row; SI units, base frame.
 #[derive(Clone, Copy, Debug, Default)]
@@ -161,7 +158,7 @@ pub fn sweep(
     warm: bool,
     disks: bool,
 ) -> Result<Solutions, InputError> {
-    sweep_with(robot, &mut model.solver(robot)?, loads, warm, disks)
+    sweep_with(robot, &mut Adaptive::of(robot, model)?, loads, warm, disks)
 }
 
 /// As [`sweep`], with an existing solver of the robot and model.
@@ -210,7 +207,7 @@ pub(super) fn solve_and_differentiate(
     disks: bool,
     jacobians: &mut [f64],
 ) -> Result<Solutions, InputError> {
-    model.solver(robot)?;
+    Adaptive::of(robot, model)?;
     let elements = model.elements.unwrap_or(1);
     dispatch::check_solvers(robot, elements, 2 * thread_count(threads))?;
     loads.check(robot)?;
@@ -223,7 +220,7 @@ pub(super) fn solve_and_differentiate(
     #[cfg(target_arch = "x86_64")]
     let start = start_polynomial(robot, model, loads, threads).map(Arc::new);
     let scratch = || Scratch {
-        solver: model.solver(robot).expect("checked above"),
+        solver: Adaptive::of(robot, model).expect("checked above"),
         #[cfg(target_arch = "x86_64")]
         lanes: Levels::new(robot, model),
         #[cfg(target_arch = "x86_64")]
@@ -265,7 +262,7 @@ fn start_polynomial(
         return None;
     }
     let tendons = robot.tendon_count();
-    let sample = StartPolynomial::sample(loads, tendons);
+    let sample = start::sample(loads, tendons);
     let mut groups: Vec<_> = sample
         .chunks(MOST_LANES)
         .map(|rows| (rows, vec![]))
@@ -288,7 +285,7 @@ fn start_polynomial(
         .into_iter()
         .flat_map(|(_, strains)| strains)
         .collect();
-    StartPolynomial::fit(loads, tendons, &solved)
+    start::fit(loads, tendons, &solved)
 }
 
 /// Loads for the lanes; the last one also in the lanes beyond.

@@ -8,13 +8,13 @@ use crate::math::linalg::Vec3;
 use crate::model::error::InputError;
 use crate::model::load::RodModel;
 use crate::model::robot::Robot;
+use crate::outcome::Outcome;
 pub use crate::statics::continuation::LoadPath;
 use crate::statics::continuation::{Curve, Plane, Side, State, Vector};
 use crate::statics::deflation;
 pub use crate::statics::events::EventKind;
 use crate::statics::events::{leaving, Located, Step};
 use crate::statics::family::{self, Fate};
-use crate::statics::outcome::Outcome;
 use crate::statics::solver::{Solver, Status};
 use std::collections::VecDeque;
 

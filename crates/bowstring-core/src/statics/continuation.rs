@@ -5,13 +5,13 @@
 //! A point is the strain of all arcs and the load factor. Newton's method solves the equations of
 //! equilibrium beside that of a plane, by one elimination of the tangent and two right-hand sides.
 
+use crate::criteria::TOLERANCE;
 use crate::interrupt;
 use crate::math::lie::Pose;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::model::load::OwnedLoad;
 use crate::model::robot::Robot;
 use crate::rod::estimate::Verdict;
-use crate::statics::outcome::TOLERANCE;
 use crate::statics::solver::Solver;
 
 /// Most Newton steps of a correction.

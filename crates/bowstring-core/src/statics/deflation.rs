@@ -5,11 +5,11 @@
 //! Newton's method for the equations of equilibrium times `M = product (1 / |q - q_i|^2 + 1)` over
 //! the known equilibria `q_i`: its step is Newton's own times `1 / (1 - grad M . step / M)`.
 
+use crate::criteria::TOLERANCE;
 use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::statics::branches::{LEAST_STEP, STRAIGHT, STRETCH};
 use crate::statics::continuation::{Curve, Plane, Side, State, Vector};
-use crate::statics::outcome::TOLERANCE;
 
 /// Most steps from one start.
 const MAX_STEPS: usize = 20;

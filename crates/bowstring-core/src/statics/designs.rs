@@ -4,14 +4,17 @@
 
 use crate::dispatch;
 use crate::interrupt;
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::loads::{LaneOutcome, Levels, FINER};
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::MOST_LANES;
 use crate::model::error::InputError;
 use crate::model::load::{Load, RodModel};
 use crate::model::robot::Robot;
 #[cfg(target_arch = "x86_64")]
-use crate::statics::adaptive::{refine_to, Adaptive};
+use crate::statics::adaptive::refine_to;
+use crate::statics::adaptive::Adaptive;
 use crate::statics::batch::{for_each, thread_count, Chunk, Loads, Solutions};
-#[cfg(target_arch = "x86_64")]
-use crate::statics::lanes::{LaneOutcome, Levels, FINER, MOST_LANES};
 
 /// Robots that one thread takes at a time: a multiple of the lanes.
 pub(super) const ROBOTS: usize = 8;
@@ -32,7 +35,7 @@ pub fn sweep_designs(
 ) -> Result<Solutions, InputError> {
     let each = rows_each(robots, loads.count)?;
     let first = &robots[0];
-    model.solver(first)?;
+    Adaptive::of(first, model)?;
     let elements = model.elements.unwrap_or(1);
     dispatch::check_solvers(first, elements, 2 * ROBOTS * thread_count(threads))?;
     loads.check(first)?;
@@ -120,7 +123,7 @@ fn fill(
         return;
     }
     for (i, robot) in robots.iter().enumerate() {
-        let mut solver = model.solver(robot).expect("checked before");
+        let mut solver = Adaptive::of(robot, model).expect("checked before");
         for row in i * each..(i + 1) * each {
             if interrupt::interrupted() {
                 return;
@@ -165,7 +168,7 @@ fn fill_side_by_side(
 ) {
     let tendons = robots[0].tendon_count();
     let alone = |lane: usize, strain| {
-        let mut solver = model.solver(&robots[lane]).expect("checked before");
+        let mut solver = Adaptive::of(&robots[lane], model).expect("checked before");
         solver.restart_from(strain);
         Turn::Alone(Box::new(solver))
     };

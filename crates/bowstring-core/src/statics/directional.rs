@@ -14,9 +14,9 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::model::error::InputError;
 use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::Robot;
+use crate::outcome::Settings;
 use crate::statics::batch::Loads;
 use crate::statics::newton::LEAST_PIVOT;
-use crate::statics::outcome::Settings;
 
 /// Newton steps that take the equilibrium of a solver from its tolerance to rounding.
 const POLISHING_STEPS: usize = 2;

@@ -6,12 +6,12 @@ use crate::dispatch::{self, Plain};
 use crate::math::linalg::Vec3;
 use crate::memory::unknown;
 use crate::model::error::InputError;
+use crate::model::load::LEVELS;
 use crate::model::load::{Load, OwnedLoad, RodModel, TendonPath};
 use crate::model::robot::Robot;
-use crate::rod::estimate::LEVELS;
+use crate::outcome::{Outcome, Settings};
 use crate::statics::adaptive::Adaptive;
 use crate::statics::batch::{for_each, solve_and_differentiate, too_many, Loads, Solutions};
-use crate::statics::outcome::{Outcome, Settings};
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
@@ -152,7 +152,7 @@ impl Equilibria {
         if let Some(elements) = model.elements {
             constant.check_elements(robot, elements)?;
         }
-        model.solver(robot)?;
+        Adaptive::of(robot, &model)?;
         Ok(Equilibria {
             robot: robot.clone(),
             model,
@@ -402,7 +402,7 @@ impl Equilibria {
         let mut single = match former {
             Some(single) => single,
             None => Single {
-                solver: self.model.solver(robot)?,
+                solver: Adaptive::of(robot, &self.model)?,
                 differentiator: Differentiator::new(robot, &self.model),
             },
         };

@@ -16,16 +16,11 @@ mod family;
 pub mod hysteresis;
 pub mod inelastic;
 pub mod inverse;
-#[cfg(target_arch = "x86_64")]
-pub(crate) mod lanes;
 mod nearest;
 mod newton;
-mod outcome;
 pub mod path;
 pub mod path_batch;
 mod path_error;
-#[cfg(target_arch = "x86_64")]
-pub(crate) mod path_lanes;
 mod path_step;
 pub mod relaxation;
 pub mod solver;

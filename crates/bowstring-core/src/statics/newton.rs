@@ -2,24 +2,19 @@
 //!
 //! Theory: docs/theory/statics.md (Globalisation).
 
+use crate::criteria::{is_minimum_nearby, ENERGY_NOISE, MAX_STEP, SUFFICIENT_DECREASE, TOLERANCE};
 use crate::dispatch::Passes;
 use crate::interrupt;
 use crate::math::linalg::Vec3;
+use crate::outcome::{Outcome, Settings};
 use crate::rod::chain::Step;
-use crate::statics::outcome::{Outcome, Settings, TOLERANCE};
 
 /// Most Newton steps for a load.
 pub(super) const MAX_ITERATIONS: usize = 200;
 /// Most Newton steps on the residual for one load.
 const MAX_RESIDUAL_STEPS: usize = 40;
-/// Largest rotation added by an arc in one step (rad).
-pub(crate) const MAX_STEP: f64 = 1.0;
 /// Most step halvings: a decrease at a millionth of the step is lost in rounding.
 const MAX_HALVINGS: usize = 20;
-/// Sufficient decrease of the energy, over the slope (Armijo's condition).
-pub(crate) const SUFFICIENT_DECREASE: f64 = 1e-4;
-/// Rounding of the energy, over the terms that nearly cancel in it.
-pub(crate) const ENERGY_NOISE: f64 = 1e-14;
 /// Required relative decrease of the residual in a shortened step, over its fraction; and the least
 /// fraction.
 const RESIDUAL_DECREASE: f64 = 1e-3;
@@ -230,13 +225,6 @@ fn shorten(rod: &mut dyn Passes, settings: &Settings, largest: f64, residual: f6
             return None;
         }
     }
-}
-
-/// Whether an elimination before a step still shows that the point after it is a minimum: the step
-/// must be short, and its change of the second derivatives small beside the pivots.
-#[inline(always)]
-pub(crate) fn is_minimum_nearby(largest: f64, pivot: f64, unit: f64, stiffening: f64) -> bool {
-    largest < 1e-4 && pivot > 0.01 * unit && largest * stiffening < 0.1 * pivot
 }
 
 /// Leaves an unstable equilibrium, to the side with the lower energy, and returns that energy.

@@ -5,16 +5,17 @@
 
 use crate::dispatch;
 use crate::interrupt;
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::paths::{paths_side_by_side, LanePath, LaneState, PathsSideBySide};
 use crate::math::linalg::Vec3;
 use crate::model::error::InputError;
+use crate::model::load::LEVELS;
 use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
-use crate::rod::estimate::{ErrorEstimate, LEVELS};
+pub use crate::outcome::PathOutcome;
+use crate::rod::estimate::ErrorEstimate;
 use crate::statics::adaptive::refine_to;
 use crate::statics::inelastic::{Inelasticity, UnloadedCurvature};
-#[cfg(target_arch = "x86_64")]
-use crate::statics::path_lanes::LaneState;
-pub use crate::statics::path_step::PathOutcome;
 use crate::statics::path_step::PathStep;
 use crate::statics::relaxation::CreepingTendons;
 use crate::statics::solver::{Solver, Status};
@@ -197,6 +198,43 @@ impl PathSolver {
         now.load.set_dead(load);
         self.tendons().note_displacements();
         Ok(())
+    }
+
+    /// Whether steps can be taken in lanes: with one element in a module, without a memory, without
+    /// tensions that only regularisation determines, and without coupled sections.
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn suits_lanes(&self) -> bool {
+        let plain = self.solver().elements() == 1 && !self.robot().is_coupled();
+        plain && !self.has_memory() && !self.transmission().tendons.is_rigid()
+    }
+
+    /// Lanes for paths of robots with the topology of this one, where the processor has them, at its
+    /// last state.
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn side_by_side(&self) -> Option<Box<dyn PathsSideBySide>> {
+        if self.solver().elements() != 1 {
+            return None;
+        }
+        let mut lanes = paths_side_by_side(self.robot(), self.solver().model())?;
+        lanes.set_paths(&[self.in_lane()]);
+        Some(lanes)
+    }
+
+    /// Its robot and last state, for a lane.
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn in_lane(&self) -> LanePath<'_> {
+        let (tendons, last) = (&self.transmission().tendons, self.history());
+        LanePath {
+            robot: self.robot(),
+            automatic: self.is_automatic(),
+            home: &tendons.home,
+            compliance: (0..tendons.home.len())
+                .map(|i| tendons.whole_compliance(i))
+                .collect(),
+            strain: &last.strain,
+            tensions: &last.tensions,
+            displacements: &last.displacements,
+        }
     }
 
     /// Continues from a step without friction that was taken elsewhere, by its strain, tensions (N)

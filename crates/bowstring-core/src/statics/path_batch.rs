@@ -4,18 +4,18 @@
 
 use crate::dispatch;
 use crate::interrupt;
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::paths::{LaneStep, PathsSideBySide};
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::MOST_LANES;
 use crate::memory::{filled, unknown};
 use crate::model::error::InputError;
+use crate::model::load::LEVELS;
 use crate::model::load::{Load, RodModel};
 use crate::model::robot::Robot;
-use crate::rod::estimate::LEVELS;
 use crate::statics::batch::{for_each, pieces, thread_count, too_many, Chunk, Loads, Solutions};
 use crate::statics::designs::{rows_each, ROBOTS};
-#[cfg(target_arch = "x86_64")]
-use crate::statics::lanes::MOST_LANES;
 use crate::statics::path::{Command, Line, PathOutcome, PathSolver};
-#[cfg(target_arch = "x86_64")]
-use crate::statics::path_lanes::{paths_side_by_side, suits_lanes, LaneStep, PathsSideBySide};
 use crate::statics::solver::{Outcome, Status};
 use crate::tendon::Transmission;
 
@@ -49,22 +49,6 @@ impl PathSolver {
         (0..n * m)
             .map(|at| self.span_tension(at / m, at % m))
             .collect()
-    }
-}
-
-impl From<&PathOutcome> for Outcome {
-    fn from(found: &PathOutcome) -> Self {
-        Outcome {
-            status: found.status,
-            stable: match found.status {
-                Status::NoEquilibrium => None,
-                _ => found.stable,
-            },
-            iterations: found.iterations,
-            residual: found.residual,
-            error: found.error,
-            ..Outcome::pending()
-        }
     }
 }
 
@@ -178,7 +162,7 @@ pub fn solve_each(
     let scratch = || Scratch {
         path: path.clone(),
         #[cfg(target_arch = "x86_64")]
-        lanes: paths_side_by_side(path).filter(|_| suits_lanes(path)),
+        lanes: path.side_by_side().filter(|_| path.suits_lanes()),
     };
     for_each(&mut parts, threads, scratch, |scratch, part| {
         #[cfg(target_arch = "x86_64")]
@@ -252,7 +236,7 @@ pub fn follow_designs(
     let mut parts = solutions.parts(&robots[0], (ROBOTS * each).max(1));
     let scratch = || GroupScratch {
         #[cfg(target_arch = "x86_64")]
-        lanes: paths_side_by_side(&home),
+        lanes: home.side_by_side(),
     };
     for_each(&mut parts, threads, scratch, |scratch, part| {
         let first = part.poses.first / each;
@@ -376,7 +360,7 @@ impl Part<'_> {
     ) {
         #[cfg(target_arch = "x86_64")]
         if let Some(lanes) = &mut scratch.lanes {
-            if paths.iter().all(|(_, path)| suits_lanes(path)) {
+            if paths.iter().all(|(_, path)| path.suits_lanes()) {
                 for paths in paths.chunks_mut(lanes.width()) {
                     self.follow_side_by_side(steps, &mut **lanes, paths, each);
                 }
@@ -404,7 +388,8 @@ impl Part<'_> {
         paths: &mut [(usize, PathSolver)],
         each: usize,
     ) {
-        lanes.set_paths(&paths.iter().map(|(_, path)| path).collect::<Vec<_>>());
+        let starts: Vec<_> = paths.iter().map(|(_, path)| path.in_lane()).collect();
+        lanes.set_paths(&starts);
         let mut left = [false; MOST_LANES];
         let mut ended = [false; MOST_LANES];
         for at in 0..each {

@@ -2,15 +2,15 @@
 //!
 //! Theory: docs/theory/statics.md (Discretisation error).
 
+use crate::criteria::solve_regularised;
+use crate::outcome::PathOutcome;
 use crate::rod::chain::Sources;
 use crate::rod::estimate::{ErrorEstimate, Verdict};
-use crate::statics::path_step::{PathOutcome, PathStep};
+use crate::statics::path_step::PathStep;
 
 /// Safety factors of the error estimates of tip and tension with a memory: the estimate keeps span tensions and unloaded curvatures constant, which change with the bends. Measured
 /// against finer elements.
 const MEMORY_SAFETY: [f64; 2] = [1.5, 8.0];
-/// Regularisation, over the largest diagonal, of tensions that the rod does not distinguish.
-const REGULARISATION: f64 = 1e-10;
 
 impl PathStep {
     /// Estimates the discretisation error of the converged step, at least `remembered` with
@@ -90,27 +90,4 @@ impl PathStep {
         }
         solve_regularised(&mut matrix, lacks)
     }
-}
-
-/// Solves a symmetric system by Gauss-Jordan elimination without pivoting.
-pub(crate) fn solve_regularised(matrix: &mut [f64], mut rhs: Vec<f64>) -> Vec<f64> {
-    let n = rhs.len();
-    let scale = (0..n).fold(0.0, |a: f64, i| a.max(matrix[i * n + i].abs()));
-    for i in 0..n {
-        matrix[i * n + i] += REGULARISATION * scale;
-    }
-    for i in 0..n {
-        let per = 1.0 / matrix[i * n + i];
-        for r in (0..n).filter(|r| *r != i) {
-            let factor = matrix[r * n + i] * per;
-            for c in i..n {
-                matrix[r * n + c] -= factor * matrix[i * n + c];
-            }
-            rhs[r] -= factor * rhs[i];
-        }
-    }
-    for i in 0..n {
-        rhs[i] /= matrix[i * n + i];
-    }
-    rhs
 }

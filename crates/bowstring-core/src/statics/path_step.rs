@@ -2,67 +2,21 @@
 //!
 //! Theory: docs/theory/actuation.md.
 
+use crate::criteria::{is_length_settled, LOOSE, MAX_STEP, TOLERANCE};
 use crate::interrupt;
 use crate::math::anderson::AndersonAcceleration;
 use crate::math::linalg::Vec3;
 use crate::model::load::{Load, OwnedLoad};
-use crate::rod::estimate::ErrorEstimate;
+use crate::outcome::PathOutcome;
 use crate::statics::inelastic::UnloadedCurvature;
 use crate::statics::relaxation::CreepingTendons;
-use crate::statics::solver::{Solver, Status, MAX_STEP, TOLERANCE};
+use crate::statics::solver::{Solver, Status};
 use crate::tendon::{Command, History, Transmission};
-
-/// Result of a step.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PathOutcome {
-    /// How the step ended.
-    pub status: Status,
-    /// Whether the equilibrium is a minimum of the energy under the given displacements and
-    /// tensions; `None` under a moment or friction, which have no potential.
-    pub stable: Option<bool>,
-    /// Newton steps.
-    pub iterations: usize,
-    /// Increments between the last step of the path and this one.
-    pub increments: usize,
-    /// Largest moment imbalance over (bending stiffness / length).
-    pub residual: f64,
-    /// Largest length error of a tendon under displacement control (m).
-    pub length_residual: f64,
-    /// Whether the tensions are the smallest of many that hold the same pose.
-    pub undetermined: bool,
-    /// Tendons with conflicting displacements, where there is no equilibrium.
-    pub opposing: Vec<usize>,
-    /// Nearest feasible displacements (m), where there is no equilibrium.
-    pub nearest: Option<Vec<f64>>,
-    /// Estimated discretisation error of a converged solution.
-    pub error: Option<ErrorEstimate>,
-}
-
-impl PathOutcome {
-    /// Result of a step that is not solved yet.
-    pub fn pending() -> Self {
-        PathOutcome {
-            status: Status::MaxIterations,
-            stable: None,
-            iterations: 0,
-            increments: 1,
-            residual: f64::INFINITY,
-            length_residual: f64::INFINITY,
-            undetermined: false,
-            opposing: vec![],
-            nearest: None,
-            error: None,
-        }
-    }
-}
 
 // Tuned constants of the iteration. Lengths are fractions of the robot's length.
 
-/// Length error to which displacements are met: a few units of rounding.
-pub(crate) const LENGTH_TOLERANCE: f64 = 2e-15;
-/// The same where rounding allows no better; and where tensions are determined by regularisation
-/// alone and need a much smaller error.
-pub(crate) const LOOSE: f64 = 1e-12;
+/// Length error where tensions are determined by regularisation alone, which needs a much smaller one
+/// than [`LOOSE`].
 const TIGHT: f64 = 1e-14;
 /// Largest elongation due to regularisation: far below any that is measurable.
 const MAX_REGULARISATION_LENGTH: f64 = 1e-9;
@@ -542,11 +496,6 @@ impl PathStep {
         };
         outcome
     }
-}
-
-/// Whether a length error meets its tolerance, or stalls below a `loose` one.
-pub(crate) fn is_length_settled(now: f64, last: f64, loose: f64) -> bool {
-    now <= LENGTH_TOLERANCE || (now <= loose && now > 0.5 * last)
 }
 
 /// Linear interpolation; the end is met exactly.

@@ -2,6 +2,8 @@
 //!
 //! Theory: docs/theory/statics.md.
 
+use crate::criteria::MAX_EXTRAPOLATION;
+pub use crate::criteria::TOLERANCE;
 use crate::dispatch::{self, Passes, Plain};
 use crate::interrupt;
 pub use crate::math::lie::Pose;
@@ -9,14 +11,13 @@ use crate::math::linalg::Vec3;
 use crate::model::error::InputError;
 use crate::model::load::{Load, Model, OwnedLoad};
 use crate::model::robot::Robot;
-use crate::motion::oscillation::Equilibrium;
+pub(crate) use crate::outcome::Settings;
+pub use crate::outcome::{Outcome, Status};
 use crate::rod::estimate::Verdict;
 use crate::rod::sensitivity::Jacobians;
 use crate::statics::directional::Linearised;
-pub(crate) use crate::statics::newton::MAX_STEP;
 use crate::statics::newton::{newton, Attempt, MAX_ITERATIONS};
-pub(crate) use crate::statics::outcome::Settings;
-pub use crate::statics::outcome::{Outcome, Status, TOLERANCE};
+use crate::step::oscillation::Equilibrium;
 
 /// Least moment over (bending stiffness / length) that may lead from a stable equilibrium to an
 /// unstable one.
@@ -31,8 +32,6 @@ const SHORTER: f64 = 0.3;
 const LEAST_INCREMENT: f64 = 1e-3;
 /// Newton steps in total after which smaller increments are not tried.
 const MAX_CONTINUATION: usize = 3 * MAX_ITERATIONS;
-/// Largest change of an arc's rotation vector by extrapolation (rad).
-pub(super) const MAX_EXTRAPOLATION: f64 = 0.3;
 
 /// A robot, its physics, and scratch memory for one solve after another.
 ///
@@ -482,6 +481,7 @@ impl Solver {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::instructions::Instructions;
     use crate::model::load::PointLoad;
     use crate::model::robot::{Disk, Profile, RobotSpec, Section, Tendon};
 
@@ -525,22 +525,15 @@ mod tests {
     /// All engines that this processor can run give the same solution.
     #[test]
     fn engines_agree() {
-        check_engines::<2>();
-        check_engines::<4>();
+        for elements in [1, 2] {
+            check_engines(elements);
+        }
     }
 
-    fn check_engines<const ARCS: usize>() {
-        let robot = robot();
-        let (model, elements) = (Model::default(), ARCS / 2);
-        let mut engines: Vec<Box<dyn Passes>> =
-            vec![dispatch::plain(&robot, model, elements).unwrap()];
-        #[cfg(target_arch = "x86_64")]
-        {
-            use crate::math::simd::{Avx2, Avx512, Simd};
-            let (avx2, avx512) = (Avx2::detect(), Avx512::detect());
-            engines.extend(avx2.map(|s| dispatch::side_by_side::<_, ARCS>(s, &robot, model)));
-            engines.extend(avx512.map(|s| dispatch::side_by_side::<_, ARCS>(s, &robot, model)));
-        }
+    fn check_engines(elements: usize) {
+        let (robot, model) = (robot(), Model::default());
+        let engines =
+            Instructions::ALL.map(|most| dispatch::up_to(most, &robot, model, elements).unwrap());
         for (tip_force, tip_moment) in [([0.3, -0.2, 0.1], [0.0; 3]), ([0.0; 3], [0.05, 0.1, 0.1])]
         {
             let load = Load {

@@ -5,9 +5,9 @@
 use crate::dispatch;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::model::load::Load;
-use crate::motion::oscillation;
 use crate::statics::newton::{Attempt, LEAST_PIVOT};
 use crate::statics::solver::Solver;
+use crate::step::oscillation;
 
 /// Negative pivot, over the unit of the shift, that may still belong to a minimum, by rounding.
 const LOST_PIVOT: f64 = 1e-8;

@@ -3,6 +3,7 @@
 //! Theory: docs/theory/statics.md (Globalisation).
 
 use crate::interrupt;
+use crate::lanes::polynomial::{Basis, Input, Number, StartPolynomial, Values};
 use crate::math::mlcp::eliminate;
 use crate::math::real::Real;
 use crate::model::load::Load;
@@ -26,217 +27,65 @@ const RIDGE: f64 = 1e-12;
 /// Numbers that differ by less, over their size, are taken as equal.
 const ROUNDING: f64 = 1e-9;
 
-/// Number of a load that varies.
-#[derive(Clone, Copy, Debug)]
-enum Number {
-    Tension(usize),
-    Gravity(usize),
-    TipForce(usize),
-    DiskForce(usize, usize),
+/// Rows to solve before the fit, the last [`CHECKS`] of them for its check; empty where a fit
+/// would not pay.
+pub fn sample(loads: &Loads, tendons: usize) -> Vec<usize> {
+    let inputs = varying(loads, tendons).len();
+    let n = loads.count;
+    let sizes = (1..=HIGHEST_DEGREE).map(|degree| Basis::size(inputs, degree));
+    let fitting = sizes.take_while(|size| *size <= MOST_TERMS);
+    let counts = fitting.map(|size| OVERSAMPLING * size + CHECKS);
+    let Some(count) = counts
+        .take_while(|count| count * LOADS_PER_SAMPLE <= n)
+        .last()
+    else {
+        return vec![];
+    };
+    // a stride by the golden section, so that rows in the order of a grid are sampled evenly
+    let golden = (n as f64 * 0.618_033_988_749_895) as usize;
+    let stride = (golden..n).find(|stride| gcd(*stride, n) == 1);
+    let stride = stride.unwrap_or(1);
+    (0..count)
+        .map(|j| (j as u128 * stride as u128 % n as u128) as usize)
+        .collect()
 }
 
-impl Number {
-    fn of(self, load: &Load) -> f64 {
-        match self {
-            Number::Tension(i) => load.tensions[i],
-            Number::Gravity(q) => load.gravity[q],
-            Number::TipForce(q) => load.tip_force[q],
-            Number::DiskForce(k, q) => load.disk_forces[k][q],
-        }
-    }
-}
-
-/// A number of the load, scaled to -1 to 1.
-#[derive(Clone, Copy, Debug)]
-struct Input {
-    number: Number,
-    middle: f64,
-    per_unit: f64,
-}
-
-/// A product of Chebyshev polynomials of the inputs: that of an earlier term and one more input.
-#[derive(Clone, Copy, Debug)]
-struct Term {
-    earlier: usize,
-    input: usize,
-    degree: usize,
-}
-
-/// Chebyshev polynomials up to a total degree.
-#[derive(Clone, Debug)]
-struct Basis {
-    inputs: Vec<Input>,
-    /// Terms after the constant one.
-    terms: Vec<Term>,
-}
-
-impl Basis {
-    fn new(inputs: &[Input], degree: usize) -> Self {
-        let mut terms = vec![];
-        // total degree and last input of each term, the constant one included
-        let mut all = vec![(0, None)];
-        let mut earlier = 0;
-        while earlier < all.len() {
-            let (total, last): (usize, Option<usize>) = all[earlier];
-            for input in last.map_or(0, |last| last + 1)..inputs.len() {
-                for degree in 1..=degree - total {
-                    terms.push(Term {
-                        earlier,
-                        input,
-                        degree,
-                    });
-                    all.push((total + degree, Some(input)));
-                }
-            }
-            earlier += 1;
-        }
-        Basis {
-            inputs: inputs.to_vec(),
-            terms,
-        }
-    }
-
-    /// Number of terms of a total degree.
-    fn size(inputs: usize, degree: usize) -> usize {
-        (1..=degree).fold(1, |size, k| size * (inputs + k) / k)
-    }
-
-    /// Values of the terms under a load in every lane; the last load also in the lanes beyond.
-    #[inline(always)]
-    fn evaluate<T: Real>(&self, loads: &[Load], values: &mut Values<T>) {
-        values.inputs.clear();
-        for input in &self.inputs {
-            values.inputs.push(T::from_fn(
-                #[inline(always)]
-                |lane| {
-                    let load = &loads[lane.min(loads.len() - 1)];
-                    (input.number.of(load) - input.middle) * input.per_unit
-                },
-            ));
-        }
-        let terms = &mut values.terms;
-        terms.clear();
-        terms.push(T::splat(1.0));
-        for (i, term) in self.terms.iter().enumerate() {
-            let x = values.inputs[term.input];
-            // the terms of an input and an earlier term follow each other by degree
-            terms.push(match term.degree {
-                1 => terms[term.earlier] * x,
-                2 => (x + x) * terms[i] - terms[term.earlier],
-                _ => (x + x) * terms[i] - terms[i - 1],
-            });
-        }
-    }
-}
-
-/// Scratch memory of an evaluation.
-#[derive(Clone, Debug)]
-pub(crate) struct Values<T> {
-    inputs: Vec<T>,
-    terms: Vec<T>,
-}
-
-impl<T> Values<T> {
-    pub fn empty() -> Self {
-        Values {
-            inputs: vec![],
-            terms: vec![],
-        }
-    }
-}
-
-/// Strain as a polynomial of the load.
-#[derive(Clone, Debug)]
-pub(crate) struct StartPolynomial {
-    basis: Basis,
-    /// By components of the strain, then by terms.
-    coefficients: Vec<f64>,
-}
-
-impl StartPolynomial {
-    /// Rows to solve before the fit, the last [`CHECKS`] of them for its check; empty where a fit
-    /// would not pay.
-    pub fn sample(loads: &Loads, tendons: usize) -> Vec<usize> {
-        let inputs = varying(loads, tendons).len();
-        let n = loads.count;
-        let sizes = (1..=HIGHEST_DEGREE).map(|degree| Basis::size(inputs, degree));
-        let fitting = sizes.take_while(|size| *size <= MOST_TERMS);
-        let counts = fitting.map(|size| OVERSAMPLING * size + CHECKS);
-        let Some(count) = counts
-            .take_while(|count| count * LOADS_PER_SAMPLE <= n)
-            .last()
-        else {
-            return vec![];
+/// The polynomial of the highest degree that agrees with the checks; none where the strain is
+/// no smooth function of the load.
+pub fn fit(loads: &Loads, tendons: usize, solved: &[(usize, Vec<f64>)]) -> Option<StartPolynomial> {
+    let inputs = varying(loads, tendons);
+    let (_, first) = solved.first()?;
+    let (fitted, checks) = solved.split_at(solved.len().checked_sub(CHECKS)?);
+    let largest = solved.iter().flat_map(|(_, strain)| strain);
+    let largest = largest.fold(0.0, |m, w| f64::max(m, w.abs()));
+    let allowed = LARGEST_ERROR.min(LARGEST_SHARE * largest);
+    let degrees = (1..=HIGHEST_DEGREE).rev();
+    let fitting = degrees.filter(|degree| {
+        let size = Basis::size(inputs.len(), *degree);
+        size <= MOST_TERMS && OVERSAMPLING * size <= fitted.len()
+    });
+    for degree in fitting {
+        let basis = Basis::new(&inputs, degree);
+        let row = |i: usize| loads.row(i, tendons);
+        let Some(coefficients) = least_squares(&basis, fitted, row, first.len()) else {
+            continue;
         };
-        // a stride by the golden section, so that rows in the order of a grid are sampled evenly
-        let golden = (n as f64 * 0.618_033_988_749_895) as usize;
-        let stride = (golden..n).find(|stride| gcd(*stride, n) == 1);
-        let stride = stride.unwrap_or(1);
-        (0..count)
-            .map(|j| (j as u128 * stride as u128 % n as u128) as usize)
-            .collect()
-    }
-
-    /// The polynomial of the highest degree that agrees with the checks; none where the strain is
-    /// no smooth function of the load.
-    pub fn fit(loads: &Loads, tendons: usize, solved: &[(usize, Vec<f64>)]) -> Option<Self> {
-        let inputs = varying(loads, tendons);
-        let (_, first) = solved.first()?;
-        let (fitted, checks) = solved.split_at(solved.len().checked_sub(CHECKS)?);
-        let largest = solved.iter().flat_map(|(_, strain)| strain);
-        let largest = largest.fold(0.0, |m, w| f64::max(m, w.abs()));
-        let allowed = LARGEST_ERROR.min(LARGEST_SHARE * largest);
-        let degrees = (1..=HIGHEST_DEGREE).rev();
-        let fitting = degrees.filter(|degree| {
-            let size = Basis::size(inputs.len(), *degree);
-            size <= MOST_TERMS && OVERSAMPLING * size <= fitted.len()
+        let start = StartPolynomial {
+            basis,
+            coefficients,
+        };
+        let mut found = vec![0.0; first.len()];
+        let mut values = Values::empty();
+        let error = checks.iter().fold(0.0, |error, (i, strain)| {
+            start.evaluate(&[row(*i)], &mut values, |at, w: f64| found[at] = w);
+            let errors = found.iter().zip(strain).map(|(a, b)| (a - b).abs());
+            errors.fold(error, Real::max)
         });
-        for degree in fitting {
-            let basis = Basis::new(&inputs, degree);
-            let row = |i: usize| loads.row(i, tendons);
-            let Some(coefficients) = least_squares(&basis, fitted, row, first.len()) else {
-                continue;
-            };
-            let start = StartPolynomial {
-                basis,
-                coefficients,
-            };
-            let mut found = vec![0.0; first.len()];
-            let mut values = Values::empty();
-            let error = checks.iter().fold(0.0, |error, (i, strain)| {
-                start.evaluate(&[row(*i)], &mut values, |at, w: f64| found[at] = w);
-                let errors = found.iter().zip(strain).map(|(a, b)| (a - b).abs());
-                errors.fold(error, Real::max)
-            });
-            if error <= allowed {
-                return Some(start);
-            }
-        }
-        None
-    }
-
-    /// Hands over each component of the strain under a load in every lane; the last load also in
-    /// the lanes beyond.
-    #[inline(always)]
-    pub fn evaluate<T: Real>(
-        &self,
-        loads: &[Load],
-        values: &mut Values<T>,
-        mut set: impl FnMut(usize, T),
-    ) {
-        self.basis.evaluate(loads, values);
-        let terms = &values.terms;
-        for (at, of) in self.coefficients.chunks_exact(terms.len()).enumerate() {
-            // two sums, which the processor adds to at once
-            let mut sum = [T::zero(); 2];
-            for (factors, terms) in of.chunks(2).zip(terms.chunks(2)) {
-                for (q, (factor, term)) in factors.iter().zip(terms).enumerate() {
-                    sum[q] = term.mul_add(T::splat(*factor), sum[q]);
-                }
-            }
-            set(at, sum[0] + sum[1]);
+        if error <= allowed {
+            return Some(start);
         }
     }
+    None
 }
 
 /// The numbers of the loads that differ between rows.
@@ -349,7 +198,7 @@ mod tests {
     }
 
     fn solved(loads: &Loads, of: impl Fn(&Load) -> Vec<f64>) -> Vec<(usize, Vec<f64>)> {
-        let sample = StartPolynomial::sample(loads, 2);
+        let sample = sample(loads, 2);
         sample.iter().map(|i| (*i, of(&loads.row(*i, 2)))).collect()
     }
 
@@ -357,7 +206,7 @@ mod tests {
     fn a_polynomial_is_reproduced_in_every_row() {
         let rows = Rows::new(5000);
         let loads = rows.loads();
-        let start = StartPolynomial::fit(&loads, 2, &solved(&loads, cubic)).unwrap();
+        let start = fit(&loads, 2, &solved(&loads, cubic)).unwrap();
         let mut values = Values::empty();
         for i in 0..loads.count {
             let load = loads.row(i, 2);
@@ -373,20 +222,20 @@ mod tests {
         let rows = Rows::new(5000);
         let loads = rows.loads();
         let jump = |load: &Load| vec![if load.tensions[0] > 20.0 { 0.3 } else { -0.3 }];
-        assert!(StartPolynomial::fit(&loads, 2, &solved(&loads, jump)).is_none());
+        assert!(fit(&loads, 2, &solved(&loads, jump)).is_none());
     }
 
     #[test]
     fn a_sample_is_spread_over_the_rows_and_small() {
         let rows = Rows::new(5000);
-        let mut sample = StartPolynomial::sample(&rows.loads(), 2);
-        sample.sort_unstable();
-        sample.dedup();
-        assert!((100..=5000 / LOADS_PER_SAMPLE).contains(&sample.len()));
-        let gaps = sample.windows(2).map(|pair| pair[1] - pair[0]);
-        assert!(gaps.max().unwrap() < 5 * 5000 / sample.len());
-        assert!(StartPolynomial::sample(&Rows::new(100).loads(), 2).is_empty());
-        assert!(StartPolynomial::sample(&Rows::new(0).loads(), 2).is_empty());
+        let mut chosen = sample(&rows.loads(), 2);
+        chosen.sort_unstable();
+        chosen.dedup();
+        assert!((100..=5000 / LOADS_PER_SAMPLE).contains(&chosen.len()));
+        let gaps = chosen.windows(2).map(|pair| pair[1] - pair[0]);
+        assert!(gaps.max().unwrap() < 5 * 5000 / chosen.len());
+        assert!(sample(&Rows::new(100).loads(), 2).is_empty());
+        assert!(sample(&Rows::new(0).loads(), 2).is_empty());
     }
 
     /// Rows on a line in the space of the loads: the normal equations are singular.
@@ -400,7 +249,7 @@ mod tests {
         }
         let loads = rows.loads();
         let smooth = |load: &Load| vec![(0.05 * load.tensions[0]).sin()];
-        let start = StartPolynomial::fit(&loads, 2, &solved(&loads, smooth)).unwrap();
+        let start = fit(&loads, 2, &solved(&loads, smooth)).unwrap();
         let mut values = Values::empty();
         for i in 0..loads.count {
             let load = loads.row(i, 2);

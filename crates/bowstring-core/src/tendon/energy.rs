@@ -5,8 +5,8 @@
 use super::history::History;
 use super::line::Command;
 use super::tendons::Tendons;
-use crate::motion::Energies;
 use crate::rod::routed::RoutedRod;
+use crate::step::Energies;
 
 impl Tendons {
     /// Energies of the tendons in the time step that leads to the present pose (J): elastic energy

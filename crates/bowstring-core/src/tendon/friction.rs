@@ -5,8 +5,8 @@
 use super::history::{History, Slip};
 use super::line::Command;
 use super::tendons::Tendons;
-use crate::motion::Lock;
 use crate::rod::routed::RoutedRod;
+use crate::step::Lock;
 
 /// Largest drop of the logarithm of a tension below which a hole has no friction: the tendon is
 /// straight there.

@@ -10,8 +10,8 @@ use super::unknowns::Unknowns;
 use crate::model::error::InputError;
 use crate::model::load::Model;
 use crate::model::robot::Robot;
-use crate::motion::Lock;
 use crate::rod::routed::RoutedRod;
+use crate::step::Lock;
 
 /// Tendons, their friction, and the unknowns of a step.
 #[derive(Clone)]

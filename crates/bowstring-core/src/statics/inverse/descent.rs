@@ -9,7 +9,7 @@ use super::task::{norm, residual, Task};
 use super::InverseSolver;
 use crate::interrupt;
 use crate::math::linalg::dot;
-use crate::statics::outcome::Status;
+use crate::outcome::Status;
 
 /// Distance over the robot's length at which a descent ends.
 pub(super) const DISTANCE_TOLERANCE: f64 = 1e-8;

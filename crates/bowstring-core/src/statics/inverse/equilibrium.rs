@@ -2,16 +2,18 @@
 
 use super::task::{norm, residual, Task};
 use super::InverseSolver;
+use crate::criteria::MAX_EXTRAPOLATION;
 use crate::dispatch::Plain;
 use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::model::error::InputError;
+use crate::model::load::LEVELS;
 use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
-use crate::rod::estimate::{LEVELS, TIP_TOLERANCE};
+use crate::outcome::{Outcome, Status};
+use crate::rod::estimate::TIP_TOLERANCE;
 use crate::statics::adaptive::refine_to;
-use crate::statics::outcome::{Outcome, Status};
-use crate::statics::solver::{Solver, MAX_EXTRAPOLATION};
+use crate::statics::solver::Solver;
 
 /// Share of the tolerance of the tip's error below which a path goes on with half the elements, and
 /// range of the number of rows before it does.

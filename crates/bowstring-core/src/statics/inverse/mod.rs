@@ -25,10 +25,10 @@ pub use task::{Limits, Target};
 
 use crate::math::linalg::Vec3;
 use crate::model::error::InputError;
+use crate::model::load::LEVELS;
 use crate::model::load::{Load, OwnedLoad, RodModel, TendonPath};
 use crate::model::robot::Robot;
-use crate::rod::estimate::LEVELS;
-use crate::statics::outcome::Outcome;
+use crate::outcome::Outcome;
 use arcs::Arcs;
 use curvature::Curvature;
 use descent::{Effort, End};

@@ -1,6 +1,6 @@
 //! Status of an inverse.
 
-use crate::statics::outcome::Outcome;
+use crate::outcome::Outcome;
 
 /// How an inverse ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,10 +4,10 @@
 
 use super::task::{norm, residual, Task};
 use super::InverseSolver;
+use crate::criteria::MAX_EXTRAPOLATION;
 use crate::math::linalg::Vec3;
 use crate::model::load::Load;
-use crate::statics::outcome::Status;
-use crate::statics::solver::MAX_EXTRAPOLATION;
+use crate::outcome::Status;
 
 /// Rows from which tensions and strain are extrapolated.
 const ROWS: usize = 3;

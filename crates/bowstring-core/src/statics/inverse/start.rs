@@ -5,7 +5,7 @@ use super::step::Linear;
 use super::task::Task;
 use super::InverseSolver;
 use crate::math::bounded::Problem;
-use crate::rod::estimate::LEVELS;
+use crate::model::load::LEVELS;
 
 /// Largest rotation of the arc of the first start (rad).
 const LARGEST_BEND: f64 = 4.5;

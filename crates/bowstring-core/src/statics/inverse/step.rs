@@ -7,7 +7,7 @@ use super::task::{norm, Task};
 use super::{InverseSolver, Target};
 use crate::math::bounded::{BoundedLeastSquares, Problem};
 use crate::math::linalg::{dot, Vec3};
-use crate::statics::outcome::Status;
+use crate::outcome::Status;
 
 /// Length of a step over the unit of tension from which it corrects the derivatives.
 const LEAST_CORRECTING_STEP: f64 = 1e-5;

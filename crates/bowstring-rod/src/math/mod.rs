@@ -1,0 +1,48 @@
+//! Real numbers and lanes, small linear algebra, rotations, the MLCP, bounded least squares,
+//! Anderson acceleration.
+
+pub mod anderson;
+pub mod bounded;
+pub mod eigenvalues;
+pub mod instructions;
+pub mod lie;
+pub mod linalg;
+pub mod mlcp;
+pub mod real;
+pub mod series;
+#[cfg(target_arch = "x86_64")]
+pub mod simd;
+pub mod symmetric;
+
+use instructions::Instructions;
+
+/// The widest instruction set in use: that of the processor, up to the limit.
+pub fn widest_instructions() -> Instructions {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use crate::math::simd::{Avx2, Avx512, Simd};
+        if Avx512::detect().is_some() {
+            return Instructions::Avx512;
+        }
+        if Avx2::detect().is_some() {
+            return Instructions::Avx2;
+        }
+    }
+    Instructions::Plain
+}
+
+/// Runs `f` compiled for the widest instructions of this processor; see `Layout::vectorize`.
+#[inline(always)]
+pub fn vectorize<R>(f: impl FnOnce() -> R) -> R {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use crate::math::simd::{Avx2, Avx512, Simd};
+        if let Some(simd) = Avx512::detect() {
+            return simd.vectorize(f);
+        }
+        if let Some(simd) = Avx2::detect() {
+            return simd.vectorize(f);
+        }
+    }
+    f()
+}

@@ -1,0 +1,993 @@
+//! One module: the backbone between two disks and the tendon spans beside it.
+//!
+//! Theory: docs/theory/rod.md (Kinematics, Energy) and docs/theory/statics.md (Consistent tangent).
+//!
+//! The strain is the only unknown. The backbone is `A` constant-curvature arcs, two to an element
+//! (theory Eq. 2.2): the fourth-order commutator-free form of the exponential of a linear strain
+//! (Blanes and Moan 2006). Let `rho0` and `S` be the end position and rotation of those arcs. The
+//! contact force `N` displaces the end to (theory Eq. 2.5)
+//!
+//! `rho = rho0 + D N`
+//!
+//! where the compliance `D` holds shear, extension and the quadratic part of the strain that the
+//! arcs omit. (It averages shear and extension over the module, and takes `N` constant, the mean
+//! over the module: more elements refine bending and torsion only.) A point inside moves by its
+//! share `xi` of the end's displacement `D N`. With dead loads `f` on the end, `p` on the points
+//! inside and tensions `T`, the potential (theory Eq. 3.1) is
+//!
+//! `elastic(w) + N.D N / 2 + sum T |span(S, rho)| - f1 . rho - f2 . S e3 - f3 . e3 - sum p .
+//! position`
+//!
+//! and `N = f1 + sum xi p - sum T span/|span|` makes it stationary in `rho`. All vectors are in the
+//! frame of the module's start. Rotations are perturbed from the left, and an arc by the rotation
+//! `u` that it adds there: `exp(w + dw)` rotates the part beyond it by `u`, to first order.
+
+use crate::math::lie::ArcMap;
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::Real;
+use crate::model::load::TendonPath;
+use crate::rod::constants::Constants;
+use crate::rod::coupling::Sway;
+use crate::rod::routes::Holes;
+use crate::rod::span::ParallelPath;
+pub use crate::rod::span::Span;
+
+/// The tendons of the robot and their tensions in one module, zero where they do not pass, and the
+/// loads between its disks.
+#[derive(Clone, Copy)]
+pub struct Tendons<'a, T> {
+    pub holes: &'a [Holes<T>],
+    pub tensions: &'a [T],
+    pub path: TendonPath,
+    /// Forces of loads between the disks on the nodes before the elements (N), in the frame of the
+    /// module's start; empty if there are none.
+    pub on_nodes: &'a [Vec3<T>],
+}
+
+/// An arc of constant curvature in its module.
+#[derive(Clone, Copy, Debug)]
+pub struct Arc<T> {
+    pub map: ArcMap<T>,
+    /// Rotation from the module's start to the start of the arc.
+    pub prefix: Mat3<T>,
+}
+
+/// State of a module at its present strain.
+#[derive(Clone, Copy, Debug)]
+pub struct State<T, const A: usize> {
+    /// Rotation vectors of the arcs (rad): the unknowns.
+    pub w: [Vec3<T>; A],
+    pub arcs: [Arc<T>; A],
+    /// Vector from the end of each arc to the end of the flexible part, without compliance (m).
+    pub tail: [Vec3<T>; A],
+    /// Rotation S from the start to the end of the flexible part.
+    pub s: Mat3<T>,
+    /// Position of the end of the flexible part, without compliance (m).
+    pub rho0: Vec3<T>,
+    /// Position of the end of the flexible part (m).
+    pub rho: Vec3<T>,
+    /// Contact force, mean over the module (N).
+    pub n: Vec3<T>,
+    /// Force of tendons and loads on the end (N).
+    pub end_force: Vec3<T>,
+    /// Dead loads: force on the end (N), moments on the end's tangent and on the start's tangent (N
+    /// m), and the mean weight of an element (N), which acts on every node between two elements.
+    pub f: [Vec3<T>; 4],
+    /// Moment of the spans about the end of the flexible part (N m).
+    pub span_torque: Vec3<T>,
+    /// Moment of the dead loads about the start (N m).
+    pub load_moment: Vec3<T>,
+    /// Costate at the end disk: moment of the distal part (N m), with the opposite sign of
+    /// theory Eq. 3.2.
+    pub lambda: Vec3<T>,
+    /// Residual of `rho = rho0 + D N` (m).
+    pub miss: T,
+    /// Potential energy, without dead moments (J).
+    pub energy: T,
+}
+
+/// First derivatives at the present strain.
+#[derive(Clone, Copy, Debug)]
+pub struct Gradient<T, const A: usize> {
+    /// Derivative of each arc's rotation vector with respect to the rotation that it adds.
+    pub to_strain: [Mat3<T>; A],
+    /// Derivative of `rho0` with respect to the rotation added by each arc (m).
+    pub r: [Mat3<T>; A],
+    /// Moment at the end, costate included (N m).
+    torque: Vec3<T>,
+    /// Force on `rho0` (N).
+    nu: Vec3<T>,
+    /// Moment imbalance of each arc (N m).
+    pub g: [Vec3<T>; A],
+}
+
+impl<T: Real, const A: usize> Gradient<T, A> {
+    /// Keeps the imbalance, but removes its contribution to the tangent.
+    pub fn drop_forces(&mut self) {
+        self.torque = Vec3::zero();
+        self.nu = Vec3::zero();
+    }
+}
+
+/// Second derivatives with respect to arc rotations `u` and start rotation `x`, at constant
+/// costate.
+#[derive(Clone, Copy, Debug)]
+pub struct Hessian<T, const A: usize> {
+    /// Lower blocks only.
+    pub uu: [[Mat3<T>; A]; A],
+    pub xu: [Mat3<T>; A],
+    pub xx: Mat3<T>,
+}
+
+/// Response of a module's end: `d rho = m (sum j u + dj) + d_hat (df - k' sum u)`.
+#[derive(Clone, Copy, Debug)]
+pub struct Response<T, const A: usize> {
+    /// Derivative of the end's position with respect to the rotation added by each arc, at constant
+    /// contact force.
+    pub j: [Mat3<T>; A],
+    pub m: Mat3<T>,
+    pub d_hat: Mat3<T>,
+    /// Stiffness of the spans in series with the compliance.
+    pub g_hat: Mat3<T>,
+    /// Stiffness of the spans, coupling rotation (rows) and translation (columns).
+    pub k: Mat3<T>,
+}
+
+/// Motion of a module's end by the rotation added by each arc, and the forces that it causes.
+struct ThroughEnd<'a, T, const A: usize> {
+    /// Motion.
+    j: [Mat3<T>; A],
+    /// Motion along the contact force, without compliance.
+    along: [Vec3<T>; A],
+    /// Force on the end.
+    force: [Mat3<T>; A],
+    /// Moment on the end.
+    torque: [Mat3<T>; A],
+    /// Of a coupled section.
+    sway: Option<&'a Sway<T, A>>,
+}
+
+impl<T, const A: usize> ThroughEnd<'_, T, A> {
+    #[inline(always)]
+    fn sway_if<const COUPLED: bool>(&self) -> Option<&Sway<T, A>> {
+        self.sway.filter(|_| COUPLED)
+    }
+}
+
+/// Tolerance of the residual of `rho`, over the module's length.
+const SETTLED: f64 = 1e-13;
+/// Most iterations for `rho` and `N`; two are usual.
+const MAX_ROUNDS: usize = 12;
+
+impl<T: Real, const A: usize> State<T, A> {
+    #[inline(always)]
+    pub fn straight() -> Self {
+        let zero = Vec3::zero();
+        State {
+            w: [zero; A],
+            arcs: [Arc {
+                map: ArcMap::new(zero, T::zero()),
+                prefix: Mat3::identity(),
+            }; A],
+            tail: [zero; A],
+            s: Mat3::identity(),
+            rho0: zero,
+            rho: zero,
+            n: zero,
+            end_force: zero,
+            f: [zero; 4],
+            span_torque: zero,
+            load_moment: zero,
+            lambda: zero,
+            miss: T::zero(),
+            energy: T::zero(),
+        }
+    }
+
+    /// First half of the forward pass: the shape for the present strain (theory Eq. 2.2).
+    #[inline(always)]
+    pub fn shape(&mut self, c: &Constants<T, A>, t: &Tendons<T>) {
+        let mean = c.flexible * T::splat(1.0 / A as f64) * c.stretch(t);
+        // by pairs: the compiler then knows the arcs of one element by number
+        for e in 0..A / 2 {
+            let arc_length = if A == 2 { mean } else { mean * c.part(e) };
+            self.append(c, 2 * e, arc_length);
+            self.append(c, 2 * e + 1, arc_length);
+        }
+        for i in 0..A {
+            self.tail[i] = self.rho0 - self.tail[i];
+        }
+    }
+
+    /// Appends an arc; its `tail` is the end so far.
+    #[inline(always)]
+    fn append(&mut self, c: &Constants<T, A>, i: usize, length: T) {
+        let map = ArcMap::new(self.w[i], length);
+        let (rotation, end) = (map.rotation(), c.arc_end(&map));
+        let mut prefix = Mat3::identity();
+        if i == 0 {
+            self.rho0 = end;
+            self.s = rotation;
+        } else {
+            prefix = self.s;
+            self.rho0 += prefix * end;
+            self.s = prefix * rotation;
+        }
+        self.tail[i] = self.rho0;
+        self.arcs[i] = Arc { map, prefix };
+    }
+
+    /// Second half: contact force, end and energy (theory Eq. 3.1) under the dead loads in `f`.
+    #[inline(always)]
+    pub fn balance(&mut self, c: &Constants<T, A>, t: &Tendons<T>) {
+        let tangent = self.s.column(2);
+        let cable = match t.path {
+            TendonPath::Continuous => self.balance_continuous(c, t),
+            TendonPath::Straight => self.balance_straight(c, t),
+        };
+        self.end_force = self.n;
+        if A > 2 {
+            self.end_force -= self.stretching_load(c, t.on_nodes) - self.f[0];
+        }
+        self.energy = self.elastic_energy(c) + cable
+            - self.f[0].dot(self.rho)
+            - self.f[1].dot(tangent)
+            - self.f[2][2];
+        // the start's tangent is the z axis
+        let on_start = Vec3([-self.f[2][1], self.f[2][0], T::zero()]);
+        self.load_moment = self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) + on_start;
+        for node in 1..A / 2 {
+            let (place, load) = (
+                self.inside(c, 2 * node - 1),
+                self.node_load(c, t.on_nodes, node),
+            );
+            self.energy -= load.dot(place);
+            self.load_moment += place.cross(load);
+        }
+    }
+
+    /// Contact force and end with continuous tendons; returns the sum of tension times length
+    /// (theory Eq. 2.7).
+    #[inline(always)]
+    fn balance_continuous(&mut self, c: &Constants<T, A>, t: &Tendons<T>) -> T {
+        self.span_torque = Vec3::zero();
+        self.n = self.stretching_load(c, t.on_nodes);
+        self.rho = self.rho0 + self.compliance(c) * self.n;
+        let stretch = c.stretch(t);
+        let mut cable = T::zero();
+        for e in 0..A / 2 {
+            let i = 2 * e;
+            for (holes, &tension) in t.holes.iter().zip(t.tensions) {
+                let path = ParallelPath::new(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
+                cable += tension * path.length;
+            }
+        }
+        cable
+    }
+
+    /// Contact force and end with straight spans; returns the sum of tension times length.
+    #[inline(always)]
+    fn balance_straight(&mut self, c: &Constants<T, A>, t: &Tendons<T>) -> T {
+        let compliance = self.compliance(c);
+        let stretching = self.stretching_load(c, t.on_nodes);
+        // Newton's method for rho and N; the compliance is small, so it converges at once
+        self.rho = self.rho0 + compliance * self.n;
+        let mut round = 1;
+        loop {
+            let (cable, pull, torque, g) = self.spans(c, t);
+            self.span_torque = torque;
+            self.n = stretching - pull;
+            let miss = self.rho0 + compliance * self.n - self.rho;
+            // a NaN propagates to the energy, where it is detected
+            self.miss = miss.max_abs();
+            let moves = (self.miss * c.per_flexible).any_above(SETTLED);
+            if !moves || round == MAX_ROUNDS {
+                return cable;
+            }
+            let unit = [T::splat(1.0); 3];
+            self.rho += (compliance * g).add_diagonal(unit).inverse() * miss;
+            round += 1;
+        }
+    }
+
+    /// Position of the point at the end of an arc, from the start of the flexible part. Shear and
+    /// extension move it by its share of the displacement of the end.
+    #[inline(always)]
+    pub fn inside(&self, c: &Constants<T, A>, arc: usize) -> Vec3<T> {
+        (self.rho - self.rho0).scaled_add(c.share(arc), self.rho0 - self.tail[arc])
+    }
+
+    /// Dead load on the node before an element (N).
+    #[inline(always)]
+    pub fn node_load(&self, c: &Constants<T, A>, on_nodes: &[Vec3<T>], element: usize) -> Vec3<T> {
+        let weight = self.f[3] * c.node_weight(element);
+        on_nodes.get(element).map_or(weight, |own| weight + *own)
+    }
+
+    /// Dead load that causes shear and extension: the load on the end and, of the nodes between
+    /// elements, the share that moves with the end.
+    #[inline(always)]
+    pub fn stretching_load(&self, c: &Constants<T, A>, on_nodes: &[Vec3<T>]) -> Vec3<T> {
+        if A == 2 {
+            return self.f[0];
+        }
+        let mut load = self.f[0];
+        for node in 1..A / 2 {
+            let own = self.node_load(c, on_nodes, node);
+            load = own.scaled_add(c.fraction(2 * node), load);
+        }
+        load
+    }
+
+    /// Sums over all straight spans: tension times length, force and moment on the end, and
+    /// stiffness with respect to the displacement of the end (theory Eq. 2.6 and 3.3).
+    #[inline(always)]
+    pub fn spans(&self, c: &Constants<T, A>, t: &Tendons<T>) -> (T, Vec3<T>, Vec3<T>, Mat3<T>) {
+        let (mut cable, mut stiffness) = (T::zero(), Mat3::zero());
+        let (mut pull, mut torque) = (Vec3::zero(), Vec3::zero());
+        for (holes, &tension) in t.holes.iter().zip(t.tensions) {
+            let span = Span::new(c, holes, &self.s, self.rho);
+            let force = span.direction * tension;
+            pull += force;
+            cable = tension.mul_add(span.length, cable);
+            torque += span.arm.cross(force);
+            stiffness = span.add_stiffness(tension, stiffness);
+        }
+        (cable, pull, torque, stiffness.mirrored())
+    }
+
+    /// Elastic energy of the backbone (theory Eq. 2.4, and the contact force's part of Eq. 3.1).
+    #[inline(always)]
+    pub fn elastic_energy(&self, c: &Constants<T, A>) -> T {
+        let half = T::splat(0.5);
+        let mut elastic = half * self.n.dot(self.rho - self.rho0);
+        for e in 0..A / 2 {
+            let i = 2 * e;
+            let unloaded = c.rest_of(i);
+            let (a, b) = (self.w[i] - unloaded, self.w[i + 1] - unloaded);
+            let moments = c.moments_of_element(e, [a, b]);
+            elastic += (a.dot(moments[0]) + b.dot(moments[1])) * half;
+        }
+        elastic
+    }
+
+    /// Vector from a node between two elements to the end.
+    #[inline(always)]
+    pub fn beyond(&self, node: usize) -> Vec3<T> {
+        self.tail[2 * node - 1]
+    }
+
+    /// Vector from the start disk to the end disk (m).
+    #[inline(always)]
+    pub fn offset(&self, c: &Constants<T, A>) -> Vec3<T> {
+        let mut offset = self.rho + self.s.column(2) * c.clamp[1];
+        offset.0[2] += c.clamp[0];
+        offset
+    }
+
+    /// Length of a continuous tendon in this module (theory Eq. 2.7).
+    #[inline(always)]
+    pub fn parallel_length(&self, c: &Constants<T, A>, t: &Tendons<T>, tendon: usize) -> T {
+        let holes = &t.holes[tendon];
+        let mut length = holes.beside_clamps(c);
+        for e in 0..A / 2 {
+            let i = 2 * e;
+            let (a, b) = (self.w[i], self.w[i + 1]);
+            length += ParallelPath::new(c, holes, c.stretch(t), e, [a, b]).length;
+        }
+        // dead loads extend the backbone, and the tendon with it
+        let along = self.rho0 * (T::splat(1.0) / self.rho0.norm());
+        length + along.dot(self.rho - self.rho0)
+    }
+
+    /// Mean tangent t, and change s of the tangent from start to end (theory Eq. 2.5).
+    #[inline(always)]
+    fn tangents(&self, c: &Constants<T, A>) -> (Vec3<T>, Vec3<T>) {
+        (self.rho0 * c.per_flexible, self.s.column(2) - Vec3::ez())
+    }
+
+    #[inline(always)]
+    pub fn compliance(&self, c: &Constants<T, A>) -> Mat3<T> {
+        let (mean, change) = self.tangents(c);
+        let [d0, d1, d2, d3] = c.d;
+        let diagonal = d3.mul_add(change.norm2(), d0);
+        let plain = (mean * d1)
+            .outer_add(mean, (change * d2).outer(change))
+            .add_diagonal([diagonal; 3])
+            .mirrored();
+        if T::PLAIN {
+            if let Some(coupling) = c.coupling() {
+                return plain + self.coupled_compliance(c, coupling);
+            }
+        }
+        plain
+    }
+
+    /// Force on `rho0` and moment on the end tangent due to the compliance at constant `N`, without
+    /// that of a coupled section.
+    #[inline(always)]
+    pub fn compliance_forces(&self, c: &Constants<T, A>) -> (Vec3<T>, Vec3<T>) {
+        let (mean, change) = self.tangents(c);
+        let [_, d1, d2, d3] = c.d;
+        let n = self.n;
+        (
+            n * (d1 * mean.dot(n) * c.per_flexible),
+            n * (d2 * change.dot(n)) + change * (d3 * n.norm2()),
+        )
+    }
+
+    /// Moment imbalance of each arc, with the costate in `lambda` (theory Eq. 3.2).
+    #[inline(always)]
+    pub fn gradient(&self, c: &Constants<T, A>, t: &Tendons<T>, out: &mut Gradient<T, A>) {
+        if T::PLAIN && c.coupling().is_some() {
+            return self.coupled_gradient(c, t, out);
+        }
+        self.gradient_of::<false>(c, t, out)
+    }
+
+    /// Moment imbalance of each arc; `COUPLED`: the strains of the section are.
+    #[inline(always)]
+    pub fn gradient_of<const COUPLED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        out: &mut Gradient<T, A>,
+    ) {
+        let tangent = self.s.column(2);
+        let (on_end, on_tangent) = self.compliance_forces(c);
+        out.torque = self.span_torque - tangent.cross(self.f[1] + on_tangent) + self.lambda;
+        out.nu = self.end_force + on_end;
+        let elastic = self.elastic_gradient(c, t);
+        for e in 0..A / 2 {
+            self.arc_gradient::<COUPLED>(c, t, 2 * e, elastic[2 * e], out);
+            self.arc_gradient::<COUPLED>(c, t, 2 * e + 1, elastic[2 * e + 1], out);
+        }
+        if COUPLED {
+            if let Some(coupling) = c.coupling() {
+                let torques = self.sway_torques(c, coupling);
+                for (g, torque) in out.g.iter_mut().zip(torques) {
+                    *g += torque;
+                }
+            }
+        }
+    }
+
+    /// Derivatives by one arc, whose elastic moment is `elastic`.
+    #[inline(always)]
+    fn arc_gradient<const COUPLED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        i: usize,
+        elastic: Vec3<T>,
+        out: &mut Gradient<T, A>,
+    ) {
+        let Arc { map: arc, prefix } = &self.arcs[i];
+        let (q, inverse) = (
+            c.arc_end_jacobian::<COUPLED>(arc),
+            arc.left_jacobian_inverse(),
+        );
+        let tail = self.tail[i].skew();
+        if i == 0 {
+            out.to_strain[0] = inverse;
+            out.r[0] = q * inverse - tail;
+        } else {
+            out.to_strain[i] = inverse * prefix.transpose();
+            out.r[i] = *prefix * (q * out.to_strain[i]) - tail;
+        }
+        out.g[i] = out.to_strain[i].tr_mul(elastic) + out.torque - out.r[i].tr_mul(out.nu);
+        for node in i / 2 + 1..A / 2 {
+            // an arc moves a node like the end, except for the lever beyond the node
+            let load = self.node_load(c, t.on_nodes, node);
+            out.g[i] -= out.r[i].tr_mul(load) - self.beyond(node).cross(load);
+        }
+    }
+
+    /// Derivatives of elastic energy and continuous tendons with respect to each arc's rotation
+    /// vector.
+    #[inline(always)]
+    fn elastic_gradient(&self, c: &Constants<T, A>, t: &Tendons<T>) -> [Vec3<T>; A] {
+        let mut g = c.elastic_moments(&self.w);
+        if t.path == TendonPath::Continuous {
+            let stretch = c.stretch(t);
+            for e in 0..A / 2 {
+                let i = 2 * e;
+                for (holes, &tension) in t.holes.iter().zip(t.tensions) {
+                    let path =
+                        ParallelPath::new(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
+                    for (j, v) in path.gradient().into_iter().enumerate() {
+                        g[i + j] += v * tension;
+                    }
+                }
+            }
+        }
+        g
+    }
+
+    /// Second derivatives, and the response of the end. `CONDENSED`: the contact force is
+    /// eliminated by static condensation; if not, it is constant.
+    #[inline(always)]
+    pub fn hessian<const CONDENSED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        grad: &Gradient<T, A>,
+        out: &mut Hessian<T, A>,
+    ) -> Response<T, A> {
+        if T::PLAIN && c.coupling().is_some() {
+            return self.coupled_hessian::<CONDENSED>(c, t, grad, out);
+        }
+        self.hessian_of::<CONDENSED, false>(c, t, grad, out)
+    }
+
+    /// Second derivatives; `COUPLED`: the strains of the section are.
+    #[inline(always)]
+    pub fn hessian_of<const CONDENSED: bool, const COUPLED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        grad: &Gradient<T, A>,
+        out: &mut Hessian<T, A>,
+    ) -> Response<T, A> {
+        let (g, k, mut e) = self.span_stiffness(c, t);
+        e += self.tangent_stiffness(c);
+        let (mut m, mut d_hat, mut g_hat) = (Mat3::identity(), Mat3::zero(), g);
+        let (mut km, mut kd, mut core) = (k, Mat3::zero(), e);
+        if CONDENSED {
+            let compliance = self.compliance(c);
+            m = (compliance * g).add_diagonal([T::splat(1.0); 3]).inverse();
+            d_hat = (m * compliance).mirrored();
+            g_hat = (g * m).mirrored();
+            km = k * m;
+            kd = k * d_hat;
+            core = (-kd).mul_add(k.transpose(), core).mirrored();
+        }
+        let along = self.along_force(grad);
+        let mut sway = None;
+        if COUPLED {
+            sway = c.coupling().map(|coupling| self.sway(c, coupling));
+        }
+        let mut j = self.end_motions(c, grad, &along);
+        if let Some(sway) = &sway {
+            for i in 0..A {
+                j[i] += sway.motion[i];
+            }
+        }
+        let mut through = ThroughEnd {
+            j,
+            along,
+            force: j,
+            torque: j,
+            sway: sway.as_ref(),
+        };
+        for i in 0..A {
+            through.force[i] = g_hat.mul_add(j[i], km.transpose());
+            through.torque[i] = km.mul_add(j[i], core);
+        }
+        for e in 0..A / 2 {
+            let (i, k) = (2 * e, 2 * e + 1);
+            out.uu[i][i] = self.own_stiffness::<COUPLED>(c, t, grad, &through, i);
+            out.uu[k][i] = self.stiffness_between::<COUPLED>(c, t, grad, &through, [i, k]);
+            out.uu[k][k] = self.own_stiffness::<COUPLED>(c, t, grad, &through, k);
+            for b in k + 1..A {
+                out.uu[b][i] = self.stiffness_between::<COUPLED>(c, t, grad, &through, [i, b]);
+                out.uu[b][k] = self.stiffness_between::<COUPLED>(c, t, grad, &through, [k, b]);
+            }
+        }
+        // -[f1] [tangent] - [lambda] / 2
+        let tangent = self.s.column(2);
+        let on_x = (-tangent).outer_add(
+            self.f[1],
+            (self.lambda * T::splat(-0.5)).skew_and_scalar(tangent.dot(self.f[1])),
+        );
+        let mut moved = j;
+        for i in 0..A {
+            if CONDENSED {
+                moved[i] = m.mul_add(j[i], -kd.transpose());
+            }
+            out.xu[i] = self.f[0].cross_mat(moved[i]) + on_x;
+        }
+        out.xx = self.start_stiffness::<CONDENSED>(c, t, &d_hat);
+        if A > 2 {
+            let mut weights = [Vec3::zero(); A];
+            for node in 1..A / 2 {
+                weights[2 * node - 1] = self.node_load(c, t.on_nodes, node);
+            }
+            self.add_dead_loads_of::<COUPLED>(c, grad, &weights, &moved, out);
+        }
+        Response {
+            j,
+            m,
+            d_hat,
+            g_hat,
+            k,
+        }
+    }
+
+    /// Sums of theory Eq. 3.3 over the spans: translation-translation (`g`), rotation-translation
+    /// (`k`) and rotation-rotation (`e`).
+    #[inline(always)]
+    fn span_stiffness(&self, c: &Constants<T, A>, t: &Tendons<T>) -> (Mat3<T>, Mat3<T>, Mat3<T>) {
+        let half = T::splat(0.5);
+        let (mut g, mut k, mut e) = (Mat3::zero(), Mat3::zero(), Mat3::zero());
+        if t.path == TendonPath::Straight {
+            for (holes, &tension) in t.holes.iter().zip(t.tensions) {
+                let span = Span::new(c, holes, &self.s, self.rho);
+                let (arm, direction) = (span.arm, span.direction);
+                let stiffness = tension * span.per_length;
+                let across = arm.cross(direction);
+                g = span.add_stiffness(tension, g);
+                k = (across * -stiffness)
+                    .outer_add(direction, k)
+                    .add_skew(arm * stiffness);
+                let lever = direction * (tension * half) - arm * (stiffness * half);
+                let d = stiffness * arm.norm2() - tension * direction.dot(arm);
+                let of_rotation = (across * -stiffness).outer_add(across, e);
+                e = lever
+                    .outer_add(arm, arm.outer_add(lever, of_rotation))
+                    .add_diagonal([d; 3]);
+            }
+        }
+        (g.mirrored(), k, e.mirrored())
+    }
+
+    /// Stiffness of the dead loads and the compliance that act on the end tangent.
+    #[inline(always)]
+    fn tangent_stiffness(&self, c: &Constants<T, A>) -> Mat3<T> {
+        let tangent = self.s.column(2);
+        let [_, _, d2, d3] = c.d;
+        let (_, on_tangent) = self.compliance_forces(c);
+        let f2 = self.f[1] + on_tangent;
+        let turn = self.n.cross(tangent);
+        let bubble = d3 * self.n.norm2();
+        let pulled = tangent * bubble - f2;
+        (pulled.outer(tangent).symmetric_part() - (turn * d2).outer(turn))
+            .add_diagonal([f2.dot(tangent) - bubble; 3])
+    }
+
+    /// Derivative of `rho0` along the contact force with respect to the rotation added by each arc.
+    #[inline(always)]
+    fn along_force(&self, grad: &Gradient<T, A>) -> [Vec3<T>; A] {
+        let mut along = [self.n; A];
+        for i in 0..A {
+            along[i] = grad.r[i].tr_mul(self.n);
+        }
+        along
+    }
+
+    /// Derivative of the end's position with respect to the rotation added by each arc, at constant
+    /// contact force.
+    #[inline(always)]
+    fn end_motions(
+        &self,
+        c: &Constants<T, A>,
+        grad: &Gradient<T, A>,
+        along: &[Vec3<T>; A],
+    ) -> [Mat3<T>; A] {
+        let (mean, change) = self.tangents(c);
+        let [_, d1, d2, d3] = c.d;
+        let n = self.n;
+        // motion of the end with its tangent, which a rotation u changes by u x tangent
+        let by_tangent = ((change * d2).outer(n) + (n * (d3 + d3)).outer(change))
+            .add_diagonal([d2 * change.dot(n); 3]);
+        let tangent = self.s.column(2);
+        let y = tangent.cross_mat(by_tangent.transpose()).transpose();
+        // the mean tangent moves with the end
+        let longer = T::splat(1.0) + d1 * mean.dot(n) * c.per_flexible;
+        let stretched = mean * (d1 * c.per_flexible);
+        let mut j = grad.r;
+        for i in 0..A {
+            j[i] = stretched.outer_add(along[i], grad.r[i].scaled_add(longer, y));
+        }
+        j
+    }
+
+    /// Coupling of two arcs: through the end, through the chain, and through a common element.
+    #[inline(always)]
+    fn stiffness_between<const COUPLED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        grad: &Gradient<T, A>,
+        through: &ThroughEnd<'_, T, A>,
+        [i, b]: [usize; 2],
+    ) -> Mat3<T> {
+        let mut block = self.stiffness_through_end(c, through, [i, b]);
+        block += grad.nu.cross_mat(grad.r[b]).transpose();
+        block = block.add_skew(grad.torque * T::splat(0.5));
+        if let Some(sway) = through.sway_if::<COUPLED>() {
+            block = block.add_skew(sway.torque[b] * T::splat(0.5)) + sway.stiffness[b];
+        }
+        if i % 2 == 0 && b == i + 1 {
+            let strain = &grad.to_strain[i];
+            let mut moment = c.mutual_times::<COUPLED>(i / 2, *strain);
+            if t.path == TendonPath::Continuous {
+                moment = self.continuous_blocks(c, t, i)[1].mul_add(*strain, moment);
+            }
+            block = grad.to_strain[b].transpose().mul_add(moment, block);
+        }
+        block
+    }
+
+    /// Stiffness of an arc: through the end, and its own.
+    #[inline(always)]
+    fn own_stiffness<const COUPLED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        grad: &Gradient<T, A>,
+        through: &ThroughEnd<'_, T, A>,
+        i: usize,
+    ) -> Mat3<T> {
+        let (nu, tail) = (-grad.nu, self.tail[i]);
+        let Arc { map, prefix: p } = &self.arcs[i];
+        let mut torque = grad.torque;
+        if let Some(sway) = through.sway_if::<COUPLED>() {
+            torque += sway.torque[i];
+        }
+        let turned = c.arc_hessian::<COUPLED>(map, p.tr_mul(nu), p.tr_mul(torque + tail.cross(nu)));
+        let mut local = c.plus_own::<COUPLED>(i, turned);
+        if t.path == TendonPath::Continuous {
+            local += self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)];
+        }
+        let lever = nu
+            .outer(tail)
+            .symmetric_part()
+            .add_diagonal([-nu.dot(tail); 3]);
+        let strain = &grad.to_strain[i];
+        let mut block = self.stiffness_through_end(c, through, [i, i]) + lever;
+        if let Some(sway) = through.sway_if::<COUPLED>() {
+            block += sway.stiffness[i];
+        }
+        strain
+            .transpose()
+            .mul_add(local * *strain, block)
+            .mirrored()
+    }
+
+    /// Part of a block that is due to spans and compliance at the end.
+    #[inline(always)]
+    fn stiffness_through_end(
+        &self,
+        c: &Constants<T, A>,
+        through: &ThroughEnd<'_, T, A>,
+        [i, b]: [usize; 2],
+    ) -> Mat3<T> {
+        let along = &through.along;
+        let rank1 = c.d[1] * c.per_flexible * c.per_flexible;
+        let turned = (along[b] * -rank1).outer_add(along[i], through.torque[i]);
+        through.j[b].transpose().mul_add(through.force[i], turned)
+    }
+
+    /// Second derivative with respect to the start's rotation.
+    #[inline(always)]
+    fn start_stiffness<const CONDENSED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        d_hat: &Mat3<T>,
+    ) -> Mat3<T> {
+        let mut xx = Mat3::zero();
+        if CONDENSED {
+            let stretching = self.stretching_load(c, t.on_nodes);
+            xx -= stretching.cross_mat(stretching.cross_mat(*d_hat).transpose());
+        }
+        for (f, v) in [(self.f[0], self.rho), (self.f[1], self.s.column(2))] {
+            let half = f * T::splat(-0.5);
+            xx = half
+                .outer_add(v, v.outer_add(half, xx))
+                .add_diagonal([f.dot(v); 3]);
+        }
+        // the same for the start's tangent, the z axis
+        let [x, y, z] = self.f[2].0;
+        xx.0[2][0] -= x * T::splat(0.5);
+        xx.0[2][1] -= y * T::splat(0.5);
+        xx.0[0][0] += z;
+        xx.0[1][1] += z;
+        xx.mirrored()
+    }
+
+    /// Adds the second derivatives of dead loads on the points inside, by the arc at whose end each
+    /// is; `moved` is the motion of the end due to the rotation added by each arc. Returns the
+    /// share of these loads that causes shear and extension.
+    #[inline(always)]
+    pub fn add_dead_loads(
+        &self,
+        c: &Constants<T, A>,
+        grad: &Gradient<T, A>,
+        loads: &[Vec3<T>; A],
+        moved: &[Mat3<T>; A],
+        out: &mut Hessian<T, A>,
+    ) -> Vec3<T> {
+        if T::PLAIN && c.coupling().is_some() {
+            return self.add_dead_loads_of::<true>(c, grad, loads, moved, out);
+        }
+        self.add_dead_loads_of::<false>(c, grad, loads, moved, out)
+    }
+
+    /// The same; `COUPLED`: the strains of the section are.
+    #[inline(always)]
+    fn add_dead_loads_of<const COUPLED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        grad: &Gradient<T, A>,
+        loads: &[Vec3<T>; A],
+        moved: &[Mat3<T>; A],
+        out: &mut Hessian<T, A>,
+    ) -> Vec3<T> {
+        let mut stretching = Vec3::zero();
+        for (a, load) in loads[..A - 1].iter().enumerate() {
+            stretching += *load * c.share(a);
+        }
+        // sums over the points from an arc on: load, and its outer product with the vector to the
+        // end
+        let (mut load, mut product) = (Vec3::zero(), Mat3::<T>::zero());
+        let mut crossed = [Mat3::zero(); A];
+        for i in (0..A - 1).rev() {
+            load += loads[i];
+            product += loads[i].outer(self.tail[i]);
+            let [x, y, z] = product.rows();
+            let trace = x[0] + y[1] + z[2];
+            // sum of load x (lever u) for the rotation u of an arc before the points
+            crossed[i] = load.cross_mat(grad.r[i]) + product.transpose().add_diagonal([-trace; 3]);
+            let moment = load.cross(self.tail[i]) - Vec3([y[2] - z[1], z[0] - x[2], x[1] - y[0]]);
+            let Arc { map, prefix: p } = &self.arcs[i];
+            let local = c.arc_hessian::<COUPLED>(map, p.tr_mul(-load), p.tr_mul(moment));
+            let lever = load.dot(self.tail[i]) - trace;
+            out.uu[i][i] += grad.to_strain[i].tr_mat(local * grad.to_strain[i])
+                + (product - load.outer(self.tail[i]))
+                    .symmetric_part()
+                    .add_diagonal([lever; 3]);
+            for b in i + 1..A - 1 {
+                out.uu[b][i] += crossed[b].transpose();
+            }
+            out.xu[i] += crossed[i];
+        }
+        for i in 0..A {
+            out.xu[i] += stretching.cross_mat(moved[i] - grad.r[i]);
+        }
+        // sum of load and position
+        let places = load.outer(self.rho0) - product + stretching.outer(self.rho - self.rho0);
+        let [x, y, z] = places.rows();
+        out.xx += (-places.symmetric_part()).add_diagonal([x[0] + y[1] + z[2]; 3]);
+        stretching
+    }
+
+    /// Rotation of the node before an element, relative to the start.
+    #[inline(always)]
+    pub fn node(&self, element: usize) -> Mat3<T> {
+        self.arcs[2 * element].prefix
+    }
+
+    /// Adds the second derivatives of a moment on the node after some arcs, whose imbalance is
+    /// `torque`, without its change by the rotation of the node.
+    pub fn add_moment_on_node(
+        &self,
+        grad: &Gradient<T, A>,
+        arcs: usize,
+        torque: Vec3<T>,
+        out: &mut Hessian<T, A>,
+    ) {
+        let half = T::splat(0.5);
+        for i in 0..arcs {
+            let Arc { map, prefix: p } = &self.arcs[i];
+            let strain = &grad.to_strain[i];
+            let local = map.hessian(Vec3::zero(), p.tr_mul(torque));
+            out.uu[i][i] += strain.tr_mat(local * *strain);
+            for b in i + 1..arcs {
+                out.uu[b][i] = out.uu[b][i].add_skew(torque * half);
+            }
+            out.xu[i] = out.xu[i].add_skew(torque * -half);
+        }
+    }
+
+    /// Continuous tendons: second derivatives with respect to the rotation vectors of the two arcs
+    /// of an element: first-first, second-first, second-second.
+    #[inline(always)]
+    fn continuous_blocks(&self, c: &Constants<T, A>, t: &Tendons<T>, i: usize) -> [Mat3<T>; 3] {
+        let mut blocks = [Mat3::zero(); 3];
+        let stretch = c.stretch(t);
+        for (holes, &tension) in t.holes.iter().zip(t.tensions) {
+            let path = ParallelPath::new(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
+            for (block, h) in blocks.iter_mut().zip(path.hessian()) {
+                *block += h * tension;
+            }
+        }
+        blocks
+    }
+}
+
+impl<const A: usize> State<f64, A> {
+    /// A point of the backbone at a fraction of the distance to the end disk.
+    pub fn point(&self, c: &Constants<f64, A>, fraction: f64) -> Vec3 {
+        let [start, end] = c.clamp;
+        let along = fraction * (start + c.flexible + end) - start;
+        let (place, turn) = self.section(c, along / c.flexible);
+        // beyond the flexible part the clamps continue straight
+        let on = along - along.clamp(0.0, c.flexible);
+        Vec3([0.0, 0.0, start]) + place + turn.column(2) * on
+    }
+}
+
+impl<T: Real, const A: usize> State<T, A> {
+    /// Position and orientation of a section at a fraction of the flexible part, relative to its
+    /// start.
+    #[inline(always)]
+    pub fn section(&self, c: &Constants<T, A>, fraction: f64) -> (Vec3<T>, Mat3<T>) {
+        let fraction = fraction.clamp(0.0, 1.0);
+        let at = c.arcs_before(fraction);
+        let i = (at as usize).min(A - 1);
+        let part = T::splat(at - i as f64);
+        let arc = ArcMap::new(self.w[i] * part, self.arcs[i].map.length() * part);
+        let mut from = (self.rho - self.rho0) * T::splat(fraction);
+        for j in 0..i {
+            from += self.arcs[j].prefix * c.arc_end(&self.arcs[j].map);
+        }
+        let prefix = self.arcs[i].prefix;
+        (from + prefix * c.arc_end(&arc), prefix * arc.rotation())
+    }
+}
+
+impl<T: Real, const A: usize> Constants<T, A> {
+    /// Energy of the extension due to continuous tendons, in addition to that of the contact force,
+    /// which alone lengthens the backbone by `longer`.
+    #[inline(always)]
+    pub fn stretch_energy(&self, t: &Tendons<T>, longer: T) -> T {
+        let mut force = T::zero();
+        if t.path == TendonPath::Continuous {
+            for &tension in t.tensions {
+                force += tension;
+            }
+        }
+        force * (self.flexible * self.axial_compliance * force * T::splat(0.5) - longer)
+    }
+
+    /// Axial stretch of the backbone under continuous tendons.
+    #[inline(always)]
+    pub fn stretch(&self, t: &Tendons<T>) -> T {
+        let mut stretch = T::splat(1.0);
+        if t.path == TendonPath::Continuous {
+            for &tension in t.tensions {
+                stretch -= tension * self.axial_compliance;
+            }
+        }
+        stretch
+    }
+}
+
+impl<T: Real, const A: usize> Gradient<T, A> {
+    pub fn empty() -> Self {
+        let (zero, matrix) = (Vec3::zero(), Mat3::zero());
+        Gradient {
+            to_strain: [matrix; A],
+            r: [matrix; A],
+            torque: zero,
+            nu: zero,
+            g: [zero; A],
+        }
+    }
+}
+
+impl<T: Real, const A: usize> Response<T, A> {
+    pub fn empty() -> Self {
+        let matrix = Mat3::zero();
+        Response {
+            j: [matrix; A],
+            m: matrix,
+            d_hat: matrix,
+            g_hat: matrix,
+            k: matrix,
+        }
+    }
+}
+
+impl<T: Real, const A: usize> Hessian<T, A> {
+    pub fn empty() -> Self {
+        let zero = Mat3::zero();
+        Hessian {
+            uu: [[zero; A]; A],
+            xu: [zero; A],
+            xx: zero,
+        }
+    }
+}
