@@ -12,6 +12,7 @@ use crate::criteria::{
     SUFFICIENT_DECREASE, TOLERANCE,
 };
 use crate::interrupt;
+use crate::math::copies;
 use crate::math::lie::Pose;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
@@ -166,7 +167,7 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
     const ELEMENTS: usize = A / 2;
 
     fn new(layout: Robots<S, CONTINUOUS>, robot: &Robot, model: Model, automatic: bool) -> Self {
-        let straight = vec![[Vec3::zero(); A]; robot.module_count()];
+        let straight = copies([Vec3::zero(); A], robot.module_count());
         Lanes {
             rod: Rod::new(layout, robot, model),
             model,

@@ -13,6 +13,7 @@ use crate::criteria::{
     NEGLIGIBLE, TOLERANCE,
 };
 use crate::interrupt;
+use crate::math::copies;
 use crate::math::lie::Pose;
 use crate::math::linalg::Vec3;
 use crate::math::mlcp::Complementarity;
@@ -139,9 +140,9 @@ struct PathLanes<S: Simd> {
 impl<S: Simd> PathLanes<S> {
     fn new(simd: S, robot: &Robot, model: Model) -> Self {
         let zero = S::Vector::zero();
-        let of_tendons = vec![zero; robot.tendon_count()];
+        let of_tendons = copies(zero, robot.tendon_count());
         let states = States {
-            strain: vec![[Vec3::zero(); 2]; robot.module_count()],
+            strain: copies([Vec3::zero(); 2], robot.module_count()),
             tensions: of_tendons.clone(),
             displacements: of_tendons.clone(),
         };

@@ -16,6 +16,15 @@ pub mod symmetric;
 
 use instructions::Instructions;
 
+/// Copies of a value. `vec!` would clone it field by field, which compiles to much more code.
+pub fn copies<P: Copy>(value: P, count: usize) -> Vec<P> {
+    let mut all = Vec::with_capacity(count);
+    for _ in 0..count {
+        all.push(value);
+    }
+    all
+}
+
 /// The widest instruction set in use: that of the processor, up to the limit.
 pub fn widest_instructions() -> Instructions {
     #[cfg(target_arch = "x86_64")]

@@ -6,6 +6,7 @@
 //! rotations, costate and elimination, run along the chain (`L::Chain`).
 
 use crate::interrupt;
+use crate::math::copies;
 use crate::math::lie::Pose;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
@@ -370,49 +371,61 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Whether loads can act between two disks; see [`Attached::BETWEEN`].
     pub const BETWEEN: bool = Attached::<L::Chain, A>::BETWEEN;
 
+    #[inline(never)]
     pub fn new(layout: L, robot: &Robot, model: Model) -> Self {
+        layout.vectorize(
+            #[inline(always)]
+            || Self::new_in_lanes(layout, robot, model),
+        )
+    }
+
+    #[inline(always)]
+    fn new_in_lanes(layout: L, robot: &Robot, model: Model) -> Self {
         let n = robot.module_count();
         let groups = n.div_ceil(L::WIDTH);
         let zero = [Vec3::zero(); A];
         let tendons = robot.tendon_count();
-        let passes = (0..groups * tendons).map(|at| {
-            let end = robot.spec().tendons[at % tendons].end_disk;
-            lanes::<L>(n, at / tendons, |k| f64::from(u8::from(k <= end)))
-        });
+        let mut passes = copies(L::Module::zero(), groups * tendons);
+        for (i, tendon) in robot.spec().tendons.iter().enumerate() {
+            for k in 0..=tendon.end_disk {
+                let place = &mut passes[k / L::WIDTH * tendons + i];
+                L::put(place, k % L::WIDTH, L::Chain::splat(1.0));
+            }
+        }
         let mut rod = Rod {
             layout,
             constants: vec![],
             tapers: vec![],
-            states: vec![State::straight(); groups],
-            gradients: vec![Gradient::empty(); groups],
-            rotations: vec![Mat3::identity(); n + 1],
+            states: copies(State::straight(), groups),
+            gradients: copies(Gradient::empty(), groups),
+            rotations: copies(Mat3::identity(), n + 1),
             tendons: Routes::empty(),
             path: model.tendon,
-            tensions: vec![L::Module::zero(); groups * tendons],
+            tensions: copies(L::Module::zero(), groups * tendons),
             fixed: Fixed {
                 masses: vec![],
                 payloads: vec![],
                 first_tendon: robot.modules.iter().map(|m| m.first_tendon).collect(),
-                passes: passes.collect(),
+                passes,
                 modules: vec![],
                 tapers: vec![],
                 source: None,
             },
             dead: DeadLoads {
-                modules: vec![[Vec3::zero(); 4]; n],
+                modules: copies([Vec3::zero(); 4], n),
                 gravity: Vec3::zero(),
                 on_disks: false,
             },
             attached: Attached::none(),
             on_nodes: vec![],
             newton: Newton {
-                hessians: vec![Hessian::empty(); groups],
-                responses: vec![Response::empty(); groups],
-                eliminated: vec![Eliminated::empty(); n],
+                hessians: copies(Hessian::empty(), groups),
+                responses: copies(Response::empty(), groups),
+                eliminated: copies(Eliminated::empty(), n),
                 symmetric: true,
-                step: vec![zero; groups],
-                saved: vec![zero; groups],
-                saved_force: vec![Vec3::zero(); groups],
+                step: copies(zero, groups),
+                saved: copies(zero, groups),
+                saved_force: copies(Vec3::zero(), groups),
             },
             spans: Spans {
                 spans: vec![],
@@ -421,13 +434,13 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 responses: vec![],
             },
             placed: Placed {
-                positions: vec![Vec3::zero(); n],
-                lengths: vec![L::Chain::zero(); tendons],
-                forward: vec![L::Chain::splat(1.0); n],
+                positions: copies(Vec3::zero(), n),
+                lengths: copies(L::Chain::zero(), tendons),
+                forward: copies(L::Chain::splat(1.0), n),
             },
             errors: Errors {
-                defects: vec![Defect::none(); groups],
-                lengths: vec![L::Chain::zero(); tendons],
+                defects: copies(Defect::none(), groups),
+                lengths: copies(L::Chain::zero(), tendons),
             },
         };
         rod.set_robots(std::slice::from_ref(robot), model);
@@ -563,7 +576,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Loads on the modules by gravity alone, with the weights of payloads; see [`State::f`].
     pub fn weights(&self, gravity: Vec3<L::Chain>) -> Vec<[Vec3<L::Chain>; 4]> {
         let n = self.fixed.modules.len();
-        let (mut loads, mut force) = (vec![[Vec3::zero(); 4]; n], Vec3::zero());
+        let (mut loads, mut force) = (copies([Vec3::zero(); 4], n), Vec3::zero());
         for k in (0..n).rev() {
             for payload in self.fixed.payloads.iter().filter(|p| p.disk == k) {
                 force += gravity * L::Chain::splat(payload.mass);
@@ -1110,9 +1123,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let (n, count) = (self.module_count(), self.tendons.len());
         while self.spans.responses.len() * L::WIDTH < total {
             self.spans.responses.push(SourceResponses {
-                u: vec![[Vec3::zero(); A]; n],
-                force: vec![Vec3::zero(); n],
-                beyond: vec![L::Module::zero(); n * count],
+                u: copies([Vec3::zero(); A], n),
+                force: copies(Vec3::zero(), n),
+                beyond: copies(L::Module::zero(), n * count),
             });
         }
     }

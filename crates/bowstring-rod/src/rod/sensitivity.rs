@@ -7,6 +7,7 @@
 //! the force on a module's end, the position of its end, and the moments on its arcs.
 
 use crate::interrupt;
+use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Scalar;
 use crate::model::load::TendonPath;
@@ -175,8 +176,8 @@ impl<const A: usize> Scratch<A> {
         let n = rod.module_count();
         Scratch {
             sources: Vec::with_capacity(n),
-            solutions: vec![[Vec3::zero(); A]; n],
-            followers: vec![Vec3::zero(); n],
+            solutions: copies([Vec3::zero(); A], n),
+            followers: copies(Vec3::zero(), n),
             spans: vec![],
         }
     }

@@ -4,6 +4,7 @@
 
 use super::mass::{LumpedMass, Nodal};
 use super::scheme::Scheme;
+use crate::math::copies;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 
@@ -42,7 +43,7 @@ pub struct StepError {
 
 impl<T: Real, const A: usize> Kinematics<T, A> {
     pub fn new(modules: usize) -> Self {
-        let zero = || vec![Nodal::zero(); modules];
+        let zero = || copies(Nodal::zero(), modules);
         Kinematics {
             position: zero(),
             velocity: zero(),
@@ -51,7 +52,7 @@ impl<T: Real, const A: usize> Kinematics<T, A> {
             next_position: zero(),
             next_velocity: zero(),
             bias: zero(),
-            last_mean: vec![Vec3::zero(); modules],
+            last_mean: copies(Vec3::zero(), modules),
         }
     }
 

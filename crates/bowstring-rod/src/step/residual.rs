@@ -7,6 +7,7 @@ use super::kinematics::Kinematics;
 use super::mass::{wide, wide_mat, Nodal};
 use super::scheme::Scheme;
 use super::strain::StrainHistory;
+use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::{BaseMotion, TendonPath};
@@ -55,20 +56,20 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             imbalance: Vec3::zero(),
         };
         Residual {
-            force: vec![Vec3::zero(); modules * A],
-            moment: vec![Vec3::zero(); modules],
-            last_force: vec![Vec3::zero(); modules * A],
+            force: copies(Vec3::zero(), modules * A),
+            moment: copies(Vec3::zero(), modules),
+            last_force: copies(Vec3::zero(), modules * A),
             gravity: Vec3::splat(gravity),
             base: None,
             by_base: vec![],
             lines: vec![],
             line_forces: vec![],
-            disk_force: vec![Vec3::zero(); modules],
+            disk_force: copies(Vec3::zero(), modules),
             loaded: vec![],
             held: vec![[0.0; 3]; modules],
             tip_force: Vec3::zero(),
-            point_force: vec![Vec3::zero(); modules],
-            modules: vec![none; modules.div_ceil(L::WIDTH)],
+            point_force: copies(Vec3::zero(), modules),
+            modules: copies(none, modules.div_ceil(L::WIDTH)),
         }
     }
 

@@ -6,6 +6,7 @@ use super::body::Body;
 use super::residual::Residual;
 use super::tangent::{ContactBlocks, ModulePose, Tangent};
 use crate::interrupt;
+use crate::math::copies;
 use crate::math::linalg::{dot, Mat3, Vec3};
 use crate::math::mlcp::eliminate;
 use crate::math::real::{Layout, Real};
@@ -234,7 +235,7 @@ impl<L: Layout, const A: usize> Response<L, A> {
         };
         let mut correction = TurningLoads {
             turns: vec![],
-            on_disks: vec![[Vec3::zero(); 2]; n],
+            on_disks: copies([Vec3::zero(); 2], n),
             on_sections: sections.iter().map(unloaded).collect(),
             column: Column::of(rod),
             disks,
@@ -270,9 +271,9 @@ impl<L: Layout, const A: usize> Column<L, A> {
     fn of(rod: &Rod<L, A>) -> Self {
         let groups = rod.states.len();
         Column {
-            u: vec![[Vec3::zero(); A]; groups],
-            delta: vec![Vec3::zero(); groups],
-            disks: vec![[Vec3::zero(); 2]; rod.module_count()],
+            u: copies([Vec3::zero(); A], groups),
+            delta: copies(Vec3::zero(), groups),
+            disks: copies([Vec3::zero(); 2], rod.module_count()),
             rates: vec![0.0; groups * L::WIDTH * rod.tendons.len()],
         }
     }

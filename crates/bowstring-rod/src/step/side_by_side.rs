@@ -11,6 +11,7 @@ use super::motion::Motion;
 use super::moving::Moving;
 use super::spans::CONTACT;
 use super::strain::StrainHistory;
+use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::{Load, TendonPath};
@@ -120,8 +121,8 @@ struct State<L: Layout, const A: usize> {
 impl<L: Layout, const A: usize> State<L, A> {
     fn new(tendons: usize) -> Self {
         State {
-            tensions: vec![L::Chain::zero(); tendons],
-            lengths: vec![L::Chain::zero(); tendons],
+            tensions: copies(L::Chain::zero(), tendons),
+            lengths: copies(L::Chain::zero(), tendons),
             energies: [L::Chain::zero(); 3],
             work: L::Chain::zero(),
         }
@@ -217,7 +218,7 @@ impl<L: Layout, const A: usize> SideBySide<L, A> {
         let (modules, tendons) = (motion.next.len(), motion.body.rod.tendons.len());
         let saved = || Saved::new(modules, tendons);
         SideBySide {
-            target: vec![L::Chain::zero(); tendons],
+            target: copies(L::Chain::zero(), tendons),
             before: saved(),
             done: saved(),
             repeated: 0,

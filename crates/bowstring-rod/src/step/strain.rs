@@ -3,6 +3,7 @@
 //! Theory: docs/theory/dynamics.md (Time integration, Damping, Step size).
 
 use super::scheme::Scheme;
+use crate::math::copies;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::rod::module::State;
@@ -69,7 +70,7 @@ pub(super) struct StrainHistory<L: Layout, const A: usize> {
 
 impl<L: Layout, const A: usize> StrainHistory<L, A> {
     pub fn new(groups: usize) -> Self {
-        let strain = vec![Strain::zero(); groups];
+        let strain = copies(Strain::zero(), groups);
         StrainHistory {
             past: std::array::from_fn(|_| strain.clone()),
             durations: [1.0; HISTORY - 1],

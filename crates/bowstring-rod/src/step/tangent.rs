@@ -9,6 +9,7 @@ use super::body::Body;
 use super::mass::{wide, wide_mat};
 use super::residual::Residual;
 use super::scheme::Scheme;
+use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::rod::chain::{get, get_mat, in_group, Rod};
@@ -110,8 +111,8 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             solution: Vec3::zero(),
         };
         Tangent {
-            contact: vec![ContactBlocks::empty(); modules.div_ceil(L::WIDTH)],
-            eliminated: vec![empty; modules],
+            contact: copies(ContactBlocks::empty(), modules.div_ceil(L::WIDTH)),
+            eliminated: copies(empty, modules),
             made_for: [f64::NAN; 2],
             least_pivot: f64::NAN,
         }
