@@ -168,7 +168,7 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
     fn contact_forces(&self, visit: &mut dyn FnMut(usize, Vec3)) {
         for k in 0..self.module_count() {
             let n = get::<L>(&self.states[k / L::WIDTH].n, k % L::WIDTH);
-            visit(k, Vec3(n.0.map(|x| x.lane(0))));
+            visit(k, n.of_lane(0));
         }
     }
     fn set_gradient(&mut self, value: &dyn Fn(usize) -> Vec3) {
@@ -182,7 +182,9 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
     }
     fn step_to_gradient(&mut self, scale: f64) {
         for (gradient, step) in self.gradients.iter_mut().zip(&self.newton.step) {
-            gradient.g = step.map(|v| v * L::Module::splat(scale));
+            for a in 0..A {
+                gradient.g[a] = step[a] * L::Module::splat(scale);
+            }
         }
     }
     fn save(&mut self) {
@@ -194,7 +196,7 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
             || {
                 self.flexibilities(
                     #[inline(always)]
-                    |k, m| visit(k, Mat3(m.0.map(|row| row.map(|x| x.lane(0))))),
+                    |k, m| visit(k, m.of_lane(0)),
                 )
             },
         )

@@ -252,6 +252,11 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
     }
 }
 
+/// Vectors of one lane.
+pub(super) fn of_lane<T: Real>(vectors: &[Vec3<T>], lane: usize) -> Vec<Vec3> {
+    vectors.iter().map(|v| v.of_lane(lane)).collect()
+}
+
 /// The first number in lanes with an outcome, the second in the others.
 #[inline(always)]
 fn chosen<T: Real>(outcomes: &Outcomes, with: T, without: T) -> T {
@@ -334,14 +339,18 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> SideBySide for Lanes<S, CO
     }
 
     fn last_strain(&self, lane: usize) -> Option<Vec<Vec3>> {
-        let last = self.history[0].iter().flatten();
         let solved = self.known[lane] > 0 && !self.starts[lane];
-        solved.then(|| last.map(|v| v.of_lane(lane)).collect())
+        solved.then(|| of_lane(self.history[0].as_flattened(), lane))
     }
 
     fn strain(&self, lane: usize) -> Vec<Vec3> {
-        let arcs = self.rod.states.iter().flat_map(|state| &state.w);
-        arcs.map(|v| v.of_lane(lane)).collect()
+        let mut strain = Vec::with_capacity(self.rod.states.len() * A);
+        for state in &self.rod.states {
+            for w in &state.w {
+                strain.push(w.of_lane(lane));
+            }
+        }
+        strain
     }
 
     fn disk(&self, k: usize, lane: usize) -> Pose {

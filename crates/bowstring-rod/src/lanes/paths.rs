@@ -6,7 +6,7 @@
 //! regular case: a positive definite tangent, one element in a module. Other steps are left to the solver of
 //! single paths.
 
-use super::loads::disk_forces;
+use super::loads::{disk_forces, of_lane};
 use super::MOST_LANES;
 use crate::criteria::{
     is_length_settled, is_minimum_nearby, solve_regularised, LENGTH_TOLERANCE, LOOSE, MAX_STEP,
@@ -226,9 +226,8 @@ impl<S: Simd> PathsSideBySide for PathLanes<S> {
 
     fn last(&self, lane: usize) -> LaneState {
         let numbers = |v: &[S::Vector]| v.iter().map(|x| x.lane(lane)).collect();
-        let strain = self.last.strain.iter().flatten();
         LaneState {
-            strain: strain.map(|w| w.of_lane(lane)).collect(),
+            strain: of_lane(self.last.strain.as_flattened(), lane),
             tensions: numbers(&self.last.tensions),
             displacements: numbers(&self.last.displacements),
         }

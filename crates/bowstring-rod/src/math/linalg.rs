@@ -170,6 +170,18 @@ impl<T: Real> Mat3<T> {
         }
         m
     }
+    /// The same matrix in every lane.
+    #[inline(always)]
+    pub fn splat(m: &Mat3) -> Self {
+        let [a, b, c] = m.0;
+        Mat3([Vec3::splat(a).0, Vec3::splat(b).0, Vec3::splat(c).0])
+    }
+    /// Entries of one lane.
+    #[inline(always)]
+    pub fn of_lane(&self, lane: usize) -> Mat3 {
+        let [a, b, c] = self.rows();
+        Mat3([a.of_lane(lane).0, b.of_lane(lane).0, c.of_lane(lane).0])
+    }
     /// Transpose.
     #[inline(always)]
     pub fn transpose(self) -> Self {

@@ -313,6 +313,12 @@ impl Load<'_> {
         }
     }
 
+    /// Whether there are moments on disks, that on the tip included.
+    pub fn has_moments(&self) -> bool {
+        let mut on_disks = self.disk_moments.iter();
+        self.tip_moment != [0.0; 3] || on_disks.any(|moment| *moment != [0.0; 3])
+    }
+
     /// Whether all loads have a potential: moments and followers have none.
     #[inline(always)]
     pub fn has_potential(&self) -> bool {

@@ -10,6 +10,7 @@
 //!
 //! Loads between two disks are in [`crate::rod::between`].
 
+use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::{same_section, Load, PointLoad};
@@ -142,10 +143,10 @@ impl<C: Real, const A: usize> Attached<C, A> {
     pub fn set(&mut self, load: &Load, modules: &[Constants<C, A>]) {
         let n = modules.len();
         self.moments.clear();
-        let moments = load.disk_moments.iter().chain([&load.tip_moment]);
-        if moments.into_iter().any(|moment| *moment != [0.0; 3]) {
-            let moments = (0..n).map(|k| Vec3::splat(load.moment_on(k, n)));
-            self.moments.extend(moments);
+        if load.has_moments() {
+            for k in 0..n {
+                self.moments.push(Vec3::splat(load.moment_on(k, n)));
+            }
         }
         let between = !self.between.loads().is_empty();
         if load.point_loads.is_empty() && self.loads.is_empty() && !between {
@@ -158,11 +159,10 @@ impl<C: Real, const A: usize> Attached<C, A> {
             self.loads.extend_from_slice(load.point_loads);
         }
         sort_by_disk(&mut self.loads);
-        let pushes = |load: &&PointLoad| load.follower && load.force != [0.0; 3];
-        let loads = self.loads.iter().chain(self.between.loads());
-        let followers = loads.filter(pushes);
-        self.followed = followers.map(|load| load.disk + 1).max().unwrap_or(0);
-        self.couplings.resize(n, Coupling::none());
+        self.followed = followed(&self.loads).max(followed(self.between.loads()));
+        if self.followed > 0 && self.couplings.is_empty() {
+            self.couplings = copies(Coupling::none(), n);
+        }
         self.constant.clear();
     }
 
@@ -243,6 +243,13 @@ fn push_weights(loads: &mut Vec<PointLoad>, payloads: &[Payload], gravity: [f64;
         ..PointLoad::default()
     }));
     sort_by_disk(loads);
+}
+
+/// Modules before the last follower force.
+fn followed(loads: &[PointLoad]) -> usize {
+    let pushes = |load: &&PointLoad| load.follower && load.force != [0.0; 3];
+    let followers = loads.iter().filter(pushes);
+    followers.map(|load| load.disk + 1).max().unwrap_or(0)
 }
 
 fn sort_by_disk(loads: &mut [PointLoad]) {
@@ -431,14 +438,17 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             self.turn_disks();
             self.dead.modules.clone_from(&self.attached.constant);
             self.add_resultants(&[], |rod, k| {
-                let rotation = &rod.rotations[k + 1];
-                let on_disk = rod.attached.on(k).iter().filter(|load| load.follower);
-                let forces = on_disk.map(|load| *rotation * Vec3::splat(load.force));
+                let (rotation, mut on_disk) = (&rod.rotations[k + 1], Vec3::zero());
+                for load in rod.attached.on(k) {
+                    if load.follower {
+                        on_disk += *rotation * Vec3::splat(load.force);
+                    }
+                }
                 let mut between = Vec3::zero();
                 if Self::BETWEEN && rod.attached.has_between() {
                     between = rod.force_between(k, true);
                 }
-                [forces.fold(Vec3::zero(), |sum, force| sum + force), between]
+                [on_disk, between]
             });
             if Self::BETWEEN && self.attached.has_between() {
                 self.set_forces_between(true);

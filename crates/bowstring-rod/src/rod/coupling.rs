@@ -68,14 +68,13 @@ impl Coupling<f64> {
 
     /// The same in every lane.
     pub fn splat<T: Real>(&self) -> Coupling<T> {
-        let matrix = |m: &Mat3| Mat3(m.0.map(|row| row.map(T::splat)));
         Coupling {
-            moment: matrix(&self.moment),
-            flexibility: matrix(&self.flexibility),
-            shift: matrix(&self.shift),
-            compliance: matrix(&self.compliance),
+            moment: Mat3::splat(&self.moment),
+            flexibility: Mat3::splat(&self.flexibility),
+            shift: Mat3::splat(&self.shift),
+            compliance: Mat3::splat(&self.compliance),
             along: Vec3::splat(self.along.0),
-            own: matrix(&self.own),
+            own: Mat3::splat(&self.own),
         }
     }
 }

@@ -218,19 +218,28 @@ fn all<const A: usize, const SYMMETRIC: bool>(
 ) -> Jacobians {
     let mut scratch = Scratch::with_spans(rod);
     let mut by = |p: Parameter<'_>| derivative::<A, SYMMETRIC>(rod, segments, &p, &mut scratch);
-    let count = segments[segments.len() - 1] + 1;
-    let axes = if gravity { 0..3 } else { 0..0 };
-    let by_gravity = axes.map(|i| by(Parameter::Gravity(i, &rod.weights(unit(i)))));
-    let gravity = by_gravity.collect();
-    Jacobians {
-        tensions: (0..rod.placed.lengths.len())
-            .map(|i| by(Parameter::Tension(i)))
-            .collect(),
-        tip_force: (0..3).map(|i| by(Parameter::Force(i))).collect(),
-        tip_moment: (0..3).map(|i| by(Parameter::Moment(i))).collect(),
-        stiffness: (0..count).map(|i| by(Parameter::Stiffness(i))).collect(),
-        gravity,
+    let mut found = Jacobians {
+        tensions: vec![],
+        tip_force: vec![],
+        tip_moment: vec![],
+        stiffness: vec![],
+        gravity: vec![],
+    };
+    for i in 0..rod.placed.lengths.len() {
+        found.tensions.push(by(Parameter::Tension(i)));
     }
+    for i in 0..3 {
+        found.tip_force.push(by(Parameter::Force(i)));
+        found.tip_moment.push(by(Parameter::Moment(i)));
+        if gravity {
+            let weights = rod.weights(unit(i));
+            found.gravity.push(by(Parameter::Gravity(i, &weights)));
+        }
+    }
+    for i in 0..=segments[segments.len() - 1] {
+        found.stiffness.push(by(Parameter::Stiffness(i)));
+    }
+    found
 }
 
 fn unit(i: usize) -> Vec3 {
@@ -374,7 +383,9 @@ fn substitute<const A: usize, const SYMMETRIC: bool>(
         spans,
     } = scratch;
     sources.clear();
-    sources.extend((0..n).map(|k| source(rod, &responses[k], segments, k, parameter)));
+    for k in 0..n {
+        sources.push(source(rod, &responses[k], segments, k, parameter));
+    }
     let mut p = match *parameter {
         Parameter::Moment(i) => -rod.rotations[n].tr_mul(unit(i)),
         _ => Vec3::zero(),
@@ -389,7 +400,9 @@ fn substitute<const A: usize, const SYMMETRIC: bool>(
         }
         let at_start = rod.states[k].s * p;
         let mut start = [at_start];
-        solutions[k] = sources[k].moment.map(|m| m + at_start);
+        for a in 0..A {
+            solutions[k][a] = sources[k].moment[a] + at_start;
+        }
         let follower = rod.attached.coupling(k);
         if let Some(coupling) = follower {
             beyond = rod.states[k].s * beyond;

@@ -113,7 +113,9 @@ impl<const A: usize> Motion<Scalar, A> {
         let mut masses = vec![];
         for (k, points) in mass.points.chunks_exact(A).enumerate() {
             let frame = CentralFrame::of(mass, k);
-            masses.extend(points[..A - 1].iter().flat_map(|m| [*m; 3]));
+            for m in &points[..A - 1] {
+                masses.extend([*m; 3]);
+            }
             masses.extend([frame.mass; 3]);
             masses.extend(frame.inertia);
         }

@@ -5,7 +5,6 @@
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::robot::{Payload, Robot};
-use crate::rod::chain::lanes;
 use crate::rod::constants::Constants;
 
 /// A vector at every mass point of a module, the disk last, and a matrix of the disk's directors.
@@ -113,7 +112,7 @@ impl Body {
     #[inline(always)]
     fn product<T: Real, const A: usize>(&self, u: &Nodal<T, A>, v: &Nodal<T, A>) -> T {
         let (p, q) = (u.disk(), v.disk());
-        let (first, second) = (wide(self.first), wide_mat(&self.second));
+        let (first, second) = (wide(self.first), Mat3::splat(&self.second));
         let mut sum = p.dot(q) * T::splat(self.mass);
         sum += p.dot(v.frame * first) + q.dot(u.frame * first);
         let weighted = u.frame * second;
@@ -128,11 +127,6 @@ impl Body {
 #[inline(always)]
 pub(super) fn wide<T: Real>(v: Vec3) -> Vec3<T> {
     Vec3::splat(v.0)
-}
-
-#[inline(always)]
-pub(super) fn wide_mat<T: Real>(m: &Mat3) -> Mat3<T> {
-    Mat3(m.0.map(|row| row.map(T::splat)))
 }
 
 impl<L: Layout, const A: usize> LumpedMass<L, A> {
@@ -171,7 +165,13 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
                 points[k * A - 1] += lump(0) + section(0).mass_per_length * module.clamp[0];
             }
         }
-        let group = |g| std::array::from_fn(|a| lanes::<L>(n, g, |k| points[k * A + a]));
+        let mut lanes = vec![[L::Module::zero(); A]; n.div_ceil(L::WIDTH)];
+        for k in 0..n {
+            for a in 0..A {
+                let place = &mut lanes[k / L::WIDTH][a];
+                L::put(place, k % L::WIDTH, L::Chain::splat(points[k * A + a]));
+            }
+        }
         let mut bodies: Vec<(usize, Body)> = vec![];
         for payload in &robot.spec().payloads {
             let body = Body::of(payload);
@@ -182,7 +182,7 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
         }
         let of_bodies: f64 = bodies.iter().map(|(_, body)| body.mass).sum();
         LumpedMass {
-            lanes: (0..n.div_ceil(L::WIDTH)).map(group).collect(),
+            lanes,
             total: points.iter().sum::<f64>() + of_bodies,
             points,
             directors,
@@ -230,8 +230,10 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
     #[inline(always)]
     pub fn sum(&self, vectors: &[Nodal<L::Chain, A>]) -> Vec3<L::Chain> {
         let mut sum = Vec3::zero();
-        for (v, mass) in vectors.iter().flat_map(|v| v.points).zip(&self.points) {
-            sum += v * L::Chain::splat(*mass);
+        for (k, v) in vectors.iter().enumerate() {
+            for a in 0..A {
+                sum += v.points[a] * L::Chain::splat(self.points[k * A + a]);
+            }
         }
         for (k, body) in &self.bodies {
             let v = &vectors[*k];
@@ -239,11 +241,4 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
         }
         sum
     }
-}
-
-/// The first lane of a matrix.
-#[inline(always)]
-pub(super) fn of_lane<T: Real>(m: &Mat3<T>) -> Mat3 {
-    let [a, b, c] = m.rows();
-    Mat3([a.of_lane(0).0, b.of_lane(0).0, c.of_lane(0).0])
 }

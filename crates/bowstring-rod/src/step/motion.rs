@@ -5,7 +5,7 @@
 use super::body::Body;
 use super::energy::{Energies, EnergyBalance};
 use super::kinematics::Kinematics;
-use super::mass::{of_lane, Nodal};
+use super::mass::Nodal;
 use super::residual::Residual;
 use super::response::Response;
 use super::scheme::Damping;
@@ -238,7 +238,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let rotation = &rod.rotations[k + 1];
             let moment = *rotation * rod.attached.moment(k, rotation);
             let [now, next] = self.ends(k);
-            let turned = of_lane(&(next.frame * now.frame.transpose()));
+            let turned = (next.frame * now.frame.transpose()).of_lane(0);
             let moved = (next.disk() - now.disk()).of_lane(0);
             moment.of_lane(0).dot(log(&turned)) + self.residual.point_force[k].of_lane(0).dot(moved)
         };
@@ -271,7 +271,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             rod.each_between(k, balance, |arcs, [force, moment]| {
                 let first = at(before[0], &start, arcs);
                 let last = at(before[1], &self.next[g], arcs);
-                let turned = log(&of_lane(&(last * first.transpose())));
+                let turned = log(&(last * first.transpose()).of_lane(0));
                 let moved = (next.points[arcs - 1] - now.points[arcs - 1]).of_lane(0);
                 sum += moment.of_lane(0).dot(turned) + force.of_lane(0).dot(moved);
             });
@@ -346,8 +346,11 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     /// Sum over the modules of a group.
     #[inline(always)]
     fn over_modules(&self, g: usize, value: &L::Module) -> f64 {
-        let here = 0..L::WIDTH.min(self.module_count() - g * L::WIDTH);
-        here.map(|i| L::get(value, i).lane(0)).sum()
+        let mut sum = 0.0;
+        for i in 0..L::WIDTH.min(self.module_count() - g * L::WIDTH) {
+            sum += L::get(value, i).lane(0);
+        }
+        sum
     }
 
     #[inline(always)]

@@ -310,9 +310,13 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
         let weight = self.residual.gravity.norm().lane(0) * self.body.mass.total;
         let inertia = self.effort(1.0);
         let (on_disks, own) = (&self.residual.disk_force, &self.residual.point_force);
-        let on_disks = on_disks.iter().chain(own).chain(&self.residual.lines);
-        let on_disks = on_disks.map(|f| f.norm().lane(0));
-        let dead = on_disks.sum::<f64>() + self.residual.tip_force.norm().lane(0);
+        let mut dead = 0.0;
+        for forces in [on_disks, own, &self.residual.lines] {
+            for force in forces {
+                dead += force.norm().lane(0);
+            }
+        }
+        dead += self.residual.tip_force.norm().lane(0);
         let force = tension + weight + inertia + dead;
         ROUNDING * force * self.length
     }

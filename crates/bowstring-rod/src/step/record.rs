@@ -3,7 +3,6 @@
 //! Theory: docs/theory/dynamics.md and docs/theory/rod.md.
 
 use super::energy::Energies;
-use super::mass::of_lane;
 use super::motion::Motion;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
@@ -290,8 +289,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         out: &mut DiskFields,
     ) {
         let velocity = &self.kinematics.velocity[k];
-        let frame = of_lane(frame);
-        let ([x, y, z], [u, v, w]) = (frame.rows(), of_lane(&velocity.frame).rows());
+        let frame = frame.of_lane(0);
+        let ([x, y, z], [u, v, w]) = (frame.rows(), velocity.frame.of_lane(0).rows());
         let spin = [
             w.dot(y) - v.dot(z),
             u.dot(z) - w.dot(x),

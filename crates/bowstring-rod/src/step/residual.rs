@@ -4,7 +4,7 @@
 
 use super::body::Body;
 use super::kinematics::Kinematics;
-use super::mass::{wide, wide_mat, Nodal};
+use super::mass::{wide, Nodal};
 use super::scheme::Scheme;
 use super::strain::StrainHistory;
 use crate::math::copies;
@@ -162,8 +162,12 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             let by_turn = turned(place.points[a], velocity.points[a]);
             out.points[a] = by_turn + Vec3::splat(base.acceleration);
         }
-        let directors = [0, 1, 2].map(|q| turned(place.frame.column(q), velocity.frame.column(q)));
-        out.frame = Mat3(directors.map(|column| column.0)).transpose();
+        for q in 0..3 {
+            let director = turned(place.frame.column(q), velocity.frame.column(q));
+            for r in 0..3 {
+                out.frame.0[r][q] = director[r];
+            }
+        }
     }
 
     /// Computes gravity and inertial forces of all mass.
@@ -193,7 +197,7 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             if let (true, Some(own)) = (laden, body.mass.body(k)) {
                 let (first, against) = (wide(own.first), acceleration.disk() - self.gravity);
                 self.force[k * A + A - 1] -= against * splat(own.mass) + acceleration.frame * first;
-                push += acceleration.frame * wide_mat(&own.second) + against.outer(first);
+                push += acceleration.frame * Mat3::splat(&own.second) + against.outer(first);
             }
             // sum of director x acceleration
             let q = push * body.rod.rotations[k + 1].transpose();

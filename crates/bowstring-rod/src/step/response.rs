@@ -211,32 +211,35 @@ impl<L: Layout, const A: usize> Response<L, A> {
     #[inline(always)]
     fn prepare_turning_in_lanes(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>) {
         let n = rod.module_count();
-        let of = |k: usize| {
+        let acts = |parts: &[Mat3<L::Chain>; 2]| parts.iter().any(|m| m.of_lane(0) != Mat3::zero());
+        let mut disks = vec![];
+        for k in 0..n {
             let (attached, rotation) = (&rod.attached, &rod.rotations[k + 1]);
             let whole = attached.stiffness::<false>(k, rotation);
             let skew = whole - attached.stiffness::<true>(k, rotation);
-            (k, [-skew, rod.attached.by_own_turn(k)])
-        };
-        let acts = |(_, parts): &(usize, [Mat3<L::Chain>; 2])| {
-            let numbers = parts.iter().flat_map(|m| m.0).flatten();
-            numbers.into_iter().any(|x| x.lane(0) != 0.0)
-        };
-        let disks: Vec<_> = (0..n).map(of).filter(acts).collect();
+            let parts = [-skew, rod.attached.by_own_turn(k)];
+            if acts(&parts) {
+                disks.push((k, parts));
+            }
+        }
         let mut sections = vec![];
         if Rod::<L, A>::BETWEEN && rod.attached.has_between() {
             sections = rod.turning_between();
+            sections.retain(|section| acts(&section.parts));
         }
-        sections.retain(|section| acts(&(0, section.parts)));
         let size = 3 * (disks.len() + sections.len());
-        let unloaded = |section: &OnSection<_>| OnSection {
-            module: section.module,
-            arcs: section.arcs,
-            parts: [Vec3::zero(); 2],
-        };
+        let mut on_sections = vec![];
+        for section in &sections {
+            on_sections.push(OnSection {
+                module: section.module,
+                arcs: section.arcs,
+                parts: [Vec3::zero(); 2],
+            });
+        }
         let mut correction = TurningLoads {
             turns: vec![],
             on_disks: copies([Vec3::zero(); 2], n),
-            on_sections: sections.iter().map(unloaded).collect(),
+            on_sections,
             column: Column::of(rod),
             disks,
             sections,
@@ -258,8 +261,9 @@ impl<L: Layout, const A: usize> Response<L, A> {
             problem[at * 2 * size + size + at] = 1.0;
         }
         let solved = eliminate(&mut problem, size);
-        let rows = problem.chunks_exact(2 * size);
-        correction.turns = rows.flat_map(|row| &row[size..]).copied().collect();
+        for row in problem.chunks_exact(2 * size) {
+            correction.turns.extend_from_slice(&row[size..]);
+        }
         if !solved {
             correction.turns.fill(f64::NAN);
         }
@@ -448,6 +452,12 @@ impl<L: Layout, const A: usize> Column<L, A> {
     }
 }
 
+/// Product of a matrix, row by row, and a vector.
+fn products(rows: &[f64], vector: &[f64]) -> Vec<f64> {
+    let rows = rows.chunks_exact(vector.len());
+    rows.map(|row| dot(row, vector)).collect()
+}
+
 impl<L: Layout, const A: usize> TurningLoads<L, A> {
     /// Solves for the moments and forces by rotations of the loaded disks.
     #[inline(always)]
@@ -458,11 +468,12 @@ impl<L: Layout, const A: usize> TurningLoads<L, A> {
         turn: impl Fn(usize) -> Vec3<L::Chain>,
     ) {
         for (i, (k, by_turn)) in self.disks.iter().enumerate() {
-            self.on_disks[*k] = by_turn.map(|part| part * turn(i));
+            let turn = turn(i);
+            self.on_disks[*k] = [by_turn[0] * turn, by_turn[1] * turn];
         }
         for (i, section) in self.sections.iter().enumerate() {
             let turn = turn(self.disks.len() + i);
-            self.on_sections[i].parts = section.parts.map(|part| part * turn);
+            self.on_sections[i].parts = [section.parts[0] * turn, section.parts[1] * turn];
         }
         self.column.u.fill([Vec3::zero(); A]);
         self.column.delta.fill(Vec3::zero());
@@ -472,10 +483,11 @@ impl<L: Layout, const A: usize> TurningLoads<L, A> {
 
     /// Rotations of the loaded disks and sections in a solution.
     fn turns_of(&self, of: &Column<L, A>) -> Vec<f64> {
-        let disks = self.disks.iter();
-        let of_disks = disks.flat_map(|(k, _)| of.disks[*k][0].of_lane(0).0);
-        let sections = self.sections.iter();
-        let of_sections = sections.flat_map(|section| {
+        let mut turns = Vec::with_capacity(self.turns.len());
+        for (k, _) in &self.disks {
+            turns.extend_from_slice(&of.disks[*k][0].of_lane(0).0);
+        }
+        for section in &self.sections {
             let k = section.module;
             let mut turn = match k {
                 0 => Vec3::zero(),
@@ -484,9 +496,9 @@ impl<L: Layout, const A: usize> TurningLoads<L, A> {
             for own in &of.u[k / L::WIDTH][..section.arcs] {
                 turn += get::<L>(own, k % L::WIDTH);
             }
-            turn.of_lane(0).0
-        });
-        of_disks.chain(of_sections).collect()
+            turns.extend_from_slice(&turn.of_lane(0).0);
+        }
+        turns
     }
 
     /// Corrects a solution.
@@ -496,8 +508,7 @@ impl<L: Layout, const A: usize> TurningLoads<L, A> {
         if without.is_empty() {
             return;
         }
-        let rows = self.turns.chunks_exact(without.len());
-        let turns: Vec<f64> = rows.map(|row| dot(row, &without)).collect();
+        let turns = products(&self.turns, &without);
         self.solve(rod, tangent, |i| {
             Vec3::splat([turns[3 * i], turns[3 * i + 1], turns[3 * i + 2]])
         });

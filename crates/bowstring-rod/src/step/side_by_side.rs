@@ -12,7 +12,7 @@ use super::moving::Moving;
 use super::spans::CONTACT;
 use super::strain::StrainHistory;
 use crate::math::copies;
-use crate::math::linalg::{Mat3, Vec3};
+use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::model::load::{Load, TendonPath};
 use crate::rod::chain::in_group;
@@ -520,9 +520,8 @@ impl<L: Layout, const A: usize> MotionsSideBySide for SideBySide<L, A> {
         let kinematics = &self.now.motion.kinematics;
         let last = kinematics.position.len() - 1;
         let (place, velocity) = (&kinematics.position[last], &kinematics.velocity[last]);
-        let of = |m: &Mat3<L::Chain>| Mat3(m.0.map(|row| row.map(|x| x.lane(lane))));
-        let rotation = of(&place.frame);
-        let ([x, y, z], [u, v, w]) = (rotation.rows(), of(&velocity.frame).rows());
+        let rotation = place.frame.of_lane(lane);
+        let ([x, y, z], [u, v, w]) = (rotation.rows(), velocity.frame.of_lane(lane).rows());
         let spin = [
             w.dot(y) - v.dot(z),
             u.dot(z) - w.dot(x),

@@ -6,7 +6,7 @@
 //! The contact force of a module is condensed statically before its arcs are eliminated.
 
 use super::body::Body;
-use super::mass::{wide, wide_mat};
+use super::mass::wide;
 use super::residual::Residual;
 use super::scheme::Scheme;
 use crate::math::copies;
@@ -201,7 +201,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             if let (false, Some(own)) = (mass.bodies.is_empty(), mass.body(k)) {
                 let first = wide(own.first);
                 let weight = rod.rotations[k + 1].tr_mul(residual.gravity);
-                value[0][0] += wide_mat(&own.inertia()) * splat(inertia)
+                value[0][0] += Mat3::splat(&own.inertia()) * splat(inertia)
                     + (-weight.outer(first).symmetric_part()).add_diagonal([weight.dot(first); 3]);
                 let lever = (first * splat(-inertia)).skew();
                 value[1][0] += lever;
