@@ -158,6 +158,12 @@ fn equal<const A: usize>() -> [f64; A] {
     std::array::from_fn(|a| (a + 1) as f64 / A as f64)
 }
 
+impl<T: Real, const A: usize> Constants<T, A> {
+    /// Whether there are more than two elements in a module. Such rods are rare and in plain numbers:
+    /// their passes are compiled only for sections that may be coupled or tapered.
+    pub const FINE: bool = A > 4;
+}
+
 impl<const A: usize> Constants<f64, A> {
     pub fn new(robot: &Robot, k: usize, model: Model) -> Self {
         Self::divided(robot, k, model, None)

@@ -10,6 +10,7 @@ use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::model::load::LEVELS;
 use crate::rod::chain::{get, get_mat, in_group, put, Rod};
+use crate::rod::constants::Constants;
 use crate::rod::defect::Weight;
 use crate::rod::module::Span;
 
@@ -173,9 +174,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
             load.on_nodes = on_nodes.as_ref();
             let (state, gradient) = (&self.states[g], &self.gradients[g]);
-            let defect = match !self.tapers.is_empty() || c.coupling().is_some() {
-                false => state.defect::<false>(c, &t, gradient, &load, &mut rhs),
-                true => state.defect::<true>(c, &t, gradient, &load, &mut rhs),
+            let varied = !self.tapers.is_empty() || c.coupling().is_some();
+            let defect = if Constants::<L::Module, A>::FINE || varied {
+                state.defect::<true>(c, &t, gradient, &load, &mut rhs)
+            } else {
+                state.defect::<false>(c, &t, gradient, &load, &mut rhs)
             };
             self.gradients[g].g = rhs;
             for i in 0..L::WIDTH.min(n - g * L::WIDTH) {

@@ -3,19 +3,19 @@
 //!
 //! Theory: docs/theory/rod.md and docs/theory/statics.md.
 
-pub mod attached;
-pub mod between;
+pub(crate) mod attached;
+pub(crate) mod between;
 pub mod chain;
-pub mod constants;
-pub mod coupling;
-pub mod defect;
-pub mod elimination;
+pub(crate) mod constants;
+pub(crate) mod coupling;
+pub(crate) mod defect;
+pub(crate) mod elimination;
 pub mod estimate;
-pub mod flexibility;
-pub mod module;
+pub(crate) mod flexibility;
+pub(crate) mod module;
 pub mod routed;
-pub mod routes;
+pub(crate) mod routes;
 pub mod sensitivity;
-pub mod span;
-pub mod tension_columns;
-pub mod tension_responses;
+pub(crate) mod span;
+pub(crate) mod tension_columns;
+pub(crate) mod tension_responses;

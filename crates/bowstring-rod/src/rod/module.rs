@@ -419,10 +419,11 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Moment imbalance of each arc, with the costate in `lambda` (theory Eq. 3.2).
     #[inline(always)]
     pub fn gradient(&self, c: &Constants<T, A>, t: &Tendons<T>, out: &mut Gradient<T, A>) {
-        if T::PLAIN && c.coupling().is_some() {
-            return self.coupled_gradient(c, t, out);
+        if T::PLAIN && (Constants::<T, A>::FINE || c.coupling().is_some()) {
+            self.coupled_gradient(c, t, out)
+        } else {
+            self.gradient_of::<false>(c, t, out)
         }
-        self.gradient_of::<false>(c, t, out)
     }
 
     /// Moment imbalance of each arc; `COUPLED`: the strains of the section are.
@@ -514,10 +515,11 @@ impl<T: Real, const A: usize> State<T, A> {
         grad: &Gradient<T, A>,
         out: &mut Hessian<T, A>,
     ) -> Response<T, A> {
-        if T::PLAIN && c.coupling().is_some() {
-            return self.coupled_hessian::<CONDENSED>(c, t, grad, out);
+        if T::PLAIN && (Constants::<T, A>::FINE || c.coupling().is_some()) {
+            self.coupled_hessian::<CONDENSED>(c, t, grad, out)
+        } else {
+            self.hessian_of::<CONDENSED, false>(c, t, grad, out)
         }
-        self.hessian_of::<CONDENSED, false>(c, t, grad, out)
     }
 
     /// Second derivatives; `COUPLED`: the strains of the section are.
@@ -799,10 +801,11 @@ impl<T: Real, const A: usize> State<T, A> {
         moved: &[Mat3<T>; A],
         out: &mut Hessian<T, A>,
     ) -> Vec3<T> {
-        if T::PLAIN && c.coupling().is_some() {
-            return self.add_dead_loads_of::<true>(c, grad, loads, moved, out);
+        if T::PLAIN && (Constants::<T, A>::FINE || c.coupling().is_some()) {
+            self.add_dead_loads_of::<true>(c, grad, loads, moved, out)
+        } else {
+            self.add_dead_loads_of::<false>(c, grad, loads, moved, out)
         }
-        self.add_dead_loads_of::<false>(c, grad, loads, moved, out)
     }
 
     /// The same; `COUPLED`: the strains of the section are.
