@@ -6,7 +6,7 @@ RESOLUTION ?= lowest-direct
 SMALL_EXTRAS := --extra excel --extra download --extra uncertainty --extra cluster --extra jax --extra gymnasium
 VENV := .venv
 BIN := $(VENV)/bin
-RUST_SOURCES := $(shell find crates/bowstring-core crates/bowstring-py -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
+RUST_SOURCES := $(shell find crates/bowstring-rod crates/bowstring-core crates/bowstring-py -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
 .PHONY: study checks core-tests test test-slow test-all test-versions docs bench build campaign campaign-files clean lock suite \
 	paper-figures playground test-playground wheel sdist check-wheel check-sdist check-version
@@ -34,11 +34,12 @@ $(VENV)/.installed-all: | $(VENV)/.installed-test
 $(VENV)/.installed-docs: | $(VENV)/.built
 
 $(VENV)/.built: $(VENV)/.installed-base $(RUST_SOURCES) pyproject.toml
-	@echo "== building the core (about a minute the first time)"
+	@echo "== compiling the core: two to four minutes on two cores the first time, because the rod is compiled for each"
+	@echo "   kind of processor; half a minute after a change of the solvers"
 	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --locked
 	@touch $@
 
-PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile
+PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --durations=20
 
 checks: build $(VENV)/.installed-test
 	cargo fmt --all --check
@@ -50,7 +51,7 @@ checks: build $(VENV)/.installed-test
 
 # Unit tests check overflow and debug assertions. The others take the core as it was compiled for the package, because
 # compiling it takes minutes.
-UNIT_TESTS := cargo test -p bowstring-core --lib --locked
+UNIT_TESTS := cargo test -p bowstring-rod -p bowstring-core --lib --locked
 CORE_TESTS := cargo test --release -p bowstring-core --test '*' --locked
 FACE_TESTS := cargo test --release -p bowstring-c -p bowstring-wasm --locked
 
@@ -113,7 +114,7 @@ docs: build ## the documentation site, in docs/_build/html
 # each in a target folder of its own, which cargo locks while it builds
 WASM := target/wasm/wasm32-unknown-unknown/release/bowstring_wasm.wasm
 BINDGEN := target/bindgen/release/bowstring-bindgen
-WASM_SOURCES := $(shell find crates/bowstring-core/src crates/bowstring-compiled crates/bowstring-wasm -name '*.rs' -o -name Cargo.toml) \
+WASM_SOURCES := $(shell find crates/bowstring-rod crates/bowstring-core/src crates/bowstring-compiled crates/bowstring-wasm -name '*.rs' -o -name Cargo.toml) \
 	Cargo.toml Cargo.lock
 WEB_SOURCES := $(shell find web/src web/public -type f) web/index.html web/vite.config.ts python/bowstring/robot/builtin
 
@@ -123,7 +124,7 @@ playground: web/dist/index.html ## the page in web/dist, which any web server ca
 web/.tools:
 	@command -v npm >/dev/null || { echo "the playground needs Node.js 20 or newer with npm" >&2; exit 1; }
 	@command -v cargo >/dev/null || { echo "the playground needs a Rust toolchain (1.89 or newer)" >&2; exit 1; }
-	@test -d "$$(rustc --print sysroot)/lib/rustlib/wasm32-unknown-unknown" || { \
+	@test -d "$$(rustc --print sysroot)/lib/rustlib/wasm32-unknown-unknown" || rustup target add wasm32-unknown-unknown || { \
 		echo "the playground needs Rust's target wasm32-unknown-unknown: rustup target add wasm32-unknown-unknown" >&2; exit 1; }
 	@touch $@
 
@@ -136,8 +137,8 @@ $(BINDGEN): web/bindgen/Cargo.lock web/bindgen/src/main.rs | web/.tools
 	@touch $@
 
 web/generated/core.bin: $(WASM_SOURCES) $(BINDGEN) | web/.tools
-	@echo "== compiling the core to WebAssembly (about four minutes the first time)"
-	CARGO_TARGET_DIR=target/wasm cargo build --release --locked --quiet -p bowstring-wasm --target wasm32-unknown-unknown
+	@echo "== compiling the core to WebAssembly: about two minutes the first time"
+	CARGO_TARGET_DIR=target/wasm cargo build --release --locked -p bowstring-wasm --target wasm32-unknown-unknown
 	$(BINDGEN) $(WASM) web/generated
 
 web/dist/index.html: web/generated/core.bin web/node_modules/.installed $(WEB_SOURCES)

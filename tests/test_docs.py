@@ -250,6 +250,7 @@ def test_equations_cited_in_the_code_exist() -> None:
         for equation in range(1, 1 + (theory / f"{page}.md").read_text("utf-8").count("\n:label:"))
     }
     sources = [
+        *(ROOT / "crates" / "bowstring-rod" / "src").rglob("*.rs"),
         *(ROOT / "crates" / "bowstring-core" / "src").rglob("*.rs"),
         *(ROOT / "python" / "bowstring").rglob("*.py"),
     ]
