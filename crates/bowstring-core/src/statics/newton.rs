@@ -7,7 +7,7 @@ use crate::dispatch::Passes;
 use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::outcome::{Outcome, Settings};
-use crate::rod::chain::Step;
+use crate::rod::newton_step::Step;
 
 /// Most Newton steps for a load.
 pub(super) const MAX_ITERATIONS: usize = 200;

@@ -4,8 +4,8 @@
 
 use crate::criteria::solve_regularised;
 use crate::outcome::PathOutcome;
-use crate::rod::chain::Sources;
 use crate::rod::estimate::{ErrorEstimate, Verdict};
+use crate::rod::responses::Sources;
 use crate::statics::path_step::PathStep;
 
 /// Safety factors of the error estimates of tip and tension with a memory: the estimate keeps span tensions and unloaded curvatures constant, which change with the bends. Measured

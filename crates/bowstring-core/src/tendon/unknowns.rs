@@ -6,7 +6,7 @@ use super::friction::Friction;
 use super::history::{History, Slip};
 use super::tendons::Tendons;
 use crate::math::mlcp::{Complementarity, Side};
-use crate::rod::chain::Sources;
+use crate::rod::responses::Sources;
 use crate::rod::routed::RoutedRod;
 
 /// Negligible slack, over the robot's length.

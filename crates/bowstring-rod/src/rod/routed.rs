@@ -2,7 +2,7 @@
 //!
 //! Theory: docs/theory/actuation.md.
 
-use crate::rod::chain::Sources;
+use crate::rod::responses::Sources;
 
 /// A rod with tendons routed along it.
 pub trait RoutedRod {

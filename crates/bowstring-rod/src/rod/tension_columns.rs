@@ -13,8 +13,9 @@
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::rod::chain::{blocks, in_group, Rod};
+use crate::rod::chain::{in_group, Rod};
 use crate::rod::module::{Hessian, Span};
+use crate::rod::newton_step::blocks;
 
 /// Unit tensions as right-hand sides of the rod's tangent: one column for each unknown tension.
 #[derive(Clone)]

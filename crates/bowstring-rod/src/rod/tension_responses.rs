@@ -7,7 +7,8 @@ use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::model::load::TendonPath;
-use crate::rod::chain::{same, same_mat, widen, Rod, Sources};
+use crate::rod::chain::Rod;
+use crate::rod::responses::{same, same_mat, widen, Sources};
 
 impl<L: Layout, const A: usize> Rod<L, A> {
     /// Derivatives of the tip's position (m/N) and rotation (rad/N) with respect to each tension at

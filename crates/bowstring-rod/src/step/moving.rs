@@ -12,7 +12,8 @@ use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::model::load::{Load, TendonPath};
-use crate::rod::chain::{put, Sources};
+use crate::rod::chain::put;
+use crate::rod::responses::Sources;
 use crate::rod::routed::RoutedRod;
 
 /// Rounding error of the forces of a step, over their sum.
