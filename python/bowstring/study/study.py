@@ -74,7 +74,7 @@ from bowstring.study.verdict import Verdict, judge
 from bowstring.validation import choice, instance, share_of_length, shown
 from bowstring.validity.loading import FARTHEST, MAX_BEND, TRIED, Loading, largest_load, turned
 from bowstring.validity.maps import ValidityMap
-from bowstring.validity.spread import Spread, assumed_distributions, validity_spread
+from bowstring.validity.spread import Spread, assumed_distributions, sampled
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
@@ -857,20 +857,19 @@ def _spreads(robot: Robot, settings: Settings, given: Any) -> tuple[Spread, ...]
         joint = assumed_distributions(free) if given is None else given
     except InputError:  # nothing may vary by the assumed sizes
         return ()
+    spread_of = sampled(
+        free,
+        joint,
+        MEANINGS,
+        tolerance=settings.tolerance,
+        points=_ASSUMED_POINTS if given is None else _GIVEN_POINTS,
+        loading=loading,
+        model=RodModel(settings.theory),
+    )
     out = []
     for name in MEANINGS:
         with suppress(NoSolutionError):
-            out.append(
-                validity_spread(
-                    free,
-                    joint,
-                    name=name,
-                    tolerance=settings.tolerance,
-                    points=_ASSUMED_POINTS if given is None else _GIVEN_POINTS,
-                    loading=loading,
-                    model=RodModel(settings.theory),
-                )
-            )
+            out.append(spread_of(name))
     return tuple(out)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
     from bowstring.schemas import maps as schema
 
-__all__ = ["Spread", "assumed_distributions", "validity_spread"]
+__all__ = ["Spread", "assumed_distributions", "sampled", "validity_spread"]
 
 Floats = NDArray[np.float64]
 
@@ -279,8 +279,55 @@ def validity_spread(
     NoSolutionError
         If too few samples have a result.
     """
+    return sampled(
+        robot,
+        distributions,
+        (name,),
+        tolerance=tolerance,
+        points=points,
+        loading=loading,
+        load=load,
+        model=model,
+        progress=progress,
+    )(name)
+
+
+def sampled(
+    robot: Robot,
+    distributions: Distributions | str | Path | Mapping[str, Any],
+    names: Sequence[str],
+    *,
+    tolerance: float | str,
+    points: int,
+    loading: Loading | None = None,
+    load: Load | None = None,
+    model: RodModel | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Callable[[str], Spread]:
+    """Solve the samples of `validity_spread` once for several models of constant curvature.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Models. If the loading has no largest tension, the ramp ends at 1.5 times the largest of
+        their limits.
+    robot, distributions, tolerance, points, loading, load, model, progress
+        As for `validity_spread`.
+
+    Returns
+    -------
+    callable
+        Function from the name of a model to its `Spread`; raises `NoSolutionError` if too few
+        samples have a result.
+
+    Raises
+    ------
+    InputError
+        If a distribution or another argument is wrong.
+    """
     check_robot(robot)
-    choice("name", name, list(LAWS))
+    for name in names:
+        choice("name", name, list(LAWS))
     tolerance = share_of_length("tolerance", tolerance)
     loading, load = instance("loading", loading, Loading), instance("load", load, Load)
     joint = distributions
@@ -300,15 +347,19 @@ def validity_spread(
 
     theory = as_model(model)
     own = ramps(Rods(nominal, theory, load), top)
-    (limit,), (own_solved,) = _limit(nominal, own, name, tolerance)
-    if loading.max_tension is None and math.isfinite(limit) and limit > 0.0:
-        top = min(top, _MARGIN * float(limit))
+    of_nominal = {name: _limit(nominal, own, name, tolerance) for name in names}
+    largest = max(float(limit[0]) for limit, _ in of_nominal.values())
+    if loading.max_tension is None and math.isfinite(largest) and largest > 0.0:
+        top = min(top, _MARGIN * largest)
 
     def results(samples: Floats) -> Floats:
         rods = replace(_rods(robot, load, joint.by_path(samples)), model=theory)
         found = ramps(rods, top)
-        error = _known_errors(nominal, found, name)
-        return np.stack([*_limit(nominal, found, name, tolerance), error[:, -1]], axis=1)
+        columns = []
+        for name in names:
+            error = _known_errors(nominal, found, name)
+            columns += [*_limit(nominal, found, name, tolerance), error[:, -1]]
+        return np.stack(columns, axis=1)
 
     design = SaltelliDesign(joint, points)
     report = progress or (lambda what, done: None)
@@ -316,29 +367,36 @@ def validity_spread(
         results, design, rows=_BLOCK, progress=lambda done: report("samples", 0.9 * done)
     )
     report("indices", 0.9)
-    try:
-        of_limit = sobol_indices(design, outputs[:, 0])
-    except NoSolutionError:  # it holds to the end of the ramp in most samples
-        of_limit = None
-    of_error = sobol_indices(design, outputs[:, 2])
-    sample = outputs[design.rows_of_sample]
-    report("done", 1.0)
-    return Spread(
-        robot,
-        joint,
-        name,
-        tolerance,
-        top,
-        float(limit),
-        bool(own_solved),
-        sample[:, 0],
-        sample[:, 1] > 0.0,
-        sample[:, 2],
-        summarise(sample[:, 0]),
-        summarise(sample[:, 2], tolerance=tolerance),
-        of_limit,
-        of_error,
-    )
+    by_name = dict(zip(names, np.split(outputs, len(names), axis=1), strict=True))
+
+    def spread(name: str) -> Spread:
+        (limit,), (own_solved,) = of_nominal[name]
+        found = by_name[name]
+        try:
+            of_limit = sobol_indices(design, found[:, 0])
+        except NoSolutionError:  # it holds to the end of the ramp in most samples
+            of_limit = None
+        of_error = sobol_indices(design, found[:, 2])
+        sample = found[design.rows_of_sample]
+        report("done", 1.0)
+        return Spread(
+            robot,
+            joint,
+            name,
+            tolerance,
+            top,
+            float(limit),
+            bool(own_solved),
+            sample[:, 0],
+            sample[:, 1] > 0.0,
+            sample[:, 2],
+            summarise(sample[:, 0]),
+            summarise(sample[:, 2], tolerance=tolerance),
+            of_limit,
+            of_error,
+        )
+
+    return spread
 
 
 def assumed_distributions(robot: Robot) -> Distributions:
