@@ -308,7 +308,7 @@ def _errors(panel: Axes, found: ValidityMap, name: str) -> set[str]:
         # up to the line at the tolerance, which runs between the points
         top = max(float(fine.max()), 1.01 * found.tolerance)
         above = panel.contourf(x, y, fine, levels=[found.tolerance, top], colors="none")
-        for key in present - {_NO_ARC}:
+        for key in sorted(present - {_NO_ARC}):  # in any order the file would differ by run
             colour = to_rgba(LIGHT[CAUSES[key]], SHADE) if key else LIGHT["grid"]
             here = np.where(cause == key, 1.0, 0.0)
             part = panel.contourf(x, y, here, levels=[0.5, 1.5], colors=[colour])
