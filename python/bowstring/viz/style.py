@@ -94,6 +94,9 @@ def figure_style() -> Iterator[None]:
             "svg.fonttype": "none",
             "svg.hashsalt": "bowstring",
             "pdf.fonttype": 42,  # TrueType; IEEE refuses Type 3 fonts
+            # no layout but the figure's own
+            "figure.autolayout": False,
+            "figure.constrained_layout.use": False,
         }
     ):
         yield
@@ -139,7 +142,8 @@ def save_figure(figure: Figure, path: Path, suffixes: Sequence[str] = (".png", "
     """Save a figure in each format; `path` has no suffix."""
     if (engine := figure.get_layout_engine()) is not None:
         engine.execute(figure)
-        figure.set_layout_engine("none")  # one layout for all file formats
+        # one layout for all file formats; with "none", each would be drawn twice
+        figure.set_layout_engine()
     for suffix in suffixes:
         save(figure, Path(f"{path}{suffix}"), _DPI)
 
