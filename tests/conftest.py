@@ -12,10 +12,11 @@ import pytest
 
 from bowstring import interrupts
 from bowstring.robot.reader import load_robot
-from bowstring.study import report
+from bowstring.study import study
 from bowstring.study.study import Study, run_study
+from bowstring.validity import contour
 from made_once import common_folder, made_once
-from shell import Shell
+from shell import Shell, process
 
 
 @pytest.fixture(scope="session")
@@ -31,11 +32,29 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 
 @pytest.fixture(scope="session")
-def written(paper: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of its report, which no test changes."""
-    return made_once(
-        common_folder(tmp_path_factory) / "written", lambda part: report.write(paper, part)
-    )
+def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The report by `bowstring study` in a process of its own, and what it printed as JSON."""
+    folder = common_folder(tmp_path_factory) / "written"
+
+    def study(part: Path) -> None:
+        done = process("study", "--out", str(folder), "--json")
+        assert done.returncode == 0 and not done.stderr, done.stderr
+        part.write_text(done.stdout, "utf-8")
+
+    return folder, made_once(folder.with_suffix(".json"), study).read_text("utf-8")
+
+
+@pytest.fixture(scope="session")
+def written(studied: tuple[Path, str]) -> Path:
+    """The folder of the report of the study `paper`, which no test changes."""
+    return studied[0]
+
+
+@pytest.fixture
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few samples of uncertain numbers and coarse lines in maps, for tests of other results."""
+    monkeypatch.setattr(study, "_ASSUMED_POINTS", 16)
+    monkeypatch.setattr(contour, "_CELLS", 16)
 
 
 @pytest.fixture(autouse=True)

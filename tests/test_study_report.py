@@ -525,6 +525,7 @@ def test_the_terminal_begins_with_the_verdict_in_25_lines(paper: Study, width: i
     assert "Friction 0.1 (assumed)" in text and "--verbose" in text
 
 
+@pytest.mark.usefixtures("coarse")
 def test_loads_without_equilibrium_are_said_first() -> None:
     """A mean over one load, that without tension, is no mean; one over three says so."""
     soft = {
