@@ -640,6 +640,7 @@ def test_a_map_that_is_solved_at_one_point_says_so() -> None:
     assert "1 of 2 points: not solved (at 1000000000 N): the solver gave up beyond 0 N" in said
 
 
+@pytest.mark.usefixtures("coarse")
 def test_a_map_that_is_solved_in_a_part_names_their_number() -> None:
     axes = ["tension=0:1e9 N:2", "E=30:40 GPa:2"]
     found = validity_map(ROBOT, axes, loading=Loading(None, 5), models=[LENGTHS])
