@@ -1,4 +1,4 @@
-# Everything happens in .venv and .venv-*; nothing outside this folder is touched.
+# Everything happens in .venv, .venv-* and target; outside this folder, only playground adds a target to Rust.
 PYTHON ?= python3
 ROBOT ?= amouri2019
 RESOLUTION ?= lowest-direct
@@ -124,8 +124,9 @@ playground: web/dist/index.html ## the page in web/dist, which any web server ca
 web/.tools:
 	@command -v npm >/dev/null || { echo "the playground needs Node.js 20 or newer with npm" >&2; exit 1; }
 	@command -v cargo >/dev/null || { echo "the playground needs a Rust toolchain (1.89 or newer)" >&2; exit 1; }
-	@test -d "$$(rustc --print sysroot)/lib/rustlib/wasm32-unknown-unknown" || rustup target add wasm32-unknown-unknown || { \
-		echo "the playground needs Rust's target wasm32-unknown-unknown: rustup target add wasm32-unknown-unknown" >&2; exit 1; }
+	@test -d "$$(rustc --print sysroot)/lib/rustlib/wasm32-unknown-unknown" || \
+		{ command -v rustup >/dev/null && rustup target add wasm32-unknown-unknown; } || { \
+		echo "the playground needs Rust's target wasm32-unknown-unknown: install Rust by rustup, or the target as a package of your system" >&2; exit 1; }
 	@touch $@
 
 web/node_modules/.installed: web/package.json web/package-lock.json | web/.tools

@@ -8,7 +8,19 @@
 #[cfg(target_arch = "x86_64")]
 use bowstring_rod::lanes;
 use bowstring_rod::{criteria, dispatch, outcome, step};
-pub use bowstring_rod::{interrupt, math, memory, model, rod};
+pub use bowstring_rod::{interrupt, memory, model};
+
+/// Real numbers, small linear algebra, rotations, and the choice of instructions.
+pub mod math {
+    pub(crate) use bowstring_rod::math::{anderson, bounded, mlcp, series, symmetric, vectorize};
+    pub use bowstring_rod::math::{instructions, lie, linalg, real, widest_instructions};
+}
+
+/// Error estimates and derivatives of an equilibrium.
+pub mod rod {
+    pub use bowstring_rod::rod::{estimate, sensitivity};
+    pub(crate) use bowstring_rod::rod::{newton_step, responses, routed};
+}
 
 pub mod arc;
 pub mod stress;

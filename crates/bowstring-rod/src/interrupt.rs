@@ -3,6 +3,7 @@
 //! Loops count their work with [`work`]; after each `QUANTUM` of it the caller of [`watched`] is
 //! polled for an interruption. Between two polls, counting costs a subtraction. Interrupted work
 //! ends early, as if it had not converged, and its results must not be used.
+#![warn(missing_docs)]
 
 use std::cell::{Cell, RefCell};
 #[cfg(feature = "threads")]

@@ -2,7 +2,7 @@
 //! processor: plain ones, modules of one robot in SIMD lanes, or several robots in lanes.
 //!
 //! It is compiled for each of them, which takes minutes. The algorithms see it through the traits of
-//! [`dispatch`] and [`lanes`], and are compiled once, in `bowstring-core`.
+//! `dispatch`, `step` and, on x86-64, `lanes`, and are compiled once, in `bowstring-core`.
 #![cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
 
 // each folder uses only those above it in this list

@@ -1,4 +1,5 @@
 //! Memory estimates, checked before work begins: a failed allocation would abort the process.
+#![warn(missing_docs)]
 
 use crate::interrupt;
 use crate::model::error::InputError;

@@ -1,6 +1,7 @@
 //! Status of a solve or a step of a path, and the scales of its tolerances.
 //!
 //! Theory: docs/theory/statics.md (Globalisation, Stability).
+#![warn(missing_docs)]
 
 use crate::criteria::TOLERANCE;
 use crate::model::load::Load;
@@ -156,6 +157,7 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Scales of a robot with `elements` in a module.
     pub fn new(robot: &Robot, elements: usize) -> Self {
         let stiffnesses = (0..robot.module_count()).flat_map(|k| {
             let arc = robot.modules[k].flexible / elements as f64;

@@ -5,12 +5,13 @@
 use super::integrator::check;
 use super::settings::{Integrator, Step};
 use crate::dispatch;
+use crate::math::real::MOST_LANES;
 use crate::model::error::{Argument, InputError, Rule};
 use crate::model::load::{Load, Model, OwnedLoad};
 use crate::model::robot::Robot;
 use crate::statics::batch::for_each;
 use crate::statics::solver::{self, Solver, Status};
-use crate::step::{Advanced, Flags, MotionsSideBySide, Period, MOST_LANES};
+use crate::step::{Advanced, Flags, MotionsSideBySide, Period};
 
 /// Largest moment imbalance of a converged step, over (bending stiffness / length): with numerical
 /// damping, and without it, where errors of energy accumulate.

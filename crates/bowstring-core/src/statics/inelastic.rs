@@ -98,7 +98,7 @@ impl UnloadedCurvature {
                 hysteresis: hysteresis.get(segment).copied().unwrap_or_default(),
                 relaxation: relaxation.get(segment).copied().unwrap_or_default(),
                 rest: Vec3(robot.profile(k).sections()[0].rest_curvature),
-                per_length: 1.0 / robot.modules[k].flexible,
+                per_length: 1.0 / robot.flexible_length(k),
                 carried: [[0.0; 2]; TERMS],
                 now: [0.0; TERMS],
             }

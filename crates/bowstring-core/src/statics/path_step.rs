@@ -15,8 +15,8 @@ use crate::tendon::{Command, History, Transmission};
 
 // Tuned constants of the iteration. Lengths are fractions of the robot's length.
 
-/// Length error where tensions are determined by regularisation alone, which needs a much smaller one
-/// than [`LOOSE`].
+/// Length error where tensions are determined by regularisation alone, which needs a much smaller
+/// one than [`LOOSE`].
 const TIGHT: f64 = 1e-14;
 /// Largest elongation due to regularisation: far below any that is measurable.
 const MAX_REGULARISATION_LENGTH: f64 = 1e-9;

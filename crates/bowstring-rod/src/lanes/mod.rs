@@ -4,5 +4,4 @@ pub mod loads;
 pub mod paths;
 pub mod polynomial;
 
-/// Most lanes.
-pub const MOST_LANES: usize = 8;
+pub use crate::math::real::MOST_LANES;

@@ -2,9 +2,8 @@
 //!
 //! Theory: docs/theory/actuation.md (Eq. 4.2 and 4.6).
 //!
-//! Takes tendons without friction and plain Newton steps only, as the solver of single paths does in the
-//! regular case: a positive definite tangent, one element in a module. Other steps are left to the solver of
-//! single paths.
+//! Takes tendons without friction and plain Newton steps only, as the solver of single paths does in
+//! the regular case: a positive definite tangent, one element in a module. Other steps are left to it.
 
 use super::loads::{disk_forces, of_lane};
 use super::MOST_LANES;
@@ -49,8 +48,8 @@ pub trait PathsSideBySide {
     fn set_paths(&mut self, paths: &[LanePath]);
     /// Returns to the states of `set_paths`.
     fn restart(&mut self);
-    /// One step of each path from its last state; `None` for those left to the solver of single paths, whose
-    /// later steps are left to it as well.
+    /// One step of each path from its last state; `None` for those left to the solver of single
+    /// paths, whose later steps are left to it as well.
     fn step(&mut self, steps: &[LaneStep]) -> PathOutcomes;
     /// Last state of a lane.
     fn last(&self, lane: usize) -> LaneState;

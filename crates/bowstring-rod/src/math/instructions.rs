@@ -1,4 +1,5 @@
 //! Processor instruction sets for which the passes are compiled, and the choice among them.
+#![warn(missing_docs)]
 
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 

@@ -5,6 +5,7 @@
 //! An arc of length `l` has the rotation vector `w`, constant in its own frame. All functions
 //! depend on `x = |w|^2` through Stumpff's functions `c_k(x)`, which are smooth at the straight arc
 //! `w = 0`.
+#![warn(missing_docs)]
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;

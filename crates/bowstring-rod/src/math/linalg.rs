@@ -3,6 +3,7 @@
 //! No closures and no `array::map` here: they would not inline. Own code instead of a library,
 //! because the same arithmetic runs on one robot and on SIMD lanes of robots, and must inline into
 //! code compiled for the processor found at run time.
+#![warn(missing_docs)]
 
 use crate::math::real::Real;
 use crate::math::series::small_arc_tangent;

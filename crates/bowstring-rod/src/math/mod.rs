@@ -11,7 +11,7 @@ pub mod mlcp;
 pub mod real;
 pub mod series;
 #[cfg(target_arch = "x86_64")]
-pub mod simd;
+pub(crate) mod simd;
 pub mod symmetric;
 
 use instructions::Instructions;

@@ -2,6 +2,7 @@
 //!
 //! A single solve puts modules side by side, a batch puts robots side by side; `Layout` names the
 //! number types of both. The mechanics is written once, over [`Real`].
+#![warn(missing_docs)]
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
@@ -52,6 +53,9 @@ impl<C> Maybe<C> for Never {
         None
     }
 }
+
+/// Most lanes of a number.
+pub const MOST_LANES: usize = 8;
 
 /// Operations of a number in the mechanics.
 pub trait Real:

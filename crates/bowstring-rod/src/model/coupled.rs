@@ -153,6 +153,7 @@ impl CoupledSection {
         }
     }
 
+    /// Refuses a section of a segment that no material has.
     pub fn check(&self, segment: usize) -> Result<(), InputError> {
         let refuse = |rule| {
             let given = self.stiffness.as_flattened();

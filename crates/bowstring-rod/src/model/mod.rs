@@ -1,4 +1,5 @@
 //! Robot, loads and errors: checked input.
+#![warn(missing_docs)]
 
 pub mod coupled;
 pub mod error;

@@ -271,9 +271,19 @@ pub enum Place {
     /// At the base, which does not move.
     Base,
     /// On a disk or its clamped length, so far beyond its station (m).
-    Disk { disk: usize, beyond: f64 },
+    Disk {
+        /// The disk.
+        disk: usize,
+        /// Distance beyond its station (m).
+        beyond: f64,
+    },
     /// At a fraction of the flexible length of a module.
-    Between { module: usize, fraction: f64 },
+    Between {
+        /// The module.
+        module: usize,
+        /// Fraction of its flexible part.
+        fraction: f64,
+    },
 }
 
 /// Distance over the flexible length of a module below which a section belongs to the clamp there.
@@ -308,7 +318,7 @@ pub fn place(modules: impl IntoIterator<Item = [f64; 3]>, arc_length: f64) -> Pl
 #[derive(Clone, Debug)]
 pub struct Robot {
     spec: RobotSpec,
-    pub modules: Vec<Module>,
+    pub(crate) modules: Vec<Module>,
 }
 
 impl Robot {
@@ -449,6 +459,11 @@ impl Robot {
         }
         Robot::new(spec)
     }
+    /// Flexible length of a module (m).
+    pub fn flexible_length(&self, module: usize) -> f64 {
+        self.modules[module].flexible
+    }
+
     /// Number of modules, which is the number of disks.
     pub fn module_count(&self) -> usize {
         self.modules.len()
@@ -519,6 +534,7 @@ impl Robot {
         let coupled = |p: &Profile| matches!(p, Profile::Coupled(_));
         self.spec.backbone.iter().any(coupled)
     }
+    /// Sections along the backbone of a module.
     pub fn profile(&self, module: usize) -> &Profile {
         &self.spec.backbone[self.modules[module].segment]
     }

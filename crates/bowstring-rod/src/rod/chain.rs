@@ -9,7 +9,7 @@
 use crate::math::copies;
 use crate::math::lie::Pose;
 use crate::math::linalg::{Mat3, Vec3};
-use crate::math::real::{Layout, Real};
+use crate::math::real::{Layout, Real, MOST_LANES};
 use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::{Payload, Robot};
 use crate::rod::attached::Attached;
@@ -213,7 +213,13 @@ fn of_modules<P>(robots: &[Robot], of: impl Fn(&Robot, usize) -> P) -> Vec<P> {
 
 /// Values of the modules in the lanes of a group: `width` modules of the first robot, or one module
 /// of several robots. The last of them is also in the lanes beyond.
-fn lanes_of<P>(of: &[P], modules: usize, robots: usize, width: usize, group: usize) -> [&P; 8] {
+fn lanes_of<P>(
+    of: &[P],
+    modules: usize,
+    robots: usize,
+    width: usize,
+    group: usize,
+) -> [&P; MOST_LANES] {
     std::array::from_fn(|lane| match width {
         1 => &of[lane.min(robots - 1) * modules + group],
         _ => &of[(group * width + lane).min(modules - 1)],

@@ -226,15 +226,13 @@ impl<T: Real, const A: usize> State<T, A> {
         }
     }
 
-    /// Gradient of a coupled section; see [`State::gradient`].
-    #[cold]
+    /// Gradient of a section that may be coupled; see [`State::gradient`].
     #[inline(never)]
     pub fn coupled_gradient(&self, c: &Constants<T, A>, t: &Tendons<T>, out: &mut Gradient<T, A>) {
         self.gradient_of::<true>(c, t, out);
     }
 
-    /// Second derivatives of a coupled section; see [`State::hessian`].
-    #[cold]
+    /// Second derivatives of a section that may be coupled; see [`State::hessian`].
     #[inline(never)]
     pub fn coupled_hessian<const CONDENSED: bool>(
         &self,

@@ -5,6 +5,7 @@
 //! The elements of each module have a defect (`defect`). One substitution by the last Newton step's
 //! elimination gives the correction of the whole rod that removes all defects, and so the error of
 //! tip and lengths, also where a load near buckling amplifies it (defect correction: Stetter 1978).
+#![warn(missing_docs)]
 
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
@@ -40,6 +41,7 @@ const SAFETY_FOLDED: f64 = 12.0;
 
 /// Conclusions about a converged solution from its estimate.
 pub struct Verdict {
+    /// Estimated error.
     pub error: ErrorEstimate,
     /// Stability; `None` where the elements are too coarse to confirm a stable equilibrium.
     pub stable: Option<bool>,
@@ -123,6 +125,7 @@ pub struct Correction<T> {
 }
 
 impl<T: Real> Correction<T> {
+    /// Correction of one lane.
     #[inline(always)]
     pub fn of_lane(&self, lane: usize) -> Correction<f64> {
         Correction {

@@ -426,7 +426,7 @@ impl<T: Real, const A: usize> State<T, A> {
         }
     }
 
-    /// Moment imbalance of each arc; `COUPLED`: the strains of the section are.
+    /// Moment imbalance of each arc; `COUPLED`: the strains of the section may be.
     #[inline(always)]
     pub fn gradient_of<const COUPLED: bool>(
         &self,
@@ -522,7 +522,7 @@ impl<T: Real, const A: usize> State<T, A> {
         }
     }
 
-    /// Second derivatives; `COUPLED`: the strains of the section are.
+    /// Second derivatives; `COUPLED`: the strains of the section may be.
     #[inline(always)]
     pub fn hessian_of<const CONDENSED: bool, const COUPLED: bool>(
         &self,
@@ -808,7 +808,7 @@ impl<T: Real, const A: usize> State<T, A> {
         }
     }
 
-    /// The same; `COUPLED`: the strains of the section are.
+    /// The same; `COUPLED`: the strains of the section may be.
     #[inline(always)]
     fn add_dead_loads_of<const COUPLED: bool>(
         &self,

@@ -5,6 +5,7 @@
 //!
 //! The elimination of the Newton step is applied to further right-hand sides: a parameter changes
 //! the force on a module's end, the position of its end, and the moments on its arcs.
+#![warn(missing_docs)]
 
 use crate::interrupt;
 use crate::math::copies;

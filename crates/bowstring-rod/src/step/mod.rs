@@ -64,4 +64,4 @@ pub use motion::Motion;
 pub use moving::Moving;
 pub use record::{DiskFields, Fields, SectionFields, TendonFields};
 pub use scheme::Damping;
-pub use side_by_side::{Advanced, Flags, MotionsSideBySide, Period, SideBySide, MOST_LANES};
+pub use side_by_side::{Advanced, Flags, MotionsSideBySide, Period, SideBySide};

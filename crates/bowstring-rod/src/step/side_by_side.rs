@@ -13,13 +13,10 @@ use super::spans::CONTACT;
 use super::strain::StrainHistory;
 use crate::math::copies;
 use crate::math::linalg::Vec3;
-use crate::math::real::{Layout, Real};
+use crate::math::real::{Layout, Real, MOST_LANES};
 use crate::model::load::{Load, TendonPath};
 use crate::rod::chain::in_group;
 use crate::rod::module::Span;
-
-/// Most lanes.
-pub const MOST_LANES: usize = 8;
 
 /// One truth value of each lane.
 pub type Flags = [bool; MOST_LANES];

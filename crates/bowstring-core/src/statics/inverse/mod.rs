@@ -25,8 +25,7 @@ pub use task::{Limits, Target};
 
 use crate::math::linalg::Vec3;
 use crate::model::error::InputError;
-use crate::model::load::LEVELS;
-use crate::model::load::{Load, OwnedLoad, RodModel, TendonPath};
+use crate::model::load::{Load, OwnedLoad, RodModel, TendonPath, LEVELS};
 use crate::model::robot::Robot;
 use crate::outcome::Outcome;
 use arcs::Arcs;
