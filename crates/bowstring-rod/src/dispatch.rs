@@ -3,6 +3,7 @@
 //! Each pass is compiled once for each number type with the processor instructions that it needs;
 //! the algorithms that call the passes are written and compiled once.
 
+use crate::lanes;
 use crate::math::instructions::Instructions;
 use crate::math::lie::Pose;
 use crate::math::linalg::{Mat3, Vec3};
@@ -13,7 +14,7 @@ use crate::memory;
 use crate::model::error::InputError;
 use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::Robot;
-use crate::rod::chain::{get, Rod};
+use crate::rod::chain::{get, in_group, Rod};
 use crate::rod::estimate::Correction;
 use crate::rod::newton_step::Step;
 use crate::rod::responses::Sources;
@@ -271,16 +272,16 @@ trait Build {
 }
 
 /// Constructs it in the fastest number type of this processor up to `most`. SIMD lanes are used for
-/// one element in a module only, and not for coupled sections, which are rare.
+/// one element in a module only.
 #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
 fn build<B: Build>(
-    robot: &Robot,
+    in_lanes: bool,
     elements: usize,
     most: Instructions,
     of: B,
 ) -> Result<B::Built, InputError> {
     #[cfg(target_arch = "x86_64")]
-    if elements == 1 && !robot.is_coupled() {
+    if elements == 1 && in_lanes {
         if let (Instructions::Avx512, Some(simd)) = (most, Avx512::detect()) {
             return Ok(of.build::<_, 2>(Modules(simd)));
         }
@@ -342,7 +343,7 @@ pub fn up_to(
     // two elements are often chosen; finer rods are rare, and verify these. Where a load acts between
     // two disks, plain numbers take their place ([`Passes::divides`]).
     #[cfg(target_arch = "x86_64")]
-    if elements == 2 && !robot.is_coupled() {
+    if elements == 2 && lanes::fit(robot, model) {
         if let (Instructions::Avx512, Some(simd)) = (most, Avx512::detect()) {
             return Ok(AtRest(robot, model).build::<_, 4>(Modules(simd)));
         }
@@ -350,7 +351,8 @@ pub fn up_to(
             return Ok(AtRest(robot, model).build::<_, 4>(Modules(simd)));
         }
     }
-    build(robot, elements, most, AtRest(robot, model))
+    let in_lanes = lanes::fit(robot, model);
+    build(in_lanes, elements, most, AtRest(robot, model))
 }
 
 /// Memory of a rod (bytes) and of the responses to `columns` single tensions; a rod in SIMD lanes
@@ -461,8 +463,9 @@ impl<const A: usize> Plain for Rod<Scalar, A> {
         let mut points = vec![Vec3::zero()];
         let mut from = Vec3::zero();
         for (k, (state, c)) in self.states.iter().zip(&self.constants).enumerate() {
+            let t = in_group(&self.tendons, &self.tensions, self.path, k);
             for j in 1..per_module {
-                let local = state.point(c, j as f64 / per_module as f64);
+                let local = state.point(c, &t, j as f64 / per_module as f64);
                 points.push(from + self.rotations[k] * local);
             }
             from = self.placed.positions[k];
@@ -518,7 +521,8 @@ pub fn moving(
         }
     }
     let of = InMotion(robot, model, gravity, damping);
-    build(robot, elements, Instructions::Avx512, of)
+    let in_lanes = lanes::fit(robot, model);
+    build(in_lanes, elements, Instructions::Avx512, of)
 }
 
 /// Motions side by side in the lanes of this processor, under a dead force on the tip: eight, four or
@@ -540,12 +544,12 @@ pub fn motions_side_by_side(
     }
     let of = (robot, model, damping, load);
     #[cfg(target_arch = "x86_64")]
-    if elements == 1 && model.tendon == TendonPath::Straight && !robot.is_coupled() {
+    if elements == 1 && lanes::fit(robot, model) {
         if let Some(simd) = Avx512::detect() {
-            return Ok(make::<_, 2>(Robots::<_, false>(simd), of));
+            return Ok(make::<_, 2>(Robots(simd), of));
         }
         if let Some(simd) = Avx2::detect() {
-            return Ok(make::<_, 2>(Robots::<_, false>(simd), of));
+            return Ok(make::<_, 2>(Robots(simd), of));
         }
     }
     Ok(match elements {

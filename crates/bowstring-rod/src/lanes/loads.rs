@@ -17,7 +17,7 @@ use crate::math::lie::Pose;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::math::simd::{Avx2, Avx512, Robots, Simd};
-use crate::model::load::{Load, Model, RodModel, TendonPath};
+use crate::model::load::{Load, Model, RodModel};
 use crate::model::robot::Robot;
 use crate::outcome::{Outcome, Settings, Status};
 use crate::rod::chain::Rod;
@@ -98,7 +98,7 @@ fn side_by_side(
     elements: usize,
     automatic: bool,
 ) -> Option<Box<dyn SideBySide>> {
-    if robot.is_coupled() {
+    if !super::fit(robot, model) {
         return None;
     }
     if let Some(simd) = Avx512::detect() {
@@ -114,20 +114,10 @@ fn with<S: Simd>(
     elements: usize,
     automatic: bool,
 ) -> Option<Box<dyn SideBySide>> {
-    let straight = Robots::<S, false>(simd);
-    Some(match (model.tendon, elements) {
-        (TendonPath::Straight, 1) => {
-            Box::new(Lanes::<S, false, 2>::new(straight, robot, model, automatic))
-        }
-        (TendonPath::Straight, 2) => {
-            Box::new(Lanes::<S, false, 4>::new(straight, robot, model, automatic))
-        }
-        (TendonPath::Continuous, 1) => {
-            let continuous = Robots::<S, true>(simd);
-            Box::new(Lanes::<S, true, 2>::new(
-                continuous, robot, model, automatic,
-            ))
-        }
+    let layout = Robots(simd);
+    Some(match elements {
+        1 => Box::new(Lanes::<S, 2>::new(layout, robot, model, automatic)),
+        2 => Box::new(Lanes::<S, 4>::new(layout, robot, model, automatic)),
         _ => return None,
     })
 }
@@ -145,8 +135,8 @@ pub(super) fn disk_forces<'a, 'l: 'a, T: Real>(
     loaded.then_some(on_disk)
 }
 
-struct Lanes<S: Simd, const CONTINUOUS: bool, const A: usize> {
-    rod: Rod<Robots<S, CONTINUOUS>, A>,
+struct Lanes<S: Simd, const A: usize> {
+    rod: Rod<Robots<S>, A>,
     model: Model,
     settings: [Settings; MOST_LANES],
     /// Whether elements are chosen: a solution that needs more than one is rejected.
@@ -162,11 +152,11 @@ struct Lanes<S: Simd, const CONTINUOUS: bool, const A: usize> {
     start_values: Values<S::Vector>,
 }
 
-impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
+impl<S: Simd, const A: usize> Lanes<S, A> {
     /// Number of elements in a module.
     const ELEMENTS: usize = A / 2;
 
-    fn new(layout: Robots<S, CONTINUOUS>, robot: &Robot, model: Model, automatic: bool) -> Self {
+    fn new(layout: Robots<S>, robot: &Robot, model: Model, automatic: bool) -> Self {
         let straight = copies([Vec3::zero(); A], robot.module_count());
         Lanes {
             rod: Rod::new(layout, robot, model),
@@ -269,7 +259,7 @@ fn chosen<T: Real>(outcomes: &Outcomes, with: T, without: T) -> T {
     )
 }
 
-impl<S: Simd, const CONTINUOUS: bool, const A: usize> SideBySide for Lanes<S, CONTINUOUS, A> {
+impl<S: Simd, const A: usize> SideBySide for Lanes<S, A> {
     fn width(&self) -> usize {
         S::Vector::LANES
     }
@@ -362,7 +352,7 @@ impl<S: Simd, const CONTINUOUS: bool, const A: usize> SideBySide for Lanes<S, CO
     }
 }
 
-impl<S: Simd, const CONTINUOUS: bool, const A: usize> Lanes<S, CONTINUOUS, A> {
+impl<S: Simd, const A: usize> Lanes<S, A> {
     fn restart(&mut self) {
         self.rod.make_unloaded();
         self.known = [0; MOST_LANES];

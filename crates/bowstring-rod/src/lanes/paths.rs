@@ -115,7 +115,7 @@ impl<T: Real> States<T> {
 }
 
 struct PathLanes<S: Simd> {
-    rod: Rod<Robots<S, false>, 2>,
+    rod: Rod<Robots<S>, 2>,
     model: Model,
     settings: [Settings; MOST_LANES],
     /// Whether elements are chosen: a solution that needs more than one is rejected.

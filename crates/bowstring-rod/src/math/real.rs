@@ -190,9 +190,6 @@ pub trait Layout: Copy + Send + Sync + 'static {
     type Chain: Real;
     /// Number of modules side by side.
     const WIDTH: usize;
-    /// Whether tendons are continuous, where the passes are compiled for one kind of tendon: a branch
-    /// between the two costs registers.
-    const CONTINUOUS: Option<bool> = None;
     /// Number of one module.
     fn get(m: &Self::Module, i: usize) -> Self::Chain;
     /// Sets the number of one module.

@@ -306,15 +306,14 @@ impl<S: Simd> Layout for Modules<S> {
     }
 }
 
-/// Several robots side by side, with `CONTINUOUS` tendons or with straight spans.
+/// Several robots side by side.
 #[derive(Clone, Copy, Debug)]
-pub struct Robots<S, const CONTINUOUS: bool>(pub S);
+pub struct Robots<S>(pub S);
 
-impl<S: Simd, const CONTINUOUS: bool> Layout for Robots<S, CONTINUOUS> {
+impl<S: Simd> Layout for Robots<S> {
     type Module = S::Vector;
     type Chain = S::Vector;
     const WIDTH: usize = 1;
-    const CONTINUOUS: Option<bool> = Some(CONTINUOUS);
     #[inline(always)]
     fn get(m: &S::Vector, _: usize) -> S::Vector {
         *m

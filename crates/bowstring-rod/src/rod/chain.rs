@@ -501,16 +501,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// The path of the tendons.
-    #[inline(always)]
-    pub fn path(&self) -> TendonPath {
-        match L::CONTINUOUS {
-            Some(true) => TendonPath::Continuous,
-            Some(false) => TendonPath::Straight,
-            None => self.path,
-        }
-    }
-
     /// Whether all loads have a potential.
     pub fn has_potential(&self) -> bool {
         self.attached.has_potential()

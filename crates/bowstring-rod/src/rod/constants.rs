@@ -132,8 +132,9 @@ pub struct Constants<T: Real, const A: usize> {
     /// m). Those with respect to both arcs of an element, and the stiffness at its Gauss points,
     /// follow from these; solvers in lanes are slower with more numbers here.
     pub own: [Stiffness<T>; A],
-    /// Axial compliance 1 / EA where the theory has extension (1/N).
-    pub axial_compliance: T,
+    /// Mean compliance of a section to shear, 1 / GA, and extension, 1 / EA, where the theory has
+    /// them (1/N).
+    pub compliance: [T; 2],
     /// Rotation of an unloaded element (rad).
     pub rest: Vec3<T>,
     /// Coefficients d0 to d3 (m/N) of the compliance D, theory Eq. 2.5. With a coupled section that of
@@ -216,7 +217,7 @@ impl<const A: usize> Constants<f64, A> {
             reach: [m.clamp[0] - m.guides[0], m.clamp[1] - m.guides[1]],
             mass_per_length: robot.mass_per_length(k),
             own: std::array::from_fn(own),
-            axial_compliance: axial,
+            compliance: [shear, axial],
             rest: rest * h,
             coupled: Maybe::new(coupled),
             d: [
@@ -240,7 +241,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
             reach: [T::zero(); 2],
             mass_per_length: T::zero(),
             own: [Stiffness::zero(); A],
-            axial_compliance: T::zero(),
+            compliance: [T::zero(); 2],
             rest: Vec3::zero(),
             d: [T::zero(); 4],
             ends: Maybe::new(None),
@@ -260,10 +261,10 @@ impl<T: Real, const A: usize> Constants<T, A> {
         self.flexible.set_lane(lane, of.flexible);
         self.per_flexible.set_lane(lane, of.per_flexible);
         self.mass_per_length.set_lane(lane, of.mass_per_length);
-        self.axial_compliance.set_lane(lane, of.axial_compliance);
         for q in 0..2 {
             self.clamp[q].set_lane(lane, of.clamp[q]);
             self.reach[q].set_lane(lane, of.reach[q]);
+            self.compliance[q].set_lane(lane, of.compliance[q]);
         }
         for q in 0..3 {
             self.rest.0[q].set_lane(lane, of.rest[q]);
@@ -291,6 +292,23 @@ impl<T: Real, const A: usize> Constants<T, A> {
             _ => end - ends[2 * element - 1],
         };
         length * T::splat(A as f64 / 2.0)
+    }
+
+    /// Length of an arc (m).
+    #[inline(always)]
+    pub fn arc_length(&self, arc: usize) -> T {
+        let mean = self.flexible * T::splat(1.0 / A as f64);
+        if A == 2 {
+            return mean;
+        }
+        mean * self.part(arc / 2)
+    }
+
+    /// Distance from the start of the flexible part at a fraction of an element (m).
+    #[inline(always)]
+    pub fn within(&self, element: usize, fraction: f64) -> T {
+        let length = self.arc_length(2 * element) * T::splat(2.0 * fraction);
+        self.fraction(2 * element).mul_add(self.flexible, length)
     }
 
     /// Fraction of the flexible part that lies before this many arcs.

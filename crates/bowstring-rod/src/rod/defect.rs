@@ -9,8 +9,8 @@
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
-use crate::model::load::TendonPath;
 use crate::rod::constants::{Constants, Stiffness, Taper};
+use crate::rod::continuous::PulledSection;
 use crate::rod::coupling::Coupling;
 use crate::rod::module::{Gradient, State, Tendons};
 
@@ -128,7 +128,6 @@ struct Element<'a, T: Real, const A: usize, const VARIED: bool> {
     taper: Option<&'a Taper<T>>,
     /// Curvature and twist without load (1/m).
     rest: Vec3<T>,
-    stretch: T,
     tendons: &'a Tendons<'a, T>,
     constants: &'a Constants<T, A>,
     /// Mean weight per length (N/m).
@@ -169,30 +168,37 @@ impl<T: Real, const A: usize, const VARIED: bool> Element<'_, T, A, VARIED> {
         weight * (to - from)
     }
 
-    /// Curvature and twist under a moment in body axes.
+    /// Curvature and twist, and the strain along the backbone, under a moment and a force in body
+    /// axes.
     #[inline(always)]
-    fn curvature(&self, material: &Material<T>, moment: Vec3<T>, at: T) -> Vec3<T> {
+    fn strain(
+        &self,
+        material: &Material<T>,
+        moment: Vec3<T>,
+        force: Vec3<T>,
+        at: T,
+    ) -> (Vec3<T>, Vec3<T>) {
         let mut u = self.rest + material.flexibility.times(moment);
-        if self.tendons.path == TendonPath::Continuous {
-            // continuous tendons carry part of the moment, which depends on the curvature
+        let compliance = [material.shear, material.axial];
+        if self.tendons.are_continuous() {
+            // continuous tendons carry part of moment and force, which depends on the strain
+            let section = |u: Vec3<T>| {
+                PulledSection::new(self.constants, self.tendons, compliance, at, u, force)
+            };
             for _ in 0..NEWTON_ROUNDS {
-                let mut residual = moment - material.stiffness.times(u - self.rest);
-                let mut stiffness = material.stiffness.plus_mat(Mat3::zero());
-                for (holes, &tension) in self.tendons.holes.iter().zip(self.tendons.tensions) {
-                    let (hole, slope) = holes.between(self.constants, at);
-                    let mut along = slope + u.cross(hole);
-                    along.0[2] += self.stretch;
-                    let per = T::splat(1.0) / along.norm();
-                    let direction = along * per;
-                    let across = hole.cross(direction);
-                    residual -= across * tension;
-                    let square = Mat3::scalar(hole.norm2()) - hole.outer(hole);
-                    stiffness += (square - across.outer(across)) * (tension * per);
-                }
-                u += stiffness.inverse() * residual;
+                let section = section(u);
+                let residual = moment - material.stiffness.times(u - self.rest) - section.moment;
+                u += material.stiffness.plus_mat(section.stiffness()).inverse() * residual;
             }
+            return (u, Vec3::ez() + section(u).g);
         }
-        u
+        let [shear, axial] = compliance;
+        let along = Vec3([
+            force[0] * shear,
+            force[1] * shear,
+            force[2].mul_add(axial, T::splat(1.0)),
+        ]);
+        (u, along)
     }
 
     #[inline(always)]
@@ -204,14 +210,9 @@ impl<T: Real, const A: usize, const VARIED: bool> Element<'_, T, A, VARIED> {
             }
         }
         let material = self.material(from_start);
-        let curvature = self.curvature(&material, r.tr_mul(at.moment), from_start);
-        let n = r.tr_mul(force);
-        let along = *r
-            * Vec3([
-                n[0] * material.shear,
-                n[1] * material.shear,
-                n[2].mul_add(material.axial, self.stretch),
-            ]);
+        let (moment, n) = (r.tr_mul(at.moment), r.tr_mul(force));
+        let (curvature, along) = self.strain(&material, moment, n, from_start);
+        let along = *r * along;
         Section {
             rotation: r.mul_skew(curvature),
             place: along,
@@ -338,18 +339,17 @@ impl<T: Real, const A: usize> State<T, A> {
         let mean_length = c.flexible * T::splat(1.0 / elements as f64);
         let mean_per = T::splat(1.0) / mean_length;
         let weight = load.mean;
-        let shear = c.d[0] * c.per_flexible;
+        let [shear, axial] = c.compliance;
         let stiffness = c.mutual(0).scaled(T::splat(4.0) * mean_length * c.part(0));
         let element = Element::<T, A, VARIED> {
             material: Material {
                 stiffness,
                 flexibility: stiffness.inverse(),
                 shear,
-                axial: shear + c.d[1] * c.per_flexible,
+                axial,
             },
             taper: load.taper,
             rest: c.rest * mean_per,
-            stretch: c.stretch(t),
             tendons: t,
             constants: c,
             weight,

@@ -167,7 +167,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 }
             }
             let weight = weight * (c.per_flexible * L::Module::splat((A / 2) as f64));
-            let mut t = in_group(&self.tendons, &self.tensions, self.path(), g);
+            let mut t = in_group(&self.tendons, &self.tensions, self.path, g);
             t.on_nodes = self.on_nodes(g);
             let mut rhs = [Vec3::zero(); A];
             let mut load = Weight::new(weight, gravity, self.tapers.get(g));

@@ -4,8 +4,8 @@
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::model::load::TendonPath;
 use crate::rod::chain::{get, get_mat, in_group, nodes_of, put, Rod};
+use crate::rod::continuous::PulledModule;
 use crate::rod::module::Span;
 
 impl<L: Layout, const A: usize> Rod<L, A> {
@@ -30,7 +30,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     #[inline(always)]
     fn turn_disks_in_lanes(&mut self) {
-        let (path, n) = (self.path(), self.module_count());
+        let (path, n) = (self.path, self.module_count());
         let mut rotation = Mat3::identity();
         for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
             state.shape(c, &in_group(&self.tendons, &self.tensions, path, g));
@@ -52,7 +52,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     #[inline(always)]
     fn evaluate_module_loads_in_lanes(&mut self) -> L::Chain {
-        let path = self.path();
+        let path = self.path;
         let n = self.module_count();
         let mut rotation = Mat3::identity();
         let mut energy = L::Chain::zero();
@@ -99,7 +99,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     #[inline(always)]
     fn balance_in_lanes(&mut self) -> L::Chain {
-        let (tendons, tensions, path) = (&self.tendons, &self.tensions, self.path());
+        let (tendons, tensions, path) = (&self.tendons, &self.tensions, self.path);
         let n = self.module_count();
         let mut energy = L::Chain::zero();
         for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
@@ -125,7 +125,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     #[inline(always)]
     fn gradient_in_lanes(&mut self) -> L::Chain {
-        let path = self.path();
+        let path = self.path;
         let n = self.module_count();
         let mut lambda = Vec3::zero();
         let mut residual = L::Module::zero();
@@ -184,12 +184,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     fn finish_in_lanes(&mut self) {
         let n = self.module_count();
         let mut position = Vec3::zero();
-        let path = self.path();
+        let path = self.path;
         for (j, length) in self.placed.lengths.iter_mut().enumerate() {
             *length = self.tendons.length_in_holes(j, path);
         }
         for (g, (c, state)) in self.constants.iter().zip(&self.states).enumerate() {
-            let t = in_group(&self.tendons, &self.tensions, self.path(), g);
+            let t = in_group(&self.tendons, &self.tensions, self.path, g);
             let here = L::WIDTH.min(n - g * L::WIDTH);
             let offset = state.offset(c);
             let mean = state.s.column(2) + Vec3::ez();
@@ -200,13 +200,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 self.placed.positions[k] = position;
                 self.placed.forward[k] = L::get(&chord, i);
             }
+            let pulled = PulledModule::of(state, c, &t);
             for (j, holes) in t.holes.iter().enumerate() {
-                let (length, forward) = match self.path() {
-                    TendonPath::Straight => {
+                let (length, forward) = match &pulled {
+                    None => {
                         let span = Span::new(c, holes, &state.s, state.rho);
                         (span.length, span.direction.dot(mean))
                     }
-                    TendonPath::Continuous => (state.parallel_length(c, &t, j), c.stretch(&t)),
+                    Some(pulled) => (pulled.length(c, holes), c.stretch(&t)),
                 };
                 for i in 0..here {
                     let k = g * L::WIDTH + i;

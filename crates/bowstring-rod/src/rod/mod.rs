@@ -7,6 +7,7 @@ pub(crate) mod attached;
 pub(crate) mod between;
 pub mod chain;
 pub(crate) mod constants;
+pub(crate) mod continuous;
 pub(crate) mod coupling;
 pub(crate) mod defect;
 pub(crate) mod elimination;

@@ -27,9 +27,9 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
 use crate::model::load::TendonPath;
 use crate::rod::constants::Constants;
+use crate::rod::continuous::{PulledArc, PulledElement, PulledSection};
 use crate::rod::coupling::Sway;
 use crate::rod::routes::Holes;
-use crate::rod::span::ParallelPath;
 pub use crate::rod::span::Span;
 
 /// The tendons of the robot and their tensions in one module, zero where they do not pass, and the
@@ -42,6 +42,14 @@ pub struct Tendons<'a, T> {
     /// Forces of loads between the disks on the nodes before the elements (N), in the frame of the
     /// module's start; empty if there are none.
     pub on_nodes: &'a [Vec3<T>],
+}
+
+impl<T: Real> Tendons<'_, T> {
+    /// Whether they are continuous, which lanes do not take.
+    #[inline(always)]
+    pub fn are_continuous(&self) -> bool {
+        T::PLAIN && self.path == TendonPath::Continuous
+    }
 }
 
 /// An arc of constant curvature in its module.
@@ -187,12 +195,10 @@ impl<T: Real, const A: usize> State<T, A> {
     /// First half of the forward pass: the shape for the present strain (theory Eq. 2.2).
     #[inline(always)]
     pub fn shape(&mut self, c: &Constants<T, A>, t: &Tendons<T>) {
-        let mean = c.flexible * T::splat(1.0 / A as f64) * c.stretch(t);
         // by pairs: the compiler then knows the arcs of one element by number
         for e in 0..A / 2 {
-            let arc_length = if A == 2 { mean } else { mean * c.part(e) };
-            self.append(c, 2 * e, arc_length);
-            self.append(c, 2 * e + 1, arc_length);
+            self.append(c, t, 2 * e);
+            self.append(c, t, 2 * e + 1);
         }
         for i in 0..A {
             self.tail[i] = self.rho0 - self.tail[i];
@@ -201,9 +207,9 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Appends an arc; its `tail` is the end so far.
     #[inline(always)]
-    fn append(&mut self, c: &Constants<T, A>, i: usize, length: T) {
-        let map = ArcMap::new(self.w[i], length);
-        let (rotation, end) = (map.rotation(), c.arc_end(&map));
+    fn append(&mut self, c: &Constants<T, A>, t: &Tendons<T>, i: usize) {
+        let map = ArcMap::new(self.w[i], c.arc_length(i));
+        let (rotation, end) = (map.rotation(), self.arc_end(c, t, i, &map, T::splat(1.0)));
         let mut prefix = Mat3::identity();
         if i == 0 {
             self.rho0 = end;
@@ -217,13 +223,46 @@ impl<T: Real, const A: usize> State<T, A> {
         self.arcs[i] = Arc { map, prefix };
     }
 
+    /// End of a part of an arc, from its start.
+    #[inline(always)]
+    fn arc_end(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        i: usize,
+        map: &ArcMap<T>,
+        part: T,
+    ) -> Vec3<T> {
+        if t.are_continuous() {
+            return map.end_along(PulledArc::new(c, t, i, self.w[i]).chord * part);
+        }
+        c.arc_end(map)
+    }
+
+    /// Hessian of an arc; see [`ArcMap::hessian`].
+    #[inline(always)]
+    fn arc_hessian<const COUPLED: bool>(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        i: usize,
+        n: Vec3<T>,
+        m: Vec3<T>,
+    ) -> Mat3<T> {
+        let map = &self.arcs[i].map;
+        if t.are_continuous() {
+            return PulledArc::new(c, t, i, self.w[i]).hessian(c, t, map, n, m);
+        }
+        c.arc_hessian::<COUPLED>(map, n, m)
+    }
+
     /// Second half: contact force, end and energy (theory Eq. 3.1) under the dead loads in `f`.
     #[inline(always)]
     pub fn balance(&mut self, c: &Constants<T, A>, t: &Tendons<T>) {
         let tangent = self.s.column(2);
-        let cable = match t.path {
-            TendonPath::Continuous => self.balance_continuous(c, t),
-            TendonPath::Straight => self.balance_straight(c, t),
+        let cable = match t.are_continuous() {
+            true => self.balance_continuous(c, t),
+            false => self.balance_straight(c, t),
         };
         self.end_force = self.n;
         if A > 2 {
@@ -246,21 +285,16 @@ impl<T: Real, const A: usize> State<T, A> {
         }
     }
 
-    /// Contact force and end with continuous tendons; returns the sum of tension times length
-    /// (theory Eq. 2.7).
+    /// Contact force and end with continuous tendons; returns the energy of the tendons and
+    /// of the shear and extension that they cause.
     #[inline(always)]
     fn balance_continuous(&mut self, c: &Constants<T, A>, t: &Tendons<T>) -> T {
         self.span_torque = Vec3::zero();
         self.n = self.stretching_load(c, t.on_nodes);
-        self.rho = self.rho0 + self.compliance(c) * self.n;
-        let stretch = c.stretch(t);
+        self.rho = self.rho0 + self.compliance(c, t) * self.n;
         let mut cable = T::zero();
         for e in 0..A / 2 {
-            let i = 2 * e;
-            for (holes, &tension) in t.holes.iter().zip(t.tensions) {
-                let path = ParallelPath::new(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
-                cable += tension * path.length;
-            }
+            cable += PulledElement::new(c, t, e, &self.w).energy(c, t);
         }
         cable
     }
@@ -268,7 +302,7 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Contact force and end with straight spans; returns the sum of tension times length.
     #[inline(always)]
     fn balance_straight(&mut self, c: &Constants<T, A>, t: &Tendons<T>) -> T {
-        let compliance = self.compliance(c);
+        let compliance = self.compliance(c, t);
         let stretching = self.stretching_load(c, t.on_nodes);
         // Newton's method for rho and N; the compliance is small, so it converges at once
         self.rho = self.rho0 + compliance * self.n;
@@ -365,19 +399,28 @@ impl<T: Real, const A: usize> State<T, A> {
         offset
     }
 
-    /// Length of a continuous tendon in this module (theory Eq. 2.7).
+    /// Change of the length of a continuous tendon (m) as its tension holds the shear by the loads.
     #[inline(always)]
-    pub fn parallel_length(&self, c: &Constants<T, A>, t: &Tendons<T>, tendon: usize) -> T {
-        let holes = &t.holes[tendon];
-        let mut length = holes.beside_clamps(c);
-        for e in 0..A / 2 {
-            let i = 2 * e;
-            let (a, b) = (self.w[i], self.w[i + 1]);
-            length += ParallelPath::new(c, holes, c.stretch(t), e, [a, b]).length;
-        }
-        // dead loads extend the backbone, and the tendon with it
-        let along = self.rho0 * (T::splat(1.0) / self.rho0.norm());
-        length + along.dot(self.rho - self.rho0)
+    pub fn length_by_shear(&self, c: &Constants<T, A>, t: &Tendons<T>) -> T {
+        let (mean, change) = self.tangents(c);
+        let (n, [d0, ..]) = (self.n, c.compliance_with(t));
+        let ([along, turned], n2) = ([mean.dot(n), change.dot(n)], n.norm2());
+        let sheared = n2 - along * along - turned * turned * T::splat(1.0 / 12.0);
+        d0 * d0 * c.per_flexible * sheared * T::splat(0.5)
+    }
+
+    /// Force of continuous tendons on a section at a fraction of the flexible part, under a contact
+    /// force of the loads, both in its axes (N).
+    #[inline(always)]
+    pub fn pull(&self, c: &Constants<T, A>, t: &Tendons<T>, fraction: f64, n: Vec3<T>) -> Vec3<T> {
+        let arcs = c.arcs_before(fraction);
+        let e = (arcs as usize / 2).min(A / 2 - 1);
+        let middle = 0.5 * arcs - e as f64 - 0.5;
+        let (a, b) = (self.w[2 * e], self.w[2 * e + 1]);
+        let turned = (b - a).scaled_add(T::splat(3.0 * middle), a + b);
+        let u = turned * (T::splat(0.5) / c.arc_length(2 * e));
+        let at = c.flexible * T::splat(fraction);
+        PulledSection::new(c, t, c.compliance, at, u, n).pull
     }
 
     /// Mean tangent t, and change s of the tangent from start to end (theory Eq. 2.5).
@@ -387,9 +430,9 @@ impl<T: Real, const A: usize> State<T, A> {
     }
 
     #[inline(always)]
-    pub fn compliance(&self, c: &Constants<T, A>) -> Mat3<T> {
+    pub fn compliance(&self, c: &Constants<T, A>, t: &Tendons<T>) -> Mat3<T> {
         let (mean, change) = self.tangents(c);
-        let [d0, d1, d2, d3] = c.d;
+        let [d0, d1, d2, d3] = c.compliance_with(t);
         let diagonal = d3.mul_add(change.norm2(), d0);
         let plain = (mean * d1)
             .outer_add(mean, (change * d2).outer(change))
@@ -406,9 +449,9 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Force on `rho0` and moment on the end tangent due to the compliance at constant `N`, without
     /// that of a coupled section.
     #[inline(always)]
-    pub fn compliance_forces(&self, c: &Constants<T, A>) -> (Vec3<T>, Vec3<T>) {
+    pub fn compliance_forces(&self, c: &Constants<T, A>, t: &Tendons<T>) -> (Vec3<T>, Vec3<T>) {
         let (mean, change) = self.tangents(c);
-        let [_, d1, d2, d3] = c.d;
+        let [_, d1, d2, d3] = c.compliance_with(t);
         let n = self.n;
         (
             n * (d1 * mean.dot(n) * c.per_flexible),
@@ -435,7 +478,7 @@ impl<T: Real, const A: usize> State<T, A> {
         out: &mut Gradient<T, A>,
     ) {
         let tangent = self.s.column(2);
-        let (on_end, on_tangent) = self.compliance_forces(c);
+        let (on_end, on_tangent) = self.compliance_forces(c, t);
         out.torque = self.span_torque - tangent.cross(self.f[1] + on_tangent) + self.lambda;
         out.nu = self.end_force + on_end;
         let elastic = self.elastic_gradient(c, t);
@@ -464,10 +507,11 @@ impl<T: Real, const A: usize> State<T, A> {
         out: &mut Gradient<T, A>,
     ) {
         let Arc { map: arc, prefix } = &self.arcs[i];
-        let (q, inverse) = (
-            c.arc_end_jacobian::<COUPLED>(arc),
-            arc.left_jacobian_inverse(),
-        );
+        let q = match t.are_continuous() {
+            true => PulledArc::new(c, t, i, self.w[i]).end_jacobian(arc),
+            false => c.arc_end_jacobian::<COUPLED>(arc),
+        };
+        let inverse = arc.left_jacobian_inverse();
         let tail = self.tail[i].skew();
         if i == 0 {
             out.to_strain[0] = inverse;
@@ -489,17 +533,11 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     fn elastic_gradient(&self, c: &Constants<T, A>, t: &Tendons<T>) -> [Vec3<T>; A] {
         let mut g = c.elastic_moments(&self.w);
-        if t.path == TendonPath::Continuous {
-            let stretch = c.stretch(t);
+        if t.are_continuous() {
             for e in 0..A / 2 {
-                let i = 2 * e;
-                for (holes, &tension) in t.holes.iter().zip(t.tensions) {
-                    let path =
-                        ParallelPath::new(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
-                    for (j, v) in path.gradient().into_iter().enumerate() {
-                        g[i + j] += v * tension;
-                    }
-                }
+                let [a, b] = PulledElement::new(c, t, e, &self.w).gradient();
+                g[2 * e] += a;
+                g[2 * e + 1] += b;
             }
         }
         g
@@ -532,11 +570,11 @@ impl<T: Real, const A: usize> State<T, A> {
         out: &mut Hessian<T, A>,
     ) -> Response<T, A> {
         let (g, k, mut e) = self.span_stiffness(c, t);
-        e += self.tangent_stiffness(c);
+        e += self.tangent_stiffness(c, t);
         let (mut m, mut d_hat, mut g_hat) = (Mat3::identity(), Mat3::zero(), g);
         let (mut km, mut kd, mut core) = (k, Mat3::zero(), e);
         if CONDENSED {
-            let compliance = self.compliance(c);
+            let compliance = self.compliance(c, t);
             m = (compliance * g).add_diagonal([T::splat(1.0); 3]).inverse();
             d_hat = (m * compliance).mirrored();
             g_hat = (g * m).mirrored();
@@ -549,7 +587,7 @@ impl<T: Real, const A: usize> State<T, A> {
         if COUPLED {
             sway = c.coupling().map(|coupling| self.sway(c, coupling));
         }
-        let mut j = self.end_motions(c, grad, &along);
+        let mut j = self.end_motions(c, t, grad, &along);
         if let Some(sway) = &sway {
             for i in 0..A {
                 j[i] += sway.motion[i];
@@ -595,7 +633,7 @@ impl<T: Real, const A: usize> State<T, A> {
             for node in 1..A / 2 {
                 weights[2 * node - 1] = self.node_load(c, t.on_nodes, node);
             }
-            self.add_dead_loads_of::<COUPLED>(c, grad, &weights, &moved, out);
+            self.add_dead_loads_of::<COUPLED>(c, t, grad, &weights, &moved, out);
         }
         Response {
             j,
@@ -612,7 +650,7 @@ impl<T: Real, const A: usize> State<T, A> {
     fn span_stiffness(&self, c: &Constants<T, A>, t: &Tendons<T>) -> (Mat3<T>, Mat3<T>, Mat3<T>) {
         let half = T::splat(0.5);
         let (mut g, mut k, mut e) = (Mat3::zero(), Mat3::zero(), Mat3::zero());
-        if t.path == TendonPath::Straight {
+        if !t.are_continuous() {
             for (holes, &tension) in t.holes.iter().zip(t.tensions) {
                 let span = Span::new(c, holes, &self.s, self.rho);
                 let (arm, direction) = (span.arm, span.direction);
@@ -635,10 +673,10 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Stiffness of the dead loads and the compliance that act on the end tangent.
     #[inline(always)]
-    fn tangent_stiffness(&self, c: &Constants<T, A>) -> Mat3<T> {
+    fn tangent_stiffness(&self, c: &Constants<T, A>, t: &Tendons<T>) -> Mat3<T> {
         let tangent = self.s.column(2);
-        let [_, _, d2, d3] = c.d;
-        let (_, on_tangent) = self.compliance_forces(c);
+        let [_, _, d2, d3] = c.compliance_with(t);
+        let (_, on_tangent) = self.compliance_forces(c, t);
         let f2 = self.f[1] + on_tangent;
         let turn = self.n.cross(tangent);
         let bubble = d3 * self.n.norm2();
@@ -663,11 +701,12 @@ impl<T: Real, const A: usize> State<T, A> {
     fn end_motions(
         &self,
         c: &Constants<T, A>,
+        t: &Tendons<T>,
         grad: &Gradient<T, A>,
         along: &[Vec3<T>; A],
     ) -> [Mat3<T>; A] {
         let (mean, change) = self.tangents(c);
-        let [_, d1, d2, d3] = c.d;
+        let [_, d1, d2, d3] = c.compliance_with(t);
         let n = self.n;
         // motion of the end with its tangent, which a rotation u changes by u x tangent
         let by_tangent = ((change * d2).outer(n) + (n * (d3 + d3)).outer(change))
@@ -694,7 +733,7 @@ impl<T: Real, const A: usize> State<T, A> {
         through: &ThroughEnd<'_, T, A>,
         [i, b]: [usize; 2],
     ) -> Mat3<T> {
-        let mut block = self.stiffness_through_end(c, through, [i, b]);
+        let mut block = self.stiffness_through_end(c, t, through, [i, b]);
         block += grad.nu.cross_mat(grad.r[b]).transpose();
         block = block.add_skew(grad.torque * T::splat(0.5));
         if let Some(sway) = through.sway_if::<COUPLED>() {
@@ -703,7 +742,7 @@ impl<T: Real, const A: usize> State<T, A> {
         if i % 2 == 0 && b == i + 1 {
             let strain = &grad.to_strain[i];
             let mut moment = c.mutual_times::<COUPLED>(i / 2, *strain);
-            if t.path == TendonPath::Continuous {
+            if t.are_continuous() {
                 moment = self.continuous_blocks(c, t, i)[1].mul_add(*strain, moment);
             }
             block = grad.to_strain[b].transpose().mul_add(moment, block);
@@ -722,14 +761,15 @@ impl<T: Real, const A: usize> State<T, A> {
         i: usize,
     ) -> Mat3<T> {
         let (nu, tail) = (-grad.nu, self.tail[i]);
-        let Arc { map, prefix: p } = &self.arcs[i];
+        let p = &self.arcs[i].prefix;
         let mut torque = grad.torque;
         if let Some(sway) = through.sway_if::<COUPLED>() {
             torque += sway.torque[i];
         }
-        let turned = c.arc_hessian::<COUPLED>(map, p.tr_mul(nu), p.tr_mul(torque + tail.cross(nu)));
+        let lever = p.tr_mul(torque + tail.cross(nu));
+        let turned = self.arc_hessian::<COUPLED>(c, t, i, p.tr_mul(nu), lever);
         let mut local = c.plus_own::<COUPLED>(i, turned);
-        if t.path == TendonPath::Continuous {
+        if t.are_continuous() {
             local += self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)];
         }
         let lever = nu
@@ -737,7 +777,7 @@ impl<T: Real, const A: usize> State<T, A> {
             .symmetric_part()
             .add_diagonal([-nu.dot(tail); 3]);
         let strain = &grad.to_strain[i];
-        let mut block = self.stiffness_through_end(c, through, [i, i]) + lever;
+        let mut block = self.stiffness_through_end(c, t, through, [i, i]) + lever;
         if let Some(sway) = through.sway_if::<COUPLED>() {
             block += sway.stiffness[i];
         }
@@ -752,11 +792,12 @@ impl<T: Real, const A: usize> State<T, A> {
     fn stiffness_through_end(
         &self,
         c: &Constants<T, A>,
+        t: &Tendons<T>,
         through: &ThroughEnd<'_, T, A>,
         [i, b]: [usize; 2],
     ) -> Mat3<T> {
         let along = &through.along;
-        let rank1 = c.d[1] * c.per_flexible * c.per_flexible;
+        let rank1 = c.compliance_with(t)[1] * c.per_flexible * c.per_flexible;
         let turned = (along[b] * -rank1).outer_add(along[i], through.torque[i]);
         through.j[b].transpose().mul_add(through.force[i], turned)
     }
@@ -796,15 +837,16 @@ impl<T: Real, const A: usize> State<T, A> {
     pub fn add_dead_loads(
         &self,
         c: &Constants<T, A>,
+        t: &Tendons<T>,
         grad: &Gradient<T, A>,
         loads: &[Vec3<T>; A],
         moved: &[Mat3<T>; A],
         out: &mut Hessian<T, A>,
     ) -> Vec3<T> {
         if T::PLAIN && (Constants::<T, A>::FINE || c.coupling().is_some()) {
-            self.add_dead_loads_of::<true>(c, grad, loads, moved, out)
+            self.add_dead_loads_of::<true>(c, t, grad, loads, moved, out)
         } else {
-            self.add_dead_loads_of::<false>(c, grad, loads, moved, out)
+            self.add_dead_loads_of::<false>(c, t, grad, loads, moved, out)
         }
     }
 
@@ -813,6 +855,7 @@ impl<T: Real, const A: usize> State<T, A> {
     fn add_dead_loads_of<const COUPLED: bool>(
         &self,
         c: &Constants<T, A>,
+        t: &Tendons<T>,
         grad: &Gradient<T, A>,
         loads: &[Vec3<T>; A],
         moved: &[Mat3<T>; A],
@@ -834,8 +877,8 @@ impl<T: Real, const A: usize> State<T, A> {
             // sum of load x (lever u) for the rotation u of an arc before the points
             crossed[i] = load.cross_mat(grad.r[i]) + product.transpose().add_diagonal([-trace; 3]);
             let moment = load.cross(self.tail[i]) - Vec3([y[2] - z[1], z[0] - x[2], x[1] - y[0]]);
-            let Arc { map, prefix: p } = &self.arcs[i];
-            let local = c.arc_hessian::<COUPLED>(map, p.tr_mul(-load), p.tr_mul(moment));
+            let p = &self.arcs[i].prefix;
+            let local = self.arc_hessian::<COUPLED>(c, t, i, p.tr_mul(-load), p.tr_mul(moment));
             let lever = load.dot(self.tail[i]) - trace;
             out.uu[i][i] += grad.to_strain[i].tr_mat(local * grad.to_strain[i])
                 + (product - load.outer(self.tail[i]))
@@ -888,24 +931,16 @@ impl<T: Real, const A: usize> State<T, A> {
     /// of an element: first-first, second-first, second-second.
     #[inline(always)]
     fn continuous_blocks(&self, c: &Constants<T, A>, t: &Tendons<T>, i: usize) -> [Mat3<T>; 3] {
-        let mut blocks = [Mat3::zero(); 3];
-        let stretch = c.stretch(t);
-        for (holes, &tension) in t.holes.iter().zip(t.tensions) {
-            let path = ParallelPath::new(c, holes, stretch, i / 2, [self.w[i], self.w[i + 1]]);
-            for (block, h) in blocks.iter_mut().zip(path.hessian()) {
-                *block += h * tension;
-            }
-        }
-        blocks
+        PulledElement::new(c, t, i / 2, &self.w).hessian()
     }
 }
 
 impl<const A: usize> State<f64, A> {
     /// A point of the backbone at a fraction of the distance to the end disk.
-    pub fn point(&self, c: &Constants<f64, A>, fraction: f64) -> Vec3 {
+    pub fn point(&self, c: &Constants<f64, A>, t: &Tendons<f64>, fraction: f64) -> Vec3 {
         let [start, end] = c.clamp;
         let along = fraction * (start + c.flexible + end) - start;
-        let (place, turn) = self.section(c, along / c.flexible);
+        let (place, turn) = self.section(c, t, along / c.flexible);
         // beyond the flexible part the clamps continue straight
         let on = along - along.clamp(0.0, c.flexible);
         Vec3([0.0, 0.0, start]) + place + turn.column(2) * on
@@ -916,7 +951,12 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Position and orientation of a section at a fraction of the flexible part, relative to its
     /// start.
     #[inline(always)]
-    pub fn section(&self, c: &Constants<T, A>, fraction: f64) -> (Vec3<T>, Mat3<T>) {
+    pub fn section(
+        &self,
+        c: &Constants<T, A>,
+        t: &Tendons<T>,
+        fraction: f64,
+    ) -> (Vec3<T>, Mat3<T>) {
         let fraction = fraction.clamp(0.0, 1.0);
         let at = c.arcs_before(fraction);
         let i = (at as usize).min(A - 1);
@@ -924,34 +964,41 @@ impl<T: Real, const A: usize> State<T, A> {
         let arc = ArcMap::new(self.w[i] * part, self.arcs[i].map.length() * part);
         let mut from = (self.rho - self.rho0) * T::splat(fraction);
         for j in 0..i {
-            from += self.arcs[j].prefix * c.arc_end(&self.arcs[j].map);
+            from += self.arcs[j].prefix * self.arc_end(c, t, j, &self.arcs[j].map, T::splat(1.0));
         }
         let prefix = self.arcs[i].prefix;
-        (from + prefix * c.arc_end(&arc), prefix * arc.rotation())
+        (
+            from + prefix * self.arc_end(c, t, i, &arc, part),
+            prefix * arc.rotation(),
+        )
     }
 }
 
 impl<T: Real, const A: usize> Constants<T, A> {
-    /// Energy of the extension due to continuous tendons, in addition to that of the contact force,
-    /// which alone lengthens the backbone by `longer`.
+    /// Coefficients of the compliance D, where continuous tendons resist shear with their tensions.
     #[inline(always)]
-    pub fn stretch_energy(&self, t: &Tendons<T>, longer: T) -> T {
-        let mut force = T::zero();
-        if t.path == TendonPath::Continuous {
-            for &tension in t.tensions {
-                force += tension;
-            }
+    pub fn compliance_with(&self, t: &Tendons<T>) -> [T; 4] {
+        if !t.are_continuous() {
+            return self.d;
         }
-        force * (self.flexible * self.axial_compliance * force * T::splat(0.5) - longer)
+        let mut force = T::zero();
+        for &tension in t.tensions {
+            force += tension;
+        }
+        let [free, d1, _, d3] = self.d;
+        let per = (free * self.per_flexible).mul_add(force, T::splat(1.0));
+        let d0 = free / per;
+        let d1 = d1 + free - d0;
+        [d0, d1, d1 * T::splat(1.0 / 12.0) - d3, d3]
     }
 
     /// Axial stretch of the backbone under continuous tendons.
     #[inline(always)]
     pub fn stretch(&self, t: &Tendons<T>) -> T {
         let mut stretch = T::splat(1.0);
-        if t.path == TendonPath::Continuous {
+        if t.are_continuous() {
             for &tension in t.tensions {
-                stretch -= tension * self.axial_compliance;
+                stretch -= tension * self.compliance[1];
             }
         }
         stretch

@@ -81,7 +81,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     fn linearise_in_lanes(&mut self) {
         for g in 0..self.states.len() {
-            let mut t = in_group(&self.tendons, &self.tensions, self.path(), g);
+            let mut t = in_group(&self.tendons, &self.tensions, self.path, g);
             t.on_nodes = nodes_of(&self.on_nodes, g);
             let (state, gradient) = (&self.states[g], &self.gradients[g]);
             let out = &mut self.newton.hessians[g];
@@ -150,7 +150,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let mut value = Mat3::zero();
         let mut least_pivot = L::Chain::splat(f64::INFINITY);
         for g in (0..self.states.len()).rev() {
-            let t = in_group(&self.tendons, &self.tensions, self.path(), g);
+            let t = in_group(&self.tendons, &self.tensions, self.path, g);
             let (state, gradient) = (&self.states[g], &self.gradients[g]);
             let mut hessian = Hessian::empty();
             state.hessian::<true>(&self.constants[g], &t, gradient, &mut hessian);

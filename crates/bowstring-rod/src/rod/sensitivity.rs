@@ -12,7 +12,7 @@ use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Scalar;
 use crate::model::load::TendonPath;
-use crate::rod::chain::Rod;
+use crate::rod::chain::{in_group, Rod};
 use crate::rod::module::{Response, Span};
 
 /// Derivatives with respect to one parameter.
@@ -257,6 +257,7 @@ fn source<const A: usize>(
     parameter: &Parameter<'_>,
 ) -> Source<A> {
     let (state, c, gradient) = (&rod.states[k], &rod.constants[k], &rod.gradients[k]);
+    let t = in_group(&rod.tendons, &rod.tensions, rod.path, k);
     let tangent = state.s.column(2);
     let zero = Vec3::zero();
     let mut source = Source {
@@ -288,7 +289,7 @@ fn source<const A: usize>(
             source.start = -state.offset(c).cross(f);
         }
         Parameter::Stiffness(segment) if segments[k] == segment => {
-            let (on_end, on_tangent) = state.compliance_forces(c);
+            let (on_end, on_tangent) = state.compliance_forces(c, &t);
             let elastic = c.elastic_moments(&state.w);
             for i in 0..A {
                 source.moment[i] = gradient.to_strain[i].tr_mul(elastic[i])
@@ -301,7 +302,7 @@ fn source<const A: usize>(
                     *moment -= torque;
                 }
             }
-            source.place = -(state.compliance(c) * state.n);
+            source.place = -(state.compliance(c, &t) * state.n);
         }
         Parameter::Gravity(_, weights) => {
             let [on_end, on_tangent, on_start, on_node] =

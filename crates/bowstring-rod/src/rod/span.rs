@@ -1,4 +1,4 @@
-//! A tendon between two disks: a straight span, or a path parallel to the backbone.
+//! A tendon between two disks: a straight span.
 //!
 //! Theory: docs/theory/rod.md (Tendons).
 
@@ -50,81 +50,6 @@ impl<T: Real> Span<T> {
         (self.direction * -s)
             .outer_add(self.direction, others)
             .add_diagonal([s; 3])
-    }
-}
-
-/// A tendon along a curve beside one element (theory Eq. 2.7), by two Gauss points: parallel to the
-/// backbone, or from hole to hole in a straight line of the cross-section.
-pub struct ParallelPath<T> {
-    pub length: T,
-    /// Hole, unit tangent and speed at each Gauss point.
-    points: [(Vec3<T>, Vec3<T>, T); 2],
-    /// Weight of a point: length that it represents (m).
-    weight: T,
-    /// Derivative of a Gauss point's curvature with respect to the nearer and the farther arc.
-    near: T,
-    far: T,
-}
-
-impl<T: Real> ParallelPath<T> {
-    /// In an element of a module, whose arcs are `a` and `b`.
-    #[inline(always)]
-    pub fn new<const A: usize>(
-        c: &Constants<T, A>,
-        holes: &Holes<T>,
-        stretch: T,
-        element: usize,
-        [a, b]: [Vec3<T>; 2],
-    ) -> Self {
-        let elements = A as f64 / 2.0;
-        let slope = 3f64.sqrt() / 2.0;
-        let part = c.part(element);
-        let per_length = c.per_flexible * T::splat(elements) / part;
-        let near = per_length * T::splat(1.0 + slope);
-        let far = per_length * T::splat(1.0 - slope);
-        let weight = c.flexible * part * T::splat(0.5 / elements);
-        let start = c.fraction(2 * element);
-        let mut length = T::zero();
-        let gauss = 0.5 / 3f64.sqrt();
-        let points = [(a, b, 0.5 - gauss), (b, a, 0.5 + gauss)].map(|(first, other, place)| {
-            let share = part.mul_add(T::splat(place / elements), start);
-            let (hole, slope) = holes.between(c, share * c.flexible);
-            let mut q = slope + (first * near + other * far).cross(hole);
-            q.0[2] += stretch;
-            let speed = q.norm();
-            length += speed * weight;
-            (hole, q * (T::splat(1.0) / speed), speed)
-        });
-        ParallelPath {
-            length,
-            points,
-            weight,
-            near,
-            far,
-        }
-    }
-
-    /// Derivatives of the length with respect to the rotation vectors of the two arcs.
-    #[inline(always)]
-    pub fn gradient(&self) -> [Vec3<T>; 2] {
-        let [p, q] = self.points.map(|(hole, d, _)| hole.cross(d));
-        let (near, far) = (self.near * self.weight, self.far * self.weight);
-        [p * near + q * far, p * far + q * near]
-    }
-
-    /// Second derivatives: blocks first-first, second-first, second-second.
-    #[inline(always)]
-    pub fn hessian(&self) -> [Mat3<T>; 3] {
-        let [p, q] = self.points.map(|(b, d, speed)| {
-            let across = b.cross(d);
-            (Mat3::scalar(b.norm2()) - b.outer(b) - across.outer(across)) * (self.weight / speed)
-        });
-        let (n, f) = (self.near, self.far);
-        [
-            p * (n * n) + q * (f * f),
-            (p + q) * (n * f),
-            p * (f * f) + q * (n * n),
-        ]
     }
 }
 
@@ -229,51 +154,6 @@ mod tests {
             for (found, row) in differences(pull).iter().zip(stiffness) {
                 assert_near(*found, row.0, 100.0);
             }
-        }
-    }
-
-    /// Derivatives of a continuous tendon's length with respect to both arcs of an element.
-    #[test]
-    fn derivatives_of_a_parallel_path() {
-        for number in 0..13 {
-            derivatives_in_the_last_element::<2>(number);
-            derivatives_in_the_last_element::<4>(number);
-            derivatives_in_the_last_element::<8>(number);
-            derivatives_in_the_last_element::<16>(number);
-        }
-    }
-
-    fn derivatives_in_the_last_element<const A: usize>(number: usize) {
-        let (c, elements) = (constants::<A>(), A / 2);
-        let mut draw = Draw::new(32, number);
-        let [a, b] = [0; 2].map(|_| vector(&mut draw, 0.3 / elements as f64));
-        let holes = holes(number.is_multiple_of(2));
-        let path = |a, b| ParallelPath::new(&c, &holes, 1.01, elements - 1, [a, b]);
-        let found = path(a, b);
-        let [by_a, by_b] = found.gradient();
-        assert_near(differences(|u| [path(a + u, b).length])[0], by_a.0, 0.1);
-        assert_near(differences(|u| [path(a, b + u).length])[0], by_b.0, 0.1);
-        let [aa, ba, bb] = found.hessian();
-        let rows = |by: [[f64; 3]; 3], of: Mat3| {
-            for (found, row) in by.iter().zip(of.rows()) {
-                assert_near(*found, row.0, 0.1);
-            }
-        };
-        rows(differences(|u| path(a + u, b).gradient()[0].0), aa);
-        rows(differences(|u| path(a + u, b).gradient()[1].0), ba);
-        rows(differences(|u| path(a, b + u).gradient()[1].0), bb);
-    }
-
-    /// On an arc of constant curvature a continuous tendon has the length of the parallel arc.
-    #[test]
-    fn a_parallel_path_of_an_arc_is_the_parallel_arc() {
-        let c = constants::<2>();
-        for angle in [0.0, 0.1, -0.4, 1.2] {
-            let half = Vec3([0.0, 0.5 * angle, 0.0]);
-            let path = ParallelPath::new(&c, &holes(true), 1.0, 0, [half, half]);
-            // a bend about y shortens a tendon on the side of +x
-            let expected = c.flexible - angle * HOLE[0];
-            assert!((path.length - expected).abs() < 1e-12, "{angle}");
         }
     }
 }

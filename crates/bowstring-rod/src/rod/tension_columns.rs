@@ -117,7 +117,7 @@ impl<T: Real, L: Layout<Module = T, Chain = T>, const A: usize> Rod<L, A> {
         let mut value = Mat3::zero();
         let mut least_pivot = T::splat(f64::INFINITY);
         for k in (0..self.states.len()).rev() {
-            let t = in_group(&self.tendons, &self.tensions, self.path(), k);
+            let t = in_group(&self.tendons, &self.tensions, self.path, k);
             let (state, gradient) = (&self.states[k], &self.gradients[k]);
             let constants = &self.constants[k];
             let mut hessian = Hessian::empty();

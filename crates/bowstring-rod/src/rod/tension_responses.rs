@@ -18,7 +18,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     pub fn respond_to_tensions(&mut self, columns: &mut [[Vec3; 2]]) -> bool {
         let (n, count) = (self.module_count(), self.tendons.len());
-        let suits = L::WIDTH > 1 && self.has_potential() && self.path() == TendonPath::Straight;
+        let suits = L::WIDTH > 1 && self.has_potential() && self.path == TendonPath::Straight;
         let total = 1 + count;
         if !suits || interrupt::work(total * n * (16 + 2 * count)) {
             return false;

@@ -18,6 +18,7 @@ use crate::math::real::{Layout, Real};
 use crate::model::load::Model;
 use crate::model::robot::Robot;
 use crate::rod::chain::{get, get_mat, in_group, Rod};
+use crate::rod::continuous::PulledModule;
 use crate::rod::module::State;
 
 /// A moving rod.
@@ -99,7 +100,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             now.n = (next.n - start.n).scaled_add(af_force, start.n);
             for state in [now, next] {
                 state.shape(c, &t);
-                state.rho = state.rho0 + state.compliance(c) * state.n;
+                state.rho = state.rho0 + state.compliance(c, &t) * state.n;
             }
         }
     }
@@ -178,7 +179,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
             let (c, end) = (&rod.constants[g], state.rho);
             state.shape(c, &t);
-            state.n = state.compliance(c).inverse() * (end - state.rho0);
+            state.n = state.compliance(c, &t).inverse() * (end - state.rho0);
             state.rho = end;
             self.strain.set_start_force(g, state.n);
         }
@@ -293,13 +294,15 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         let (by_change, by_rate) = (scheme.am * scheme.rate_by_change(), scheme.memory());
         let mut total = 0.0;
         for g in 0..self.next.len() {
-            let (c, next) = (&self.body.rod.constants[g], &self.next[g]);
+            let rod = &self.body.rod;
+            let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
+            let (c, next) = (&rod.constants[g], &self.next[g]);
             let change = Strain::of(next).combined(1.0, &self.strain.start()[g], -1.0);
             let rate = change.combined(by_change, &self.strain.rate[g], by_rate);
             let moments = c.bending_moments(&rate.w);
             let mut lost = L::Module::zero();
             if !scheme.rigid {
-                lost = rate.n.dot(next.compliance(c) * change.n);
+                lost = rate.n.dot(next.compliance(c, &t) * change.n);
             }
             for a in 0..A {
                 lost += moments[a].dot(change.w[a]);
@@ -338,9 +341,11 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         let (rod, state) = (&self.body.rod, &self.next[g]);
         let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
         let c = &rod.constants[g];
-        let along = state.rho0 * (L::Module::splat(1.0) / state.rho0.norm());
-        let longer = along.dot(state.rho - state.rho0);
-        state.elastic_energy(c) + c.stretch_energy(&t, longer)
+        let mut energy = state.elastic_energy(c);
+        if let Some(pulled) = PulledModule::of(state, c, &t) {
+            energy += pulled.strain_energy(c, &t);
+        }
+        energy
     }
 
     /// Sum over the modules of a group.

@@ -6,9 +6,9 @@ use super::energy::Energies;
 use super::motion::Motion;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::model::load::TendonPath;
 use crate::rod::chain::{get, get_mat, put, put_mat, Rod};
 use crate::rod::constants::Constants;
+use crate::rod::continuous::PulledModule;
 use crate::rod::module::{Span, State, Tendons};
 
 /// Fields at successive times, flat arrays in SI units, in the base frame unless stated otherwise.
@@ -106,8 +106,6 @@ struct Pieces<T, const A: usize> {
     /// Strain that corresponds to the moment, damping included, and contact force (N).
     strain: [Vec3<T>; A],
     force: Vec3<T>,
-    /// Sum of the tensions of continuous tendons (N).
-    tension: T,
     /// Weight and inertial force per length, in the frame of the start (N/m).
     load: Vec3<T>,
     /// Force (N) and moment (N m) of loads between the disks on the nodes before the elements, in the
@@ -202,18 +200,19 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 frame = frame * get_mat::<L>(&pieces.state.s, i);
                 self.record_disk(k, &origin, &frame, &mut out.disks);
             }
+            let state = &pieces.state;
+            let pulled = PulledModule::of(state, &c, &t);
             for (j, holes) in t.holes.iter().enumerate() {
-                let state = &pieces.state;
-                let length = match rod.path {
-                    TendonPath::Straight => Span::new(&c, holes, &state.s, state.rho).length,
-                    TendonPath::Continuous => state.parallel_length(&c, &t, j),
+                let length = match &pulled {
+                    None => Span::new(&c, holes, &state.s, state.rho).length,
+                    Some(pulled) => pulled.length(&c, holes),
                 };
                 for k in start..(start + count).min(rod.tendons.end_disks[j] + 1) {
                     span_lengths[first_span + k * tensions.len() + j] = length.lane(k - start);
                 }
             }
             let at = first + start * points..first + (start + count) * points;
-            pieces.record(&c, points, at, sections);
+            pieces.record(&c, &t, points, at, sections);
         }
     }
 
@@ -238,19 +237,12 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         if !self.body.scheme.rigid {
             force = rate.n.scaled_add(tau, force);
         }
-        let mut tension = L::Module::zero();
-        if t.path == TendonPath::Continuous {
-            for own in t.tensions {
-                tension += *own;
-            }
-        }
         state.shape(c, t);
-        state.rho = state.rho0 + state.compliance(c) * state.n;
+        state.rho = state.rho0 + state.compliance(c, t) * state.n;
         Pieces {
             state,
             strain,
             force,
-            tension,
             load: Vec3::zero(),
             on_nodes: [[Vec3::zero(); 2]; A],
             origin: Vec3::zero(),
@@ -322,6 +314,7 @@ impl<T: Real, const A: usize> Pieces<T, A> {
     fn record(
         &self,
         c: &Constants<T, A>,
+        t: &Tendons<T>,
         points: usize,
         sections: std::ops::Range<usize>,
         out: &mut SectionFields,
@@ -344,7 +337,7 @@ impl<T: Real, const A: usize> Pieces<T, A> {
                 let curved = (b - a).scaled_add(T::splat(3.0 * side), a + b - c.rest * part);
                 let stiffness = &c.at_gauss_points(element)[usize::from(side > 0.0)];
                 let from = c.fraction(2 * element).lane(0);
-                let (place, turn) = state.section(c, from + part.lane(0) * xi / elements);
+                let (place, turn) = state.section(c, t, from + part.lane(0) * xi / elements);
                 let mut own = stiffness.times(curved);
                 if T::PLAIN {
                     if let Some(coupling) = c.coupling() {
@@ -370,7 +363,7 @@ impl<T: Real, const A: usize> Pieces<T, A> {
             let (place, turn) = match p {
                 0 => (Vec3::zero(), Mat3::identity()),
                 _ if p == points - 1 => (state.rho, state.s),
-                _ => state.section(c, xi),
+                _ => state.section(c, t, xi),
             };
             let left = c.flexible * T::splat(1.0 - xi);
             let lever = T::splat(0.5) * left * left - c.flexible * c.flexible * T::splat(1.0 / 6.0);
@@ -385,7 +378,9 @@ impl<T: Real, const A: usize> Pieces<T, A> {
             }
             // continuous tendons carry their own part of the distal force
             let mut own = turn.tr_mul(f);
-            own.0[2] -= self.tension;
+            if t.are_continuous() {
+                own -= state.pull(c, t, xi, own);
+            }
             spread(position, p, points, &(clamp + self.frame * place).0);
             spread(rotation, p, points, (self.frame * turn).0.as_flattened());
             spread(forces, p, points, &own.0);

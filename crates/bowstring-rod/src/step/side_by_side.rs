@@ -16,6 +16,7 @@ use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real, MOST_LANES};
 use crate::model::load::{Load, TendonPath};
 use crate::rod::chain::in_group;
+use crate::rod::continuous::PulledModule;
 use crate::rod::module::Span;
 
 /// One truth value of each lane.
@@ -374,7 +375,7 @@ impl<L: Layout, const A: usize> SideBySide<L, A> {
                     let t = in_group(&rod.tendons, &rod.tensions, rod.path, k);
                     (state.w, state.n) = (start.w, start.n);
                     state.shape(c, &t);
-                    state.rho = state.rho0 + state.compliance(c) * state.n;
+                    state.rho = state.rho0 + state.compliance(c, &t) * state.n;
                 }
             },
         );
@@ -633,9 +634,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             }
             let t = in_group(&rod.tendons, &rod.tensions, rod.path, k);
             let c = &rod.constants[k];
-            let span = match t.path {
-                TendonPath::Straight => Span::new(c, &t.holes[j], &state.s, state.rho).length,
-                TendonPath::Continuous => state.parallel_length(c, &t, j),
+            let holes = &t.holes[j];
+            let span = match PulledModule::of(state, c, &t) {
+                None => Span::new(c, holes, &state.s, state.rho).length,
+                Some(pulled) => pulled.length(c, holes),
             };
             length += L::get(&span, 0);
         }

@@ -4,8 +4,8 @@
 
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
-use crate::model::load::TendonPath;
 use crate::rod::chain::{in_group, Rod};
+use crate::rod::continuous::PulledModule;
 use crate::rod::module::{Span, State};
 
 /// Length of a span, over that of its module, below which its disks have collided.
@@ -47,15 +47,16 @@ impl SpanLengths {
             for i in 0..here {
                 self.lower_forward(L::get(&chord, i).lane(0));
             }
+            let pulled = PulledModule::of(state, c, &t);
             for (j, holes) in t.holes.iter().enumerate() {
-                let (length, forward) = match t.path {
-                    TendonPath::Straight => {
+                let (length, forward) = match &pulled {
+                    None => {
                         let span = Span::new(c, holes, &state.s, state.rho);
                         let gap = span.length * c.per_flexible - L::Module::splat(CONTACT);
                         let forward = span.direction.dot(mean);
                         (span.length, -(-gap).max(-forward))
                     }
-                    TendonPath::Continuous => (state.parallel_length(c, &t, j), c.stretch(&t)),
+                    Some(pulled) => (pulled.length(c, holes), c.stretch(&t)),
                 };
                 for i in 0..here {
                     if g * L::WIDTH + i > rod.tendons.end_disks[j] {

@@ -166,7 +166,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             let hessian = &mut rod.newton.hessians[g];
             let response = state.hessian::<false>(c, &t, gradient, hessian);
             let contact = &mut self.contact[g];
-            let stiffness = state.compliance(c).inverse();
+            let stiffness = state.compliance(c, &t).inverse();
             contact.stiffness = stiffness;
             contact.delta_delta = response.g_hat + stiffness * stiffer;
             for i in 0..A {
@@ -174,7 +174,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             }
             contact.j = response.j;
             let nodes = &residual.modules[g].nodes;
-            let stretching = state.add_dead_loads(c, gradient, nodes, &response.j, hessian);
+            let stretching = state.add_dead_loads(c, &t, gradient, nodes, &response.j, hessian);
             contact.delta_x = -(state.f[0] + stretching).skew();
             contact.add_nodes(c, state, gradient, hessian, &body.mass.lanes[g], inertia);
             if Rod::<L, A>::BETWEEN && rod.attached.has_between() {

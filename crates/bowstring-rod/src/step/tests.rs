@@ -6,6 +6,7 @@ use crate::math::linalg::Vec3;
 use crate::math::real::Scalar;
 use crate::model::load::{Load, Model};
 use crate::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+use crate::rod::chain::in_group;
 
 const SECTION: Section = Section {
     bending: [1.1; 2],
@@ -130,8 +131,10 @@ fn momentum_balances_with_the_base() {
             motion.residual();
             motion.finish(&load);
             // reaction of the base: from the strain and the spans of the first module
-            let (state, c) = (&motion.body.rod.states[0], &motion.body.rod.constants[0]);
-            let strained = state.compliance(c).inverse() * (state.rho - state.rho0);
+            let rod = &motion.body.rod;
+            let (state, c) = (&rod.states[0], &rod.constants[0]);
+            let t = in_group(&rod.tendons, &rod.tensions, rod.path, 0);
+            let strained = state.compliance(c, &t).inverse() * (state.rho - state.rho0);
             let mut held = strained * motion.body.scheme.force_factor() - motion.strain.offset[0].n;
             // this is the mean over the module: half of the force on its node does not reach the
             // base
