@@ -64,6 +64,22 @@ def test_cables_to_the_base_raise_the_load() -> None:
     assert 3 * found.factor == pytest.approx(4 * EULER, rel=1e-3)
 
 
+def test_equal_tensions_buckle_the_modules_behind_a_long_straight_branch() -> None:
+    """Steps grow where the robot stays straight; where the points run out, the text says so."""
+    count = 30
+    rod = ROBOT.with_({"segments.0.disks.count": count})
+    each = EULER * (2 * count) ** 2 / 3
+    found = bs.critical_load(rod, [1, 1, 1], model=THIN, max_factor=1.2 * each)
+    assert found.kind == "bifurcation" and found.factor is not None
+    assert 0.94 < found.factor / each < 1.0
+    few = bs.BranchSearch(max_points=20, deflation=False)
+    cut = bs.branch_diagram(rod, [each] * 3, model=THIN, search=few)
+    assert not cut.complete and cut.branches[0].end == "points"
+    last = cut.branches[0].factor[-1]
+    said = f"Branch 1 was followed only up to load factor {last:.6g} ({last * each:.4g} N on tendon"
+    assert said in " ".join(cut.text)
+
+
 @pytest.mark.parametrize("force", [-26, -24.5, -37.3])
 def test_a_column_loaded_between_disks(force: float) -> None:
     """Euler's load of the part before it; a family of equal branches is followed once."""

@@ -380,6 +380,43 @@ fn a_disturbed_column_has_a_limit_point_that_deflation_finds() {
     assert_eq!(none.branches.len(), 1);
 }
 
+/// Three equal tensions hold a robot straight until its modules buckle between their disks, at some
+/// hundred times the load that bends it by a radian.
+#[test]
+fn equal_tensions_buckle_the_modules_behind_a_long_straight_branch() {
+    let modules = 24;
+    let robot = column(modules, 0.0);
+    // Euler's load of a module between joints: straight spans turn its ends nearly freely
+    let module = LENGTH / modules as f64;
+    let critical = PI * PI * BENDING / (module * module) / 3.0;
+    let tensions = [1.05 * critical; 3];
+    let to = Load {
+        tensions: &tensions,
+        ..Load::default()
+    };
+    let search = Search {
+        first_loss: true,
+        ..Search::default()
+    };
+    let all = found(&robot, to, search);
+    let straight = &all.branches[0];
+    assert_eq!(straight.end, End::Unstable);
+    assert!(all.complete);
+    assert!(straight.points.len() < 400, "{}", straight.points.len());
+    let event = straight.events[0];
+    assert_eq!(event.kind, EventKind::Bifurcation);
+    let factor = 1.05 * straight.points[event.point].factor;
+    assert!((0.95..1.0).contains(&factor), "{factor}");
+    let few = Search {
+        points: 20,
+        deflation: false,
+        ..Search::default()
+    };
+    let cut = found(&robot, to, few);
+    assert_eq!(cut.branches[0].end, End::Points);
+    assert!(!cut.complete);
+}
+
 #[test]
 fn equal_loads_and_wrong_counts_are_refused() {
     let search = Search::default();

@@ -87,7 +87,10 @@ class DiagramValues(Object):
     ]
     equilibria: Annotated[list[EquilibriumOnBranch], about("Equilibria found at load factor 1.")]
     critical: Annotated[CriticalValues, about("Loss of stability of the first branch.")]
-    complete: Annotated[bool, about("Whether all bifurcations found were followed.")]
+    complete: Annotated[
+        bool,
+        about("Whether all bifurcations found were followed, and all branches to their ends."),
+    ]
     deflated: Annotated[bool, about("Whether equilibria were also sought by deflation.")]
 
 

@@ -46,6 +46,7 @@ Kind = Literal["limit_point", "bifurcation"]
 End = Literal["range", "closed", "joined", "collision", "unstable", "points", "lost"]
 
 _SAME: Final = 1e-6  # distance between disks over length below which two equilibria are equal
+_MOST_CUT: Final = 3  # branches that end early, of which the text says where
 _ENDS: Final = {
     "range": "the end of the range of the load factor",
     "closed": "its first point",
@@ -67,7 +68,7 @@ class BranchSearch:
         Largest load factor; the least one is 0.
     step : float
         Largest step along a branch: radians of rotation, and load over the load that bends the
-        robot by about 1 rad.
+        robot by about 1 rad. Where a branch is straight, its load grows in longer steps.
     max_points : int
         Most points of a branch.
     max_branches : int
@@ -208,7 +209,8 @@ class BranchDiagram:
     branches : tuple of Branch
         Branches; the first one begins at load factor 0.
     complete : bool
-        Whether all bifurcations were followed: fewer branches were found than allowed.
+        Whether all bifurcations were followed: fewer branches were found than allowed, and none of
+        them ended at the largest number of points or where the continuation did not converge.
     deflated : bool
         Whether deflation was used; it is not on a family of equal branches.
     max_factor : float
@@ -276,7 +278,17 @@ class BranchDiagram:
                 f"No equilibrium was found at load factor {self.max_factor:g}; the first branch "
                 f"reaches {first.factor[most]:.6g}: {reached}."
             )
-        if not self.complete:
+        cut = [(i, b) for i, b in enumerate(self.branches) if b.end in ("points", "lost")]
+        for i, branch in cut[:_MOST_CUT]:
+            last = float(branch.factor[-1])
+            load = " and ".join(_differences(self.start, self.load, last))
+            out.append(
+                f"Branch {i + 1} was followed only up to load factor {last:.6g} ({load}), where it "
+                f"ends at {_ENDS[branch.end]}; what lies behind is not known."
+            )
+        if len(cut) > _MOST_CUT:
+            out.append(f"So were {len(cut) - _MOST_CUT} more.")
+        if not self.complete and not cut:
             out.append("More branches were not followed: the largest number was reached.")
         return out
 

@@ -33,6 +33,10 @@ const FAILED: f64 = 0.4;
 pub(super) const STRAIGHT: f64 = 0.93;
 /// Largest distance of the ends of a step over its length.
 pub(super) const STRETCH: f64 = 1.1;
+/// Longest step where a branch is straight, over the range of the load.
+const LONGEST_STEP: f64 = 0.01;
+/// Rotation and turn of the tangent, over the length of a step, below which the branch is straight.
+const NEARLY_STRAIGHT: f64 = 0.1;
 /// Distance within which two points are the same.
 const SAME: f64 = 1e-4;
 /// Difference of scaled loads within which they are the same.
@@ -48,7 +52,7 @@ pub struct Search {
     /// Largest load factor; the least one is 0.
     pub most: f64,
     /// Largest step along a branch: radians of rotation, and the load over the one that bends the
-    /// robot by about 1 rad.
+    /// robot by about 1 rad. Where the branch is straight, its load grows in longer steps.
     pub step: f64,
     /// Most points of a branch.
     pub points: usize,
@@ -160,7 +164,8 @@ pub struct Diagram {
     pub start: Outcome,
     /// Branches; the first one begins at load factor 0.
     pub branches: Vec<Branch>,
-    /// Whether every bifurcation was followed: fewer branches were found than allowed.
+    /// Whether every bifurcation was followed: fewer branches were found than allowed, and all
+    /// were followed to their ends.
     pub complete: bool,
     /// Whether deflation was used.
     pub deflated: bool,
@@ -472,6 +477,10 @@ impl Following {
         while branch.points.len() < self.search.points {
             let other = (steps > 0).then_some((&last, Side::Behind));
             let taken = self.step(&base, step, other, &mut next);
+            if taken.is_some() && step > self.search.step && self.meets_something(&base, &next) {
+                step = f64::max(FAILED * step, self.search.step);
+                continue;
+            }
             let located = taken.and_then(|corrections| {
                 let events = Step {
                     base: &base,
@@ -535,7 +544,8 @@ impl Following {
                 break;
             }
             let since = branch.points.len() - begun;
-            if since > LEAST_LOOP && next.at.distance(&branch.points[begun - 1].at) < 0.5 * step {
+            let near = 0.5 * f64::min(step, self.search.step);
+            if since > LEAST_LOOP && next.at.distance(&branch.points[begun - 1].at) < near {
                 branch.end = End::Closed;
                 break;
             }
@@ -544,12 +554,37 @@ impl Following {
                 c if c >= MANY_CORRECTIONS => SHORTER,
                 _ => 1.0,
             };
-            step = f64::min(step, self.search.step);
+            step = f64::min(step, self.longest_step(&base, &next));
             std::mem::swap(&mut last, &mut base);
             std::mem::swap(&mut base, &mut next);
             steps += 1;
         }
+        self.complete &= !matches!(branch.end, End::Points | End::Lost);
         self.branches.push(branch);
+    }
+
+    /// Longest step behind one: rotations, and the turn of the tangent, stay within those of the
+    /// largest step where the branch is straight, as that of a straight robot that is compressed.
+    fn longest_step(&self, base: &State, next: &State) -> f64 {
+        let usual = self.search.step;
+        let turn = next.tangent.distance(&base.tangent) / next.at.distance(&base.at);
+        let rotation = (1.0 - next.tangent.load.powi(2)).max(0.0).sqrt();
+        let bent = turn.max(rotation);
+        // a NaN is not straight
+        if !(bent < NEARLY_STRAIGHT) {
+            return usual;
+        }
+        let range = self.search.most / self.curve.scale;
+        (usual / bent).min(LONGEST_STEP * range).max(usual)
+    }
+
+    /// Whether there is something between two points that usual steps are to find.
+    fn meets_something(&self, base: &State, next: &State) -> bool {
+        let one = 1.0 / self.curve.scale;
+        base.signature != next.signature
+            || base.stable != next.stable
+            || next.collision.is_some()
+            || (base.at.load - one) * (next.at.load - one) < 0.0
     }
 
     /// One step of the continuation, at most to the end of the load's range; returns the Newton
