@@ -14,6 +14,7 @@ mod outcome;
 mod path;
 mod relax;
 mod rows;
+mod saddle;
 mod search;
 mod start;
 mod step;
@@ -65,6 +66,8 @@ pub struct InverseSolver {
     /// The last unreached row that was searched from several starts, and its least distance over the
     /// length.
     searched: Option<(Task, f64)>,
+    /// Tensions of the last point of a path that was proven to be no saddle.
+    checked: Vec<f64>,
     /// Solutions of the rows before on a path, latest last.
     past: Vec<Past>,
     /// Rows since the elements were refined; the largest number after they were made coarser. And
@@ -144,6 +147,7 @@ impl InverseSolver {
             known: false,
             nearest: None,
             searched: None,
+            checked: vec![],
             past: vec![],
             rows_refined: 0,
             rows_to_hold: 0,
@@ -203,6 +207,9 @@ impl InverseSolver {
             };
             end = Some(found);
             new |= other;
+        }
+        if self.point.size <= REACHED && (new || !self.is_checked()) {
+            new |= self.leave_saddles(&task, iterations);
         }
         self.known = true;
         self.remember(&task, new);
@@ -294,6 +301,7 @@ impl InverseSolver {
 
 #[cfg(test)]
 mod tests {
+    use super::relax::half_square;
     use super::*;
     use crate::model::robot::{Disk, RobotSpec, Section, Tendon};
     use crate::statics::solver::{Solver, Status};
@@ -430,6 +438,45 @@ mod tests {
             assert!(found.iter().all(|t| (0.0..=30.0).contains(t)));
         }
         assert!(iterations[1] < 2 * iterations[0], "{iterations:?}");
+    }
+
+    /// In the mirror plane of a robot the symmetric tensions are a saddle: those of a target beside
+    /// the plane are smaller, and the first row of a path has them too.
+    #[test]
+    fn a_target_in_a_mirror_plane_has_the_least_tensions() {
+        let mut spec = robot().spec().clone();
+        spec.gravity = [0.0, 0.0, 9.81];
+        let hole = |i: usize| {
+            let angle = i as f64 * std::f64::consts::FRAC_PI_3;
+            [0.02 * angle.cos(), 0.02 * angle.sin()]
+        };
+        let ends = [(0, 4), (2, 4), (4, 4), (1, 9), (3, 9), (5, 9)];
+        spec.tendons = ends.map(|(i, end)| Tendon::parallel(hole(i), end)).into();
+        let robot = Robot::new(spec).unwrap();
+        let limits = Limits {
+            least: &[0.0; 6],
+            most: &[200.0; 6],
+        };
+        let load = Load {
+            gravity: robot.spec().gravity,
+            ..Load::default()
+        };
+        let mut inverse = InverseSolver::new(&robot, RodModel::default(), 0.0).unwrap();
+        let mut squares = |warm: bool, y: f64| {
+            let target = Target {
+                position: [0.12, y, 0.57],
+                direction: None,
+            };
+            let found = inverse.solve(&load, &target, &limits, warm);
+            assert_eq!(found.status, InverseStatus::Reached);
+            assert!(!found.restarted);
+            2.0 * half_square(inverse.tensions())
+        };
+        let beside = squares(false, 1e-3);
+        let within = squares(false, 0.0);
+        assert!((within / beside - 1.0).abs() < 0.1, "{within} {beside}");
+        let near = squares(true, 1e-5);
+        assert!((near / within - 1.0).abs() < 1e-3, "{near} {within}");
     }
 
     /// With a margin the tensions of an unreachable target are smaller, its tip is within the margin,
