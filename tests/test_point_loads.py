@@ -352,3 +352,14 @@ def test_flags(shell: Shell) -> None:
 def test_bad_flags(shell: Shell, flag: str, text: str, says: str) -> None:
     error = shell.error("solve", "amouri2019", "--tension", "1,0,0", flag, text)
     assert error.startswith(flag) and says in error
+
+
+def test_disks_that_collide_under_the_whole_load_are_named() -> None:
+    """Load steps pass the load at which they touch; the solver gave up there."""
+    robot = bs.load_robot("amouri2019").with_({"segments.0.disks.count": 3})
+    follower = bs.PointLoad(force=[1, 20, -8], disk=2, follower=True)
+    moment = [-2, 1.5, 1]
+    load = bs.Load([150, 205, 0], gravity=[0, 0, 0], tip_moment=moment, point_loads=[follower])
+    found = bs.solve(robot, load=load)
+    assert found.status == "no_equilibrium"
+    assert "the base and disk 1 collide" in found.message

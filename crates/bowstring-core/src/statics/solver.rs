@@ -323,22 +323,27 @@ impl Solver {
             outcome.left_unstable = first.left_unstable;
             continued = self.continuation(load, true, outcome);
         }
-        if continued.is_sound() {
-            return continued;
+        match (attempt, continued) {
+            (_, continued) if continued.is_sound() => continued,
+            // at the full load disks collide
+            (Attempt::Stuck, continued @ Attempt::Converged { .. }) => continued,
+            (Attempt::Stuck, _) => Attempt::Stuck,
+            (attempt, _) => {
+                outcome.residual = first.residual;
+                attempt
+            }
         }
-        if !matches!(attempt, Attempt::Stuck) {
-            outcome.residual = first.residual;
-        }
-        attempt
     }
 
     /// Raises the load from zero by adaptive increments: the whole load or, from the engine's
     /// equilibrium under the other loads, those without a potential alone. Reports the fraction
-    /// reached.
+    /// reached. Disks that collide on the way are passed if there is no other: only the whole load
+    /// has to keep them apart.
     fn continuation(&mut self, load: &Load, all: bool, outcome: &mut Outcome) -> Attempt {
         let mut part = OwnedLoad::default();
         let mut start = vec![Vec3::zero(); self.history[0].len()];
         let (mut reached, mut increment) = (0.0, if all { FIRST_INCREMENT } else { 1.0 });
+        let mut passes = false;
         if all {
             self.engine.make_unloaded();
         }
@@ -351,10 +356,18 @@ impl Solver {
             let mut attempt = self.attempt_from(&start, &part.borrow(), outcome);
             if fraction == 1.0 {
                 let size = load.size_without_potential(self.settings.length);
-                let leads = !all && size > LEAST_LEADING_MOMENT * self.settings.moment_scale;
+                let leads =
+                    !all && !passes && size > LEAST_LEADING_MOMENT * self.settings.moment_scale;
                 attempt = self.judged(attempt, load, leads);
             }
-            let sound = attempt.is_sound();
+            let collides = matches!(
+                attempt,
+                Attempt::Converged {
+                    collision: Some(_),
+                    ..
+                }
+            );
+            let sound = attempt.is_sound() || collides && passes;
             if sound && fraction == 1.0 {
                 outcome.fraction = 1.0;
                 return attempt;
@@ -366,10 +379,16 @@ impl Solver {
             } else {
                 increment *= SHORTER;
             }
-            outcome.fraction = reached;
+            if !passes {
+                outcome.fraction = reached;
+            }
             if fraction == 1.0 && matches!(attempt, Attempt::Saddle) && !load.has_potential() {
                 // converged to an unstable equilibrium: smaller increments lead to the same
                 return attempt;
+            }
+            if increment < LEAST_INCREMENT && collides {
+                passes = true;
+                increment = FIRST_INCREMENT;
             }
             // limit the time spent on a load without an equilibrium
             if increment < LEAST_INCREMENT
