@@ -82,8 +82,8 @@ class InverseSolution:
     iterations : int or ndarray of int
         Gauss-Newton iterations of all starts.
     restarted : bool or ndarray of bool
-        Whether a row of a path was found from another start than the previous row, so that the
-        robot may jump between them.
+        Whether a row of a path was found from another start than the previous row, or by leaving
+        a saddle to which that leads, so that the robot may jump between them.
     elements : int or ndarray of int
         Elements in a module; 0 by constant curvature.
     tip_error : float or ndarray
