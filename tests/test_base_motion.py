@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
+from bowstring.dynamics.base_motion import BaseHistory
 from bowstring.errors import InputError
 from bowstring.fem import run as fem
 
@@ -23,6 +24,7 @@ LIGHT = ROBOT.with_(
         "payloads": [{"mass": MASS}],
     }
 )
+ONE_DISK = LIGHT.with_({"segments.0.disks.count": 1})
 TENSIONS = [40.0, 0.0, 10.0]
 KEEP = bs.Integrator(spectral_radius=1.0)
 TIMES = np.linspace(0.0, 1.0, 101)
@@ -63,7 +65,8 @@ def test_a_mass_on_a_turning_beam() -> None:
     theta = amplitude * (np.sin(rate * TIMES) - rate * TIMES * np.exp(-20 * TIMES**2))
     base = bs.BaseMotion(TIMES, rotations=theta[:, None] * [0, 1, 0])
     hanging = LIGHT.with_({"gravity": [0, 0, g]})
-    run = moved(hanging, base, [0, 0, 0])
+    steps = bs.Integrator(dt=2e-3, spectral_radius=1.0)
+    run = bs.simulate(hanging, [0, 0, 0], 1.0, load=bs.Load(base=base), integrator=steps)
     length, bending = LIGHT.length, float(LIGHT.bending_stiffness[0])
     # stiffness of a beam in tension by the weight, at its end
     k = math.sqrt(MASS * g / bending)
@@ -153,6 +156,62 @@ def test_accelerations_are_those_of_the_poses() -> None:
     np.testing.assert_allclose(at[:3], turn(t).T @ acceleration - change, atol=1e-3)
     np.testing.assert_allclose(at[3:6], rate(t), atol=1e-5)
     np.testing.assert_allclose(at[6:], (rate(t + h) - rate(t - h)) / (2 * h), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("hertz", "tensions", "tolerance"),
+    [(5.0, [0, 0, 0], 1e-11), (60.0, lambda t: [0, 0, 0], 1e-8), (200.0, [0, 0, 0], 1e-11)],
+    ids=["5 Hz", "60 Hz, tensions by a function", "200 Hz"],
+)
+def test_a_shaken_base_acts_as_the_inertial_force(
+    hertz: float, tensions: Any, tolerance: float
+) -> None:
+    """Motions faster than the steps of a slow one; the only mass is at the tip."""
+    rate, end = 2 * np.pi * hertz, 12 / hertz if hertz > 20 else 0.3
+    times = np.linspace(0.0, end, 901)
+    grown = np.clip(4 * times / end, 0, 1)
+    amplitude = 20.0 / rate**2 * grown**3 * (10 - 15 * grown + 6 * grown**2)
+    base = bs.BaseMotion(times, np.outer(amplitude * np.sin(rate * times), [1, 0, 0]))
+    force = np.zeros((len(times), 3))
+    force[:, 0] = -MASS * base.accelerations(times, [0, 0, 0])[:, 0]  # linear between poses
+    damped, output = {"mass_damping": 2.0}, bs.Output(every=end / 100, points=0)
+    exact = bs.simulate(
+        ONE_DISK, [0, 0, 0], end, load=bs.Load(tip_force=bs.dynamics.Table(times, force)),
+        start=bs.Start(bs.Load(tip_force=[0, 0, 0])),
+        integrator=bs.Integrator(dt=end / 5400, **damped), output=output,
+    ).raise_for_status()  # fmt: skip
+    moved = float(np.ptp(exact.tip_position[:, 0]))
+    run = bs.simulate(
+        ONE_DISK, tensions, end, load=bs.Load(base=base),
+        integrator=bs.Integrator(tolerance=tolerance, **damped), output=output,
+    ).raise_for_status()  # fmt: skip
+    apart = np.linalg.norm(run.tip_position - exact.tip_position, axis=1).max()
+    assert run.error_estimate is not None and exact.error_estimate is not None
+    assert apart <= run.error_estimate + exact.error_estimate
+    assert apart < (2e-3 if tolerance < 1e-10 else 1e-2) * moved
+
+
+def test_curves_between_accelerations_are_as_fine_as_the_motion() -> None:
+    g = [0, 0, -9.81]
+    fine = np.linspace(0, 2, 4001)
+    slow = bs.BaseMotion(fine, np.outer(0.1 * np.sin(3 * fine), [1, 0, 0]))
+    turning = bs.BaseMotion(
+        [0, 1, 2], [[0, 0, 0], [1, 0, 0], [1, 0, 1]], [[0, 0, 0], [0, 2.9, 0], [2, 2.9, 0]]
+    )
+    random = np.random.default_rng(0)
+    noisy = bs.BaseMotion(
+        fine, random.normal(0, 1e-5, (4001, 3)), random.normal(0, 1e-4, (4001, 3))
+    )
+    still = bs.BaseMotion(fine, np.outer(fine, [0.3, -0.2, 1.0]))
+    checks = np.linspace(0, 1.7, 3333)
+    for base, most in ((slow, 40), (turning, 40), (noisy, 4000), (still, 1)):
+        history = BaseHistory(base, g, 1.7)
+        exact, found = base.accelerations(checks, g), history.rows(checks)
+        size = np.maximum(np.linalg.norm(exact.reshape(-1, 3, 3), axis=2).max(axis=0), 1e-2)
+        apart = np.linalg.norm((found - exact).reshape(-1, 3, 3), axis=2).max(axis=0)
+        assert (apart <= 1.3e-5 * size).all() and history.misfit <= 1e-5
+        assert 2 <= len(history.knots()) <= most + 1
+        assert max(history.knots()) == 1.7
 
 
 @pytest.mark.parametrize(

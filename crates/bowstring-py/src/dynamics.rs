@@ -18,6 +18,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::{Duration, Instant};
 
+/// Numbers of the motion of the base at one time, and of that in an interval.
+const BASE: usize = 9;
+const BASE_ROW: usize = 3 * BASE;
+
 /// Loads at one time, a tuple: actuation of each tendon; force and moment on the tip; forces and
 /// moments on the disks, (3 N,), numbers of P point loads, (12 P,), and forces per length before each
 /// disk, (3 N,), or empty if there are none; acceleration, angular velocity and angular acceleration
@@ -34,7 +38,7 @@ struct InstantLoad<'py>(
     Bound<'py, PyAny>,
 );
 
-/// The same at several times, row by row.
+/// The same at several times, row by row; the motion of the base as `run` has it.
 #[derive(FromPyObject)]
 struct LoadRows<'py>(
     PyReadonlyArray2<'py, f64>,
@@ -191,7 +195,8 @@ impl Simulator {
     }
 
     /// Advances through intervals, one in a row, in each of which the load changes linearly to that
-    /// of the row; records the fields after every row where `record` is set. Returns the reason of
+    /// of the row, and the motion of the base by a cubic: its row has that at one and two thirds of the
+    /// interval and at the end. Records the fields after every row where `record` is set. Returns the reason of
     /// an early stop: a step failed, or disks collided.
     fn run(
         &mut self,
@@ -220,7 +225,7 @@ impl Simulator {
             ("disk_forces", disk_forces.shape(), [rows, on_disks]),
             ("disk_moments", disk_moments.shape(), [rows, on_disks]),
             ("line_forces", lines.shape(), [rows, on_disks]),
-            ("base", base.shape(), [rows, 9]),
+            ("base", base.shape(), [rows, BASE_ROW]),
         ] {
             let none = !name.starts_with("t") && shape[1] == 0;
             if shape != expected && !(none && shape[0] == rows) {
@@ -255,6 +260,12 @@ impl Simulator {
                     *to = *from;
                 }
                 let on_disks = |all: ArrayView2<f64>| vectors(&all.row(row).to_vec());
+                let motions: Vec<_> = base
+                    .row(row)
+                    .to_vec()
+                    .chunks(BASE)
+                    .map(base_motion)
+                    .collect();
                 let load = Load {
                     tensions: &own,
                     gravity: [0.0; 3],
@@ -264,12 +275,16 @@ impl Simulator {
                     disk_moments: &on_disks(disk_moments),
                     point_loads: &point_loads(&points.row(row).to_vec(), disks),
                     line_forces: &on_disks(lines),
-                    base: base_motion(&base.row(row).to_vec()),
+                    base: motions.last().copied().unwrap_or_default(),
+                };
+                let inside = match motions[..] {
+                    [first, second, _] => Some([first, second]),
+                    _ => None,
                 };
                 let count;
                 (stop, count) = self
                     .inner
-                    .advance(duration[row], &load)
+                    .advance_through(duration[row], &load, inside)
                     .map_err(input_error)?;
                 self.count.steps += count.steps;
                 self.count.iterations += count.iterations;
@@ -435,7 +450,7 @@ impl Simulator {
             line_forces: on_disks(lines, "line_forces", "N/m")?,
             base: match base.len()? {
                 0 => BaseMotion::default(),
-                _ => base_motion(&numbers(base, "base", "SI", 9)?),
+                _ => base_motion(&numbers(base, "base", "SI", BASE)?),
             },
         })
     }

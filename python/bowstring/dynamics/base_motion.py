@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
@@ -21,7 +21,11 @@ __all__ = ["BaseHistory", "BaseMotion"]
 
 Floats = NDArray[np.float64]
 
-_SPACING: Final = 5e-3  # s between two times from which the core interpolates linearly
+_MISFIT: Final = 1e-5  # of a cubic over the largest acceleration
+_LEAST_PART: Final = 1 / 64  # of the time between two poses that an interval is halved to
+_NODES: Final = np.array([0.0, 1.0, 2.0, 3.0]) / 3.0  # of an interval, through which its cubic goes
+_OWN: Final = np.array([0.12, 0.5, 0.88])  # of an interval, where its cubic is compared
+_STILL: Final = np.array([1e-2, 1e-4, 1e-2])  # m/s^2, rad/s, rad/s^2: the least that counts
 _LARGEST_TURN: Final = 3.0  # rad between two poses, below the half turn that splines allow
 
 
@@ -127,8 +131,9 @@ class BaseMotion:
         if self._turn is None:
             out[:, :3] = moved
             return out
-        change = self.gravity(at, gravity) - self.gravity([0.0], gravity)
-        out[:, :3] = self._turn(at).inv().apply(moved) - change
+        back = self._turn(at).inv()
+        change = back.apply(np.asarray(gravity, dtype=float)) - self.gravity([0.0], gravity)
+        out[:, :3] = back.apply(moved) - change
         out[:, 3:6] = self._turn(at, 1)
         out[:, 6:] = self._turn(at, 2)
         return out
@@ -201,25 +206,55 @@ class BaseMotion:
 
 
 class BaseHistory:
-    """Accelerations of the base over time, as a load history of 9 columns."""
+    """Accelerations of the base over time, as a load history of 9 columns.
+
+    They are joined by cubics, each through four values. Their ends are poses where these are far
+    apart, and lie closer where the base turns fast, so that the cubics are within 1e-5 of the
+    largest acceleration.
+
+    Parameters
+    ----------
+    base : BaseMotion
+        Motion of the base.
+    gravity : array_like (3,)
+        Gravity in world axes, m/s^2.
+    duration : float
+        Duration of the run, s.
+    """
 
     is_sampled = False
 
-    def __init__(self, base: BaseMotion, gravity: ArrayLike) -> None:
-        self.base, self.gravity = base, gravity
+    def __init__(self, base: BaseMotion, gravity: ArrayLike, duration: float) -> None:
+        self.base = base
+        end = min(duration, base.duration) or base.duration
+
+        def values(times: Floats) -> Floats:
+            return base.accelerations(np.minimum(times, end), gravity)
+
+        times = np.asarray(base.times)
+        self._starts, self._values, self.misfit = _cubics(
+            values, np.append(times[times < end], end)
+        )
+        self._ends = np.append(self._starts[1:], end)
 
     def rows(self, times: Floats, *, before: bool = False) -> Floats:
         """Accelerations (K, 9) at several times (K,)."""
-        return self.base.accelerations(np.minimum(times, self.base.duration), self.gravity)
+        at = np.clip(np.searchsorted(self._starts, times, side="right") - 1, 0, None)
+        return _between(self._starts[at], self._ends[at], self._values[at], times)
 
     def at(self, time: float, *, before: bool = False) -> Floats:
         """Accelerations (9,) at a time."""
         return np.asarray(self.rows(np.array([time]))[0])
 
+    def inside(self, starts: Floats, ends: Floats) -> Floats:
+        """Accelerations (K, 27) at one and two thirds of intervals, and at their ends."""
+        times = starts[:, None] + (ends - starts)[:, None] * _NODES[1:]
+        times[:, -1] = ends
+        return self.rows(times.ravel()).reshape(len(ends), -1)
+
     def knots(self) -> set[float]:
-        """Times between which the accelerations are taken as linear."""
-        count = int(np.ceil(self.base.duration / _SPACING))
-        return set(np.linspace(0.0, self.base.duration, count + 1).tolist())
+        """Times at which the cubics meet."""
+        return {*self._starts.tolist(), float(self._ends[-1])}
 
     def jumps(self) -> set[float]:
         """No times: the motion is smooth."""
@@ -228,3 +263,58 @@ class BaseHistory:
     def to_dict(self) -> Any:
         """Poses of the base for a file."""
         return self.base.to_dict()
+
+
+def _cubics(values: Callable[[Floats], Floats], times: Floats) -> tuple[Floats, Floats, float]:
+    """Fit cubics to accelerations; their starts (M,), values (M, 4, 9) and largest misfit.
+
+    Intervals are halved, at a pose as long as there is one inside. The misfit is over the largest
+    acceleration, angular velocity and angular acceleration.
+    """
+    last = len(times) - 1
+    poses = np.arange(last + 1.0)
+    fine = np.linspace(0.0, last, 2 * last + 1)  # poses, and a time between each two
+    checks = np.interp(fine, poses, times)
+    exact = values(checks)
+    scale = np.maximum(_sizes(exact).max(axis=0), _STILL)
+    starts, fitted, worst = [], [], 0.0
+    a, b = np.zeros(1), np.full(1, float(last))
+    while len(a):
+        start, end = np.interp(a, poses, times), np.interp(b, poses, times)
+        own = start[:, None] + (end - start)[:, None] * np.concatenate([_NODES, _OWN])
+        at_own = values(own.ravel()).reshape(len(a), -1, exact.shape[1])
+        nodes = at_own[:, : len(_NODES)]
+        each = np.repeat(np.arange(len(a)), len(_OWN))
+        guess = _between(start[each], end[each], nodes[each], own[:, len(_NODES) :].ravel())
+        off = (_sizes(guess - at_own[:, len(_NODES) :].reshape(guess.shape)) / scale).max(axis=1)
+        misfit = off.reshape(len(a), -1).max(axis=1)
+        of = np.searchsorted(start, checks, side="right") - 1
+        seen = (of >= 0) & (checks <= end[of])
+        of = of[seen]
+        guess = _between(start[of], end[of], nodes[of], checks[seen])
+        np.maximum.at(misfit, of, (_sizes(guess - exact[seen]) / scale).max(axis=1))
+        halved = (misfit > _MISFIT) & (b - a > _LEAST_PART)
+        starts.append(start[~halved])
+        fitted.append(nodes[~halved])
+        worst = max(worst, float(misfit[~halved].max(initial=0.0)))
+        a, b = a[halved], b[halved]
+        middle = (a + b) / 2.0
+        middle = np.where(b - a > 1.0, np.round(middle), middle)
+        a, b = np.stack([a, middle], axis=1).ravel(), np.stack([middle, b], axis=1).ravel()
+    order = np.argsort(np.concatenate(starts))
+    return np.concatenate(starts)[order], np.concatenate(fitted)[order], worst
+
+
+def _between(starts: Floats, ends: Floats, nodes: Floats, times: Floats) -> Floats:
+    """Values (K, 9) at times by cubics through values (K, 4, 9) at the `_NODES` of intervals."""
+    s = (times - starts) / (ends - starts)
+    a, b, c = 3.0 * s - 1.0, 3.0 * s - 2.0, s - 1.0
+    weights = np.stack(
+        [-a * b * c / 2.0, 4.5 * s * b * c, -4.5 * s * a * c, s * a * b / 2.0], axis=1
+    )
+    return np.asarray(np.einsum("ki,kij->kj", weights, nodes))
+
+
+def _sizes(accelerations: Floats) -> Floats:
+    """Norms (K, 3) of acceleration, angular velocity and angular acceleration."""
+    return np.asarray(np.linalg.norm(accelerations.reshape(-1, 3, 3), axis=2))

@@ -431,6 +431,18 @@ class Loads(NamedTuple):
         """Loads at a time; at a jump, those after it or, with `before`, those before it."""
         return InstantLoad(*(c.at(time, before=before) for c in self))
 
+    def ramps(self, starts: Floats, ends: Floats) -> InstantLoad:
+        """Loads at the ends of intervals, row by row; of the base also within them."""
+        rows = InstantLoad(*(c.rows(ends, before=True) for c in self))
+        if isinstance(self.base, BaseHistory):
+            return rows._replace(base=self.base.inside(starts, ends))
+        return rows
+
+    @property
+    def misfit(self) -> float:
+        """Misfit of the motion of the base, over its largest acceleration."""
+        return self.base.misfit if isinstance(self.base, BaseHistory) else 0.0
+
     def jumps(self) -> set[float]:
         """The times of jumps."""
         return set().union(*(c.jumps() for c in self))
@@ -474,7 +486,7 @@ class Loads(NamedTuple):
             yield from self._sampled(simulator, ends, record, longest)
             return
         durations = np.diff(ends, prepend=0.0)
-        rows = [c.rows(ends, before=True) for c in self]
+        rows = self.ramps(np.concatenate([[0.0], ends[:-1]]), ends)
         jumps = np.array(sorted(self.jumps()))
         jumped = np.searchsorted(jumps, ends + CLOSEST) > np.searchsorted(jumps, ends - CLOSEST)
         stops = np.flatnonzero(jumped) + 1
@@ -501,7 +513,8 @@ class Loads(NamedTuple):
                 left = max(1, int(np.ceil((end - now) / reach - 1e-6)))
                 then = end if left == 1 else now + (end - now) / left
                 recorded = np.array([wanted and left == 1])
-                yield np.array([then - now]), self.at(then, before=True).row, recorded
+                loads = self.ramps(np.array([now]), np.array([then]))
+                yield np.array([then - now]), loads, recorded
                 now = then
 
 
@@ -553,7 +566,7 @@ def of_base(given: Any, gravity: ArrayLike, duration: float) -> _History | BaseH
             f"the base moves up to {given.duration:g} s and the run lasts {duration:g} s; give "
             "poses of the base up to its end"
         )
-    return BaseHistory(given, gravity)
+    return BaseHistory(given, gravity, duration)
 
 
 def disk_row(name: str, value: Any, disks: int) -> Floats:

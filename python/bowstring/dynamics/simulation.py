@@ -70,6 +70,7 @@ _MOST_OUTPUTS: Final = 1_000_000
 _LONGEST_WHY: Final = 300  # characters of the error of a user's function
 _STILL: Final = 1e-11  # change of a displacement over length that is no jump
 _INCREMENTS: Final = 20  # load increments of the forces on disks
+_MARGIN: Final = 3.0  # of the error by the motion of the base, that of the core for the steps
 _COARSE: Final = 0.01  # error of the time steps over length that gets advice
 
 
@@ -119,7 +120,8 @@ class Run:
         damping.
     error_estimate : float or None
         Estimated bound of the tip's error by time integration, m: three times the sum of the errors
-        of all steps, at most the distance that the tip moved. Errors that damping has removed since
+        of all steps and of the curves that join the accelerations of a base that moves, at most the
+        distance that the tip moved. Errors that damping has removed since
         are included, so the bound is large where fast oscillations decay. Errors of the elements
         are not included. None if unknown (a run of one or two steps).
     wall_s : float
@@ -560,7 +562,7 @@ def simulate(
         elif points and len(time) and run.frames is None:
             run.frames = frames(simulator, places)
         run.time, run.tip_position, run.tip_velocity = time, position, velocity
-        run.error_estimate = _at_most(simulator.error, position)
+        run.error_estimate = _estimate(simulator.error, position, loads.misfit)
 
     try:
         status = "converged"
@@ -641,11 +643,15 @@ _CONFLICT: Final = (
 )
 
 
-def _at_most(error: float | None, tip: Floats) -> float | None:
-    """Limit the estimated error to the diagonal of the box in which the tip moved."""
+def _estimate(error: float | None, tip: Floats, misfit: float) -> float | None:
+    """Estimated error of the tip, m, from that of the steps and the misfit of the base's motion.
+
+    Both are limited by the diagonal of the box in which the tip moved.
+    """
     if error is None or len(tip) == 0:
         return None
-    return min(error, float(np.linalg.norm(np.ptp(tip, axis=0))))
+    moved = float(np.linalg.norm(np.ptp(tip, axis=0)))
+    return min(error + _MARGIN * misfit * moved, moved)
 
 
 def _why_no_start(status: str) -> str:

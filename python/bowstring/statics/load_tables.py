@@ -106,7 +106,8 @@ class InstantLoad(NamedTuple):
     line_forces: Floats
     """Components before all disks (3 N,); empty if there are none."""
     base: Floats
-    """Accelerations of the base (9,); empty where it does not move."""
+    """Accelerations of the base (9,); empty where it does not move. In rows for intervals those at
+    one and two thirds and at the end, (K, 27)."""
 
     @property
     def dead(self) -> Load:

@@ -7,7 +7,7 @@ use super::actuation::Actuation;
 use super::newton::{self, Problem, Tolerances};
 use super::settings::{Count, Integrator, Step, Stop};
 use crate::interrupt;
-use crate::model::load::{Load, OwnedLoad, PointLoad};
+use crate::model::load::{BaseMotion, Load, OwnedLoad, PointLoad};
 use crate::model::robot::Robot;
 use crate::statics::solver;
 use crate::step::{Energies, Moving, StepError};
@@ -75,9 +75,42 @@ struct Limits {
 struct LoadRamp {
     from: OwnedLoad,
     to: OwnedLoad,
+    /// Motion of the base at one and two thirds of the interval; `None` where it is linear.
+    base: Option<[BaseMotion; 2]>,
     /// Load where forces balance, and load at the end of the step.
     between: OwnedLoad,
     end: OwnedLoad,
+}
+
+impl LoadRamp {
+    /// Computes the load where forces balance, at a fraction of the interval.
+    fn balance_at(&mut self, fraction: f64) {
+        self.between.between(&self.from, &self.to, fraction);
+        if let Some([first, second]) = self.base {
+            let points = [self.from.base, first, second, self.to.base];
+            self.between.base = through(&points, fraction);
+        }
+    }
+}
+
+/// Motion of the base by the cubic through four points that are equally far apart, at a fraction of
+/// the way from the first to the last.
+fn through(points: &[BaseMotion; 4], fraction: f64) -> BaseMotion {
+    let [a, b, c] = [3.0 * fraction - 1.0, 3.0 * fraction - 2.0, fraction - 1.0];
+    let weights = [
+        -a * b * c / 2.0,
+        4.5 * fraction * b * c,
+        -4.5 * fraction * a * c,
+        fraction * a * b / 2.0,
+    ];
+    let sum = |part: fn(&BaseMotion) -> [f64; 3]| {
+        [0, 1, 2].map(|q| (0..4).map(|i| weights[i] * part(&points[i])[q]).sum())
+    };
+    BaseMotion {
+        acceleration: sum(|base| base.acceleration),
+        angular_velocity: sum(|base| base.angular_velocity),
+        angular_acceleration: sum(|base| base.angular_acceleration),
+    }
 }
 
 /// Energy since the last jump of the load (J).
@@ -176,6 +209,7 @@ impl Integration {
             ramp: LoadRamp {
                 from: forces.clone(),
                 to: forces.clone(),
+                base: None,
                 between: forces.clone(),
                 end: forces,
             },
@@ -215,6 +249,7 @@ impl Integration {
     /// energy.
     pub fn settle(&mut self, motion: &mut dyn Moving, which: Equilibrium) -> Option<bool> {
         self.ramp.from = self.ramp.to.clone();
+        self.ramp.base = None;
         motion.begin_at_rest();
         self.set_loads(motion, 1.0, 1.0, 1.0);
         let tolerances = self.tolerances(motion, self.limits.at_rest, self.limits.at_rest);
@@ -237,16 +272,19 @@ impl Integration {
         found.then(|| motion.is_stable(held))
     }
 
-    /// Advances by `duration` while the load changes linearly to the given one; returns the time
-    /// advanced (s) and the reason for an early stop.
+    /// Advances by `duration` while the load changes linearly to the given one, and the motion of the
+    /// base through `base` at one and two thirds; returns the time advanced (s) and the reason for an
+    /// early stop.
     pub fn advance(
         &mut self,
         motion: &mut dyn Moving,
         duration: f64,
         load: &Load,
+        base: Option<[BaseMotion; 2]>,
     ) -> (f64, Option<Stop>) {
         std::mem::swap(&mut self.ramp.from, &mut self.ramp.to);
         self.ramp.to.set(load);
+        self.ramp.base = base;
         self.count = Count::default();
         self.elapsed = 0.0;
         let stop = self.integrate(motion, duration);
@@ -317,7 +355,7 @@ impl Integration {
     /// Sets the loads where forces balance and at the end of the step, as fractions of the ramp.
     fn set_loads(&mut self, motion: &mut dyn Moving, fraction: f64, end: f64, share: f64) {
         let ramp = &mut self.ramp;
-        ramp.between.between(&ramp.from, &ramp.to, fraction);
+        ramp.balance_at(fraction);
         motion.set_load(&ramp.between.borrow());
         if let Some(actuation) = &mut self.actuation {
             ramp.end.between(&ramp.from, &ramp.to, end);
@@ -455,6 +493,35 @@ impl Integration {
                 });
                 let keep = SAME_STEP.contains(&factor);
                 f64::min(if keep { step } else { step * factor }, longest)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cubic_motion_of_the_base_is_met() {
+        let at = |s: f64| BaseMotion {
+            acceleration: [1.0 - 3.0 * s + 2.0 * s.powi(3), s, 2.0],
+            angular_velocity: [s * s, 0.0, -s],
+            angular_acceleration: [4.0, s.powi(3), 1.0 - s * s],
+        };
+        let parts = |base: BaseMotion| {
+            let BaseMotion {
+                acceleration,
+                angular_velocity,
+                angular_acceleration,
+            } = base;
+            [acceleration, angular_velocity, angular_acceleration]
+        };
+        let points = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(at);
+        for s in [0.0, 0.1, 1.0 / 3.0, 0.77, 1.0] {
+            let (found, exact) = (parts(through(&points, s)), parts(at(s)));
+            for (a, b) in found.iter().flatten().zip(exact.iter().flatten()) {
+                assert!((a - b).abs() < 1e-14, "{a} {b} at {s}");
             }
         }
     }

@@ -334,13 +334,31 @@ impl Simulator {
         duration: f64,
         load: &Load,
     ) -> Result<(Option<Stop>, Count), InputError> {
+        self.advance_through(duration, load, None)
+    }
+
+    /// The same with a motion of the base that is not linear but the cubic through its values at the
+    /// start, at one and two thirds of the interval (`base`) and at the end (that of the load).
+    pub fn advance_through(
+        &mut self,
+        duration: f64,
+        load: &Load,
+        base: Option<[BaseMotion; 2]>,
+    ) -> Result<(Option<Stop>, Count), InputError> {
         self.check_ready()?;
         self.check(load)?;
+        for base in base.iter().flatten() {
+            self.check(&Load {
+                base: *base,
+                ..*load
+            })?;
+        }
         if !(duration.is_finite() && duration >= 0.0) {
             let (argument, rule) = (Argument::Duration, Rule::NotNegative);
             return Err(InputError::number(argument, None, duration, rule));
         }
-        let (reached, stop) = self.integration.advance(&mut *self.engine, duration, load);
+        let engine = &mut *self.engine;
+        let (reached, stop) = self.integration.advance(engine, duration, load, base);
         self.time += reached;
         Ok((stop, self.integration.count))
     }
