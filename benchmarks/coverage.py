@@ -133,7 +133,8 @@ def main() -> None:
             f" {errors[:, k].mean():9.2g} {100 * share[k]:5.1f} %"
         )
     free = 3 * int(found[0].used.sum()) - len(TRUTH)
-    chi = np.array([(each.residuals**2).sum() / STUDY["noise"] ** 2 / free for each in found])
+    noise = STUDY["instrument"].noise
+    chi = np.array([(each.residuals**2).sum() / noise**2 / free for each in found])
     print(
         f"residual over noise (root of reduced chi squared): mean {np.sqrt(chi).mean():.4f}, "
         f"from {np.sqrt(chi.min()):.3f} to {np.sqrt(chi.max()):.3f}"

@@ -20,6 +20,8 @@ from bowstring.statics.designs import sweep_designs
 ROBOT = bs.load_robot("amouri2019")
 SWEEP = 17
 BATCH = 20_000
+ROBOTS, MAPPED, TARGETS = 512, 10_000, 1000
+RUNS = 30
 FIGURE_TENSIONS = np.linspace(
     [0.0, 10.0, 5.0], [80.0, 10.0, 5.0], SWEEP
 )  # as in the core's benches
@@ -80,14 +82,14 @@ def displacement_loads() -> bs.Load:
 
 
 def inverse_targets() -> np.ndarray:
-    """Tips of 1000 equilibria on a path of the tensions, under the load of the figures."""
-    t = np.linspace(0.0, 1.0, 1000)[:, None]
+    """Tips of `TARGETS` equilibria on a path of the tensions, under the load of the figures."""
+    t = np.linspace(0.0, 1.0, TARGETS)[:, None]
     tensions = 30.0 + 25.0 * np.sin(2.0 * np.pi * t + np.array([0.0, 2.1, 4.2]))
     return bs.sweep(ROBOT, tensions, load=load(LOADED), disks=False).tip_position
 
 
 def jax_over_batch() -> float:
-    """Time of `jax.vmap` over 10 000 loads over that of the batch call; NaN without JAX.
+    """Time of `jax.vmap` over `MAPPED` loads over that of the batch call; NaN without JAX.
 
     Both are the fastest of runs that alternate.
     """
@@ -98,11 +100,11 @@ def jax_over_batch() -> float:
     import bowstring.jax
 
     jax.config.update("jax_enable_x64", True)
-    tensions = np.random.default_rng(0).uniform(0.0, 40.0, (10_000, 3))
+    tensions = np.random.default_rng(0).uniform(0.0, 40.0, (MAPPED, 3))
     solve = jax.jit(jax.vmap(bowstring.jax.Solver(ROBOT)))
     jax.block_until_ready(solve(tensions))
     times = []
-    for _ in range(30):
+    for _ in range(RUNS):
         start = perf_counter()
         jax.block_until_ready(solve(tensions))
         middle = perf_counter()
@@ -122,7 +124,7 @@ def figures() -> dict[str, float]:
     displaced = partial(bs.solve_batch, ROBOT, load=displacement_loads(), disks=False)
     friction = Designs(
         ROBOT.with_({"segments.0.tendons.friction": 0.1}),
-        {"segments.0.backbone.E": np.linspace(30e9, 40e9, 512)},
+        {"segments.0.backbone.E": np.linspace(30e9, 40e9, ROBOTS)},
     )
     targets = inverse_targets()
     inverse = partial(bs.inverse_kinematics, ROBOT, load=load(LOADED))
@@ -136,15 +138,20 @@ def figures() -> dict[str, float]:
         "batch_per_solve": 1e3 * median_ms(batch, 1.0) / len(many_tensions),
         "jax_over_batch": jax_over_batch(),
         "displacement_per_solve": 1e3 * median_ms(displaced, 1.0) / BATCH,
-        "inverse_cold": 1e3 * median_ms(partial(inverse, targets[300]), 1.0),
+        "inverse_cold": 1e3 * median_ms(partial(inverse, targets[3 * len(targets) // 10]), 1.0),
         "inverse_on_path": 1e3 * median_ms(partial(inverse, targets), 1.0) / len(targets),
-        "friction_per_step": 1e3 * median_ms(paths, 1.0) / (512 * len(ramp)),
+        "friction_per_step": 1e3 * median_ms(paths, 1.0) / (ROBOTS * len(ramp)),
     }
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Measure and report."""
     results = measure({name: prepare for name, (prepare, _) in SETTINGS.items()})
     for result in results:
         if result.time_ms is not None:
             result.time_ms /= SETTINGS[result.setting][1]
     report(bs.__version__, results, figures=figures())
+
+
+if __name__ == "__main__":
+    main()

@@ -34,10 +34,15 @@ def check() -> None:
     assert abs(paid_out - DISPLACEMENTS).max() < 1e-9, f"at 40 N the displacements are {paid_out}"
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Measure and report."""
     check()
     report(
         bs.__version__,
         measure({name: partial(partial, found, n) for name, n in SETTINGS.items()}),
         converged_mm=[float(x) for x in found(8)[0]],
     )
+
+
+if __name__ == "__main__":
+    main()

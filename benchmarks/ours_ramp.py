@@ -18,6 +18,7 @@ from bowstring.dynamics.load_history import ramp
 from bowstring.dynamics.simulation import Run, simulate
 
 ROBOT = bs.load_robot("amouri2019")
+RUNS = 21
 CONVERGED = {"dt": 1e-4, "elements": 4, "spectral_radius": 1.0}
 
 
@@ -51,8 +52,10 @@ SETTINGS = {
 
 
 def figures() -> dict[str, dict[str, float]]:
-    """Times in ms of the motion alone, the whole call, and the call with a file: the best of 21, as
-    other work only adds to wall time."""
+    """Times in ms of the motion alone, the whole call, and the call with a file.
+
+    They are the best of `RUNS`, as other work only adds to wall time.
+    """
 
     def clock(call) -> float:
         file.unlink(missing_ok=True)
@@ -66,17 +69,22 @@ def figures() -> dict[str, dict[str, float]]:
         for name in ("dt 1.43 ms", "dt 3.33 ms", "adaptive, default tolerance"):
             call = partial(motion, **SETTINGS[name])
             times = [
-                (call().wall_s, clock(call), clock(partial(call, out=file))) for _ in range(21)
+                (call().wall_s, clock(call), clock(partial(call, out=file))) for _ in range(RUNS)
             ]
             best = [1e3 * min(column) for column in zip(*times, strict=True)]
             found[name] = dict(zip(("motion", "call", "call_with_file"), best, strict=True))
     return found
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Measure and report."""
     report(
         bs.__version__,
         measure({name: prepare(**settings) for name, settings in SETTINGS.items()}),
         converged_mm=(1e3 * motion(**CONVERGED).tip_position).round(6).tolist(),
         figures=figures(),
     )
+
+
+if __name__ == "__main__":
+    main()

@@ -81,5 +81,11 @@ SETTINGS = {
     },
 }
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Measure and report."""
     report(exudyn.__version__, measure(SETTINGS, repeat=False))
+
+
+if __name__ == "__main__":
+    main()

@@ -101,5 +101,11 @@ SETTINGS = {
     for n in (10, 20)
 }
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Measure and report."""
     report(exudyn.__version__, measure(SETTINGS))
+
+
+if __name__ == "__main__":
+    main()

@@ -173,5 +173,11 @@ SETTINGS = {
     for s, t in ((2, 1e-6), (3, 1e-3), (4, 1e-3), (6, 1e-3), (8, 1e-5))
 }
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Measure and report."""
     report(exudyn.__version__, measure(SETTINGS))
+
+
+if __name__ == "__main__":
+    main()

@@ -113,5 +113,11 @@ SETTINGS = {
     for steps in (4, 6, 10)
 }
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Measure and report."""
     report(mujoco.__version__, measure(SETTINGS))
+
+
+if __name__ == "__main__":
+    main()

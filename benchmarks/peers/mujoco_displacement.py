@@ -61,5 +61,11 @@ SETTINGS = {
     for k in ("1e6", "1e8")
 }
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Measure and report."""
     report(mujoco.__version__, measure(SETTINGS))
+
+
+if __name__ == "__main__":
+    main()

@@ -77,5 +77,11 @@ SETTINGS = {
     if links < 8 or n < 50
 }
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Measure and report."""
     report(mujoco.__version__, measure(SETTINGS))
+
+
+if __name__ == "__main__":
+    main()

@@ -151,6 +151,11 @@ def measured(per_module: int, case: Case) -> Result:
     return Result(setting, case.name, 1e3 * (time.perf_counter() - start), tip)
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Measure and report."""
     results = [measured(n, case) for case in (DISPLACEMENTS[-1], LOADED) for n in (2, 4)]
     report(version("pyelastica"), results)
+
+
+if __name__ == "__main__":
+    main()

@@ -100,5 +100,11 @@ SETTINGS = {
     for order, points in ((0, 5), (2, 5))
 }
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Measure and report."""
     report(version("soromox"), measure(SETTINGS))
+
+
+if __name__ == "__main__":
+    main()

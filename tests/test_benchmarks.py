@@ -1,0 +1,142 @@
+"""Every benchmark runs in its smallest form, so that none breaks where nobody runs it."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+from benchmarks import cases, displacement, model_choice, ramp, run
+
+from bowstring.data.synthetic import STUDY
+
+ROOT = Path(__file__).parents[1]
+Small = Callable[..., str]
+
+_FEW = {**STUDY, "loads": replace(STUDY["loads"], masses=(0.0, 2.0, 4.0, 6.0), repeats=2)}
+#: Module, arguments, smaller values of its constants, and a pattern of what it prints.
+SMALL: dict[str, tuple[str, tuple[str, ...], dict[str, Any], str]] = {
+    "coverage": ("coverage", ("2",), {"STUDY": _FEW}, "called not noise: "),
+    "memories": ("memories", ("1",), {}, r"relaxation: \{.*\} of 1"),
+    "motions": ("motions", ("--count", "2"), {"PERIODS": 3}, "hard .*%"),
+    "predictive": ("predictive", (), {"SECONDS": 0.1}, "constant curvature .*True"),
+}
+#: The same, with fits that take seconds.
+SLOW: dict[str, tuple[str, tuple[str, ...], dict[str, Any], str]] = {
+    "coverage, slack": ("coverage", ("2", "slack"), {}, "one tendon: 2 synthetic tables"),
+    "memories, begun": ("memories", ("1", "--begun"), {}, "initial state fitted: "),
+    "model_choice": (
+        "model_choice",
+        ("1",),
+        {"TRUTH": {"none": model_choice.TRUTH["none"]}, "ROWS": (20,)},
+        "tensions, none: memory",
+    ),
+}
+OURS: dict[str, dict[str, Any]] = {
+    "ours": {"BATCH": 34, "ROBOTS": 8, "MAPPED": 100, "TARGETS": 20, "RUNS": 1},
+    "ours_displacement": {},
+    "ours_ramp": {"CONVERGED": {"dt": 2e-3}, "RUNS": 1},
+}
+PEERS = sorted({*run.PEERS.values(), *run.DISPLACEMENT_PEERS.values(), *run.RAMP_PEERS.values()})
+_LIBRARY = {"pyelastica": "elastica"}
+"""Modules of peers that are not called as the peer."""
+
+
+#: Pages of docs/verification whose figures are printed by hand.
+PAGES = [
+    *("benchmarks", "benchmarks-displacement", "benchmarks-motion"),
+    *("calibration", "campaigns", "finite-elements", "suite"),
+]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_figures_on_pages_carry_their_commit(page: str) -> None:
+    text = (ROOT / "docs" / "verification" / f"{page}.md").read_text("utf-8")
+    assert re.search(r"[Ff]igures? (?:are|is) of commits? `[0-9a-f]{8}`", text)
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Small:
+    """Run the benchmark of a module with other constants; what it prints."""
+
+    def once(call: Callable[[], object], *_: object, **__: object) -> float:
+        call()
+        return 1.0
+
+    def main(name: str, *arguments: str, **constants: Any) -> str:
+        module = import_module(f"benchmarks.{name}")
+        for each in (module, cases, displacement, ramp):
+            if hasattr(each, "median_ms"):
+                monkeypatch.setattr(each, "median_ms", once)
+        for constant, value in constants.items():
+            monkeypatch.setattr(module, constant, value)
+        monkeypatch.setattr(sys, "argv", [name, *arguments])
+        capsys.readouterr()
+        module.main()
+        return capsys.readouterr().out
+
+    return main
+
+
+@pytest.mark.parametrize(
+    "case", [*SMALL, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
+)
+def test_a_benchmark_runs(small: Small, case: str) -> None:
+    name, arguments, constants, says = {**SMALL, **SLOW}[case]
+    if name == "predictive":
+        pytest.importorskip("osqp", exc_type=ImportError)
+    assert re.search(says, small(name, *arguments, **constants))
+
+
+def test_the_tables_of_make_bench(
+    small: Small,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    """Our own measurements run, and the tables take them; peers stand in as copies of ours."""
+    from benchmarks import ours_displacement
+
+    monkeypatch.setattr(ours_displacement, "check", lambda: None)
+    reports = {name: json.loads(small(name, **OURS[name])) for name in OURS}
+    for report in reports.values():
+        assert not [each["note"] for each in report["results"] if each["note"]]
+
+    def solver(_venv: str, module: str) -> Any:
+        if "pyelastica" in module:
+            return {"failed": "not installed"}
+        kind = next((kind for kind in ("displacement", "ramp") if kind in module), "")
+        return json.loads(json.dumps(reports[f"ours_{kind}" if kind else "ours"]))
+
+    monkeypatch.setattr(run, "run_solver", solver)
+    monkeypatch.setattr(run, "ROOT", tmp_path)
+    run.main()
+    printed = capsys.readouterr().out
+    for title in ("Static solve", "Displacement control: time", "Motion of amouri2019"):
+        assert title in printed
+    assert printed.count("target and measured") == 3
+    assert "no solution" not in printed
+    written = json.loads((tmp_path / "target" / "bench.json").read_text())
+    assert {"solvers", "displacement", "ramp"} <= written.keys()
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_a_peer_runs(small: Small, name: str) -> None:
+    """The coarsest setting of each other solver that is installed."""
+    peer = name.partition("_")[0]
+    library = _LIBRARY.get(peer, peer)
+    pytest.importorskip(library, reason=f"needs {library}", exc_type=ImportError)
+    module = import_module(f"benchmarks.peers.{name}")
+    given = {}
+    if hasattr(module, "SETTINGS"):
+        setting = next(iter(module.SETTINGS))
+        given["SETTINGS"] = {setting: module.SETTINGS[setting]}
+    report = json.loads(small(f"peers.{name}", **given).splitlines()[-1])
+    # the coarsest setting does not solve every load
+    assert [each for each in report["results"] if not each["note"]]
