@@ -30,6 +30,7 @@ SMALL: dict[str, tuple[str, tuple[str, ...], dict[str, Any], str]] = {
 #: The same, with fits that take seconds.
 SLOW: dict[str, tuple[str, tuple[str, ...], dict[str, Any], str]] = {
     "coverage, slack": ("coverage", ("2", "slack"), {}, "one tendon: 2 synthetic tables"),
+    "validity chart": ("campaign.validity_chart", ("collapse", "40"), {}, "of all .*40 robots"),
     "memories, begun": ("memories", ("1", "--begun"), {}, "initial state fitted: "),
     "model_choice": (
         "model_choice",
@@ -70,7 +71,7 @@ def small(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -
         return 1.0
 
     def main(name: str, *arguments: str, **constants: Any) -> str:
-        module = import_module(f"benchmarks.{name}")
+        module = import_module(name if name.startswith("campaign") else f"benchmarks.{name}")
         for each in (module, cases, displacement, ramp):
             if hasattr(each, "median_ms"):
                 monkeypatch.setattr(each, "median_ms", once)
