@@ -1,11 +1,11 @@
 /** The core in WebAssembly. */
 
 import { decompress } from "fzstd";
-import init, { CurvatureLaw, Playground } from "../generated/bowstring_wasm.js";
+import init, { CurvatureLaw, Effect, Playground } from "../generated/bowstring_wasm.js";
 import packed from "../generated/core.bin?url";
 import type { Model } from "./model";
 
-export { CurvatureLaw, Playground };
+export { CurvatureLaw, Effect, Playground };
 
 /** Loads the core; it comes compressed, whatever the server does. */
 export async function loadCore(): Promise<void> {

@@ -8,7 +8,7 @@ import { button, buttons, check, choice, download, fileButton, group, slider } f
 import {
   bench, constantCurvature, deadLoads, distance, lawOf, loadCore, solve, tipOf, type Loading, type Playground, type Point,
 } from "./core";
-import { Curve, causes } from "./diagnosis";
+import { advice, Curve, diagnose, type Diagnosis } from "./diagnosis";
 import { modelOf, readModel, type Model } from "./model";
 import { mainNumbers, withMainNumbers, writeRobotFile, type MainNumbers } from "./robot-file";
 import { GHOST_STEPS, RobotScene, type Drawing } from "./scene";
@@ -278,23 +278,21 @@ class Page {
   private settle(): void {
     const hash = `#${toHash(this.state)}`;
     if (location.hash !== hash) history.replaceState(null, "", hash);
-    let found: ReturnType<typeof causes> = [];
+    let found: Diagnosis = { error: NaN, causes: [] };
     try {
-      found = causes(this.model, this.loading);
+      found = diagnose(this.model, this.loading);
     } catch {
       // the pose says why
     }
-    const rows = found.map(({ name, moves }) => {
+    const rows = found.causes.map(({ name, without }) => {
       const row = document.createElement("tr");
       row.insertCell().textContent = name;
-      row.insertCell().textContent = `${short(moves * 1e3)} mm`;
+      row.insertCell().textContent = `${short((found.error - without) * 1e3)} mm`;
       return row;
     });
     const body = document.querySelector("#causes tbody") as HTMLElement;
     body.replaceChildren(...rows);
-    const main = found.reduce<(typeof found)[number] | null>((a, b) => (a === null || b.moves > a.moves ? b : a), null);
-    find("advice").textContent =
-      main !== null && main.moves > 1e-6 * this.model.geometry.length ? `Mostly ${main.name}. ${main.advice}` : "";
+    find("advice").textContent = advice(found, this.model.geometry.length);
     performance.clearMarks("bowstring:settled");
     performance.mark("bowstring:settled");
   }

@@ -9,14 +9,18 @@ import { createServer } from "vite";
 import init, { Playground } from "../generated/bowstring_wasm.js";
 
 const at = (path) => fileURLToPath(new URL(path, import.meta.url));
-const cases = JSON.parse(readFileSync(at("../../target/random-robots.json"), "utf8"));
+const { robots: cases, causes } = JSON.parse(readFileSync(at("../../target/random-robots.json"), "utf8"));
 
-let server, files;
+let server, files, models, diagnosis;
 
 before(async () => {
-  await init({ module_or_path: decompress(readFileSync(at("../generated/core.bin"))) });
+  const module = { module_or_path: decompress(readFileSync(at("../generated/core.bin"))) };
+  await init(module);
   server = await createServer({ root: at(".."), server: { middlewareMode: true, ws: false }, appType: "custom", logLevel: "error" });
-  files = await server.ssrLoadModule("/src/robot-file.ts");
+  const load = (path) => server.ssrLoadModule(path);
+  const names = ["robot-file", "model", "diagnosis"];
+  [files, models, diagnosis] = await Promise.all(names.map((name) => load(`/src/${name}.ts`)));
+  await (await load("/generated/bowstring_wasm.js")).default(module); // the instance of these modules
 });
 after(() => server.close());
 
@@ -60,6 +64,51 @@ test("the page compiles robot files as the Python package does", () => {
   for (const { file, compiled } of cases) {
     compare(JSON.parse(files.compiled(files.readRobotFile(file, "robot"))), JSON.parse(compiled), "robot");
   }
+});
+
+test("causes on robots with 3 mm clamps are those of a study", () => {
+  const seen = new Set();
+  let worst = 0;
+  for (const { file, length, tensions, gravity, without, shares } of causes) {
+    const loading = { displacements: false, commands: tensions, gravity, force: [0, 0, 0] };
+    const found = diagnosis.diagnose(models.readModel(file, "robot"), loading);
+    const names = found.causes.map(({ effect }) => effect);
+    assert.deepEqual(names.toSorted(), Object.keys(without).sort());
+    assert.ok("clamps" in without);
+    for (const cause of found.causes) {
+      worst = Math.max(worst, Math.abs(cause.without - without[cause.effect]) / length);
+      assert.ok(Math.abs(cause.share - shares[cause.effect]) < 1e-6, `${cause.effect}: ${cause.share}, ${shares[cause.effect]}`);
+    }
+    seen.add(names[0]);
+  }
+  console.log(`  ${causes.length} robots; largest difference ${worst.toExponential(1)} of the length; first: ${[...seen].join(", ")}`);
+  assert.ok(worst < 1e-9 && seen.has("clamps"));
+});
+
+/** A backbone of 1 mm, 30 mm long, with three 3 mm clamps. */
+const CLAMPED = `name: clamped
+segments:
+  - length: 30 mm
+    backbone: {diameter: 1 mm, E: 60 GPa, nu: 0.3, density: 6450 kg/m^3}
+    disks: {count: 3, mass: 1 g, radius: 6 mm, thickness: 3 mm, clamped_length: 3 mm}
+    tendons: {count: 3, pitch_radius: 5 mm}
+`;
+
+test("clamps are named where they are the cause", () => {
+  const model = models.readModel(CLAMPED, "robot");
+  const at = (loading) => {
+    const all = { displacements: false, commands: [10, 0, 0], gravity: [0, 0, 0], force: [0, 0, 0], ...loading };
+    return diagnosis.advice(diagnosis.diagnose(model, all), model.geometry.length);
+  };
+  assert.match(at({}), /^Dominant cause: clamped lengths at the disks; without this effect the error would be 0\.\d+ mm\./);
+  assert.match(at({ commands: [0, 0, 0], force: [2, 0, 0] }), /^Dominant cause: tip force; .* would be 0 mm\./);
+  assert.equal(at({ commands: [0, 0, 0] }), "");
+  // straight spans leave two of three displaced tendons slack
+  const displaced = { displacements: true, commands: [5e-3, -2.5e-3, -2.5e-3] };
+  const plain = models.readModel(CLAMPED.replace(", clamped_length: 3 mm", ""), "robot");
+  const found = diagnosis.diagnose(plain, { ...displaced, gravity: [0, 0, 0], force: [0, 0, 0] });
+  assert.match(diagnosis.advice(found, 0.03), /^Dominant cause: slack or elastic tendons/);
+  assert.ok(found.causes.some(({ effect }) => effect === "straight_spans"));
 });
 
 test("a written robot file is read back as the same robot", () => {

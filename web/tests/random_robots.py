@@ -1,7 +1,8 @@
-"""Random robots, loads and the tips that the Python package finds, for the page's core.
+"""Random robots, loads and what the Python package finds, for the page.
 
-``python random_robots.py FILE`` writes them as JSON: the text of each robot file, its compiled
-form, the load and the tip.
+``python random_robots.py FILE`` writes them as JSON: ``robots`` has the text of each robot file,
+its compiled form, the load and the tip; ``causes`` has robots with clamps, tensions, and the error
+of constant curvature without each effect, as a study has it.
 """
 
 from __future__ import annotations
@@ -15,8 +16,11 @@ from typing import Any
 import numpy as np
 
 import bowstring as bs
+from bowstring.study.comparison import Model
+from bowstring.study.verdict import shares_of
 
 COUNT = 1000
+WITH_CAUSES = 40
 
 
 def segment(rng: np.random.Generator, diameter: float) -> dict[str, Any]:
@@ -86,8 +90,37 @@ def case(rng: np.random.Generator, folder: Path) -> dict[str, Any]:
     }
 
 
+def with_causes(rng: np.random.Generator, folder: Path) -> dict[str, Any]:
+    """A random robot with clamps, its tensions, and the causes of the error by a study."""
+    segments = [segment(rng, rng.uniform(0.8, 1.6)) for _ in range(int(rng.integers(1, 3)))]
+    for each in segments:
+        each["disks"] |= {"clamped_length": "3 mm"}
+        if rng.random() < 0.5:
+            each["disks"] |= {"hole_length": "2 mm"}
+    gravity = rng.choice(["0 0 0 m/s^2", "0 0 -9.8 m/s^2", "0 2 9.8 m/s^2"])
+    content = {"name": "clamped", "gravity": gravity, "segments": segments}
+    path = folder / "clamped.yaml"
+    path.write_text(json.dumps(content))
+    robot = bs.load_robot(path)
+    most = np.array([t["max_tension_N"] for t in bs.compile_robot(robot)["tendons"]])
+    tension = 0.2 * float(most.min())
+    shares = rng.uniform(0, 1, len(most)) * (rng.random(len(most)) < 0.3)
+    shares[0] = 1.0
+    model = Model(robot, 0, "cosserat", list(shares))
+    found = shares_of(model, "cc_from_force", tension)
+    return {
+        "file": json.dumps(content),
+        "length": robot.length,
+        "tensions": (tension * shares).tolist(),
+        "gravity": list(robot.gravity),
+        "without": {s.effect: s.error_without for s in found},
+        "shares": {s.effect: s.share for s in found},
+    }
+
+
 if __name__ == "__main__":
     generator = np.random.default_rng(23)
     with tempfile.TemporaryDirectory() as folder:
-        cases = [case(generator, Path(folder)) for _ in range(COUNT)]
-    Path(sys.argv[1]).write_text(json.dumps(cases))
+        robots = [case(generator, Path(folder)) for _ in range(COUNT)]
+        causes = [with_causes(generator, Path(folder)) for _ in range(WITH_CAUSES)]
+    Path(sys.argv[1]).write_text(json.dumps({"robots": robots, "causes": causes}))

@@ -2,14 +2,26 @@
 
 use bowstring_core::math::linalg::{Mat3, Vec3};
 use bowstring_core::model::robot::Robot;
-pub use bowstring_core::robot_arcs::Law;
-use bowstring_core::robot_arcs::RobotArcs;
+use bowstring_core::robot_arcs::{Law, RobotArcs};
+use wasm_bindgen::prelude::wasm_bindgen;
+
+/// Constant-curvature models of the page.
+#[wasm_bindgen]
+#[derive(Clone, Copy)]
+pub enum CurvatureLaw {
+    /// From tensions, linear law.
+    Linear,
+    /// From commanded tendon lengths.
+    Lengths,
+    /// From commanded tendon lengths, with tendons straight between the disks.
+    Chords,
+}
 
 /// Models of constant curvature; of a law that the robot does not allow, the sentence that says so.
 pub struct Curvature {
     linear: Result<RobotArcs, String>,
-    lever_arm: Result<RobotArcs, String>,
     lengths: Result<RobotArcs, String>,
+    chords: Result<RobotArcs, String>,
     /// Length of each straight tendon (m).
     straight: Vec<f64>,
 }
@@ -22,19 +34,19 @@ impl Curvature {
             |tendon: &bowstring_core::model::robot::Tendon| spec.disks[tendon.end_disk].station;
         Curvature {
             linear: of(Law::Linear),
-            lever_arm: of(Law::LeverArm),
             lengths: of(Law::Lengths),
+            chords: of(Law::Chords),
             straight: spec.tendons.iter().map(end).collect(),
         }
     }
 
     /// Position (3) and rotation (9) at `steps` equal steps of each segment, from base to tip.
-    pub fn poses(&self, law: Law, commands: &[f64], steps: usize) -> Result<Vec<f64>, String> {
-        let arcs = match law {
-            Law::Linear => &self.linear,
-            Law::LeverArm => &self.lever_arm,
-            Law::Lengths | Law::Chords => &self.lengths,
-        };
+    pub fn poses(
+        &self,
+        law: CurvatureLaw,
+        commands: &[f64],
+        steps: usize,
+    ) -> Result<Vec<f64>, String> {
         if commands.len() != self.straight.len() {
             return Err(format!(
                 "{} commands, and the robot has {} tendons",
@@ -42,13 +54,14 @@ impl Curvature {
                 self.straight.len()
             ));
         }
-        let commands: Vec<_> = match law {
-            Law::Linear | Law::LeverArm => commands.to_vec(),
-            _ => commands
-                .iter()
-                .zip(&self.straight)
-                .map(|(p, l)| l - p)
-                .collect(),
+        let lengths = || {
+            let pairs = commands.iter().zip(&self.straight);
+            pairs.map(|(p, l)| l - p).collect()
+        };
+        let (arcs, law, commands) = match law {
+            CurvatureLaw::Linear => (&self.linear, Law::Linear, commands.to_vec()),
+            CurvatureLaw::Lengths => (&self.lengths, Law::Lengths, lengths()),
+            CurvatureLaw::Chords => (&self.chords, Law::Chords, lengths()),
         };
         let found = arcs.as_ref().map_err(String::clone)?;
         let found = found

@@ -5,7 +5,7 @@ use crate::motion::Motion;
 use bowstring_compiled::{read, Compiled};
 use bowstring_core::dynamics::integrator::{Damping, Fields, Integrator, Simulator, Step};
 use bowstring_core::model::load::{Load, Model};
-use bowstring_core::model::robot::Robot;
+use bowstring_core::model::robot::{Robot, Tendon};
 use bowstring_core::statics::path::{Command, Line, PathOutcome, PathSolver};
 use bowstring_core::statics::solver::Status;
 use bowstring_core::stress::Section;
@@ -250,6 +250,18 @@ impl Bench {
         }
     }
 
+    pub(crate) fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    pub(crate) fn model(&self) -> Model {
+        self.model
+    }
+
+    pub(crate) fn lines(&self) -> &[Line] {
+        &self.lines
+    }
+
     pub(crate) fn path(&self) -> &PathSolver {
         &self.path
     }
@@ -270,6 +282,18 @@ impl Bench {
         let disks = &motion.fields().disks;
         let rows = disks.position.chunks(3).zip(disks.rotation.chunks(9));
         rows.flat_map(|(p, r)| p.iter().chain(r).copied()).collect()
+    }
+
+    /// By how much the path of each tendon is shorter than in the straight robot (m), in the last
+    /// equilibrium: its displacement, but where it is slack or elastic.
+    pub fn path_displacements(&self) -> Vec<f64> {
+        let spec = self.robot.spec();
+        let of = |(i, tendon): (usize, &Tendon)| {
+            let length = self.path.solver().tendon_length(i)?;
+            Some(spec.disks[tendon.end_disk].station - length)
+        };
+        let found: Option<Vec<_>> = spec.tendons.iter().enumerate().map(of).collect();
+        found.unwrap_or_default()
     }
 
     pub fn arcs(&self) -> &Curvature {

@@ -7,12 +7,14 @@
 
 mod arcs;
 mod bench;
+mod effects;
 mod motion;
 #[cfg(test)]
 mod tests;
 
-use arcs::Law;
+pub use arcs::CurvatureLaw;
 use bench::{Bench, Loads};
+pub use effects::Effect;
 use wasm_bindgen::prelude::*;
 
 type Answer<T> = Result<T, JsError>;
@@ -46,18 +48,6 @@ impl Solved {
     pub fn sentence(&self) -> String {
         self.sentence.clone()
     }
-}
-
-/// Constant-curvature models of the page.
-#[wasm_bindgen]
-#[derive(Clone, Copy)]
-pub enum CurvatureLaw {
-    /// From tensions, linear law.
-    Linear,
-    /// From tensions, with the mean lever arm of straight spans.
-    LeverArm,
-    /// From commanded tendon lengths.
-    Lengths,
 }
 
 #[wasm_bindgen]
@@ -96,6 +86,21 @@ impl Playground {
         })
     }
 
+    /// Tip (m) of the rod without an effect, from the home pose; empty where the effect does not act
+    /// and where there is no equilibrium. Commands and loads as those of `solve`.
+    #[wasm_bindgen(js_name = tipWithout)]
+    pub fn tip_without(
+        &self,
+        effect: Effect,
+        displacements: bool,
+        commands: &[f64],
+        loads: &[f64],
+    ) -> Answer<Vec<f64>> {
+        let loads = Loads::new(loads).map_err(error)?;
+        let found = self.0.tip_without(effect, displacements, commands, &loads);
+        Ok(found.map_err(error)?.map_or_else(Vec::new, Vec::from))
+    }
+
     /// Position (3) and rotation (9, row by row, body to base) of each disk, from base to tip, in
     /// the present pose.
     pub fn disks(&self) -> Vec<f64> {
@@ -126,6 +131,13 @@ impl Playground {
         fields.map_or_else(Vec::new, |fields| fields.tendons.displacement.clone())
     }
 
+    /// By how much the path of each tendon is shorter than in the straight robot (m), in the last
+    /// equilibrium: its displacement, but where it is slack or elastic.
+    #[wasm_bindgen(js_name = pathDisplacements)]
+    pub fn path_displacements(&self) -> Vec<f64> {
+        self.0.path_displacements()
+    }
+
     /// Slack of each tendon (m) in the present pose; zero where it is taut.
     pub fn slack(&self) -> Vec<f64> {
         let fields = self.0.fields();
@@ -133,7 +145,7 @@ impl Playground {
     }
 
     /// Constant curvature: position (3) and rotation (9) at `steps` equal steps of each segment,
-    /// from base to tip. Commands are tensions (N); with `Lengths` displacements (m).
+    /// from base to tip. Commands are tensions (N), of the laws from lengths displacements (m).
     #[wasm_bindgen(js_name = constantCurvature)]
     pub fn constant_curvature(
         &self,
@@ -141,11 +153,6 @@ impl Playground {
         commands: &[f64],
         steps: usize,
     ) -> Answer<Vec<f64>> {
-        let law = match law {
-            CurvatureLaw::Linear => Law::Linear,
-            CurvatureLaw::LeverArm => Law::LeverArm,
-            CurvatureLaw::Lengths => Law::Lengths,
-        };
         let found = self.0.arcs().poses(law, commands, steps);
         found.map_err(error)
     }

@@ -1,8 +1,9 @@
 //! The bench beside the core's own solvers, and what it does without an equilibrium.
 
-use crate::arcs::Law;
+use crate::arcs::CurvatureLaw;
 use crate::bench::{Bench, Loads};
-use bowstring_core::model::load::{Load, Model};
+use crate::effects::Effect;
+use bowstring_core::model::load::{Load, Model, TendonPath};
 use bowstring_core::statics::adaptive::Adaptive;
 
 /// Four disks of 1 g on 0.2 m of a 1 mm rod, three tendons 8 mm from it.
@@ -81,6 +82,11 @@ fn displacements_are_met_and_conflicts_keep_the_pose() {
     );
     let fields = bench.fields().unwrap();
     assert!((fields.tendons.displacement[0] - 0.004).abs() < 1e-12);
+    // the others are slack
+    let [taut, slack, _] = bench.path_displacements()[..] else {
+        panic!("three tendons")
+    };
+    assert!((taut - 0.004).abs() < 1e-9 && slack > -0.002 + 1e-6);
     let before = tip(&bench);
     // all three cannot be shortened by half the length
     let found = bench
@@ -94,6 +100,48 @@ fn displacements_are_met_and_conflicts_keep_the_pose() {
     assert!(bench
         .solve(false, &[f64::NAN; 3], &Loads::default(), false)
         .is_err());
+}
+
+#[test]
+fn an_effect_is_removed_alone() {
+    let (plain, tensions) = (text(), [1.5, 0.2, 0.0]);
+    let clamped = plain.replace(r#""clamped_length_m": 0"#, r#""clamped_length_m": 4e-3"#);
+    let [plain, clamped] = [plain, clamped].map(|text| {
+        let mut bench = Bench::new(&text).unwrap();
+        bench.solve(false, &tensions, &UPRIGHT, true).unwrap();
+        bench
+    });
+    let tip_without = |bench: &Bench, effect| {
+        let found = bench.tip_without(effect, false, &tensions, &UPRIGHT);
+        found.unwrap()
+    };
+    let free = tip_without(&clamped, Effect::Clamps).unwrap();
+    assert!(apart(free, tip(&plain)) < 1e-9);
+    assert!(apart(free, tip(&clamped)) > 1e-3);
+    assert_eq!(tip_without(&plain, Effect::Clamps), None);
+    assert_eq!(tip_without(&plain, Effect::HolePlanes), None);
+    let mut core = Adaptive::new(
+        &bowstring_compiled::read(text().as_bytes()).unwrap().robot,
+        Model {
+            tendon: TendonPath::Continuous,
+            ..Model::default()
+        },
+        None,
+    )
+    .unwrap();
+    core.solve(&UPRIGHT.with(&tensions)).unwrap();
+    let expected = core.solver().tip().unwrap().position.0;
+    let found = tip_without(&plain, Effect::StraightSpans).unwrap();
+    assert!(apart(found, expected) < 1e-9);
+    for effect in [Effect::ShearExtension, Effect::Torsion] {
+        let moved = apart(tip_without(&plain, effect).unwrap(), tip(&plain));
+        assert!(moved > 0.0 && moved < 1e-3, "{effect:?}: {moved}");
+    }
+    let displaced = |effect| plain.tip_without(effect, true, &[4e-3, 0.0, 0.0], &UPRIGHT);
+    assert_eq!(displaced(Effect::StraightSpans).unwrap(), None);
+    assert!(displaced(Effect::Torsion).unwrap().is_some());
+    let few = plain.tip_without(Effect::Torsion, false, &[1.0], &UPRIGHT);
+    assert!(few.is_err());
 }
 
 #[test]
@@ -122,7 +170,7 @@ fn constant_curvature_bends_by_the_linear_law() {
     let bench = Bench::new(&text()).unwrap();
     let poses = bench
         .arcs()
-        .poses(Law::Linear, &[0.3, 0.0, 0.0], 4)
+        .poses(CurvatureLaw::Linear, &[0.3, 0.0, 0.0], 4)
         .unwrap();
     let bend: f64 = 0.3 * 0.008 * 0.2 / 2.65e-3;
     let expected = [
@@ -132,9 +180,12 @@ fn constant_curvature_bends_by_the_linear_law() {
     ];
     assert!(apart(poses[48..51].try_into().unwrap(), expected) < 1e-12);
     assert!(apart(poses[..3].try_into().unwrap(), [0.0; 3]) == 0.0);
-    assert!(bench.arcs().poses(Law::Linear, &[0.3], 4).is_err());
+    assert!(bench.arcs().poses(CurvatureLaw::Linear, &[0.3], 4).is_err());
     // straight tendons of the given lengths
-    let lengths = bench.arcs().poses(Law::Lengths, &[0.0; 3], 1).unwrap();
+    let lengths = bench
+        .arcs()
+        .poses(CurvatureLaw::Lengths, &[0.0; 3], 1)
+        .unwrap();
     assert!(apart(lengths[12..15].try_into().unwrap(), [0.0, 0.0, 0.2]) < 1e-12);
 }
 

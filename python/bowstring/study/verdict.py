@@ -7,7 +7,7 @@ each effect of the main sweep, one at a time, at the load in question.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
@@ -23,7 +23,7 @@ from bowstring.study.error_budget import Budget
 if TYPE_CHECKING:
     from bowstring.schemas import study as schema
 
-__all__ = ["Correction", "Meaning", "Share", "Verdict", "corrections", "judge"]
+__all__ = ["Correction", "Meaning", "Share", "Verdict", "corrections", "judge", "shares_of"]
 
 Array = NDArray[np.float64]
 
@@ -206,15 +206,12 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
     known = np.isfinite(error)
     above = known & (np.nan_to_num(error) > limit)
 
-    def error_at(value: float, physics: Physics = model.main) -> float:
-        return float(model.case(physics, np.array([value])).error(name)[0])
-
     def crossing(i: int, j: int) -> float:
         """Bisect the crossing between the neighbouring loads i (not above) and j (above)."""
         low, high = float(tension[i]), float(tension[j])
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
-            value = error_at(middle)
+            value = _error_at(model, name, middle, model.main)
             if not math.isfinite(value):
                 break
             low, high = (low, middle) if value > limit else (middle, high)
@@ -235,7 +232,7 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
     blamed_at = exceeded[0][0] if exceeded else float(tension[peak])
     shares: tuple[Share, ...] = ()
     if np.any(known):
-        shares = _shares(model, error_at, blamed_at, 1e-9 * model.length)
+        shares = shares_of(model, name, blamed_at)
     meaning = Meaning(
         name=name,
         valid_throughout=not exceeded and not undecided,
@@ -260,12 +257,31 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
     return replace(meaning, text=_in_words(meaning, tolerance, model.length, tension[-1], without))
 
 
-def _shares(
-    model: Model, error_at: Callable[[float, Physics], float], tension: float, nothing: float
-) -> tuple[Share, ...]:
-    """Remove each effect that acts in the main sweep, one at a time, at one load."""
-    whole = error_at(tension, model.main)
-    if not whole > nothing:
+def _error_at(model: Model, name: str, tension: float, physics: Physics) -> float:
+    """Error of constant curvature at one load, m."""
+    return float(model.case(physics, np.array([tension])).error(name)[0])
+
+
+def shares_of(model: Model, name: str, tension: float) -> tuple[Share, ...]:
+    """Remove each effect that acts in the main sweep, one at a time, at one load.
+
+    The page in ``web/`` takes these definitions.
+
+    Parameters
+    ----------
+    model : Model
+    name : str
+        Name of the comparison, one of `bowstring.study.comparison.MEANINGS`.
+    tension : float
+        Load of the main sweep, N.
+
+    Returns
+    -------
+    tuple of Share
+        Largest share first; empty if rod and constant curvature agree.
+    """
+    whole = _error_at(model, name, tension, model.main)
+    if not whole > 1e-9 * model.length:
         return ()
     plain, robot = model.baseline, model.robot
     clamped = any(s.disks.clamped_length for s in robot.segments)
@@ -286,9 +302,10 @@ def _shares(
         "gravity": ("gravity as in the file", "gravity", any(robot.gravity)),
     }
     out = []
-    for key, (label, name, acts) in acting.items():
+    for key, (label, field, acts) in acting.items():
         if acts:
-            rest = error_at(tension, replace(model.main, **{name: getattr(plain, name)}))
+            physics = replace(model.main, **{field: getattr(plain, field)})
+            rest = _error_at(model, name, tension, physics)
             if math.isfinite(rest):
                 out.append(Share(key, label, rest, (whole - rest) / whole))
     return tuple(sorted(out, key=lambda s: -s.share))
