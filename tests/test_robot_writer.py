@@ -35,3 +35,14 @@ def test_every_field_is_written(tmp_path: Path) -> None:
         "# made\n#\n# here: [é\nname: two_segments\n"
     )
     assert load_robot(file) == robot
+
+
+def test_defaults_that_nobody_gave_are_not_written() -> None:
+    """The page, for one, refuses fields that it does not read."""
+    changed = load_robot("amouri2019", {"segments.0.backbone.E": 40e9})
+    text = to_yaml(changed)
+    for name in ("width_direction", "rest_bend", "backlash", "turns", "relaxation_time"):
+        assert name not in text
+    assert "E: 40000000000.0 Pa" in text
+    # given in the file, although they are the defaults
+    assert "clamped_length: 0.0 m" in text and "first_angle: 0.0 rad" in text

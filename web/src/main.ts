@@ -1,22 +1,19 @@
 /** The page: state to pose to pictures, and events to state. */
 
-import amouri from "../../python/bowstring/robot/builtin/amouri2019.yaml?raw";
-import crl from "../../python/bowstring/robot/builtin/crl-ftdcr-v4.yaml?raw";
-import rao from "../../python/bowstring/robot/builtin/rao2021.yaml?raw";
 import { drawChart } from "./chart";
 import { button, buttons, check, choice, download, fileButton, group, slider } from "./controls";
 import {
   bench, constantCurvature, deadLoads, distance, lawOf, loadCore, solve, tipOf, type Loading, type Playground, type Point,
 } from "./core";
 import { advice, Curve, diagnose, type Diagnosis } from "./diagnosis";
-import { modelOf, readModel, type Model } from "./model";
+import { modelOf, type Model } from "./model";
+import { implausible } from "./plausibility";
+import { FIRST, modelFrom, NAMES } from "./presets";
 import { mainNumbers, withMainNumbers, writeRobotFile, type MainNumbers } from "./robot-file";
 import { GHOST_STEPS, RobotScene, type Drawing } from "./scene";
 import { applyHash, commandsOf, gravityOf, initial, sourceOf, toHash, type Source, type State } from "./state";
 import { short } from "./units";
 
-const PRESETS: Record<string, string> = { amouri2019: amouri, "crl-ftdcr-v4": crl, rao2021: rao };
-const FIRST = "amouri2019";
 const MOST_FILE_BYTES = 2_000_000;
 /** Work on the error curve in a frame (ms), and the pause after which causes are sought. */
 const CURVE_BUDGET = 4;
@@ -83,10 +80,7 @@ class Page {
 
   /** Takes another robot; throws and keeps the present one where it cannot be read. */
   private load(source: Source, adjust: (state: State) => void = () => {}): void {
-    const isPreset = "preset" in source;
-    const text = isPreset ? PRESETS[source.preset] : source.text;
-    if (text === undefined) throw new Error("the link names a robot that this page does not have");
-    const original = readModel(text, isPreset ? source.preset : source.fileName);
+    const original = modelFrom(source);
     const on = bench(original);
     const state = initial(source, original);
     let problem: unknown = null;
@@ -98,7 +92,12 @@ class Page {
     this.stop();
     this.on?.free();
     [this.state, this.original, this.model, this.on] = [state, original, original, on];
-    if (state.numbers !== null && original.file !== null) this.rebuild();
+    try {
+      this.rebuild();
+    } catch (error) {
+      problem = error;
+      state.numbers = null;
+    }
     this.scene?.show(this.model.geometry, false);
     this.buildControls();
     this.changed(true, true);
@@ -274,8 +273,10 @@ class Page {
     } else where.textContent = "";
   }
 
-  /** What waits for a pause: causes, and the address. */
+  /** What waits for a pause: causes, doubts about the robot's numbers, and the address. */
   private settle(): void {
+    const { file } = this.model;
+    find("doubts").textContent = file === null ? "" : implausible(file).map((sentence) => `Check ${sentence}`).join("\n");
     const hash = `#${toHash(this.state)}`;
     if (location.hash !== hash) history.replaceState(null, "", hash);
     let found: Diagnosis = { error: NaN, causes: [] };
@@ -351,7 +352,7 @@ class Page {
       this.changed(curve);
     };
     const preset = "preset" in state.source ? state.source.preset : "";
-    const names = Object.keys(PRESETS).map((name): [string, string] => [name, name]);
+    const names = NAMES.map((name): [string, string] => [name, name]);
     if (preset === "") names.unshift(["", original.name]);
     const robots = group(
       "Robot",

@@ -1,6 +1,6 @@
 /** A robot of the page: what the core takes, and the shape that is drawn. */
 
-import { compiled, readRobotFile, RobotFileError, type RobotFile } from "./robot-file";
+import { compiled, MOST_DISKS, MOST_TENDONS, readRobotFile, RobotFileError, type RobotFile } from "./robot-file";
 import { quote } from "./units";
 
 export interface Geometry {
@@ -94,6 +94,9 @@ export function readModel(text: string, fileName: string): Model {
   const { disks, tendons, segments } = content;
   if (!disks?.length || !segments?.length || !tendons?.length) {
     throw new RobotFileError("the compiled robot has no segments, disks or tendons");
+  }
+  for (const [name, { length }, most] of [["segments", segments, MOST_DISKS], ["disks", disks, MOST_DISKS], ["tendons", tendons, MOST_TENDONS]] as const) {
+    if (length > most) throw new RobotFileError(`${name}: the compiled robot has ${length}; the page takes up to ${most}`);
   }
   try {
     const geometry = geometryOf(content as CompiledContent);

@@ -69,18 +69,28 @@ export interface RobotFile {
 export class RobotFileError extends Error {}
 
 const MOST_BYTES = 2_000_000;
-const MOST_DISKS = 300;
+/** Bounds of the work on a robot, of whatever file or link. */
+export const MOST_DISKS = 300;
+export const MOST_TENDONS = 100;
 const COMPILE = "write it with \"bowstring compile ROBOT --out robot.json\" and drop that file here";
 
 /** Fields that describe what no compiled robot has either: states that depend on the past. */
 const MEMORY = new Set(["friction", "backlash", "hysteresis", "relaxation", "second_relaxation",
   "creep_compliance", "second_creep_compliance"]);
+/** Fields of robots that come compiled; zero is as if they were left out. */
+const COMPILED_ONLY = new Set(["rest_bend", "rest_twist", "turns"]);
 /** Fields without an effect on the page. */
 const WITHOUT_EFFECT = new Set([
+  "width_direction", "rest_direction", // those of rectangular and of curved backbones
   "yield_strength", "strain_limit", "spool_radius", "diameter", "material", "hole_diameter",
   "hysteresis_play", "relaxation_time", "second_relaxation_time", "creep_time", "second_creep_time",
   "wrap_angle",
 ]);
+
+/** Whether a value is zero, with or without a unit. */
+function isZero(value: unknown): boolean {
+  return /^[+-]?(?:0+\.?0*|\.0+)(?:e[+-]?\d+)?\s*[a-z/*^]*$/i.test(String(value).trim());
+}
 
 /** A mapping of the file, read field by field; what is left at the end is refused. */
 class Fields {
@@ -154,8 +164,9 @@ class Fields {
   /** Refuses what was not read. */
   end(): void {
     for (const [name, value] of this.left) {
+      if ((MEMORY.has(name) || COMPILED_ONLY.has(name)) && isZero(value)) continue;
+      if (name === "tendons_in" && value === "disks") continue;
       if (MEMORY.has(name)) {
-        if (value === 0 || value === "0") continue;
         this.fail(name, "the page follows no load history; leave it out here, and use it in Python");
       }
       if (WITHOUT_EFFECT.has(name)) continue;
@@ -322,10 +333,21 @@ export function readRobotFile(text: string, fallbackName: string): RobotFile {
   };
   fields.end();
   if (robot.gravity.length !== 3) fields.fail("gravity", "must be three numbers, x y z");
-  const disks = robot.segments.reduce((sum, segment) => sum + segment.disks.positions.length, 0);
-  if (disks > MOST_DISKS) fields.fail("segments", `have ${disks} disks, the page shows ${MOST_DISKS}`);
+  checkSize(robot);
   if (robot.segments.every((segment) => segment.tendons.length === 0)) fields.fail("segments", "have no tendon");
   return robot;
+}
+
+/** @throws RobotFileError where the work on the robot would be too much. */
+function checkSize({ segments }: RobotFile): void {
+  const [disks, tendons] = [
+    segments.reduce((sum, segment) => sum + segment.disks.positions.length, 0),
+    segments.reduce((sum, segment) => sum + segment.tendons.length, 0),
+  ];
+  if (disks > MOST_DISKS) throw new RobotFileError(`segments: have ${disks} disks; the page takes up to ${MOST_DISKS}`);
+  if (tendons > MOST_TENDONS) {
+    throw new RobotFileError(`segments: have ${tendons} tendons; the page takes up to ${MOST_TENDONS}`);
+  }
 }
 
 /** The robot with other numbers in all its segments; disks stay evenly spaced. */
@@ -351,7 +373,11 @@ export function mainNumbers(robot: RobotFile): MainNumbers {
   };
 }
 
-/** A robot whose segments change in proportion, so that the first one has these numbers. */
+/**
+ * A robot whose segments change in proportion, so that the first one has these numbers.
+ *
+ * @throws RobotFileError where that makes too many disks.
+ */
 export function withMainNumbers(robot: RobotFile, wanted: MainNumbers): RobotFile {
   const now = mainNumbers(robot);
   const factor = (name: Exclude<keyof MainNumbers, "disks">) => wanted[name] / now[name];
@@ -378,7 +404,14 @@ export function withMainNumbers(robot: RobotFile, wanted: MainNumbers): RobotFil
       tendons: segment.tendons.map((t) => ({ ...t, pitchRadius: t.pitchRadius * wide })),
     };
   });
-  return { ...robot, segments };
+  const changed = { ...robot, segments };
+  checkSize(changed);
+  return changed;
+}
+
+/** Bending stiffness E I (N m^2). */
+export function bendingStiffness({ E, diameter, innerDiameter }: Backbone): number {
+  return E * (Math.PI / 64) * (diameter ** 4 - innerDiameter ** 4);
 }
 
 /** Text of the compiled robot, the layout of `bowstring compile`. */
@@ -393,7 +426,7 @@ export function compiled(robot: RobotFile): string {
     const from = start;
     start += segment.length;
     disksBefore += disks.positions.length;
-    const [bending, end] = [backbone.E * second, disksBefore - 1];
+    const [bending, end] = [bendingStiffness(backbone), disksBefore - 1];
     return {
       segment: {
         sections: [[

@@ -12,6 +12,19 @@ const UNITS: Record<string, Record<string, number>> = {
   "m/N": { "m/N": 1, "mm/N": 1e-3, "um/N": 1e-6 },
   "kg*m^2": { "kg*m^2": 1, "kg*mm^2": 1e-6, "g*mm^2": 1e-9 },
 };
+/** Unit that a number without one probably has. */
+function likelyUnit(x: number, si: string): string {
+  const size = Math.abs(x);
+  if (si === "m") return size < 3 ? "m" : "mm";
+  if (si === "kg") return size < 1 ? "kg" : "g";
+  if (si === "Pa") return size < 1e4 ? "GPa" : "Pa";
+  if (si === "rad") return size <= 2 * Math.PI ? "rad" : "deg";
+  if (si === "kg/m^3") return size < 100 ? "g/cm^3" : si;
+  if (si === "m/N") return size < 0.01 ? si : "mm/N";
+  if (si === "kg*m^2") return size < 0.01 ? si : "kg*mm^2";
+  return si;
+}
+
 const NUMBER = /^[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?/;
 const SAME: Record<string, string> = { "²": "^2", "³": "^3", µ: "u", μ: "u", "°": "deg", "·": "*" };
 
@@ -30,7 +43,7 @@ export function quote(value: unknown): string {
  */
 export function readQuantities(value: unknown, si: string): number[] {
   if (typeof value === "number" && si === "") return [value];
-  if (typeof value === "number") throw new Error(`got ${value} without a unit; write for example "${value} ${si}"`);
+  if (typeof value === "number") throw new Error(`got ${value} without a unit; write for example "${value} ${likelyUnit(value, si)}"`);
   if (typeof value !== "string") throw new Error(`got ${quote(value)}, which is not a number with a unit`);
   const words = value.trim().split(/\s+/);
   const numbers: number[] = [];
@@ -49,14 +62,14 @@ export function readQuantities(value: unknown, si: string): number[] {
     }
   }
   if (numbers.length === 0) throw new Error(`got ${quote(value)}, which is not a number with a unit`);
-  if (unit === "" && si !== "") throw new Error(`got ${quote(value)} without a unit; write for example "${numbers[0]} ${si}"`);
+  const largest = Math.max(...numbers.map(Math.abs));
+  if (unit === "" && si !== "") throw new Error(`got ${quote(value)} without a unit; write for example "${words.join(" ")} ${likelyUnit(largest, si)}"`);
   const plain = [...unit].map((c) => SAME[c] ?? c).join("").replaceAll("**", "^");
-  const factor = unit === "" ? 1 : UNITS[si][plain];
-  if (factor === undefined) {
+  if (unit !== "" && !Object.hasOwn(UNITS[si], plain)) {
     const known = Object.keys(UNITS[si]).join(", ");
     throw new Error(`got ${quote(value)}; the unit must be ${known === "" ? "left out" : `one of ${known}`}`);
   }
-  return numbers.map((number) => number * factor);
+  return numbers.map((number) => number * (unit === "" ? 1 : UNITS[si][plain]));
 }
 
 /** A number with at most `digits` significant digits, without trailing zeros. */

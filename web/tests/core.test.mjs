@@ -9,17 +9,17 @@ import { createServer } from "vite";
 import init, { Playground } from "../generated/bowstring_wasm.js";
 
 const at = (path) => fileURLToPath(new URL(path, import.meta.url));
-const { robots: cases, causes } = JSON.parse(readFileSync(at("../../target/random-robots.json"), "utf8"));
+const { robots: cases, causes, implausible, written } = JSON.parse(readFileSync(at("../../target/random-robots.json"), "utf8"));
 
-let server, files, models, diagnosis;
+let server, files, models, diagnosis, plausibility, presets;
 
 before(async () => {
   const module = { module_or_path: decompress(readFileSync(at("../generated/core.bin"))) };
   await init(module);
   server = await createServer({ root: at(".."), server: { middlewareMode: true, ws: false }, appType: "custom", logLevel: "error" });
   const load = (path) => server.ssrLoadModule(path);
-  const names = ["robot-file", "model", "diagnosis"];
-  [files, models, diagnosis] = await Promise.all(names.map((name) => load(`/src/${name}.ts`)));
+  const names = ["robot-file", "model", "diagnosis", "plausibility", "presets"];
+  [files, models, diagnosis, plausibility, presets] = await Promise.all(names.map((name) => load(`/src/${name}.ts`)));
   await (await load("/generated/bowstring_wasm.js")).default(module); // the instance of these modules
 });
 after(() => server.close());
@@ -129,7 +129,13 @@ const REFUSED = [
 ];
 const GOOD = () => readFileSync(at("../../python/bowstring/robot/builtin/amouri2019.yaml"), "utf8");
 const CHANGED = [
-  ["diameter: 5 mm", "diameter: 5", /backbone\.diameter: got 5 without a unit/],
+  ["diameter: 5 mm", "diameter: 5", /backbone\.diameter: got 5 without a unit; write for example "5 mm"$/],
+  ["diameter: 5 mm", "diameter: 0.005", /got 0\.005 without a unit; write for example "0\.005 m"$/],
+  ["diameter: 5 mm", "diameter: 5 constructor", /the unit must be one of m, cm/],
+  ["pitch_radius: 29 mm", "pitch_radius: 8", /pitch_radius: got 8 without a unit; write for example "8 mm"$/],
+  ["E: 35 GPa", "E: 35", /write for example "35 GPa"$/],
+  ["segments:", "gravity: 0 0 -9.81\nsegments:", /got "0 0 -9\.81" without a unit; write for example "0 0 -9\.81 m\/s\^2"$/],
+  ["count: 3\n", "count: 3\n      backlash: 0.1 mm\n", /backlash: the page follows no load history/],
   ["diameter: 5 mm", "diameter: 5 furlong", /the unit must be one of m, cm/],
   ["E: 35 GPa", "E: -35 GPa", /backbone\.E: got -35000000000 Pa; must be from/],
   ["nu: 0.3", "nu: 0.3\n      G: 1 GPa", /exactly one of G and nu/],
@@ -152,6 +158,44 @@ test("what is no robot of the page is refused in one sentence", () => {
       assert.ok(!error.message.includes("\n"));
       return true;
     });
+  }
+});
+
+test("implausible numbers are named as the Python package names them", () => {
+  for (const { file, warnings } of implausible) {
+    assert.deepEqual(plausibility.implausible(files.readRobotFile(file, "x")), warnings);
+  }
+  assert.ok(implausible.filter(({ warnings }) => warnings.length > 0).length > 8);
+});
+
+test("robots that fit writes are read, as are fields at zero", () => {
+  for (const text of written) assert.ok(files.readRobotFile(text, "x").segments.length > 0);
+  const zeros = "rest_bend: 0.0 rad\n      width_direction: 0.0 rad\n      hysteresis: 0.0\n      nu: 0.3";
+  const more = "count: 3\n      backlash: 0.0 m\n      turns: 0.0\n      friction: 0.0\n";
+  const text = GOOD().replace("nu: 0.3", zeros).replace("count: 3\n", more);
+  assert.equal(files.compiled(files.readRobotFile(text, "x")), files.compiled(files.readRobotFile(GOOD(), "x")));
+});
+
+test("links name the page's own robots only", () => {
+  for (const preset of ["constructor", "__proto__", "toString", "nobody", ""]) {
+    assert.throws(() => presets.modelFrom({ preset }), /names a robot that this page does not have/);
+  }
+  assert.equal(presets.modelFrom({ preset: "rao2021" }).name, "rao2021");
+});
+
+test("the work on a robot is limited, of files, links and compiled robots", () => {
+  const { segments: [segment] } = files.readRobotFile(GOOD(), "x");
+  const list = (count, one) => Array.from({ length: count }, () => one);
+  const all = { ...files.readRobotFile(GOOD(), "x"), segments: list(20, segment) };
+  const few = files.mainNumbers(all);
+  assert.throws(() => files.withMainNumbers(all, { ...few, disks: 100 }), /have 2000 disks; the page takes up to 300/);
+  assert.equal(files.withMainNumbers(all, { ...few, disks: 15 }).segments.length, 20);
+  const text = files.writeRobotFile({ ...all, segments: list(2, { ...segment, tendons: list(60, segment.tendons[0]) }) });
+  assert.throws(() => files.readRobotFile(text, "x"), /have 120 tendons; the page takes up to 100/);
+  for (const [name, count] of [["disks", 301], ["tendons", 101], ["segments", 301]]) {
+    const content = JSON.parse(files.compiled(files.readRobotFile(GOOD(), "x")));
+    content[name] = list(count, content[name][0]);
+    assert.throws(() => models.readModel(JSON.stringify(content), "x"), new RegExp(`${name}: the compiled robot has ${count}`));
   }
 });
 

@@ -175,6 +175,10 @@ test("a dropped robot file, and broken ones", { skip }, async () => {
   assert.equal(await page.locator("img").count(), 0);
   assert.equal(await text(page, "#alert"), "");
   const verdict = await text(page, "#verdict");
+  assert.equal(await text(page, "#doubts"), "");
+  await drop(page, "soft.yaml", file.replaceAll("54 GPa", "54 MPa"));
+  assert.match(await text(page, "#doubts"), /^Check segments\[0\]\.backbone\.E = 54 MPa looks wrong.*54 GPa meant\?/);
+  await drop(page, "mine.yaml", file);
   const broken = [
     ["broken.yaml", "segments: [", /broken\.yaml: the file is no YAML.*last robot stays/i],
     ["bad.yaml", file.replace("54 GPa", "54 Gpa"), /segments\[0\]\.backbone\.E: got "54 Gpa".*last robot stays/],
@@ -224,6 +228,7 @@ test("a shared link shows the same, and damaged links say so", { skip }, async (
   await third.check();
   for (const [bad, pattern] of [
     ["#robot=nobody", /names a robot that this page does not have/i],
+    ["#robot=constructor", /names a robot that this page does not have/i],
     ["#robot=amouri2019&tensions=1_2", /"tensions" in the link is damaged/],
     ["#robot=amouri2019&tensions=NaN_0_0", /"tensions" in the link is damaged/],
     ["#robot=amouri2019&numbers=1_1_1_1_0.5", /no whole count|damaged/],

@@ -3,6 +3,8 @@
 ``python random_robots.py FILE`` writes them as JSON: ``robots`` has the text of each robot file,
 its compiled form, the load and the tip; ``causes`` has robots with clamps, tensions, and the error
 of constant curvature without each effect, as a study has it.
+``implausible`` has robots with numbers in wrong units and the warnings, and ``written`` robots as
+``fit`` writes them.
 """
 
 from __future__ import annotations
@@ -16,11 +18,27 @@ from typing import Any
 import numpy as np
 
 import bowstring as bs
+from bowstring.robot.plausibility import implausible
+from bowstring.robot.writer import to_yaml
 from bowstring.study.comparison import Model
 from bowstring.study.verdict import shares_of
 
 COUNT = 1000
 WITH_CAUSES = 40
+WRONG_UNITS = (
+    ("E: 35 GPa", "E: 35 MPa"),
+    ("E: 35 GPa", "E: 35 kPa"),
+    ("E: 35 GPa", "E: 3.5 TPa"),
+    ("diameter: 5 mm", "diameter: 40 mm"),
+    ("diameter: 5 mm", "diameter: 50 um"),
+    ("density: 1800 kg/m^3", "density: 30 g/cm^3"),
+    ("density: 1800 kg/m^3", "density: 1.8 kg/m^3"),
+    ("mass: 20 g", "mass: 2 kg"),
+    ("mass: 20 g", "mass: 20 mg"),
+    ("nu: 0.3", "G: 13 MPa"),
+    ("segments:", "gravity: 0 0 -9810 m/s^2\nsegments:"),
+    ("nu: 0.3", "nu: 0.3"),
+)
 
 
 def segment(rng: np.random.Generator, diameter: float) -> dict[str, Any]:
@@ -118,9 +136,29 @@ def with_causes(rng: np.random.Generator, folder: Path) -> dict[str, Any]:
     }
 
 
+def with_wrong_unit(was: str, now: str, folder: Path) -> dict[str, Any]:
+    """A robot file with a number in a wrong unit, and the warnings that the page has, too."""
+    built_in = Path(bs.__file__).parent / "robot" / "builtin" / "amouri2019.yaml"
+    text = built_in.read_text()
+    if was not in text:
+        raise ValueError(f"the built-in robot has no {was!r}")
+    path = folder / "unit.yaml"
+    path.write_text(text.replace(was, now, 1))
+    # the page does not look for buckling, which it shows
+    warnings = [w for w in implausible(bs.load_robot(path)) if "buckles" not in w]
+    return {"file": path.read_text(), "warnings": warnings}
+
+
 if __name__ == "__main__":
     generator = np.random.default_rng(23)
     with tempfile.TemporaryDirectory() as folder:
         robots = [case(generator, Path(folder)) for _ in range(COUNT)]
         causes = [with_causes(generator, Path(folder)) for _ in range(WITH_CAUSES)]
-    Path(sys.argv[1]).write_text(json.dumps({"robots": robots, "causes": causes}))
+        wrong_units = [with_wrong_unit(was, now, Path(folder)) for was, now in WRONG_UNITS]
+    found = {
+        "robots": robots,
+        "causes": causes,
+        "implausible": wrong_units,
+        "written": [to_yaml(bs.load_robot(name)) for name in ("amouri2019", "rao2021")],
+    }
+    Path(sys.argv[1]).write_text(json.dumps(found))

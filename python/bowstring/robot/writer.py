@@ -25,7 +25,7 @@ def to_yaml(robot: Robot, comment: str = "") -> str:
     Returns
     -------
     str
-        YAML with numbers in SI units, exact to the last digit.
+        YAML with numbers in SI units, exact to the last digit; without defaults that nobody gave.
     """
     import yaml
 
@@ -40,6 +40,8 @@ def _plain(part: BaseModel) -> dict[str, Any]:
         value = getattr(part, name)
         unit = next((mark.si for mark in info.metadata if isinstance(mark, Quantity)), "")
         if value is None or value in ("", ()) or name in without:
+            continue
+        if name not in part.model_fields_set and value == info.default:
             continue
         if isinstance(value, BaseModel):
             fields[name] = _plain(value)
