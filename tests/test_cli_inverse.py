@@ -148,6 +148,11 @@ def test_jumps_are_pointed_out(shell: Shell, tmp_path: Path) -> None:
         ("x,y,z\n1,2,3\n", "must include tip_x_mm"),
         ("", "empty"),
         ("tip_x_m,tip_y_m,tip_z_m\n10,20,350\n", "out of any reach"),
+        (
+            "tip_x_mm,tip_y_mm,tip_z_mm\n0.05,0,0.38\n0.06,0,0.37\n",
+            "no point is farther than 0.3833 mm from the base, and rao2021 is 400 mm long; if the "
+            "numbers are in m, name the columns tip_x_m, tip_y_m and tip_z_m.",
+        ),
         ("tip_x_m,tip_y_m,tip_z_m,direction_x\n0,0,0.3,1\n", "none direction_y"),
     ],
 )
@@ -170,6 +175,7 @@ def test_bad_tables(shell: Shell, tmp_path: Path, content: str, words: str) -> N
         (["--tip", "0,0,0.3", "--chord", "--model", "physics"], "--chord: it is for"),
         (["--tip", "0,0,0.3", "--direction", "0,0,0"], "must not be zero"),
         (["--tip", "0,0,0.3", "--direction", "0,1"], "write x, y and z"),
+        (["--tip", "0.05 mm,0 mm,0.3 mm"], "the point is no farther than 0.3041 mm from the base"),
         (["--tip", "0,0,0.3", "--max-tension", "-1"], "must be 0 or more"),
         (["--tip", "0,0,0.3", "--max-tension", "1,2"], "has 6 tendons"),
         (["--tip", "0,0,0.3", "--max-tension", "1", "--min-tension", "2 N"], "--min-tension: "),

@@ -43,6 +43,7 @@ from bowstring.formatting import in_mm, plain
 from bowstring.units import number_with_unit, quote
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
     from rich.table import Table
 
     from bowstring.inverse.solution import InverseSolution
@@ -52,6 +53,8 @@ if TYPE_CHECKING:
 
 #: Coordinate over the robot's length above which a number without a unit is hardly in m.
 _FAR: Final = 10.0
+#: Distance from the base over the robot's length below which a tip is hardly meant.
+_NEAR: Final = 0.01
 #: Distance between two rows of a path over the length from which it is a jump.
 _JUMP: Final = 0.1
 #: Change of a tension over the step of the tip, over its median, from which it is a jump,
@@ -204,6 +207,7 @@ def ik(
     point = vector("--tip", tip, "m")
     check_bare("--tip", tip, "m", robot_, _FAR * robot_.length, "mm")
     distance, reach = math.hypot(*point), robot_.length
+    _check_near("--tip", robot_, [point])
     if distance > reach and not free_length:
         raise InputError(
             f"--tip: got a point {number_with_unit(distance, 'm')} from the base, out of "
@@ -240,6 +244,21 @@ def ik(
     )
 
 
+def _check_near(flag: str, robot: Robot, points: ArrayLike) -> None:
+    """Refuse points that are all at the base, as numbers in m are that were read as mm."""
+    import numpy as np
+
+    farthest = float(np.linalg.norm(np.asarray(points), axis=1).max())
+    if farthest < _NEAR * robot.length:
+        columns = "name the columns tip_x_m, tip_y_m and tip_z_m" if flag == "--path" else "write m"
+        what = "no point is farther" if flag == "--path" else "the point is no farther"
+        raise InputError(
+            f"{flag}: {what} than {number_with_unit(farthest, 'm')} from the base, and "
+            f"{robot.name} is {number_with_unit(robot.length, 'm')} long; if the numbers are in m, "
+            f"{columns}."
+        )
+
+
 def _with_residual(
     robot: Robot,
     file: Path,
@@ -261,8 +280,10 @@ def _with_residual(
         assert tip is not None
         positions = np.array([vector("--tip", tip, "m")])
         check_bare("--tip", tip, "m", robot, _FAR * robot.length, "mm")
+        _check_near("--tip", robot, positions)
     else:
         tips = of_flag("--path", read_tips, path)
+        _check_near("--path", robot, tips.positions)
         if tips.directions is not None:
             raise InputError("--path: a residual is of positions; leave the directions out.")
         positions = tips.positions
@@ -536,6 +557,7 @@ def _path(
 
     robot = options.robot
     tips = of_flag("--path", read_tips, path)
+    _check_near("--path", robot, tips.positions)
     table = of_flag("--out", check_commands, out or Path("commands.csv"))
 
     def check(name: str | Path) -> Path:
