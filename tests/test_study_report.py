@@ -121,7 +121,10 @@ def test_each_figure_of_the_source_study_has_its_counterpart_or_a_reason(
             assert f"not available: {row.missing}".replace("'", "&#39;") in page
     # without a solid and measurements, and a photograph
     missing = [c.source for c in rows if not c.anchor]
-    assert missing == ["Fig. 1", "Fig. 8", "Fig. 9", "Fig. 12"]
+    assert missing == ["Fig. 1", "Fig. 3", "Fig. 8", "Fig. 9", "Fig. 12"]
+    # its Fig. 3 is a view of the robot, which no other figure may be called by
+    assert rows[2].shows == "global view of the robot"
+    assert not any(figure.stem.startswith("fig03") for figure in paper.figures)
 
 
 def test_the_page_has_all_results(written: Path, paper: Study) -> None:

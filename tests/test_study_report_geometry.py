@@ -151,7 +151,7 @@ def test_a_straight_robot_has_no_numbers_to_put_in(paper: Study) -> None:
     balanced = studied("amouri2019", paper, tendon={1: 1.0, 2: 1.0, 3: 1.0}, max_tension=9.0)
     found = study_equations(balanced)
     assert found.equations == () and "straight at this load" in found.intro[-1]
-    for stem in ("fig03_arc", "fig04_module"):
+    for stem in ("arc_symbols", "fig04_module"):
         with figure_style():
             _DRAWINGS[stem](balanced).draw_without_rendering()
 
@@ -167,7 +167,7 @@ def test_drawings_fit_and_carry_the_robots_numbers(name: str, paper: Study) -> N
     part = found.robot.segments[0]
     with figure_style():
         for stem, expected in (
-            ("fig03_arc", [angle, f"{segment.length * 1e3:.4g} mm"]),
+            ("arc_symbols", [angle, f"{segment.length * 1e3:.4g} mm"]),
             ("fig04_module", [in_mm(part.disks.radius), in_mm(part.backbone.diameter)]),
         ):
             figure = _DRAWINGS[stem](found)
@@ -258,4 +258,4 @@ def test_the_report_of_other_robots_is_written(name: str, paper: Study, tmp_path
     page = (report.write(found, tmp_path / "out") / "report.html").read_text(encoding="utf-8")
     segments = len(found.robot.segments)
     assert ("The arcs of all segments" in page) == (segments > 1)
-    assert 'id="fig03_arc"' in page and 'id="fig04_module"' in page
+    assert 'id="arc_symbols"' in page and 'id="fig04_module"' in page

@@ -36,7 +36,7 @@ class Counterpart:
 _ALL: Final = (
     ("Fig. 1", "the robot as a solid", "fig01_robot", _SOLID),
     ("Fig. 2", "spacer disk with dimensions", "fig02_disk", ""),
-    ("Fig. 3", "symbols of the arc", "fig03_arc", ""),
+    ("Fig. 3", "global view of the robot", "fig01_robot", _SOLID),
     ("Fig. 4", "geometry of a module", "fig04_module", ""),
     ("Fig. 5", "tip, displacement, stress and strain", "fig05_tip_against_force", ""),
     ("Fig. 6a", "lengths of all tendons", "fig06_tendon_lengths", ""),

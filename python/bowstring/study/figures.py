@@ -685,7 +685,7 @@ def _spread(study: Study) -> Figure:
 _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig01_robot": _solid,
     "fig02_disk": _disk,
-    "fig03_arc": draw_arc,
+    "arc_symbols": draw_arc,
     "fig04_module": draw_module,
     "fig05_tip_against_force": _tip_against_force,
     "fig05_over_time": _over_time,

@@ -139,11 +139,11 @@ FIGURES: Final = (
         "As in Fig. 2 of the study, in mm. Sizes with a star are assumed.",
     ),
     Figure(
-        "fig03_arc",
+        "arc_symbols",
         "Arc of the segment at the base",
-        "Symbols of constant curvature as in Fig. 3 of the study, drawn to scale with the numbers "
-        "of this robot at the largest load. Above, the arc in its bending plane. Below, the disk "
-        "and its holes seen from the tip; numbers are tendons, red ones are actuated.",
+        "Symbols of constant curvature as in Eqs. 1 to 5 of the study, drawn to scale with the "
+        "numbers of this robot at the largest load. Above, the arc in its bending plane. Below, "
+        "the disk and its holes seen from the tip; numbers are tendons, red ones are actuated.",
     ),
     Figure(
         "fig04_module",
