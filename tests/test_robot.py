@@ -1044,6 +1044,9 @@ def test_limits_apply_over_all_segments():
     segment["disks"]["count"], segment["tendons"]["count"] = 5, 600
     with pytest.raises(InputError, match="got 1200 tendons in all; must be at most 1000"):
         load_robot("amouri2019", {"segments": [segment, segment]})
+    segment["disks"]["count"] = 4_000
+    with pytest.raises(InputError, match="got 4000 disks and 600 tendons in all; disks times"):
+        load_robot("amouri2019", {"segments": [segment]})
 
 
 # --- warnings -------------------------------------------------------------------------

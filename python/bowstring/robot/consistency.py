@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bowstring.robot.disk import distinct_holes, room_for_holes, stacked
 from bowstring.robot.parts import (
     MAX_DISKS,
+    MAX_HOLES,
     MAX_TENDONS,
     Backbone,
     Segment,
@@ -40,6 +41,12 @@ def problems(parts: tuple[Segment, ...]) -> Iterator[str]:
         if count > most:
             yield f"segments: got {count} {what} in all; must be at most {most}"
             return
+    if disks * tendons > MAX_HOLES:
+        yield (
+            f"segments: got {disks} disks and {tendons} tendons in all; disks times tendons must "
+            f"be at most {MAX_HOLES}"
+        )
+        return
     if tendons == 0:
         yield "segments[0].tendons: got an empty list; a robot needs at least one tendon"
         return

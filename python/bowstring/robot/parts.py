@@ -27,6 +27,7 @@ from bowstring.units import Choice, Count, Quantity, Share, Text, wrong
 
 __all__ = [
     "MAX_DISKS",
+    "MAX_HOLES",
     "MAX_SEGMENTS",
     "MAX_TENDONS",
     "TENDON_MATERIALS",
@@ -44,6 +45,7 @@ __all__ = [
 MAX_SEGMENTS: Final = 100
 MAX_DISKS: Final = 100_000
 MAX_TENDONS: Final = 1_000
+MAX_HOLES: Final = 2_000_000  # disks times tendons: arrays of 0.2 GB, the core takes 0.6 GB
 
 TENDON_MATERIALS: Final = {
     "steel": 105e9,
