@@ -1,4 +1,6 @@
-"""Damaged files of all kinds that Bowstring reads: each is read, or rejected by an `InputError`.
+"""Damaged files of all kinds that Bowstring reads: each is read, or rejected by a sentence.
+
+Half of the files of JSON and YAML are damaged in their structure, the others in their bytes.
 
 ``python -m campaign.files N`` continues the last campaign with N more files. A trial is determined
 by its number, so ``python -m campaign.files --only NUMBER`` repeats one. Each worker is a process
@@ -27,21 +29,23 @@ from pathlib import Path
 from random import Random
 from typing import Any, Final
 
-from campaign.mutations import damage
+from campaign.mutations import damage, reshape
 
 ROOT: Final = Path(__file__).parents[1]
 RESULTS: Final = Path(__file__).parent / "results"
 SHARES: Final = {
     **{
-        "robot": 30,
-        "table": 18,
+        "robot": 18,
+        "table": 14,
         "foreign": 6,
         "workbook": 4,
         "mapping": 8,
         "actuation": 6,
         "history": 6,
     },
-    **{"start": 2, "truth": 2, "run": 21, "hdf5": 1},
+    **{"start": 2, "truth": 2, "run": 17, "hdf5": 1},
+    **{"residual": 4, "calibration": 2, "distributions": 4, "protocol": 2, "job": 1},
+    **{"listing": 1, "kept": 1, "definition": 1},
 }
 """Kinds of files, and their percentages of the trials."""
 PATIENCE: Final = 30.0  # s for a file
@@ -63,14 +67,18 @@ class Kind:
 def kinds(folder: Path) -> dict[str, Kind]:
     """All kinds; intact files that are not in the repository are written to a folder."""
     import bowstring as bs
-    from bowstring.calibration import table_fit
+    from bowstring.blocks import Job, Store, Variable, run
+    from bowstring.calibration import read_residual, table_fit
     from bowstring.cli.actuation import read_history
     from bowstring.data import synthetic
     from bowstring.data.mapping import load_mapping
     from bowstring.dynamics.load_table import read_actuation
     from bowstring.dynamics.run_file import read_run
+    from bowstring.result_folder import check_folder, write_listing
     from bowstring.robot.writer import to_yaml
-    from bowstring.statics.actuation import Path as LoadPath
+    from bowstring.suite import running
+    from bowstring.suite.protocol import Model, read_set
+    from bowstring.viz import live
 
     package = ROOT / "python" / "bowstring"
     robot = bs.load_robot("amouri2019")
@@ -88,7 +96,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
             raise AssertionError("the robot is another one when it is written and read again")
 
     def read_path(file: Path) -> None:
-        LoadPath(rough, bs.RodModel(elements=1), read_history(file))
+        bs.solve(rough, [6.0, 0.0, 0.0], history=read_history(file))
 
     def table(file: Path) -> None:
         bs.read_measurements(file, robot)
@@ -113,6 +121,55 @@ def kinds(folder: Path) -> dict[str, Kind]:
         folder / "packed.h5", encoding={"position": {"zlib": True}}
     )
     start = {"robot": "a", "units": "SI: m, rad, s", "values": {"gain": 1.02, "base.x": 1e-4}}
+    fitted = {
+        "parameters": [
+            {"name": "segments.*.backbone.E", "unit": "GPa", "value": 35, "standard_error": 2.0},
+            {"name": "gravity.x", "unit": "m/s^2", "value": 0.1, "standard_error": 0.01},
+        ],
+        "correlation": [[1.0, 0.5], [0.5, 1.0]],
+        "converged": True,
+    }
+    young, ratio = "segments.*.backbone.E", "segments.*.backbone.nu"
+    alone = {young: {"normal": {"sd": "5 %"}}, ratio: {"uniform": {"from": 0.3, "to": 0.4}}}
+    joint = {"calibration": "fit.json", ratio: {"lognormal": {"sd": "2 %"}}}
+    (folder / "fit.json").write_text(json.dumps(fitted), "utf-8")
+    job = Job(_squares, {"x": 3}, {"y": Variable("1", "y")}, {"a": [1]}, block=2)
+    run(job, folder / "store")
+    score = {"rows": 3, "rows_without_solution": 0, "values": {"rmse": 1.0, "mean": None}}
+    kept = {"form": 1, "validation": score, "train": score, "parameters": {"gain": 1.0}}
+    kept |= {"converged": True, "message": "", "time_s": 0.5}
+    (folder / "modes").mkdir()
+    write_listing(folder / "modes" / "modes.json", {"robot": "a"})
+
+    with_robot = sorted((package / "suite" / "sets").glob("*/robot.yaml"))[0].parent
+    shutil.copytree(with_robot, folder / "set")
+
+    def read_distributions(file: Path) -> None:
+        bs.uncertainty.read_distributions(file, robot)
+
+    def read_fit(file: Path) -> None:
+        shutil.copyfile(file, folder / "damaged-fit.json")
+        bs.uncertainty.read_distributions({"calibration": str(folder / "damaged-fit.json")}, robot)
+
+    def read_protocol(file: Path) -> None:
+        shutil.copyfile(file, folder / "set" / "protocol.yaml")
+        read_set(folder / "set")
+
+    def read_job(file: Path) -> None:
+        shutil.copyfile(file, folder / "store" / "job.json")
+        Store(folder / "store", job)
+
+    def read_listing(file: Path) -> None:
+        shutil.copyfile(file, folder / "modes" / "modes.json")
+        check_folder(folder / "modes", "modes")
+
+    def read_definition(file: Path) -> None:
+        text = file.read_text("utf-8", errors="surrogateescape")
+        live._checked(moved.assign_attrs(robot_definition=text))
+
+    def correct(file: Path) -> None:
+        read_residual(file, robot).correct(bs.Load(tensions=[[1.0, 0.0, 0.0], [2.0, 1.0, 0.0]]))
+
     actuation = "t_s,tension_1_N,tension_2_N,tension_3_N\n0,0,0,0\n0.5,10,0,0\n1,0,5,0\n"
     displacements = "t_s,displacement_1_mm,displacement_2_mm,tension_3_N\n0,0,0,0\n0.5,1,-0.5,2\n"
     mapping = ROOT / "examples" / "foreign.yaml"
@@ -149,6 +206,24 @@ def kinds(folder: Path) -> dict[str, Kind]:
         ),
         "history": Kind(".json", [json.dumps(history).encode()], read_path),
         "start": Kind(".json", [json.dumps(start).encode()], table_fit.read_start),
+        "residual": Kind(".json", [json.dumps(_residual(robot)).encode()], correct),
+        "calibration": Kind(".json", [json.dumps(fitted).encode()], read_fit),
+        "distributions": Kind(
+            ".yaml", [json.dumps(each).encode() for each in (alone, joint)], read_distributions
+        ),
+        "protocol": Kind(
+            ".yaml",
+            raw(folder / "set" / "protocol.yaml"),
+            read_protocol,
+        ),
+        "job": Kind(".json", raw(folder / "store" / "job.json"), read_job),
+        "listing": Kind(".json", raw(folder / "modes" / "modes.json"), read_listing),
+        "kept": Kind(
+            ".json",
+            [json.dumps(kept).encode()],
+            lambda file: running._kept(file, Model.model_construct()),
+        ),
+        "definition": Kind(".json", [moved.attrs["robot_definition"].encode()], read_definition),
         "truth": Kind(".truth.json", [truth.read_bytes()], _truth_reader(made, synthetic)),
         "run": Kind(".nc", raw(folder / "run.nc", folder / "run3.nc"), read_run),
         "hdf5": Kind(".nc", raw(folder / "run.h5", folder / "packed.h5"), read_run),
@@ -159,6 +234,40 @@ def kinds(folder: Path) -> dict[str, Kind]:
             whole.write_bytes(content)
             kind.read(whole)
     return found
+
+
+def _squares(first: int, count: int) -> dict[str, Any]:
+    import numpy as np
+
+    return {"y": (first + np.arange(count)) ** 2.0}
+
+
+def _residual(robot: Any) -> dict[str, Any]:
+    """Content of a file of a residual of 20 rows."""
+    import numpy as np
+
+    import bowstring as bs
+    from bowstring.calibration.observations import Score
+    from bowstring.calibration.residual import Hyperparameters, Residual, Scales, Table
+    from bowstring.calibration.residual_file import residual_to_dict
+
+    tensions = np.random.default_rng(1).uniform(0.0, 10.0, (20, 3))
+    points = bs.sweep(robot, tensions).tip_position
+    score = Score(20, 1e-3, 1e-3, 2e-3, 1e-3, 1e-3)
+    return residual_to_dict(
+        Residual(
+            robot=robot,
+            rod=bs.RodModel(),
+            values={"tool.x": 1e-3},
+            tool=np.zeros(3),
+            hyperparameters=Hyperparameters(),
+            scales=Scales(np.full(3, 3.0), robot.length),
+            by_displacement=np.zeros(3, dtype=bool),
+            table=Table(tensions, points, [np.arange(20)]),
+            residuals=1e-3 * np.cos(tensions),
+            validated=(score, score),
+        )
+    )
 
 
 def _truth_reader(table: Path, bench: Any) -> Callable[[Path], object]:
@@ -222,12 +331,14 @@ def trial(number: int, of: dict[str, Kind], folder: Path, seed: int = 0) -> tupl
     tuple of str
         Kind; "read", "refused" or "failed"; and the error.
     """
-    from bowstring.errors import InputError
+    from bowstring.errors import InputError, NoSolutionError
 
     name, random = kind_of(number, seed), Random(f"{seed}:{number}")
     kind = of[name]
     data = random.choice(kind.corpus)
-    if name == "workbook":
+    if kind.suffix in (".yaml", ".json", ".truth.json") and random.random() < 0.5:
+        data = reshape(data, random, yaml=kind.suffix == ".yaml")
+    elif name == "workbook":
         data = _damaged_workbook(data, random, folder)
     else:
         data = damage(data, random, kind.corpus)
@@ -237,7 +348,7 @@ def trial(number: int, of: dict[str, Kind], folder: Path, seed: int = 0) -> tupl
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             kind.read(file)
-    except InputError as error:
+    except (InputError, NoSolutionError) as error:
         said = str(error)
         if not said or len(said) > 5000:
             return name, "failed", f"{len(said)} letters: {said[:300]!r}"

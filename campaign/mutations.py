@@ -1,13 +1,15 @@
-"""Damage to files: bytes, words, lines and numbers, from a seed."""
+"""Damage to files: bytes, words, lines, numbers and structures, from a seed."""
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from random import Random
-from typing import Final
+from typing import Any, Final
 
-__all__ = ["damage"]
+__all__ = ["damage", "reshape"]
 
 _WORDS: Final = (0, 1, 2, 3, 4, 255, 256, 65535, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**64 - 1)
 _NUMBERS: Final = (
@@ -126,3 +128,77 @@ _DAMAGES: Final[tuple[Callable[[bytes, Random, Sequence[bytes]], bytes], ...]] =
     *(_bit, _byte, _byte, _word, _word, _number, _number, _token, _cut, _removed, _doubled),
     *(_lines, _lines, _spliced),
 )
+
+
+# -- structures --------------------------------------------------------------------------------
+
+#: Texts of JSON that Python does not write, which stand for a number or a list.
+_RAW: Final = {
+    "@huge": "1" + "0" * 400,
+    "@long": "9" * 5000,
+    "@overflow": "1e400",
+    "@nan": "NaN",
+    "@deep": "[" * 5000 + "]" * 5000,
+    "@levels": "[" * 30 + "1" + "]" * 30,
+}
+_VALUES: Final = (
+    *(None, True, False, 0, 1, -1, 5, 2**31, -(2**63), 0.5, -0.0, 1e308, -1e308, 5e-324, 1e-9),
+    *("", "x", "1", "1e5", "nan", "\x1b[31m", "a" * 5000, [], {}, [0], [[0.0]], [[]], {"a": 1}),
+    *_RAW,
+)
+
+
+def reshape(data: bytes, random: Random, *, yaml: bool = False) -> bytes:
+    """A file of JSON or YAML with one to three changes of its structure.
+
+    Values of another type, huge numbers, deep nesting, lists for numbers, keys and items dropped,
+    added, renamed, repeated and exchanged.
+    """
+    if yaml:
+        from yaml import BaseLoader, load, safe_dump
+
+        tree = load(data, BaseLoader)
+    else:
+        tree = json.loads(data)
+    for _ in range(random.choice((1, 1, 1, 2, 3))):
+        tree = _reshaped(tree, random)
+    if yaml:
+        text = safe_dump(tree, sort_keys=False, allow_unicode=True)
+        for key in ("@deep", "@huge", "@levels", "@long", "@nan", "@overflow"):
+            text = text.replace(f"'{key}'", _RAW[key])
+        return text.encode()
+    text = json.dumps(tree)
+    for key, raw in _RAW.items():
+        text = text.replace(f'"{key}"', raw)
+    return text.encode()
+
+
+def _reshaped(tree: Any, random: Random) -> Any:
+    """Changes a node that is reached by a random walk from the root."""
+    holder: list[Any] = [tree]
+    above: Any = holder
+    key: Any = 0
+    while (inner := above[key]) and isinstance(inner, (dict, list)) and random.random() < 0.85:
+        above = inner
+        key = random.choice([*inner]) if isinstance(inner, dict) else random.randrange(len(inner))
+    value = above[key]
+    kind = random.choice(("value", "value", "value", "wrap", "drop", "add", "repeat", "other"))
+    if kind == "value":
+        above[key] = deepcopy(random.choice(_VALUES))
+    elif kind == "wrap":
+        single = isinstance(value, list) and value and random.random() < 0.5
+        above[key] = value[0] if single else random.choice(([value], {"a": value}, [[value]]))
+    elif kind == "drop":
+        del above[key]
+    elif kind == "add" and isinstance(value, dict):
+        value[random.choice(("x", "", "a.b", "1", *value))] = deepcopy(random.choice(_VALUES))
+    elif kind == "add" and isinstance(value, list):
+        value.insert(random.randrange(len(value) + 1), deepcopy(random.choice(_VALUES)))
+    elif kind == "repeat" and isinstance(value, list):
+        above[key] = value * random.choice((2, 3, 50))
+    elif isinstance(above, dict):  # renamed
+        above[random.choice(("x", key + "s", key.upper(), *above))] = above.pop(key)
+    else:  # exchanged
+        other = random.randrange(len(above))
+        above[key], above[other] = above[other], value
+    return holder[0] if holder else None

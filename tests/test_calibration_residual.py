@@ -241,7 +241,12 @@ def test_a_saved_residual_predicts_the_same(
         (lambda c: c["residuals"].pop(), "is no complete residual.json"),
         (lambda c: c["points"][0].__setitem__(0, None), "is no complete residual.json"),
         (lambda c: c["hyperparameters"].update(noise=-1.0), "is no complete residual.json"),
-        (lambda c: c.pop("commands"), "is no complete residual.json"),
+        (lambda c: c.pop("commands"), "it has no commands"),
+        (lambda c: c.update(values=5), "values must be a valid dictionary"),
+        (lambda c: c["tool"].__setitem__(0, 10**400), "tool"),
+        (lambda c: c["residuals"][0].__setitem__(0, 1e300), "residuals has numbers beyond 1e"),
+        (lambda c: c["hyperparameters"].update(point=1e-300), "hyperparameters.point"),
+        (lambda c: c.update(points=c["points"] * 100), "rows, from 1 to 4000 are possible"),
     ],
 )
 def test_a_damaged_file_is_refused(

@@ -57,6 +57,14 @@ def test_an_error_of_another_kind_is_a_failure(of: dict[str, files.Kind], tmp_pa
     assert outcome == "failed" and "KeyError" in why
 
 
+@pytest.mark.parametrize("yaml", [False, True])
+def test_most_changed_structures_are_still_files_of_their_format(yaml: bool) -> None:
+    data = b'{"name": "a", "rows": [[1, 2], [3, 4]], "at": {"x": 1, "y": [2]}}'
+    made = [mutations.reshape(data, Random(i), yaml=yaml) for i in range(200)]
+    assert len(set(made)) > 120
+    assert any(b"0" * 400 in each for each in made) and any(b"[[[[" in each for each in made)
+
+
 def test_damage_changes_most_files() -> None:
     data = b"name: a\nsegments:\n  - length: 100 mm\n" * 5
     made = {mutations.damage(data, Random(i), [data]) for i in range(100)}

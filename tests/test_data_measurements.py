@@ -725,6 +725,29 @@ def test_no_mapping(tmp_path: Path) -> None:
         load_mapping(tmp_path)
 
 
+def test_cells_that_every_row_would_pay_for_are_refused(file: Write) -> None:
+    """An array takes the longest label, and the most points, for each row."""
+    mapping = "source: measured\nshape: {column: s, unit: mm}\ngroup: g\n"
+    place = file(mapping, "map.yaml")
+    shape, long = "[[0, 0], [1, 1]]", str([[0, 0]] * 1_001)
+    table = f'g,s\na,"{shape}"\n{"b" * 201},"{shape}"\nc,"{long}"\n'
+    found = read_measurements(file(table, "t.csv"), mapping=place)
+    assert found.line.tolist() == [2]
+    assert [text for _, text in found.issues] == [
+        "left out: its name of a group has 201 characters, up to 200 are read",
+        "left out: s has 1001 points, up to 1000 are read",
+    ]
+
+
+def test_more_coordinates_than_memory_holds_are_refused(
+    file: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bowstring.data.measurements._MOST_COORDINATES", 8)
+    table = file("tension_1_N,tip_x_mm,tip_y_mm,tip_z_mm\n" + "1,0,0,600\n" * 3, "t.csv")
+    with pytest.raises(InputError, match="3 rows or more of 1 points are too many; up to 8 coord"):
+        read_measurements(table)
+
+
 def test_shapes_in_cells(file: Write) -> None:
     mapping = "source: measured\nshape: {column: s, unit: mm}\nstations: [0, 0.5, 1]\n"
     rows = ['"[[0,0],[1,2],[3,4]]"', '"[[0,0,1],[1,2,1],[3,4,1]]"', '"[[0,0],[1,2]]"', "oops",

@@ -148,7 +148,7 @@ def test_a_history_of_one_time_constant_continues():
     )
     assert np.array_equal(now.tip_position, then.tip_position)
     for name, rows in (("creep_m", [[[0.0]]]), ("lags_per_m", [[1.0, 2.0, 3.0]])):
-        with pytest.raises(InputError, match=f"damaged: {name} is not as"):
+        with pytest.raises(InputError, match=f"damaged: {name} "):
             bs.sweep(robot, np.zeros((1, 3)), times=[5.0], history={**stored, name: rows})
 
 

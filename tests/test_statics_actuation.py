@@ -535,8 +535,8 @@ def test_bad_commands(robot, given, says):
         (lambda h: h.update(schema_version=99), "schema_version 99"),
         (lambda h: h.update(theory="kirchhoff"), "made with theory 'kirchhoff'"),
         (lambda h: h.pop("arcs_rad"), "the history is damaged: it has no arcs_rad"),
-        (lambda h: h.update(creep_m="x"), "damaged: creep_m is not as history() of a solution"),
-        (lambda h: h.update(tip_error_m=-1.0), "damaged: tip_error_m is not as history()"),
+        (lambda h: h.update(creep_m="x"), "damaged: creep_m must be rows of numbers"),
+        (lambda h: h.update(tip_error_m=-1.0), "damaged: tip_error_m"),
         (lambda h: h.update(slips=[[0, 0, 0]]), "the history is damaged"),
         (lambda h: h.update(arcs_rad=[[0, 0]]), "the history is damaged"),
         (lambda h: h.update(tensions_N=[1, 2]), "the history is damaged"),
@@ -545,6 +545,12 @@ def test_bad_commands(robot, given, says):
         (lambda h: h.update(commands=[{"x": 1}] * 3), "the history is damaged"),
         (lambda h: h.update(commands=[{"displacement_m": 1}] * 2), "the history is damaged"),
         (lambda h: h.update(tip_force_N=[1]), "the history is damaged"),
+        (lambda h: h.update(gravity_m_per_s2=[10**400, 0, 0]), "gravity_m_per_s2 must be finite"),
+        (lambda h: h.update(tip_error_m=10**400), "the history is damaged: tip_error_m"),
+        (lambda h: h.update(tensions_N=[True, 0, 0]), "tensions_N must be a list of numbers"),
+        (lambda h: h.update(arcs_rad=[[0, 0, 0], [0]]), "arcs_rad must be rows of the same length"),
+        (lambda h: h.update(point_loads=5), "the history is damaged: point_loads"),
+        (lambda h: h.update(point_loads=[{"force_N": [1, 2, 3]}]), "point_loads[0] has no point_m"),
     ],
 )
 def test_bad_histories(robot, change, says):

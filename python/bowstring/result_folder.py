@@ -8,14 +8,27 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
+
+from pydantic import Field
+from typing_extensions import NotRequired
 
 from bowstring.atomic_io import check_whole_folder
 from bowstring.errors import InputError
+from bowstring.json_files import Content, read_json, structured
 
 __all__ = ["check_folder", "write_json", "write_listing"]
 
+_MOST_FILES: Final = 1_000_000
+_MOST_BYTES: Final = 1_000_000_000
 _CALLED: Final = {"fe": "finite elements"}  # name in messages where it is not the file's
+
+
+class _Folder(Content):
+    """Structure of what is read of the JSON file of a folder."""
+
+    files: Annotated[list[str], Field(max_length=_MOST_FILES)]
+    sha256: NotRequired[Annotated[dict[str, str], Field(max_length=_MOST_FILES)]]
 
 
 def check_folder(out: str | Path, what: str = "study") -> Path:
@@ -83,11 +96,10 @@ def _files_in(folder: Path) -> Iterator[str]:
 def _listed(file: Path) -> dict[str, str | None] | None:
     """Read the files listed in a folder's JSON file, with their SHA-256 if given."""
     try:
-        former = json.loads(file.read_text(encoding="utf-8"))
-        hashes = former.get("sha256", {})
-        return {str(name): hashes.get(name) for name in former["files"]}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        former = structured(read_json(file, _MOST_BYTES), _Folder)
+    except (OSError, ValueError):
         return None
+    return {name: former.get("sha256", {}).get(name) for name in former["files"]}
 
 
 def _sha256(file: Path) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import json
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -25,6 +24,7 @@ from bowstring.atomic_io import (
 from bowstring.blocks import dataset
 from bowstring.blocks.job import Arrays, Job
 from bowstring.errors import InputError
+from bowstring.json_files import Content, read_json, structured
 from bowstring.result_folder import write_json
 from bowstring.validation import instance, shown
 
@@ -36,9 +36,14 @@ except ImportError:  # Windows
 __all__ = ["Store", "Unfinished"]
 
 _JOB: Final = "job.json"
+_MOST_JOB: Final = 1_000_000_000  # bytes; coordinates are in it
 _BLOCK: Final = re.compile(r"block-(\d{6})-[0-9a-f]{16}\.nc")  # number from 1, checksum
 
 Put = Callable[[int, bytes], None]
+
+
+class _Job(Content):
+    job: dict[str, Any]
 
 
 class Unfinished(InputError):
@@ -94,14 +99,14 @@ class Store:
             raise InputError(f"{why}: it is a file; name a folder")
         remove_leftovers(self.folder)
         try:
-            former = json.loads((self.folder / _JOB).read_text("utf-8"))["job"]
+            former = structured(read_json(self.folder / _JOB, _MOST_JOB), _Job)["job"]
         except FileNotFoundError:
             if next(self.folder.iterdir(), None) is None:
                 return
             raise InputError(
                 f"{why}: it holds files but no blocks of Bowstring; name a new or an empty folder"
             ) from None
-        except (ValueError, KeyError, TypeError):
+        except ValueError:
             raise InputError(
                 f"{why}: {_JOB} in it is damaged, so that its blocks cannot be used; name another "
                 "folder"

@@ -12,7 +12,6 @@ mitred where they meet, so that its volume is its section times its length.
 from __future__ import annotations
 
 import copy
-import json
 import math
 import re
 import unicodedata
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.formatting import listed, significant
+from bowstring.json_files import parsed, structured
 from bowstring.optional import load_extra
 from bowstring.robot.model import Robot, check_disks, check_robot, check_round
 from bowstring.robot.parts import Backbone
@@ -303,7 +303,10 @@ def _load(data: xr.Dataset) -> str:
             f"tendon{'s' if len(which) > 1 else ''} {listed(which)} at {value} N"
             for value, which in groups.items()
         ]
-    settings = json.loads(data.attrs["settings"])
+    try:
+        settings = structured(parsed(data.attrs["settings"]), dict[str, Any])
+    except (KeyError, ValueError):
+        raise InputError("the run is damaged: its settings are no JSON") from None
     kinds = {
         "gravity": ("gravity", "gravity_m_per_s2"),
         "a load at the tip": ("tip_force", "tip_moment", "tip_force_N", "tip_moment_Nm"),

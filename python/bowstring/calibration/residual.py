@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from bowstring.schemas import fit as schema
 
 __all__ = [
+    "MOST_ROWS",
     "Corrected",
     "Hyperparameters",
     "Residual",
@@ -52,7 +53,7 @@ LEAST_ROWS: Final = 20
 #: Explained share of the variance below which a row is beyond the data.
 LEAST_KEPT: Final = 0.5
 #: Largest number of rows of a process; a larger table is thinned evenly.
-_MOST_ROWS: Final = 4_000
+MOST_ROWS: Final = 4_000
 #: Largest number of rows that a process of the search is fitted to.
 _MOST_SEARCHED: Final = 600
 _FOLDS: Final = 5
@@ -379,7 +380,7 @@ def fit_residual(
         table, measured, found.robot, data, used, kinds[0], progress=progress
     )
     kept = np.flatnonzero(used)
-    kept = kept[np.linspace(0, len(kept) - 1, min(len(kept), _MOST_ROWS)).round().astype(int)]
+    kept = kept[np.linspace(0, len(kept) - 1, min(len(kept), MOST_ROWS)).round().astype(int)]
     return Residual(
         robot=found.robot,
         rod=found.rod,
@@ -461,7 +462,7 @@ def learn(
         options = [replace(best, **{name: value}) for value in _TRIED[name]]
         best = min([best, *options], key=error)
         notify((step + 1) / steps)
-    left_out = _left_out(table, measured, used, part, best, scales, _MOST_ROWS)
+    left_out = _left_out(table, measured, used, part, best, scales, MOST_ROWS)
     return best, scales, left_out
 
 

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import math
-from dataclasses import asdict, astuple
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from pydantic import Field
+from typing_extensions import NotRequired
 
-from bowstring.atomic_io import readable
+from bowstring import json_files
 from bowstring.calibration.observations import Score
-from bowstring.calibration.residual import Hyperparameters, Residual, Scales, Table
-from bowstring.errors import BowstringError, InputError
+from bowstring.calibration.residual import MOST_ROWS, Hyperparameters, Residual, Scales, Table
+from bowstring.errors import InputError
+from bowstring.json_files import Content, Row, Triple, read_json, structured
 from bowstring.robot.model import Robot
+from bowstring.robot.parts import MAX_TENDONS
 from bowstring.robot.reader import load_robot
 from bowstring.statics.model import RodModel
 
@@ -26,8 +28,9 @@ RESIDUAL: Final = "residual.json"
 _FORMAT: Final = "bowstring residual"
 _VERSION: Final = 1
 _MOST_BYTES: Final = 50_000_000
-
-Floats = NDArray[np.float64]
+_MOST_VALUES: Final = 1_000
+_MOST_ELEMENTS: Final = 1_000
+_LARGEST: Final = 1e12
 
 
 def residual_to_dict(residual: Residual) -> dict[str, Any]:
@@ -104,72 +107,107 @@ def read_residual(path: str | Path, robot: Robot | None = None) -> Residual:
             "the same fit, unchanged"
         )
     try:
-        return _residual(content, robot)
-    except (BowstringError, KeyError, TypeError, ValueError):
-        raise _none(file) from None
+        return _residual(structured(content, _Content), robot)
+    except ValueError as error:
+        raise _none(file, error) from None
 
 
 def _content(file: Path) -> dict[str, Any]:
     try:
-        with readable(file) as stream:
-            text = stream.read(_MOST_BYTES + 1)
+        return read_json(file, _MOST_BYTES)
     except OSError as error:
         raise InputError(f"cannot read {file}: {error.strerror}") from None
-    try:
-        content = json.loads(text) if len(text) <= _MOST_BYTES else None
-    except (ValueError, RecursionError):
-        content = None
-    if not isinstance(content, dict):
-        raise _none(file)
-    return content
+    except ValueError as error:
+        raise _none(file, error) from None
 
 
-def _none(file: Path) -> InputError:
-    return InputError(f"{file} is no complete {RESIDUAL} of bowstring fit --residual; fit it again")
-
-
-def _residual(content: dict[str, Any], robot: Robot) -> Residual:
-    count = robot.core.tendon_count
-    points = _numbers(content["points"], (-1, 3))
-    rows = len(points)
-    at = Hyperparameters(
-        **{
-            name: math.inf if value is None else float(value)
-            for name, value in content["hyperparameters"].items()
-        }
+def _none(file: Path, error: object = "it has another format") -> InputError:
+    return InputError(
+        f"{file} is no complete {RESIDUAL} of bowstring fit --residual: {error}; fit it again"
     )
-    used = math.isfinite(min(at.commands, at.point))
-    if not (rows and used and min(asdict(at).values()) > 0 and math.isfinite(at.radius + at.noise)):
-        raise ValueError("hyper-parameters")
+
+
+# beyond these bounds, which no fit reaches, the process cannot be computed
+_Scale = Annotated[float, Field(ge=1e-9, le=1e9)]
+_Numbers = Annotated[dict[str, float], Field(max_length=_MOST_VALUES)]
+
+
+class _Hyperparameters(Content):
+    commands: _Scale | None
+    point: _Scale | None
+    memory: _Scale | None
+    radius: _Scale
+    noise: Annotated[float, Field(ge=1e-6, le=1e9)]
+
+
+class _Rod(Content):
+    theory: str
+    elements: Annotated[int, Field(ge=1, le=_MOST_ELEMENTS)] | None
+    tendon_path: NotRequired[str | None]
+    twist: bool
+
+
+class _Score(Content):
+    count: Annotated[int, Field(ge=0)]
+    rmse: float
+    mean: float
+    largest: float
+    rmse_centred: float
+    mean_centred: float
+
+
+class _Content(Content):
+    """Structure of the file; None stands for an input that is not used."""
+
+    rod: _Rod | None
+    values: _Numbers
+    tool: Triple
+    hyperparameters: _Hyperparameters
+    command_scale: Row
+    by_displacement: Annotated[list[bool], Field(max_length=MAX_TENDONS)]
+    commands: json_files.Table
+    points: json_files.Table
+    memory: json_files.Table
+    residuals: json_files.Table
+    folds: Annotated[list[_Score], Field(min_length=2, max_length=2)]
+
+
+def _residual(content: Any, robot: Robot) -> Residual:
+    count, rows = robot.core.tendon_count, len(content["points"])
+    if not 1 <= rows <= MOST_ROWS:  # before the work, which grows by the square of the rows
+        raise ValueError(f"it has {rows} rows, from 1 to {MOST_ROWS} are possible")
+    shapes = {
+        "command_scale": (count,),
+        "by_displacement": (count,),
+        "commands": (rows, count),
+        "points": (rows, 3),
+        "memory": (rows, 3),
+        "residuals": (rows, 3),
+    }
+    for name, shape in shapes.items():
+        if np.shape(content[name]) != shape:
+            raise ValueError(f"{name} has the shape {np.shape(content[name])}, not {shape}")
+        if not (np.abs(content[name]) <= _LARGEST).all():
+            raise ValueError(f"{name} has numbers beyond {_LARGEST:g}")
+    at = Hyperparameters(
+        **{name: math.inf if v is None else v for name, v in content["hyperparameters"].items()}
+    )
+    if math.isinf(min(at.commands, at.point)):
+        raise ValueError("hyperparameters have no length scale of commands or points")
+    scales = Scales(content["command_scale"], robot.length)
+    if not (scales.command >= 1 / _LARGEST).all():
+        raise ValueError("command_scale must be positive")
+    table = Table(content["commands"], content["points"], [np.arange(rows)])
     folds = [Score(**each) for each in content["folds"]]
-    if len(folds) != 2 or not np.isfinite([astuple(each) for each in folds]).all():
-        raise ValueError("folds")
-    scales = Scales(_numbers(content["command_scale"], (count,)), robot.length)
-    kinds = np.array(content["by_displacement"])
-    if kinds.dtype != bool or kinds.shape != (count,) or not (scales.command > 0).all():
-        raise ValueError("commands")
-    table = Table(_numbers(content["commands"], (rows, count)), points, [np.arange(rows)])
-    memory = _numbers(content["memory"], (rows, 3))
     return Residual(
         robot=robot,
         rod=None if content["rod"] is None else RodModel(**content["rod"]),
-        values={str(name): float(value) for name, value in content["values"].items()},
-        tool=_numbers(content["tool"], (3,)),
+        values=content["values"],
+        tool=np.array(content["tool"]),
         hyperparameters=at,
         scales=scales,
-        by_displacement=kinds,
-        table=table.with_memory(at.radius * scales.length, memory),
-        residuals=_numbers(content["residuals"], (rows, 3)),
+        by_displacement=np.array(content["by_displacement"], dtype=bool),
+        table=table.with_memory(at.radius * scales.length, content["memory"]),
+        residuals=content["residuals"],
         validated=(folds[0], folds[1]),
     )
-
-
-def _numbers(value: Any, shape: tuple[int, ...]) -> Floats:
-    """Finite numbers of a shape, of which -1 stands for any size."""
-    found = np.array(value, dtype=float)
-    fits = len(found.shape) == len(shape) and all(
-        want in (-1, size) for want, size in zip(shape, found.shape, strict=True)
-    )
-    if not fits or not np.isfinite(found).all():
-        raise ValueError("numbers")
-    return found

@@ -5,18 +5,16 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from bowstring.atomic_io import readable
 from bowstring.calibration import observations
 from bowstring.calibration.cross_validation import CrossValidation, cross_validate, hold_out
 from bowstring.calibration.filtering import (
@@ -36,6 +34,7 @@ from bowstring.data.tendon_check import TendonCheck, check_tendons
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import plain
+from bowstring.json_files import Content, read_json, structured
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
 from bowstring.validation import check_is_read
@@ -58,6 +57,7 @@ BESIDE: Final = "calibration.json"
 #: Parameters that are in the calibrated robot file.
 _IN_FILE: Final = ("segments", "gravity", "hole_angle", "pitch_radius")
 _MOST_BYTES: Final = 1_000_000
+_MOST_VALUES: Final = 1_000
 
 
 @short_repr
@@ -431,6 +431,10 @@ def _judged(found: Fit, data: Measurements) -> tuple[Score, Predicted | None]:
     return score(predicted, data.tip), interval
 
 
+class _Beside(Content):
+    values: Annotated[dict[str, float], Field(max_length=_MOST_VALUES)]
+
+
 def read_start(path: str | Path) -> dict[str, float]:
     """Read the parameters of a calibrated model outside its robot file.
 
@@ -450,21 +454,12 @@ def read_start(path: str | Path) -> dict[str, float]:
         If the file cannot be read or has another content.
     """
     try:
-        with readable(path) as file:
-            text = file.read(_MOST_BYTES + 1).decode("utf-8")
+        found: dict[str, float] = structured(read_json(path, _MOST_BYTES), _Beside)["values"]
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        text = ""
-    try:
-        if len(text) > _MOST_BYTES:
-            raise ValueError
-        values = dict(json.loads(text)["values"])
-    except (ValueError, KeyError, TypeError, RecursionError):
-        values = {"": None}
-    if not all(type(v) in (int, float) and math.isfinite(v) for v in values.values()):
+    except ValueError as error:
         raise InputError(
-            f"{path} is no {BESIDE} of bowstring fit; name the file beside the calibrated "
+            f"{path} is no {BESIDE} of bowstring fit: {error}; name the file beside the calibrated "
             "robot.yaml"
-        )
-    return {name: float(value) for name, value in values.items()}
+        ) from None
+    return found

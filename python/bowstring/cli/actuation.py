@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from bowstring.atomic_io import check_file, not_overwritten, readable, write_whole_file
+from bowstring.atomic_io import check_file, not_overwritten, write_whole_file
 from bowstring.cli.options import (
     not_negative,
     of_flag,
@@ -81,36 +81,38 @@ def _lists(
     }
 
 
-_MOST_HISTORY: Final = 200_000_000  # bytes
+_MOST_HISTORY: Final = 100_000_000  # bytes
 # Keys of a file of --save-history.
 _NAMES: Final = {"schema_version", "robot_hash", "commands", "tensions_N", "arcs_rad"}
 
 
 def read_history(file: Path) -> dict[str, Any]:
+    from bowstring.json_files import read_json
+
     try:
-        with readable(file) as stream:
-            data = stream.read(_MOST_HISTORY)
-        content = json.loads(data)
+        content = read_json(file, _MOST_HISTORY)
     except OSError as error:
         raise InputError(f"--history: {file} cannot be read: {error.strerror}.") from None
-    except (ValueError, RecursionError):
+    except ValueError as error:
         raise InputError(
-            f"--history: {file} is no JSON; give a file that --save-history wrote."
+            f"--history: {file} is no history: {error}; give a file that --save-history wrote."
         ) from None
-    if not isinstance(content, dict) or "robot_hash" not in content:
+    if "robot_hash" not in content:
         raise InputError(f"--history: {file} is no history; give one that --save-history wrote.")
     return content
 
 
 def check_history_file(file: Path) -> Path:
     """Check before any work that a history may be written: to a new file or a former history."""
+    from bowstring.json_files import read_json
+
     found = check_file(file, "history", (file.suffix.lower(),), b'{"schema_version": ')
     if found.exists() and found.stat().st_size:
         try:
-            content = json.loads(found.read_bytes()[:_MOST_HISTORY])
-        except (OSError, ValueError, RecursionError):
-            content = None
-        if not isinstance(content, dict) or not _NAMES.issubset(content):
+            former = _NAMES.issubset(read_json(found, _MOST_HISTORY))
+        except (OSError, ValueError):
+            former = False
+        if not former:
             raise not_overwritten(f"cannot write the history to {found}")
     return found
 

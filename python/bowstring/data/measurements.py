@@ -7,7 +7,6 @@ measuring frame; `bowstring.data.registration` maps them to the base frame.
 from __future__ import annotations
 
 import csv
-import json
 import math
 import re
 from collections.abc import Callable, Sequence
@@ -18,6 +17,7 @@ from typing import Any, Final, TextIO, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring import json_files
 from bowstring._core import __version__
 from bowstring.atomic_io import has_mark, not_overwritten, write_whole_file
 from bowstring.data import datasets
@@ -36,6 +36,7 @@ from bowstring.data.tables import (
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import in_mm, listed
+from bowstring.json_files import parsed, structured
 from bowstring.robot.model import Robot, check_robot
 from bowstring.units import printable, quote
 
@@ -50,6 +51,9 @@ __all__ = [
 STANDARD_GRAVITY: Final = 9.80665  # m/s^2, by definition
 _MOST_ISSUES: Final = 1_000
 _MOST_LABELS: Final = 100
+_MOST_SHAPE_POINTS: Final = 1_000
+_LONGEST_LABEL: Final = 200
+_MOST_COORDINATES: Final = 100_000_000  # 0.8 GB
 _LARGEST: Final = 1e30  # larger numbers may overflow in the conversion to SI
 _REACH: Final = 3.0  # distance of a tip from the mean tip over length; at most 1 + sqrt(3)
 _DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?\s*")
@@ -326,6 +330,7 @@ class _Reader:
         self.recordings: dict[str, int] = {}
         self.width = len(table.header)
         self.point_count = len(layout.points)
+        self.rows = 0
 
     def read(self) -> Measurements:
         chunks = [found for each in self.table.chunks() if len((found := self.chunk(each))["line"])]
@@ -425,6 +430,12 @@ class _Reader:
     def chunk(self, rows: list[Row]) -> dict[str, NDArray[Any]]:
         if self.layout.keep is not None or any(len(cells) != self.width for _, cells in rows):
             rows = [(line, cells[: self.width]) for line, cells in filter(self.is_whole, rows)]
+        self.rows += len(rows)
+        if self.rows * 3 * self.point_count > _MOST_COORDINATES:
+            raise InputError(
+                f"{self.table.path}: {self.rows} rows or more of {self.point_count} points are too "
+                f"many; up to {_MOST_COORDINATES} coordinates are read, split the table"
+            )
         lines = [line for line, _ in rows]
         columns = list(zip(*(cells for _, cells in rows), strict=True))
         good = np.ones(len(rows), bool)
@@ -479,7 +490,14 @@ class _Reader:
         out["repeat"] = np.where(good, repeat, 0).astype(np.int64)
         label = layout.group or layout.recording
         labels = columns[label.index] if label and n else ()
-        groups = [printable(cell.strip()) for cell in labels] or np.full(n, "")
+        groups = [printable(cell.strip()) for cell in labels] or [""] * n
+        for i, name in enumerate(groups):
+            if len(name) > _LONGEST_LABEL:  # the array takes this for each row
+                groups[i] = ""
+                if good[i]:
+                    why = f"its name of a group has {len(name)} characters"
+                    self.leave_out(lines[i], f"{why}, up to {_LONGEST_LABEL} are read")
+                good[i] = False
         out["group"] = np.array(groups, dtype=str)
         if layout.recording is not None:
             number = [self.recording(cell) for cell in columns[layout.recording.index]] if n else []
@@ -562,12 +580,16 @@ class _Reader:
         found: list[Floats | None] = []
         for i, cell in enumerate(cells):
             points = _shape(cell)
-            if points is not None and not self.point_count:
-                self.point_count = len(points)
+            count = 0 if points is None else len(points)
             if points is None:
                 why = f"{column.name} is {quote(cell)}, it must be a list of points, [[x, y], ...]"
-            elif len(points) != self.point_count:
-                why = f"{column.name} has {len(points)} points, other rows {self.point_count}"
+            elif count > _MOST_SHAPE_POINTS:
+                why = f"{column.name} has {count} points, up to {_MOST_SHAPE_POINTS} are read"
+                points = None
+            elif not self.point_count:
+                self.point_count = count
+            elif count != self.point_count:
+                why = f"{column.name} has {count} points, other rows {self.point_count}"
                 points = None
             if points is None and good[i]:
                 self.leave_out(lines[i], why)
@@ -654,12 +676,10 @@ def _reason(column: Column, cell: str, value: float, kind: str) -> str:
 def _shape(cell: str) -> Floats | None:
     """Points (n, 3) from a cell of JSON; points with two coordinates lie in z = 0."""
     try:
-        array = np.array(json.loads(cell))
-    except (ValueError, RecursionError):
+        array: Floats = structured(parsed(cell), json_files.Table)
+    except ValueError:
         return None
-    if array.dtype.kind not in "if" or array.ndim != 2 or array.shape[1] not in (2, 3):
-        return None
-    if len(array) < 2 or not np.isfinite(array).all():
+    if len(array) < 2 or array.shape[1] not in (2, 3):
         return None
     points = np.zeros((len(array), 3))
     points[:, : array.shape[1]] = array

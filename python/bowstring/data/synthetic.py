@@ -16,16 +16,19 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 import bowstring._core as _core
-from bowstring.atomic_io import check_parent, folder_beside, readable, resolved
+from bowstring import json_files
+from bowstring.atomic_io import check_parent, folder_beside, resolved
 from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, write_measurements
 from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError
+from bowstring.json_files import Content, Triple, read_json, structured
 from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.robot.overrides import expand_all
 from bowstring.statics import actuation, rod
@@ -67,6 +70,7 @@ _AT_ONCE: Final = 100  # rows between two reports of progress
 _FAR: Final = 1e6  # m
 _HEAVY: Final = 1e9  # kg
 _SHARE: Final = re.compile(rf"({NUMBER})\s*%")
+_MOST_DIFFERENCES: Final = 1_000_000
 _MOST_TRUTH: Final = 500_000_000  # bytes
 _HEAD: Final = 2000  # bytes at the beginning of a file that are searched for our mark
 _MADE: Final = "Made by the virtual bench of Bowstring"
@@ -785,6 +789,59 @@ def write(measurements: Measurements, path: str | Path) -> tuple[Path, Path]:
     return file, beside
 
 
+class _Rows(Content):
+    tip_position_m: json_files.Table
+    point_m: json_files.Table
+
+
+class _Motion(Content):
+    rotation: Annotated[list[Triple], Field(min_length=3, max_length=3)]
+    rotation_vector_rad: Triple
+    translation_m: Triple
+
+
+class _Difference(Content):
+    path: str
+    nominal: Any
+    actual: Any
+
+
+class _Disturbances(Content):
+    tip_force_N: Triple
+    drift_m: Triple
+
+
+class _Table(Content):
+    file: str
+    sha256: str
+
+
+class _Truth(Content):
+    """Structure of the file of a truth."""
+
+    robot: str
+    robot_hash: str
+    actual_robot_hash: str
+    differences: Annotated[list[_Difference], Field(max_length=_MOST_DIFFERENCES)]
+    actual_robot: dict[str, Any]
+    theory: str
+    loads: dict[str, Any]
+    gravity_m_per_s2: Triple
+    gravity_frame: Literal["base", "measuring"]
+    gravity_in_base_m_per_s2: Triple
+    base: _Motion
+    frame: _Motion
+    tilt_rad: float
+    tilt_towards_rad: float
+    tool_m: Triple
+    actual_tool_m: Triple
+    noise_m: Annotated[float, Field(ge=0.0)]
+    seed: int
+    disturbances: _Disturbances
+    rows: _Rows
+    data: _Table
+
+
 def read_truth(path: str | Path) -> dict[str, Any]:
     """Read the true parameters beside the table of a virtual bench.
 
@@ -804,21 +861,23 @@ def read_truth(path: str | Path) -> dict[str, Any]:
     """
     table, file = Path(path), truth_file(path)
     try:
-        with readable(file) as stream:
-            truth = json.loads(stream.read(_MOST_TRUTH))
+        truth = read_json(file, _MOST_TRUTH)
         digest = hashlib.sha256(table.read_bytes()).hexdigest()
     except OSError as error:
         raise InputError(f"{error.filename} cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError):
-        raise InputError(f"{file} is no JSON, hence no truth of a virtual bench") from None
-    if not isinstance(truth, dict) or truth.get("source") != "synthetic":
+    except ValueError as error:
+        raise InputError(f"{file} is no truth of a virtual bench: {error}") from None
+    if truth.get("source") != "synthetic":
         raise InputError(f"{file} is no truth of a virtual bench")
     if truth.get("schema_version") != TRUTH_SCHEMA_VERSION:
         raise InputError(
             f"{file} has schema_version {quote(truth.get('schema_version'))}, this version of "
             f"Bowstring reads {TRUTH_SCHEMA_VERSION}"
         )
-    data = truth.get("data")
-    if not isinstance(data, dict) or data.get("sha256") != digest:
+    try:
+        structured(truth, _Truth)
+    except ValueError as error:
+        raise InputError(f"{file} is damaged: {error}") from None
+    if truth["data"]["sha256"] != digest:
         raise InputError(f"{file} is the truth of another table than {table}, or it was changed")
     return truth

@@ -6,15 +6,19 @@ A tendon displacement is counted from the home pose, in m, positive where the te
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import BeforeValidator, Field
+from typing_extensions import NotRequired
 
 from bowstring import validation
 from bowstring._core import PathSolver, check_memory
 from bowstring.errors import InputError
+from bowstring.json_files import Content, Row, Table, Triple, structured
+from bowstring.robot.parts import MAX_TENDONS
 from bowstring.statics.load import Load, PointLoad
 from bowstring.statics.load_tables import table_of
 
@@ -41,6 +45,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 #: One number per tendon, None or NaN for a command of another kind; or rows of them.
 Given = ArrayLike | Sequence[float | None] | Sequence[Sequence[float | None]]
+
+_MOST_POINTS: Final = 100_000  # point loads of a history
 
 _GIVE: Final = (
     "give each tendon a tension, a displacement or an angle, and None where it has another"
@@ -335,39 +341,10 @@ class Path:
                     f"the history was made with {name} {history.get(name)!r:.40}, it cannot be "
                     f"continued with {name} {value!r}"
                 )
-        orders = _field(history, "commands", lambda rows: [_order(item) for item in rows])
-
-        def numbers(name: str, dimensions: int) -> Floats:
-            found: Floats = _field(history, name, lambda value: _numbers(value, dimensions))
-            return found
-
-        def rows(name: str, width: int) -> Floats:
-            """Rows of numbers; earlier versions have none."""
-            return numbers(name, 2) if history.get(name) else np.zeros((0, width))
-
-        points = history.get("point_loads") or []
-        found = {
-            "tensions": numbers("tensions_N", 1),
-            "drops": numbers("log_tension_drops", 2),
-            "spans": numbers("unstretched_spans_m", 2),
-            "by_displacement": np.array([by for by, _ in orders], dtype=bool),
-            "commands": np.array([value for _, value in orders], dtype=float),
-            "gravity": numbers("gravity_m_per_s2", 1),
-            "tip_force": numbers("tip_force_N", 1),
-            "tip_moment": numbers("tip_moment_Nm", 1),
-            "disk_forces": rows("disk_forces_N", 3),
-            "disk_moments": rows("disk_moments_Nm", 3),
-            "point_loads": _field({"point_loads": points}, "point_loads", _points),
-            "line_forces": rows("line_forces_N_per_m", 3),
-            "strain": numbers("arcs_rad", 2),
-            "slips": np.sign(numbers("slips", 2)).astype(np.int8),
-            "plays": rows("plays_per_m", 2),
-            "lags": _both_terms(history, "lags_per_m", 2),
-            "crept": _both_terms(history, "creep_m", 1),
-            "carried": np.array(
-                [_field({name: history.get(name, 0.0)}, name, _size) for name in _CARRIED]
-            ),
-        }
+        try:
+            found = _arrays(structured(dict(history), _History))
+        except ValueError as error:
+            raise InputError(f"the history is damaged: {error}") from None
         try:
             self.core.resume(found)
         except InputError as error:
@@ -379,69 +356,96 @@ class Path:
             ) from None
 
 
-#: Largest errors so far, and time without a solution; earlier versions have none.
-_CARRIED: Final = ("tip_error_m", "tension_error_N", "time_since_last_solution_s")
+def _in_rows(given: Any) -> Any:
+    """A creep of one term, as earlier versions wrote it, in rows."""
+    flat = isinstance(given, list) and list not in map(type, given)
+    return [[value] for value in given] if flat else given
 
 
-def _field(history: Mapping[str, Any], name: str, read: Callable[[Any], Any]) -> Any:
-    """Read an entry of a history."""
-    if name not in history:
-        raise InputError(f"the history is damaged: it has no {name}")
-    try:
-        return read(history[name])
-    except (KeyError, TypeError, ValueError, AttributeError, InputError):
-        raise InputError(
-            f"the history is damaged: {name} is not as history() of a solution gives it"
-        ) from None
+#: An error or a time; None is an infinite error.
+_Size = Annotated[float, Field(ge=0.0)] | None
+_Command = Annotated[
+    dict[Literal["displacement_m", "tension_N"], float], Field(min_length=1, max_length=1)
+]
 
 
-def _both_terms(history: Mapping[str, Any], name: str, width: int) -> Floats:
-    """Numbers of both terms of relaxation or creep, `width` each.
+class _PointLoad(Content):
+    disk: NotRequired[int | None]
+    arc_length_m: NotRequired[float | None]
+    point_m: Triple
+    force_N: Triple
+    moment_Nm: Triple
+    follower: bool
 
-    Earlier versions have the first term only, or none.
-    """
-    if not history.get(name):
-        return np.zeros((0, 2 * width))
 
-    def read(value: Any) -> Floats:
-        if np.ndim(value) == 1:  # a creep of one term
-            value = np.reshape(value, (-1, 1))
-        found = _numbers(value, 2)
+class _History(Content):
+    """Structure of a history; earlier versions lack what is not required."""
+
+    commands: Annotated[list[_Command], Field(max_length=MAX_TENDONS)]
+    gravity_m_per_s2: Row
+    tip_force_N: Row
+    tip_moment_Nm: Row
+    disk_forces_N: NotRequired[Table]
+    disk_moments_Nm: NotRequired[Table]
+    point_loads: NotRequired[Annotated[list[_PointLoad], Field(max_length=_MOST_POINTS)]]
+    line_forces_N_per_m: NotRequired[Table]
+    tensions_N: Row
+    log_tension_drops: Table
+    unstretched_spans_m: Table
+    slips: Table
+    arcs_rad: Table
+    plays_per_m: NotRequired[Table]
+    lags_per_m: NotRequired[Table]
+    creep_m: NotRequired[Annotated[Table, BeforeValidator(_in_rows)]]
+    tip_error_m: NotRequired[_Size]
+    tension_error_N: NotRequired[_Size]
+    time_since_last_solution_s: NotRequired[_Size]
+
+
+def _arrays(history: Any) -> dict[str, Any]:
+    """Arrays of a history, as the core takes them."""
+
+    def rows(name: str, width: int) -> Floats:
+        """Rows of numbers; earlier versions have none."""
+        found: Floats = history.get(name, _NO_ROWS)
+        return found if len(found) else np.zeros((0, width))
+
+    def both_terms(name: str, width: int) -> Floats:
+        """Both terms of relaxation or creep; earlier versions have the first only, or none."""
+        found = rows(name, 2 * width)
         if found.shape[1] not in (width, 2 * width):
-            raise ValueError
+            raise ValueError(f"{name} has {found.shape[1]} numbers in a row")
         return np.pad(found, ((0, 0), (0, 2 * width - found.shape[1])))
 
-    found: Floats = _field(history, name, read)
-    return found
+    commands = [next(iter(item.items())) for item in history["commands"]]
+    points = [PointLoad.of_dict(item).numbers() for item in history.get("point_loads", ())]
+    carried = [history.get(name, 0.0) for name in _CARRIED]
+    return {
+        "tensions": history["tensions_N"],
+        "drops": history["log_tension_drops"],
+        "spans": history["unstretched_spans_m"],
+        "by_displacement": np.array([name == "displacement_m" for name, _ in commands], dtype=bool),
+        "commands": np.array([value for _, value in commands], dtype=float),
+        "gravity": history["gravity_m_per_s2"],
+        "tip_force": history["tip_force_N"],
+        "tip_moment": history["tip_moment_Nm"],
+        "disk_forces": rows("disk_forces_N", 3),
+        "disk_moments": rows("disk_moments_Nm", 3),
+        "point_loads": table_of(np.array(points, dtype=float)),
+        "line_forces": rows("line_forces_N_per_m", 3),
+        "strain": history["arcs_rad"],
+        "slips": np.sign(history["slips"]).astype(np.int8),
+        "plays": rows("plays_per_m", 2),
+        "lags": both_terms("lags_per_m", 2),
+        "crept": both_terms("creep_m", 1),
+        "carried": np.array([math.inf if value is None else value for value in carried]),
+    }
 
 
-def _order(item: Mapping[str, float]) -> tuple[bool, float]:
-    ((name, value),) = item.items()
-    if name not in ("displacement_m", "tension_N") or not np.isfinite(float(value)):
-        raise ValueError
-    return name == "displacement_m", float(value)
-
-
-def _size(value: float | None) -> float:
-    """A number that is not negative; without one an infinite error."""
-    found = math.inf if value is None else float(value)
-    if not found >= 0.0:
-        raise ValueError
-    return found
+#: Largest errors so far, and time without a solution; earlier versions have none.
+_CARRIED: Final = ("tip_error_m", "tension_error_N", "time_since_last_solution_s")
+_NO_ROWS: Final[Floats] = np.zeros((0, 0))
 
 
 def _or_none(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-def _points(given: Any) -> Floats:
-    """Numbers (P, 12) of the point loads."""
-    rows = [PointLoad.of_dict(item).numbers() for item in given]
-    return table_of(np.array(rows, dtype=float))
-
-
-def _numbers(given: Any, dimensions: int) -> Floats:
-    values = np.array(given, dtype=np.float64)
-    if values.ndim != dimensions or not np.isfinite(values).all():
-        raise ValueError
-    return values

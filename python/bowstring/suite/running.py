@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import json
+import math
 import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from bowstring.atomic_io import user_cache, write_whole_file
 from bowstring.calibration.observations import numbered
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import plain
+from bowstring.json_files import Content, read_json, structured
 from bowstring.result_folder import write_json
 from bowstring.suite.prediction import Fitted, arcs_of_shapes, errors_of, fitted, observed
 from bowstring.suite.protocol import Column, Figure, Model, SuiteSet
@@ -35,6 +36,7 @@ Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 _FORM: Final = 1  # of the kept results
+_MOST_KEPT: Final = 10_000_000  # bytes
 
 
 @dataclass(frozen=True)
@@ -296,29 +298,40 @@ def _keep(file: Path, result: ModelResult) -> None:
         return
 
 
+class _KeptScore(Content):
+    rows: int
+    rows_without_solution: int
+    values: dict[str, float | None]
+
+
+class _KeptResult(Content):
+    form: Literal[1]
+    validation: _KeptScore
+    train: _KeptScore | None
+    parameters: dict[str, float]
+    converged: bool
+    message: str
+    time_s: float
+
+
 def _kept(file: Path, model: Model) -> ModelResult | None:
     """Read a kept result; None if there is none or it is damaged."""
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-        if content["form"] != _FORM:
-            return None
-        train = content["train"]
-        return ModelResult(
-            model,
-            _kept_score(content["validation"]),
-            None if train is None else _kept_score(train),
-            {str(name): float(value) for name, value in content["parameters"].items()},
-            bool(content["converged"]),
-            str(content["message"]),
-            float(content["time_s"]),
-        )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        content = structured(read_json(file, _MOST_KEPT), _KeptResult)
+    except (OSError, ValueError):
         return None
+    train = content["train"]
+    return ModelResult(
+        model,
+        _kept_score(content["validation"]),
+        None if train is None else _kept_score(train),
+        content["parameters"],
+        content["converged"],
+        content["message"],
+        content["time_s"],
+    )
 
 
-def _kept_score(content: Any) -> Score:
-    values = {
-        str(name): float("nan") if value is None else float(value)
-        for name, value in content["values"].items()
-    }
-    return Score(int(content["rows"]), int(content["rows_without_solution"]), values)
+def _kept_score(content: _KeptScore) -> Score:
+    values = {name: math.nan if v is None else v for name, v in content["values"].items()}
+    return Score(content["rows"], content["rows_without_solution"], values)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from bowstring.atomic_io import readable
 from bowstring.errors import InputError
+from bowstring.json_files import Content, read_json, structured
 from bowstring.robot.safe_yaml import reading
 from bowstring.uncertainty.paths import LOADS, NumberAtPath, NumbersByPath
 from bowstring.units import printable
@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 
 #: Key of the distributions, and name of the factor.
 CALIBRATION: Final = "calibration"
+_MOST_PARAMETERS: Final = 1_000
 _MOST_BYTES: Final = 64_000_000  # fit.json also has the residuals of all rows
 
 
@@ -79,31 +80,51 @@ def read_calibration(
     return tuple(found), mean[keep], covariance[np.ix_(keep, keep)]
 
 
+class _Parameter(Content):
+    name: str
+    unit: str
+    value: float
+    standard_error: float | None
+
+
+class _Fit(Content):
+    """Structure of what is read of a fit.json; null is a number that is not identifiable."""
+
+    parameters: Annotated[list[_Parameter], Field(max_length=_MOST_PARAMETERS)]
+    correlation: Annotated[
+        list[Annotated[list[float | None], Field(max_length=_MOST_PARAMETERS)]],
+        Field(max_length=_MOST_PARAMETERS),
+    ]
+    converged: bool
+
+
 def _of_fit(source: Mapping[str, Any], known: NumbersByPath) -> tuple[list[str], Floats, Floats]:
     """Names, estimates and covariance in SI; NaN where a parameter is not identifiable."""
     try:
-        rows = [each for each in source["parameters"] if _in_file(each["name"])]
-        kept = [_in_file(each["name"]) for each in source["parameters"]]
-        names = [each["name"] for each in rows]
-        units = [each["unit"] for each in rows]
-        value, error = (
-            np.array([each[key] for each in rows], dtype=float)
-            for key in ("value", "standard_error")
-        )
-        correlation = np.array(source["correlation"], dtype=float)[np.ix_(kept, kept)]
-        converged = source["converged"]
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError):
+        fit = structured(dict(source), _Fit)
+        every = len(fit["correlation"])
+        if [len(row) for row in fit["correlation"]] != [every] * every:
+            raise ValueError("correlation is not square")
+        if every < len(fit["parameters"]):
+            raise ValueError("correlation has too few rows")
+    except ValueError as error:
         raise _error(
             "has no parameters with unit, value, standard_error and correlation; give the fit.json "
-            "of bowstring fit --out"
+            f"of bowstring fit --out ({error})"
         ) from None
-    if not converged:
+    if not fit["converged"]:
         raise _error("has not converged, and its covariance cannot be used; fit again")
-    per_unit = np.array(
-        [known[n].read(n, f"1 {unit}") for n, unit in zip(names, units, strict=True)]
+    kept = [i for i, each in enumerate(fit["parameters"]) if _in_file(each["name"])]
+    rows = [fit["parameters"][i] for i in kept]
+    names = [each["name"] for each in rows]
+    value, deviation = (
+        np.array([each[key] for each in rows], dtype=float) for key in ("value", "standard_error")
     )
-    value, error = per_unit * value, per_unit * error
-    return names, np.where(np.isfinite(error), value, np.nan), correlation * np.outer(error, error)
+    correlation = np.array(fit["correlation"], dtype=float).reshape(every, every)
+    per_unit = np.array([known[row["name"]].read(row["name"], f"1 {row['unit']}") for row in rows])
+    value, deviation = per_unit * value, per_unit * deviation
+    covariance = correlation[np.ix_(kept, kept)] * np.outer(deviation, deviation)
+    return names, np.where(np.isfinite(deviation), value, np.nan), covariance
 
 
 def _in_file(name: str) -> bool:
@@ -113,14 +134,14 @@ def _in_file(name: str) -> bool:
 def _load(path: Path) -> Any:
     label = printable(str(path))[:200]
     with reading(label):
-        with readable(path) as file:
-            data = file.read(_MOST_BYTES + 1)
-        if len(data) > _MOST_BYTES:
-            raise InputError(f"{label} is too large; a fit.json has at most 64 MB")
         try:
-            return json.loads(data)
-        except (ValueError, RecursionError):
-            raise InputError(f"{label} is not JSON; give the fit.json of bowstring fit") from None
+            return read_json(path, _MOST_BYTES)
+        except ValueError as error:
+            if "\0" in str(path):
+                raise
+            raise InputError(
+                f"{label} cannot be used: {error}; give the fit.json of bowstring fit"
+            ) from None
 
 
 def _error(sentence: str) -> InputError:

@@ -6,7 +6,6 @@ The page is that of viser, served on this machine; Python solves and sends shape
 from __future__ import annotations
 
 import html
-import json
 import math
 import socket
 import threading
@@ -25,6 +24,7 @@ from bowstring.dynamics.simulation import Run
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import significant
 from bowstring.inverse.kinematics import default_max_tension
+from bowstring.json_files import parsed
 from bowstring.optional import load_extra
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
@@ -121,7 +121,10 @@ def _checked(subject: object) -> _Shown:
         raise InputError(f"a {kind} cannot be viewed: give a robot, a solution or a run")
     if "robot_definition" not in subject.attrs:
         raise InputError("the data are no run of Bowstring: they name no robot")
-    robot = Robot.model_validate(json.loads(subject.attrs["robot_definition"]))
+    try:
+        robot = Robot.model_validate(parsed(subject.attrs["robot_definition"]))
+    except ValueError:
+        raise InputError("the run is damaged: robot_definition is no robot") from None
     check_data(robot, subject)
     return robot, subject
 
