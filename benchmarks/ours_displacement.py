@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import partial
 
 import bowstring as bs
-from benchmarks.cases import report
+from benchmarks.cases import LENGTH, report
 from benchmarks.displacement import BY_TENSION, DISPLACEMENTS, SLACK, Found, measure
 
 ROBOT = bs.load_robot("amouri2019")
@@ -27,11 +27,16 @@ def found(elements: int) -> Found:
 
 
 def check() -> None:
-    """Check that the displacements are those of 40 N."""
+    """Check that the displacements are those of 40 N, within a millionth of the length.
+
+    That is far above what a change of the mesh moves (1e-8 m), and far below what a solver errs.
+    """
     load = bs.Load(BY_TENSION.tensions, gravity=BY_TENSION.gravity, tip_force=BY_TENSION.tip_force)
     solution = bs.solve(ROBOT, load=load, model=bs.RodModel(elements=8)).raise_for_status()
     paid_out = solution.displacements() - [0.0, SLACK, SLACK]
-    assert abs(paid_out - DISPLACEMENTS).max() < 1e-9, f"at 40 N the displacements are {paid_out}"
+    assert abs(paid_out - DISPLACEMENTS).max() < 1e-6 * LENGTH, (
+        f"at 40 N the displacements are {paid_out}"
+    )
 
 
 def main() -> None:

@@ -613,3 +613,12 @@ def test_bad_rows(robot):
             with pytest.raises(InputError) as error:
                 call(robot, **objects(**given))
             assert says in str(error.value)
+
+
+def test_the_benchmark_commands_the_displacements_of_its_tension():
+    from benchmarks import ours_displacement
+
+    ours_displacement.check()
+    tip, tension = ours_displacement.found(1)
+    assert tension == pytest.approx(40.0, rel=1e-5)
+    assert tip == pytest.approx(ours_displacement.found(8)[0], abs=0.1)  # mm
