@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import sys
 import warnings
 from typing import Any
@@ -157,3 +158,10 @@ def test_without_gymnasium(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "bowstring.gymnasium")
     with pytest.raises(InputError, match=r"pip install 'bowstring\[gymnasium\]'"):
         __import__("bowstring.gymnasium")
+
+
+def test_a_copy_by_pickle_has_the_same_robot_and_settings() -> None:
+    for env in (ReachEnv(max_tension=40, dtype="float64"), ReachVectorEnv(1, max_tension=40)):
+        again = pickle.loads(pickle.dumps(env))
+        observation, other = (each.reset(seed=3)[0] for each in (env, again))
+        assert np.array_equal(observation, other) and observation.dtype == other.dtype

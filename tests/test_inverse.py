@@ -648,3 +648,12 @@ def test_rows_without_equilibrium_land_nowhere():
     assert landed.status == ["converged", "no_equilibrium", "converged"]
     assert np.isnan(landed.tip_position[1]).all() and landed.stable[1] is None
     assert np.isfinite(landed.tip_position[[0, 2]]).all()
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e300])
+def test_the_length_of_a_direction_does_not_matter(size: float) -> None:
+    robot = bs.load_robot("amouri2019")
+    ours, other = (
+        bs.inverse_kinematics(robot, [0.1, 0, 0.6], direction=[k, 0, k]) for k in (1.0, size)
+    )
+    assert np.array_equal(ours.tensions, other.tensions)

@@ -26,7 +26,7 @@ load_extra("gymnasium")
 
 from gymnasium import Env, registry, spaces  # noqa: E402
 from gymnasium.envs.registration import register  # noqa: E402
-from gymnasium.utils import seeding  # noqa: E402
+from gymnasium.utils import EzPickle, seeding  # noqa: E402
 from gymnasium.vector import AutoresetMode, VectorEnv  # noqa: E402
 from gymnasium.vector.utils import batch_space  # noqa: E402
 
@@ -174,7 +174,7 @@ def _default_tension(robot: Robot) -> float:
     return float(_TENSION_BEND * np.max(robot.bending_stiffness) / (radius * robot.length))
 
 
-class ReachEnv(Env[Observations, Observations]):
+class ReachEnv(Env[Observations, Observations], EzPickle):
     """Bring the tip of a robot to a point by the tensions of its tendons.
 
     An episode starts at rest in the equilibrium of random tensions. The target is the tip in
@@ -251,6 +251,18 @@ class ReachEnv(Env[Observations, Observations]):
     ) -> None:
         if render_mode is not None:
             raise InputError.of("render_mode", shown(render_mode), "None: there is no picture")
+        EzPickle.__init__(
+            self,
+            robot,
+            max_tension=max_tension,
+            period=period,
+            max_episode_steps=max_episode_steps,
+            dtype=dtype,
+            between=between,
+            integrator=integrator,
+            load=load,
+            model=model,
+        )  # a copy begins with reset
         self.render_mode = None
         self._task = _Task(
             1,
@@ -345,7 +357,7 @@ class ReachEnv(Env[Observations, Observations]):
         }
 
 
-class ReachVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
+class ReachVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]], EzPickle):
     """Many environments of `ReachEnv`, whose motions are computed together on all cores.
 
     Each behaves as a `ReachEnv` that was reset with the seed plus its index. An environment whose
@@ -403,6 +415,20 @@ class ReachVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
     ) -> None:
         if render_mode is not None:
             raise InputError.of("render_mode", shown(render_mode), "None: there is no picture")
+        EzPickle.__init__(
+            self,
+            num_envs,
+            robot,
+            max_tension=max_tension,
+            period=period,
+            max_episode_steps=max_episode_steps,
+            dtype=dtype,
+            between=between,
+            integrator=integrator,
+            load=load,
+            model=model,
+            threads=threads,
+        )  # a copy begins with reset
         self._task = _Task(
             whole("num_envs", num_envs, 1, 1_000_000),
             robot,

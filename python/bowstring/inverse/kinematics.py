@@ -277,10 +277,12 @@ def _directions(given: ArrayLike | None, count: int, single: bool) -> Floats | N
         wanted = "(3,)" if single else f"(3,) or ({count}, 3)"
         raise InputError(f"direction has shape {found.shape}, it must be {wanted}")
     found = np.atleast_2d(found)
+    largest = np.abs(found).max(axis=-1, keepdims=True)
+    if not (largest > 0.0).all() or not np.isfinite(largest).all():
+        k = int(np.flatnonzero(~(largest[:, 0] > 0.0) | ~np.isfinite(largest[:, 0]))[0])
+        raise InputError(f"direction is {found[k].tolist()}, it must not be zero or infinite")
+    found = found / largest  # so that squares neither overflow nor vanish
     norms = np.linalg.norm(found, axis=-1, keepdims=True)
-    if not (norms > 0.0).all() or not np.isfinite(norms).all():
-        k = int(np.flatnonzero(~(norms[:, 0] > 0.0) | ~np.isfinite(norms[:, 0]))[0])
-        raise InputError(f"direction is {found[k].tolist()}, it must not be zero or too large")
     return np.array(np.broadcast_to(found / norms, (count, 3)))
 
 
