@@ -3,6 +3,8 @@
 use crate::status::{fail, guarded, BowstringStatus};
 use bowstring_compiled::{self as compiled, Compiled};
 use std::ffi::{c_char, CStr};
+use std::fs::File;
+use std::io::Read;
 use std::ptr::null_mut;
 
 /// A robot; immutable.
@@ -49,14 +51,16 @@ pub unsafe extern "C" fn bowstring_robot_from_file(path: *const c_char) -> *mut 
         let path = unsafe { CStr::from_ptr(path) };
         let path = path.to_str().map_err(|_| "path is no text in UTF-8")?;
         let unread = |error: std::io::Error| format!("{path} cannot be read: {error}");
-        let about = std::fs::metadata(path).map_err(unread)?;
-        if about.len() > MOST_BYTES {
+        // the size that a device states is none: it may have no end
+        let mut text = Vec::new();
+        File::open(path)
+            .and_then(|file| file.take(MOST_BYTES + 1).read_to_end(&mut text))
+            .map_err(unread)?;
+        if text.len() as u64 > MOST_BYTES {
             return Err(format!(
-                "{path} has {} bytes, which is no compiled robot",
-                about.len()
+                "{path} has more than {MOST_BYTES} bytes, which is no compiled robot"
             ));
         }
-        let text = std::fs::read(path).map_err(unread)?;
         compiled::read(&text).map_err(|sentence| format!("{path}: {sentence}"))
     })
 }
@@ -106,4 +110,16 @@ pub unsafe extern "C" fn bowstring_robot_tendon_count(robot: *const BowstringRob
 pub unsafe extern "C" fn bowstring_robot_length(robot: *const BowstringRobot) -> f64 {
     // SAFETY: the caller gives a robot
     unsafe { robot.as_ref() }.map_or(f64::NAN, |robot| robot.0.robot.length())
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_without_an_end_is_no_robot() {
+        // SAFETY: the text ends with a zero
+        let robot = unsafe { bowstring_robot_from_file(c"/dev/zero".as_ptr()) };
+        assert!(robot.is_null());
+    }
 }
