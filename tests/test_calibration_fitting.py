@@ -442,6 +442,36 @@ def test_an_interval_spans_active_set_changes_synthetic():
     assert "determine the parameters badly" in found.message
 
 
+@pytest.fixture(scope="module")
+def with_a_slack_tendon():
+    """A tendon is slack in all rows: its offset has no effect, but would have if it were taut."""
+    table = np.outer(np.linspace(0.002, 0.02, 5), [1.0, -0.5, -0.5]) - [0.0, 0.0024, 0.0]
+    return slack_bench(table, 5e-4, 0)
+
+
+def test_intervals_beside_a_tendon_that_is_slack_in_all_rows_synthetic(with_a_slack_tendon):
+    """Its offset has no variance by the derivatives; the other intervals are finite."""
+    found = fit(giving(2e-4), with_a_slack_tendon, ["offset.tendons"])
+    assert found.converged and "offset.tendons.1 is not identifiable" in found.message
+    assert not np.isfinite(found["offset.tendons.1"].standard_error)
+    for name in ("offset.tendons.0", "offset.tendons.2"):
+        assert found[name].low < 1.0 < found[name].high < 5.0
+
+
+def test_a_profile_that_cannot_be_followed_gives_the_other_interval_synthetic(
+    with_a_slack_tendon, monkeypatch
+):
+    def singular(*_):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr("bowstring.calibration.intervals.Landscape.reach", singular)
+    monkeypatch.setattr("bowstring.calibration.intervals._REGULAR", (np.inf, -np.inf))
+    found = fit(giving(2e-4), with_a_slack_tendon, ["offset.tendons"])
+    assert found.converged and "cannot be followed to the ends" in found.message
+    offset = found["offset.tendons.0"]
+    assert offset.low + offset.high == pytest.approx(2 * offset.value)
+
+
 def test_a_parameter_active_only_in_taut_tendons_is_identifiable_synthetic():
     line = np.outer(np.linspace(0, 0.02, 12), [1, -0.5, -0.5])
     found = fit(giving(1e-4), slack_bench(line, 2e-5, 0), [GIVE, "offset.tendons"])

@@ -565,6 +565,22 @@ def test_a_bug_is_not_reported_as_bad_input(shell: Shell, monkeypatch: pytest.Mo
     assert "ZeroDivisionError" in err and err.endswith("report it with the lines above.\n")
 
 
+@pytest.mark.parametrize(
+    "error", [np.linalg.LinAlgError("Singular matrix"), OverflowError("math range error")]
+)
+def test_a_numerical_exception_is_one_sentence(
+    error: Exception, shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def singular(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(reader, "robot_names", singular)
+    code, out, err = shell("robots")
+    assert code == 1 and not out and err.count("\n") == 1
+    assert err.startswith("Error: the computation fails for these numbers (in ")
+    assert str(error) in err and "Traceback" not in err
+
+
 def test_stopped_by_the_user(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt

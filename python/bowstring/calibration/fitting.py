@@ -584,9 +584,12 @@ def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit
     with np.errstate(invalid="ignore"):  # zero for parameters that are not identifiable
         correlation = known.covariance / np.outer(error, error)
     hessian = jacobian.T @ (slope[:, None] * jacobian) + of_priors.T @ of_priors
-    ends = profile_ends(land, known, hessian)
-    profiled = ends is not None
-    undetermined = (np.abs(known.lost) >= 1e-3).any(axis=0)
+    try:
+        ends = profile_ends(land, known, hessian)
+        profiled: bool | None = ends is not None
+    except ValueError:  # LinAlgError, and residuals that are not finite
+        ends = profiled = None
+    undetermined = known.undetermined
     one_sided = np.zeros(len(items), dtype=bool)
     if ends is not None:
         error = (ends[1] - ends[0]) / (2.0 * half)
@@ -730,7 +733,7 @@ def _message(
     estimates: Sequence[Estimate],
     not_identifiable: Sequence[Sequence[str]],
     contradicted: Sequence[str],
-    profiled: bool,
+    profiled: bool | None,
     alike: float | None,
     excess: float | None,
     pair: tuple[str, ...],
@@ -739,8 +742,9 @@ def _message(
 
     `failures`: whether too many rows have no equilibrium, the derivatives predict a lower cost, and
     the points move farther than the robot is long. `contradicted`: parameters whose priors
-    contradict the data. `alike` (autocorrelation) and `excess` are given
-    if they are significant. `pair`: two correlated parameters that prevent convergence, or empty.
+    contradict the data. `profiled`: whether intervals are those of the profile likelihood; None if
+    it cannot be followed. `alike` (autocorrelation) and `excess` are given if they are significant.
+    `pair`: two correlated parameters that prevent convergence, or empty.
     """
     lost, stuck, astray = failures
     unsolved = f"{work.unsolved} of {work.asked.sum()} rows"
@@ -782,7 +786,13 @@ def _message(
         e.name for e in estimates if e.prior_sd and e.standard_error > _BY_PRIOR * e.prior_sd
     ]:
         said.append(f"Determined by their priors, not by these data: {listed(by_prior)}.")
-    if profiled:
+    if profiled is None:
+        said.append(
+            "The profile likelihood cannot be followed to the ends of the intervals, where tendons "
+            "may become slack or taut: the intervals are those of the derivatives, and can be too "
+            "narrow."
+        )
+    elif profiled:
         said.append(
             "Tendons become slack or taut inside the intervals, or elsewhere the error is hardly "
             "larger: the rows determine the parameters badly, and the intervals are those of the "

@@ -23,6 +23,8 @@ __all__ = ["EXACT", "SAME", "Dependence", "Uncertainty", "profile_ends"]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+#: Share of a parameter in a direction that is not identifiable, from which on it is undetermined.
+_SHARE: Final = 1e-3
 #: Residuals that count as zero, m; below the precision of any device.
 EXACT: Final = 1e-8
 #: Singular value over the largest below which the data do not identify a direction of parameters.
@@ -115,6 +117,11 @@ class Uncertainty:
     noise: float
     determined: float
     lost: Floats
+
+    @property
+    def undetermined(self) -> Bools:
+        """Parameters (P,) with a share in a direction that is not identifiable."""
+        return np.asarray((np.abs(self.lost) >= _SHARE).any(axis=0))
 
     @classmethod
     def of(
@@ -241,41 +248,47 @@ def profile_ends(land: Landscape | None, found: Uncertainty, hessian: Floats) ->
 
     They do not suffice where tendons become taut or slack inside an interval, or another minimum is
     hardly higher. The bound of the cost is the one that would reproduce the interval of the
-    derivatives for a quadratic cost.
+    derivatives for a quadratic cost. Parameters that are not identifiable have no interval by the
+    derivatives, and infinite ends here; the profiles of the others are minimised over them too.
     """
     if land is None or np.abs(land.residuals).max() < 1e3 * EXACT:
         return None
     covariance, half = found.covariance, found.half
     parameters = len(covariance)
+    known = np.flatnonzero(~found.undetermined)
+    if not len(known):
+        return None
     bread = np.diag(np.linalg.pinv(hessian, hermitian=True))
     spread = np.diag(covariance)
     least = land.cost(np.zeros(parameters))
-    allowed = 0.5 * half**2 * float(np.median(spread / np.maximum(bread, 1e-300)))
+    ratio = spread[known] / np.maximum(bread[known], 1e-300)
+    allowed = 0.5 * half**2 * float(np.median(ratio))
     widest, most = float(half.max()), least + float(allowed.max())
-    size, axes = np.linalg.eigh(covariance / np.sqrt(np.outer(spread, spread)))
+    scale = np.sqrt(spread[known])
+    size, axes = np.linalg.eigh(covariance[np.ix_(known, known)] / np.outer(scale, scale))
     regular = True
     for length, axis in zip(np.sqrt(np.maximum(size, 0.0)), axes.T, strict=True):
         for sign in (widest, -widest):
-            change = sign * length * axis * np.sqrt(spread)
+            change = np.zeros(parameters)
+            change[known] = sign * length * axis * scale
             if (change < land.low).any() or (change > land.high).any():
                 continue
             asked = 0.5 * float(change @ hessian @ change)
             regular &= _REGULAR[0] * asked < land.cost(change) - least < _REGULAR[1] * asked
     minima = [each for each in land.minima if each.cost < most]
-    width = half * np.sqrt(spread)
+    width = half[known] * scale
     for each in minima:
-        regular &= bool((np.abs(each.change) <= width).all())
+        regular &= bool((np.abs(each.change[known]) <= width).all())
     if regular or land.size * parameters > _LARGE:
         return None
     starts = [Minimum(np.zeros(parameters), least)]
     for each in minima:
-        if all((np.abs(each.change - other.change) > 0.1 * width).any() for other in starts):
+        apart = [np.abs(each.change - other.change)[known] > 0.1 * width for other in starts]
+        if all(away.any() for away in apart):
             starts.append(each)
-    ends = [
-        [
-            land.reach(i, sign, float(width[i]), least + float(allowed[i]), starts[:_STARTS])
-            for i in range(parameters)
-        ]
-        for sign in (-1.0, 1.0)
-    ]
-    return np.array(ends)
+    ends = np.outer([-np.inf, np.inf], np.ones(parameters))
+    for i, wide in zip(known, width, strict=True):
+        most = least + float(allowed[i])
+        for side, sign in enumerate((-1.0, 1.0)):
+            ends[side, i] = land.reach(int(i), sign, float(wide), most, starts[:_STARTS])
+    return ends

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from functools import wraps
 from inspect import Parameter, signature
 from itertools import takewhile
+from pathlib import Path
 from typing import Annotated, Any, Final, TextIO
 
 import typer
@@ -210,6 +211,23 @@ def _mended(sentence: str, context: Any, arguments: Sequence[str]) -> str:
     return sentence
 
 
+def _is_numerical(error: BaseException) -> bool:
+    """Whether numbers, not code, ended the computation; NumPy is imported by few commands."""
+    of_numpy = type(error).__name__ == "LinAlgError"
+    return of_numpy or isinstance(error, FloatingPointError | OverflowError)
+
+
+def _of_numbers(error: BaseException) -> str:
+    """Sentence on a numerical exception, with the line of Bowstring that it comes from."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if "bowstring" in Path(frame.filename).parts]
+    where = f" (in {Path(own[-1].filename).name}, line {own[-1].lineno})" if own else ""
+    return (
+        f"the computation fails for these numbers{where}: {str(error).rstrip('.')}; try other "
+        "values, and please report the command and this sentence."
+    )
+
+
 def run(arguments: Sequence[str]) -> int:
     """Run one command.
 
@@ -267,6 +285,9 @@ def run(arguments: Sequence[str]) -> int:
         if isinstance(error, SystemExit):
             raise
         if not (interrupts.is_interrupt(error) or interrupts.pending()):
+            if _is_numerical(error):
+                say("Error", _of_numbers(error))
+                return NO_SOLUTION
             traceback.print_exc()
             say("Error", "this is a bug in Bowstring; please report it with the lines above.")
             return BUG
