@@ -432,6 +432,14 @@ def test_intervals_cover_the_truth_where_tendons_become_slack_synthetic():
     assert np.mean(held) >= 0.85
 
 
+def test_the_tendons_of_a_list_share_a_parameter():
+    lists = bs.load_robot("rao2021")
+    one, every = (
+        Unknowns(lists, [f"segments.*.tendons.{index}compliance"]).items for index in ("", "*.")
+    )
+    assert one[0].paths == every[0].paths and len(one[0].paths) == 6
+
+
 def test_an_interval_spans_active_set_changes_synthetic():
     """The lowest minimum is at -0.5 +- 0.09 mm; one at 1 mm is hardly higher."""
     found = fit(giving(1e-4), slack_bench(ONE_DISPLACED, 5e-4, 1), [GIVE, "offset.tendons"])

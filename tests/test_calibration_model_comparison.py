@@ -17,6 +17,7 @@ from rich.table import Table
 
 import bowstring as bs
 from bowstring.calibration import Data, JudgedModel, ModelComparison, compare_models
+from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.error_parts import noise_of, parts_of
 from bowstring.calibration.figures import draw_parts
 from bowstring.calibration.model_choice import blocks_of, choose, gain
@@ -268,12 +269,22 @@ def test_times_restart_with_each_recording(robot: Robot) -> None:
         compare_models(robot, Data(points=data.tip, tensions=data.tensions), [E])  # type: ignore[arg-type]
 
 
+def test_the_loss_is_that_of_all_fits(robot: Robot) -> None:
+    data, loss = table(False, "none", 2, 20), "linear"
+    found = compare_models(robot, data, ["base", E], folds=2, loss=loss, memories=())
+    alone = found["rod_calibrated"].fit
+    assert alone is not None
+    assert alone.values == bs.fit(robot, data, ["base", E], loss=loss).values
+    begin = {E: alone.values[E]}
+    crossed = cross_validate(robot, data, ["base", E], start=begin, folds=2, loss=loss)
+    np.testing.assert_array_equal(found["rod_calibrated"].residuals, crossed.residuals)
+
+
 def test_flags_of_a_comparison(shell: Shell, tmp_path: Path) -> None:
     base = ("fit", "amouri2019", "--measurements", str(ROOT / "examples" / "bench.csv"))
     base += ("--parameter", "base", "--compare")
     for flags, says in (
         (("--model", "arc"), "leave --model out"),
-        (("--loss", "linear"), "leave --loss out"),
         (("--holdout", "0.2"), "give --folds in place of --holdout"),
         (("--start", str(tmp_path / "calibration.json")), "leave --start out"),
         (("--folds", "16"), "too few to compare models"),

@@ -903,6 +903,19 @@ def test_an_asterisk_stands_for_every_index(star):
             make({f"{star}.backbon.E": 1e9})
 
 
+def test_a_field_of_tendons_without_an_index_is_that_of_all():
+    """As it is where they are a ring."""
+    robot = load_robot("rao2021")
+    each = {f"segments.0.tendons.{i}.compliance": "0.1 mm/N" for i in range(3)}
+    given = {"segments.0.tendons.compliance": "0.1 mm/N"}
+    assert robot.with_(given) == robot.with_(each) == load_robot("rao2021", given)
+    mixed = robot.with_({"segments.1.tendons": {"count": 3, "pitch_radius": 0.01}})
+    soft = mixed.with_({"segments.*.tendons.compliance": 1e-4})
+    assert soft.tendons.compliance_m_per_N.tolist() == [1e-4] * 6
+    with pytest.raises(InputError, match=r"segments\[0\].tendons\[0\].complianc: unknown field"):
+        robot.with_({"segments.0.tendons.complianc": 1e-4})
+
+
 def test_override_of_one_of_a_pair_removes_the_other():
     robot = load_robot("amouri2019")
     by_g = robot.with_({"segments.0.backbone.G": "13 GPa"})

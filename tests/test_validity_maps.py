@@ -23,7 +23,7 @@ from bowstring.blocks import Job
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
-from bowstring.robot.paths import full_paths
+from bowstring.robot.paths import find, full_paths
 from bowstring.robot.writer import to_yaml
 from bowstring.statics.designs import DesignSweep, sweep_designs
 from bowstring.validity import limit_search, space, workspace
@@ -147,6 +147,11 @@ def test_paths_of_numbers() -> None:
     assert full_paths(ROBOT, "E") == ["segments.0.backbone.E"]
     crl = bs.load_robot("crl-ftdcr-v4")
     assert len(full_paths(crl, "segments.*.backbone.E")) == 3
+    lists = bs.load_robot("rao2021")
+    every = full_paths(lists, "segments.*.tendons.*.compliance")
+    assert len(every) == 6 and full_paths(lists, "segments.*.tendons.compliance") == every
+    for path in ("segments.0.tendons.compliance", "segments.0.tendons.*.compliance"):
+        assert find(lists, path, ()) == ("segments.0.tendons.*.compliance", tuple(every[:3]))
     with pytest.raises(
         InputError, match=r"not unique; write .*backbone.density or .*disks.density"
     ):

@@ -354,7 +354,8 @@ def fit(
         disk at its station; without stations the tip alone is.
     parameters : sequence of str
         Names of parameters. Fields of the robot file by path, with ``*`` for one value shared by
-        all: ``segments.0.backbone.E``, ``segments.*.tendons.compliance``. For all, each segment or
+        all, also of a list of tendons: ``segments.0.backbone.E``,
+        ``segments.*.tendons.compliance``. For all, each segment or
         each tendon (``gain``, ``gain.segments``, ``gain.tendons``, ``gain.tendons.4``): ``gain`` of
         displacements or tensions; ``offset`` of displacements, positive where a tendon is too
         short; ``backlash``, half the dead travel of a displacement; ``hole_clearance``, the

@@ -11,7 +11,6 @@ from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import Commands
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
-from bowstring.robot.parts import TendonRing
 
 __all__ = [
     "MEMORIES",
@@ -43,7 +42,7 @@ _AT_ONCE: Final = 1e-3
 _NONE: Final = 1e-7
 
 
-def parameters_of(robot: Robot, memory: Memory) -> list[str]:
+def parameters_of(memory: Memory) -> list[str]:
     """Parameters of `bowstring.fit` that a memory adds."""
     if memory == "backlash":
         return ["backlash"]
@@ -51,14 +50,11 @@ def parameters_of(robot: Robot, memory: Memory) -> list[str]:
         return [_SHARE, _PLAY]
     if memory == "relaxation":
         return [_RELAXES, f"{_RELAXES}_time"]
-    rings = [isinstance(segment.tendons, TendonRing) for segment in robot.segments]
-    own = [not ring and bool(s.tendons) for ring, s in zip(rings, robot.segments, strict=True)]
-    groups = ["segments.*.tendons"] * any(rings) + ["segments.*.tendons.*"] * any(own)
     leaves = ["friction"] if memory == "friction" else ["creep_compliance", "creep_time"]
-    return [f"{group}.{leaf}" for group in groups for leaf in leaves]
+    return [f"segments.*.tendons.{leaf}" for leaf in leaves]
 
 
-def limit_of(robot: Robot, memory: Memory) -> tuple[dict[str, float], str]:
+def limit_of(memory: Memory) -> tuple[dict[str, float], str]:
     """Limit in which a memory acts at once, as an elasticity: fixed values in SI, and its name.
 
     Empty for memories without such a limit.
@@ -67,7 +63,7 @@ def limit_of(robot: Robot, memory: Memory) -> tuple[dict[str, float], str]:
         return {}, ""
     if memory == "hysteresis":
         return {_PLAY: 0.0}, "a softer backbone"
-    times = [name for name in parameters_of(robot, memory) if name.endswith("_time")]
+    times = [name for name in parameters_of(memory) if name.endswith("_time")]
     what = "a softer backbone" if memory == "relaxation" else "a compliance of the tendons"
     return dict.fromkeys(times, _AT_ONCE), what
 
@@ -86,7 +82,7 @@ def reason_against(memory: Memory, commands: Commands, given: Unknowns) -> str:
         if all(len(rows) < 2 for rows in commands.paths):
             return f"{memory} needs recordings of two rows at least"
     leaves = {item.leaf or item.name.partition(".")[0] for item in given.items}
-    if leaves & {name.rpartition(".")[2] for name in parameters_of(given.robot, memory)}:
+    if leaves & {name.rpartition(".")[2] for name in parameters_of(memory)}:
         return "it is among the given parameters"
     return ""
 
@@ -99,7 +95,7 @@ def is_zero(robot: Robot, name: str, value: float) -> bool:
 
 def starts_of(memory: Memory, robot: Robot, commands: Commands) -> list[dict[str, float]]:
     """Initial values to try of a memory that the robot file does not have, in SI."""
-    added = parameters_of(robot, memory)
+    added = parameters_of(memory)
     if memory == "hysteresis" and not any(s.backbone.hysteresis for s in robot.segments):
         return [{_SHARE: share, _PLAY: bend} for share, bend in _SLIDING]
     if memory == "relaxation" and not robot.relaxation[..., 0].any():

@@ -35,6 +35,7 @@ from bowstring.calibration.model_choice import (
 )
 from bowstring.calibration.observations import Score, score
 from bowstring.calibration.parameters import Unknowns, initial_of
+from bowstring.calibration.pieces import Loss
 from bowstring.calibration.priors import PriorChoice, default_priors, read_priors
 from bowstring.calibration.residual import refuse_disorder
 from bowstring.calibration.residual_comparison import of_arcs
@@ -221,6 +222,7 @@ def compare_models(
     folds: int = 5,
     validation: Measurements | None = None,
     priors: PriorChoice = None,
+    loss: Loss = "soft_l1",
     memories: Sequence[Memory] = MEMORIES,
     progress: Callable[[str, float], None] | None = None,
 ) -> ModelComparison:
@@ -245,6 +247,8 @@ def compare_models(
         Another table of the same bench, which every model predicts without registration to it.
     priors : "default" or mapping from name to float, optional
         As for `bowstring.fit`; a mapping names parameters of the calibrated rod.
+    loss : {"linear", "soft_l1", "huber"}
+        As for `bowstring.fit`.
     memories : sequence of {"backlash", "friction", "hysteresis", "creep", "relaxation"}
         Memories, each of which is added to the calibrated rod: ``backlash`` of displacements,
         friction of the tendons, hysteresis of the backbones; in rows with times creep of the
@@ -286,7 +290,7 @@ def compare_models(
     from three plays, those of creep and relaxation from three times, as their errors have several
     minima.
     """
-    work = _Work.of(robot, data, parameters, folds, validation, progress)
+    work = _Work.of(robot, data, parameters, folds, validation, progress, loss)
     candidates = _candidates(robot, parameters)
     known = _priors(robot, parameters, priors)
     asked = [memory for memory in MEMORIES if memory in _checked(memories)]
@@ -389,7 +393,7 @@ def _remembering(
     known: Callable[[_Candidate], dict[str, float]],
 ) -> JudgedModel:
     """Add a memory to the calibrated rod; a reason in place of numbers where that fails."""
-    name, added = _OF_MEMORY[memory], parameters_of(robot, memory)
+    name, added = _OF_MEMORY[memory], parameters_of(memory)
     given = Unknowns(robot, parameters)
     whole = (*given.names, *added)
     if reason := reason_against(memory, work.commands, given):
@@ -400,7 +404,7 @@ def _remembering(
     try:
         found = work.judge(candidate, known(candidate))
         if found.residuals is not None and work.is_better(rod, found):
-            limit, what = limit_of(robot, memory)
+            limit, what = limit_of(memory)
             if limit:
                 at_once = _in_limit(work, candidate, found, limit, known)
                 if not work.is_better(at_once, found, LIMIT_ERRORS):
@@ -451,6 +455,7 @@ class _Work:
     folds: int
     validation: Measurements | None
     notify: Callable[[str, float], None]
+    loss: Loss
     total: int = 1
     done: int = 0
     rod: Score | None = None  # of the calibrated rod at the fitted rows
@@ -464,6 +469,7 @@ class _Work:
         folds: int,
         validation: Measurements | None,
         progress: Callable[[str, float], None] | None,
+        loss: Loss,
     ) -> _Work:
         """Check the rows before any work."""
         check_robot(robot)
@@ -487,7 +493,7 @@ class _Work:
         if validation is not None:
             cls._check_validation(data, used, validation, robot)
         notify = progress or (lambda what, share: None)
-        return cls(robot, data, commands, used, part, int(folds), validation, notify)
+        return cls(robot, data, commands, used, part, int(folds), validation, notify, loss)
 
     @staticmethod
     def _check_validation(
@@ -515,7 +521,8 @@ class _Work:
 
     def _fitted(self, model: _Candidate, priors: dict[str, float]) -> JudgedModel:
         kind: Literal["arc"] | None = "arc" if model.arcs else None
-        begin = partial(fit, self.robot, self.data, model.parameters, model=kind, priors=priors)
+        options: Any = {"model": kind, "loss": self.loss, "priors": priors}
+        begin = partial(fit, self.robot, self.data, model.parameters, **options)
         found = _best(begin, model.starts)
         why = "" if found.converged else found.message.partition(". ")[0]
         if model.added and (why := why or self._no_effect(found, model)):
@@ -525,9 +532,8 @@ class _Work:
             self.data,
             model.parameters,
             folds=self.folds,
-            model=kind,
             start={**_without_frames(found.values), **model.fixed},
-            priors=priors,
+            **options,
             progress=lambda share: self._step(model, (1 + share * self.folds) / (1 + self.folds)),
         )
         notes = [why] if why else []

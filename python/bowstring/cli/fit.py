@@ -180,7 +180,7 @@ def fit(
     if data is not None and mapping is not None:
         raise InputError("--mapping is of a table; a set of --data brings its own.")
     if compare:
-        _check_comparison(model, loss, holdout, start)
+        _check_comparison(model, holdout, start)
     elif sum(way is not None for way in (holdout, folds, validate)) > 1:
         raise InputError("--holdout, --folds and --validate are ways to validate; give one.")
     if filter_ and validate is None:
@@ -227,6 +227,7 @@ def fit(
                 folds=folds or 5,
                 validation=other,
                 priors=deviations,
+                loss=loss,
                 progress=notify,
             )
     with progress_bar("fit") as notify:
@@ -304,12 +305,10 @@ def fit(
         raise NoSolutionError(f"{known.name}: {found.fit.message}")
 
 
-def _check_comparison(model: str, loss: str, holdout: str | None, start: Path | None) -> None:
+def _check_comparison(model: str, holdout: str | None, start: Path | None) -> None:
     """Refuse flags that a comparison of models cannot use."""
     if model == "arc":
         raise InputError("--compare has constant curvature and the rod; leave --model out.")
-    if loss != "soft_l1":
-        raise InputError("--compare fits with the loss soft_l1; leave --loss out.")
     if holdout is not None:
         raise InputError("--compare leaves rows out by folds; give --folds in place of --holdout.")
     if start is not None:

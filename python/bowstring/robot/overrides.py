@@ -32,20 +32,25 @@ def check_mapping(overrides: object) -> None:
 
 
 def expand(tree: Any, path: str) -> list[str]:
-    """Paths of a path in which ``*`` stands for every index of a list; none if none matches."""
+    """Paths of a path in which ``*`` stands for every index of a list; none if none matches.
 
-    def walk(here: Any, keys: Sequence[str]) -> Iterator[list[str]]:
+    A field of ``tendons`` without an index is that of all of them, as it is of a ring of tendons.
+    """
+
+    def walk(here: Any, keys: Sequence[str], above: str = "") -> Iterator[list[str]]:
         if not keys:
             yield []
             return
         key, *rest = keys
-        if isinstance(here, list):
+        if isinstance(here, list) and above == "tendons" and not (key == "*" or key.isdecimal()):
+            items, rest = [(str(i), item) for i, item in enumerate(here)], list(keys)
+        elif isinstance(here, list):
             items = [(str(i), item) for i, item in enumerate(here) if key in ("*", str(i))]
         else:
             below = here.get(key) if isinstance(here, dict) else None
             items = [] if key == "*" else [(key, below)]
         for name, item in items:
-            yield from ([name, *end] for end in walk(item, rest))
+            yield from ([name, *end] for end in walk(item, rest, key))
 
     return [".".join(keys) for keys in walk(tree, _keys(path))]
 
@@ -54,8 +59,10 @@ def expand_all(tree: Any, overrides: Mapping[Any, Any]) -> dict[Any, Any]:
     """Expand every path with ``*``; of two values for a path the later holds."""
     found: dict[Any, Any] = {}
     for path, value in overrides.items():
-        many = isinstance(path, str) and "*" in _keys(path)
-        paths = expand(tree, path) if many else [path]
+        keys = _keys(path) if isinstance(path, str) else []
+        paths = expand(tree, path) if "*" in keys or "tendons" in keys[:-1] else [path]
+        if not paths and "*" not in keys:
+            paths = [path]  # of which `override` says what is wrong
         if not paths:
             raise InputError(
                 f"Override {quote(path)}: nothing matches; * stands for every index of a list, as "

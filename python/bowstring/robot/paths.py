@@ -113,6 +113,9 @@ def find(robot: Robot, path: str, loads: Collection[str]) -> tuple[str, tuple[st
     known = [known for known, _ in numbers_of(robot)]
     tree = robot.model_dump(mode="json", exclude_none=True)
     found = [p for p in expand(tree, path) if p in known]
+    indexed = re.sub(r"\btendons\.(?=[a-z])", "tendons.*.", path)
+    if found and found == expand(tree, indexed):  # a list of tendons, not rings
+        path = indexed
     if not found:
         found = [p for p in known if p.endswith(f".{path}") and not p.startswith("gravity")]
         kinds = {_kind(p) for p in found}

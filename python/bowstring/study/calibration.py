@@ -23,7 +23,6 @@ from bowstring.data.rigid import Rigid
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError
 from bowstring.robot.model import Robot
-from bowstring.robot.parts import TendonRing
 from bowstring.significance import EXTRA_LOAD, explained_p
 from bowstring.statics import rod
 from bowstring.statics.load import Load
@@ -138,7 +137,7 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibrat
     by_displacement = not np.isnan(data.displacements).all()
     names = ["gain"] if by_displacement else _stiffness(robot)
     few = len(data) * data.tendon_count <= _MOST_SLOW
-    friction = _friction(robot) if few else []
+    friction = ["segments.*.tendons.friction"] if few else []
     found, notes = _identifiable(robot, data, [*names, *friction, "base"], theory, friction)
     if not by_displacement and any(s.backbone.stiffness is not None for s in robot.segments):
         notes.append(
@@ -248,12 +247,6 @@ def _stiffness(robot: Robot) -> list[str]:
     if len(set(values)) == 1 and values[0] is not None:
         return ["segments.*.backbone.E"]
     return [f"segments.{k}.backbone.E" for k, value in enumerate(values) if value is not None]
-
-
-def _friction(robot: Robot) -> list[str]:
-    rings = {isinstance(segment.tendons, TendonRing) for segment in robot.segments}
-    names = {True: "segments.*.tendons.friction", False: "segments.*.tendons.*.friction"}
-    return [name for ring, name in names.items() if ring in rings]
 
 
 def _fit(robot: Robot, data: Measurements, names: list[str], theory: Theory) -> Fit:

@@ -421,8 +421,7 @@ def assumed_distributions(robot: Robot) -> Distributions:
     found: dict[str, Any] = {}
     if any(segment.backbone.E is not None for segment in robot.segments):
         found["segments.*.backbone.E"] = {"normal": {"sd": "5 %"}}
-    rings = all(isinstance(segment.tendons, TendonRing) for segment in robot.segments)
-    path = f"segments.*.tendons.{'' if rings else '*.'}pitch_radius"
+    path = "segments.*.tendons.pitch_radius"
     try:
         return read_distributions({**found, path: {"normal": {"sd": "1 %"}}}, robot)
     except InputError:  # a hole next to the rim, or tendons of several radii or both forms
