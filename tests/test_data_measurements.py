@@ -891,3 +891,62 @@ def test_check_refuses(
     monkeypatch.chdir(file(GOOD).parent)
     assert says in shell.error("bench", "check", *arguments)
     assert says in shell.error("bench", "check", *arguments, "--json")
+
+
+# -- many rows left out ---------------------------------------------------------------------------
+
+
+def noisy(rows: int, below: int) -> str:
+    """Table of which the first rows have a slack tendon that reads below zero."""
+    head = "tension_1_N,tension_2_N,tension_3_N,tip_x_mm,tip_y_mm,tip_z_mm"
+    cells = [
+        f"{5 + k},{-0.03 if k < below else 0.03},0.01,{10 + k},0,{640 - 0.1 * k}"
+        for k in range(rows)
+    ]
+    return "\n".join([head, *cells]) + "\n"
+
+
+def test_more_than_a_twentieth_of_the_rows_left_out_is_the_first_line(
+    file: Write, shell: Shell
+) -> None:
+    assert not read_measurements(file(noisy(40, 2))).doubt
+    path = file(noisy(40, 3))
+    doubt = read_measurements(path).doubt
+    assert doubt.startswith(
+        "3 of 40 rows are left out, all for a tension below zero (down to -0.03"
+    )
+    assert "part: positive takes them as zero" in doubt
+    robot = ("--robot", "amouri2019")
+    for flags in ((), robot):
+        assert doubt in shell.json("bench", "check", str(path), *flags)["warnings"]
+        code, out, _ = shell("bench", "check", str(path), *flags)
+        assert code == 0 and out.startswith("Check the table. 3 of 40 rows are left out")
+    fit = ("fit", "amouri2019", "--measurements", str(path), "--parameter", "base")
+    code, out, _ = shell(*fit, "--model", "arc")
+    assert code == 0 and out.startswith("Check the table. 3 of 40 rows are left out")
+    assert doubt in shell.json(*fit, "--model", "arc")["warnings"]
+
+
+def test_rows_left_out_for_other_reasons(file: Write) -> None:
+    broken = noisy(40, 0).replace("10,0,640", "10,,640").replace("11,0,639", "11,?,639")
+    broken = broken.replace("12,0,639", "12,x,639")
+    assert read_measurements(file(broken)).doubt == (
+        "3 of 40 rows are left out, the first in line 2: results are of the other rows alone."
+    )
+
+
+def test_rows_that_a_mapping_leaves_out_do_not_count(file: Write) -> None:
+    lines = noisy(40, 1).splitlines()
+    text = "\n".join(f"{line},{'ok' if k == 0 else k % 2}" for k, line in enumerate(lines)) + "\n"
+    about: dict[str, object] = {
+        "source": "synthetic",
+        "keep": {"column": "ok", "value": "1"},
+        "tendons": {
+            "quantity": "tension",
+            "unit": "N",
+            "columns": [f"tension_{k}_N" for k in (1, 2, 3)],
+        },
+        "tip": {"unit": "mm", "columns": ["tip_x_mm", "tip_y_mm", "tip_z_mm"]},
+    }
+    found = read_measurements(file(text), mapping=Mapping.model_validate(about))
+    assert (found.left_out, found.filtered, found.below_zero) == (21, 20, 1) and not found.doubt

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
@@ -315,3 +316,53 @@ def test_displacements_among_tensions_are_checked_too(factor: float) -> None:
     assert "some tendons are given by tension and others by displacement" in found.sentence
     assert ("check the unit of the displacements" in found.sentence) == (factor == 10)
     assert found.alarm == (factor == 10)
+
+
+# -- a constant in the displacements --------------------------------------------------------------
+
+
+def arcs_of(robot: Robot, shift: ArrayLike) -> Measurements:
+    """Exact arcs of constant curvature, displacements with a shift (3,) m: synthetic."""
+    tensions = np.concatenate([0.5 * ANY[:7], np.zeros((1, 3))])
+    arcs = bs.constant_curvature.RobotArcs.from_tensions(robot, tensions)
+    data = made(STUDY, tensions)
+    return replace(
+        data,
+        tensions=np.full_like(tensions, np.nan),
+        displacements=robot.length - arcs.lengths() + shift,
+        points=arcs.tip.position[:, None],
+    )
+
+
+def test_a_shift_of_all_displacements_is_named() -> None:
+    """Constant curvature bends by their differences, and explains all of the motion."""
+    assert check_tendons(STUDY, arcs_of(STUDY, 0.0)).found == "as_stated"
+    for shift, says in (
+        (0.1, r"^The displacements have 100 mm or more in common in all rows, and amouri2019 cann"),
+        (-0.1, r"^All tendons are lengthened by \d+\.?\d* mm or more in all rows"),
+        (-0.641, r"^All tendons are lengthened by"),  # lengths of the tendons, with a minus
+    ):
+        found = check_tendons(STUDY, arcs_of(STUDY, shift))
+        assert found.found == "unclear" and found.alarm
+        assert re.search(says, found.sentence) and "straight robot off all rows" in found.sentence
+
+
+def test_a_shift_that_the_robot_follows_is_not_named() -> None:
+    for shift in (1e-3, -1e-3):
+        assert not check_tendons(STUDY, arcs_of(STUDY, shift)).alarm
+    # a tendon is shortened, and the others are not let out
+    one = arcs_of(STUDY, 0.0)
+    held = np.outer(np.linspace(0.0, 0.06, len(one)), [1.0, 0.0, 0.0])
+    assert "in common" not in check_tendons(STUDY, replace(one, displacements=held)).sentence
+    # compliant tendons take it up, and soft backbones shorten by it
+    soft = STUDY.with_({"segments.0.tendons.compliance": "0.2 mm/N"})
+    assert not check_tendons(soft, arcs_of(STUDY, 0.1)).alarm
+    rubber = STUDY.with_({"segments.0.backbone.E": "1 MPa", "segments.0.backbone.diameter": 0.04})
+    assert not check_tendons(rubber, arcs_of(STUDY, 0.03)).alarm
+
+
+def test_one_tendon_has_no_shift_of_its_own() -> None:
+    single = STUDY.with_({"segments.0.tendons": [{"angle": 0.0, "pitch_radius": 0.029}]})
+    data = arcs_of(STUDY, 0.1)
+    alone = replace(data, tensions=data.tensions[:, :1], displacements=data.displacements[:, :1])
+    assert "in common" not in check_tendons(single, alone).sentence

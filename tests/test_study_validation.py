@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
+from rich.console import Console
 
 import bowstring as bs
 from bowstring.calibration.bootstrap import bootstrap
@@ -42,6 +43,7 @@ from bowstring.study.data_validation import (
 from bowstring.study.settings import Extras
 from bowstring.study.study import DATA_FIGURES, Study, run_study
 from bowstring.study.summary import summarise
+from bowstring.study.terminal import print_study
 from bowstring.validity.loading import Loading
 from shell import Shell
 from stages import Stages
@@ -51,6 +53,35 @@ NOISE = 2e-5
 GRAVITY = (0.0, 0.0, -9.81)
 FRAME = Rigid.from_rotation_vector(np.radians(0.3) * np.array([0.6, 0.8, 0.0]), [1e-3, -5e-4, 2e-4])
 """Measuring frame to base frame."""
+
+
+def test_doubts_of_a_table_are_the_first_lines_of_a_study(
+    robot: bs.Robot, paper: Study, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Rows that are left out, and a shift of all displacements that the arcs do not see."""
+    tensions = np.linspace(0.0, 40.0, 5)[:, None] * [1.0, 0.0, 0.0]
+    arcs = RobotArcs.from_tensions(robot, tensions)
+    data = Measurements(
+        source="synthetic",
+        name="exact arcs",
+        tensions=np.full((5, 3), np.nan),
+        displacements=robot.length - arcs.lengths() + 0.1,
+        points=arcs.tip.position[:, None],
+        line=np.arange(5) + 2,
+        group=np.full(5, ""),
+        repeat=np.ones(5, dtype=int),
+        left_out=3,
+        below_zero=3,
+        least_tension=-0.2,
+    )
+    found = judge_data(robot, data, 0.01)
+    assert [each[:20] for each in found.doubts] == ["3 of 8 rows are left", "The displacements ha"]
+    with_data = replace(paper, data=found)
+    assert set(found.doubts) <= set(with_data.warnings)
+    print_study(with_data, Console(width=400))
+    first, second = capsys.readouterr().out.splitlines()[:2]
+    assert first.startswith("Check the measurements. 3 of 8 rows are left out")
+    assert second.startswith("Check the measurements. The displacements have 100 mm")
 
 
 def made(

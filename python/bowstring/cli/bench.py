@@ -88,10 +88,11 @@ def check(
         check = None if model is None else check_tendons(model, found)
     if as_json:
         settings = {"file": file, "mapping": mapping, "g_m_per_s2": gravity}
-        made: dict[str, object] = {"provenance": made_by(**settings)}
+        doubts = [found.doubt] if found.doubt else []
+        doubts += [check.sentence] if check is not None and check.alarm else []
+        made: dict[str, object] = {"provenance": made_by(**settings), "warnings": doubts}
         if model is not None:
-            doubts = [check.sentence] if check is not None and check.alarm else []
-            made = {**provenance_of(model, **settings), "warnings": [*model.warnings, *doubts]}
+            made = {**provenance_of(model, **settings), "warnings": [*doubts, *model.warnings]}
         return write_json({**_measurements_json(found, check), **made})
     write_tables(*_measurements_tables(found, check))
 
@@ -398,6 +399,8 @@ def _commands(found: Measurements) -> Iterator[tuple[str, str, float, float]]:
 def _measurements_tables(found: Measurements, check: TendonCheck | None) -> Iterator[Table | str]:
     import numpy as np
 
+    if found.doubt:
+        yield f"Check the table. {found.doubt}"
     left = f", {found.without_tip} without a tip" if found.without_tip else ""
     left += f", {found.left_out} left out" if found.left_out else ""
     yield f"{found.name}: {found.source}, {counted(len(found), 'row')}{left}"

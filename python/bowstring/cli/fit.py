@@ -250,7 +250,8 @@ def fit(
             learnt = study_residual(found, known, progress=notify)
     doubts = [found.tendons.sentence] if found.tendons.alarm else []
     doubts += [found.broken_path] if found.broken_path else []
-    for sentence in doubts:
+    of_table = [table.doubt] if table.doubt else []
+    for sentence in [*(of_table if as_json else []), *doubts]:  # else it is the first line
         say("Warning", sentence)
     content: schema.Fit = {
         **found.to_dict(),
@@ -275,7 +276,7 @@ def fit(
         ),
         "residual": None if learnt is None else learnt.to_dict(),
         "comparison": None if compared is None else compared.to_dict(),
-        "warnings": [*known.warnings, *doubts],
+        "warnings": [*known.warnings, *of_table, *doubts],
         "folder": None,
     }
     if out is not None and found.fit.converged:
@@ -346,6 +347,8 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     from bowstring.calibration import table_fit
 
     fit, data = found.fit, found.data
+    if data.doubt:
+        yield f"Check the table. {data.doubt}"
     left = f", {data.without_tip} without a tip" if data.without_tip else ""
     left += f", {data.left_out} left out" if data.left_out else ""
     kept = f", {counted(int(found.held_out.sum()), 'row')} held out" if found.held_out.any() else ""

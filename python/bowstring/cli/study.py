@@ -187,7 +187,8 @@ def study(
         raise Stopped(
             f"finite elements {stopped.run.message}; the same command goes on from there."
         ) from None
-    for sentence in found.warnings[len(model.warnings) :]:  # those of the robot were printed before
+    told = [*model.warnings, *(found.data.doubts if found.data is not None and not as_json else ())]
+    for sentence in found.warnings[len(told) :]:  # the others were or will be printed
         say("Warning", sentence)
     if as_json:
         content: schema.Study = {**found.to_dict(), "folder": str(folder)}

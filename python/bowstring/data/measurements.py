@@ -35,7 +35,7 @@ from bowstring.data.tables import (
 )
 from bowstring.display import short_repr
 from bowstring.errors import InputError
-from bowstring.formatting import in_mm, listed
+from bowstring.formatting import in_mm, listed, significant
 from bowstring.json_files import parsed, structured
 from bowstring.robot.model import Robot, check_robot
 from bowstring.units import printable, quote
@@ -58,6 +58,8 @@ _LARGEST: Final = 1e30  # larger numbers may overflow in the conversion to SI
 _REACH: Final = 3.0  # distance of a tip from the mean tip over length; at most 1 + sqrt(3)
 _DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?\s*")
 _WRITTEN: Final = "written by Bowstring"  # identifies our tables
+_OUT: Final = "left out: "
+_FEW: Final = 0.05  # share of rows left out above which results are doubtful
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 Floats = NDArray[np.float64]
@@ -112,6 +114,12 @@ class Measurements:
     """Line and message of each row that was left out or is implausible."""
     left_out: int = 0
     """Number of rows of the file that are not in the arrays."""
+    filtered: int = 0
+    """Number of these that the mapping leaves out by ``keep``."""
+    below_zero: int = 0
+    """Number of these that have a tension below zero."""
+    least_tension: float = 0.0
+    """Least tension of these, N."""
     path: Path | None = None
     """File from which the data were read; None for other data."""
     sha256: str | None = None
@@ -154,6 +162,29 @@ class Measurements:
     def without_tip(self) -> int:
         """Number of rows without a tip, in data that have tips."""
         return int((~self.seen).sum()) if self.points.shape[1] else 0
+
+    @property
+    def doubt(self) -> str:
+        """Warning if more than a twentieth of the rows is left out; else empty.
+
+        Rows that the mapping leaves out do not count.
+        """
+        lost = self.left_out - self.filtered
+        count = len(self) + lost
+        if lost <= _FEW * count:
+            return ""
+        said = f"{lost} of {count} rows are left out"
+        if self.below_zero < 0.5 * lost:
+            at = next((line for line, text in self.issues if text.startswith(_OUT)), 0)
+            return f"{said}, the first in line {at}: results are of the other rows alone."
+        every = "all" if self.below_zero == lost else f"{self.below_zero}"
+        return (
+            f"{said}, {every} for a tension below zero (down to "
+            f"{significant(self.least_tension, 2)} N): results are of the rows alone in which all "
+            "tendons read above zero, and are biased. Take the reading without load off each "
+            "tendon; where tensions of slack tendons scatter around zero, a mapping with part: "
+            "positive takes them as zero."
+        )
 
     @property
     def tendon_count(self) -> int:
@@ -320,7 +351,8 @@ class _Reader:
     def __init__(self, table: Table, layout: Layout) -> None:
         self.table, self.layout = table, layout
         self.issues: list[tuple[int, str]] = []
-        self.left_out = 0
+        self.left_out = self.filtered = self.below_zero = 0
+        self.least_tension = 0.0
         self.unlisted = (0, 0)  # number of unlisted rows that were left out, and the last one
         self.unseen = 0  # rows without a tip, which are kept
         self.comma: int | None = None  # first line with a decimal comma, then with a point
@@ -377,6 +409,9 @@ class _Reader:
             tool=self.layout.tool,
             issues=tuple(sorted(self.issues)),
             left_out=self.left_out,
+            filtered=self.filtered,
+            below_zero=self.below_zero,
+            least_tension=self.least_tension,
             path=self.table.path,
             sha256=self.table.sha256,
             **arrays,
@@ -395,7 +430,7 @@ class _Reader:
     def leave_out(self, line: int, why: str) -> None:
         self.left_out += 1
         if self.left_out <= _MOST_ISSUES:
-            self.issues.append((line, f"left out: {why}"))
+            self.issues.append((line, f"{_OUT}{why}"))
         else:
             self.unlisted = (self.unlisted[0] + 1, max(self.unlisted[1], line))
 
@@ -455,6 +490,9 @@ class _Reader:
             si = values * column.factor
             if kind in _RULES and column.part == "all":
                 bad |= ~_RULES[kind][0](si)
+            if kind == "tension" and (below := si[bad & good & (si < 0.0)]).size:
+                self.below_zero += len(below)
+                self.least_tension = min(self.least_tension, float(below.min()))
             for i in np.flatnonzero(bad & good):
                 self.leave_out(lines[i], _reason(column, given[i], float(values[i]), kind))
             good[bad] = False
@@ -545,6 +583,7 @@ class _Reader:
         if self.layout.keep is not None:
             column, wanted = self.layout.keep
             if not _same(cells[column.index], wanted):
+                self.filtered += 1
                 self.leave_out(
                     line, f"{column.name} is {quote(cells[column.index])}, not {quote(wanted)}"
                 )

@@ -50,6 +50,10 @@ _MOST_BENT: Final = 4.0  # rad
 _MOST_SOLVED: Final = 60  # rows
 _FACTOR: Final = 6.0  # between errors of an uncalibrated stiffness and those of a wrong unit
 _LESS_BY_FAR: Final = 50.0
+_HARD: Final = 3.0  # tension over that of half a turn, beyond which tendons do not co-contract
+_ALL: Final = 0.05  # share of rows that may be without a common displacement
+_CONSTANT: Final = 0.5  # least common displacement over the largest that is a constant
+_ALONE: Final = 0.1  # share of a common displacement that no bend has
 _UNMOVED: Final = 20.0  # ratio of motion to bend that no weight or load explains
 
 
@@ -224,7 +228,7 @@ def _doubted_commands(motion: _Motion) -> str:
     robot, m = motion.robot, motion.m
     bends = np.linalg.norm(motion.bends(), axis=2)
     if motion.by_displacement:
-        return _wound(robot, m, bends)
+        return _wound(robot, m, bends) or _shifted(motion)
     bend = float(bends.max())
     largest = f"{significant(float(m.tensions.max()))} N, the largest tension,"
     advice = "check the unit of the tensions or masses, and E of the robot file."
@@ -245,6 +249,50 @@ def _doubted_displacements(robot: Robot, m: Measurements) -> str:
     if m.tendon_count != len(robot.tendons.angle_rad) or np.isnan(m.displacements).all():
         return ""
     return _wound(robot, m, np.abs(m.displacements) / robot.tendons.pitch_radius_m)
+
+
+def _shifted(motion: _Motion) -> str:
+    """Warn of a displacement common to all tendons of a segment that its backbone cannot follow.
+
+    Constant curvature bends by the differences of displacements alone, and hides it. The backbone
+    shortens by the displacement that is common; tendons that are all lengthened are slack.
+    """
+    robot, tendons = motion.robot, motion.robot.tendons
+    # tension of one tendon that bends the robot by half a turn
+    half_turn = np.pi / max(float(np.abs(_by_tension(robot)).max()), 1e-300)
+    softness = np.array([s.length for s in robot.segments]) / robot.axial_stiffness
+    for segment in range(len(robot.segments)):
+        own = tendons.segment == segment
+        holes = np.concatenate(tendons.mean_hole_m[: segment + 1, own], axis=1)
+        weight = 1.0 - holes @ np.linalg.pinv(holes, rcond=1e-9).sum(axis=1)
+        if weight.sum() < _ALONE * len(weight):  # bends have it too, as of one tendon
+            continue
+        given = motion.commands[:, own]
+        slack = given.max(axis=1)
+        shift = given @ weight / weight.sum()
+        common, most = np.quantile(shift, [_ALL, 1.0 - _ALL]).tolist()
+        passing = [float((tendons.segment >= j).sum()) for j in range(segment + 1)]
+        give = tendons.compliance_m_per_N[own].max() + float(passing @ softness[: segment + 1])
+        give += robot.length / float(tendons.axial_stiffness_N[own].min())
+        where = f" of segment {segment + 1}" if len(robot.segments) > 1 else ""
+        advice = (
+            "The commands are not displacements from the straight robot: take those of the "
+            "straight robot off all rows."
+        )
+        if (slack < 0.0).mean() > 1.0 - _ALL:
+            least = in_mm(float(-np.quantile(slack, 1.0 - _ALL)))
+            return (
+                f"All tendons{where} are lengthened by {least} or more in all rows, which would "
+                f"leave them slack. {advice}"
+            )
+        # where others are not let out as far as one is shortened, the shift is no constant
+        if common > max(_HARD * half_turn * give, _CONSTANT * most):
+            force = f"{significant(common / give)} N in each"
+            return (
+                f"The displacements{where} have {in_mm(common)} or more in common in all rows, and "
+                f"{robot.name} cannot shorten by that (it would take {force} tendon). {advice}"
+            )
+    return ""
 
 
 def _wound(robot: Robot, m: Measurements, bends: Floats) -> str:

@@ -117,7 +117,7 @@ class BenchCheck(TableOfMeasurements):
     """Output of `bowstring bench check`."""
 
     robot: NotRequired[Annotated[str, about("Name of the robot, with `--robot`.")]]
-    warnings: NotRequired[Annotated[list[str], about("Warnings, with `--robot`.")]]
+    warnings: Annotated[list[str], about("Warnings of table, tendons and robot.")]
     provenance: Annotated[MadeByRobot | MadeBy, about("Origin of the output.")]
 
 

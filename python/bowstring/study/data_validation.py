@@ -274,6 +274,8 @@ class AgainstData:
     """Results in sentences."""
     notes: tuple[str, ...] = ()
     """Data, methods and left-out models in sentences."""
+    doubts: tuple[str, ...] = ()
+    """Warnings of rows that are left out and of commands that do not match the motion."""
 
     @property
     def label(self) -> str:
@@ -645,7 +647,9 @@ def judge_data(
         models_compared=compared,
         notes=(*_notes(data, loads, calibration), *notes),
     )
-    return replace(out, text=_in_words(out, tolerance, check_tendons(robot, data)))
+    order = check_tendons(robot, data)
+    doubts = [each for each in (data.doubt, order.sentence if order.alarm else "") if each]
+    return replace(out, text=_in_words(out, tolerance, order), doubts=tuple(doubts))
 
 
 def _compared(

@@ -543,9 +543,10 @@ class Study:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of robot file and sweep: missing equilibria, disks below the base, limits."""
+        """Warnings of robot, data and sweep: missing equilibria, disks below the base, limits."""
         missing = self.without_equilibrium
-        return (*self.robot.warnings, *([missing] if missing else []), *self._limits[0])
+        of_data = self.data.doubts if self.data is not None else ()
+        return (*self.robot.warnings, *of_data, *([missing] if missing else []), *self._limits[0])
 
     @property
     def without_equilibrium(self) -> str:

@@ -43,6 +43,8 @@ def print_study(
     verbose : bool
         Print all tables and the whole verdict as well.
     """
+    for sentence in study.data.doubts if study.data is not None else ():
+        console.print(Text.assemble(("Check the measurements. ", "bold"), sentence))
     summary = summarise(study)
     console.print(Text(summary.title, style="bold"))
     table = _table(summary.reference, COLUMNS)
