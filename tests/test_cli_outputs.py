@@ -8,12 +8,14 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
+from bowstring.atomic_io import file_stem
 from bowstring.robot.reader import load_robot
 from bowstring.robot.writer import to_yaml
 from shell import Shell
 
 MOTION = ("simulate", "amouri2019", "--tension", "1,0,0", "--rise", "0.02", "--hold", "0")
 SOLVE = ("solve", "amouri2019", "--tension", "1,0,0")
+OVER = ("--over", "E=30 GPa:40 GPa:2")
 BENCH = ("bench", "simulate", "amouri2019", "--masses", "0:1:2", "--repeats", "1")
 
 
@@ -169,3 +171,48 @@ def test_a_file_created_during_the_work_is_kept(
     said = shell.error("cad", "amouri2019", "--drawing", "disk.svg")
     assert "not written by Bowstring" in said
     assert (here / "disk.svg").read_text() == "mine"
+
+
+# -- names of default outputs ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "stem"),
+    [
+        ("amouri2019", "amouri2019"),
+        ("../../up", "up"),
+        ("/etc/passwd", "etc_passwd"),
+        ("C:\\robots\\a:b", "C_robots_a_b"),
+        ("two words", "two_words"),
+        ("-rf", "rf"),
+        ("..", "robot"),
+        ("\N{GREEK SMALL LETTER ALPHA}-1", "\N{GREEK SMALL LETTER ALPHA}-1"),
+        (100 * "\N{CJK UNIFIED IDEOGRAPH-4E2D}", 33 * "\N{CJK UNIFIED IDEOGRAPH-4E2D}"),
+    ],
+)
+def test_a_stem_of_a_name_is_one_file_name(name: str, stem: str) -> None:
+    assert file_stem(name) == stem
+
+
+@pytest.mark.parametrize(
+    ("arguments", "file"),
+    [
+        (("map", *OVER), "up-map.png"),
+        (("map", *OVER, "--over", "disks.count=5:9:3", "--over", "nu=0:0.3:2"), "up-map.png"),
+        (("map", *OVER, "--store", "kept"), "up-map.nc"),
+        (("map", "--workspace", "--points", "64"), "up-map.png"),
+        (("branches", "--tension", "1,0,0"), "up-branches.png"),
+        (("control", "--poses", "8"), "up-control.png"),
+        (("reach", "--poses", "8"), "up-reach.png"),
+        (("uncertainty", "--distributions", "d.yaml"), "up-uncertainty.png"),
+    ],
+)
+def test_a_name_leads_to_no_other_folder(
+    shell: Shell, here: Path, arguments: tuple[str, ...], file: str
+) -> None:
+    # a foreign file of the name that the result would have is refused before any work
+    (here / file).write_text("mine")
+    (here / "d.yaml").write_text("segments.*.backbone.E: {normal: {mean: 35 GPa, sd: 5 %}}")
+    command, *flags = arguments
+    said = shell.error(command, "amouri2019", "--set", "name=../up", *flags)
+    assert said.startswith("--out: ") and "written by Bowstring" in said and file in said

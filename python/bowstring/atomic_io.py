@@ -31,6 +31,7 @@ __all__ = [
     "check_room",
     "check_whole_folder",
     "check_writable",
+    "file_stem",
     "folder_beside",
     "has_mark",
     "not_overwritten",
@@ -45,6 +46,7 @@ __all__ = [
 
 _LETTERS: Final = 50  # letters of a name that begin the name of its hidden folder
 _HIDDEN: Final = re.compile(r"\..*-[0-9a-f]{12}\.bowstring", re.DOTALL)
+_STEM: Final = 100  # bytes of a stem; file systems take 255, with what follows it
 _OLD: Final = "old"  # subfolder of a hidden folder with the former content
 _FULL: Final = 100_000  # free bytes below which a drive counts as full
 _WINDOW: Final = 65536  # bytes at either end of a file that are searched for its mark
@@ -64,6 +66,16 @@ def resolved(path: str | Path, why: str) -> Path:
     if circle:
         raise InputError(f"{why}: links lead to it in a circle")
     return found
+
+
+def file_stem(name: str) -> str:
+    """Make the stem of a file name from a name that a file gives, such as that of a robot.
+
+    Characters other than letters, digits, ``.``, ``-`` and ``_`` become underscores, so that the
+    name leads to no other folder. It begins and ends with a letter or digit, in 100 bytes at most.
+    """
+    letters = re.sub(r"[^\w.-]+", "_", name).encode()[:_STEM].decode(errors="ignore")
+    return letters.strip("._-") or "robot"
 
 
 def user_cache() -> Path:

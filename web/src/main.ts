@@ -547,7 +547,7 @@ class Page {
   }
 
   private get fileName(): string {
-    return this.model.name.replace(/[^\w.-]+/g, "_") || "robot";
+    return this.model.name.replace(/[^\w.-]+/g, "_").replace(/^[._-]+|[._-]+$/g, "") || "robot";
   }
 }
 

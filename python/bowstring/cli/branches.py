@@ -22,6 +22,7 @@ from bowstring.cli.options import (
     TipForce,
     at_points,
     check_elements,
+    default_file,
     load,
     number_of,
     of_flag,
@@ -132,7 +133,7 @@ def branches(
     def check(path: str | Path) -> Path:
         return check_figure_file(path, "figure", (".png", ".pdf", ".svg"))
 
-    file = of_flag("--out", check, out or Path(f"{model.name}-branches.png"))
+    file = of_flag("--out", check, out or default_file(model, "branches.png"))
     found = branch_diagram(
         model, load=end, start=begin, model=RodModel(theory, elements=elements), search=search
     )

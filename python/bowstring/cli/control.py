@@ -16,6 +16,7 @@ from bowstring.cli.options import (
     Theory,
     TipForce,
     check_elements,
+    default_file,
     load,
     of_flag,
     option,
@@ -92,7 +93,7 @@ def control(
 
     from bowstring.validity.control import check_control_file, control_errors
 
-    file = of_flag("--out", check_control_file, out or Path(f"{model.name}-control.png"))
+    file = of_flag("--out", check_control_file, out or default_file(model, "control.png"))
     names = None if commands is None else [name.strip() for name in commands.split(",")]
     with progress_bar("poses") as notify:
         found = control_errors(
@@ -165,7 +166,7 @@ def reach(
     from bowstring.validity.reach import check_reach_file
     from bowstring.validity.reach import reach as find_reach
 
-    file = of_flag("--out", check_reach_file, out or Path(f"{model.name}-reach.png"))
+    file = of_flag("--out", check_reach_file, out or default_file(model, "reach.png"))
     with progress_bar("poses") as notify:
         found = find_reach(
             model,

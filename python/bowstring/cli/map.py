@@ -15,6 +15,7 @@ from bowstring.cli.options import (
     Overrides,
     RobotSource,
     TipForce,
+    default_file,
     load,
     number_of,
     of_flag,
@@ -175,7 +176,7 @@ def map_(
         if workspace or not over:
             raise InputError("--store is of a map over axes; give --over and not --workspace.")
         job = of_flag("--over", jobs, over)
-        kept = _in_blocks(job, store, out or Path(f"{model.name}-map.nc"), dask)
+        kept = _in_blocks(job, store, out or default_file(model, "map.nc"), dask)
         if as_json:
             result: schema.StoredMap = {**made, **kept}
             return write_json(result)
@@ -183,10 +184,10 @@ def map_(
         return write("\n".join([*kept["text"], counts]) + "\n")
     if over and len(over) > 2:
         return _many(
-            of_flag("--over", jobs, over), out or Path(f"{model.name}-map.png"), made, as_json
+            of_flag("--over", jobs, over), out or default_file(model, "map.png"), made, as_json
         )
     check = check_workspace_file if workspace else check_map_file
-    file = of_flag("--out", check, out or Path(f"{model.name}-map.png"))
+    file = of_flag("--out", check, out or default_file(model, "map.png"))
     axes = None
     if over:
         axes = of_flag("--over", lambda texts: read_axes(model, texts, loading, dead), over)

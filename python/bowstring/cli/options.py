@@ -600,6 +600,13 @@ def of_flag(flag: str, check: Callable[[Any], Any], value: Any) -> Any:
         raise InputError(f"{flag}: {error}") from None
 
 
+def default_file(robot: Robot, what: str) -> Path:
+    """File in the working folder that has a result if no other is named, such as NAME-map.png."""
+    from bowstring.atomic_io import file_stem
+
+    return Path(f"{file_stem(robot.name)}-{what}")
+
+
 def out_folder(out: Path | None, what: str) -> Path | None:
     """Check the result folder of --out before the work."""
     from bowstring.result_folder import check_folder

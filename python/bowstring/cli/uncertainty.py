@@ -13,6 +13,7 @@ from bowstring.cli.options import (
     Overrides,
     RobotSource,
     TipForce,
+    default_file,
     load,
     number_of,
     of_flag,
@@ -96,7 +97,7 @@ def uncertainty(
     )
     for sentence in joint.warnings:
         say("Warning", sentence)
-    file = of_flag("--out", check, out or Path(f"{nominal.name}-uncertainty.png"))
+    file = of_flag("--out", check, out or default_file(nominal, "uncertainty.png"))
     with progress_bar("samples") as notify:
         found = validity_spread(
             nominal,

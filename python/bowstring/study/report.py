@@ -7,13 +7,12 @@ write is never touched.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bowstring.atomic_io import write_whole
+from bowstring.atomic_io import file_stem, write_whole
 from bowstring.formatting import number, signed
 from bowstring.processes import for_each
 from bowstring.result_folder import check_folder, write_listing
@@ -53,8 +52,7 @@ def default_folder(robot: Robot) -> Path:
     Path
         Relative; characters of the name that a file system may refuse become underscores.
     """
-    name = re.sub(r"[^\w.-]+", "_", robot.name).strip("._") or "robot"
-    return Path("bowstring-study") / name
+    return Path("bowstring-study") / file_stem(robot.name)
 
 
 def write(study: Study, out: str | Path | None = None, *, progress: Progress | None = None) -> Path:

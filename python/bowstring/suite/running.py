@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 import bowstring
 from bowstring import _core
-from bowstring.atomic_io import user_cache, write_whole_file
+from bowstring.atomic_io import file_stem, user_cache, write_whole_file
 from bowstring.calibration.observations import numbered
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import plain
@@ -284,7 +283,7 @@ def _code() -> str:
 
 def _kept_file(name: str, model: Model, inputs: str) -> Path:
     key = hashlib.sha256(f"{_code()} {inputs} {model.model_dump_json()}".encode()).hexdigest()
-    stem = re.sub(r"[^A-Za-z0-9]+", "-", f"{name}-{model.name}")
+    stem = file_stem(f"{name}-{model.name}")
     return user_cache() / "suite" / f"{stem}-{key[:32]}.json"
 
 
