@@ -493,7 +493,7 @@ def test_the_scatter_is_labelled_as_a_median(shell: Shell) -> None:
 def test_many_rows_are_thinned_in_figures(robot: Robot, data: Measurements, times: int) -> None:
     rows = data.select(np.tile(np.arange(33), times))
     found = calibrate(robot, rows, ["bend_gain"], model="arc")
-    parity = dict(draw_fit(found))["parity"]
+    parity = dict(draw_fit(found))["parity"]()
     marks = [line for line in parity.axes[0].lines if line.get_marker() not in ("None", "")]
     assert len(marks) > 3
     for line in marks:

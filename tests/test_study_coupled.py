@@ -235,7 +235,7 @@ def test_the_report_says_what_is_not_computed(coupled: Study, tmp_path: Path) ->
     assert not re.search(r"\bnan\b|\bNone\b", visible)
     # stress is not mentioned as if there were some
     assert "largest on the surface" not in visible
-    (figure,) = (drawn for stem, drawn in draw(coupled) if stem == "fig05_tip_against_force")
+    (figure,) = (drawing() for stem, drawing in draw(coupled) if stem == "fig05_tip_against_force")
     assert [axes.get_ylabel().split("\n")[0] for axes in figure.axes] == [
         "tip coordinate (mm)",
         "displacement",

@@ -14,11 +14,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from bowstring import atomic_io
 from bowstring.data.measurements import read_measurements
-from bowstring.errors import InputError
+from bowstring.errors import FigureWarning, InputError
 from bowstring.formatting import in_mm, signed
 from bowstring.robot.reader import load_robot
 from bowstring.study import figures, report
@@ -151,12 +152,32 @@ def test_the_robot_as_a_solid_opens_the_page(paper: Study) -> None:
     assert [f.stem for f in whole.figures[:2]] == ["fig01_robot", "fig02_disk"]
     assert whole.figures[1:] == paper.figures
     with figure_style():
-        for (stem, figure), title in zip(
+        for (stem, draw), title in zip(
             figures.draw(whole), ("simulated: tendon 1 at", "disks"), strict=False
         ):
+            figure = draw()
             drawing = svg(stem, figure)
             assert re.findall(r"(?:fill|stroke): #[0-9a-f]{3,6}", drawing) == []
             assert any(title in " ".join(t.get_text().split()) for t in figure.texts)
+
+
+def test_a_figure_that_fails_does_not_take_the_study_with_it(
+    paper: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(study: Study) -> Figure:
+        raise ValueError("there is no such font")
+
+    stems = [f.stem for f in paper.figures]
+    monkeypatch.setattr(
+        figures, "_DRAWINGS", {**dict.fromkeys(stems, lambda _: Figure()), stems[1]: fail}
+    )
+    with pytest.warns(FigureWarning, match=f"figure {stems[1]} is left out"):
+        out = report.write(paper, tmp_path / "out")
+    listed = json.loads((out / "study.json").read_text("utf-8"))["figures"]
+    left = [stem for stem in stems if stem != stems[1]]
+    assert [f["png"] for f in listed] == [f"figures/{stem}.png" for stem in left]
+    source = (out / "report.html").read_text("utf-8")
+    assert all((f'id="{stem}"' in source) == (stem in left) for stem in stems)
 
 
 def test_every_colour_follows_the_theme(written: Path) -> None:
@@ -164,6 +185,7 @@ def test_every_colour_follows_the_theme(written: Path) -> None:
     figures_alone = re.sub(r"<script.*?</script>", "", source, flags=re.DOTALL)
     drawings = re.findall(r"<svg.*?</svg>", figures_alone, flags=re.DOTALL)
     assert len(drawings) == len(FIGURES)
+    assert "mathdefault" not in figures_alone  # labels of ticks are plain text
     for drawing in drawings:
         assert re.findall(r"(?:fill|stroke): #[0-9a-f]{3,6}", drawing) == []
         assert "var(--ink" in drawing

@@ -56,3 +56,7 @@ class NoSolutionError(BowstringError):
 
 class StabilityWarning(UserWarning):
     """An equilibrium was found, but it is not known to be stable."""
+
+
+class FigureWarning(UserWarning):
+    """A figure could not be drawn; the results beside it are complete."""

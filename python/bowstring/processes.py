@@ -27,7 +27,11 @@ _do: Callable[[int], None]  # work of a forked process on the item of an index
 
 
 def for_each(
-    items: Sequence[T], do: Callable[[T], None], *, notify: Callable[[float], None] | None = None
+    items: Sequence[T],
+    do: Callable[[T], None],
+    *,
+    notify: Callable[[float], None] | None = None,
+    failed: Callable[[T, Exception], None] | None = None,
 ) -> None:
     """Call a function on each item, in one process per core, at most four.
 
@@ -44,6 +48,8 @@ def for_each(
         do not exist in a forked process.
     notify : callable, optional
         Progress callback, called with the finished share from 0 to 1.
+    failed : callable, optional
+        Called with an item and its exception, which is then not raised.
     """
     notify = notify or (lambda share: None)
     # a daemonic process may not have children
@@ -54,7 +60,12 @@ def for_each(
     left = [i for i in range(len(items)) if i not in done]
     for before, i in enumerate(left, len(done)):
         notify(before / len(items))
-        do(items[i])
+        try:
+            do(items[i])
+        except Exception as error:
+            if failed is None or interrupts.is_interrupt(error):
+                raise
+            failed(items[i], error)
 
 
 def _cores() -> int:

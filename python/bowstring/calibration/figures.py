@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -31,7 +32,7 @@ _PARTS: Final = (
 )
 
 
-def draw_fit(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
+def draw_fit(calibration: Calibration) -> Iterator[tuple[str, Callable[[], Figure]]]:
     """Draw the residuals of a calibration by row and by load, and parity.
 
     Parameters
@@ -42,11 +43,11 @@ def draw_fit(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
     ------
     stem : str
         ``residuals`` and ``parity``.
-    figure : matplotlib.figure.Figure
-        Figure, to be drawn and saved within `figure_style`.
+    draw : callable
+        Makes the figure, to be called and saved within `figure_style`.
     """
-    yield "residuals", _residuals(calibration)
-    yield "parity", _parity(calibration)
+    yield "residuals", partial(_residuals, calibration)
+    yield "parity", partial(_parity, calibration)
 
 
 def draw_parts(comparison: ModelComparison, data: str) -> Figure:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
 from bowstring.atomic_io import write_whole
 from bowstring.calibration.model_comparison import ModelComparison
@@ -17,10 +18,14 @@ from bowstring.result_folder import check_folder, write_json, write_listing
 from bowstring.robot.writer import to_yaml
 from bowstring.viz.style import figure_style, save_figure, save_figures
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 __all__ = ["model_rows", "write_fit"]
 
 Progress = Callable[[str, float], None]
 
+_ERROR_PARTS: Final = "error_parts"
 _SCORES = ("fitted", "left_out", "validation")
 
 
@@ -78,16 +83,20 @@ def write_fit(
         robot = to_yaml(found.robot, "\n".join(" ".join(line.split()) for line in lines))
         (new / "robot.yaml").write_text(robot, encoding="utf-8")
         write_json(new / BESIDE, calibration.beside_to_dict())
+        drawings = list(draw_fit(calibration))
         if residual is not None:
             write_json(new / RESIDUAL, residual_to_dict(residual))
         if comparison is not None:
             _write_models(new / "models.csv", comparison)
-            with figure_style():
-                label = f"{data.source}: {data.name}"[:60].replace("$", r"\$")
-                figure = draw_parts(comparison, label)
-                save_figure(figure, new / "error_parts", (".png", ".pdf", ".svg"))
+            label = f"{data.source}: {data.name}"[:60]
+            drawings.append((_ERROR_PARTS, partial(draw_parts, comparison, label)))
+
+        def save(stem: str, figure: Figure) -> None:
+            also = (".svg",) if stem == _ERROR_PARTS else ()
+            save_figure(figure, new / stem, (".png", ".pdf", *also))
+
         with figure_style():
-            save_figures(draw_fit(calibration), new, lambda share: notify("figures", share))
+            save_figures(drawings, save, lambda share: notify("figures", share))
         write_listing(new / "fit.json", content)
 
     write_whole(folder, "fit", fill, lambda: check_folder(folder, "fit"))

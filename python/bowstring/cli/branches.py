@@ -31,7 +31,14 @@ from bowstring.cli.options import (
     per_tendon,
     vector,
 )
-from bowstring.cli.output import new_table, provenance_of, write_json, write_tables
+from bowstring.cli.output import (
+    NOT_DRAWN,
+    figure_file,
+    new_table,
+    provenance_of,
+    write_json,
+    write_tables,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -137,7 +144,9 @@ def branches(
     found = branch_diagram(
         model, load=end, start=begin, model=RodModel(theory, elements=elements), search=search
     )
-    written = str(write_figure(lambda: draw_branches(found), file, "figure", 160, check))
+    written = figure_file(
+        lambda: write_figure(lambda: draw_branches(found), file, "figure", 160, check)
+    )
     if as_json:
         content: schema.Branches = {
             **provenance_of(
@@ -168,7 +177,7 @@ def branches(
     write_tables(
         "\n".join(found.text),
         *([_event_table(found)] if found.events else []),
-        f"Figure: {written}",
+        f"Figure: {written or NOT_DRAWN}",
     )
 
 

@@ -26,6 +26,8 @@ from bowstring.cli.options import (
     vector,
 )
 from bowstring.cli.output import (
+    NOT_DRAWN,
+    figure_file,
     fixed,
     new_table,
     progress_bar,
@@ -104,9 +106,11 @@ def control(
             **given,
             progress=notify,
         )
-        written = str(found.save(file))
+        written = figure_file(lambda: found.save(file))
     if not as_json:
-        return write_tables(_table(found), "\n".join([*found.described(), f"Figure: {written}"]))
+        return write_tables(
+            _table(found), "\n".join([*found.described(), f"Figure: {written or NOT_DRAWN}"])
+        )
     content: Control = {
         **provenance_of(model, **settings, poses=poses, corrections=corrections),
         **found.to_dict(),
@@ -175,9 +179,9 @@ def reach(
             **given,
             progress=notify,
         )
-        written = str(found.save(file))
+        written = figure_file(lambda: found.save(file))
     if not as_json:
-        return write_tables("\n".join([*found.described(), f"Figure: {written}"]))
+        return write_tables("\n".join([*found.described(), f"Figure: {written or NOT_DRAWN}"]))
     content: ReachFound = {
         **provenance_of(model, **settings, poses=poses),
         **found.to_dict(),

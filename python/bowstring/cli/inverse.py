@@ -27,6 +27,8 @@ from bowstring.cli.options import (
     vector,
 )
 from bowstring.cli.output import (
+    NOT_DRAWN,
+    figure_file,
     fixed,
     frame,
     new_table,
@@ -588,7 +590,11 @@ def _path(
         if options.model == "physics":
             models = {"physics": found.tip_position, **models}
         write_commands(found, table, Landing(arcs.tensions, landed))
-        write_figure(lambda: draw_path(tips.positions, models), drawing, "figure", 160, check)
+        drawn = figure_file(
+            lambda: write_figure(
+                lambda: draw_path(tips.positions, models), drawing, "figure", 160, check
+            )
+        )
     reached = found.reached
     miss = np.linalg.norm(landed - tips.positions, axis=1)
     good = miss[np.isfinite(miss)]
@@ -623,7 +629,7 @@ def _path(
         "max_nearest_distance_m": float(nearest.max()) if nearest.size else None,
         "constant_curvature_mean_miss_m": float(good.mean()) if good.size else None,
         "constant_curvature_max_miss_m": float(good.max()) if good.size else None,
-        "files": [str(table), str(drawing)],
+        "files": [str(table), *([drawn] if drawn else [])],
         **provenance_of(robot, path=str(path), **options.settings()),
     }
     if as_json:
@@ -640,5 +646,5 @@ def _path(
         lines.append(
             "Largest change of a tension from row to row: " + number_with_unit(largest, "N") + "."
         )
-    lines.append(f"Commands: {table}\nFigure: {drawing}")
+    lines.append(f"Commands: {table}\nFigure: {drawn or NOT_DRAWN}")
     write_tables("\n".join(lines))

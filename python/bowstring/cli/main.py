@@ -41,7 +41,7 @@ from bowstring.cli import (
     view,
 )
 from bowstring.cli.output import Stopped, be_quiet, coloured, say, write
-from bowstring.errors import InputError, NoSolutionError, StabilityWarning
+from bowstring.errors import FigureWarning, InputError, NoSolutionError, StabilityWarning
 
 BAD_INPUT: Final = 2
 NO_SOLUTION: Final = 1
@@ -307,7 +307,7 @@ def _show_warning(
     line: str | None = None,
 ) -> None:
     """Show a warning of Python, one of Bowstring without its line of code."""
-    if issubclass(category, StabilityWarning):
+    if issubclass(category, (StabilityWarning, FigureWarning)):
         say("Warning", str(message))
     else:
         sys.stderr.write(warnings.formatwarning(message, category, filename, lineno, line))

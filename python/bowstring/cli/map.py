@@ -24,7 +24,16 @@ from bowstring.cli.options import (
     shares_of,
     vector,
 )
-from bowstring.cli.output import Stopped, progress_bar, provenance_of, say, write, write_json
+from bowstring.cli.output import (
+    NOT_DRAWN,
+    Stopped,
+    figure_file,
+    progress_bar,
+    provenance_of,
+    say,
+    write,
+    write_json,
+)
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import significant
 
@@ -180,7 +189,9 @@ def map_(
         if as_json:
             result: schema.StoredMap = {**made, **kept}
             return write_json(result)
-        counts = f"{kept['points']} points in {kept['blocks']} blocks. Map: {kept['file']}"
+        counts = (
+            f"{kept['points']} points in {kept['blocks']} blocks. Map: {kept['file'] or NOT_DRAWN}"
+        )
         return write("\n".join([*kept["text"], counts]) + "\n")
     if over and len(over) > 2:
         return _many(
@@ -218,7 +229,7 @@ def map_(
                 load=dead,
                 progress=notify,
             )
-            written, sentences = str(poses.save(file)), poses.described()
+            written, sentences = figure_file(lambda: poses.save(file)), poses.described()
         else:
             found = validity_map(
                 model,
@@ -230,9 +241,9 @@ def map_(
                 load=dead,
                 progress=notify,
             )
-            written, sentences = str(found.save(file)), described(found)
+            written, sentences = figure_file(lambda: found.save(file)), described(found)
     if not as_json:
-        return write("\n".join([*sentences, f"Map: {written}"]) + "\n")
+        return write("\n".join([*sentences, f"Map: {written or NOT_DRAWN}"]) + "\n")
     if workspace:
         whole: schema.Workspace = {
             **made,
@@ -253,9 +264,9 @@ def _many(job: Job, out: Path, made: OfRobot, as_json: bool) -> None:
     with progress_bar("errors") as notify:
         found: ValidityGrid = of_flag("--over", lambda one: compute_grid(one, notify), job)
         notify("figure", 0.95)
-        written, sentences = str(found.save(file)), found.described()
+        written, sentences = figure_file(lambda: found.save(file)), found.described()
     if not as_json:
-        return write("\n".join([*sentences, f"Map: {written}"]) + "\n")
+        return write("\n".join([*sentences, f"Map: {written or NOT_DRAWN}"]) + "\n")
     content: schema.Grid = {**made, **found.to_dict(), "text": sentences, "file": written}
     return write_json(content)
 
@@ -278,7 +289,7 @@ def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.St
                 found = read_grid(store)
                 text = found.described()
             notify("figure" if drawn else "data set", 1.0)
-            written = found.save(out) if drawn else store.save(out)
+            written = figure_file(lambda: found.save(out)) if drawn else str(store.save(out))
     except RunInterrupted as stopped:
         raise Stopped(f"{stopped}: run the same command again.") from None
     except Unfinished as stopped:  # not bad input: some blocks were written
@@ -288,5 +299,5 @@ def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.St
         "blocks": job.blocks,
         "folder": str(store.folder),
         "text": text,
-        "file": str(written),
+        "file": written,
     }

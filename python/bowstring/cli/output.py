@@ -20,6 +20,8 @@ from bowstring.formatting import plain
 from bowstring.units import printable
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.console import Console
     from rich.table import Table
 
@@ -78,6 +80,20 @@ def write(text: str) -> None:
             raise typer.Exit(PIPE_CLOSED) from None
         say("Error", f"stdout cannot be written: {error.strerror}.")
         raise typer.Exit(OUTPUT_LOST) from None
+
+
+NOT_DRAWN: Final = "not drawn"
+
+
+def figure_file(save: Callable[[], Path]) -> str | None:
+    """Save a figure and return its path; None, with a warning, where drawing it failed."""
+    from bowstring.viz.style import not_drawn
+
+    try:
+        return str(save())
+    except Exception as error:
+        not_drawn("the figure", error)
+        return None
 
 
 def write_json(content: Mapping[str, object]) -> None:

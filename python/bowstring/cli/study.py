@@ -191,7 +191,11 @@ def study(
     for sentence in found.warnings[len(told) :]:  # the others were or will be printed
         say("Warning", sentence)
     if as_json:
-        content: schema.Study = {**found.to_dict(), "folder": str(folder)}
+        content: schema.Study = {
+            **found.to_dict(),
+            "figures": report.written_figures(found, folder),
+            "folder": str(folder),
+        }
         return write_json(content)
     from bowstring.study.terminal import print_study
 

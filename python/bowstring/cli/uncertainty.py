@@ -22,7 +22,15 @@ from bowstring.cli.options import (
     shares_of,
     vector,
 )
-from bowstring.cli.output import progress_bar, provenance_of, say, write, write_json
+from bowstring.cli.output import (
+    NOT_DRAWN,
+    figure_file,
+    progress_bar,
+    provenance_of,
+    say,
+    write,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from bowstring.schemas import maps as schema
@@ -109,7 +117,7 @@ def uncertainty(
             load=Load(gravity=acting, tip_force=force),
             progress=notify,
         )
-        written = str(write_figure(found.figure, file, "figure", 160, check))
+        written = figure_file(lambda: write_figure(found.figure, file, "figure", 160, check))
     if as_json:
         content: schema.Uncertainty = {
             **provenance_of(nominal, distributions=joint.to_dict(), samples=samples),
@@ -118,4 +126,4 @@ def uncertainty(
             "file": written,
         }
         return write_json(content)
-    write("\n".join([*found.text, f"Figure: {written}"]) + "\n")
+    write("\n".join([*found.text, f"Figure: {written or NOT_DRAWN}"]) + "\n")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -30,7 +31,7 @@ Ints = NDArray[np.int64]
 _SIDES: Final = ((0, 8), (8, 1), (1, 9), (9, 2), (2, 10), (10, 3), (3, 11), (11, 0))
 
 
-def draw(run: BrickRun, beside: BesideRod) -> Iterator[tuple[str, Figure]]:
+def draw(run: BrickRun, beside: BesideRod) -> Iterator[tuple[str, Callable[[], Figure]]]:
     """Draw the figures one by one.
 
     Parameters
@@ -43,12 +44,12 @@ def draw(run: BrickRun, beside: BesideRod) -> Iterator[tuple[str, Figure]]:
     ------
     stem : str
         ``tip``, ``stress`` and ``field``.
-    figure : matplotlib.figure.Figure
-        Figure, to be drawn and saved within `bowstring.viz.style.figure_style`.
+    draw : callable
+        Makes the figure, to be called and saved within `bowstring.viz.style.figure_style`.
     """
-    yield "tip", _tip(run, beside)
-    yield "stress", stress_along(run, beside)
-    yield "field", field(run)
+    yield "tip", partial(_tip, run, beside)
+    yield "stress", partial(stress_along, run, beside)
+    yield "field", partial(field, run)
 
 
 def _tip(run: BrickRun, beside: BesideRod) -> Figure:

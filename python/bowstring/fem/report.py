@@ -14,7 +14,7 @@ from bowstring.fem.figures import draw
 from bowstring.fem.run import BrickRun
 from bowstring.fem.vtk import write_vtk
 from bowstring.result_folder import check_folder, write_listing
-from bowstring.viz.style import figure_style, save_figures
+from bowstring.viz.style import figure_style, save_figure, save_figures
 
 if TYPE_CHECKING:
     from bowstring.schemas import solids as schema
@@ -57,7 +57,11 @@ def write(
         run.to_dataset().to_netcdf(new / "fe.nc")
         write_vtk(run, new / "vtk", progress=notify)
         with figure_style():
-            save_figures(draw(run, beside), new, lambda share: notify("figures", share))
+            save_figures(
+                draw(run, beside),
+                lambda stem, figure: save_figure(figure, new / stem),
+                lambda share: notify("figures", share),
+            )
         write_listing(new / "fe.json", content)
 
     write_whole(folder, "finite elements", fill, lambda: check_folder(folder, "fe"))

@@ -98,4 +98,4 @@ class Branches(OfRobot, DiagramValues):
     """Output of `bowstring branches`."""
 
     text: Annotated[list[str], about("What the diagram says, in sentences.")]
-    file: Annotated[str, about("Figure.")]
+    file: Annotated[str | None, about("Figure; `null` if it could not be drawn.")]

@@ -236,7 +236,7 @@ class Control(OfRobot, ControlValues):
     """Output of `bowstring control`."""
 
     text: Annotated[list[str], about("What the result says, in sentences.")]
-    file: Annotated[str, about("File of the figure.")]
+    file: Annotated[str | None, about("File of the figure; `null` if it could not be drawn.")]
 
 
 class ReachValues(Object):
@@ -280,4 +280,4 @@ class ReachFound(OfRobot, ReachValues):
     """Output of `bowstring reach`."""
 
     text: Annotated[list[str], about("What the result says, in sentences.")]
-    file: Annotated[str, about("File of the figure.")]
+    file: Annotated[str | None, about("File of the figure; `null` if it could not be drawn.")]

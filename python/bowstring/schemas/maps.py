@@ -201,21 +201,21 @@ class Workspace(OfRobot, WorkspaceValues):
     """Output of `bowstring map --workspace`."""
 
     text: Annotated[list[str], about("What the map says, in sentences.")]
-    file: Annotated[str, about("File of the map.")]
+    file: Annotated[str | None, about("File of the map; `null` if it could not be drawn.")]
 
 
 class Map(OfRobot, MapValues):
     """Output of `bowstring map` without `--workspace`."""
 
     text: Annotated[list[str], about("What the map says, in sentences.")]
-    file: Annotated[str, about("File of the map.")]
+    file: Annotated[str | None, about("File of the map; `null` if it could not be drawn.")]
 
 
 class Grid(OfRobot, GridValues):
     """Output of `bowstring map` with more than two `--over`."""
 
     text: Annotated[list[str], about("What the map says, in sentences.")]
-    file: Annotated[str, about("File of the map.")]
+    file: Annotated[str | None, about("File of the map; `null` if it could not be drawn.")]
 
 
 class StoredValues(Object):
@@ -225,7 +225,10 @@ class StoredValues(Object):
     blocks: Annotated[int, about("Number of blocks.")]
     folder: Annotated[str, about("Folder of the blocks.")]
     text: Annotated[list[str], about("What the map says, in sentences; of up to 5 million points.")]
-    file: Annotated[str, about("Data set of the map, NetCDF or Zarr, or its figure.")]
+    file: Annotated[
+        str | None,
+        about("Data set of the map, NetCDF or Zarr, or its figure; `null` if it is not drawn."),
+    ]
 
 
 class StoredMap(OfRobot, StoredValues):
@@ -295,4 +298,4 @@ class SpreadValues(Object):
 class Uncertainty(OfRobot, SpreadValues):
     """Output of `bowstring uncertainty`."""
 
-    file: Annotated[str, about("Figure.")]
+    file: Annotated[str | None, about("Figure; `null` if it could not be drawn.")]

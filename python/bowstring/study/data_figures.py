@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bowstring.formatting import in_percent
 from bowstring.study.comparison import short
 from bowstring.study.study import Study
-from bowstring.viz.style import AXES, LIGHT, TINY, legend_above, subplots
+from bowstring.viz.style import AXES, LIGHT, TINY, legend_above, log_ticks, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,6 +119,7 @@ def measured_comparison(study: Study) -> Figure:
         label=f"tolerance {in_percent(study.settings.tolerance, 3)}",
     )
     axes.set_xscale("log")
+    log_ticks(axes.xaxis)
     axes.grid(axis="x", which="major")
     axes.set_yticks(places, [short(found.labels[name]) for name in names])
     axes.set_ylim(-0.6, len(names) - 0.4)
@@ -236,5 +237,4 @@ def _frame_said(found: AgainstData) -> str:
 
 
 def _label(found: AgainstData) -> str:
-    text = found.label if len(found.label) <= 60 else found.label[:59] + "\N{HORIZONTAL ELLIPSIS}"
-    return text.replace("$", r"\$")
+    return found.label if len(found.label) <= 60 else found.label[:59] + "\N{HORIZONTAL ELLIPSIS}"

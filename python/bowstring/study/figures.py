@@ -6,6 +6,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -30,7 +31,7 @@ from bowstring.study.ramp_response import has_surface
 from bowstring.study.shape_figures import draw_shapes
 from bowstring.study.shapes import backbones
 from bowstring.study.study import Study
-from bowstring.viz.style import AXES, LIGHT, TINY, WIDTH, legend_above, subplots
+from bowstring.viz.style import AXES, LIGHT, TINY, WIDTH, legend_above, log_ticks, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +46,7 @@ _TENDON_DASHES: Final = ("-", "--", ":", "-.")
 _MAGNIFIED: Final = 2.0  # an inset that magnifies less is not worth its place
 
 
-def draw(study: Study) -> Iterator[tuple[str, Figure]]:
+def draw(study: Study) -> Iterator[tuple[str, Callable[[], Figure]]]:
     """Draw the figures one by one.
 
     Parameters
@@ -56,11 +57,11 @@ def draw(study: Study) -> Iterator[tuple[str, Figure]]:
     ------
     stem : str
         File name without ending, from `bowstring.study.study.FIGURES`.
-    figure : matplotlib.figure.Figure
-        Draw and save within `figure_style`.
+    draw : callable
+        Makes the figure, to be called and saved within `figure_style`.
     """
     for shown in study.figures:
-        yield shown.stem, _DRAWINGS[shown.stem](study)
+        yield shown.stem, partial(_DRAWINGS[shown.stem], study)
 
 
 def _tip_against_force(study: Study) -> Figure:
@@ -536,6 +537,7 @@ def _contributions(axes: Axes, budget: Budget, side: Side) -> None:
     notes = []
     if means and min(means) < 0.01 * max(means):
         axes.set_xscale("log")
+        log_ticks(axes.xaxis)
         low, high = axes.get_xlim()
         axes.set_xlim(low, max(high, 10.0 * low))
         notes = [f"({TINY * 1e3:g} or less at the left)"] if min(means) <= TINY else []

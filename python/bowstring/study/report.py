@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from bowstring.atomic_io import file_stem, write_whole
 from bowstring.formatting import number, signed
-from bowstring.processes import for_each
 from bowstring.result_folder import check_folder, write_listing
 from bowstring.robot.model import Robot
 from bowstring.study.comparison import COMPARISONS, MEANINGS
@@ -28,14 +27,15 @@ from bowstring.study.summary import COLUMNS, summarise
 from bowstring.study.tables import simulated, study_tables, write_csv
 from bowstring.units import printable
 from bowstring.viz.colours import COLOURS
-from bowstring.viz.style import figure_style, save_figure, svg
+from bowstring.viz.style import figure_style, save_figure, save_figures, svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from bowstring.schemas import study as schema
     from bowstring.study.data_validation import AgainstData
 
-__all__ = ["default_folder", "write"]
+__all__ = ["default_folder", "write", "written_figures"]
 
 Progress = Callable[[str, float], None]
 
@@ -100,19 +100,23 @@ def _fill(study: Study, folder: Path, notify: Progress) -> None:
     passed_on.mkdir()
     with figure_style():
 
-        def save(drawing: tuple[str, Figure]) -> None:
-            stem, figure = drawing
+        def save(stem: str, figure: Figure) -> None:
             save_figure(figure, figures / stem)
             Path(passed_on, stem).write_text(svg(stem, figure), encoding="utf-8")
 
-        made = list(draw(study))
-        for_each(made, save, notify=lambda share: notify("figures", share))
-        drawn = {stem: Path(passed_on, stem).read_text(encoding="utf-8") for stem, _ in made}
+        made = save_figures(draw(study), save, lambda share: notify("figures", share))
+        drawn = {stem: Path(passed_on, stem).read_text(encoding="utf-8") for stem in made}
 
     notify("report", 0.95)
     content = study.to_dict()
+    content["figures"] = written_figures(study, folder)
     (folder / "report.html").write_text(_html(study, content, drawn), encoding="utf-8")
     write_listing(folder / "study.json", content)
+
+
+def written_figures(study: Study, folder: Path) -> list[schema.Figure]:
+    """Figures in the JSON of a study that its folder has: those that could be drawn."""
+    return [f for f in study.to_dict()["figures"] if (folder / f["pdf"]).exists()]
 
 
 def _plain_text(value: Any) -> Any:
@@ -152,7 +156,7 @@ def _html(study: Study, content: Mapping[str, Any], drawn: dict[str, str]) -> st
         sweep=_sweep_rows(study),
         budget=[_budget_page(study, side, title) for side, title in SIDES.items()],
         # drawn by this program, ids and text escaped by matplotlib
-        figures=[(f, Markup(drawn[f.stem])) for f in study.figures],
+        figures=[(f, Markup(drawn[f.stem])) for f in study.figures if f.stem in drawn],
         scene=Markup(scene_text(study)),  # JSON without "<"
         scene_script=Markup(script.read_text(encoding="utf-8")),
         counterparts=counterparts(study),

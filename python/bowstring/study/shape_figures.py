@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowstring.constant_curvature.curvature_models import polyline_curvature
 from bowstring.study.comparison import LABELS, short
-from bowstring.viz.style import LIGHT, legend_above, subplots
+from bowstring.viz.style import LIGHT, legend_above, log_ticks, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,6 +59,7 @@ def draw_shapes(study: Study) -> Figure:
             axes.plot(tension, percent, label=_label(model.name), **look)
     for axes, what in ((tip, "tip error"), (disks, "RMS error over\nthe disks")):
         axes.set_yscale("log")
+        log_ticks(axes.yaxis)
         axes.minorticks_off()
         axes.set_ylabel(f"{what} (% of length)")
     disks.set_xlabel(f"tension of {study.settings.actuated} (N)")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -162,7 +162,7 @@ def write_suite(
         If the folder cannot be written (see `check_folder`).
     """
     from bowstring.suite.figures import draw_set
-    from bowstring.viz.style import figure_style, save_figures
+    from bowstring.viz.style import figure_style, save_figure, save_figures
 
     notify = progress or (lambda what, share: None)
     folder = check_folder(out, "suite")
@@ -170,8 +170,11 @@ def write_suite(
 
     def fill(new: Path) -> None:
         with figure_style():
-            drawings = [(each.given.name, draw_set(each)) for each in results]
-            save_figures(drawings, new, lambda share: notify("figures", share))
+            save_figures(
+                [(each.given.name, partial(draw_set, each)) for each in results],
+                lambda stem, figure: save_figure(figure, new / stem),
+                lambda share: notify("figures", share),
+            )
         write_listing(new / "suite.json", content)
 
     write_whole(folder, "suite", fill, lambda: check_folder(folder, "suite"))

@@ -33,6 +33,13 @@ _FINE: Final = np.linspace(0.0, 1.0, 2001)[1:] ** 2 * np.pi
 
 def draw(chart: ValidityChart) -> Figure:
     """Draw the three panels; `figure` of the chart has the details."""
+    import matplotlib as mpl
+
+    with mpl.rc_context({"text.parse_math": True}):  # formulas, and no text of files
+        return _drawn(chart)
+
+
+def _drawn(chart: ValidityChart) -> Figure:
     figure, (force, lengths, loads) = subplots(3, 9.6, height_ratios=(4, 3, 3))
     _from_force(force, chart)
     _from_lengths(lengths, chart)

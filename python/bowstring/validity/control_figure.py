@@ -9,7 +9,7 @@ import numpy as np
 from bowstring.formatting import in_percent
 from bowstring.validity.control_commands import COMMANDS
 from bowstring.validity.workspace_figure import draw_bar, draw_cells, keep_open, places
-from bowstring.viz.style import LIGHT, WIDTH
+from bowstring.viz.style import LIGHT, WIDTH, log_ticks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -125,4 +125,5 @@ def _finish(panel: Axes, found: ControlErrors) -> None:
         fontsize=8.0,
     )
     panel.set_yscale("log")
+    log_ticks(panel.yaxis)
     panel.set_ylabel("distance (% of length)\nmean; dashed: largest")

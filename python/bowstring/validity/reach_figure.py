@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowstring.formatting import in_percent
 from bowstring.validity.workspace_figure import extent
-from bowstring.viz.style import LIGHT, WIDTH
+from bowstring.viz.style import LIGHT, WIDTH, log_ticks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,7 +110,9 @@ def _cells(
         linewidths=0.1,
         norm=norm,
     )
-    figure.colorbar(cells, ax=panel, label=label)
+    bar = figure.colorbar(cells, ax=panel, label=label)
+    if norm == "log":
+        log_ticks(bar.ax.yaxis)
     panel.set_title(f"{label.split(' (')[0]}, {which}")
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.viz.style import LIGHT, legend_above, subplots
+from bowstring.viz.style import LIGHT, legend_above, log_ticks, subplots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,4 +59,5 @@ def draw_path(wanted: Floats, landed: Mapping[str, Floats]) -> Figure:
         miss = 1e3 * np.linalg.norm(tips - wanted, axis=1)
         last.plot(rows, np.maximum(miss, 1e-6), style, color=LIGHT[colour], label=label)
     last.set(xlabel="row of the path", ylabel="distance, mm", yscale="log")
+    log_ticks(last.yaxis)
     return figure

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -28,7 +29,7 @@ _SWAY: Final = 0.12  # largest drawn displacement over length
 _TURN: Final = {"bending": 0.6, "torsion": 1.2, "axial": 0.6}  # rad; largest drawn rotation
 
 
-def draw_modes(modes: Modes) -> Iterator[tuple[str, Figure]]:
+def draw_modes(modes: Modes) -> Iterator[tuple[str, Callable[[], Figure]]]:
     """Draw mode shapes one by one, from the side and from the front.
 
     Parameters
@@ -39,11 +40,11 @@ def draw_modes(modes: Modes) -> Iterator[tuple[str, Figure]]:
     ------
     stem : str
         File name without suffix, ``mode_01`` and so on.
-    figure : matplotlib.figure.Figure
-        Figure, to be drawn and saved within `figure_style`.
+    draw : callable
+        Makes the figure, to be called and saved within `figure_style`.
     """
     for k in range(len(modes)):
-        yield f"mode_{k + 1:0{max(2, len(str(len(modes))))}d}", _mode(modes, k)
+        yield f"mode_{k + 1:0{max(2, len(str(len(modes))))}d}", partial(_mode, modes, k)
 
 
 def _mode(modes: Modes, k: int) -> Figure:

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from bowstring.atomic_io import write_whole
 from bowstring.dynamics.modal import Modes
-from bowstring.processes import for_each
 from bowstring.result_folder import check_folder, write_listing
-from bowstring.viz.style import figure_style, save_figure
+from bowstring.viz.style import figure_style, save_figure, save_figures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,14 +50,12 @@ def write_modes(
     folder = check_folder(out, "modes")
 
     def fill(new: Path) -> None:
-        def save(drawing: tuple[str, Figure]) -> None:
-            stem, figure = drawing
+        def save(stem: str, figure: Figure) -> None:
             save_figure(figure, new / stem)
             figure.savefig(new / f"{stem}.svg", metadata={"Date": None, "Creator": "Bowstring"})
 
         with figure_style():
-            made = list(draw_modes(modes))
-            for_each(made, save, notify=lambda share: notify("pictures", share))
+            save_figures(draw_modes(modes), save, lambda share: notify("pictures", share))
         write_listing(new / "modes.json", content)
 
     write_whole(folder, "modes", fill, lambda: check_folder(folder, "modes"))

@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from bowstring import interrupts
 from bowstring.atomic_io import check_file, write_whole_file
+from bowstring.errors import BowstringError, FigureWarning
 from bowstring.processes import for_each
 from bowstring.viz.colours import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 __all__ = [
@@ -31,6 +35,8 @@ __all__ = [
     "check_figure_file",
     "figure_style",
     "legend_above",
+    "log_ticks",
+    "not_drawn",
     "save",
     "save_figure",
     "save_figures",
@@ -52,6 +58,12 @@ MARKS: Final = {
 }
 """Bytes by suffix that `save` writes to a file, to identify our files."""
 _DPI: Final = 160
+_RAISED: Final = str.maketrans(
+    "-0123456789",
+    "\N{SUPERSCRIPT MINUS}\N{SUPERSCRIPT ZERO}\N{SUPERSCRIPT ONE}\N{SUPERSCRIPT TWO}"
+    "\N{SUPERSCRIPT THREE}\N{SUPERSCRIPT FOUR}\N{SUPERSCRIPT FIVE}\N{SUPERSCRIPT SIX}"
+    "\N{SUPERSCRIPT SEVEN}\N{SUPERSCRIPT EIGHT}\N{SUPERSCRIPT NINE}",
+)
 _ABOUT: Final[dict[str, dict[str, Any]]] = {
     ".png": {"Software": "Bowstring"},
     ".pdf": {"Creator": "Bowstring", "CreationDate": None},
@@ -94,6 +106,9 @@ def figure_style() -> Iterator[None]:
             "svg.fonttype": "none",
             "svg.hashsalt": "bowstring",
             "pdf.fonttype": 42,  # TrueType; IEEE refuses Type 3 fonts
+            # names in files are no formulas; `log_ticks` writes powers of ten without one
+            "text.parse_math": False,
+            "text.usetex": False,
             # no layout but the figure's own
             "figure.autolayout": False,
             "figure.constrained_layout.use": False,
@@ -131,11 +146,54 @@ def write_figure(
     return file
 
 
+def not_drawn(name: str, error: Exception) -> None:
+    """Warn that a figure cannot be drawn, where results beside it are written all the same."""
+    if isinstance(error, (BowstringError, OSError, MemoryError)) or interrupts.is_interrupt(error):
+        raise error
+    why = " ".join(f"{type(error).__name__}: {error}".split())
+    warnings.warn(
+        f"{name} is left out, as drawing it failed ({why}); all else is complete. This is a bug in "
+        "Bowstring; please report it.",
+        FigureWarning,
+        stacklevel=2,
+    )
+
+
 def save_figures(
-    drawings: Iterable[tuple[str, Figure]], folder: Path, notify: Callable[[float], None]
-) -> None:
-    """Save each figure as PNG and PDF under its stem."""
-    for_each(list(drawings), lambda each: save_figure(each[1], folder / each[0]), notify=notify)
+    drawings: Iterable[tuple[str, Callable[[], Figure]]],
+    save: Callable[[str, Figure], None],
+    notify: Callable[[float], None],
+) -> list[str]:
+    """Draw and save figures; return the stems of those that did not fail.
+
+    Parameters
+    ----------
+    drawings : iterable of tuple
+        Stem of each figure, and a function that draws it.
+    save : callable
+        Called with a stem and its figure, in another process where this is possible.
+    notify : callable
+        Progress callback, called with the finished share from 0 to 1.
+
+    Warns
+    -----
+    FigureWarning
+        If a figure cannot be drawn or saved.
+    """
+    made: list[tuple[str, Figure]] = []
+    for stem, draw in drawings:
+        try:
+            made.append((stem, draw()))
+        except Exception as error:
+            not_drawn(f"figure {stem}", error)
+    saved = [stem for stem, _ in made]
+
+    def fails(each: tuple[str, Figure], error: Exception) -> None:
+        not_drawn(f"figure {each[0]}", error)
+        saved.remove(each[0])
+
+    for_each(made, lambda each: save(*each), notify=notify, failed=fails)
+    return saved
 
 
 def save_figure(figure: Figure, path: Path, suffixes: Sequence[str] = (".png", ".pdf")) -> None:
@@ -184,6 +242,21 @@ def subplots(rows: int, height: float, **options: Any) -> tuple[Figure, list[Axe
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     axes = figure.subplots(rows, 1, squeeze=False, **options)
     return figure, list(axes[:, 0])
+
+
+def log_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis with powers of ten as plain text, for `figure_style`."""
+    from matplotlib.ticker import LogFormatterSciNotation
+
+    class Powers(LogFormatterSciNotation):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            text = str(super().__call__(x, pos))
+            text = re.sub(r"\^\{(.*?)\}", lambda found: found[1].translate(_RAISED), text)
+            text = text.replace(r"\times", "\N{MULTIPLICATION SIGN}")
+            return re.sub(r"\$|\\mathdefault|[{}]", "", text)
+
+    axis.set_major_formatter(Powers())
+    axis.set_minor_formatter(Powers(labelOnlyBase=False))
 
 
 def legend_above(axes: Axes, columns: int) -> None:
