@@ -436,3 +436,26 @@ def test_jobs_that_cannot_be_sent() -> None:
     assert said.startswith("evaluate cannot be sent to a cluster: TypeError: ")
     large = partial(evaluate, calls=np.zeros(2_000_000))
     assert "evaluate takes 16 MB" in refused(lambda: tasks._pickled(made(evaluate=large)))
+
+
+# -- addresses of a cluster --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [
+        ("tls://127.0.0.1:1", "tls needs certificates"),
+        ("wss://127.0.0.1:1", "wss needs certificates"),
+        ("inproc://127.0.0.1/1", "give the address tcp://HOST:PORT"),
+        ("none://127.0.0.1:1", "unknown address scheme"),
+        ("", "missing port number"),
+    ],
+)
+def test_an_address_without_a_scheduler_is_refused_at_once(
+    tmp_path: Path, address: str, words: str
+) -> None:
+    pytest.importorskip("distributed", exc_type=ImportError)
+    began = time.monotonic()
+    said = refused(lambda: run(made(), tmp_path / "job", address))
+    assert time.monotonic() - began < 5.0  # a client that fails takes 20 s to go
+    assert said.startswith(f"cannot connect to the Dask scheduler {address}: ") and words in said

@@ -276,6 +276,8 @@ def test_select_and_split() -> None:
         ),
         (f"{HEADER}\n0,0,0,1,1,nan\n0,0,-1,1,1,1\n", "line 2: left out: tip_z_mm is "),
         (f'{HEADER}\n0,0,0,1,1,"1\n', "the table cannot be read"),
+        (f"{HEADER}\n0,0,0,1,1,{131073 * '1'}\n", "line 2: the table cannot be read"),
+        (131073 * "x" + "\n", "line 1: the table cannot be read"),
     ],
 )
 def test_errors_in_a_table(text: str, says: str, file: Write) -> None:

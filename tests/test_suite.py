@@ -20,6 +20,7 @@ from bowstring.suite.figures import draw_set
 from bowstring.suite.metrics import METRICS
 from bowstring.suite.running import SetResult
 from bowstring.suite.summary import Suite
+from bowstring.suite.tables import READERS
 from bowstring.viz.style import figure_style
 from shell import Shell, refuses
 
@@ -553,3 +554,13 @@ def numbers(text: str) -> list[float]:
     """Errors in the rows of metrics."""
     rows = [line for line in text.splitlines() if line.startswith("  ")]
     return [float(x) for row in rows for x in re.findall(r"(?<![\w.])\d+\.?\d*(?=\*|\s|$)", row)]
+
+
+@pytest.mark.parametrize(
+    "text", ["", "a,b\n", f"a,b\n\n1,{131073 * '2'}\n", "label,x\n\nrow,1\n", "\xff"]
+)
+def test_damaged_shapes_are_refused(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "shapes.csv"
+    file.write_text(text, "latin-1")
+    with pytest.raises(InputError, match="is not a table of static shapes by SoRoSim"):
+        READERS["sorosim_statics"](file, bs.load_robot("amouri2019"), None)

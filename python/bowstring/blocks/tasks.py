@@ -66,9 +66,7 @@ def _own(distributed: Any, client: str) -> Iterator[Client]:
     if not isinstance(client, str):
         raise InputError.of("client", shown(client), "the address of a Dask scheduler or a Client")
     try:
-        if not client.startswith("inproc:"):
-            # with a wrong address, a Client waits for 20 s when it is deleted
-            distributed.comm.get_address_host_port(client)
+        _check_address(distributed, client)
         ours = distributed.Client(client, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         why = str(error).partition("\n")[0]
@@ -77,6 +75,25 @@ def _own(distributed: Any, client: str) -> Iterator[Client]:
         yield ours
     finally:
         ours.close(timeout=_CONNECT)
+
+
+def _check_address(distributed: Any, address: str) -> None:
+    """Refuse what no client can connect to: a Client would wait for 20 s when it is deleted."""
+    scheme = address.partition("://")[0]
+    if scheme == "inproc":
+        raise ValueError("inproc is of one process alone; give the address tcp://HOST:PORT")
+    distributed.comm.get_address_host_port(address)
+    given = distributed.Security().get_connection_args("client")
+    secure = scheme in ("tls", "wss")
+    if secure and given["ssl_context"] is None:
+        raise ValueError(
+            f"{scheme} needs certificates; name them in Dask's configuration "
+            "(distributed.comm.tls), or give a Client with its Security"
+        )
+    if given["require_encryption"] and not secure:
+        raise ValueError(
+            "Dask's configuration requires encryption; give the address tls://HOST:PORT"
+        )
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -63,13 +63,13 @@ def read_tips(path: str | Path) -> Tips:
     """
     file = Path(path)
     lines = _lines(file)
-    rows = csv.reader(text for _, text in lines)
-    header = [name.strip() for name in next(rows, [])]
+    rows = _cells(file, lines)
+    header = [name.strip() for name in next(rows, (0, []))[1]]
     if not header:
         raise InputError(f"{file}: the table is empty")
     columns, factor = _columns(file, header)
     found = []
-    for (line, _), cells in zip(lines[1:], rows, strict=False):
+    for line, cells in rows:
         values = []
         for column in columns:
             cell = cells[column].strip() if column < len(cells) else ""
@@ -103,6 +103,15 @@ def _lines(file: Path) -> list[tuple[int, str]]:
         raise InputError(f"{file}: the table is too large; split it")
     numbered = enumerate(text.splitlines(), 1)
     return [(k, line) for k, line in numbered if line.strip() and not line.lstrip().startswith("#")]
+
+
+def _cells(file: Path, lines: list[tuple[int, str]]) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number and cells of each line."""
+    for line, text in lines:
+        try:
+            yield line, next(csv.reader([text]))
+        except csv.Error as error:
+            raise InputError(f"{file}, line {line}: the table cannot be read: {error}") from None
 
 
 def _columns(file: Path, header: list[str]) -> tuple[list[int], float]:

@@ -60,16 +60,16 @@ def _sorosim_statics(path: Path, robot: Robot | None, mapping: Mapping | None) -
     halves. No mapping describes this, because each row of a mapping is one measurement, and
     gravity and wrenches differ from shape to shape.
     """
-    with path.open(newline="") as file:
-        lines = list(csv.reader(file))
-    labels = lines[0][1:]
     try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = list(csv.reader(file))
+        labels = lines[0][1:]
         numbers = np.array([[float(cell) for cell in line[1:]] for line in lines[2:]])
         shapes = numbers.reshape(-1, 2, 3, len(labels))
         column = {name: shapes[..., labels.index(name)] for name in labels}
         wrenches = [column[name] for name in ("mid_wrench", "tip_wrench")]
         gravity = column["gravity"][:, 1]
-    except (ValueError, KeyError):
+    except (ValueError, LookupError, csv.Error):
         raise InputError(f"{path} is not a table of static shapes by SoRoSim") from None
     to_base = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
     # the first station of the second half is the last one of the first
