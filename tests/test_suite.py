@@ -564,3 +564,35 @@ def test_damaged_shapes_are_refused(tmp_path: Path, text: str) -> None:
     file.write_text(text, "latin-1")
     with pytest.raises(InputError, match="is not a table of static shapes by SoRoSim"):
         READERS["sorosim_statics"](file, bs.load_robot("amouri2019"), None)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ((("train: train.csv", "train: /etc/hostname"),), 'train: got "/etc/hostname"'),
+        ((("train: train.csv", "train: ../train.csv"),), 'train: got "../train.csv"'),
+        (
+            (("validation: val.csv", "validation: a/../../v.csv"),),
+            'validation: got "a/../../v.csv"',
+        ),
+        ((("train: train.csv", "train: link.csv"),), 'train: got "link.csv"'),
+    ],
+)
+def test_a_set_reads_files_of_its_folder_alone(
+    sets: Path, shell: Shell, changes: tuple[tuple[str, str], ...], says: str
+) -> None:
+    (sets / "train.csv").write_text("the first line")
+    (sets / "mine" / "link.csv").symlink_to(sets / "train.csv")
+    change(sets, *changes)
+    code, out, err = shell("suite", "--sets", str(sets))
+    assert (code, out) == (2, "") and says in err and "outside the folder" in err
+    assert "the first line" not in err
+
+
+def test_linked_files_of_a_set_are_not_read_either(sets: Path, shell: Shell) -> None:
+    (sets / "robot.yaml").write_text("the first line")
+    mapping = sets / "mine" / "mapping.yaml"
+    mapping.unlink()
+    mapping.symlink_to(sets / "robot.yaml")
+    code, _, err = shell("suite", "--sets", str(sets))
+    assert code == 2 and "mapping: got" in err and "the first line" not in err

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import socket
 import sys
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import closing
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ import pytest
 import bowstring as bs
 from bowstring.constant_curvature.robot_arcs import RobotArcs
 from bowstring.errors import InputError
+from bowstring.viz.guard import refusal
 from bowstring.viz.live import LiveView, tube
 from shell import Shell
 
@@ -89,7 +92,7 @@ def test_a_solution_and_a_run_show_themselves() -> None:
         port = free_port()
         page = subject.show(port=port)
         try:
-            assert isinstance(page, LiveView) and page.url.endswith(str(port))
+            assert isinstance(page, LiveView) and f":{port}/" in page.url
         finally:
             page.stop()
 
@@ -165,6 +168,74 @@ def test_a_solution_stays_and_a_run_plays(opened: Any) -> None:
     before = player._slider.value
     player._ended.wait(0.3)
     assert player._slider.value != before
+
+
+# -- who may see it ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("path", "host", "origin", "seen"),
+    [
+        ("/secret/", "localhost:8080", None, True),
+        ("/secret", "localhost:8080", "http://localhost:8080", True),
+        ("/secret/index.html?darkMode", "localhost:8080", "http://localhost:8080", True),
+        ("/secret", "localhost:8080", "http://foreign.example", False),
+        ("/secret", "localhost:8080", "http://localhost:8081", False),
+        ("/secret", "localhost:8080", "null", False),
+        ("/secret", None, "http://localhost:8080", False),
+        ("/", "localhost:8080", "http://localhost:8080", False),
+        ("/secre", "localhost:8080", None, False),
+        ("/x/secret/", "localhost:8080", None, False),
+        ("/?/secret/", "localhost:8080", None, False),
+        ("/s\N{LATIN SMALL LETTER E WITH ACUTE}cret", "localhost:8080", None, False),
+    ],
+)
+def test_only_its_own_page_sees_the_view(
+    path: str, host: str | None, origin: str | None, seen: bool
+) -> None:
+    assert (refusal("secret", path, host, origin) == "") == seen
+
+
+def test_a_foreign_connection_is_refused_in_silence(
+    opened: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
+    import viser
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    view = opened(bs.load_robot("amouri2019"))
+    address = urlsplit(view.url)
+    host, token = f"127.0.0.1:{address.port}", address.path.strip("/")
+
+    def first(path: str, origin: str | None) -> object:
+        given: dict[str, Any] = {"subprotocols": [f"viser-v{viser.__version__}"]}
+        with connect(f"ws://{host}{path}", origin=origin, max_size=None, **given) as socket_:
+            return socket_.recv(timeout=10)
+
+    for path, origin in (
+        ("/", None),
+        ("/", f"http://{host}"),
+        (f"/{token}", "http://foreign.test"),
+    ):
+        with pytest.raises(InvalidStatus, match="403"):
+            first(path, origin)
+    for origin in (None, f"http://{host}"):
+        assert b"backbone" in zstandard_of(first(f"/{token}", origin))
+    for data in (b"no HTTP", b"GET / HTTP/1.1\r\nUpgrade: websocket\r\n\r\n"):
+        with socket.create_connection(("127.0.0.1", address.port)) as raw:
+            raw.sendall(data)
+    with pytest.raises(urllib.error.HTTPError, match="403"):
+        urllib.request.urlopen(f"http://{host}/", timeout=10)
+    assert capfd.readouterr() == ("", "")
+
+
+def zstandard_of(message: object) -> bytes:
+    """The names in a message of viser."""
+    import zstandard
+
+    assert isinstance(message, bytes)
+    begin = message.find(b"\x28\xb5\x2f\xfd")
+    return zstandard.ZstdDecompressor().decompressobj().decompress(message[begin:])
 
 
 # -- what it refuses ---------------------------------------------------------------------------

@@ -7,6 +7,7 @@ robot) and ``mapping.yaml`` (unless the data set has a built-in one).
 from __future__ import annotations
 
 import hashlib
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -42,6 +43,8 @@ __all__ = [
 ]
 
 _BUILT_IN: Final = Path(__file__).with_name("sets")
+_ROBOT: Final = "robot.yaml"
+_MAPPING: Final = "mapping.yaml"
 _FILE: Final = "protocol.yaml"
 #: Fields of a protocol on which the results of all models depend.
 _OF_DATA: Final = {"reader", "train", "validation", "leave_out", "metrics", "markers"}
@@ -438,16 +441,23 @@ def read_set(folder: str | Path) -> SuiteSet:
     """
     place = Path(folder)
     label = f"Protocol of {printable(place.name)}"
+    _check_inside(place, label, {"file": _FILE, "robot": _ROBOT, "mapping": _MAPPING})
     with reading(label):
         text = text_of(place / _FILE, label, "protocol")
     protocol = checked(Protocol, read_yaml(text, label, "protocol", "train"), label)
     needs_robot = any(model.model != "arcs" for model in protocol.models)
-    robot = load_robot(protocol.robot or place / "robot.yaml") if needs_robot else None
+    robot = load_robot(protocol.robot or place / _ROBOT) if needs_robot else None
     mapping = None
     if protocol.reader == "mapping":
-        own = place / "mapping.yaml"
+        own = place / _MAPPING
         named = protocol.data if protocol.data in mapping_names() and not own.exists() else None
         mapping = load_mapping(named or own)
+    tables = {"train": protocol.train, "validation": protocol.validation}
+    if mapping is not None and mapping.join is not None:
+        beside = Path(protocol.train).parent / mapping.join.file
+        tables["join.file of the mapping"] = str(beside)
+    given = {field: name for field, name in tables.items() if name is not None}
+    _check_inside(None if protocol.data else place, label, given)
     found = SuiteSet(place.name, place, protocol, robot, mapping)
     if robot is not None:
         for model in protocol.models:
@@ -455,6 +465,25 @@ def read_set(folder: str | Path) -> SuiteSet:
             for marker in protocol.markers:
                 marker_disk(changed, marker, place.name)
     return found
+
+
+def _check_inside(folder: Path | None, label: str, names: dict[str, str]) -> None:
+    """Refuse files outside the folder of a set, or of public data where it is None, by field.
+
+    Files of a set may be links, which are followed.
+    """
+    for field, name in names.items():
+        inside = not os.path.isabs(name) and Path(os.path.normpath(name)).parts[:1] != ("..",)
+        if inside and folder is not None:
+            try:
+                inside = (folder / name).resolve().is_relative_to(folder.resolve())
+            except (OSError, RuntimeError, ValueError):  # links in a circle, or no valid name
+                inside = False
+        if not inside:
+            raise InputError(
+                f"{label}: {field}: got {quote(name)}, which is outside the folder of its data; "
+                "name a file in it"
+            )
 
 
 def marker_disk(robot: Robot, marker: Marker, name: str = "") -> int:

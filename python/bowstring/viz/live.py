@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import html
 import math
+import secrets
 import socket
 import threading
 import time
@@ -30,6 +31,7 @@ from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve
 from bowstring.statics.solution import Solution
+from bowstring.viz.guard import only_with
 from bowstring.viz.style import LIGHT
 from bowstring.viz.vtk import check_data
 
@@ -161,7 +163,7 @@ class LiveView:
     Attributes
     ----------
     url : str
-        Address of the page.
+        Address of the page, with a token: without it nothing is shown.
     robots : tuple of LiveRobot
         Robots with sliders, in the order given.
     """
@@ -175,9 +177,17 @@ class LiveView:
         address: tuple[str, int],
     ) -> None:
         host, port = address
-        with redirect_stdout(StringIO()):  # its banner
+        self._players: list[_Player] = []
+        token = secrets.token_urlsafe(16)
+        with only_with(token) as guarded, redirect_stdout(StringIO()):  # its banner
             self._server = viser.ViserServer(host=host, port=port, verbose=False)
-        self.url: str = f"http://{'localhost' if host == '127.0.0.1' else host}:{port}"
+        if not guarded:
+            self.stop()
+            raise InputError(
+                "this version of viser starts its server in another way, so that any page could "
+                "see the view; install another one: pip install 'viser>=1.0.30,<2'"
+            )
+        self.url: str = f"http://{'localhost' if host == '127.0.0.1' else host}:{port}/{token}/"
         scene = self._server.scene
         scene.set_up_direction("+z")
         longest = max(robot.length for robot, _ in shown)
@@ -185,7 +195,6 @@ class LiveView:
             "/grid", width=4 * longest, height=4 * longest, cell_size=longest / 10, plane="xy"
         )
         made: list[LiveRobot] = []
-        self._players: list[_Player] = []
         try:
             for k, (robot, state) in enumerate(shown):
                 place = np.array([0.0, _APART * longest * k, 0.0])
