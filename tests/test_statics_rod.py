@@ -676,6 +676,16 @@ def test_the_message_of_no_solution_makes_no_false_promise(residual):
     assert not any(word in text for word in ("sweep", "elements", "residual", "nan", "inf "))
 
 
+@pytest.mark.parametrize("moment", [None, [0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+def test_a_moment_is_blamed_only_where_there_is_one(moment):
+    found = ended("converged", None, 1e-12)
+    found.tip_moment, found.disk_moments, found.point_loads = moment, None, None
+    text = of_tensions(found)
+    blamed = moment is not None and any(moment)
+    assert ("a dead moment has no potential" in text) == blamed
+    assert "too few elements to decide" in text
+
+
 NAN, INF = float("nan"), float("inf")
 BAD = [
     ({"tensions": [1, 2]}, "tensions has 2 numbers, it must have 3"),

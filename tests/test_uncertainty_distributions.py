@@ -348,3 +348,10 @@ def test_direct_arguments_are_checked() -> None:
     ):
         with pytest.raises(InputError, match=message):
             make()
+
+
+def test_an_unknown_distribution_is_answered_by_the_right_form(robot: bs.Robot) -> None:
+    with pytest.raises(
+        InputError, match=r'no distribution "sd".*as \{normal: \{mean: .*, sd: 5 %\}\}'
+    ):
+        read_distributions({"segments.0.backbone.E": {"sd": "5 %"}}, robot)

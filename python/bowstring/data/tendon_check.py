@@ -173,7 +173,8 @@ def _order(motion: _Motion) -> TendonCheck:
                 "unclear",
                 f"As the tendons are ordered, constant curvature leaves {share} of the tip's motion"
                 " unexplained, and neither two swapped tendons nor the reversed numbering "
-                "explain it: check the order and the sign of all tendons, and the robot.",
+                "explain it: check the order and the sign of all tendons, the clocks of commands "
+                "and tips if two tables are joined, and the robot.",
             )
         return check(*_agreed(said, swaps, mirrored, turn))
     ties = {pair: f for pair, f in swaps.items() if f.left <= _TIE * best.left}

@@ -54,6 +54,12 @@ def without_potential(found: Any, short: bool = False) -> str:
     return "a follower load" if short else "a follower load, which turns with its disk,"
 
 
+def _has_potential(found: Any) -> bool:
+    """Whether a solution is known to bear neither moments nor loads at points."""
+    loads = [getattr(found, name, np.nan) for name in ("tip_moment", "disk_moments", "point_loads")]
+    return not any(load is not None and np.any(load) for load in loads)
+
+
 def of_tensions(found: Any, advice: str = "") -> str:
     """Message on a solve by tensions, with advice if it failed.
 
@@ -75,11 +81,13 @@ def of_tensions(found: Any, advice: str = "") -> str:
                     "it from a stable one, and small motions about it grow."
                 )
             if stable is None:
+                few = "there are too few elements to decide."
+                if _has_potential(found):
+                    return f"An equilibrium; whether it is stable is not known: {few}"
                 return (
                     f"An equilibrium; whether it is stable is not known: "
                     f"{without_potential(found, short=True)} has no potential and lets small "
-                    "oscillations grow unless they are damped by more than 1 %, or there are too "
-                    "few elements to decide."
+                    f"oscillations grow unless they are damped by more than 1 %, or {few}"
                 )
             return "A stable equilibrium."
         case "no_equilibrium":

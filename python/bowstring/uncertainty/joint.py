@@ -272,13 +272,12 @@ def _one(number: NumberAtPath, value: object) -> Distribution:
         return value
     kinds = ", ".join(_KINDS)
     if not isinstance(value, Mapping) or len(value) != 1:
-        example = ", ".join([f"mean: {number.text(x)}" for x in number.nominal[:1]] + ["sd: 5 %"])
-        raise number.error(
-            f"got {quote(value)}; must be one distribution, as {{normal: {{{example}}}}}"
-        )
+        raise number.error(f"got {quote(value)}; must be one distribution, as {_example(number)}")
     ((kind, fields),) = value.items()
     if kind not in _KINDS:
-        raise number.error(f"there is no distribution {quote(kind)}; known are {kinds}")
+        raise number.error(
+            f"there is no distribution {quote(kind)}; known are {kinds}, as {_example(number)}"
+        )
     required, optional = _KINDS[kind]
     allowed = " and ".join([", ".join((*optional, *required)[:-1]), required[-1]])
     if not isinstance(fields, Mapping):
@@ -291,6 +290,12 @@ def _one(number: NumberAtPath, value: object) -> Distribution:
             raise number.error(f"{kind} lacks {name}; its fields are {allowed}")
     given = {name: number.read(name, each) for name, each in fields.items()}
     return _checked(number, kind, given)
+
+
+def _example(number: NumberAtPath) -> str:
+    """A normal distribution about the number of the robot, as it is written."""
+    fields = ", ".join([f"mean: {number.text(x)}" for x in number.nominal[:1]] + ["sd: 5 %"])
+    return f"{{normal: {{{fields}}}}}"
 
 
 def _checked(number: NumberAtPath, kind: str, given: Mapping[str, float]) -> Distribution:
