@@ -40,7 +40,13 @@ def made(matrix: Any = MATRIX, segments: int = 1, **changes: Any) -> bs.Robot:
             "mass_per_length": "30 g/m",
             **changes.pop("backbone", {}),
         },
-        "disks": {"count": 5, "mass": "10 g", "radius": "25 mm", "thickness": "2 mm"},
+        "disks": {
+            "count": 5,
+            "mass": "10 g",
+            "radius": "25 mm",
+            "thickness": "2 mm",
+            "clamped_length": 0.0,
+        },
         "tendons": {"count": 3, "pitch_radius": "20 mm"},
     }
     whole = {"name": "coupled", "segments": [segment] * segments, **changes}

@@ -167,7 +167,13 @@ def made(**changes: Any) -> bs.Robot:
     segment = {
         "length": "400 mm",
         "backbone": {"stiffness": MATRIX.tolist(), "mass_per_length": "40 g/m"},
-        "disks": {"count": 6, "mass": "5 g", "radius": "25 mm", "thickness": "2 mm"},
+        "disks": {
+            "count": 6,
+            "mass": "5 g",
+            "radius": "25 mm",
+            "thickness": "2 mm",
+            "clamped_length": 0.0,
+        },
         "tendons": {"count": 3, "pitch_radius": "20 mm"},
     }
     robot = {"name": "coupled", "segments": [segment], "gravity": "0 0 -9.81 m/s^2"}
