@@ -16,8 +16,8 @@ use crate::rod::constants::{Constants, FAR, NEAR};
 use crate::rod::module::{State, Tendons};
 use crate::rod::routes::Holes;
 
-/// Largest residual of shear and extension.
-const SETTLED: f64 = 1e-15;
+/// Residual of shear and extension from which one more Newton step is exact to rounding.
+const SETTLED: f64 = 1e-8;
 /// Most Newton iterations for shear and extension; three are usual.
 const MAX_ROUNDS: usize = 12;
 
@@ -94,31 +94,32 @@ impl<T: Real> PulledSection<T> {
                 .scale_rows(compliance)
                 .add_diagonal([T::splat(1.0); 3])
                 .inverse();
+            g -= solve * miss;
             if !miss.max_abs().any_above(SETTLED) || round == MAX_ROUNDS {
                 let mut out = PulledSection {
                     at,
                     u,
                     g,
-                    pull,
+                    pull: Vec3::zero(),
                     moment: Vec3::zero(),
                     compliance: (solve * Mat3::diagonal(compliance)).mirrored(),
                     mixed: Mat3::zero(),
                     turning: Mat3::zero(),
                 };
-                out.add_moments(c, t);
+                out.add_pulls(c, t);
                 return out;
             }
-            g -= solve * miss;
             round += 1;
         }
     }
 
     #[inline(always)]
-    fn add_moments<const A: usize>(&mut self, c: &Constants<T, A>, t: &Tendons<T>) {
+    fn add_pulls<const A: usize>(&mut self, c: &Constants<T, A>, t: &Tendons<T>) {
         for (holes, &tension) in t.holes.iter().zip(t.tensions) {
             let (hole, along, speed) = tendon(c, holes, self.at, self.u, self.g);
             let s = tension / speed;
             let across = hole.cross(along);
+            self.pull += along * tension;
             self.moment += across * tension;
             // P [b] and [b]' P [b] with P = I - t t'
             self.mixed = (along * s).outer_add(across, self.mixed + (hole * s).skew());

@@ -402,11 +402,14 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Change of the length of a continuous tendon (m) as its tension holds the shear by the loads.
     #[inline(always)]
     pub fn length_by_shear(&self, c: &Constants<T, A>, t: &Tendons<T>) -> T {
-        let (mean, change) = self.tangents(c);
+        let (mean, change) = self.tangents(c, t);
         let (n, [d0, ..]) = (self.n, c.compliance_with(t));
         let ([along, turned], n2) = ([mean.dot(n), change.dot(n)], n.norm2());
         let sheared = n2 - along * along - turned * turned * T::splat(1.0 / 12.0);
-        d0 * d0 * c.per_flexible * sheared * T::splat(0.5)
+        let held = d0 * d0 * c.per_flexible * sheared * T::splat(0.5);
+        // the mean tangent is over the length without loads
+        let (on_end, _) = self.compliance_forces(c, t);
+        held - on_end.dot(self.rho0) * c.compliance[1] / c.stretch(t)
     }
 
     /// Force of continuous tendons on a section at a fraction of the flexible part, under a contact
@@ -425,13 +428,13 @@ impl<T: Real, const A: usize> State<T, A> {
 
     /// Mean tangent t, and change s of the tangent from start to end (theory Eq. 2.5).
     #[inline(always)]
-    fn tangents(&self, c: &Constants<T, A>) -> (Vec3<T>, Vec3<T>) {
-        (self.rho0 * c.per_flexible, self.s.column(2) - Vec3::ez())
+    fn tangents(&self, c: &Constants<T, A>, t: &Tendons<T>) -> (Vec3<T>, Vec3<T>) {
+        (self.rho0 * c.per_length(t), self.s.column(2) - Vec3::ez())
     }
 
     #[inline(always)]
     pub fn compliance(&self, c: &Constants<T, A>, t: &Tendons<T>) -> Mat3<T> {
-        let (mean, change) = self.tangents(c);
+        let (mean, change) = self.tangents(c, t);
         let [d0, d1, d2, d3] = c.compliance_with(t);
         let diagonal = d3.mul_add(change.norm2(), d0);
         let plain = (mean * d1)
@@ -450,11 +453,11 @@ impl<T: Real, const A: usize> State<T, A> {
     /// that of a coupled section.
     #[inline(always)]
     pub fn compliance_forces(&self, c: &Constants<T, A>, t: &Tendons<T>) -> (Vec3<T>, Vec3<T>) {
-        let (mean, change) = self.tangents(c);
+        let (mean, change) = self.tangents(c, t);
         let [_, d1, d2, d3] = c.compliance_with(t);
         let n = self.n;
         (
-            n * (d1 * mean.dot(n) * c.per_flexible),
+            n * (d1 * mean.dot(n) * c.per_length(t)),
             n * (d2 * change.dot(n)) + change * (d3 * n.norm2()),
         )
     }
@@ -705,7 +708,7 @@ impl<T: Real, const A: usize> State<T, A> {
         grad: &Gradient<T, A>,
         along: &[Vec3<T>; A],
     ) -> [Mat3<T>; A] {
-        let (mean, change) = self.tangents(c);
+        let (mean, change) = self.tangents(c, t);
         let [_, d1, d2, d3] = c.compliance_with(t);
         let n = self.n;
         // motion of the end with its tangent, which a rotation u changes by u x tangent
@@ -714,8 +717,8 @@ impl<T: Real, const A: usize> State<T, A> {
         let tangent = self.s.column(2);
         let y = tangent.cross_mat(by_tangent.transpose()).transpose();
         // the mean tangent moves with the end
-        let longer = T::splat(1.0) + d1 * mean.dot(n) * c.per_flexible;
-        let stretched = mean * (d1 * c.per_flexible);
+        let longer = T::splat(1.0) + d1 * mean.dot(n) * c.per_length(t);
+        let stretched = mean * (d1 * c.per_length(t));
         let mut j = grad.r;
         for i in 0..A {
             j[i] = stretched.outer_add(along[i], grad.r[i].scaled_add(longer, y));
@@ -797,7 +800,8 @@ impl<T: Real, const A: usize> State<T, A> {
         [i, b]: [usize; 2],
     ) -> Mat3<T> {
         let along = &through.along;
-        let rank1 = c.compliance_with(t)[1] * c.per_flexible * c.per_flexible;
+        let per = c.per_length(t);
+        let rank1 = c.compliance_with(t)[1] * per * per;
         let turned = (along[b] * -rank1).outer_add(along[i], through.torque[i]);
         through.j[b].transpose().mul_add(through.force[i], turned)
     }
@@ -990,6 +994,15 @@ impl<T: Real, const A: usize> Constants<T, A> {
         let d0 = free / per;
         let d1 = d1 + free - d0;
         [d0, d1, d1 * T::splat(1.0 / 12.0) - d3, d3]
+    }
+
+    /// Inverse of the length without loads (1/m).
+    #[inline(always)]
+    fn per_length(&self, t: &Tendons<T>) -> T {
+        if t.are_continuous() {
+            return self.per_flexible / self.stretch(t);
+        }
+        self.per_flexible
     }
 
     /// Axial stretch of the backbone under continuous tendons.
