@@ -17,7 +17,7 @@ use crate::rod::module::{State, Tendons};
 use crate::rod::routes::Holes;
 
 /// Residual of shear and extension from which one more Newton step is exact to rounding.
-const SETTLED: f64 = 1e-8;
+const SETTLED: f64 = 1e-11;
 /// Most Newton iterations for shear and extension; three are usual.
 const MAX_ROUNDS: usize = 12;
 
