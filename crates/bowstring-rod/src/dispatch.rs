@@ -3,7 +3,6 @@
 //! Each pass is compiled once for each number type with the processor instructions that it needs;
 //! the algorithms that call the passes are written and compiled once.
 
-use crate::lanes;
 use crate::math::instructions::Instructions;
 use crate::math::lie::Pose;
 use crate::math::linalg::{Mat3, Vec3};
@@ -271,6 +270,11 @@ trait Build {
     fn build<L: Layout, const A: usize>(self, layout: L) -> Self::Built;
 }
 
+/// Whether lanes take a robot: not with coupled sections or continuous tendons, which are rare.
+pub fn fits_lanes(robot: &Robot, model: Model) -> bool {
+    !robot.is_coupled() && model.tendon == TendonPath::Straight
+}
+
 /// Constructs it in the fastest number type of this processor up to `most`. SIMD lanes are used for
 /// one element in a module only.
 #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
@@ -343,7 +347,7 @@ pub fn up_to(
     // two elements are often chosen; finer rods are rare, and verify these. Where a load acts between
     // two disks, plain numbers take their place ([`Passes::divides`]).
     #[cfg(target_arch = "x86_64")]
-    if elements == 2 && lanes::fit(robot, model) {
+    if elements == 2 && fits_lanes(robot, model) {
         if let (Instructions::Avx512, Some(simd)) = (most, Avx512::detect()) {
             return Ok(AtRest(robot, model).build::<_, 4>(Modules(simd)));
         }
@@ -351,7 +355,7 @@ pub fn up_to(
             return Ok(AtRest(robot, model).build::<_, 4>(Modules(simd)));
         }
     }
-    let in_lanes = lanes::fit(robot, model);
+    let in_lanes = fits_lanes(robot, model);
     build(in_lanes, elements, most, AtRest(robot, model))
 }
 
@@ -521,7 +525,7 @@ pub fn moving(
         }
     }
     let of = InMotion(robot, model, gravity, damping);
-    let in_lanes = lanes::fit(robot, model);
+    let in_lanes = fits_lanes(robot, model);
     build(in_lanes, elements, Instructions::Avx512, of)
 }
 
@@ -544,7 +548,7 @@ pub fn motions_side_by_side(
     }
     let of = (robot, model, damping, load);
     #[cfg(target_arch = "x86_64")]
-    if elements == 1 && lanes::fit(robot, model) {
+    if elements == 1 && fits_lanes(robot, model) {
         if let Some(simd) = Avx512::detect() {
             return Ok(make::<_, 2>(Robots(simd), of));
         }

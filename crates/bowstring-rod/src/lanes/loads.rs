@@ -11,6 +11,7 @@ use crate::criteria::{
     is_minimum_nearby, is_near, ENERGY_NOISE, MAX_EXTRAPOLATION, MAX_STEP, NEGLIGIBLE,
     SUFFICIENT_DECREASE, TOLERANCE,
 };
+use crate::dispatch::fits_lanes;
 use crate::interrupt;
 use crate::math::copies;
 use crate::math::lie::Pose;
@@ -98,7 +99,7 @@ fn side_by_side(
     elements: usize,
     automatic: bool,
 ) -> Option<Box<dyn SideBySide>> {
-    if !super::fit(robot, model) {
+    if !fits_lanes(robot, model) {
         return None;
     }
     if let Some(simd) = Avx512::detect() {
