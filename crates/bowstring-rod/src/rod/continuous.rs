@@ -19,7 +19,7 @@ use crate::rod::routes::Holes;
 /// Residual of shear and extension from which one more Newton step is exact to rounding.
 const SETTLED: f64 = 1e-11;
 /// Most Newton iterations for shear and extension; three are usual.
-const MAX_ROUNDS: usize = 12;
+const MAX_ROUNDS: usize = 6;
 
 /// A section between continuous tendons.
 #[derive(Clone, Copy)]
