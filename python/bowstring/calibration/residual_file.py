@@ -20,6 +20,7 @@ from bowstring.robot.model import Robot
 from bowstring.robot.parts import MAX_TENDONS
 from bowstring.robot.reader import load_robot
 from bowstring.statics.model import RodModel
+from bowstring.validation import shown
 
 __all__ = ["RESIDUAL", "read_residual", "residual_to_dict"]
 
@@ -97,7 +98,7 @@ def read_residual(path: str | Path, robot: Robot | None = None) -> Residual:
         raise _none(file)
     if content.get("version") != _VERSION:
         raise InputError(
-            f"{file} has version {content.get('version')!r}, this Bowstring reads {_VERSION}; "
+            f"{file} has version {shown(content.get('version'))}, this Bowstring reads {_VERSION}; "
             "fit the residual again"
         )
     robot = robot or load_robot(file.parent / "robot.yaml")
