@@ -65,7 +65,7 @@ def test_cables_to_the_base_raise_the_load() -> None:
 
 
 def test_equal_tensions_buckle_the_modules_behind_a_long_straight_branch() -> None:
-    """Steps grow where the robot stays straight; where the points run out, the text says so."""
+    """Steps grow where the robot stays straight; a diagram that runs out of points says so."""
     count = 30
     rod = ROBOT.with_({"segments.0.disks.count": count})
     each = EULER * (2 * count) ** 2 / 3

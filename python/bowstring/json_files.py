@@ -82,7 +82,7 @@ def parsed(data: str | bytes) -> Any:
     Raises
     ------
     ValueError
-        If it is none, has bytes other than UTF-8, or more than 200 levels.
+        If it is not valid JSON, is not in UTF-8, or has more than 200 levels.
     """
     try:
         return from_json(data)

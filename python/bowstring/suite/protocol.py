@@ -468,7 +468,7 @@ def read_set(folder: str | Path) -> SuiteSet:
 
 
 def _check_inside(folder: Path | None, label: str, names: dict[str, str]) -> None:
-    """Refuse files outside the folder of a set, or of public data where it is None, by field.
+    """Refuse files outside the folder of a set; without a folder, those of public data.
 
     Files of a set may be links, which are followed.
     """

@@ -66,7 +66,7 @@ pub struct InverseSolver {
     /// The last unreached row that was searched from several starts, and its least distance over the
     /// length.
     searched: Option<(Task, f64)>,
-    /// Tensions of the last point of a path that was proven to be no saddle.
+    /// Tensions of the last point of a path whose second-order condition was checked.
     checked: Vec<f64>,
     /// Solutions of the rows before on a path, latest last.
     past: Vec<Past>,

@@ -29,7 +29,7 @@ const LEAST_DECREASE: f64 = 1e-6;
 const CHECKED_RANGE: f64 = 0.2;
 
 impl InverseSolver {
-    /// Whether a row of a path is so near to one that is no saddle that it is none.
+    /// Whether the tensions are still near those of the last point that was found to be a minimum.
     pub(super) fn is_checked(&self) -> bool {
         let changes = self.point.tensions.iter().zip(&self.checked);
         !self.checked.is_empty()
