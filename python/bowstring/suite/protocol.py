@@ -468,9 +468,9 @@ def read_set(folder: str | Path) -> SuiteSet:
 
 
 def _check_inside(folder: Path | None, label: str, names: dict[str, str]) -> None:
-    """Refuse files outside the folder of a set; without a folder, those of public data.
+    """Refuse file names, given by field, that lead out of the folder of a set.
 
-    Files of a set may be links, which are followed.
+    Links are followed. `folder` is None for public data, of which the names alone are checked.
     """
     for field, name in names.items():
         inside = not os.path.isabs(name) and Path(os.path.normpath(name)).parts[:1] != ("..",)
