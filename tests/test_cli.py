@@ -399,6 +399,7 @@ SOLVE = ("solve", "amouri2019", "--tension", "1,2,3")
         # geometry
         (["fk", "amouri2019", "--lengths", "0.1,0.9,0.9"], "more than a full turn"),
         (["ik", "amouri2019", "--tip", "0,0,5"], "out of reach"),
+        (["ik", "amouri2019", "--tip", "0,0,1e155"], "out of reach"),
         (["ik", "amouri2019", "--tip", "0,0,-0.1", "--free-length"], "cannot be reached"),
         (["ik", "rao2021", "--tip", "0,0,0.3", "--free-length"], "for robots of one segment"),
         # robots

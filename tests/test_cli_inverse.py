@@ -150,6 +150,7 @@ def test_jumps_are_pointed_out(shell: Shell, tmp_path: Path) -> None:
         ("tip_x_mm,tip_y_mm,tip_z_mm\n\n1,2," + 131073 * "3" + "\n", "line 3: the table cannot"),
         (131073 * "x" + "\n", "line 1: the table cannot be read"),
         ("tip_x_m,tip_y_m,tip_z_m\n10,20,350\n", "out of any reach"),
+        ("tip_x_m,tip_y_m,tip_z_m\n0,0,1e155\n0,0,0.3\n", "row 1 of position is 1e+155 m from"),
         (
             "tip_x_mm,tip_y_mm,tip_z_mm\n0.05,0,0.38\n0.06,0,0.37\n",
             "no point is farther than 0.3833 mm from the base, and rao2021 is 400 mm long; if the "

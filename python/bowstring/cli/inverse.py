@@ -250,7 +250,7 @@ def _check_near(flag: str, robot: Robot, points: ArrayLike) -> None:
     """Refuse points that are all at the base, as numbers in m are that were read as mm."""
     import numpy as np
 
-    farthest = float(np.linalg.norm(np.asarray(points), axis=1).max())
+    farthest = max(math.hypot(*point) for point in np.asarray(points))  # does not overflow
     if farthest < _NEAR * robot.length:
         columns = "name the columns tip_x_m, tip_y_m and tip_z_m" if flag == "--path" else "write m"
         what = "no point is farther" if flag == "--path" else "the point is no farther"
@@ -566,13 +566,6 @@ def _path(
         return check_figure_file(name, "figure", _SUFFIXES)
 
     drawing = of_flag("--figure", check, figure or table.with_suffix(".png"))
-    steps = np.linalg.norm(np.diff(tips.positions, axis=0), axis=1)
-    for row in np.flatnonzero(steps > _JUMP * robot.length)[:1]:
-        say(
-            "Warning",
-            f"--path: row {row + 2} is {in_mm(float(steps[row]))} from the row before it; the "
-            "robot jumps there.",
-        )
     rod = RodModel(options.theory, elements=options.elements)
     with progress_bar("inverse kinematics") as notify:
         try:
@@ -594,6 +587,13 @@ def _path(
             lambda: write_figure(
                 lambda: draw_path(tips.positions, models), drawing, "figure", 160, check
             )
+        )
+    steps = np.linalg.norm(np.diff(tips.positions, axis=0), axis=1)
+    for row in np.flatnonzero(steps > _JUMP * robot.length)[:1]:
+        say(
+            "Warning",
+            f"--path: row {row + 2} is {in_mm(float(steps[row]))} from the row before it; the "
+            "robot jumps there.",
         )
     reached = found.reached
     miss = np.linalg.norm(landed - tips.positions, axis=1)
