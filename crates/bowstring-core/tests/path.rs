@@ -980,3 +980,87 @@ fn paths_of_several_robots() {
         }
     }
 }
+
+/// Few disks: the elements are chosen on the way, and the path is then that of these elements from
+/// the home pose on, because spans that stick keep no error of the coarser ones.
+#[test]
+fn refined_paths_start_from_the_home_pose_of_their_elements() {
+    let robot = study_robot(3, 0.0);
+    let lines = vec![
+        Line {
+            friction: 0.2,
+            pretension: 5.0,
+            ..Line::default()
+        };
+        3
+    ];
+    let given = displacements(&[0.02, -0.012, -0.013]);
+    let load = Load {
+        gravity: [0.0, 2.0, -9.0],
+        ..by_tensions(&[0.0; 3])
+    };
+    let mut path = PathSolver::new(&robot, Model::default(), None, &lines).unwrap();
+    step(&mut path, &given, &load);
+    let elements = path.solver().elements();
+    assert!(elements > 1);
+    let mut same = PathSolver::new(&robot, Model::default(), elements, &lines).unwrap();
+    step(&mut same, &given, &load);
+    let [a, b] = [&path, &same].map(|path| path.solver().tip().unwrap().position);
+    assert!((a - b).norm() < 1e-12 * robot.length(), "{a:?} {b:?}");
+}
+
+/// Stated errors of tip and tensions along paths with friction, against eight elements: what a path
+/// remembers has errors too.
+#[test]
+fn stated_errors_of_paths_cover_those_that_the_path_carries() {
+    let mut draw = Draw(46);
+    let (mut count, mut covered, mut close) = (0, 0, 0);
+    for round in 0..5 {
+        let robot = study_robot(3 + round % 4, 0.0);
+        let lines: Vec<_> = (0..3)
+            .map(|_| Line {
+                friction: draw.within(0.05, 0.4),
+                stiffness: if round % 2 == 0 { 1e4 } else { f64::INFINITY },
+                pretension: 3.0,
+                ..Line::default()
+            })
+            .collect();
+        let build = |elements| PathSolver::new(&robot, Model::default(), elements, &lines).unwrap();
+        let (mut path, mut fine) = (build(None), build(Some(8)));
+        let none = [0.0; 3];
+        let load = Load {
+            gravity: [0.0, draw.within(-3.0, 3.0), -9.0],
+            ..by_tensions(&none)
+        };
+        for _ in 0..20 {
+            let bend = [draw.within(-0.7, 0.7), draw.within(-0.7, 0.7)];
+            let by_bend = |i: usize| {
+                let [x, y] = robot.spec().tendons[i].holes[0];
+                x * bend[0] + y * bend[1] + 1e-4
+            };
+            let given = displacements(&[0, 1, 2].map(by_bend));
+            let (found, best) = (
+                step(&mut path, &given, &load),
+                step(&mut fine, &given, &load),
+            );
+            assert_eq!([found.status, best.status], [Status::Converged; 2]);
+            let [a, b] = [&path, &fine].map(|path| path.solver().tip().unwrap().position);
+            let stated = found.error.unwrap();
+            let of_tensions = (0..3)
+                .map(|i| (path.history().tensions[i] - fine.history().tensions[i]).abs())
+                .fold(0.0, f64::max);
+            for (stated, error, least) in [
+                (stated.tip, (a - b).norm(), 1e-9 * robot.length()),
+                (stated.tension, of_tensions, 1e-6),
+            ] {
+                if error > least {
+                    count += 1;
+                    covered += usize::from(stated >= error);
+                    close += usize::from(stated <= 30.0 * error);
+                }
+            }
+        }
+    }
+    println!("{covered} of {count} covered, {close} within 30 times");
+    assert!(covered * 100 >= count * 99 && close * 10 >= count * 9);
+}

@@ -19,6 +19,8 @@ NEEDED: Final = (
     *("left_unstable", "fraction", "collision"),
 )
 """Attributes of a solution that a message needs."""
+_CONVERGED: Final = 1e-10  # tolerance of the residual
+_ANOTHER_BRANCH: Final = 1e-2  # error of a tip, over the length
 _MUCH_FRICTION: Final = 1.0  # a failed solve with a larger coefficient gets a hint
 
 
@@ -28,11 +30,16 @@ def _tendons(indices: Sequence[int] | NDArray[np.int64]) -> str:
 
 
 def discretisation(
-    error: tuple[float, float], tensions: Floats, length: float, elements: int | None
+    error: tuple[float, float],
+    tensions: Floats,
+    length: float,
+    elements: int | None,
+    path: bool = False,
 ) -> str:
     """Warn if the discretisation error is above the tolerance of adaptive elements, else "".
 
-    ``error`` is that of the tip in m and of tensions in N.
+    ``error`` is that of the tip in m and of tensions in N; `path` says whether it is that of a path,
+    which is followed with two numbers of elements.
     """
     largest = float(np.nanmax(tensions, initial=0.0))
     of_tip, of_tension = error
@@ -42,6 +49,11 @@ def discretisation(
     parts = [f"tip by up to {1e3 * of_tip:.2g} mm"] if tip else []
     parts += [f"tensions by up to {of_tension:.2g} N"] if tension else []
     what = " and ".join(parts)
+    if path and of_tip > _ANOTHER_BRANCH * length:
+        return (
+            f" The path may have turned to another branch: with another number of elements than the "
+            f"{elements} per module it is elsewhere, the {what}. Take smaller steps."
+        )
     cure = "" if elements == 8 else " Leave the number of elements out, or take more."
     return f" Discretisation error: the {what} ({elements} per module).{cure}"
 
@@ -101,6 +113,11 @@ def of_tensions(found: Any, advice: str = "") -> str:
             return (
                 "Only an unstable equilibrium was found, and four attempts to leave it led back. "
                 "Add a small load to one side, or approach this load by a sweep."
+            )
+        case _ if found.residual <= _CONVERGED and found.fraction == 1:
+            return (
+                "No equilibrium was resolved: the backbone bends too sharply between two disks for "
+                f"an error to be stated, with as many elements as there are. {advice}Lower the load."
             )
         case _:
             share = found.fraction

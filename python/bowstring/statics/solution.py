@@ -248,7 +248,11 @@ class Solution:
             return said
         elements = self.model.elements
         return said + messages.discretisation(
-            core.error_estimate, self.tensions, robot.length, elements
+            core.error_estimate,
+            self.tensions,
+            robot.length,
+            elements,
+            path=core.conflict is not None and robot.has_memory,
         )
 
     @property

@@ -145,6 +145,18 @@ impl UnloadedCurvature {
             }
             now[k] = followed(old.plays[k], curvature, module.hysteresis.play);
         }
+        self.set_rest(engine);
+    }
+
+    /// Sets the unloaded curvature of the modules from plays and lags of a state.
+    pub fn hold(&mut self, engine: &mut dyn Passes, state: &History) {
+        self.plays.copy_from_slice(&state.plays);
+        self.lags.copy_from_slice(&state.lags);
+        self.set_rest(engine);
+    }
+
+    fn set_rest(&self, engine: &mut dyn Passes) {
+        let (now, modules) = (&self.plays, &self.modules);
         let lags = &self.lags;
         engine.set_rest(&|k| {
             let Module {

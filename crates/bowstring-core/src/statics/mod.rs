@@ -6,6 +6,7 @@
 pub mod adaptive;
 pub mod batch;
 pub mod branches;
+mod companion;
 mod continuation;
 mod deflation;
 pub mod designs;

@@ -13,7 +13,8 @@ use crate::model::load::{Load, Model, LEVELS};
 use crate::model::robot::Robot;
 pub use crate::outcome::PathOutcome;
 use crate::rod::estimate::ErrorEstimate;
-use crate::statics::adaptive::refine_to;
+use crate::statics::adaptive::with_elements;
+use crate::statics::companion::Companion;
 use crate::statics::inelastic::{Inelasticity, UnloadedCurvature};
 use crate::statics::path_step::PathStep;
 use crate::statics::relaxation::CreepingTendons;
@@ -24,19 +25,24 @@ use crate::tendon::{Slip, Tendons, Transmission, TERMS};
 /// A robot that is actuated through its tendons, along a path of equilibria.
 #[derive(Clone)]
 pub struct PathSolver {
-    last: PathStep,
+    pub(super) last: PathStep,
     /// Whether elements are chosen step by step.
-    automatic: bool,
+    pub(super) automatic: bool,
     /// State in the home pose, before any friction.
     home: History,
     laws: Inelasticity,
     /// Time from each step to the next, and time that passed in steps without a solution (s).
-    duration: f64,
-    waited: f64,
+    pub(super) duration: f64,
+    pub(super) waited: f64,
     /// Number of unknowns of a step already checked to fit into memory.
     fitting: usize,
-    /// Estimated error of the last step: with friction, later errors are not smaller.
-    remembered: ErrorEstimate,
+    /// Stated error of the last step.
+    pub(super) remembered: ErrorEstimate,
+    /// The same path with other elements, where a memory carries errors from step to step; none
+    /// before the first step.
+    pub(super) companion: Option<Box<Companion>>,
+    /// Whether it takes a companion; false for companions.
+    pub(super) accompanied: bool,
 }
 
 impl PathSolver {
@@ -80,6 +86,8 @@ impl PathSolver {
             automatic: given.is_none(),
             fitting: 0,
             remembered: ErrorEstimate::default(),
+            companion: None,
+            accompanied: true,
         })
     }
 
@@ -132,7 +140,7 @@ impl PathSolver {
         &self.last.transmission
     }
 
-    fn tendons(&mut self) -> &mut Tendons {
+    pub(super) fn tendons(&mut self) -> &mut Tendons {
         &mut self.last.transmission.tendons
     }
 
@@ -151,6 +159,10 @@ impl PathSolver {
         tendons.slack.fill(0.0);
         tendons.now = home;
         self.remembered = ErrorEstimate::default();
+        if let Some(companion) = &mut self.companion {
+            companion.path.reset();
+            companion.inherited = ErrorEstimate::default();
+        }
     }
 
     /// Continues another path from its last state; its commands and loads are those from which the
@@ -187,6 +199,7 @@ impl PathSolver {
                 )));
             }
         }
+        self.companion = None;
         self.reset();
         // the pose is an equilibrium for the history's own tensions: solve for it again
         let now = &mut self.tendons().now;
@@ -311,6 +324,7 @@ impl PathSolver {
     /// If a number does not fit the robot.
     pub fn step(&mut self, commands: &[Command], load: &Load) -> Result<PathOutcome, InputError> {
         self.check(commands, load)?;
+        let given = commands;
         let commands = &self.transmission().tendons.driven(commands);
         let load = &self.solver().settings.without_negligible(load);
         let mut iterations = 0;
@@ -324,18 +338,24 @@ impl PathSolver {
         }
         loop {
             let old = self.history().clone();
-            self.last.begin(&old, self.waited + self.duration);
-            let mut outcome = self.last.solve(&old, commands, load);
+            self.accompany(least);
+            let mut outcome = self.solve(&old, commands, load);
             iterations += outcome.iterations;
-            let converged = outcome.status == Status::Converged;
+            let mut converged = outcome.status == Status::Converged;
             if converged {
-                let needed = self.last.estimate_error(&mut outcome, &self.remembered);
-                if let Some(finer) = self.finer(needed, &old) {
+                let (needed, before) = self.state_error(&mut outcome, given, load);
+                if let Some(finer) = self.finer(needed, &old, before) {
                     *self = finer;
                     continue;
                 }
             }
             outcome.iterations = iterations;
+            if outcome.error.is_some_and(|error| !error.is_bound()) {
+                (outcome.status, outcome.stable) = (Status::MaxIterations, None);
+                outcome.error = None;
+                converged = false;
+                self.companion = None;
+            }
             if let Some(error) = outcome.error {
                 self.remembered = error;
             }
@@ -347,6 +367,17 @@ impl PathSolver {
             }
             return Ok(outcome);
         }
+    }
+
+    /// One step from `old`, the present state.
+    pub(super) fn solve(
+        &mut self,
+        old: &History,
+        commands: &[Command],
+        load: &Load,
+    ) -> PathOutcome {
+        self.last.begin(old, self.waited + self.duration);
+        self.last.solve(old, commands, load)
     }
 
     /// After a step without a solution: returns to `old`, and finds the nearest feasible
@@ -371,30 +402,45 @@ impl PathSolver {
         self.tendons().slack.fill(f64::NAN);
     }
 
-    /// The same robot at `old` with more elements, where a step from there needs them.
-    fn finer(&self, needed: usize, old: &History) -> Option<PathSolver> {
+    /// The same robot with more elements, where a step from `old` needs them: from the state
+    /// `before` of the companion, if that has more elements.
+    fn finer(
+        &mut self,
+        needed: usize,
+        old: &History,
+        before: Option<History>,
+    ) -> Option<PathSolver> {
         let enough = needed == self.solver().elements();
         if enough || !self.automatic || interrupt::interrupted() {
             return None;
         }
-        self.with_elements(needed, old)
+        if let Some(finer) = self.promoted(needed, before) {
+            return Some(finer);
+        }
+        let mut finer = self.with_elements(needed, old)?;
+        finer.companion = None;
+        Some(finer)
     }
 
-    /// The same robot at `now` with more elements; `None` where its home pose does not converge.
-    fn with_elements(&self, elements: usize, now: &History) -> Option<PathSolver> {
+    /// The same robot at `now` with other elements; `None` where its home pose does not converge.
+    pub(super) fn with_elements(&self, elements: usize, now: &History) -> Option<PathSolver> {
         let (solver, lines) = (self.solver(), &self.transmission().tendons.lines);
-        let mut finer = PathSolver::new(self.robot(), solver.model(), elements, lines)
-            .and_then(|finer| finer.with_inelasticity(&self.laws))
+        let mut other = PathSolver::new(self.robot(), solver.model(), elements, lines)
+            .and_then(|other| other.with_inelasticity(&self.laws))
             .ok()?;
-        finer.automatic = self.automatic;
+        other.automatic = self.automatic;
+        other.accompanied = self.accompanied;
         dispatch::check_path(self.robot(), elements, self.fitting, 1).ok()?;
-        finer.fitting = self.fitting;
-        finer.remembered = self.remembered;
-        (finer.duration, finer.waited) = (self.duration, self.waited);
-        let factor = elements / solver.elements();
-        finer.tendons().now = now.clone();
-        finer.tendons().now.strain = refine_to(now.strain.clone(), factor);
-        Some(finer)
+        other.fitting = self.fitting;
+        other.remembered = self.remembered;
+        (other.duration, other.waited) = (self.duration, self.waited);
+        let strain = with_elements(now.strain.clone(), solver.elements(), elements);
+        other.tendons().now = History {
+            strain,
+            ..now.clone()
+        };
+        other.last.settle_spans();
+        Some(other)
     }
 }
 
@@ -504,6 +550,7 @@ impl PathSolver {
             };
         }
         (self.remembered, self.waited) = (error, waited);
+        self.companion = None;
         let now = self.history().clone();
         self.last.begin(&now, 0.0);
         self.tendons().note_displacements();

@@ -4,7 +4,7 @@
 
 use crate::criteria::solve_regularised;
 use crate::outcome::PathOutcome;
-use crate::rod::estimate::{ErrorEstimate, Verdict};
+use crate::rod::estimate::{Correction, ErrorEstimate, Verdict};
 use crate::rod::responses::Sources;
 use crate::statics::path_step::PathStep;
 
@@ -13,37 +13,38 @@ use crate::statics::path_step::PathStep;
 const MEMORY_SAFETY: [f64; 2] = [1.5, 8.0];
 
 impl PathStep {
-    /// Estimates the discretisation error of the converged step, at least `remembered` with
-    /// memory: at the lengths held by displacement control, changes of tension compensate the
-    /// length errors. Returns the elements that the tolerances need.
+    /// Estimates the discretisation error of the converged step: from its differences to another
+    /// path, of tip (m) and tensions (N), if given, else from the defects of its elements. Returns
+    /// the elements that the tolerances need.
+    ///
+    /// `carried` is the error of the state before the step that the differences do not contain; the
+    /// estimate from defects is at least that. At the lengths held by displacement control, changes
+    /// of tension compensate the length errors.
     pub fn estimate_error(
         &mut self,
         outcome: &mut PathOutcome,
-        remembered: &ErrorEstimate,
+        differences: Option<[f64; 2]>,
+        carried: &ErrorEstimate,
     ) -> usize {
         let mut found = self.solver.engine.estimate();
-        let tendons = &self.transmission.tendons;
-        let (commands, tensions) = (&tendons.now.commands, &tendons.now.tensions);
-        let held: Vec<usize> = (0..commands.len())
-            .filter(|&i| commands[i].is_displacement() && tensions[i] > 0.0)
-            .collect();
-        let tautest = tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
-        let mut largest = 0.0;
-        if !held.is_empty() {
-            let changes = self.tension_errors(&held);
-            largest = changes.iter().fold(0.0, |a: f64, t| a.max(t.abs()));
-            if changes.iter().any(|t| !t.is_finite()) {
-                largest = f64::NAN;
-            }
-            let coefficients: Vec<f64> = std::iter::once(1.0).chain(changes).collect();
-            found.motion = self.solver.engine.correct(&coefficients);
-        }
         let memory = self.has_memory();
-        let safety = if memory { MEMORY_SAFETY } else { [1.0; 2] };
-        found.motion *= safety[0];
+        let largest = match differences {
+            Some([motion, tension]) => {
+                found.motion = motion;
+                tension
+            }
+            None => {
+                let safety = if memory { MEMORY_SAFETY } else { [1.0; 2] };
+                let largest = self.correct_tensions(&mut found);
+                found.motion *= safety[0];
+                largest * safety[1]
+            }
+        };
+        let tensions = &self.transmission.tendons.now.tensions;
+        let tautest = tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
         let verdict = Verdict::new(
             &found,
-            [largest * safety[1], tautest],
+            [largest, tautest],
             outcome.stable,
             self.solver.robot().length(),
             self.solver.elements(),
@@ -55,12 +56,36 @@ impl PathStep {
             let engine = &mut *self.solver.engine;
             error.tip += unloaded.neglected_motion(engine, arcs, found.compression);
         }
-        if memory {
-            error.tip = error.tip.max(remembered.tip);
-            error.tension = error.tension.max(remembered.tension);
+        if differences.is_some() {
+            error.tip += carried.tip;
+            error.tension += carried.tension;
+        } else if memory {
+            error.tip = error.tip.max(carried.tip);
+            error.tension = error.tension.max(carried.tension);
         }
         outcome.error = Some(error);
         verdict.needed
+    }
+
+    /// Adds the motion by the changes of tension that compensate the errors of the held lengths;
+    /// returns the largest of these changes (N).
+    fn correct_tensions(&mut self, found: &mut Correction<f64>) -> f64 {
+        let tendons = &self.transmission.tendons;
+        let (commands, tensions) = (&tendons.now.commands, &tendons.now.tensions);
+        let held: Vec<usize> = (0..commands.len())
+            .filter(|&i| commands[i].is_displacement() && tensions[i] > 0.0)
+            .collect();
+        if held.is_empty() {
+            return 0.0;
+        }
+        let changes = self.tension_errors(&held);
+        let mut largest = changes.iter().fold(0.0, |a: f64, t| a.max(t.abs()));
+        if changes.iter().any(|t| !t.is_finite()) {
+            largest = f64::NAN;
+        }
+        let coefficients: Vec<f64> = std::iter::once(1.0).chain(changes).collect();
+        found.motion = self.solver.engine.correct(&coefficients);
+        largest
     }
 
     /// Changes of tension that compensate the errors of the held lengths (N).

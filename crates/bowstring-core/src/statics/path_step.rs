@@ -43,6 +43,8 @@ const MAX_INCREMENTS: usize = 60;
 const FIRST_INCREMENT: f64 = 0.5;
 const INCREMENT_FACTORS: [f64; 2] = [1.5, 0.4];
 const LEAST_INCREMENT: f64 = 1e-3;
+/// Most Newton steps from the strain of other elements.
+const MAX_SETTLING: usize = 10;
 
 /// Solver and tendons of a path, at its last step.
 #[derive(Clone)]
@@ -294,6 +296,43 @@ impl PathStep {
             outcome.iterations += 1;
         }
         outcome
+    }
+
+    /// Measures the spans of the present state anew, at its tensions, friction and set: those of
+    /// other elements have other errors, which holes that stick would keep. Leaves them where that
+    /// does not converge.
+    pub fn settle_spans(&mut self) {
+        let now = self.transmission.tendons.now.clone();
+        let load = now.load.borrow();
+        self.start(&now, &now.commands, &load);
+        let (scale, symmetric) = (self.solver.settings.moment_scale, load.has_potential());
+        let engine = &mut *self.solver.engine;
+        self.transmission.tendons.apply(engine);
+        if let Some(unloaded) = &mut self.unloaded {
+            unloaded.hold(engine, &now);
+        }
+        for _ in 0..MAX_SETTLING {
+            if !engine.evaluate().is_finite() {
+                break;
+            }
+            if engine.gradient() <= TOLERANCE * scale {
+                engine.measure_spans(false);
+                let tendons = &mut self.transmission.tendons;
+                tendons.measure(engine);
+                let strain = &mut tendons.now.strain;
+                engine.strains(&mut |i, w| strain[i] = w);
+                return;
+            }
+            engine.linearise();
+            engine.eliminate(symmetric, 0.0);
+            let largest = engine.newton_step(symmetric).largest;
+            if !largest.is_finite() {
+                break;
+            }
+            engine.save();
+            engine.advance((MAX_STEP / largest).min(1.0));
+        }
+        self.transmission.tendons.now = now;
     }
 
     /// Sets the load, at the pose and tensions of the step before.

@@ -426,6 +426,9 @@ impl<S: Simd, const A: usize> Lanes<S, A> {
                     let (length, elements) = (settings[lane].length, Self::ELEMENTS);
                     let verdict = Verdict::new(&found, [0.0; 2], Some(true), length, elements);
                     let iterations = iterations[lane];
+                    if !verdict.error.is_bound() {
+                        continue;
+                    }
                     if !self.automatic || verdict.needed == elements {
                         outcomes[lane] = LaneOutcome::Solved(Outcome {
                             status: Status::Converged,

@@ -539,7 +539,7 @@ impl<S: Simd> PathLanes<S> {
             let tension = [changes[lane], tautest];
             let verdict = Verdict::new(&found, tension, Some(true), settings.length, 1);
             // finer elements are left to the path's own solver
-            let fine = !self.automatic[lane] || verdict.needed == 1;
+            let fine = verdict.error.is_bound() && (!self.automatic[lane] || verdict.needed == 1);
             let converged = progress.plain[lane] && progress.is_ready(lane);
             if lane < steps.len() && converged && fine && self.rod.collision(lane).is_none() {
                 outcomes[lane] = Some(PathOutcome {

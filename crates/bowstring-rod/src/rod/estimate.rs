@@ -24,6 +24,13 @@ pub struct ErrorEstimate {
     pub tension: f64,
 }
 
+impl ErrorEstimate {
+    /// Whether it bounds the error: the elements of a module that is bent too sharply have none.
+    pub fn is_bound(&self) -> bool {
+        self.tip.is_finite() && self.tension.is_finite()
+    }
+}
+
 /// Tolerance of the estimated error of the tip, over the robot's length, when elements are chosen.
 pub const TIP_TOLERANCE: f64 = 1e-5;
 /// Tolerance of the estimated error of tensions, over the largest tension.

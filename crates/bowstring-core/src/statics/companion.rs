@@ -1,0 +1,150 @@
+//! Stated errors of a path with a memory: the same path with other elements beside it.
+//!
+//! What a path with friction, a set or creep remembers has errors too, which enter the next step.
+//! No estimate of one step contains them. The companion takes every step from its own state, and
+//! the differences of both paths are their errors (Richardson extrapolation).
+//!
+//! Theory: docs/theory/actuation.md (Stated errors of a path).
+
+use crate::criteria::is_near;
+use crate::model::load::Load;
+use crate::outcome::PathOutcome;
+use crate::rod::estimate::ErrorEstimate;
+use crate::statics::path::PathSolver;
+use crate::statics::solver::Status;
+use crate::tendon::{Command, History};
+
+/// Most elements in a module.
+const MOST: usize = 8;
+/// Stated error over the difference from a path with twice as many elements, and from one with half
+/// as many, over the safety factor of the verdict. Elements are of fourth order, so that these
+/// differences are 15/16 and 15 times the error; stick and slip make single steps differ.
+const OVER_FINER: f64 = 2.0 / 3.0;
+const OVER_COARSER: f64 = 0.25 / 3.0;
+/// Error of the state of a path with twice as many elements, over the stated error.
+const OF_FINER: f64 = 0.125;
+
+/// The same path with other elements.
+#[derive(Clone)]
+pub(super) struct Companion {
+    pub path: PathSolver,
+    /// Stated error of the state from which it started.
+    pub inherited: ErrorEstimate,
+}
+
+impl PathSolver {
+    /// Takes a companion from the present state, if the path has a memory; with `least` elements or
+    /// more.
+    pub(super) fn accompany(&mut self, least: usize) {
+        if !(self.accompanied && self.has_memory()) {
+            return;
+        }
+        let elements = match self.solver().elements() {
+            MOST => MOST / 2,
+            elements => 2 * elements,
+        };
+        let elements_of = |companion: &Companion| companion.path.solver().elements();
+        if self.companion.as_deref().map(elements_of) == Some(elements) {
+            return;
+        }
+        self.companion = None;
+        if elements < least {
+            return;
+        }
+        let now = self.history().clone();
+        if let Some(mut path) = self.with_elements(elements, &now) {
+            path.automatic = false;
+            path.accompanied = false;
+            self.companion = Some(Box::new(Companion {
+                path,
+                inherited: self.remembered,
+            }));
+        }
+    }
+
+    /// States the error of a converged step, and returns the elements that the tolerances need, with
+    /// the state of the companion before the step.
+    pub(super) fn state_error(
+        &mut self,
+        outcome: &mut PathOutcome,
+        commands: &[Command],
+        load: &Load,
+    ) -> (usize, Option<History>) {
+        let Some(mut companion) = self.companion.take() else {
+            let remembered = self.remembered;
+            return (self.last.estimate_error(outcome, None, &remembered), None);
+        };
+        let before = companion.path.history().clone();
+        (companion.path.duration, companion.path.waited) = (self.duration, self.waited);
+        let commands = companion.path.tendons().driven(commands);
+        let found = companion.path.solve(&before, &commands, load);
+        if found.status != Status::Converged {
+            // with other elements there is no solution: the next step starts with a new companion
+            let remembered = self.remembered;
+            let needed = self.last.estimate_error(outcome, None, &remembered);
+            return (needed, None);
+        }
+        let mut differences = self.differences(&companion.path);
+        let (own, other) = (self.solver().elements(), companion.path.solver().elements());
+        let apart = ErrorEstimate {
+            tip: differences[0],
+            tension: differences[1],
+        };
+        // paths on two branches say nothing of their order
+        let near = is_near(&apart, Some(true), self.robot().length());
+        let share = if other < own && near {
+            OVER_COARSER
+        } else {
+            OVER_FINER
+        };
+        differences = differences.map(|x| share * x);
+        let inherited = companion.inherited;
+        let needed = self
+            .last
+            .estimate_error(outcome, Some(differences), &inherited);
+        self.companion = Some(companion);
+        (needed, Some(before))
+    }
+
+    /// Largest distance of a disk (m) and of a tension (N) between two paths.
+    fn differences(&self, other: &PathSolver) -> [f64; 2] {
+        let (own, others) = (&self.solver().engine, &other.solver().engine);
+        let apart = |k| (own.disk(k).position - others.disk(k).position).norm();
+        let tensions = self.history().tensions.iter();
+        let changes = tensions.zip(&other.history().tensions);
+        let largest = |a: f64, x: f64| if x > a || x.is_nan() { x } else { a };
+        [
+            (0..self.robot().module_count())
+                .map(apart)
+                .fold(0.0, largest),
+            changes.map(|(a, b)| (a - b).abs()).fold(0.0, largest),
+        ]
+    }
+
+    /// The path of the companion with `needed` elements, from its state `before` the step, if it has
+    /// more elements than this.
+    pub(super) fn promoted(
+        &mut self,
+        needed: usize,
+        before: Option<History>,
+    ) -> Option<PathSolver> {
+        let (companion, before) = (self.companion.take()?, before?);
+        let mut path = companion.path;
+        if path.solver().elements() < self.solver().elements() {
+            return None;
+        }
+        if path.solver().elements() < needed {
+            path = path.with_elements(needed, &before)?;
+        } else {
+            path.tendons().now = before;
+        }
+        path.automatic = self.automatic;
+        path.accompanied = self.accompanied;
+        path.remembered = ErrorEstimate {
+            tip: OF_FINER * self.remembered.tip,
+            tension: OF_FINER * self.remembered.tension,
+        };
+        (path.duration, path.waited) = (self.duration, self.waited);
+        Some(path)
+    }
+}
