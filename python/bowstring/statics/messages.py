@@ -38,8 +38,8 @@ def discretisation(
 ) -> str:
     """Warn if the discretisation error is above the tolerance of adaptive elements, else "".
 
-    ``error`` is that of the tip in m and of tensions in N; `path` says whether it is that of a path,
-    which is followed with two numbers of elements.
+    ``error`` is that of the tip in m and of tensions in N; `path` says whether it is that of a
+    path with a memory, which is followed with two numbers of elements.
     """
     largest = float(np.nanmax(tensions, initial=0.0))
     of_tip, of_tension = error
@@ -51,7 +51,7 @@ def discretisation(
     what = " and ".join(parts)
     if path and of_tip > _ANOTHER_BRANCH * length:
         return (
-            f" The path may have turned to another branch: with another number of elements than the "
+            " The path may have turned to another branch: with another number of elements than "
             f"{elements} per module it is elsewhere, the {what}. Take smaller steps."
         )
     cure = "" if elements == 8 else " Leave the number of elements out, or take more."
@@ -117,7 +117,8 @@ def of_tensions(found: Any, advice: str = "") -> str:
         case _ if found.residual <= _CONVERGED and found.fraction == 1:
             return (
                 "No equilibrium was resolved: the backbone bends too sharply between two disks for "
-                f"an error to be stated, with as many elements as there are. {advice}Lower the load."
+                "an error to be stated, with as many elements as there are. "
+                f"{advice}Lower the load."
             )
         case _:
             share = found.fraction

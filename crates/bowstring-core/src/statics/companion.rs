@@ -98,7 +98,12 @@ impl PathSolver {
             OVER_FINER
         };
         differences = differences.map(|x| share * x);
-        let inherited = companion.inherited;
+        // the course of a kept curvature is in no difference, and outlasts the bend
+        let inherited = if self.last.unloaded.is_some() {
+            self.remembered
+        } else {
+            companion.inherited
+        };
         let needed = self
             .last
             .estimate_error(outcome, Some(differences), &inherited);
@@ -140,10 +145,11 @@ impl PathSolver {
         }
         path.automatic = self.automatic;
         path.accompanied = self.accompanied;
-        path.remembered = ErrorEstimate {
-            tip: OF_FINER * self.remembered.tip,
-            tension: OF_FINER * self.remembered.tension,
-        };
+        path.remembered = self.remembered;
+        if path.last.unloaded.is_none() {
+            path.remembered.tip *= OF_FINER;
+            path.remembered.tension *= OF_FINER;
+        }
         (path.duration, path.waited) = (self.duration, self.waited);
         Some(path)
     }

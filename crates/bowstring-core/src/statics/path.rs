@@ -511,7 +511,9 @@ impl PathSolver {
         let elements = LEVELS.into_iter().find(|e| 2 * e * n == strain.len());
         if let (true, Some(elements)) = (self.automatic, elements) {
             if elements > self.solver().elements() {
-                if let Some(finer) = self.with_elements(elements, &now) {
+                if let Some(mut finer) = self.with_elements(elements, &now) {
+                    // they are those of the stored elements
+                    finer.tendons().now.spans.clone_from(&now.spans);
                     *self = finer;
                 }
             }

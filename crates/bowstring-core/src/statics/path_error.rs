@@ -17,8 +17,8 @@ impl PathStep {
     /// path, of tip (m) and tensions (N), if given, else from the defects of its elements. Returns
     /// the elements that the tolerances need.
     ///
-    /// `carried` is the error of the state before the step that the differences do not contain; the
-    /// estimate from defects is at least that. At the lengths held by displacement control, changes
+    /// `carried` is the error of the state before the step that is in neither; with a memory the
+    /// estimate is at least that. At the lengths held by displacement control, changes
     /// of tension compensate the length errors.
     pub fn estimate_error(
         &mut self,
@@ -56,10 +56,7 @@ impl PathStep {
             let engine = &mut *self.solver.engine;
             error.tip += unloaded.neglected_motion(engine, arcs, found.compression);
         }
-        if differences.is_some() {
-            error.tip += carried.tip;
-            error.tension += carried.tension;
-        } else if memory {
+        if memory || differences.is_some() {
             error.tip = error.tip.max(carried.tip);
             error.tension = error.tension.max(carried.tension);
         }
