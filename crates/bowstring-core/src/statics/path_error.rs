@@ -13,8 +13,8 @@ use crate::statics::path_step::PathStep;
 const MEMORY_SAFETY: [f64; 2] = [1.5, 8.0];
 
 impl PathStep {
-    /// Estimates the discretisation error of the converged step: from its differences to another
-    /// path, of tip (m) and tensions (N), if given, else from the defects of its elements. Returns
+    /// Estimates the discretisation error of the converged step: from the defects of its
+    /// elements, and from its differences to another path, of tip (m) and tensions (N), if given. Returns
     /// the elements that the tolerances need.
     ///
     /// `carried` is the error of the state before the step that is in neither; with a memory the
@@ -30,8 +30,11 @@ impl PathStep {
         let memory = self.has_memory();
         let largest = match differences {
             Some([motion, tension]) => {
-                found.motion = motion;
-                tension
+                // more elements do not reduce all errors: averages of shear and extension remain
+                let own = self.correct_tensions(&mut found);
+                let largest = |own: f64, x: f64| if own.is_finite() { own.max(x) } else { x };
+                found.motion = largest(found.motion, motion);
+                largest(own, tension)
             }
             None => {
                 let safety = if memory { MEMORY_SAFETY } else { [1.0; 2] };
