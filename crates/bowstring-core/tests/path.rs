@@ -1064,3 +1064,25 @@ fn stated_errors_of_paths_cover_those_that_the_path_carries() {
     println!("{covered} of {count} covered, {close} within 30 times");
     assert!(covered * 100 >= count * 99 && close * 10 >= count * 9);
 }
+
+/// Many holes that change between stick and slip at displacements without an equilibrium: the step
+/// ends at its bound of work, which lets a step that converges be.
+#[test]
+fn work_of_a_step_is_bounded() {
+    let robot = study_robot(100, 0.0);
+    let lines = vec![
+        Line {
+            friction: 0.5,
+            ..Line::default()
+        };
+        3
+    ];
+    let mut path = PathSolver::new(&robot, Model::default(), 1, &lines).unwrap();
+    let load = by_tensions(&[0.0; 3]);
+    let outcome = step(&mut path, &displacements(&[0.08, 0.08, -0.08]), &load);
+    assert_eq!(outcome.status, Status::MaxIterations);
+    // 407 by the limit of iterations alone
+    assert!(outcome.iterations < 300, "{}", outcome.iterations);
+    let outcome = step(&mut path, &displacements(&[0.02, -0.01, -0.01]), &load);
+    assert_eq!(outcome.status, Status::Converged);
+}

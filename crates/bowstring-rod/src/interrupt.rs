@@ -1,8 +1,9 @@
-//! Interruption of long work by the caller.
+//! Interruption of long work by the caller, and bounds of the work of one answer.
 //!
 //! Loops count their work with [`work`]; after each `QUANTUM` of it the caller of [`watched`] is
-//! polled for an interruption. Between two polls, counting costs a subtraction. Interrupted work
-//! ends early, as if it had not converged, and its results must not be used.
+//! polled for an interruption. Between two polls, counting costs an addition. Interrupted work
+//! ends early, as if it had not converged, and its results must not be used. Work beyond the bound
+//! of [`bounded`] ends in the same way; that it did not converge is its result.
 #![warn(missing_docs)]
 
 use std::cell::{Cell, RefCell};
@@ -13,7 +14,7 @@ use std::sync::{
 };
 
 /// Work between two polls, in units of [`work`]: about a millisecond.
-const QUANTUM: i64 = 1 << 16;
+const QUANTUM: u64 = 1 << 16;
 
 /// What is polled for an interruption.
 #[derive(Clone)]
@@ -36,8 +37,12 @@ impl Poll {
 }
 
 thread_local! {
-    /// Work left until the next poll; negative after an interruption.
-    static LEFT: Cell<i64> = const { Cell::new(i64::MAX) };
+    /// Work until now, and the amounts at which the caller is polled and the bound is reached.
+    static SPENT: Cell<u64> = const { Cell::new(0) };
+    static NEXT_POLL: Cell<u64> = const { Cell::new(u64::MAX) };
+    static BOUND: Cell<u64> = const { Cell::new(u64::MAX) };
+    /// The lesser of both.
+    static NEXT: Cell<u64> = const { Cell::new(u64::MAX) };
     static INTERRUPTED: Cell<bool> = const { Cell::new(false) };
     static POLL: RefCell<Option<Poll>> = const { RefCell::new(None) };
 }
@@ -63,39 +68,61 @@ pub fn watched<T>(ask: fn() -> bool, work: impl FnOnce() -> T) -> Result<T, Inte
 
 /// State of the enclosing work, restored when this work is done.
 struct Outer {
-    left: i64,
+    spent: u64,
+    next_poll: u64,
+    bound: u64,
     interrupted: bool,
     poll: Option<Poll>,
 }
 
 impl Outer {
     fn replace(poll: Option<Poll>) -> Self {
-        Outer {
-            left: LEFT.replace(if poll.is_some() { QUANTUM } else { i64::MAX }),
+        let next_poll = if poll.is_some() { QUANTUM } else { u64::MAX };
+        let outer = Outer {
+            spent: SPENT.replace(0),
+            next_poll: NEXT_POLL.replace(next_poll),
+            bound: BOUND.replace(u64::MAX),
             interrupted: INTERRUPTED.replace(false),
             poll: POLL.replace(poll),
-        }
+        };
+        set_next();
+        outer
     }
 }
 
 impl Drop for Outer {
     fn drop(&mut self) {
-        LEFT.set(self.left);
+        SPENT.set(self.spent);
+        NEXT_POLL.set(self.next_poll);
+        BOUND.set(self.bound);
         INTERRUPTED.set(self.interrupted);
         POLL.replace(self.poll.take());
+        set_next();
     }
+}
+
+fn set_next() {
+    NEXT.set(NEXT_POLL.get().min(BOUND.get()));
 }
 
 /// Counts work of about ten nanoseconds a unit; true if it must end.
 #[inline]
 pub fn work(units: usize) -> bool {
-    let left = LEFT.get() - units as i64;
-    LEFT.set(left);
-    left < 0 && poll()
+    let spent = SPENT.get().saturating_add(units as u64);
+    SPENT.set(spent);
+    spent > NEXT.get() && must_end_now()
 }
 
-/// Polls now; true if the work on this thread must end.
+/// Polls if it is time; true if the work on this thread must end.
 #[cold]
+fn must_end_now() -> bool {
+    if SPENT.get() > NEXT_POLL.get() {
+        poll();
+    }
+    must_end()
+}
+
+/// Polls now; true if the work on this thread was interrupted.
 fn poll() -> bool {
     if INTERRUPTED.get() {
         return true;
@@ -104,8 +131,33 @@ fn poll() -> bool {
     let current = POLL.with_borrow(|poll| poll.clone());
     let interrupted = current.is_some_and(|poll| poll.check());
     INTERRUPTED.set(interrupted);
-    LEFT.set(if interrupted { -1 } else { QUANTUM });
+    // after an interruption the next work ends at once
+    let wait = if interrupted { 0 } else { QUANTUM };
+    NEXT_POLL.set(SPENT.get().saturating_add(wait));
+    set_next();
     interrupted
+}
+
+/// Whether the work on this thread must end: it was interrupted, or has reached its bound.
+#[inline]
+pub fn must_end() -> bool {
+    INTERRUPTED.get() || SPENT.get() > BOUND.get()
+}
+
+/// Bounds the work on this thread, as long as the answer lives, to so many units from now; not
+/// beyond a bound that is there.
+pub fn bounded(units: usize) -> impl Drop {
+    struct Bounded(u64);
+    impl Drop for Bounded {
+        fn drop(&mut self) {
+            BOUND.set(self.0);
+            set_next();
+        }
+    }
+    let outer = BOUND.get();
+    BOUND.set(outer.min(SPENT.get().saturating_add(units as u64)));
+    set_next();
+    Bounded(outer)
 }
 
 /// Whether the work on this thread was interrupted.
@@ -130,9 +182,10 @@ impl Shared {
 
     /// Lets the calling thread share the interruption flag until it ends.
     pub fn join(&self) {
-        LEFT.set(QUANTUM);
+        NEXT_POLL.set(SPENT.get() + QUANTUM);
         INTERRUPTED.set(false);
         POLL.replace(Some(Poll::Flag(self.flag.clone())));
+        set_next();
     }
 
     /// Guard that notifies the waiting thread when the work is done.
@@ -194,8 +247,31 @@ mod tests {
         });
         assert_eq!(done, Err(Interrupted));
         assert_eq!(POLLED.get(), 3);
-        assert!((2 * QUANTUM..4 * QUANTUM).contains(&units), "{units}");
+        assert!(
+            (2 * QUANTUM..4 * QUANTUM).contains(&(units as u64)),
+            "{units}"
+        );
         assert!(!interrupted() && !work(usize::MAX >> 4));
+    }
+
+    #[test]
+    fn work_ends_at_its_bound() {
+        let units = || (0..1_000_000).take_while(|_| !work(1)).count();
+        {
+            let _outer = bounded(1000);
+            {
+                let _inner = bounded(100);
+                assert_eq!(units(), 100);
+                assert!(work(1) && must_end() && !interrupted());
+            }
+            let _longer = bounded(100_000);
+            assert!(!must_end());
+            assert_eq!(units(), 898);
+            // other work has its own bounds
+            assert_eq!(watched(|| false, units), Ok(1_000_000));
+            assert!(work(1));
+        }
+        assert_eq!(units(), 1_000_000);
     }
 
     #[test]

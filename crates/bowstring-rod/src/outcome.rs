@@ -19,7 +19,8 @@ const EIGENVALUE_NOISE: f64 = 1e-14;
 pub enum Status {
     /// The residual is below the tolerance, at a minimum of the energy where it exists.
     Converged,
-    /// The residual stayed above the tolerance, or the largest number of elements bounds no error.
+    /// The residual stayed above the tolerance within the bounds of iterations and work, or the
+    /// largest number of elements bounds no error.
     MaxIterations,
     /// An equilibrium was found, but no stable one.
     Unstable,

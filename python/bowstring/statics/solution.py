@@ -90,9 +90,9 @@ class Solution:
     ----------
     robot : Robot
     status : str
-        ``"converged"``, or the reason of failure: ``"max_iterations"``, ``"unstable"`` (only an
-        unstable equilibrium was found), ``"no_equilibrium"`` (disks collide, or the displacements
-        conflict).
+        ``"converged"``, or the reason of failure: ``"max_iterations"`` (within the bounds of
+        iterations and work), ``"unstable"`` (only an unstable equilibrium was found),
+        ``"no_equilibrium"`` (disks collide, or the displacements conflict).
     converged : bool
     stable : bool or None
         Whether the potential energy has a minimum, given the commands of the tendons. Under a

@@ -337,6 +337,7 @@ impl PathSolver {
             *self = finer;
         }
         loop {
+            let _bounded = interrupt::bounded(self.last.most_work());
             let old = self.history().clone();
             self.accompany(least);
             let mut outcome = self.solve(&old, commands, load);

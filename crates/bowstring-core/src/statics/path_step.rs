@@ -43,6 +43,12 @@ const MAX_INCREMENTS: usize = 60;
 const FIRST_INCREMENT: f64 = 0.5;
 const INCREMENT_FACTORS: [f64; 2] = [1.5, 0.4];
 const LEAST_INCREMENT: f64 = 1e-3;
+/// Most work of one step of the path, in units of [`interrupt::work`] (about a second); but at
+/// least that of so many Newton steps with all unknowns.
+const MOST_WORK: usize = 100_000_000;
+const LEAST_STEPS: usize = 60;
+/// Eliminations of the unknowns in a Newton step with friction, about.
+const ELIMINATIONS: usize = 8;
 /// Most Newton steps from the strain of other elements.
 const MAX_SETTLING: usize = 10;
 
@@ -159,6 +165,19 @@ impl PathStep {
         }
     }
 
+    /// Most work of a step, in units of [`interrupt::work`].
+    pub fn most_work(&self) -> usize {
+        let transmission = &self.transmission;
+        let most = transmission.tendons.lines.len() + transmission.most_holes();
+        let eliminations = ELIMINATIONS * most.pow(3) / 96;
+        MOST_WORK.max(LEAST_STEPS * (self.work(most) + eliminations))
+    }
+
+    /// Work of a Newton step apart from the elimination of the unknowns, of that number.
+    fn work(&self, unknowns: usize) -> usize {
+        self.solver.settings.work * (2 + unknowns)
+    }
+
     /// Solves for the load directly, or by load stepping where that fails; after `begin`.
     pub fn solve(&mut self, old: &History, commands: &[Command], load: &Load) -> PathOutcome {
         let first = self.newton(old, commands, load);
@@ -185,7 +204,7 @@ impl PathStep {
             let now = if share == 1.0 { load } else { &part };
             let found = self.newton(&from, &part_commands, now);
             iterations += found.iterations;
-            if iterations > MOST_ITERATIONS || interrupt::interrupted() {
+            if iterations > MOST_ITERATIONS || interrupt::must_end() {
                 break;
             }
             if found.status == Status::Converged {
@@ -232,9 +251,9 @@ impl PathStep {
         };
         // friction has no potential, but a buckled column is detected all the same
         let stable = (!self.tangent_is_partial()).then_some(true);
-        let work = self.solver.settings.work * (2 + self.transmission.unknowns.problem.size);
         for step in 0..=MAX_STEPS {
             self.follow_strain(old);
+            let work = self.work(self.transmission.unknowns.problem.size);
             if interrupt::work(work) || !self.solver.engine.evaluate().is_finite() {
                 return outcome;
             }
@@ -263,7 +282,7 @@ impl PathStep {
                 return self.finish(outcome, load);
             }
             let solved = self.solve_unknowns(old, &state, kept);
-            if interrupt::interrupted() {
+            if interrupt::must_end() {
                 return outcome;
             }
             if self.is_indefinite(&state) {

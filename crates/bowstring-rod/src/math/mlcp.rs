@@ -385,7 +385,7 @@ impl Complementarity {
 pub fn eliminate(a: &mut [f64], m: usize) -> bool {
     let width = a.len().checked_div(m).unwrap_or(0);
     for column in 0..m {
-        if interrupt::work((m - column) * (width - column) / 8) {
+        if interrupt::work((m - column) * (width - column) / 32) {
             return false;
         }
         let size = |row: usize| a[row * width + column].abs();
