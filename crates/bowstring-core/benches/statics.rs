@@ -6,7 +6,8 @@ mod common;
 
 use bowstring_core::model::load::{Load, Model, RodModel, Theory};
 use bowstring_core::statics::adaptive::Adaptive;
-use bowstring_core::statics::batch::{solve_batch, Loads};
+use bowstring_core::statics::batch::solve_batch;
+use bowstring_core::statics::loads::Loads;
 use bowstring_core::statics::solver::{Solver, Status};
 use common::study_robot;
 use criterion::{criterion_group, criterion_main, Criterion};

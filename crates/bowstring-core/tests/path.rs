@@ -5,7 +5,7 @@ mod common;
 use bowstring_core::math::linalg::Vec3;
 use bowstring_core::model::load::{Load, Model, RodModel, Theory};
 use bowstring_core::model::robot::{Robot, Tendon};
-use bowstring_core::statics::batch::Loads;
+use bowstring_core::statics::loads::Loads;
 use bowstring_core::statics::path::{Command, History, Line, PathOutcome, PathSolver};
 use bowstring_core::statics::path_batch::{
     commands, follow, follow_designs, solve_each, Designs, PathSolutions, Steps,

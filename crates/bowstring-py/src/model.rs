@@ -5,7 +5,7 @@ use bowstring_core::memory;
 use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::model::load::{OwnedLoad, PointLoad, TendonPath, Theory};
 use bowstring_core::model::robot::{Disk, Payload, Profile, Robot, RobotSpec, Section, Tendon};
-use bowstring_core::statics::batch::Loads;
+use bowstring_core::statics::loads::Loads;
 use bowstring_core::statics::path::Line;
 use numpy::{
     PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArrayDyn, PyUntypedArray,

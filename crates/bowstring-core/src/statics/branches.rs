@@ -10,7 +10,9 @@ use crate::model::load::RodModel;
 use crate::model::robot::Robot;
 use crate::outcome::Outcome;
 pub use crate::statics::continuation::LoadPath;
-use crate::statics::continuation::{Curve, Plane, Side, State, Vector};
+use crate::statics::continuation::{
+    Curve, Plane, Side, State, Vector, LEAST_STEP, STRAIGHT, STRETCH,
+};
 use crate::statics::deflation;
 pub use crate::statics::events::EventKind;
 use crate::statics::events::{leaving, Located, Step};
@@ -18,8 +20,7 @@ use crate::statics::family::{self, Fate};
 use crate::statics::solver::{Solver, Status};
 use std::collections::VecDeque;
 
-/// Least length of a step, and first length over the largest one.
-pub(super) const LEAST_STEP: f64 = 1e-6;
+/// First length of a step over the largest one.
 const FIRST_STEP: f64 = 0.2;
 /// Newton steps of a correction up to which the next step is longer, or from which it is shorter.
 const FEW_CORRECTIONS: usize = 3;
@@ -28,11 +29,6 @@ const MANY_CORRECTIONS: usize = 5;
 const LONGER: f64 = 1.5;
 const SHORTER: f64 = 0.6;
 const FAILED: f64 = 0.4;
-/// Least cosine of the angle between tangents at the ends of a step: beyond it, the step may have
-/// gone to another branch.
-pub(super) const STRAIGHT: f64 = 0.93;
-/// Largest distance of the ends of a step over its length.
-pub(super) const STRETCH: f64 = 1.1;
 /// Longest step where a branch is straight, over the range of the load.
 const LONGEST_STEP: f64 = 0.01;
 /// Rotation and turn of the tangent, over the length of a step, below which the branch is straight.

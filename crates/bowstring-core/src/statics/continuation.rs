@@ -14,6 +14,14 @@ use crate::model::robot::Robot;
 use crate::rod::estimate::Verdict;
 use crate::statics::solver::Solver;
 
+/// Least length of a step along a branch.
+pub(super) const LEAST_STEP: f64 = 1e-6;
+/// Least cosine of the angle between tangents at the ends of a step: beyond it, the step may have
+/// gone to another branch.
+pub(super) const STRAIGHT: f64 = 0.93;
+/// Largest distance of the ends of a step over its length.
+pub(super) const STRETCH: f64 = 1.1;
+
 /// Most Newton steps of a correction.
 const MAX_CORRECTIONS: usize = 10;
 /// Largest change of an arc's rotation vector in a step of a correction (rad).

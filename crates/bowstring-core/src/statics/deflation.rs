@@ -8,8 +8,9 @@
 use crate::criteria::TOLERANCE;
 use crate::interrupt;
 use crate::math::linalg::Vec3;
-use crate::statics::branches::{LEAST_STEP, STRAIGHT, STRETCH};
-use crate::statics::continuation::{Curve, Plane, Side, State, Vector};
+use crate::statics::continuation::{
+    Curve, Plane, Side, State, Vector, LEAST_STEP, STRAIGHT, STRETCH,
+};
 
 /// Most steps from one start.
 const MAX_STEPS: usize = 20;

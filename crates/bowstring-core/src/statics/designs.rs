@@ -14,7 +14,8 @@ use crate::model::robot::Robot;
 #[cfg(target_arch = "x86_64")]
 use crate::statics::adaptive::refine_to;
 use crate::statics::adaptive::Adaptive;
-use crate::statics::batch::{for_each, thread_count, Chunk, Loads, Solutions};
+use crate::statics::batch::{for_each, thread_count, Chunk, Solutions};
+use crate::statics::loads::Loads;
 
 /// Robots that one thread takes at a time: a multiple of the lanes.
 pub(super) const ROBOTS: usize = 8;

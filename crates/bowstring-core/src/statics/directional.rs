@@ -15,7 +15,7 @@ use crate::model::error::InputError;
 use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::Robot;
 use crate::outcome::Settings;
-use crate::statics::batch::Loads;
+use crate::statics::loads::Loads;
 use crate::statics::newton::LEAST_PIVOT;
 
 /// Newton steps that take the equilibrium of a solver from its tolerance to rounding.

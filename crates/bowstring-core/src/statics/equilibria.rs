@@ -10,7 +10,8 @@ use crate::model::load::{Load, OwnedLoad, RodModel, TendonPath, LEVELS};
 use crate::model::robot::Robot;
 use crate::outcome::{Outcome, Settings};
 use crate::statics::adaptive::Adaptive;
-use crate::statics::batch::{for_each, solve_and_differentiate, too_many, Loads, Solutions};
+use crate::statics::batch::{for_each, solve_and_differentiate, too_many, Solutions};
+use crate::statics::loads::Loads;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 

@@ -4,8 +4,7 @@
 //! Theory: docs/theory/statics.md (Search for all equilibria).
 
 use crate::interrupt;
-use crate::statics::branches::STRAIGHT;
-use crate::statics::continuation::{Curve, Plane, State, Vector};
+use crate::statics::continuation::{Curve, Plane, State, Vector, STRAIGHT};
 
 /// Motion along the direction of the softest mode by the scaled load, from which a point is on a
 /// family that the load does not keep: elsewhere it is of the order of one.

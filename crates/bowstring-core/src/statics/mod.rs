@@ -17,6 +17,7 @@ mod family;
 pub mod hysteresis;
 pub mod inelastic;
 pub mod inverse;
+pub mod loads;
 mod nearest;
 mod newton;
 pub mod path;

@@ -7,7 +7,7 @@ use crate::lanes::polynomial::{Basis, Input, Number, StartPolynomial, Values};
 use crate::math::mlcp::eliminate;
 use crate::math::real::Real;
 use crate::model::load::Load;
-use crate::statics::batch::Loads;
+use crate::statics::loads::Loads;
 
 /// Most terms: evaluating more takes longer than the Newton steps that it saves.
 const MOST_TERMS: usize = 84;

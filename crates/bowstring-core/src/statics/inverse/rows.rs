@@ -7,7 +7,8 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::model::error::InputError;
 use crate::model::load::RodModel;
 use crate::model::robot::Robot;
-use crate::statics::batch::{for_each, thread_count, Loads};
+use crate::statics::batch::{for_each, thread_count};
+use crate::statics::loads::Loads;
 use crate::statics::solver::Pose;
 
 /// Inverses as flat arrays, row by row; SI units, base frame. Rows without equilibrium hold NaN.
