@@ -437,6 +437,54 @@ def test_swapped_tendons_are_named(shell: Shell, tmp_path: Path) -> None:
         assert json.loads(out)["warnings"] == [*robot.warnings, warning]
 
 
+def shifted(folder: Path) -> str:
+    """The example's table in another frame: tips 100 mm beside."""
+
+    def moved(rows: list[str]) -> list[str]:
+        cells = [row.split(",") for row in rows]
+        for row in cells[1:]:
+            row[3] = str(float(row[3]) + 100.0)
+        return [",".join(row) for row in cells]
+
+    return table(folder, moved)
+
+
+def test_a_result_in_doubt_is_written_by_force_alone(shell: Shell, tmp_path: Path) -> None:
+    out = tmp_path / "fit"
+    call = of("--measurements", shifted(tmp_path), *UPRIGHT, "--parameter", E)
+    code, text, err = shell(*call)
+    assert code == 0 and not err and "Calibrated robot" not in text
+    first = " ".join(text.split())
+    assert first.startswith("Check the result. The residuals are mostly a rigid offset")
+    code, text, err = shell(*call, "--out", str(out))
+    assert code == 1 and "Converged." in text and not out.exists()
+    assert err.startswith("Error: amouri2019: nothing is written") and err.count("\n") == 1
+    assert "--force writes it nevertheless. The residuals are mostly a rigid offset" in err
+    got = shell.json(*call, "--out", str(out), code=1)
+    assert got["converged"] and got["folder"] is None and not out.exists()
+    assert any("rigid offset" in each for each in got["warnings"])
+    code, text, err = shell(*call, "--out", str(out), "--force")
+    assert code == 0 and "Calibrated robot" in text
+    header = (out / "robot.yaml").read_text(encoding="utf-8").splitlines()
+    assert header[0].startswith("# In doubt: The residuals are mostly a rigid offset")
+    # with its base it needs no force
+    whole = shell.json(*call, "--parameter", "base", "--out", str(tmp_path / "whole"))
+    assert whole["folder"] and not any("offset" in each for each in whole["warnings"])
+
+
+def test_doubts_of_the_commands_count_too(robot: Robot) -> None:
+    rng = np.random.default_rng(1)
+    tensions = rng.uniform(0, 30, (30, 3)) * (rng.random((30, 3)) < 0.6)
+    made = synthetic.simulate(robot, **bench(tensions=tensions, unload=False))
+    assert not calibrate(robot, made, ["base"]).doubts
+    swapped = replace(made, tensions=made.tensions[:, [0, 2, 1]])
+    assert "tendons 2 and 3" in calibrate(robot, swapped, ["base"]).doubts[0]
+    few = replace(made, left_out=9, below_zero=9, least_tension=-1.0)
+    assert "are biased" in calibrate(robot, few, ["base"]).doubts[0]
+    others = replace(made, left_out=9)
+    assert others.doubt and not calibrate(robot, others, ["base"]).doubts
+
+
 def test_a_mistyped_row_is_named_and_hardly_counts(shell: Shell, tmp_path: Path) -> None:
     def mistyped(rows: list[str]) -> list[str]:
         cells = rows[9].split(",")

@@ -73,8 +73,9 @@ def write_fit(
     found, data = calibration.fit, calibration.data
     hashed = "" if data.sha256 is None else f", SHA-256 {data.sha256}"
     lines = [
+        *[f"In doubt: {each}" for each in calibration.doubts],
         f"Calibrated by Bowstring ({found.model}) on {data.source} data: {data.name}{hashed}",
-        found.message,
+        found.message.removeprefix(" ".join(found.doubts)),
         *[f"Not part of a robot file: {each}" for each in calibration.elsewhere],
         *([f"{BESIDE} has these for bowstring fit --start"] if calibration.elsewhere else []),
     ]

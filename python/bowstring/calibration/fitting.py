@@ -149,6 +149,10 @@ class Fit:
         they are not noise, and intervals and correlations allow for it. NaN with too few rows.
     converged : bool
     message : str
+        How the fit ended, and how reliable its numbers are; begins with `doubts`.
+    doubts : tuple of str
+        Sentences that say why the result itself is not to be believed, as a base that is missing.
+        Empty without a doubt.
     evaluations : int
         Passes over all rows.
     unsolved : int
@@ -175,6 +179,7 @@ class Fit:
     autocorrelation: float
     converged: bool
     message: str
+    doubts: tuple[str, ...]
     evaluations: int
     unsolved: int
     linear: Linear
@@ -393,7 +398,7 @@ def fit(
     Returns
     -------
     Fit
-        Result; check `converged`, `message` and `not_identifiable` first.
+        Result; check `converged`, `doubts`, `message` and `not_identifiable` first.
 
     Raises
     ------
@@ -624,6 +629,9 @@ def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit
         excess if excess > _EXCESS and excess_p < NOISE else None,
         _correlated_pair([item.name for item in items], correlation),
     )
+    converged = found.status > 0 and not (lost or stuck or astray)
+    doubts = () if astray else tuple(each for each in [_rigid_offset(work, at)] if each)
+    said = [*doubts, message] if converged else [message, *doubts]
     return Fit(
         model="arc" if work.model.rod is None else "rod",
         robot=at.setting.robot,
@@ -641,8 +649,9 @@ def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit
         noise=1e-3 * spread(residuals, fitted),
         excess=excess,
         autocorrelation=dependence.correlation,
-        converged=found.status > 0 and not (lost or stuck or astray),
-        message=message + ("" if astray else _rigid_offset(work, at)) + _left_out(points),
+        converged=converged,
+        message=" ".join(said) + _left_out(points),
+        doubts=doubts,
         evaluations=work.model.solves,
         unsolved=work.unsolved,
         # in m, including loss and weights of rows
@@ -864,7 +873,7 @@ def _rigid_offset(work: Residuals, at: Prediction) -> str:
         return ""
     rms = [in_mm(math.sqrt(each / len(measured))) for each in (before, after)]
     return (
-        f" The residuals are mostly a rigid offset: a motion of the base would leave {rms[1]} of "
+        f"The residuals are mostly a rigid offset: a motion of the base would leave {rms[1]} of "
         f"their RMSE of {rms[0]}. The measuring frame is not that of the robot's base: fit the "
         "parameter base as well, or register the data; until then the other parameters make up "
         "for it and are wrong."

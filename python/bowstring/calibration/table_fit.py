@@ -150,6 +150,13 @@ class Calibration:
         )
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """Reasons not to believe the result: those of tendons, table and fit."""
+        found = [self.tendons.sentence] if self.tendons.alarm else []
+        found += [self.data.doubt] if self.data.is_biased else []
+        return (*found, *self.fit.doubts)
+
+    @property
     def elsewhere(self) -> list[str]:
         """Estimates that are not part of a robot file, as text."""
         return [str(e) for e in self.fit.estimates if not _in_file(e.name)]

@@ -159,6 +159,14 @@ def fit(
     out: Annotated[
         Path | None, option("DIR", "Folder for the calibrated robot file and figures.")
     ] = None,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force",
+            help="With --out, write the calibrated robot although the result itself is in doubt. "
+            "Files of others are not overwritten.",
+        ),
+    ] = False,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -250,8 +258,8 @@ def fit(
             learnt = study_residual(found, known, progress=notify)
     doubts = [found.tendons.sentence] if found.tendons.alarm else []
     doubts += [found.broken_path] if found.broken_path else []
-    of_table = [table.doubt] if table.doubt else []
-    for sentence in [*(of_table if as_json else []), *doubts]:  # else it is the first line
+    of_table = [*([table.doubt] if table.doubt else []), *found.fit.doubts]
+    for sentence in [*(of_table if as_json else []), *doubts]:  # else they are the first lines
         say("Warning", sentence)
     content: schema.Fit = {
         **found.to_dict(),
@@ -279,7 +287,8 @@ def fit(
         "warnings": [*known.warnings, *of_table, *doubts],
         "folder": None,
     }
-    if out is not None and found.fit.converged:
+    refused = out is not None and bool(found.doubts) and not force
+    if out is not None and found.fit.converged and not refused:
         with progress_bar("figures") as notify:
             from bowstring.calibration.fit_folder import write_fit
 
@@ -304,6 +313,11 @@ def fit(
         write_tables(*_fit_tables(found, folder), *parts, *models)
     if not found.fit.converged:
         raise NoSolutionError(f"{known.name}: {found.fit.message}")
+    if refused:
+        raise NoSolutionError(
+            f"{known.name}: nothing is written, because the result is in doubt; --force writes it "
+            f"nevertheless. {found.doubts[0]}"
+        )
 
 
 def _check_comparison(model: str, holdout: str | None, start: Path | None) -> None:
@@ -349,6 +363,8 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     fit, data = found.fit, found.data
     if data.doubt:
         yield f"Check the table. {data.doubt}"
+    if fit.doubts:
+        yield f"Check the result. {fit.message}"
     left = f", {data.without_tip} without a tip" if data.without_tip else ""
     left += f", {data.left_out} left out" if data.left_out else ""
     kept = f", {counted(int(found.held_out.sum()), 'row')} held out" if found.held_out.any() else ""
@@ -376,7 +392,8 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
             e.unit,
         )
     yield table
-    yield fit.message
+    if not fit.doubts:
+        yield fit.message
     if found.correlated:
         pairs = [f"{a} and {b} by {r:.3f}" for a, b, r in found.correlated]
         yield "Estimates correlate: " + "; ".join(pairs) + "."

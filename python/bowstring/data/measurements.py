@@ -174,7 +174,7 @@ class Measurements:
         if lost <= _FEW * count:
             return ""
         said = f"{lost} of {count} rows are left out"
-        if self.below_zero < 0.5 * lost:
+        if not self.is_biased:
             at = next((line for line, text in self.issues if text.startswith(_OUT)), 0)
             return f"{said}, the first in line {at}: results are of the other rows alone."
         every = "all" if self.below_zero == lost else f"{self.below_zero}"
@@ -185,6 +185,12 @@ class Measurements:
             "tendon; where tensions of slack tendons scatter around zero, a mapping with part: "
             "positive takes them as zero."
         )
+
+    @property
+    def is_biased(self) -> bool:
+        """Whether rows are left out, as `doubt` says, mostly for a tension below zero."""
+        lost = self.left_out - self.filtered
+        return lost > _FEW * (len(self) + lost) and self.below_zero >= 0.5 * lost
 
     @property
     def tendon_count(self) -> int:
