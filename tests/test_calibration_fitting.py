@@ -576,6 +576,56 @@ def test_a_rigid_offset_of_the_data_names_the_base_synthetic():
     assert "rigid offset" not in large.message
 
 
+# -- what is not possible ------------------------------------------------------------------------
+
+
+def test_values_that_are_not_possible_are_named_first_synthetic():
+    """Weight is missing in the model, but a horizontal gravity is fitted: synthetic."""
+    robot = single()
+    names = ["gravity.0", "gravity.1", "gravity.2"]
+    heavy = {"segments.0.disks.mass": 0.14, "gravity": [9.81, 0.0, 0.0]}
+    commands = {"as": "tensions", "x": masses() + SIDE}
+    data = synthetic(robot.with_(heavy), ["gravity.1"], {}, commands, noise=2e-5)
+    found = fit(robot, data, names)
+    assert found.converged and len(found.doubts) == 1
+    assert found.message.startswith(found.doubts[0]) and "Converged." in found.message
+    assert "the size of gravity is " in found.doubts[0]
+    assert " m/s^2 (9.3 to 10.3 m/s^2)." in found.doubts[0]
+    # a prior says what is possible
+    priors = dict.fromkeys(names, 1e3)
+    assert not fit(robot, data, names, priors=priors).doubts
+    # and a gravity of Earth, or none, is no doubt
+    for gravity in ([9.81, 0.0, 0.0], [0.0, 0.0, 0.0]):
+        data = synthetic(robot.with_({"gravity": gravity}), ["gravity.1"], {}, commands, noise=2e-5)
+        assert not fit(robot, data, names).doubts
+
+
+@pytest.mark.parametrize(
+    ("name", "inside", "outside", "said"),
+    [
+        ("gravity.2", -3.0, -66.0, "the size of gravity is 66 m/s^2 (9.3 to 10.3 m/s^2)"),
+        ("segments.0.backbone.E", 50e9, 2e12, "E is 2000 GPa (1e-06 to 1200 GPa)"),
+        ("segments.*.backbone.rest_twist", -0.3, 1.8, "rest_twist is 103 deg (-60 to 60 deg)"),
+        ("segments.0.tendons.friction", 1.4, 2.0, "friction is 2 (0 to 1.5)"),
+        ("segments.0.tendons.pitch_radius", 0.03, 0.09, "is 90 mm (14.5 to 58 mm)"),
+        ("pitch_radius", 1.1, 3.0, "pitch_radius is 3 (0.5 to 2)"),
+        ("gain.tendons.1", 0.7, 0.1, "gain.tendons.1 is 0.1 (0.2 to 5)"),
+        ("offset", -0.01, 0.4, "offset is 400 mm (-320 to 320 mm)"),
+        ("hole_clearance", 1e-3, 0.04, "hole_clearance is 40 mm (0 to 29 mm)"),
+        ("hole_angle.segments.0", 0.5, -3.0, ""),
+        ("tool.z", 0.02, 1.0, "tool.z is 1000 mm (-641 to 641 mm)"),
+        ("base.x", 5.0, 0.0, ""),
+    ],
+)
+def test_ranges_of_what_is_possible(name, inside, outside, said):
+    unknowns = Unknowns(single(), [name])
+    asked = np.ones(1, dtype=bool)
+    assert unknowns.impossible(np.array([inside]), asked) == []
+    found = unknowns.impossible(np.array([outside]), asked)
+    assert said in "".join(found) and len(found) == bool(said)
+    assert unknowns.impossible(np.array([outside]), ~asked) == []
+
+
 # -- bad input ---------------------------------------------------------------------------------
 
 

@@ -151,8 +151,8 @@ class Fit:
     message : str
         How the fit ended, and how reliable its numbers are; begins with `doubts`.
     doubts : tuple of str
-        Sentences that say why the result itself is not to be believed, as a base that is missing.
-        Empty without a doubt.
+        Sentences that say why the result itself is not to be believed: parameters without a prior
+        that are not physically possible, and a base that is missing. Empty without a doubt.
     evaluations : int
         Passes over all rows.
     unsolved : int
@@ -630,7 +630,7 @@ def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit
         _correlated_pair([item.name for item in items], correlation),
     )
     converged = found.status > 0 and not (lost or stuck or astray)
-    doubts = () if astray else tuple(each for each in [_rigid_offset(work, at)] if each)
+    doubts = () if astray else _doubts(work, found, at)
     said = [*doubts, message] if converged else [message, *doubts]
     return Fit(
         model="arc" if work.model.rod is None else "rod",
@@ -855,6 +855,20 @@ def _excess(work: Residuals, errors: Floats, parameters: int) -> tuple[float, fl
     sigma = np.broadcast_to(work.sigma[:, None], work.seen.shape)[work.counted]
     square = float(((errors[work.counted] / sigma[:, None]) ** 2).sum())
     return math.sqrt(square / free), chi_square_p(square, free)
+
+
+def _doubts(work: Residuals, found: Any, at: Prediction) -> tuple[str, ...]:
+    """Reasons not to believe the result."""
+    values = found.x * work.step
+    beyond = work.model.unknowns.impossible(values, ~work.priors.known)
+    doubts = [_rigid_offset(work, at)]
+    if beyond:
+        doubts.insert(
+            0,
+            f"Beyond what is physically possible: {listed(beyond)}. Something else is missing in "
+            "the model, for which these make up: hold them, or give them a prior.",
+        )
+    return tuple(doubt for doubt in doubts if doubt)
 
 
 def _rigid_offset(work: Residuals, at: Prediction) -> str:

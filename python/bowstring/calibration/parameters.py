@@ -13,12 +13,13 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
+from bowstring.formatting import significant
 from bowstring.robot.fields import number_fields, quantity_of
 from bowstring.robot.model import Robot
 from bowstring.robot.overrides import expand
@@ -91,6 +92,31 @@ _OF_MEMORIES: Final = frozenset(
         *("creep_compliance", "second_creep_compliance"),
     }
 )
+#: What values are measured by, to judge whether they are possible: their size in SI, their distance
+#: from the initial value, their ratio to it, or a length of the robot.
+_Scale = Literal["size", "distance", "ratio", "length", "pitch_radius"]
+#: Least and largest value that is physically possible, and its scale; wide, so that noise alone
+#: does not leave them. Gravity is that of Earth, by its size. Angles of holes may have any value,
+#: as the measuring frame has.
+_POSSIBLE: Final[dict[str, tuple[float, float, _Scale]]] = {
+    "gravity": (9.3, 10.3, "size"),
+    "E": (1e3, 1.2e12, "size"),
+    "G": (3e2, 5e11, "size"),
+    "density": (0.0, 2.3e4, "size"),
+    "friction": (0.0, 1.5, "size"),
+    **dict.fromkeys(("gain", "bend_gain"), (0.2, 5.0, "size")),
+    "rest_twist": (-np.pi / 3, np.pi / 3, "distance"),
+    "rest_bend": (-np.pi / 2, np.pi / 2, "distance"),
+    "turns": (-0.25, 0.25, "distance"),
+    **dict.fromkeys(("pitch_radius", "end_pitch_radius", "length"), (0.5, 2.0, "ratio")),
+    **dict.fromkeys(("diameter", "end_diameter", "width", "end_width"), (0.5, 2.0, "ratio")),
+    **dict.fromkeys(("height", "end_height", "thickness", "radius"), (0.5, 2.0, "ratio")),
+    "offset": (-0.5, 0.5, "length"),
+    "backlash": (0.0, 0.5, "length"),
+    "hole_clearance": (0.0, 1.0, "pitch_radius"),
+    **dict.fromkeys(("tool", "marker", "centre"), (-1.0, 1.0, "length")),
+}
+_WEIGHTLESS: Final = 0.1  # m/s^2
 _SHARE: Final = 0.05
 #: The same for fields of a payload, in kg and m.
 _PAYLOAD_STEP: Final = {"mass": 5e-3, "centre": 5e-3}
@@ -126,6 +152,11 @@ class Unknown:
     def leaf(self) -> str:
         """Name of the field in the robot file."""
         return self.paths[0].rsplit(".", 1)[-1] if self.paths else ""
+
+    @property
+    def kind(self) -> str:
+        """Field of the robot file, or first word of the name."""
+        return _field_of_payload(self.name) or self.leaf or self.name.partition(".")[0]
 
 
 @dataclass(frozen=True)
@@ -353,6 +384,37 @@ class Unknowns:
             initial={} if self._from_home else _initial(extra, self._count["tendons"]),
         )
 
+    def impossible(self, values: Floats, asked: NDArray[np.bool_]) -> list[str]:
+        """Values (P,) in SI of the `asked` parameters (P,) that are not physically possible.
+
+        Each as text with its possible range.
+        """
+        found, gravity = [], []
+        radius = float(self.robot.tendons.pitch_radius_m.max())
+        for item, value, is_asked in zip(self.items, values.tolist(), asked, strict=True):
+            if not is_asked:
+                continue
+            if item.name.startswith("gravity"):
+                gravity.append(item.name)
+            elif item.kind in _POSSIBLE:
+                low, high, scale = _POSSIBLE[item.kind]
+                if scale == "ratio":
+                    low, high = (end * item.start for end in (low, high))
+                elif scale == "distance":
+                    low, high = (item.start + end for end in (low, high))
+                elif scale != "size":
+                    size = radius if scale == "pitch_radius" else self.robot.length
+                    low, high = (end * size for end in (low, high))
+                if low < high and not low <= value <= high:
+                    found.append(_out_of(item.name, value, low, high, item.unit, item.per_unit))
+        if gravity:
+            size = float(np.linalg.norm(self.setting(values).robot.gravity))
+            low, high, _ = _POSSIBLE["gravity"]
+            least = low if len(gravity) == 3 and size > _WEIGHTLESS else 0.0
+            if not least <= size <= high:
+                found.insert(0, _out_of("the size of gravity", size, low, high, "m/s^2", 1.0))
+        return found
+
     def from_home(self) -> Unknowns:
         """Return the same for another recording, whose paths begin in the home pose."""
         other = copy.copy(self)
@@ -503,6 +565,13 @@ class Unknowns:
             -min(sizes),
             min(sizes),
         )  # beyond, no matrix is positive definite
+
+
+def _out_of(name: str, value: float, low: float, high: float, unit: str, per_unit: float) -> str:
+    """Write a value and its possible range, all in SI, in a unit."""
+    at, *ends = (f"{significant(each / per_unit)}" for each in (value, low, high))
+    unit = f" {unit}" if unit else ""
+    return f"{name} is {at}{unit} ({ends[0]} to {ends[1]}{unit})"
 
 
 def marker_of(name: str) -> int | None:
