@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import csv
+import json
 import re
+import sys
+import time
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -21,11 +24,12 @@ from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.error_parts import noise_of, parts_of
 from bowstring.calibration.figures import draw_parts
 from bowstring.calibration.model_choice import blocks_of, choose, gain
-from bowstring.cli.fit import _comparison_tables
+from bowstring.calibration.model_comparison import ComparisonInterrupted
+from bowstring.cli.fit import _comparison_tables, _with_estimate
 from bowstring.data.measurements import Measurements
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import Robot
-from shell import Shell
+from shell import Shell, adapter
 
 Floats = NDArray[np.float64]
 
@@ -196,8 +200,13 @@ def test_progress_is_reported_before_each_fit_and_can_interrupt(robot: Robot) ->
         if name == "rod with tendon friction":  # no failure of this memory
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt) as caught:
         compare_models(robot, data, names, memories=["friction"], progress=stop)
+    stopped = caught.value
+    assert isinstance(stopped, ComparisonInterrupted) and stopped.unfinished == ("rod_friction",)
+    whole = compare_models(robot, data, names, memories=())
+    for mine, each in zip(stopped.models, whole.models, strict=True):
+        assert mine.name == each.name and mine.left_out == each.left_out
 
 
 def test_models_without_frames_are_judged_as_they_stand(robot: Robot) -> None:
@@ -320,6 +329,71 @@ def test_the_table_marks_the_choice(remembered: ModelComparison) -> None:
     text = " ".join(each for each in rest if isinstance(each, str))
     assert "Rod with backbone hysteresis: not found." in text
     assert "Fit it with --parameter backlash besides." in text and remembered.verdict in text
+
+
+def test_a_stopped_comparison_keeps_what_is_done(
+    shell: Shell, tmp_path: Path, remembered: ModelComparison, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, out = ROOT / "examples" / "bench.csv", tmp_path / "out"
+    call = ("fit", "amouri2019", "--measurements", str(file), "--parameter", E, "--compare")
+    module = sys.modules["bowstring.calibration.model_comparison"]
+    names = [each.name for each in remembered.models]
+
+    def compare(*args: object, **more: object) -> ModelComparison:
+        raise ComparisonInterrupted(remembered.models[:count], names[count:], 5)
+
+    monkeypatch.setattr(module, "compare_models", compare)
+    count = 0
+    assert shell(*call, "--out", str(out)) == (130, "", "Stopped: nothing was written.\n")
+    assert not out.exists()
+    count = 3
+    code, text, err = shell(*call)
+    assert (code, err) == (130, "Stopped: 3 of 9 models are finished.\n")
+    assert text.startswith("Incomplete: 3 of 9 models are finished.") and "*" not in text
+    assert "constant curvature, calibrated" in text and "backlash" not in text
+    code, text, err = shell(*call, "--out", str(out), "--json")
+    assert code == 130 and "3 of 9 models are finished; " in err and "without a fit" in err
+    adapter("fit --compare, stopped").validate_json(text, strict=True)
+    got = json.loads(text)
+    assert [each["model"] for each in got["models"]] == names[:3]
+    assert got["unfinished"] == names[3:] and got["folder"] == str(out)
+    assert sorted(each.name for each in out.iterdir()) == ["fit.json", "models.csv"]
+    with (out / "models.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["model"] for row in rows] == names[:3] and not any(row["chosen"] for row in rows)
+
+    # stopped in the fit itself all models are kept, in a folder that may be replaced
+    def stop(*args: object, **more: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "compare_models", lambda *args, **more: remembered)
+    with monkeypatch.context() as patch:
+        patch.setattr(sys.modules["bowstring.calibration.table_fit"], "calibrate", stop)
+        code, _, err = shell(*call, "--out", str(out))
+    assert code == 130 and "9 of 9 models are finished; " in err
+    assert len(json.loads((out / "fit.json").read_text(encoding="utf-8"))["models"]) == 9
+
+    # a complete fit stays
+    (out / "robot.yaml").touch()
+    (out / "fit.json").write_text('{"files": ["fit.json", "models.csv", "robot.yaml"]}')
+    monkeypatch.setattr(module, "compare_models", compare)
+    code, _, err = shell(*call, "--out", str(out))
+    assert code == 130 and "they are not written: " in err and "a complete fit, which stays" in err
+    assert (out / "robot.yaml").exists()
+
+
+def test_a_long_comparison_says_how_long_it_takes(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times = iter([0.0, 5.0, 60.0, 90.0])
+    monkeypatch.setattr(time, "monotonic", lambda: next(times))
+    seen: list[float] = []
+    update = _with_estimate(lambda what, done: seen.append(done))
+    for done in (0.0, 0.1, 0.2):
+        update("rod", done)
+    assert seen == [0.0, 0.1, 0.2]
+    said = capsys.readouterr().err
+    assert said.count("Note: ") == 1 and "takes about 9 minutes more" in said
 
 
 def test_the_command_writes_the_comparison(shell: Shell, tmp_path: Path) -> None:

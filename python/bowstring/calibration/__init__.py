@@ -4,7 +4,12 @@ from bowstring.calibration.cross_validation import CrossValidation, cross_valida
 from bowstring.calibration.error_parts import ErrorParts
 from bowstring.calibration.filtering import Filtered, SlowBias, filtered, fit_slow_bias
 from bowstring.calibration.fitting import Estimate, Fit, fit
-from bowstring.calibration.model_comparison import JudgedModel, ModelComparison, compare_models
+from bowstring.calibration.model_comparison import (
+    ComparisonInterrupted,
+    JudgedModel,
+    ModelComparison,
+    compare_models,
+)
 from bowstring.calibration.observations import Data, PointScore, Score, score
 from bowstring.calibration.prediction import Predicted, predict_with_interval
 from bowstring.calibration.priors import default_priors
@@ -17,6 +22,7 @@ from bowstring.calibration.table_fit import Calibration, calibrate
 __all__ = [
     "Calibration",
     "Compared",
+    "ComparisonInterrupted",
     "Corrected",
     "CorrectedInverse",
     "CrossValidation",

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from bowstring.atomic_io import write_whole
-from bowstring.calibration.model_comparison import ModelComparison
+from bowstring.calibration.model_comparison import (
+    ComparisonInterrupted,
+    JudgedModel,
+    ModelComparison,
+)
 from bowstring.calibration.observations import Score
 from bowstring.calibration.residual import Residual
 from bowstring.calibration.residual_file import RESIDUAL, residual_to_dict
 from bowstring.calibration.table_fit import BESIDE, Calibration
+from bowstring.errors import InputError
 from bowstring.result_folder import check_folder, write_json, write_listing
 from bowstring.robot.writer import to_yaml
 from bowstring.viz.style import figure_style, save_figure, save_figures
@@ -21,10 +26,11 @@ from bowstring.viz.style import figure_style, save_figure, save_figures
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["model_rows", "write_fit"]
+__all__ = ["model_rows", "write_fit", "write_stopped"]
 
 Progress = Callable[[str, float], None]
 
+_MODELS: Final = "models.csv"
 _ERROR_PARTS: Final = "error_parts"
 _SCORES = ("fitted", "left_out", "validation")
 
@@ -88,7 +94,7 @@ def write_fit(
         if residual is not None:
             write_json(new / RESIDUAL, residual_to_dict(residual))
         if comparison is not None:
-            _write_models(new / "models.csv", comparison)
+            _write_models(new / _MODELS, model_rows(comparison))
             label = f"{data.source}: {data.name}"[:60]
             drawings.append((_ERROR_PARTS, partial(draw_parts, comparison, label)))
 
@@ -105,20 +111,58 @@ def write_fit(
     return folder
 
 
-def _write_models(path: Path, comparison: ModelComparison) -> None:
+def write_stopped(stopped: ComparisonInterrupted, content: Mapping[str, Any], out: Path) -> Path:
+    """Write the finished models of a stopped comparison: ``models.csv`` and ``fit.json``.
+
+    Parameters
+    ----------
+    stopped : ComparisonInterrupted
+    content : dict
+        Plain values for ``fit.json``.
+    out : Path
+        Folder.
+
+    Returns
+    -------
+    Path
+        Absolute path of the folder.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, or has a complete fit, which stays.
+    """
+    folder = check_folder(out, "fit")
+    if (folder / "robot.yaml").exists():
+        raise InputError(f"{folder} has a complete fit, which stays")
+
+    def fill(new: Path) -> None:
+        _write_models(new / _MODELS, _rows_of(stopped.models, None))
+        write_listing(new / "fit.json", content)
+
+    write_whole(folder, "fit", fill, lambda: check_folder(folder, "fit"))
+    return folder
+
+
+def _write_models(path: Path, rows: Sequence[Sequence[str]]) -> None:
     """Write the models of a comparison as CSV; missing numbers are empty fields."""
     with path.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file, lineterminator="\n").writerows(model_rows(comparison))
+        csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 def model_rows(comparison: ModelComparison) -> list[list[str]]:
     """Header and rows of a table of the compared models; cells without a number are empty."""
+    return _rows_of(comparison.models, comparison.chosen)
+
+
+def _rows_of(models: Sequence[JudgedModel], choice: JudgedModel | None) -> list[list[str]]:
+    """Header and rows of models; no row is chosen without a choice, of a part of them."""
     columns = [f"{name}_{number}_mm" for name in _SCORES for number in ("rmse", "mean")]
     rows = [["model", "parameters", "rows", *columns, "chosen", "reason"]]
-    for each in comparison.models:
+    for each in models:
         numbers = [cell for name in _SCORES for cell in _cells(getattr(each, name))]
         count = "" if each.left_out is None else str(each.left_out.count)
-        chosen = "yes" if each is comparison.chosen else "no"
+        chosen = "" if choice is None else "yes" if each is choice else "no"
         rows.append([each.name, " ".join(each.parameters), count, *numbers, chosen, each.reason])
     return rows
 

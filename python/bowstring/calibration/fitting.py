@@ -865,8 +865,9 @@ def _doubts(work: Residuals, found: Any, at: Prediction) -> tuple[str, ...]:
     if beyond:
         doubts.insert(
             0,
-            f"Beyond what is physically possible: {listed(beyond)}. Something else is missing in "
-            "the model, for which these make up: hold them, or give them a prior.",
+            f"Beyond what is physically possible: {listed(beyond)}. The model lacks "
+            "something for which these make up, or the rows do not determine them: hold them, or "
+            "give them a prior.",
         )
     return tuple(doubt for doubt in doubts if doubt)
 

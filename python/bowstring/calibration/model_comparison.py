@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring import interrupts
 from bowstring.calibration import observations
 from bowstring.calibration.cross_validation import cross_validate, part_of_rows
 from bowstring.calibration.error_parts import ErrorParts, noise_of, parts_of
@@ -52,7 +53,13 @@ from bowstring.validation import check_is_read, shown
 if TYPE_CHECKING:
     from bowstring.schemas import fit as schema
 
-__all__ = ["JudgedModel", "ModelComparison", "ModelName", "compare_models"]
+__all__ = [
+    "ComparisonInterrupted",
+    "JudgedModel",
+    "ModelComparison",
+    "ModelName",
+    "compare_models",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -74,6 +81,14 @@ _OF_MEMORY: Final[dict[Memory, ModelName]] = {
     "hysteresis": "rod_hysteresis",
     "creep": "rod_creep",
     "relaxation": "rod_relaxation",
+}
+#: Time of a model over that of the calibrated rod, about: with a memory derivatives are
+#: differences, and hysteresis, creep and relaxation begin at three values.
+_TIME: Final[dict[ModelName, float]] = {
+    **dict.fromkeys(("cc", "cc_calibrated"), 0.2),
+    **dict.fromkeys(("rod", "rod_calibrated", "rod_backlash"), 1.0),
+    "rod_friction": 2.0,
+    **dict.fromkeys(("rod_hysteresis", "rod_creep", "rod_relaxation"), 4.0),
 }
 #: Least number of rows in a fold.
 _PER_FOLD: Final = 4
@@ -198,6 +213,34 @@ class ModelComparison:
         }
 
 
+class ComparisonInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a comparison.
+
+    Attributes
+    ----------
+    models : tuple of JudgedModel
+        Models that are finished.
+    unfinished : tuple of str
+        Names of the others.
+    folds : int
+    """
+
+    def __init__(
+        self, models: Sequence[JudgedModel], unfinished: Sequence[ModelName], folds: int
+    ) -> None:
+        total = len(models) + len(unfinished)
+        super().__init__(f"{len(models)} of {total} models are compared")
+        self.models, self.unfinished, self.folds = tuple(models), tuple(unfinished), folds
+
+    def to_dict(self) -> schema.StoppedModels:
+        """Return plain values in mm."""
+        return {
+            "folds": self.folds,
+            "models": [each.to_dict() for each in self.models],
+            "unfinished": list(self.unfinished),
+        }
+
+
 @dataclass(frozen=True)
 class _Candidate:
     """A model to fit.
@@ -255,7 +298,7 @@ def compare_models(
         tendons under displacement control, and relaxation of the backbones.
     progress : callable, optional
         Progress callback, called before each fit with the name of the model and the finished share
-        from 0 to 1.
+        from 0 to 1, about that of the time.
 
     Returns
     -------
@@ -269,6 +312,8 @@ def compare_models(
         or validation rows are also fitted. Nothing is fitted then.
     NoSolutionError
         If a model without an added memory has no solution for most rows.
+    ComparisonInterrupted
+        After Ctrl-C, with the models that are finished.
 
     Notes
     -----
@@ -299,14 +344,21 @@ def compare_models(
         if validation is not None:
             others = observations.commands(validation, robot)
             refuse_disorder(others, f"in {validation.name} a memory needs")
-    work.total = len(candidates) + len(asked)
-    models = [work.judge(each, known(each)) for each in candidates]
-    rod = models[-1]
-    work.rod = rod.fitted
-    for memory in asked:
-        models.append(_remembering(work, robot, parameters, memory, rod, known))
-    work.notify("done", 1.0)
-    return _compared(work, models)
+    names = [*(each.name for each in candidates), *(_OF_MEMORY[each] for each in asked)]
+    work.total = sum(_TIME[name] for name in names)
+    models: list[JudgedModel] = []
+    try:
+        for each in candidates:
+            models.append(work.judge(each, known(each)))
+        rod = models[-1]
+        work.rod = rod.fitted
+        for memory in asked:
+            models.append(_remembering(work, robot, parameters, memory, rod, known))
+        work.notify("done", 1.0)
+        return _compared(work, models)
+    except KeyboardInterrupt:
+        interrupts.acknowledge()
+        raise ComparisonInterrupted(models, names[len(models) :], work.folds) from None
 
 
 def _compared(work: _Work, models: Sequence[JudgedModel]) -> ModelComparison:
@@ -397,6 +449,7 @@ def _remembering(
     given = Unknowns(robot, parameters)
     whole = (*given.names, *added)
     if reason := reason_against(memory, work.commands, given):
+        work.total -= _TIME[name]
         return JudgedModel(name, whole, reason=reason)
     known_start = {} if rod.fit is None else _without_frames(rod.fit.values)
     starts = tuple({**known_start, **each} for each in starts_of(memory, robot, work.commands))
@@ -427,7 +480,7 @@ def _in_limit(
     left = tuple(name for name in candidate.parameters if name not in limit)
     start = {**_without_frames(found.fit.values), **limit}
     at_once = replace(candidate, parameters=left, starts=(start,), added=(), fixed=limit)
-    work.total += 1
+    work.total += _TIME[at_once.name]
     return work.judge(at_once, known(at_once))
 
 
@@ -456,8 +509,8 @@ class _Work:
     validation: Measurements | None
     notify: Callable[[str, float], None]
     loss: Loss
-    total: int = 1
-    done: int = 0
+    total: float = 1.0  # in times of the calibrated rod
+    done: float = 0.0
     rod: Score | None = None  # of the calibrated rod at the fitted rows
 
     @classmethod
@@ -517,7 +570,7 @@ class _Work:
         try:
             return self._fitted(model, priors) if model.parameters else self._stated(model)
         finally:
-            self.done += 1
+            self.done += _TIME[model.name]
 
     def _fitted(self, model: _Candidate, priors: dict[str, float]) -> JudgedModel:
         kind: Literal["arc"] | None = "arc" if model.arcs else None
@@ -567,7 +620,7 @@ class _Work:
         return ""
 
     def _step(self, model: _Candidate, share: float) -> None:
-        self.notify(_CALLED[model.name], (self.done + share) / self.total)
+        self.notify(_CALLED[model.name], (self.done + share * _TIME[model.name]) / self.total)
 
     def _stated(self, model: _Candidate) -> JudgedModel:
         """Judge a model without parameters to fit: its frames are stated."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -28,6 +29,7 @@ from bowstring.cli.options import (
     share_of,
 )
 from bowstring.cli.output import (
+    Stopped,
     counted,
     fixed,
     new_table,
@@ -45,15 +47,21 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.calibration.fitting import Fit
-    from bowstring.calibration.model_comparison import ModelComparison
+    from bowstring.calibration.model_comparison import (
+        ComparisonInterrupted,
+        JudgedModel,
+        ModelComparison,
+    )
     from bowstring.calibration.residual_comparison import ResidualStudy
     from bowstring.calibration.table_fit import Calibration
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
     from bowstring.schemas import fit as schema
+    from bowstring.schemas.basic import OfRobot
 
 #: Ratio of RMS to robust scatter of a coordinate above which both are printed.
 _FAR_MORE: Final = 2.0
+_LONG: Final = 10.0  # s of a comparison after which the rest is estimated
 _EXACT: Final = 1e-8  # m: data without noise
 
 
@@ -223,33 +231,59 @@ def fit(
     with progress_bar("measurements"):
         table = read(flag, measurements, part)
         other = None if validate is None else read("--validate", validate, validate)
+    origin = provenance_of(
+        known,
+        measurements=measurements,
+        mapping=mapping if data is None else data,
+        data=data,
+        part=part,
+        g_m_per_s2=gravity,
+        parameters=parameter,
+        model=model,
+        loss=loss,
+        priors=deviations,
+        holdout=share,
+        folds=folds,
+        validate=validate,
+        filter=filter_,
+        learn_residual=residual,
+        compare=compare,
+        start=begin,
+    )
     compared = None
-    if compare:
-        from bowstring.calibration.model_comparison import compare_models
+    try:
+        if compare:
+            from bowstring.calibration.model_comparison import compare_models
 
-        with progress_bar("comparison") as notify:
-            compared = compare_models(
+            with progress_bar("comparison") as notify:
+                compared = compare_models(
+                    known,
+                    table,
+                    parameter,
+                    folds=folds or 5,
+                    validation=other,
+                    priors=deviations,
+                    loss=loss,
+                    progress=_with_estimate(notify),
+                )
+        with progress_bar("fit") as notify:
+            found = table_fit.calibrate(
                 known,
                 table,
                 parameter,
-                folds=folds or 5,
-                validation=other,
-                priors=deviations,
+                model="arc" if model == "arc" else None,
                 loss=loss,
+                start=begin,
+                priors=deviations,
+                validation=table_fit.Validation(share, None if compare else folds, other, filter_),
                 progress=notify,
             )
-    with progress_bar("fit") as notify:
-        found = table_fit.calibrate(
-            known,
-            table,
-            parameter,
-            model="arc" if model == "arc" else None,
-            loss=loss,
-            start=begin,
-            priors=deviations,
-            validation=table_fit.Validation(share, None if compare else folds, other, filter_),
-            progress=notify,
-        )
+    except KeyboardInterrupt as error:
+        stopped = _stopped(error, compared)
+        if stopped is None:
+            raise
+        warned = [*known.warnings, *([table.doubt] if table.doubt else [])]
+        raise Stopped(_write_stopped(stopped, origin, warned, out, as_json)) from None
     learnt = None
     if residual and found.fit.converged:
         from bowstring.calibration.residual_comparison import study_residual
@@ -263,25 +297,7 @@ def fit(
         say("Warning", sentence)
     content: schema.Fit = {
         **found.to_dict(),
-        **provenance_of(
-            known,
-            measurements=measurements,
-            mapping=mapping if data is None else data,
-            data=data,
-            part=part,
-            g_m_per_s2=gravity,
-            parameters=parameter,
-            model=model,
-            loss=loss,
-            priors=deviations,
-            holdout=share,
-            folds=folds,
-            validate=validate,
-            filter=filter_,
-            learn_residual=residual,
-            compare=compare,
-            start=begin,
-        ),
+        **origin,
         "residual": None if learnt is None else learnt.to_dict(),
         "comparison": None if compared is None else compared.to_dict(),
         "warnings": [*known.warnings, *of_table, *doubts],
@@ -318,6 +334,78 @@ def fit(
             f"{known.name}: nothing is written, because the result is in doubt; --force writes it "
             f"nevertheless. {found.doubts[0]}"
         )
+
+
+def _with_estimate(notify: Callable[[str, float], None]) -> Callable[[str, float], None]:
+    """Progress callback that says once how long long work will take, as soon as it is known."""
+    began, said = time.monotonic(), False
+
+    def update(what: str, done: float) -> None:
+        nonlocal said
+        now = time.monotonic() - began
+        if not said and done > 0.0 and now > _LONG:
+            said = True
+            left = max(1, round(now * (1.0 / done - 1.0) / 60.0))
+            say(
+                "Note",
+                f"the comparison takes about {counted(left, 'minute')} more; Ctrl-C keeps the "
+                "models that are finished.",
+            )
+        notify(what, done)
+
+    return update
+
+
+def _stopped(
+    error: KeyboardInterrupt, compared: ModelComparison | None
+) -> ComparisonInterrupted | None:
+    """Models that are finished when Ctrl-C comes; None if there are none."""
+    from bowstring import interrupts
+    from bowstring.calibration.model_comparison import ComparisonInterrupted
+
+    if compared is not None:
+        interrupts.acknowledge()
+        return ComparisonInterrupted(compared.models, (), compared.folds)
+    return error if isinstance(error, ComparisonInterrupted) and error.models else None
+
+
+def _write_stopped(
+    stopped: ComparisonInterrupted,
+    origin: OfRobot,
+    warnings: list[str],
+    out: Path | None,
+    as_json: bool,
+) -> str:
+    """Write the finished models of a stopped comparison, and return what remains as a sentence."""
+    count = len(stopped.models)
+    total = counted(count + len(stopped.unfinished), "model")
+    done = f"{count} of {total} {'is' if count == 1 else 'are'} finished"
+    where = ""
+    content: schema.StoppedComparison = {
+        **origin,
+        **stopped.to_dict(),
+        "warnings": warnings,
+        "folder": None,
+    }
+    if out is not None:
+        from bowstring.calibration.fit_folder import write_stopped
+
+        kept = {key: value for key, value in content.items() if key != "folder"}
+        try:
+            content["folder"] = str(write_stopped(stopped, plain(kept), out))
+            where = f"; {out} has {'it' if count == 1 else 'these'}, without a fit"
+        except InputError as error:
+            where = f"; they are not written: {str(error).rstrip('.')}"
+    if as_json:
+        write_json(content)
+    else:
+        validated = any(each.validation is not None for each in stopped.models)
+        write_tables(
+            f"Incomplete: {done}. RMSE and mean of the tip error in mm; left out by "
+            f"{stopped.folds} folds:",
+            _model_table(stopped.models, None, validated),
+        )
+    return f"{done}{where}."
 
 
 def _check_comparison(model: str, holdout: str | None, start: Path | None) -> None:
@@ -518,18 +606,7 @@ def _comparison_tables(found: ModelComparison, folder: Path | None) -> Iterator[
         f"{found.folds} folds:"
     )
     there = any(each.validation is not None for each in found.models)
-    columns = ["fitted", "left out", "mean"] + ["validation", "mean"] * there
-    table = new_table("", "model", ">number", *[f">{name}" for name in columns])
-    for each in found.models:
-        numbers = [(each.fitted, "rmse"), (each.left_out, "rmse"), (each.left_out, "mean")]
-        numbers += [(each.validation, "rmse"), (each.validation, "mean")] * there
-        table.add_row(
-            "*" if each is found.chosen else "",
-            each.called,
-            str(len(each.parameters)),
-            *["-" if of is None else fixed(1e3 * getattr(of, name), 3) for of, name in numbers],
-        )
-    yield table
+    yield _model_table(found.models, found.chosen, there)
     yield from (
         f"{m.called[:1].upper()}{m.called[1:]}: {m.reason}." for m in found.models if m.reason
     )
@@ -550,6 +627,24 @@ def _comparison_tables(found: ModelComparison, folder: Path | None) -> Iterator[
     yield found.verdict
     if folder is not None:
         yield f"Models and parts: {folder / 'models.csv'}, {folder / 'error_parts.svg'}"
+
+
+def _model_table(
+    models: Sequence[JudgedModel], chosen: JudgedModel | None, validated: bool
+) -> Table:
+    """Errors of models, with a mark at the chosen one."""
+    columns = ["fitted", "left out", "mean"] + ["validation", "mean"] * validated
+    table = new_table("", "model", ">number", *[f">{name}" for name in columns])
+    for each in models:
+        numbers = [(each.fitted, "rmse"), (each.left_out, "rmse"), (each.left_out, "mean")]
+        numbers += [(each.validation, "rmse"), (each.validation, "mean")] * validated
+        table.add_row(
+            "*" if each is chosen else "",
+            each.called,
+            str(len(each.parameters)),
+            *["-" if of is None else fixed(1e3 * getattr(of, name), 3) for of, name in numbers],
+        )
+    return table
 
 
 def _of_others(fit: Fit) -> str:

@@ -47,14 +47,14 @@ def counted(n: int, thing: str, things: str | None = None) -> str:
 
 
 def be_quiet(wanted: bool) -> None:
-    """Switch progress and warnings off, or on again."""
+    """Switch progress, notes and warnings off, or on again."""
     global _quiet
     _quiet = wanted
 
 
 def say(kind: str, sentence: str) -> None:
     """Print a line on stderr."""
-    if kind == "Warning" and _quiet:
+    if kind in ("Warning", "Note") and _quiet:
         return
     if _bar is not None:
         _bar.clear()

@@ -50,6 +50,7 @@ COMMANDS: Final[dict[str, Any]] = {
     "bench check": bench.BenchCheck,
     "bench simulate": bench.BenchSimulate,
     "fit": fit.Fit,
+    "fit --compare, stopped": fit.StoppedComparison,
     "cad": solids.Cad,
     "fe": solids.Fe,
     "data list": program.DataSets,

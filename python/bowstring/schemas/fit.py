@@ -418,3 +418,17 @@ class Fit(TableFit, OfRobot, InFolder):
     comparison: Annotated[
         ModelComparison | None, about("Comparison of models; `null` without `--compare`.")
     ]
+
+
+class StoppedModels(Object):
+    """Models that were finished when a comparison was stopped."""
+
+    folds: Annotated[int, about("Number of folds.")]
+    models: Annotated[
+        list[JudgedModel], about("Finished models, in the order of complexity; none is chosen.")
+    ]
+    unfinished: Annotated[list[ModelName], about("Models that were not finished.")]
+
+
+class StoppedComparison(StoppedModels, OfRobot, InFolder):
+    """Output of `bowstring fit --compare` that was stopped by Ctrl-C; there is no fit."""
