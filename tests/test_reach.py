@@ -144,6 +144,21 @@ def test_without_equilibria_there_is_no_result() -> None:
         bs.reach(AMOURI, poses=2, load=bs.Load(tip_force=[1e6, 0.0, 0.0]))
 
 
+@pytest.mark.parametrize("function", [bs.reach, bs.control_errors, bs.workspace_map])
+def test_tensions_beyond_all_that_the_robot_carries_are_refused_before_work(function: Any) -> None:
+    said = "none of 63 poses with tensions up to 40000 N has .*; by the linear law 181 N bends a"
+    with pytest.raises(InputError, match=said):
+        function(AMOURI, 40000.0, progress=lambda *_: pytest.fail("work began"))
+
+
+def test_progress_is_that_of_the_work() -> None:
+    """Payloads take most of the time."""
+    shares: list[float] = []
+    bs.reach(AMOURI, 50.0, poses=8, progress=lambda _, share: shares.append(share))
+    assert shares == sorted(shares) and shares[0] == 0.0 and shares[-1] == 1.0
+    assert np.diff(shares).max() < 0.2 and sum(share > 0.3 for share in shares) > 10
+
+
 def test_command(shell: Shell, tmp_path: Path) -> None:
     file = tmp_path / "reach.svg"
     flags = ["--poses", "12", "--payload-direction", "0,1,0", "--out", str(file)]

@@ -964,6 +964,22 @@ def test_the_workspace_has_the_causes_of_a_map() -> None:
     assert "main cause of the error: gravity" in " ".join(space_.described())
 
 
+def test_poses_without_an_equilibrium_are_not_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pose without one takes as long as several with one."""
+    solved: list[int] = []
+    real = workspace._poses
+
+    def poses(rods: Any, tensions: Any) -> Any:
+        solved.append(len(tensions))
+        return real(rods, tensions)
+
+    monkeypatch.setattr(workspace, "_poses", poses)
+    found = bs.workspace_map(ROBOT, 1500.0, poses=64, models=[FORCE])
+    assert solved[0] == 64 and set(solved[1:]) == {int(found.solved.sum())} != {64}
+    assert np.isfinite(found.error[FORCE][found.solved]).all()
+    assert np.isnan(found.error[FORCE][~found.solved]).all()
+
+
 def test_second_equilibria_of_the_workspace_are_those_of_its_branches() -> None:
     """Upright and pushed aside, the robot has a second stable pose at some tensions."""
     load = bs.Load(tip_force=[0.9, 0.0, 0.0], gravity=[0.0, 0.0, -9.81])

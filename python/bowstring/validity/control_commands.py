@@ -14,6 +14,7 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.constant_curvature.arc import Arc
 from bowstring.constant_curvature.series import series_jacobian
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.formatting import significant
 from bowstring.inverse.arcs import arcs_to, tensions_of
 from bowstring.inverse.kinematics import default_max_tension
 from bowstring.robot.designs import Designs
@@ -24,7 +25,15 @@ from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.rod import solve, solve_batch
 from bowstring.validation import instance, read
 
-__all__ = ["BY_ARCS", "COMMANDS", "SCALES", "Commander", "largest_tensions", "prepared"]
+__all__ = [
+    "BY_ARCS",
+    "COMMANDS",
+    "SCALES",
+    "Commander",
+    "check_some_solved",
+    "largest_tensions",
+    "prepared",
+]
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +46,7 @@ COMMANDS: Final = {
     "physics": "tensions by physics",
 }
 """Labels of the commands; all but the last are those of constant curvature."""
+_TRIED: Final = 64  # poses that tell whether tensions are beyond all that a robot carries
 BY_ARCS: Final = tuple(name for name in COMMANDS if name != "physics")
 
 _ARM_ROUNDS: Final = 8
@@ -261,4 +271,39 @@ def prepared(
     robot = without_memory(robot)
     most = largest_tensions(robot, max_tension)
     solve(robot, np.zeros(len(most)), load=load, model=model)  # refuses loads that cannot be
+    check_some_solved(robot, most, load, model)
     return robot, load, model, most
+
+
+def check_some_solved(robot: Robot, most: Floats, load: Load, model: RodModel) -> None:
+    """Refuse largest tensions up to which a few poses have no equilibrium, before many are solved.
+
+    A pose without equilibrium takes as long as several with one.
+
+    Parameters
+    ----------
+    robot : Robot
+        Without friction.
+    most : ndarray (T,)
+        Largest tensions in N.
+    load : Load
+        Dead loads, with arrays.
+    model : RodModel
+
+    Raises
+    ------
+    InputError
+        If they are too large: the pose without tension has an equilibrium, and no other.
+    """
+    from scipy.stats import qmc
+
+    points = qmc.Sobol(len(most), scramble=False).random(_TRIED)  # the first is zero
+    found = solve_batch(robot, most * points, load=load, model=model, disks=False).converged
+    if found[0] and not found[1:].any():
+        half_turn = float(default_max_tension(robot).max())
+        raise InputError(
+            f"none of {_TRIED - 1} poses with tensions up to {most.max():g} N has a stable "
+            f"equilibrium; by the linear law {significant(half_turn)} N bends a segment of "
+            f"{robot.name} by half a turn: give a smaller largest tension",
+            argument="max_tension",
+        )

@@ -38,6 +38,7 @@ _FIRST: Final = 0.25  # of the payload in the softest direction
 _GROWTH: Final = 1.5
 _MOST: Final = 10.0  # times the payload by the compliance
 _HALVINGS: Final = 20
+_SHARES: Final = 0.03, 0.06, 0.3  # of the work before derivatives, payloads and their bisection
 _ROUNDING: Final = 1e-9  # value over the largest that is zero
 
 
@@ -299,13 +300,12 @@ def reach(
         )
     by_share = np.full((poses, 3, len(most)), np.nan)
     compliance = np.full((poses, 3, 3), np.nan)
-    notify("derivatives", 0.1)
+    notify("derivatives", _SHARES[0])
     solved = np.flatnonzero(found.converged)
     by = _derivatives(robot, load, model, tensions[solved])
     by_share[solved], compliance[solved] = by[0] * most, by[1]
-    notify("payload", 0.7)
     payload = _payload(
-        (robot, load, model), tensions, tip, compliance, direction, tolerance * robot.length
+        (robot, load, model), tensions, tip, compliance, direction, tolerance * robot.length, notify
     )
     notify("payload", 1.0)
     return Reach(
@@ -354,6 +354,7 @@ def _payload(
     compliance: Floats,
     direction: Floats,
     allowed: float,
+    notify: Callable[[str, float], None],
 ) -> Floats:
     """Force (P,) in a direction that moves each tip by the allowed distance, N.
 
@@ -380,13 +381,16 @@ def _payload(
 
     low, high = np.zeros(len(rows)), np.full(len(rows), np.inf)
     at = np.arange(len(rows))
+    _, begin, halving = _SHARES
     while at.size:
+        notify("payload", begin + (halving - begin) * (1.0 - len(at) / len(rows)))
         good = within(at, force[at])
         low[at[good]], high[at[~good]] = force[at[good]], force[at[~good]]
         force = _GROWTH * force
         at = at[good & (force[at] < most[at])]
     at = np.flatnonzero(np.isfinite(high))
-    for _ in range(_HALVINGS if at.size else 0):
+    for i in range(_HALVINGS if at.size else 0):
+        notify("payload", halving + (1.0 - halving) * i / _HALVINGS)
         middle = 0.5 * (low[at] + high[at])
         good = within(at, middle)
         low[at[good]], high[at[~good]] = middle[good], middle[~good]

@@ -18,9 +18,11 @@ from bowstring.robot.model import Robot, check_robot, without_memory
 from bowstring.statics import rod
 from bowstring.statics.designs import sweep_designs
 from bowstring.statics.load import Load
+from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, number, share_of_length, whole
 from bowstring.validity.causes import main_cause
+from bowstring.validity.control_commands import check_some_solved
 from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
 from bowstring.validity.limit_search import gave_up
@@ -40,7 +42,7 @@ Floats = NDArray[np.float64]
 
 POSES: Final = 4096
 """Number of poses by default."""
-_PART: Final = 16384
+_PART: Final = 1024
 _ON_THE_WAY: Final = (0.0, 0.5, 1.0)  # loads of a path that looks for a second equilibrium
 
 
@@ -247,7 +249,7 @@ def workspace_map(
     Raises
     ------
     InputError
-        If an argument is wrong.
+        If an argument is wrong, and if no pose with tension has an equilibrium.
 
     Examples
     --------
@@ -270,6 +272,7 @@ def workspace_map(
     tendons = len(robot.tendons.segment)
     points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
     tensions = max_tension * points[:poses]
+    check_some_solved(robot, np.full(tendons, max_tension), with_arrays(load), RodModel())
     one = Designs(robot, {"segments.0.length": [robot.segments[0].length]})
     rods = Rods(one, RodModel(), load)
     effects = acting(rods)
@@ -278,26 +281,37 @@ def workspace_map(
     cause = {name: np.full(poses, "", dtype="U16") for name in models}
     two, unknown = np.zeros(poses, dtype=bool), np.zeros(poses, dtype=bool)
     notify = progress or (lambda what, done: None)
+    rounds = len(effects) + 1 + tendons
     for first in range(0, poses, _PART):
         rows = slice(first, first + _PART)
-        count, parts = min(_PART, poses - first), 2 + len(effects)
+        count = min(_PART, poses - first)
+
+        def report(what: str, done: int, first: int = first, count: int = count) -> None:
+            notify(what, (first + count * done / rounds) / poses)
+
         ramps = _poses(rods, tensions[rows])
         tip[rows], unknown[rows] = ramps.tip[0], ramps.gave_up[0]
+        solved = np.flatnonzero(ramps.converged[0])  # the others have nothing to compare with
+        if not solved.size:
+            continue
+        at = first + solved
         here = tip_errors(one, ramps, models)
         without_it = {}
         for i, effect in enumerate(effects, 1):
-            notify("poses", (first + count * i / parts) / poses)
-            rest = tip_errors(one, _poses(without(rods, effect), tensions[rows]), models)
+            report("poses", i)
+            rest = tip_errors(one, _poses(without(rods, effect), tensions[at]), models)
             without_it[effect] = {name: value[0] for name, value in rest.items()}
         for name, value in here.items():
-            error[name][rows] = value[0]
+            error[name][at] = value[0, solved]
             rest_of = {effect: found[name] for effect, found in without_it.items()}
             least = robot.length
-            cause[name][rows] = main_cause(
-                value[0] / least, {k: v / least for k, v in rest_of.items()}
+            cause[name][at] = main_cause(
+                error[name][at] / least, {k: v / least for k, v in rest_of.items()}
             )
-        notify("second equilibria", (first + count * (parts - 1) / parts) / poses)
-        two[rows] = _two_equilibria(rods, tensions[rows], ramps, max_tension)
+        # paths from the largest tension of each tendon alone
+        for i, start in enumerate(max_tension * np.eye(tendons)):
+            report("second equilibria", len(effects) + 1 + i)
+            two[at] |= _ends_elsewhere(rods, start, tensions[at], tip[at])
     notify("poses", 1.0)
     return WorkspaceMap(robot, tolerance, max_tension, tensions, tip, error, cause, two, unknown)
 
@@ -318,21 +332,11 @@ def _poses(rods: Rods, tensions: Floats) -> Ramps:
     )
 
 
-def _two_equilibria(rods: Rods, tensions: Floats, found: Ramps, most: float) -> NDArray[np.bool_]:
-    """Poses (P,) at which a path from elsewhere ends in another stable equilibrium.
-
-    The paths come from the largest tension of each tendon alone.
-    """
-    two = np.zeros(len(tensions), dtype=bool)
-    rows = np.flatnonzero(found.converged[0])  # the others have nothing to compare with
-    if not rows.size:
-        return two
+def _ends_elsewhere(rods: Rods, start: Floats, tensions: Floats, tip: Floats) -> NDArray[np.bool_]:
+    """Poses (P,) at which a path from some tensions ends in another stable equilibrium."""
     robot = rods.designs.robot
-    each = Designs(robot, {"segments.0.length": np.full(len(rows), robot.segments[0].length)})
-    share = np.array(_ON_THE_WAY)[:, None]
-    for start in most * np.eye(tensions.shape[1]):
-        path = start + share * (tensions[rows, None] - start)
-        end = sweep_designs(each, path, load=rods.load, model=rods.model, threads=threads())
-        away = np.linalg.norm(end.tip_position[:, -1] - found.tip[0, rows], axis=-1)
-        two[rows] |= away > APART * robot.length  # NaN is not
-    return two
+    each = Designs(robot, {"segments.0.length": np.full(len(tip), robot.segments[0].length)})
+    path = start + np.array(_ON_THE_WAY)[:, None] * (tensions[:, None] - start)
+    end = sweep_designs(each, path, load=rods.load, model=rods.model, threads=threads())
+    away = np.linalg.norm(end.tip_position[:, -1] - tip, axis=-1)
+    return np.asarray(away > APART * robot.length)  # NaN is not
