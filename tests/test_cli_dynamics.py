@@ -18,6 +18,7 @@ import bowstring as bs
 from bowstring.dynamics import simulation
 from bowstring.dynamics.load_table import read_actuation, read_base_motion
 from bowstring.dynamics.run_file import read_run
+from bowstring.errors import InputError
 from shell import Shell, process, refuses
 
 SIMULATE = ("simulate", "amouri2019")
@@ -150,6 +151,20 @@ def test_files(shell: Shell, tmp_path: Path, robot: bs.Robot) -> None:
     np.testing.assert_allclose(found["tip_position_m"], tip, atol=1e-12)
     assert gif.read_bytes().startswith(b"GIF8") and glb.read_bytes().startswith(b"glTF")
     assert len(list(vtk.glob("*.vtu"))) == 3 * 11
+
+
+def test_a_run_that_is_written_is_named_where_another_file_fails(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise InputError("cannot write it: No space left on device")
+
+    monkeypatch.setattr("bowstring.viz.gltf.write_glb", full)
+    out = tmp_path / "run.nc"
+    files = ("--out", str(out), "--glb", str(tmp_path / "run.glb"))
+    said = shell.error(*DISPLACED, "--rise", "0.02", "--hold", "0.02", *files)
+    assert said.endswith(f"No space left on device; {out} is written, the glTF file is not")
+    assert out.exists()
 
 
 def test_a_table_has_a_row_for_each_output_time(shell: Shell, tmp_path: Path) -> None:

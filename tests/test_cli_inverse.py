@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from tests.shell import Shell
 
 import bowstring as bs
+from bowstring.viz import style
 
 
 def write_tips(file: Path, tips: np.ndarray, unit: str = "mm", extra: str = "") -> Path:
@@ -87,6 +89,27 @@ def test_a_path(shell: Shell, tmp_path: Path, model: str) -> None:
     assert mean > 1e-3
     # again, over its own files
     assert shell("ik", "rao2021", "--path", str(file), "--out", str(out))[0] == 0
+
+
+def test_a_table_that_is_written_is_named_where_its_figure_fails(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, out = write_tips(tmp_path / "tips.csv", circle(3)), tmp_path / "c.csv"
+    arguments = ("ik", "rao2021", "--path", str(file), "--out", str(out))
+    only = f"of the files only {out} is written"
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(style, "save", full)
+    assert shell.error(*arguments).endswith(f"No space left on device; {only}")
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(style, "save", stopped)
+    assert shell(*arguments) == (130, "", f"Stopped: {only}.\n")
+    assert out.exists() and not out.with_suffix(".png").exists()
 
 
 def test_a_path_with_directions_in_metres(shell: Shell, tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ from bowstring.cli import completion
 from bowstring.cli.actuation import Angle, Displacement, Tension, actuated_by
 from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag, option
 from bowstring.cli.output import (
-    Stopped,
     fixed,
     frame,
+    naming,
     new_table,
     progress_bar,
     provenance_of,
@@ -20,7 +20,6 @@ from bowstring.cli.output import (
     write_tables,
 )
 from bowstring.errors import InputError
-from bowstring.formatting import listed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -95,30 +94,23 @@ def cad(
     sizes = sizes_of(model)
     pose, solid = None, None
     files: schema.SolidFiles = {}
-    try:
-        with progress_bar("CAD kernel" if out or picture else "drawing") as notify:
-            if out is not None or picture is not None:
-                check_cad()
-            if acting is not None:
-                pose = rod.solve(model, load=acting).raise_for_status()
-            if out is not None or picture is not None:
-                notify("solid", 0.6)
-                solid = make_solid(model, pose)
-                if out is not None:
-                    notify("file", 0.7)
-                    files["solid"] = str(export.write_solid(solid, out))
-                if picture is not None:
-                    notify("picture", 0.75)
-                    files["picture"] = str(write_picture(solid, picture))
-            if drawing is not None:
-                notify("drawing", 0.95 if out or picture else 0.0)
-                files["drawing"] = str(write_drawing(model, drawing))
-    except KeyboardInterrupt:
-        if not files:
-            raise
-        written = listed([str(file) for file in files.values()])
-        verb = "is" if len(files) == 1 else "are"
-        raise Stopped(f"of the files only {written} {verb} written.") from None
+    with naming(files), progress_bar("CAD kernel" if out or picture else "drawing") as notify:
+        if out is not None or picture is not None:
+            check_cad()
+        if acting is not None:
+            pose = rod.solve(model, load=acting).raise_for_status()
+        if out is not None or picture is not None:
+            notify("solid", 0.6)
+            solid = make_solid(model, pose)
+            if out is not None:
+                notify("file", 0.7)
+                files["solid"] = str(export.write_solid(solid, out))
+            if picture is not None:
+                notify("picture", 0.75)
+                files["picture"] = str(write_picture(solid, picture))
+        if drawing is not None:
+            notify("drawing", 0.95 if out or picture else 0.0)
+            files["drawing"] = str(write_drawing(model, drawing))
     kind = unloaded_pose(model) if pose is None else "simulated"
     disks: _Disks | None = None
     if pose is not None:

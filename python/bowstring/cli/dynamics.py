@@ -273,6 +273,9 @@ def simulate(
                 if not is_interrupt(error):
                     raise
                 raise KeyboardInterrupt from None
+            except InputError as error:  # such as a full drive
+                kept, left = targets.state(run)
+                raise InputError(f"{error}; {kept}, {left}") if kept else error from None
         if as_json:
             write_json(_run_json(run, interval, files))
         else:

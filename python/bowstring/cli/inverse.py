@@ -31,6 +31,7 @@ from bowstring.cli.output import (
     figure_file,
     fixed,
     frame,
+    naming,
     new_table,
     progress_bar,
     provenance_of,
@@ -583,11 +584,12 @@ def _path(
         if options.model == "physics":
             models = {"physics": found.tip_position, **models}
         write_commands(found, table, Landing(arcs.tensions, landed))
-        drawn = figure_file(
-            lambda: write_figure(
-                lambda: draw_path(tips.positions, models), drawing, "figure", 160, check
+        with naming({"table": table}):
+            drawn = figure_file(
+                lambda: write_figure(
+                    lambda: draw_path(tips.positions, models), drawing, "figure", 160, check
+                )
             )
-        )
     steps = np.linalg.norm(np.diff(tips.positions, axis=0), axis=1)
     for row in np.flatnonzero(steps > _JUMP * robot.length)[:1]:
         say(

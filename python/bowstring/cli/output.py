@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any, Final, TextIO
 import typer
 
 from bowstring._core import __version__
-from bowstring.formatting import plain
+from bowstring.errors import InputError
+from bowstring.formatting import listed, plain
 from bowstring.units import printable
 
 if TYPE_CHECKING:
@@ -94,6 +95,21 @@ def figure_file(save: Callable[[], Path]) -> str | None:
     except Exception as error:
         not_drawn("the figure", error)
         return None
+
+
+@contextmanager
+def naming(written: Mapping[str, object]) -> Iterator[None]:
+    """Name the files that are written where an error or Ctrl-C keeps others from being so."""
+    try:
+        yield
+    except (InputError, KeyboardInterrupt) as error:
+        files = [str(file) for file in written.values() if file]
+        if not files:
+            raise
+        kept = f"of the files only {listed(files)} {'is' if len(files) == 1 else 'are'} written"
+        if isinstance(error, InputError):
+            raise InputError(f"{error}; {kept}") from None
+        raise Stopped(f"{kept}.") from None
 
 
 def write_json(content: Mapping[str, object]) -> None:
