@@ -322,6 +322,43 @@ def test_bad_axes_are_refused(text: str, message: str) -> None:
         axes_of(ROBOT, [text])
 
 
+@pytest.mark.parametrize(
+    ("over", "message"),
+    [
+        (
+            ["disks.count=1:80:3"],
+            r"axis segments\.0\.disks\.count at 80: .*clamped_length: got 10 mm",
+        ),
+        (["E=50:60 GPa", "disks.count=1:80:3"], r"axis segments\.0\.disks\.count at 80: "),
+        (["E=50:60 GPa", "length=10 mm:700 mm"], r"axis segments\.0\.length at 10 mm: "),
+        (
+            ["disks.count=5:40:3", "disks.clamped_length=1:20 mm"],
+            r"axes segments\.0\.disks\.count at 40 and \S*clamped_length at 20 mm: ",
+        ),
+        (
+            ["disks.count=1:100000:3"],
+            r"axis \S* at 100000: amouri2019 .* a map takes at most 10000",
+        ),
+    ],
+)
+def test_axes_without_a_robot_at_their_end_are_named_before_work(
+    over: list[str], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = (
+        ROBOT if "100000" in over[0] else ROBOT.with_({"segments.0.disks.clamped_length": "10 mm"})
+    )
+    monkeypatch.setattr(space, "follow", lambda *_: pytest.fail("work began"))
+    for function in (validity_map, bs.validity_grid):
+        with pytest.raises(InputError, match=f"^{message}"):
+            function(robot, over)
+
+
+def test_a_map_of_a_robot_with_too_many_disks_blames_no_axis() -> None:
+    robot = ROBOT.with_({"segments.0.disks.count": 10_001})
+    with pytest.raises(InputError, match=r"^amouri2019 has 10001 disks"):
+        validity_map(robot, ["E=50:60 GPa"])
+
+
 def test_the_name_of_a_robot_is_no_robot() -> None:
     for make in (
         lambda: validity_map("amouri2019"),  # type: ignore[arg-type]

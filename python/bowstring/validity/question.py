@@ -202,7 +202,8 @@ def space_of(
     Raises
     ------
     InputError
-        If the load has an actuation, a tip moment or loads on disks.
+        If the load has an actuation, a tip moment or loads on disks, or if an axis has an end with
+        which there is no robot.
     """
     check_robot(robot)
     robot = with_friction_alone(robot)
@@ -231,7 +232,9 @@ def space_of(
     check_dead_loads(robot, paths, load)
     shares = np.array(loading.shares(robot))
     top = float("nan") if "bend" in paths else end_of_ramp(robot, loading, load)
-    return Space(robot, axes, shares, top, RodModel(), load, loading.points)
+    space = Space(robot, axes, shares, top, RodModel(), load, loading.points)
+    space.check()
+    return space
 
 
 def end_of_ramp(robot: Robot, loading: Loading, load: Load | None = None) -> float:

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.display import short_repr
+from bowstring.errors import InputError
+from bowstring.formatting import listed
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot
 from bowstring.robot.paths import full_paths
-from bowstring.robot.stiffness import couples
+from bowstring.robot.stiffness import couples, entry_of
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
+from bowstring.units import number_with_unit
 from bowstring.validity.axes import RAMPS, Axis
 from bowstring.validity.dead_loads import dead_loads
 from bowstring.validity.effects import EFFECTS, Rods, acting, without
@@ -27,6 +31,8 @@ Floats = NDArray[np.float64]
 
 COUPLED: Final = "beside coupled strains of the backbone this effect is not examined"
 """Why straight spans of a backbone with coupled strains are not among the causes."""
+_MOST_DISKS: Final = 10_000  # of a robot; more take seconds between two places that hear Ctrl-C
+_MOST_CORNERS: Final = 4  # axes whose ends are all tried with each other
 
 
 @short_repr
@@ -292,6 +298,44 @@ class Space:
         left = tuple(axis for i, axis in enumerate(self.axes) if i not in values)
         return replace(self, axes=left, fixed=(*self.fixed, *fixed))
 
+    def check(self) -> None:
+        """Refuse ends of the axes with which there is no robot, or one of too many disks.
+
+        Raises
+        ------
+        InputError
+            It names the axes and their values.
+        """
+        axes = [a for a in self.axes if not a.is_load and entry_of(a.path) is None]
+        ends = [(axis.start, axis.stop) for axis in axes]
+        corners = product(*ends) if len(ends) <= _MOST_CORNERS else zip(*ends, strict=True)
+        for corner in corners:
+            at = dict(zip(axes, corner, strict=True))
+            why = self._refused(at)
+            if why:
+                fewer: list[dict[Axis, float]] = [{}, *({a: value} for a, value in at.items())]
+                at = next((each for each in fewer if self._refused(each)), at)
+                kind = "axes" if len(at) > 1 else "axis"
+                named = [_at(axis, value) for axis, value in at.items()]
+                text = f"{kind} {listed(named)}: {why}" if at else why
+                raise InputError(text, argument="over" if at else "")
+
+    def _refused(self, at: Mapping[Axis, float]) -> str:
+        """Why there is no robot with these values of axes; empty if there is one."""
+        changes = {
+            path: int(value) if axis.is_whole else value
+            for axis, value in at.items()
+            for path in full_paths(self.robot, axis.path)
+        }
+        try:
+            count = len(self.robot.with_(changes).disks.station_m)
+        except InputError as error:
+            # advice on units is for a user's own text
+            return str(error).partition("\n")[0].rstrip(".")
+        if count > _MOST_DISKS:
+            return f"{self.robot.name} has {count} disks; a map takes at most {_MOST_DISKS}"
+        return ""
+
     def errors(self, points: Floats, names: Sequence[str]) -> Errors:
         """Errors of constant curvature at points (P, A).
 
@@ -385,3 +429,8 @@ class Space:
         load = self.load.replace(**dead_loads(robot, self.load, loads, len(points)))
         rods = Rods(Designs(robot, values), self.model, load, self.by_displacement)
         return rods, end[:, None] * np.linspace(0.0, 1.0, self.loads)
+
+
+def _at(axis: Axis, value: float) -> str:
+    unit = axis.units[0]
+    return f"{axis.path} at {number_with_unit(value, unit) if unit else f'{value:g}'}"
