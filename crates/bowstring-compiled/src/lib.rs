@@ -38,7 +38,7 @@ struct Content {
 #[serde(rename_all = "lowercase")]
 enum Path {
     Straight,
-    Continuous,
+    Embedded,
 }
 
 #[derive(Deserialize)]
@@ -135,7 +135,7 @@ pub fn read(text: &[u8]) -> Result<Compiled, String> {
     let max_tension = per_tendon(|t| t.max_tension_N);
     let path = match content.tendon_path {
         Path::Straight => TendonPath::Straight,
-        Path::Continuous => TendonPath::Continuous,
+        Path::Embedded => TendonPath::Embedded,
     };
     let robot = Robot::new(spec(content)?).map_err(|error| error.to_string())?;
     Ok(Compiled {

@@ -196,7 +196,7 @@ impl Robot {
     pub(crate) fn settings(&self, model: &RodModel) -> Settings {
         let mut settings = model.0;
         if self.embedded {
-            settings.model.tendon = TendonPath::Continuous;
+            settings.model.tendon = TendonPath::Embedded;
         }
         settings
     }

@@ -305,7 +305,7 @@ fn build<B: Build>(
 /// Refuses tendons along curves beside coupled sections, which would change their strains at every
 /// place.
 fn check_model(robot: &Robot, model: Model) -> Result<(), InputError> {
-    if robot.is_coupled() && model.tendon == TendonPath::Continuous {
+    if robot.is_coupled() && model.tendon.is_continuous() {
         return Err(InputError::other(
             "a backbone given by a stiffness matrix with couplings has straight tendons only: set the \
              tendon path to straight",

@@ -81,7 +81,7 @@ def compile_robot(robot: Robot) -> schema.RobotDescription:
     return {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
-        "tendon_path": "continuous" if robot.is_embedded else "straight",
+        "tendon_path": "embedded" if robot.is_embedded else "straight",
         "segments": segments,
         "disks": [
             {

@@ -83,7 +83,7 @@ class RobotDescription(Object):
         Literal[1], about("Version of its layout; the library reads its own only.")
     ]
     tendon_path: Annotated[
-        Literal["straight", "continuous"],
+        Literal["straight", "embedded"],
         about("Tendons straight between disks, or embedded in the body."),
     ]
     segments: Annotated[list[SegmentNumbers], about("Segments from the base.")]

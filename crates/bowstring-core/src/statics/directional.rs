@@ -12,7 +12,7 @@ use crate::interrupt;
 use crate::math::lie::log;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::model::error::InputError;
-use crate::model::load::{Load, Model, TendonPath};
+use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
 use crate::outcome::Settings;
 use crate::statics::loads::Loads;
@@ -72,7 +72,7 @@ impl Linearised {
     /// `None` for continuous tendons, and where the equilibrium is so close to losing stability that
     /// there are no derivatives.
     pub(super) fn new(robot: &Robot, model: Model, load: &Load, strain: Vec<Vec3>) -> Option<Self> {
-        if model.tendon == TendonPath::Continuous {
+        if model.tendon.is_continuous() {
             return None;
         }
         let elements = strain.len() / (2 * robot.module_count());

@@ -6,7 +6,7 @@ use crate::dispatch::{self, Plain};
 use crate::math::linalg::Vec3;
 use crate::memory::unknown;
 use crate::model::error::InputError;
-use crate::model::load::{Load, OwnedLoad, RodModel, TendonPath, LEVELS};
+use crate::model::load::{Load, OwnedLoad, RodModel, LEVELS};
 use crate::model::robot::Robot;
 use crate::outcome::{Outcome, Settings};
 use crate::statics::adaptive::Adaptive;
@@ -138,7 +138,7 @@ impl Equilibria {
     /// # Errors
     /// For loads that are not valid, and for continuous tendons, which have no derivatives.
     pub fn new(robot: &Robot, model: RodModel, load: OwnedLoad) -> Result<Self, InputError> {
-        if model.model.tendon == TendonPath::Continuous {
+        if model.model.tendon.is_continuous() {
             return Err(InputError::other(
                 "continuous and embedded tendons have no derivatives: take straight ones",
             ));

@@ -7,7 +7,7 @@ use super::history::{History, Slip};
 use super::line::{Command, Line};
 use crate::math::linalg::Vec3;
 use crate::model::error::{Argument, InputError, Rule};
-use crate::model::load::{Load, Model, OwnedLoad, TendonPath};
+use crate::model::load::{Load, Model, OwnedLoad};
 use crate::model::robot::Robot;
 use crate::rod::routed::RoutedRod;
 
@@ -313,7 +313,7 @@ fn check_lines(robot: &Robot, model: Model, lines: &[Line]) -> Result<(), InputE
             "tendons have friction at {holes} holes; this version solves friction at {MOST_HOLES} or fewer"
         ));
     }
-    if model.tendon == TendonPath::Continuous {
+    if model.tendon.is_continuous() {
         return fail(
             "displacements, slack and friction need straight spans; a continuous tendon has none"
                 .into(),

@@ -20,9 +20,18 @@ pub enum Theory {
 pub enum TendonPath {
     /// Straight spans from hole to hole, as in a real robot.
     Straight,
-    /// A curve parallel to the backbone: the model of most published codes, for comparison. Shear
-    /// under tension is neglected, which is exact where the backbone does not twist.
+    /// Along the backbone, and straight from hole to hole in the axes of its sections: the model of
+    /// most published codes, for comparison.
     Continuous,
+    /// Along the backbone, and smooth in the axes of its sections: lumens of a solid body.
+    Embedded,
+}
+
+impl TendonPath {
+    /// Whether tendons act on every section, not on disks alone.
+    pub fn is_continuous(self) -> bool {
+        self != TendonPath::Straight
+    }
 }
 
 /// The physics to solve.

@@ -368,7 +368,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
         self.fixed.payloads.clear();
         self.fixed.payloads.extend(&robots[0].spec().payloads);
-        self.tendons.set::<L>(robots);
+        self.tendons.set::<L>(robots, model.tendon);
     }
 
     fn set_tapers(&mut self, robots: &[Robot], model: Model) {

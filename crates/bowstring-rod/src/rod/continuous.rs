@@ -423,10 +423,12 @@ mod tests {
         Holes {
             start: [0.012, 0.015],
             end: HOLE,
+            curve: None,
         },
         Holes {
             start: HOLE,
             end: HOLE,
+            curve: None,
         },
     ];
 

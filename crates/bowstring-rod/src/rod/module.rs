@@ -35,7 +35,7 @@ pub use crate::rod::span::Span;
 /// The tendons of the robot and their tensions in one module, zero where they do not pass, and the
 /// loads between its disks.
 #[derive(Clone, Copy)]
-pub struct Tendons<'a, T> {
+pub struct Tendons<'a, T: Real> {
     pub holes: &'a [Holes<T>],
     pub tensions: &'a [T],
     pub path: TendonPath,
@@ -48,7 +48,7 @@ impl<T: Real> Tendons<'_, T> {
     /// Whether they are continuous, which lanes do not take.
     #[inline(always)]
     pub fn are_continuous(&self) -> bool {
-        T::PLAIN && self.path == TendonPath::Continuous
+        T::PLAIN && self.path.is_continuous()
     }
 }
 

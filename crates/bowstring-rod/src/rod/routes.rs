@@ -3,28 +3,48 @@
 //! Theory: docs/theory/rod.md (Tendons).
 
 use crate::math::linalg::Vec3;
-use crate::math::real::{Layout, Real};
+use crate::math::real::{Layout, Maybe, Real};
 use crate::model::load::TendonPath;
 use crate::model::robot::Robot;
 use crate::rod::constants::Constants;
 
+/// Most holes from which the course of an embedded tendon at one of them is known.
+const STENCIL: usize = 5;
+
 /// Holes of a tendon at both ends of a module, or of several side by side: x and y in the frames of
 /// the disks (m).
-#[derive(Clone, Copy, Debug)]
-pub struct Holes<T> {
+#[derive(Clone)]
+pub struct Holes<T: Real> {
     pub start: [T; 2],
     pub end: [T; 2],
+    /// Derivatives along the backbone at both ends beyond those of a straight line, of an embedded
+    /// tendon: it is a cubic, in scalars only.
+    pub curve: T::Maybe<[[T; 2]; 2]>,
 }
 
 impl<T: Real> Holes<T> {
     /// Place in the cross-section of a continuous tendon, at a distance from the start of the
-    /// flexible part (m), and its derivative along the backbone: a straight line from hole to hole.
+    /// flexible part (m), and its derivative along the backbone.
     #[inline(always)]
     pub fn between<const A: usize>(&self, c: &Constants<T, A>, at: T) -> (Vec3<T>, Vec3<T>) {
-        let slope = self.slope(c);
+        let mut slope = self.slope(c);
         let [x, y] = self.start;
         let start = Vec3([x, y, T::zero()]);
-        (slope.scaled_add(at + c.clamp[0], start), slope)
+        let from_start = at + c.clamp[0];
+        let mut place = slope.scaled_add(from_start, start);
+        if let Some(curve) = self.curve.get() {
+            let length = c.clamp[0] + c.flexible + c.clamp[1];
+            let (one, t) = (T::splat(1.0), from_start / length);
+            let rest = one - t;
+            let [a, b] = [t * rest * rest * length, t * t * rest * length];
+            let three = T::splat(3.0);
+            let [da, db] = [rest * (one - three * t), t * (T::splat(2.0) - three * t)];
+            for q in 0..2 {
+                place.0[q] += a * curve[0][q] - b * curve[1][q];
+                slope.0[q] += da * curve[0][q] - db * curve[1][q];
+            }
+        }
+        (place, slope)
     }
 
     /// Change of the hole over the length of the module.
@@ -45,8 +65,8 @@ impl<T: Real> Holes<T> {
 }
 
 /// The tendons of a rod.
-#[derive(Clone, Debug)]
-pub struct Routes<M> {
+#[derive(Clone)]
+pub struct Routes<M: Real> {
     /// Holes by groups of modules and tendons; beyond an end disk they do not count.
     holes: Vec<Holes<M>>,
     pub end_disks: Vec<usize>,
@@ -85,13 +105,13 @@ impl<M: Real> Routes<M> {
                 let last = self.in_holes.len() / self.len() - 1;
                 self.in_holes[lane.min(last) * self.len() + tendon]
             }),
-            TendonPath::Continuous => T::zero(),
+            TendonPath::Continuous | TendonPath::Embedded => T::zero(),
         }
     }
 
     /// Takes the numbers of the robots: one for each lane of the chain, the last one also in the
     /// lanes beyond.
-    pub fn set<L: Layout<Module = M>>(&mut self, robots: &[Robot]) {
+    pub fn set<L: Layout<Module = M>>(&mut self, robots: &[Robot], path: TendonPath) {
         let first = &robots[0];
         let (n, tendons) = (first.module_count(), &first.spec().tendons);
         self.end_disks.clear();
@@ -107,7 +127,12 @@ impl<M: Real> Routes<M> {
                 let mut holes = Holes {
                     start: [M::zero(); 2],
                     end: [M::zero(); 2],
+                    curve: Maybe::new(None),
                 };
+                if path == TendonPath::Embedded && M::PLAIN {
+                    let curve = curve(&robots[0], i, g);
+                    holes.curve = Maybe::new(Some(curve.map(|end| end.map(M::splat))));
+                }
                 for lane in 0..M::LANES {
                     // modules side by side belong to one robot; idle lanes repeat the last
                     let (robot, k) = match L::WIDTH {
@@ -123,6 +148,71 @@ impl<M: Real> Routes<M> {
                 }
                 self.holes.push(holes);
             }
+        }
+    }
+}
+
+/// Derivatives of an embedded tendon along the backbone at both ends of a module beyond those of a
+/// straight line: of the polynomials through the nearest holes in its segment.
+fn curve(robot: &Robot, tendon: usize, module: usize) -> [[f64; 2]; 2] {
+    let (disks, tendon) = (&robot.spec().disks, &robot.spec().tendons[tendon]);
+    if module > tendon.end_disk {
+        return [[0.0; 2]; 2];
+    }
+    let segment = disks[module].segment;
+    let same = |k: &usize| disks[*k].segment == segment;
+    let first = (0..module).rev().take_while(same).last().unwrap_or(module);
+    let last = (module..=tendon.end_disk).take_while(same).last();
+    let count = last.unwrap_or(module) + 2 - first;
+    let station = |p: usize| if p == 0 { 0.0 } else { disks[p - 1].station };
+    let used = count.min(STENCIL);
+    let derivative = |p: usize| {
+        let start = p
+            .saturating_sub(used / 2)
+            .clamp(first, first + count - used);
+        let nodes: Vec<f64> = (start..start + used).map(station).collect();
+        let weights = derivative_at(&nodes, p - start);
+        [0, 1].map(|q| {
+            let holes = (start..start + used).map(|p| tendon.hole(p)[q]);
+            weights.iter().zip(holes).map(|(w, hole)| w * hole).sum()
+        })
+    };
+    let length = station(module + 1) - station(module);
+    let [a, b] = [module, module + 1].map(|p| tendon.hole(p));
+    let straight = [0, 1].map(|q| (b[q] - a[q]) / length);
+    [module, module + 1].map(|p| {
+        let slope: [f64; 2] = derivative(p);
+        [0, 1].map(|q| slope[q] - straight[q])
+    })
+}
+
+/// Weights of values at `nodes` in the derivative at one of them of the polynomial through them.
+fn derivative_at(nodes: &[f64], at: usize) -> Vec<f64> {
+    let others = |i: usize| (0..nodes.len()).filter(move |j| *j != i);
+    let weight = |i: usize| -> f64 {
+        if i == at {
+            return others(i).map(|j| 1.0 / (nodes[at] - nodes[j])).sum();
+        }
+        let factor = |j: usize| (nodes[at] - nodes[j]) / (nodes[i] - nodes[j]);
+        let product: f64 = others(i).filter(|j| *j != at).map(factor).product();
+        product / (nodes[i] - nodes[at])
+    };
+    (0..nodes.len()).map(weight).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn derivatives_of_polynomials_are_exact() {
+        let nodes: [f64; 5] = [0.0, 0.3, 0.5, 1.1, 1.2];
+        let value = |x: f64| 2.0 - x + 3.0 * x.powi(3) - 0.5 * x.powi(4);
+        for (at, x) in nodes.iter().enumerate() {
+            let weights = derivative_at(&nodes, at);
+            let found: f64 = weights.iter().zip(nodes).map(|(w, x)| w * value(x)).sum();
+            let exact = -1.0 + 9.0 * x * x - 2.0 * x.powi(3);
+            assert!((found - exact).abs() < 1e-13, "{found} {exact}");
         }
     }
 }

@@ -11,7 +11,6 @@ use crate::interrupt;
 use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Scalar;
-use crate::model::load::TendonPath;
 use crate::rod::chain::{in_group, Rod};
 use crate::rod::module::{Response, Span};
 
@@ -73,7 +72,7 @@ pub fn jacobians<const A: usize>(
     segments: &[usize],
     gravity: bool,
 ) -> Option<Jacobians> {
-    if rod.path == TendonPath::Continuous {
+    if rod.path.is_continuous() {
         return None;
     }
     rod.gradient();
@@ -99,7 +98,7 @@ pub fn tip_by_tensions<const A: usize>(
     rotation: bool,
     columns: &mut [[Vec3; 2]],
 ) -> bool {
-    if rod.path == TendonPath::Continuous {
+    if rod.path.is_continuous() {
         return false;
     }
     rod.gradient();

@@ -97,6 +97,7 @@ mod tests {
         Holes {
             start: if parallel { HOLE } else { [0.012, 0.015] },
             end: HOLE,
+            curve: None,
         }
     }
 

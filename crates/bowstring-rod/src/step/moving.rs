@@ -11,7 +11,7 @@ use super::strain::Strain;
 use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
-use crate::model::load::{Load, TendonPath};
+use crate::model::load::Load;
 use crate::rod::chain::put;
 use crate::rod::responses::Sources;
 use crate::rod::routed::RoutedRod;
@@ -264,7 +264,7 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
 
     fn jump_tensions(&mut self, tensions: &[f64]) {
         let (rod, scheme) = (&mut self.body.rod, &self.body.scheme);
-        if scheme.rigid || rod.path != TendonPath::Continuous {
+        if scheme.rigid || !rod.path.is_continuous() {
             return;
         }
         rod.set_tensions(|i| L::Chain::splat(tensions[i]));

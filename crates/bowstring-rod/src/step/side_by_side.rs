@@ -604,7 +604,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                         let gap = span.length * c.per_flexible - L::Module::splat(CONTACT);
                         -(-gap).max(-span.direction.dot(mean))
                     }
-                    TendonPath::Continuous => c.stretch(&t),
+                    TendonPath::Continuous | TendonPath::Embedded => c.stretch(&t),
                 };
                 let own = L::Module::from_fn(|lane| match tension.lane(lane) > 0.0 {
                     true => -forward.lane(lane),

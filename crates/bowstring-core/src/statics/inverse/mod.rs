@@ -26,7 +26,7 @@ pub use task::{Limits, Target};
 
 use crate::math::linalg::Vec3;
 use crate::model::error::InputError;
-use crate::model::load::{Load, OwnedLoad, RodModel, TendonPath, LEVELS};
+use crate::model::load::{Load, OwnedLoad, RodModel, LEVELS};
 use crate::model::robot::Robot;
 use crate::outcome::Outcome;
 use arcs::Arcs;
@@ -112,7 +112,7 @@ impl InverseSolver {
                 "the margin of the distance is {margin}; it must be finite and >= 0"
             )));
         }
-        if model.model.tendon == TendonPath::Continuous {
+        if model.model.tendon.is_continuous() {
             return Err(InputError::other(
                 "inverse kinematics needs derivatives, which continuous and embedded tendons do not have",
             ));
