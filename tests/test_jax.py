@@ -231,7 +231,8 @@ def test_rows_without_equilibrium_are_nan(robot: bs.Robot) -> None:
         np.testing.assert_array_equal(known.any(1), good)
     slopes = jax.vmap(jax.grad(lambda t: solver(t).tip_position[0]))(tensions)
     np.testing.assert_array_equal(np.isfinite(slopes).all(1), good)
-    assert not solver(TENSIONS, stiffness=[-1.0]).converged
+    for factor in (-1.0, 1e308, 1e-320):
+        assert not solver(TENSIONS, stiffness=[factor]).converged, factor
 
 
 def test_compiled_functions_outlive_their_solver(robot: bs.Robot) -> None:

@@ -166,7 +166,7 @@ def _winding_problem(parts: tuple[Segment, ...], k: int) -> str:
     of = np.repeat(np.arange(k + 1), [len(part.disk_positions) for part in parts[: k + 1]])
     rod = np.array([part.backbone.outer_diameter / 2.0 for part in parts[: k + 1]])[of]
     body = s.tendons_in == "body"
-    most, what = (0.125, "modules of the body") if body else (0.5, "disks")
+    most, what = (0.05, "modules of the body") if body else (0.5, "disks")
     for i, tendon in enumerate(s.tendon_list):
         if tendon.is_parallel:
             continue

@@ -361,7 +361,11 @@ impl Equilibria {
         let own = factors.iter().all(|f| *f == 1.0);
         let scaled = match own {
             true => None,
-            false => Some(self.robot.with_stiffness(factors)?),
+            false => match self.robot.with_stiffness(factors) {
+                Ok(robot) => Some(robot),
+                // the factors leave what numbers can hold
+                Err(_) => return self.pending(n, derivatives),
+            },
         };
         let robot = scaled.as_ref().unwrap_or(&self.robot);
         let mut found = match n {
