@@ -97,25 +97,31 @@ def test_a_cycle_dissipates_the_work_of_the_closed_form():
     assert work == pytest.approx(expected, rel=1e-4)
 
 
-def test_the_pose_is_that_of_the_elastic_robot_with_this_set():
-    """With the plays of the history as rest bends, an elastic robot has the same equilibrium."""
-    changes = {"segments.*.backbone.hysteresis_play": "2 deg", "segments.0.disks.count": 1}
+@pytest.mark.parametrize("disks", [3, 12])
+def test_beyond_the_play_the_backbone_is_softer_and_bent_back(disks):
+    """Where all curvature grows beyond the play r, EI ((1 - w) kappa + w r) is the moment: that of
+    an elastic robot of (1 - w) EI which is bent back by w r / (1 - w) without load."""
+    play = math.radians(2.0)
+    own = {"nu": None, "G": 13.5e9}  # torsion keeps nothing
+    changes = {f"segments.0.backbone.{name}": value for name, value in own.items()}
+    changes |= {"segments.0.backbone.hysteresis_play": play, "segments.0.disks.count": disks}
     robot = bs.load_robot("amouri2019", {**SET, **changes})
-    rows = np.array([[10.0, 0, 0], [50.0, 8, 0], [20.0, 30, 3], [6.0, 2, 0]])
-    gravity, model = bs.Load(gravity=(0, 0, -9.81)), bs.RodModel(elements=4)
-    found = bs.sweep(robot, rows, load=gravity, model=model)
-    x, y = found.history()["plays_per_m"][0]
-    elastic = robot.with_(
+    model = bs.RodModel("kirchhoff", elements=8)
+    load = bs.Load([[20.0, 0.0, 0.0], [60.0, 0.0, 0.0]], gravity=(0.0, 0.0, -9.81))
+    elastic = robot.with_({"segments.0.backbone.hysteresis": 0})
+    softer = elastic.with_(
         {
-            "segments.0.backbone.hysteresis": 0,
-            "segments.0.backbone.rest_bend": SHARE * math.hypot(x, y) * robot.length,
-            # curvature about x bends towards -y
-            "segments.0.backbone.rest_direction": math.atan2(-x, y),
+            "segments.0.backbone.E": (1.0 - SHARE) * robot.segments[0].backbone.E,
+            "segments.0.backbone.rest_bend": SHARE / (1.0 - SHARE) * play,
+            "segments.0.backbone.rest_direction": math.pi,  # away from the first tendon
         }
     )
-    same = bs.sweep(elastic, rows[-1:], load=gravity, model=model)
-    assert found.tip_position[-1] == pytest.approx(same.tip_position[0], abs=1e-10)
-    assert math.hypot(x, y) > 0.2
+    found, expected, without = (
+        bs.sweep(r, load=load, model=model) for r in (robot, softer, elastic)
+    )
+    off = np.linalg.norm(found.tip_position - expected.tip_position, axis=1)
+    assert (off < found.tip_error + 1e-10).all() and found.tip_error.max() < 1e-5
+    assert np.linalg.norm(found.tip_position - without.tip_position, axis=1).min() > 1e-3
 
 
 def test_displacements_count_from_the_home_pose_without_a_set():

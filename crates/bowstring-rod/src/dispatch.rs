@@ -43,8 +43,10 @@ pub trait Passes: RoutedRod + Send + Sync {
     fn make_unloaded(&mut self);
     fn set_strains(&mut self, strain: &dyn Fn(usize) -> Vec3);
     fn strains(&self, visit: &mut dyn FnMut(usize, Vec3));
-    /// Sets the unloaded curvature of every module (1/m), whose section has no coupled strains.
-    fn set_rest(&mut self, rest: &dyn Fn(usize) -> Vec3);
+    /// See [`Rod::curvatures`].
+    fn curvatures(&self, visit: &mut dyn FnMut(usize, Vec3));
+    /// See [`Rod::set_unloaded_curvatures`].
+    fn set_unloaded_curvatures(&mut self, of: &dyn Fn(usize) -> Vec3);
     /// Contact force of every module (N), in the frame of its start disk.
     fn contact_forces(&self, visit: &mut dyn FnMut(usize, Vec3));
     fn set_gradient(&mut self, value: &dyn Fn(usize) -> Vec3);
@@ -164,8 +166,11 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
     fn strains(&self, visit: &mut dyn FnMut(usize, Vec3)) {
         Rod::strains(self, visit);
     }
-    fn set_rest(&mut self, rest: &dyn Fn(usize) -> Vec3) {
-        Rod::set_rest(self, rest);
+    fn curvatures(&self, visit: &mut dyn FnMut(usize, Vec3)) {
+        Rod::curvatures(self, visit);
+    }
+    fn set_unloaded_curvatures(&mut self, of: &dyn Fn(usize) -> Vec3) {
+        Rod::set_unloaded_curvatures(self, of);
     }
     fn contact_forces(&self, visit: &mut dyn FnMut(usize, Vec3)) {
         for k in 0..self.module_count() {

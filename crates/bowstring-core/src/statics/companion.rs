@@ -7,20 +7,21 @@
 //! Theory: docs/theory/actuation.md (Stated errors of a path).
 
 use crate::criteria::is_near;
-use crate::model::load::Load;
+use crate::model::load::{Load, LEVELS};
 use crate::outcome::PathOutcome;
 use crate::rod::estimate::ErrorEstimate;
 use crate::statics::path::PathSolver;
 use crate::statics::solver::Status;
 use crate::tendon::{Command, History};
 
-/// Most elements in a module.
-const MOST: usize = 8;
 /// Stated error over the difference from a path with twice as many elements, and from one with half
 /// as many, over the safety factor of the verdict. Elements are of fourth order, so that these
 /// differences are 15/16 and 15 times the error; stick and slip make single steps differ.
 const OVER_FINER: f64 = 2.0 / 3.0;
 const OVER_COARSER: f64 = 0.25 / 3.0;
+/// Factor with hysteresis, whose plays turn at other steps at each Gauss point: the order of its
+/// errors is lower. Measured against eight elements.
+const WITH_HYSTERESIS: f64 = 2.0;
 /// Error of the state of a path with twice as many elements, over the stated error.
 const OF_FINER: f64 = 0.125;
 
@@ -40,7 +41,7 @@ impl PathSolver {
             return;
         }
         let elements = match self.solver().elements() {
-            MOST => MOST / 2,
+            elements if 2 * elements > LEVELS[LEVELS.len() - 1] => elements / 2,
             elements => 2 * elements,
         };
         let elements_of = |companion: &Companion| companion.path.solver().elements();
@@ -70,8 +71,8 @@ impl PathSolver {
         commands: &[Command],
         load: &Load,
     ) -> (usize, Option<History>) {
+        let remembered = self.remembered;
         let Some(mut companion) = self.companion.take() else {
-            let remembered = self.remembered;
             return (self.last.estimate_error(outcome, None, &remembered), None);
         };
         let before = companion.path.history().clone();
@@ -80,9 +81,7 @@ impl PathSolver {
         let found = companion.path.solve(&before, &commands, load);
         if found.status != Status::Converged {
             // with other elements there is no solution: the next step starts with a new companion
-            let remembered = self.remembered;
-            let needed = self.last.estimate_error(outcome, None, &remembered);
-            return (needed, None);
+            return (self.last.estimate_error(outcome, None, &remembered), None);
         }
         let mut differences = self.differences(&companion.path);
         let (own, other) = (self.solver().elements(), companion.path.solver().elements());
@@ -97,16 +96,12 @@ impl PathSolver {
         } else {
             OVER_FINER
         };
-        differences = differences.map(|x| share * x);
-        // the course of a kept curvature is in no difference, and outlasts the bend
-        let inherited = if self.last.unloaded.is_some() {
-            self.remembered
-        } else {
-            companion.inherited
-        };
+        let hysteresis = (self.laws.hysteresis.iter()).any(|law| law.share > 0.0);
+        let factor = if hysteresis { WITH_HYSTERESIS } else { 1.0 };
+        differences = differences.map(|x| factor * share * x);
         let needed = self
             .last
-            .estimate_error(outcome, Some(differences), &inherited);
+            .estimate_error(outcome, Some(differences), &companion.inherited);
         self.companion = Some(companion);
         (needed, Some(before))
     }
@@ -146,10 +141,8 @@ impl PathSolver {
         path.automatic = self.automatic;
         path.accompanied = self.accompanied;
         path.remembered = self.remembered;
-        if path.last.unloaded.is_none() {
-            path.remembered.tip *= OF_FINER;
-            path.remembered.tension *= OF_FINER;
-        }
+        path.remembered.tip *= OF_FINER;
+        path.remembered.tension *= OF_FINER;
         (path.duration, path.waited) = (self.duration, self.waited);
         Some(path)
     }

@@ -15,7 +15,7 @@ pub use crate::outcome::PathOutcome;
 use crate::rod::estimate::ErrorEstimate;
 use crate::statics::adaptive::with_elements;
 use crate::statics::companion::Companion;
-use crate::statics::inelastic::{Inelasticity, UnloadedCurvature};
+use crate::statics::inelastic::{at_points_of, Inelasticity, UnloadedCurvature};
 use crate::statics::path_step::PathStep;
 use crate::statics::relaxation::CreepingTendons;
 use crate::statics::solver::{Solver, Status};
@@ -30,7 +30,7 @@ pub struct PathSolver {
     pub(super) automatic: bool,
     /// State in the home pose, before any friction.
     home: History,
-    laws: Inelasticity,
+    pub(super) laws: Inelasticity,
     /// Time from each step to the next, and time that passed in steps without a solution (s).
     pub(super) duration: f64,
     pub(super) waited: f64,
@@ -96,7 +96,7 @@ impl PathSolver {
     /// # Errors
     /// If a law is out of range, or a section of an inelastic backbone has coupled strains.
     pub fn with_inelasticity(mut self, laws: &Inelasticity) -> Result<Self, InputError> {
-        let unloaded = UnloadedCurvature::new(self.robot(), laws)?;
+        let unloaded = UnloadedCurvature::new(self.robot(), self.solver().elements(), laws)?;
         if let Some(unloaded) = &unloaded {
             self.home.plays.clone_from(&unloaded.plays);
             self.home.lags.clone_from(&unloaded.lags);
@@ -264,7 +264,7 @@ impl PathSolver {
     /// Whether equilibria depend on the path: with friction, backlash, hysteresis, relaxation or
     /// creep.
     pub fn has_memory(&self) -> bool {
-        self.last.has_memory() || self.transmission().tendons.has_backlash()
+        self.last.has_memory()
     }
 
     /// Slack length of each tendon (m); zero where it is taut.
@@ -435,9 +435,19 @@ impl PathSolver {
         other.fitting = self.fitting;
         other.remembered = self.remembered;
         (other.duration, other.waited) = (self.duration, self.waited);
-        let strain = with_elements(now.strain.clone(), solver.elements(), elements);
+        let [from, to] = [solver.elements(), elements];
+        let strain = with_elements(now.strain.clone(), from, to);
+        let mut lags = vec![[[0.0; 2]; TERMS]; other.history().lags.len()];
+        for term in 0..TERMS {
+            let own: Vec<_> = now.lags.iter().map(|lag| lag[term]).collect();
+            for (lag, value) in lags.iter_mut().zip(at_points_of(&own, from, to)) {
+                lag[term] = value;
+            }
+        }
         other.tendons().now = History {
             strain,
+            plays: at_points_of(&now.plays, from, to),
+            lags,
             ..now.clone()
         };
         other.last.settle_spans();

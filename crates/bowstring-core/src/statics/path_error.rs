@@ -8,8 +8,9 @@ use crate::rod::estimate::{Correction, ErrorEstimate, Verdict};
 use crate::rod::responses::Sources;
 use crate::statics::path_step::PathStep;
 
-/// Safety factors of the error estimates of tip and tension with a memory: the estimate keeps span tensions and unloaded curvatures constant, which change with the bends. Measured
-/// against finer elements.
+/// Safety factors of the error estimates of tip and tension with a memory and without a companion: the
+/// estimate keeps span tensions and unloaded curvatures constant, which change with the bends.
+/// Measured against finer elements.
 const MEMORY_SAFETY: [f64; 2] = [1.5, 8.0];
 
 impl PathStep {
@@ -28,21 +29,16 @@ impl PathStep {
     ) -> usize {
         let mut found = self.solver.engine.estimate();
         let memory = self.has_memory();
-        let largest = match differences {
-            Some([motion, tension]) => {
-                // more elements do not reduce all errors: averages of shear and extension remain
-                let own = self.correct_tensions(&mut found);
-                let largest = |own: f64, x: f64| if own.is_finite() { own.max(x) } else { x };
-                found.motion = largest(found.motion, motion);
-                largest(own, tension)
-            }
-            None => {
-                let safety = if memory { MEMORY_SAFETY } else { [1.0; 2] };
-                let largest = self.correct_tensions(&mut found);
-                found.motion *= safety[0];
-                largest * safety[1]
-            }
-        };
+        let mut largest = self.correct_tensions(&mut found);
+        if let Some([motion, tension]) = differences {
+            // more elements do not reduce all errors: averages of shear and extension remain
+            let larger = |own: f64, x: f64| if own.is_finite() { own.max(x) } else { x };
+            found.motion = larger(found.motion, motion);
+            largest = larger(largest, tension);
+        } else if memory {
+            found.motion *= MEMORY_SAFETY[0];
+            largest *= MEMORY_SAFETY[1];
+        }
         let tensions = &self.transmission.tendons.now.tensions;
         let tautest = tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
         let verdict = Verdict::new(
@@ -54,12 +50,7 @@ impl PathStep {
         );
         outcome.stable = verdict.stable;
         let mut error = verdict.error;
-        if let Some(unloaded) = &self.unloaded {
-            let arcs = 2 * self.solver.elements();
-            let engine = &mut *self.solver.engine;
-            error.tip += unloaded.neglected_motion(engine, arcs, found.compression);
-        }
-        if memory || differences.is_some() {
+        if memory {
             error.tip = error.tip.max(carried.tip);
             error.tension = error.tension.max(carried.tension);
         }

@@ -145,9 +145,11 @@ impl PathStep {
         }
     }
 
-    /// Whether equilibria depend on the path: with friction, hysteresis, relaxation or creep.
+    /// Whether equilibria depend on the path: with friction, backlash, hysteresis, relaxation or
+    /// creep.
     pub fn has_memory(&self) -> bool {
-        self.tangent_is_partial() || self.creep.is_some()
+        let backlash = self.transmission.tendons.has_backlash();
+        self.tangent_is_partial() || self.creep.is_some() || backlash
     }
 
     /// Whether the tangent leaves changes of friction or of the unloaded curvature out.
@@ -157,8 +159,11 @@ impl PathStep {
 
     /// Prepares relaxation and creep for a step from `old`, also one in several increments.
     pub fn begin(&mut self, old: &History, duration: f64) {
+        if self.unloaded.is_some() {
+            self.take(&old.load.borrow(), old);
+        }
         if let Some(unloaded) = &mut self.unloaded {
-            unloaded.begin(old, 2 * self.solver.elements(), duration);
+            unloaded.begin(&*self.solver.engine, old, duration);
         }
         if let Some(creep) = &mut self.creep {
             creep.begin(&mut self.transmission.tendons, old, duration);
@@ -357,23 +362,26 @@ impl PathStep {
     /// Sets the load, at the pose and tensions of the step before.
     fn start(&mut self, old: &History, commands: &[Command], load: &Load) {
         self.transmission.start(old, commands);
-        let tendons = &mut self.transmission.tendons;
-        tendons.now.load.set_dead(load);
+        self.transmission.tendons.now.load.set_dead(load);
+        self.take(load, old);
+        self.transmission.tendons.apply(&mut *self.solver.engine);
+    }
+
+    /// Sets a load at the strain of `old`.
+    fn take(&mut self, load: &Load, old: &History) {
         self.solver.take_load(&Load {
-            tensions: &tendons.now.tensions,
+            tensions: &self.transmission.tendons.now.tensions,
             ..*load
         });
         let engine = &mut *self.solver.engine;
         engine.make_unloaded();
         engine.set_strains(&|i| old.strain[i]);
-        tendons.apply(engine);
     }
 
     /// Moves the unloaded curvature with the present strain.
     fn follow_strain(&mut self, old: &History) {
         if let Some(unloaded) = &mut self.unloaded {
-            let arcs = 2 * self.solver.elements();
-            unloaded.follow(&mut *self.solver.engine, arcs, old);
+            unloaded.follow(&mut *self.solver.engine, old);
         }
     }
 

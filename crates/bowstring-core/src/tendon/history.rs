@@ -23,11 +23,10 @@ pub struct History {
     /// Strain of the backbone, from which the next step starts.
     pub(crate) strain: Vec<Vec3>,
     pub(crate) slip: Vec<Slip>,
-    /// Curvature that the hysteresis of each module has followed (1/m); empty without hysteresis
-    /// and relaxation.
+    /// Curvature that the hysteresis has followed at both Gauss points of each element, from base to
+    /// tip (1/m); empty without hysteresis and relaxation.
     pub plays: Vec<[f64; 2]>,
-    /// Curvature that each term of the relaxation of each module has followed (1/m); empty without
-    /// hysteresis and relaxation.
+    /// Curvature that each term of the relaxation has followed there (1/m).
     pub lags: Vec<[[f64; 2]; TERMS]>,
     /// Elongation of each tendon by each term of its creep (m); empty without it.
     pub crept: Vec<[f64; TERMS]>,

@@ -187,13 +187,13 @@ impl<S: Simd, const A: usize> Lanes<S, A> {
             vector(&|lane| [0.0, 0.0, -1.0, -3.0][known(lane)]),
             vector(&|lane| [0.0, 0.0, 0.0, 1.0][known(lane)]),
         ];
-        let unloaded = vector(&|lane| if known(lane) == 0 { 0.5 } else { 0.0 });
+        let unloaded = vector(&|lane| if known(lane) == 0 { 1.0 } else { 0.0 });
         let mut change = S::Vector::zero();
         for (k, state) in self.rod.states.iter_mut().enumerate() {
-            let rest = self.rod.constants[k].rest * unloaded;
+            let rest = &self.rod.constants[k].rest;
             for i in 0..A {
                 let past = a[k][i] * factors[0] + b[k][i] * factors[1] + c[k][i] * factors[2];
-                state.w[i] = past + rest;
+                state.w[i] = past + rest[i] * unloaded;
                 change = change.max((state.w[i] - a[k][i]).max_abs());
             }
         }

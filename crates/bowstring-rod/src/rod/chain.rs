@@ -55,6 +55,8 @@ pub struct Rod<L: Layout, const A: usize> {
 #[derive(Clone)]
 pub struct Fixed<L: Layout, const A: usize> {
     pub modules: Vec<Constants<L::Chain, A>>,
+    /// Whether the unloaded curvature may vary along a module.
+    pub keeps_curvature: bool,
     /// By modules; empty for robots without a taper.
     tapers: Vec<Taper<L::Chain>>,
     /// Robot and model of modules that a load between two disks can divide; `None` in lanes.
@@ -289,6 +291,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 first_tendon: robot.modules.iter().map(|m| m.first_tendon).collect(),
                 passes,
                 modules: vec![],
+                keeps_curvature: false,
                 tapers: vec![],
                 source: None,
             },
@@ -352,7 +355,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let mut group = Constants::gather(&lanes[..L::Module::LANES]);
             // idle lanes repeat the last module; straight, they stay without imbalance
             for i in (n - g * L::WIDTH).min(L::WIDTH)..L::WIDTH {
-                put::<L>(&mut group.rest, i, Vec3::zero());
+                for rest in &mut group.rest {
+                    put::<L>(rest, i, Vec3::zero());
+                }
             }
             self.constants.push(group);
         }
@@ -513,7 +518,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             || {
                 for (s, c) in self.states.iter_mut().zip(&self.constants) {
                     for a in 0..A {
-                        s.w[a] = c.rest_of(a);
+                        s.w[a] = c.rest[a];
                     }
                     s.n = Vec3::zero();
                 }
@@ -590,19 +595,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             for (a, v) in self.states[k / L::WIDTH].w.iter_mut().enumerate() {
                 put::<L>(v, k % L::WIDTH, Vec3::splat(strain(k * A + a).0));
             }
-        }
-    }
-
-    pub fn set_rest(&mut self, rest: impl Fn(usize) -> Vec3) {
-        for k in 0..self.module_count() {
-            let module = &mut self.fixed.modules[k];
-            let element = module.flexible * Real::splat(2.0 / A as f64);
-            module.rest = Vec3::splat(rest(k).0) * element;
-            put::<L>(
-                &mut self.constants[k / L::WIDTH].rest,
-                k % L::WIDTH,
-                module.rest,
-            );
         }
     }
 }

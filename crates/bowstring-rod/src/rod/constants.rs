@@ -135,8 +135,8 @@ pub struct Constants<T: Real, const A: usize> {
     /// Mean compliance of a section to shear, 1 / GA, and extension, 1 / EA, where the theory has
     /// them (1/N).
     pub compliance: [T; 2],
-    /// Rotation of an unloaded element (rad).
-    pub rest: Vec3<T>,
+    /// Rotation vector of each unloaded arc (rad).
+    pub rest: [Vec3<T>; A],
     /// Coefficients d0 to d3 (m/N) of the compliance D, theory Eq. 2.5. With a coupled section that of
     /// shear and extension is its own.
     pub d: [T; 4],
@@ -149,8 +149,7 @@ pub struct Constants<T: Real, const A: usize> {
 }
 
 /// Derivatives of the curvature at a Gauss point with respect to the rotation vectors of the nearer
-/// and the farther arc of its element, times half the element's length: 1 plus and minus
-/// sqrt(3)/2.
+/// and the farther arc of its element, times the element's length: 1 plus and minus sqrt(3)/2.
 pub const NEAR: f64 = 1.866_025_403_784_438_6;
 pub const FAR: f64 = 0.133_974_596_215_561_36;
 
@@ -218,7 +217,7 @@ impl<const A: usize> Constants<f64, A> {
             mass_per_length: robot.mass_per_length(k),
             own: std::array::from_fn(own),
             compliance: [shear, axial],
-            rest: rest * h,
+            rest: std::array::from_fn(|a| rest * (0.5 * h * part(a / 2))),
             coupled: Maybe::new(coupled),
             d: [
                 length * shear,
@@ -242,7 +241,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
             mass_per_length: T::zero(),
             own: [Stiffness::zero(); A],
             compliance: [T::zero(); 2],
-            rest: Vec3::zero(),
+            rest: [Vec3::zero(); A],
             d: [T::zero(); 4],
             ends: Maybe::new(None),
             coupled: Maybe::new(None),
@@ -266,14 +265,14 @@ impl<T: Real, const A: usize> Constants<T, A> {
             self.reach[q].set_lane(lane, of.reach[q]);
             self.compliance[q].set_lane(lane, of.compliance[q]);
         }
-        for q in 0..3 {
-            self.rest.0[q].set_lane(lane, of.rest[q]);
-        }
         for q in 0..4 {
             self.d[q].set_lane(lane, of.d[q]);
         }
         for a in 0..A {
             self.own[a].set_lane(lane, &of.own[a]);
+            for q in 0..3 {
+                self.rest[a].0[q].set_lane(lane, of.rest[a][q]);
+            }
         }
     }
 
@@ -381,10 +380,15 @@ impl<T: Real, const A: usize> Constants<T, A> {
         (self.part(element - 1) + self.part(element)) * T::splat(0.5)
     }
 
-    /// Rotation vector of an unloaded arc (rad).
+    /// Curvature and twist without load of an element, linear in the distance from the start of the
+    /// flexible part: there (1/m), and their change by this distance (1/m^2).
     #[inline(always)]
-    pub fn rest_of(&self, arc: usize) -> Vec3<T> {
-        self.rest * (self.part(arc / 2) * T::splat(0.5))
+    pub fn course_of_rest(&self, e: usize) -> [Vec3<T>; 2] {
+        let [a, b] = [self.rest[2 * e], self.rest[2 * e + 1]];
+        let per = T::splat(0.5) / self.arc_length(2 * e);
+        let change = (b - a) * (T::splat(3.0) * per * per);
+        let middle = self.within(e, 0.5);
+        [change.scaled_add(-middle, (a + b) * per), change]
     }
 
     /// Largest bending flexibility times length of an element (1/(N m)).
@@ -421,8 +425,8 @@ impl<T: Real, const A: usize> Constants<T, A> {
     pub fn stiffen(&mut self, elastic: &Self, factor: f64) {
         for a in 0..A {
             self.own[a] = elastic.own[a].scaled(T::splat(factor));
+            self.rest[a] = elastic.rest[a] * T::splat(1.0 / factor);
         }
-        self.rest = elastic.rest * T::splat(1.0 / factor);
         if let (Some(own), Some(of)) = (self.coupled.get_mut(), elastic.coupled.get()) {
             own.stiffen(of, factor);
         }
@@ -432,23 +436,23 @@ impl<T: Real, const A: usize> Constants<T, A> {
     /// vector.
     #[inline(always)]
     pub fn elastic_moments(&self, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
-        self.moments_beyond(self.rest, w)
+        self.moments_beyond(&self.rest, w)
     }
 
     /// The same for a change of strain.
     #[inline(always)]
     pub fn bending_moments(&self, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
-        self.moments_beyond(Vec3::zero(), w)
+        self.moments_beyond(&[Vec3::zero(); A], w)
     }
 
-    /// Moments of elements that are unloaded with the rotation `rest`.
+    /// Moments of elements whose arcs are unloaded with the rotation vectors `rest`.
     #[inline(always)]
-    fn moments_beyond(&self, rest: Vec3<T>, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
+    fn moments_beyond(&self, rest: &[Vec3<T>; A], w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
         let mut g = [Vec3::zero(); A];
         for e in 0..A / 2 {
             let i = 2 * e;
-            let half = rest * (self.part(e) * T::splat(0.5));
-            let pair = self.moments_of_element(e, [w[i] - half, w[i + 1] - half]);
+            let beyond = [w[i] - rest[i], w[i + 1] - rest[i + 1]];
+            let pair = self.moments_of_element(e, beyond);
             (g[i], g[i + 1]) = (pair[0], pair[1]);
         }
         g

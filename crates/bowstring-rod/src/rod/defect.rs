@@ -121,13 +121,15 @@ struct Material<T> {
     axial: T,
 }
 
-/// Properties and loads of one element; `VARIED`: it may be tapered or have coupled strains.
+/// Properties and loads of one element; `VARIED`: it may be tapered, have coupled strains, or keep
+/// a curvature.
 struct Element<'a, T: Real, const A: usize, const VARIED: bool> {
     /// Mean of the module.
     material: Material<T>,
     taper: Option<&'a Taper<T>>,
-    /// Curvature and twist without load (1/m).
-    rest: Vec3<T>,
+    /// Curvature and twist without load at the start of the module (1/m), and their change along
+    /// this element (1/m^2).
+    rest: [Vec3<T>; 2],
     tendons: &'a Tendons<'a, T>,
     constants: &'a Constants<T, A>,
     /// Mean weight per length (N/m).
@@ -149,6 +151,16 @@ impl<T: Real, const A: usize, const VARIED: bool> Element<'_, T, A, VARIED> {
             flexibility: stiffness.inverse(),
             shear,
             axial,
+        }
+    }
+
+    /// Curvature and twist without load (1/m), at a distance from the start of the module (m).
+    #[inline(always)]
+    fn rest(&self, at: T) -> Vec3<T> {
+        if VARIED {
+            self.rest[1].scaled_add(at, self.rest[0])
+        } else {
+            self.rest[0]
         }
     }
 
@@ -178,7 +190,8 @@ impl<T: Real, const A: usize, const VARIED: bool> Element<'_, T, A, VARIED> {
         force: Vec3<T>,
         at: T,
     ) -> (Vec3<T>, Vec3<T>) {
-        let mut u = self.rest + material.flexibility.times(moment);
+        let rest = self.rest(at);
+        let mut u = rest + material.flexibility.times(moment);
         let compliance = [material.shear, material.axial];
         if self.tendons.are_continuous() {
             // continuous tendons carry part of moment and force, which depends on the strain
@@ -187,7 +200,7 @@ impl<T: Real, const A: usize, const VARIED: bool> Element<'_, T, A, VARIED> {
             };
             for _ in 0..NEWTON_ROUNDS {
                 let section = section(u);
-                let residual = moment - material.stiffness.times(u - self.rest) - section.moment;
+                let residual = moment - material.stiffness.times(u - rest) - section.moment;
                 u += material.stiffness.plus_mat(section.stiffness()).inverse() * residual;
             }
             return (u, Vec3::ez() + section(u).g);
@@ -227,7 +240,7 @@ impl<T: Real, const A: usize, const VARIED: bool> Element<'_, T, A, VARIED> {
         let r = &at.rotation;
         let n = r.tr_mul(force);
         let moment = r.tr_mul(at.moment) + coupling.shift.tr_mul(n);
-        let curvature = self.rest + coupling.flexibility * moment;
+        let curvature = self.rest[0] + coupling.flexibility * moment;
         let along = *r * (coupling.along + coupling.shift * curvature + coupling.compliance * n);
         Section {
             rotation: r.mul_skew(curvature),
@@ -324,8 +337,8 @@ const NEWTON_ROUNDS: usize = 3;
 
 impl<T: Real, const A: usize> State<T, A> {
     /// Computes the defect. `rhs` becomes the imbalance of the arcs whose Newton step removes the
-    /// defects of their strain and their own residual. `VARIED`: the module may be tapered or have
-    /// coupled strains.
+    /// defects of their strain and their own residual. `VARIED`: the module may be tapered, have
+    /// coupled strains, or keep a curvature.
     #[inline(always)]
     pub fn defect<const VARIED: bool>(
         &self,
@@ -341,7 +354,7 @@ impl<T: Real, const A: usize> State<T, A> {
         let weight = load.mean;
         let [shear, axial] = c.compliance;
         let stiffness = c.mutual(0).scaled(T::splat(4.0) * mean_length * c.part(0));
-        let element = Element::<T, A, VARIED> {
+        let mut element = Element::<T, A, VARIED> {
             material: Material {
                 stiffness,
                 flexibility: stiffness.inverse(),
@@ -349,7 +362,10 @@ impl<T: Real, const A: usize> State<T, A> {
                 axial,
             },
             taper: load.taper,
-            rest: c.rest * mean_per,
+            rest: [
+                (c.rest[0] + c.rest[1]) * (mean_per * (T::splat(1.0) / c.part(0))),
+                Vec3::zero(),
+            ],
             tendons: t,
             constants: c,
             weight,
@@ -377,6 +393,9 @@ impl<T: Real, const A: usize> State<T, A> {
             let per = T::splat(1.0) / length;
             let [from, to] = [2 * e, 2 * e + 2].map(|arcs| c.flexible * c.fraction(arcs));
             let end = section.place;
+            if VARIED {
+                element.rest = c.course_of_rest(e);
+            }
             section = element.back(section, force, [from, to]);
             let (rotation, start) = match e {
                 0 => (Mat3::identity(), Vec3::zero()),

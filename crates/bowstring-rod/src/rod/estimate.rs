@@ -184,7 +184,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
             load.on_nodes = on_nodes.as_ref();
             let (state, gradient) = (&self.states[g], &self.gradients[g]);
-            let varied = !self.tapers.is_empty() || c.coupling().is_some();
+            let varied =
+                self.fixed.keeps_curvature || !self.tapers.is_empty() || c.coupling().is_some();
             let defect = if Constants::<L::Module, A>::FINE || varied {
                 state.defect::<true>(c, &t, gradient, &load, &mut rhs)
             } else {

@@ -14,6 +14,7 @@ pub(crate) mod elimination;
 pub mod estimate;
 pub(crate) mod evaluation;
 pub(crate) mod flexibility;
+pub(crate) mod kept;
 pub(crate) mod module;
 pub mod newton_step;
 pub mod responses;

@@ -377,8 +377,7 @@ impl<T: Real, const A: usize> State<T, A> {
         let mut elastic = half * self.n.dot(self.rho - self.rho0);
         for e in 0..A / 2 {
             let i = 2 * e;
-            let unloaded = c.rest_of(i);
-            let (a, b) = (self.w[i] - unloaded, self.w[i + 1] - unloaded);
+            let (a, b) = (self.w[i] - c.rest[i], self.w[i + 1] - c.rest[i + 1]);
             let moments = c.moments_of_element(e, [a, b]);
             elastic += (a.dot(moments[0]) + b.dot(moments[1])) * half;
         }

@@ -333,8 +333,9 @@ impl<T: Real, const A: usize> Pieces<T, A> {
             let weight = part * T::splat(0.5 / elements);
             for side in [-gauss, gauss] {
                 let xi = 0.5 + side;
-                let (a, b) = (self.strain[2 * element], self.strain[2 * element + 1]);
-                let curved = (b - a).scaled_add(T::splat(3.0 * side), a + b - c.rest * part);
+                let [a, b] =
+                    [2 * element, 2 * element + 1].map(|arc| self.strain[arc] - c.rest[arc]);
+                let curved = (b - a).scaled_add(T::splat(3.0 * side), a + b);
                 let stiffness = &c.at_gauss_points(element)[usize::from(side > 0.0)];
                 let from = c.fraction(2 * element).lane(0);
                 let (place, turn) = state.section(c, t, from + part.lane(0) * xi / elements);
