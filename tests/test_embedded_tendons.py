@@ -78,3 +78,12 @@ def test_bodies_and_disks_do_not_mix(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="tendons_in: got disks after body"):
         bs.load_robot(path)
+
+
+def test_a_tendon_winds_slowly_from_section_to_section() -> None:
+    tendon = {"segments.0.tendons": [{"angle": 0.0, "pitch_radius": 5e-3, "turns": 1.0}]}
+    body = {"segments.0.tendons_in": "body", "segments.0.disks.hole_length": 0.0}
+    robot = bs.load_robot("amouri2019", {**tendon, **body, "segments.0.disks.count": 20})
+    assert robot.core.tendon_count == 1
+    with pytest.raises(InputError, match=r"0.0526 of a turn between two modules of the body"):
+        robot.with_({"segments.0.disks.count": 19})

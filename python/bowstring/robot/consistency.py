@@ -171,7 +171,7 @@ def _winding_problem(parts: tuple[Segment, ...], k: int) -> str:
         if tendon.is_parallel:
             continue
         fastest = abs(tendon.turns) * np.diff(station, prepend=0.0).max() / station[-1]
-        if fastest > most:
+        if fastest > most * (1.0 + 1e-9):
             return (
                 f"{tendon_field(k, s.tendons, i, 'turns')}: got {tendon.turns:g}, which is "
                 f"{fastest:.3g} of a turn between two {what}; must be at most {most:g} there: "
