@@ -154,8 +154,12 @@ def _print(law: str, found: Iterable[Path | str]) -> None:
     for q, least in enumerate(_LEAST):
         counted = (error[:, q] > least) & ~parted
         ratio = stated[counted, q] / error[counted, q]
-        covered, close = (ratio >= 1.0).mean(), (ratio <= 30.0).mean()
-        texts.append(f"{counted.sum()} steps, covered {covered:.2%}, within 30 times {close:.1%}")
+        covered, close = ((ratio >= 1.0).sum(), (ratio <= 30.0).sum())
+        count = max(1, len(ratio))
+        texts.append(
+            f"{len(ratio)} steps, covered {covered / count:.2%}, "
+            f"within 30 times {close / count:.1%}"
+        )
     apart = sum(path.continued > 1.0 for path in paths)
     print(
         f"{law}: {len(paths)} paths; tip {texts[0]}; tension {texts[1]}; "

@@ -198,8 +198,8 @@ fn trial(number: usize) -> Counts {
     } else {
         Case::realistic(&mut draw)
     };
-    if !hard && draw.often(0.05) {
-        case.tendon = TendonPath::Continuous;
+    if !hard {
+        case = varied(case, &mut draw);
     }
     let Ok(robot) = Robot::new(case.spec.clone()) else {
         counts.refused += 1;
@@ -229,6 +229,7 @@ fn trial(number: usize) -> Counts {
         gravity: &gravity,
         tip_force: &forces,
         tip_moment: &moments,
+        point_loads: &case.point_loads,
         ..Loads::default()
     };
     let settings = RodModel {
@@ -275,6 +276,29 @@ fn trial(number: usize) -> Counts {
         }
     }
     counts
+}
+
+/// A realistic robot with some of all that one may have.
+fn varied(mut case: Case, draw: &mut Draw) -> Case {
+    if draw.often(0.05) {
+        case.tendon = TendonPath::Continuous;
+    }
+    match draw.count(0, 9) {
+        0 | 1 => case = case.tapered(draw),
+        2 | 3 => case = case.precurved(draw),
+        4 | 5 => case = case.coupled(draw),
+        _ => {}
+    }
+    if draw.often(0.3) {
+        case = case.routed(draw);
+    }
+    if draw.often(0.3) {
+        case = case.laden(draw);
+    }
+    if draw.often(0.3) {
+        case = case.loaded(draw);
+    }
+    case
 }
 
 /// Whether a row of a batch equals a single solve, up to rounding.

@@ -2,6 +2,8 @@
 
 #[path = "common/random.rs"]
 mod random;
+#[path = "common/stiffness.rs"]
+mod stiffness;
 
 use bowstring_core::math::lie;
 use bowstring_core::math::linalg::{Mat3, Vec3};
@@ -9,28 +11,11 @@ use bowstring_core::model::load::{Load, Model, Theory};
 use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Tendon};
 use bowstring_core::statics::solver::{Solver, Status};
 use random::Draw;
-
-type Stiffness = [[f64; 6]; 6];
+use stiffness::{coupled, inverse, Stiffness};
 
 /// Curvature, twist, shear and extension of a rod of 0.4 m that bends by tens of degrees under 1 N,
 /// without couplings.
 const SIZES: [f64; 6] = [0.06, 0.09, 0.05, 800.0, 1100.0, 1500.0];
-
-/// A random matrix in which couplings are this share of the largest possible.
-fn coupled(draw: &mut Draw, share: f64) -> Stiffness {
-    // sum of squares over more rows than columns
-    let rows: Vec<[f64; 6]> = (0..9)
-        .map(|_| [0; 6].map(|_| draw.within(-1.0, 1.0)))
-        .collect();
-    let product = |i: usize, j: usize| rows.iter().map(|r| r[i] * r[j]).sum::<f64>();
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            let (own, size) = (product(i, i) * product(j, j), SIZES[i] * SIZES[j]);
-            let cosine = product(i, j) / own.sqrt();
-            size.sqrt() * if i == j { 1.0 } else { share * cosine }
-        })
-    })
-}
 
 const REST: [f64; 3] = [0.8, -0.5, 1.1];
 const LENGTH: f64 = 0.4;
@@ -59,26 +44,6 @@ fn robot(profile: Profile, modules: usize, tendons: usize) -> Robot {
         gravity: [0.0; 3],
     })
     .unwrap()
-}
-
-/// Inverse by Gauss's elimination with pivoting.
-fn inverse(m: &Stiffness) -> Stiffness {
-    let mut a = *m;
-    let mut b: Stiffness = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j)));
-    for c in 0..6 {
-        let p = (c..6).max_by(|&i, &j| a[i][c].abs().total_cmp(&a[j][c].abs()));
-        let p = p.unwrap();
-        a.swap(c, p);
-        b.swap(c, p);
-        for i in (0..6).filter(|&i| i != c) {
-            let f = a[i][c] / a[c][c];
-            for j in 0..6 {
-                a[i][j] -= f * a[c][j];
-                b[i][j] -= f * b[c][j];
-            }
-        }
-    }
-    std::array::from_fn(|i| std::array::from_fn(|j| b[i][j] / a[i][i]))
 }
 
 /// A rod in the base frame: position, rotation and internal moment.
@@ -181,7 +146,7 @@ fn a_tip_wrench_bends_the_rod_as_integrated() {
     let mut least = [f64::INFINITY; 2];
     for number in 0..12 {
         let draw = &mut Draw::new(61, number);
-        let stiffness = coupled(draw, draw_share(number));
+        let stiffness = coupled(draw, SIZES, draw_share(number));
         let force = Vec3([0; 3].map(|_| draw.within(-0.6, 0.6)));
         let moment = Vec3([0; 3].map(|_| draw.within(-0.05, 0.05)));
         let expected = shoot(&stiffness, force, moment, 400);

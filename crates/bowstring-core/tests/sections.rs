@@ -69,28 +69,7 @@ fn kirchhoff() -> Model {
 /// A random robot whose backbones are tapered, flat, curved and twisted without load.
 fn general(number: usize) -> (Case, Robot) {
     let mut draw = Draw::new(41, number);
-    let mut case = Case::realistic(&mut draw);
-    for profile in &mut case.spec.backbone {
-        let mut first = profile.sections()[0];
-        first.bending[1] *= draw.decades(0.3, 1.0);
-        first.principal_angle = draw.within(-3.0, 3.0);
-        let length = case.spec.disks.last().unwrap().station;
-        first.rest_curvature = [0; 3].map(|_| draw.within(-1.0, 1.0) / length);
-        let end = draw.within(0.6, 1.3);
-        *profile = Profile::Tapered(Box::new(std::array::from_fn(|i| {
-            let size: f64 = 1.0 + (end - 1.0) * i as f64 / 4.0;
-            let (area, moment) = (size.powi(2), size.powi(4));
-            Section {
-                bending: first.bending.map(|b| b * moment),
-                torsion: first.torsion * moment,
-                axial: first.axial * area,
-                shear: first.shear * area,
-                mass_per_length: first.mass_per_length * area,
-                rotary_inertia: first.rotary_inertia * moment,
-                ..first
-            }
-        })));
-    }
+    let case = Case::realistic(&mut draw).tapered(&mut draw);
     let robot = Robot::new(case.spec.clone()).unwrap();
     (case, robot)
 }

@@ -3,12 +3,15 @@
 
 #[path = "random.rs"]
 mod random;
+#[path = "stiffness.rs"]
+mod stiffness;
 
 use bowstring_core::math::linalg::{Mat3, Vec3};
-use bowstring_core::model::load::{Load, Model, TendonPath, Theory};
+use bowstring_core::model::load::{Load, Model, PointLoad, TendonPath, Theory};
 use bowstring_core::model::robot::{Disk, Payload, Profile, Robot, RobotSpec, Section, Tendon};
 use bowstring_core::statics::solver::{Pose, Solver, Status};
 pub use random::Draw;
+use stiffness::{coupled, inverse, Stiffness};
 
 impl Draw {
     pub fn direction(&mut self) -> Vec3 {
@@ -27,6 +30,10 @@ pub struct Case {
     pub tensions: Vec<f64>,
     pub tip_force: Vec3,
     pub tip_moment: Vec3,
+    /// On disks and between them.
+    pub point_loads: Vec<PointLoad>,
+    /// Strains by moments and forces where they are coupled, by segments; empty if none are.
+    pub compliances: Vec<Stiffness>,
     pub theory: Theory,
     pub tendon: TendonPath,
 }
@@ -112,6 +119,8 @@ impl Case {
             tensions,
             tip_force: draw.direction() * if draw.often(0.7) { force } else { 0.0 },
             tip_moment: Vec3([0.0; 3]),
+            point_loads: vec![],
+            compliances: vec![],
             theory: if draw.often(0.5) {
                 Theory::Cosserat
             } else {
@@ -153,6 +162,91 @@ impl Case {
             .flat_map(Profile::sections_mut)
         {
             section.rest_curvature = (draw.direction() * (draw.within(0.0, 2.0) / length)).0;
+        }
+        self
+    }
+
+    /// The same robot with backbones that are tapered, flat, curved and twisted without load.
+    pub fn tapered(mut self, draw: &mut Draw) -> Self {
+        let length = self.spec.disks.last().unwrap().station;
+        for profile in &mut self.spec.backbone {
+            let mut first = profile.sections()[0];
+            first.bending[1] *= draw.decades(0.3, 1.0);
+            first.principal_angle = draw.within(-3.0, 3.0);
+            first.rest_curvature = [0; 3].map(|_| draw.within(-1.0, 1.0) / length);
+            let end = draw.within(0.6, 1.3);
+            *profile = Profile::Tapered(Box::new(std::array::from_fn(|i| {
+                let size: f64 = 1.0 + (end - 1.0) * i as f64 / 4.0;
+                let (area, moment) = (size.powi(2), size.powi(4));
+                Section {
+                    bending: first.bending.map(|b| b * moment),
+                    torsion: first.torsion * moment,
+                    axial: first.axial * area,
+                    shear: first.shear * area,
+                    mass_per_length: first.mass_per_length * area,
+                    rotary_inertia: first.rotary_inertia * moment,
+                    ..first
+                }
+            })));
+        }
+        self
+    }
+
+    /// The same robot with sections by their stiffness matrix, curved without load.
+    pub fn coupled(mut self, draw: &mut Draw) -> Self {
+        let length = self.spec.disks.last().unwrap().station;
+        self.theory = Theory::Cosserat;
+        for profile in &mut self.spec.backbone {
+            let s = profile.sections()[0];
+            let sizes = [
+                s.bending[0],
+                s.bending[1] * draw.within(0.5, 1.0),
+                s.torsion,
+                s.shear,
+                s.shear * draw.within(0.5, 1.0),
+                s.axial,
+            ];
+            let share = draw.within(0.1, 0.6);
+            let stiffness = coupled(draw, sizes, share);
+            let rest = [0; 3].map(|_| draw.within(-1.0, 1.0) / length);
+            self.compliances.push(inverse(&stiffness));
+            *profile = Profile::of_stiffness(stiffness, s.mass_per_length, s.rotary_inertia, rest);
+        }
+        self
+    }
+
+    /// The same robot with forces and moments at points of its disks, and on its backbone between
+    /// them, some of which turn with it.
+    pub fn loaded(mut self, draw: &mut Draw) -> Self {
+        let disks = &self.spec.disks;
+        let (n, length) = (disks.len(), disks.last().unwrap().station);
+        let sections = self
+            .spec
+            .backbone
+            .iter()
+            .map(|p| p.sections()[0].bending[0]);
+        let size = sections.fold(f64::INFINITY, f64::min) / (length * length);
+        for _ in 0..draw.count(1, 3) {
+            let disk = draw.count(0, n - 1);
+            // on the flexible part of the module before the disk
+            let (start, clamp) = match disk {
+                0 => (0.0, 0.0),
+                _ => (
+                    disks[disk - 1].station,
+                    0.5 * disks[disk - 1].clamped_length,
+                ),
+            };
+            let end = disks[disk].station - 0.5 * disks[disk].clamped_length;
+            let within = draw.within(0.1, 0.9);
+            let between = start + clamp + within * (end - start - clamp);
+            self.point_loads.push(PointLoad {
+                disk,
+                arc_length: draw.often(0.5).then_some(between),
+                point: (draw.direction() * draw.within(0.0, 0.05 * length)).0,
+                force: (draw.direction() * (draw.within(0.0, 1.0) * size)).0,
+                moment: (draw.direction() * (draw.within(0.0, 0.3) * size * length)).0,
+                follower: draw.often(0.3),
+            });
         }
         self
     }
@@ -288,6 +382,18 @@ impl Case {
                 )
             };
             let pitch = disk.station - before.0;
+            let applied = |load: &PointLoad, turn: Mat3| {
+                let given = [Vec3(load.force), Vec3(load.moment)];
+                let [force, own] = given.map(|v| if load.follower { turn * v } else { v });
+                [force, (turn * Vec3(load.point)).cross(force) + own]
+            };
+            for load in &self.point_loads {
+                if load.arc_length.is_none() && load.disk == k {
+                    let [f, m] = applied(load, end.rotation);
+                    force += f;
+                    moment += m;
+                }
+            }
             let mut section = Station {
                 pose: end,
                 force,
@@ -314,8 +420,30 @@ impl Case {
             };
             let stiff = |section: &mut Station, length: f64| section.rigid(&clamp, gravity, length);
             stiff(&mut section, disk.clamped_length / 2.0);
-            let at = |x: f64| profile.at(from + x * (to - from));
-            section.integrate(at, self.theory, gravity, flexible, steps);
+            let rod = Flexible {
+                at: &|x: f64| profile.at(from + x * (to - from)),
+                compliance: self.compliances.get(disk.segment),
+                theory: self.theory,
+                gravity,
+                length: flexible,
+            };
+            // back to each load on it, from the end
+            let mut loads: Vec<_> = (self.point_loads.iter())
+                .filter_map(|load| {
+                    let part = (load.arc_length? - before.0 - before.1) / flexible;
+                    (0.0..=1.0).contains(&part).then_some((part, load))
+                })
+                .collect();
+            loads.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let mut done = 1.0;
+            for (part, load) in loads {
+                section.integrate(&rod, [done, part], steps);
+                let [f, m] = applied(load, section.pose.rotation);
+                section.force += f;
+                section.moment += m;
+                done = part;
+            }
+            section.integrate(&rod, [done, 0.0], steps);
             stiff(&mut section, before.1);
             // positions are rounded to the size of the robot, however short the module
             let unit = f64::max(pitch, 1e-6 * robot.length());
@@ -343,6 +471,45 @@ impl Case {
     }
 }
 
+/// Flexible part of a module.
+struct Flexible<'a> {
+    /// Section at a fraction of it.
+    at: &'a dyn Fn(f64) -> Section,
+    compliance: Option<&'a Stiffness>,
+    theory: Theory,
+    gravity: Vec3,
+    length: f64,
+}
+
+impl Flexible<'_> {
+    /// Curvature and the strain along the backbone, under a moment and a force in body axes.
+    fn strain(&self, s: &Section, m: Vec3, n: Vec3) -> [Vec3; 2] {
+        let mut v = Vec3([0.0, 0.0, 1.0]);
+        if let Some(compliance) = self.compliance {
+            let wrench = [m[0], m[1], m[2], n[0], n[1], n[2]];
+            let by = |row: &[f64; 6]| row.iter().zip(wrench).map(|(c, w)| c * w).sum::<f64>();
+            let [a, b, c, x, y, z] = compliance.each_ref().map(by);
+            return [
+                Vec3(s.rest_curvature) + Vec3([a, b, c]),
+                v + Vec3([x, y, z]),
+            ];
+        }
+        // in the principal axes and back
+        let (sin, cos) = s.principal_angle.sin_cos();
+        let first = (cos * m[0] + sin * m[1]) / s.bending[0];
+        let second = (cos * m[1] - sin * m[0]) / s.bending[1];
+        let bent = Vec3([
+            cos * first - sin * second,
+            sin * first + cos * second,
+            m[2] / s.torsion,
+        ]);
+        if self.theory == Theory::Cosserat {
+            v += Vec3([n[0] / s.shear, n[1] / s.shear, n[2] / s.axial]);
+        }
+        [Vec3(s.rest_curvature) + bent, v]
+    }
+}
+
 /// A section of the backbone: its pose and the wrench of the distal part on it.
 #[derive(Clone, Copy)]
 struct Station {
@@ -361,42 +528,20 @@ impl Station {
         self.pose.position -= back;
     }
 
-    /// Integrates backward along the elastic rod, by the classical Runge-Kutta method; `at` is the
-    /// section at a fraction of it.
-    fn integrate(
-        &mut self,
-        at: impl Fn(f64) -> Section,
-        theory: Theory,
-        gravity: Vec3,
-        length: f64,
-        steps: usize,
-    ) {
+    /// Integrates backward along the elastic rod, from one fraction of it to another, by the
+    /// classical Runge-Kutta method.
+    fn integrate(&mut self, rod: &Flexible, [end, start]: [f64; 2], steps: usize) {
         let rate = |x: &Station, fraction: f64| {
-            let s = at(fraction);
+            let s = (rod.at)(fraction);
             let r = &x.pose.rotation;
-            let m = r.tr_mul(x.moment);
-            let n = r.tr_mul(x.force);
-            // in the principal axes and back
-            let (sin, cos) = s.principal_angle.sin_cos();
-            let first = (cos * m[0] + sin * m[1]) / s.bending[0];
-            let second = (cos * m[1] - sin * m[0]) / s.bending[1];
-            let bent = Vec3([
-                cos * first - sin * second,
-                sin * first + cos * second,
-                m[2] / s.torsion,
-            ]);
-            let u = Vec3(s.rest_curvature) + bent;
-            let mut v = Vec3([0.0, 0.0, 1.0]);
-            if theory == Theory::Cosserat {
-                v += Vec3([n[0] / s.shear, n[1] / s.shear, n[2] / s.axial]);
-            }
+            let [u, v] = rod.strain(&s, r.tr_mul(x.moment), r.tr_mul(x.force));
             let along = *r * v;
             Station {
                 pose: Pose {
                     rotation: *r * u.skew(),
                     position: along,
                 },
-                force: -(gravity * s.mass_per_length),
+                force: -(rod.gravity * s.mass_per_length),
                 moment: -along.cross(x.force),
             }
         };
@@ -408,9 +553,9 @@ impl Station {
             force: x.force + d.force * h,
             moment: x.moment + d.moment * h,
         };
-        let h = -length / steps as f64;
+        let h = (start - end) * rod.length / steps as f64;
         for step in 0..steps {
-            let here = |half: f64| 1.0 - (step as f64 + half) / steps as f64;
+            let here = |half: f64| end + (start - end) * (step as f64 + half) / steps as f64;
             let a = rate(self, here(0.0));
             let b = rate(&plus(self, &a, h / 2.0), here(0.5));
             let c = rate(&plus(self, &b, h / 2.0), here(0.5));
