@@ -11,7 +11,7 @@ import { implausible } from "./plausibility";
 import { FIRST, modelFrom, NAMES } from "./presets";
 import { mainNumbers, withMainNumbers, writeRobotFile, type MainNumbers } from "./robot-file";
 import { GHOST_STEPS, RobotScene, type Drawing } from "./scene";
-import { applyHash, commandsOf, gravityOf, initial, sourceOf, toHash, type Source, type State } from "./state";
+import { applyHash, boundsOf, commandsOf, gravityOf, initial, sourceOf, stepFor, toHash, type Source, type State } from "./state";
 import { short } from "./units";
 
 const MOST_FILE_BYTES = 2_000_000;
@@ -25,13 +25,6 @@ const RISE = 0.1;
 
 const find = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const said = (error: unknown) => (error instanceof Error ? error.message : String(error));
-
-/** Step of a slider: 1, 2 or 5 times a power of ten, some hundreds of them to its end. */
-function stepFor(most: number): number {
-  const least = most / 500;
-  const power = 10 ** Math.floor(Math.log10(least));
-  return power * [1, 2, 5, 10].find((m) => m * power >= least)!;
-}
 
 class Page {
   private state!: State;
@@ -216,19 +209,7 @@ class Page {
   /** Largest command of the curve. */
   private get mostCommand(): number {
     const now = Math.max(...this.loading.commands.map(Math.abs));
-    return Math.max(this.mostOf().command, now);
-  }
-
-  /** Bounds of the sliders. */
-  private mostOf(): { tension: number; command: number } {
-    const { tendons } = this.original.geometry;
-    const nice = (x: number) => {
-      const power = 10 ** Math.floor(Math.log10(x));
-      return Math.ceil((x / power) * 2) * power / 2;
-    };
-    const tension = nice(0.5 * Math.max(...tendons.map((t) => t.mostTension)));
-    const arm = Math.max(...tendons.map((t) => Math.hypot(...t.holes[0])));
-    return { tension, command: this.state.displacements ? nice((2 * Math.PI * arm) / 3) : tension };
+    return Math.max(boundsOf(this.original.geometry, this.state.displacements).command, now);
   }
 
   private continueCurve(): void {
@@ -346,7 +327,7 @@ class Page {
   private buildControls(): void {
     const { state, original, model } = this;
     find("robot-name").textContent = original.name;
-    const most = this.mostOf();
+    const most = boundsOf(original.geometry, state.displacements);
     const set = (change: (value: number) => void, curve: boolean) => (value: number) => {
       change(value);
       this.changed(curve);

@@ -5,8 +5,8 @@
  * robots come compiled, by `bowstring compile`.
  */
 
-import { parse, stringify } from "yaml";
-import { quote, readQuantities } from "./units";
+import { parseDocument, stringify } from "yaml";
+import { quote, readQuantities, shortened } from "./units";
 
 /** All numbers in SI. */
 export interface Backbone {
@@ -66,7 +66,11 @@ export interface RobotFile {
 }
 
 /** The text was read, but is no robot of the page; the message is one sentence. */
-export class RobotFileError extends Error {}
+export class RobotFileError extends Error {
+  constructor(sentence: string) {
+    super(sentence.replace(/\p{Cc}/gu, " ")); // a name or a value of the file may have line breaks
+  }
+}
 
 const MOST_BYTES = 2_000_000;
 /** Bounds of the work on a robot, of whatever file or link. */
@@ -104,7 +108,7 @@ class Fields {
   }
 
   private at(name: string): string {
-    return this.path === "" ? name : `${this.path}.${name}`;
+    return this.path === "" ? shortened(name) : `${this.path}.${shortened(name)}`;
   }
 
   fail(name: string, what: string): never {
@@ -302,7 +306,10 @@ export function readRobotFile(text: string, fallbackName: string): RobotFile {
   if (text.length > MOST_BYTES) throw new RobotFileError(`the file has ${text.length} characters, which is no robot file`);
   let content: unknown;
   try {
-    content = parse(text, { maxAliasCount: 0, uniqueKeys: true });
+    const document = parseDocument(text, { uniqueKeys: true, logLevel: "error" });
+    const [fault] = [...document.errors, ...document.warnings]; // a tag that YAML does not know is a warning
+    if (fault !== undefined) throw fault;
+    content = document.toJS({ maxAliasCount: 0 });
   } catch (error) {
     const first = (error as Error).message.split("\n")[0].slice(0, 200);
     throw new RobotFileError(`the file is no YAML: ${first}`);

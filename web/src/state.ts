@@ -68,6 +68,28 @@ export function initial(source: Source, { gravity: [x, y, z], geometry }: Model)
   };
 }
 
+/** Least bounds of sliders, of robots whose tendons hold no tension or have no lever arm (N, m). */
+const LEAST_BOUND = 1e-6;
+
+/** Bounds of the sliders: largest tension (N), and largest command (N or m). */
+export function boundsOf({ tendons }: Geometry, displacements: boolean): { tension: number; command: number } {
+  const nice = (most: number) => {
+    const x = Math.max(most, LEAST_BOUND);
+    const power = 10 ** Math.floor(Math.log10(x));
+    return Math.ceil((x / power) * 2) * power / 2;
+  };
+  const tension = nice(0.5 * Math.max(...tendons.map((t) => t.mostTension)));
+  const arm = Math.max(...tendons.map((t) => Math.hypot(...t.holes[0])));
+  return { tension, command: displacements ? nice((2 * Math.PI * arm) / 3) : tension };
+}
+
+/** Step of a slider: 1, 2 or 5 times a power of ten, some hundreds of them to its end. */
+export function stepFor(most: number): number {
+  const least = most / 500;
+  const power = 10 ** Math.floor(Math.log10(least));
+  return power * [1, 2, 5, 10].find((m) => m * power >= least)!;
+}
+
 const MOST_LINK = 200_000;
 
 function toBase64(text: string): string {

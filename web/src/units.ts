@@ -28,10 +28,14 @@ function likelyUnit(x: number, si: string): string {
 const NUMBER = /^[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?/;
 const SAME: Record<string, string> = { "²": "^2", "³": "^3", µ: "u", μ: "u", "°": "deg", "·": "*" };
 
+/** A text of a file, short enough for a message. */
+export function shortened(text: string): string {
+  return text.length > 40 ? `${text.slice(0, 40)}...` : text;
+}
+
 /** What was found in place of a value, short enough for a message. */
 export function quote(value: unknown): string {
-  const text = typeof value === "string" ? value : (JSON.stringify(value) ?? String(value));
-  return `"${text.length > 40 ? `${text.slice(0, 40)}...` : text}"`;
+  return `"${shortened(typeof value === "string" ? value : (JSON.stringify(value) ?? String(value)))}"`;
 }
 
 /**

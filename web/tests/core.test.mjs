@@ -121,13 +121,15 @@ test("a written robot file is read back as the same robot", () => {
   }
 });
 
+const GOOD = () => readFileSync(at("../../python/bowstring/robot/builtin/amouri2019.yaml"), "utf8");
 const REFUSED = [
   ["segments: 3", /segments: must be a list/],
   ["a: [", /the file is no YAML/],
+  ["segments: !!x []", /the file is no YAML: Unresolved tag/],
+  [`${GOOD()}\n"a\\nb${"a".repeat(500)}": 1`, /: a ba+\.\.\.: the page does not read this field/],
   ["just text", /must be a mapping/],
   ["segments: []", /1 to 20 segments/],
 ];
-const GOOD = () => readFileSync(at("../../python/bowstring/robot/builtin/amouri2019.yaml"), "utf8");
 const CHANGED = [
   ["diameter: 5 mm", "diameter: 5", /backbone\.diameter: got 5 without a unit; write for example "5 mm"$/],
   ["diameter: 5 mm", "diameter: 0.005", /got 0\.005 without a unit; write for example "0\.005 m"$/],
