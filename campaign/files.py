@@ -5,6 +5,9 @@ Half of the files of JSON and YAML are damaged in their structure, the others in
 ``python -m campaign.files N`` continues the last campaign with N more files. A trial is determined
 by its number, so ``python -m campaign.files --only NUMBER`` repeats one. Each worker is a process
 of its own: one that hangs or dies costs one trial, which is counted as a failure.
+
+With ``--library target/release/libbowstring.so`` all files are compiled robots, which the C library
+reads and solves.
 """
 
 from __future__ import annotations
@@ -29,7 +32,8 @@ from pathlib import Path
 from random import Random
 from typing import Any, Final
 
-from campaign.mutations import damage, reshape
+from campaign import compiled
+from campaign.mutations import damage, rescale, reshape
 
 ROOT: Final = Path(__file__).parents[1]
 RESULTS: Final = Path(__file__).parent / "results"
@@ -48,6 +52,8 @@ SHARES: Final = {
     **{"listing": 1, "kept": 1, "definition": 1},
 }
 """Kinds of files, and their percentages of the trials."""
+COMPILED: Final = "compiled"
+"""Kind of a campaign with the C library."""
 PATIENCE: Final = 30.0  # s for a file
 SLOW: Final = 300.0  # s for an HDF5 file, whose own limits are 5 s of computing and 50 s in all
 MEMORY: Final = 2 << 30  # bytes that a worker may use beyond its use at the start
@@ -62,6 +68,20 @@ class Kind:
     def __init__(self, suffix: str, corpus: list[bytes], read: Callable[[Path], object]) -> None:
         assert corpus
         self.suffix, self.corpus, self.read = suffix, corpus, read
+
+    def check(self, folder: Path) -> None:
+        """Read the intact files."""
+        for content in self.corpus:
+            whole = folder / f"whole{self.suffix}"
+            whole.write_bytes(content)
+            self.read(whole)
+
+
+def compiled_kind(folder: Path, library: Path) -> dict[str, Kind]:
+    """The kind of compiled robots, read by the C library in a file."""
+    kind = Kind(".json", compiled.corpus(ROOT), compiled.Library(library).read)
+    kind.check(folder)
+    return {COMPILED: kind}
 
 
 def kinds(folder: Path) -> dict[str, Kind]:
@@ -228,11 +248,8 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "run": Kind(".nc", raw(folder / "run.nc", folder / "run3.nc"), read_run),
         "hdf5": Kind(".nc", raw(folder / "run.h5", folder / "packed.h5"), read_run),
     }
-    for kind in found.values():  # undamaged files are read
-        for content in kind.corpus:
-            whole = folder / f"whole{kind.suffix}"
-            whole.write_bytes(content)
-            kind.read(whole)
+    for kind in found.values():
+        kind.check(folder)
     return found
 
 
@@ -322,7 +339,7 @@ def trial(number: int, of: dict[str, Kind], folder: Path, seed: int = 0) -> tupl
     ----------
     number : int
     of : dict
-        As `kinds` returns it.
+        As `kinds` or `compiled_kind` returns it.
     folder : Path
     seed : int
 
@@ -333,10 +350,12 @@ def trial(number: int, of: dict[str, Kind], folder: Path, seed: int = 0) -> tupl
     """
     from bowstring.errors import InputError, NoSolutionError
 
-    name, random = kind_of(number, seed), Random(f"{seed}:{number}")
-    kind = of[name]
+    name = COMPILED if COMPILED in of else kind_of(number, seed)
+    kind, random = of[name], Random(f"{seed}:{number}")
     data = random.choice(kind.corpus)
-    if kind.suffix in (".yaml", ".json", ".truth.json") and random.random() < 0.5:
+    if name == COMPILED and random.random() < 0.5:
+        data = rescale(data, random)
+    elif kind.suffix in (".yaml", ".json", ".truth.json") and random.random() < 0.5:
         data = reshape(data, random, yaml=kind.suffix == ".yaml")
     elif name == "workbook":
         data = _damaged_workbook(data, random, folder)
@@ -368,11 +387,11 @@ def kind_of(number: int, seed: int = 0) -> str:
 # -- many trials -------------------------------------------------------------------------------
 
 
-def _work(pipe: Connection, seed: int) -> None:
+def _work(pipe: Connection, seed: int, library: Path | None) -> None:
     """Worker process: receives numbers of trials, sends their outcomes."""
     with tempfile.TemporaryDirectory(prefix="bowstring-campaign-") as made:
         folder = Path(made)
-        of = kinds(folder)
+        of = compiled_kind(folder, library) if library else kinds(folder)
         pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
         limit = pages * resource.getpagesize() + MEMORY
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
@@ -389,10 +408,10 @@ def _patience(number: int, seed: int) -> float:
 
 
 class _Worker:
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, library: Path | None) -> None:
         context = multiprocessing.get_context("spawn")
         self.pipe, other = context.Pipe()
-        self.process = context.Process(target=_work, args=(other, seed), daemon=True)
+        self.process = context.Process(target=_work, args=(other, seed, library), daemon=True)
         self.process.start()
         other.close()
         self.number: int | None = None
@@ -408,10 +427,12 @@ class _Worker:
         self.process.join()
 
 
-def campaign(count: int, seed: int = 0, workers: int = 2) -> dict[str, Any]:
-    """Continues for so many trials; results so far are in ``campaign/results/files.json``."""
+def campaign(
+    count: int, seed: int = 0, workers: int = 2, library: Path | None = None
+) -> dict[str, Any]:
+    """Continues for so many trials; results so far are in ``campaign/results``."""
     RESULTS.mkdir(exist_ok=True)
-    place = RESULTS / f"files-{seed}.json"
+    place = RESULTS / f"{COMPILED if library else 'files'}-{seed}.json"
     kept = json.loads(place.read_text("utf-8")) if place.exists() else {"next": 0, "failures": []}
     counts = Counter(kept.get("counts", {}))
     failures = kept["failures"]
@@ -420,7 +441,7 @@ def campaign(count: int, seed: int = 0, workers: int = 2) -> dict[str, Any]:
     done = 0
     begun = time.monotonic()
     waiting: set[int] = set()
-    crew = [_Worker(seed) for _ in range(workers)]
+    crew = [_Worker(seed, library) for _ in range(workers)]
 
     def keep() -> None:
         # trials in progress at a stop are repeated later, and counted once
@@ -480,8 +501,9 @@ def campaign(count: int, seed: int = 0, workers: int = 2) -> dict[str, Any]:
                 crew.remove(worker)
                 if worker.number is None:
                     raise RuntimeError(f"a worker does not start: {why}")
-                note(worker.number, kind_of(worker.number, seed), "failed", why)
-                crew.append(_Worker(seed))
+                kind = COMPILED if library else kind_of(worker.number, seed)
+                note(worker.number, kind, "failed", why)
+                crew.append(_Worker(seed, library))
     finally:
         for worker in crew:
             worker.end()
@@ -495,6 +517,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("count", type=int, nargs="?", default=1000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument("--library", type=Path, help="C library, which reads compiled robots")
     parser.add_argument("--only", type=int, help="repeat one trial, and keep its file")
     return parser.parse_args()
 
@@ -502,8 +525,10 @@ def _options() -> argparse.Namespace:
 def _lines(found: dict[str, Any]) -> Iterator[str]:
     counts = found["counts"]
     yield f"{'kind':10} {'read':>8} {'refused':>8} {'failed':>8}"
-    for kind in SHARES:
+    for kind in (*SHARES, COMPILED):
         row = [counts.get(f"{kind} {outcome}", 0) for outcome in ("read", "refused", "failed")]
+        if not any(row):
+            continue
         yield f"{kind:10} " + " ".join(f"{value:8}" for value in row)
     yield f"{found['files']} files, {len(found['failures'])} failures"
 
@@ -512,13 +537,15 @@ def main() -> None:
     options = _options()
     if options.only is not None:
         with tempfile.TemporaryDirectory() as made:
-            name, outcome, why = trial(options.only, kinds(Path(made)), Path(made), options.seed)
+            folder, library = Path(made), options.library
+            of = compiled_kind(folder, library) if library else kinds(folder)
+            name, outcome, why = trial(options.only, of, folder, options.seed)
             print(f"{name}: {outcome}\n{why}")
-            for file in Path(made).glob("damaged*"):
+            for file in folder.glob("damaged*"):
                 RESULTS.mkdir(exist_ok=True)
                 print(shutil.copy(file, RESULTS / f"{options.seed}-{options.only}{file.suffix}"))
         return
-    found = campaign(options.count, options.seed, options.workers)
+    found = campaign(options.count, options.seed, options.workers, options.library)
     print("\n".join(_lines(found)))
     sys.exit(1 if found["failures"] else 0)
 

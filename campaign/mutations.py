@@ -9,7 +9,7 @@ from copy import deepcopy
 from random import Random
 from typing import Any, Final
 
-__all__ = ["damage", "reshape"]
+__all__ = ["damage", "rescale", "reshape"]
 
 _WORDS: Final = (0, 1, 2, 3, 4, 255, 256, 65535, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**64 - 1)
 _NUMBERS: Final = (
@@ -202,3 +202,24 @@ def _reshaped(tree: Any, random: Random) -> Any:
         other = random.randrange(len(above))
         above[key], above[other] = above[other], value
     return holder[0] if holder else None
+
+
+def rescale(data: bytes, random: Random) -> bytes:
+    """A file of JSON with one to five of its numbers multiplied by powers of ten or negated."""
+    tree = json.loads(data)
+    for _ in range(random.choice((1, 1, 2, 3, 5))):
+        above: Any = tree
+        while True:
+            keys = [*above] if isinstance(above, dict) else [*range(len(above))]
+            if not keys:
+                break
+            key = random.choice(keys)
+            value = above[key]
+            if isinstance(value, (dict, list)):
+                above = value
+                continue
+            if isinstance(value, float):
+                sign = random.choice((1.0, 1.0, 1.0, -1.0))
+                above[key] = sign * (value or 1.0) * 10.0 ** random.randint(-15, 15)
+            break
+    return json.dumps(tree).encode()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections import Counter
 from pathlib import Path
 from random import Random
 
 import pytest
-from campaign import mutations
+from campaign import compiled, mutations
 
 if sys.platform != "linux":
     pytest.skip("campaigns need limits on memory", allow_module_level=True)
@@ -69,3 +70,16 @@ def test_damage_changes_most_files() -> None:
     data = b"name: a\nsegments:\n  - length: 100 mm\n" * 5
     made = {mutations.damage(data, Random(i), [data]) for i in range(100)}
     assert len(made) > 80
+
+
+def test_rescaled_files_have_the_structure_of_the_original() -> None:
+    data = b'{"name": "a", "rows": [[1.0, 0.0], [3.0, 4.0]], "at": []}'
+    made = [json.loads(mutations.rescale(data, Random(i))) for i in range(200)]
+    assert {(each["name"], len(each["rows"][1])) for each in made} == {("a", 2)}
+    numbers = [abs(x) for each in made for row in each["rows"] for x in row]
+    assert max(numbers) > 1e6 and 0.0 < min(x for x in numbers if x) < 1e-6
+
+
+def test_intact_compiled_robots() -> None:
+    for text in compiled.corpus(files.ROOT):
+        assert json.loads(text)["format"] == "bowstring compiled robot"

@@ -112,10 +112,67 @@ pub unsafe extern "C" fn bowstring_robot_length(robot: *const BowstringRobot) ->
     unsafe { robot.as_ref() }.map_or(f64::NAN, |robot| robot.0.robot.length())
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
 mod tests {
     use super::*;
+    use crate::status::bowstring_last_error;
 
+    const TEXT: &str = r#"{
+        "format": "bowstring compiled robot", "format_version": 1, "tendon_path": "straight",
+        "segments": [{"sections": [[1, 1, 0, 0.8, 3e5, 1e5, 0.01, 1e-8, 0, 0, 0]], "stiffness": null}],
+        "disks": [{"station_m": 0.1, "clamped_length_m": 0, "hole_length_m": 0, "mass_kg": 0.01,
+                   "inertia_kg_m2": [1e-6, 2e-6], "segment": 0}],
+        "tendons": [{"holes_m": [[0.01, 0]], "end_disk": 0, "compliance_m_per_N": 0,
+                     "pretension_N": 0, "max_tension_N": 50}],
+        "payloads": [], "gravity_m_per_s2": [0, 0, 0]
+    }"#;
+
+    /// The sentence with which a text is refused; empty where it is read.
+    fn refusal(text: &str) -> String {
+        // SAFETY: the text is readable, and what is made of it is freed once
+        unsafe {
+            let robot = bowstring_robot_from_text(text.as_ptr().cast(), text.len());
+            let made = !robot.is_null();
+            bowstring_robot_free(robot);
+            let said = CStr::from_ptr(bowstring_last_error());
+            made.then(String::new)
+                .unwrap_or_else(|| said.to_str().unwrap().into())
+        }
+    }
+
+    #[test]
+    fn damaged_texts_are_refused_in_a_short_line() {
+        assert_eq!(refusal(TEXT), "");
+        for (from, to, words) in [
+            (
+                "0.01, 0]]",
+                &format!("{:?}]]", "a".repeat(5000)),
+                "invalid type",
+            ),
+            (
+                "\"straight\"",
+                &format!("\"{}\"", "a".repeat(5000)),
+                "at line 2",
+            ),
+            ("straight", &r"\u001b[31m\n".into(), "unknown variant"),
+            ("50", &"1e308".into(), "max_tension_N of tendon 1 is 1e308"),
+            (
+                "\"compliance_m_per_N\": 0",
+                &"\"compliance_m_per_N\": -1".into(),
+                "from 0 to 1e30",
+            ),
+        ] as [(&str, &String, &str); 5]
+        {
+            let said = refusal(&TEXT.replacen(from, to, 1));
+            assert!(said.contains(words), "{said}");
+            assert!(
+                said.len() < 400 && !said.contains(char::is_control),
+                "{said:?}"
+            );
+        }
+    }
+
+    #[cfg(unix)]
     #[test]
     fn a_device_without_an_end_is_no_robot() {
         // SAFETY: the text ends with a zero

@@ -16,6 +16,10 @@ use serde::Deserialize;
 const FORMAT: &str = "bowstring compiled robot";
 /// Version of the layout that this library reads.
 const VERSION: u32 = 1;
+/// Largest number of a tendon, in SI: products of such numbers do not overflow.
+const MOST: f64 = 1e30;
+/// Characters of what the JSON reader says, which repeats text of the file.
+const LONGEST: usize = 200;
 
 /// What is read first: another version may have another layout.
 #[derive(Deserialize)]
@@ -94,7 +98,7 @@ pub struct Compiled {
 /// A sentence that says what is wrong.
 pub fn read(text: &[u8]) -> Result<Compiled, String> {
     let remedy = "write it with `bowstring compile ROBOT --out robot.json`";
-    let unread = |error: serde_json::Error| format!("no compiled robot: {error}; {remedy}");
+    let unread = |error| format!("no compiled robot: {}; {remedy}", sentence(&error));
     let head: Head = serde_json::from_slice(text).map_err(unread)?;
     if head.format != FORMAT {
         return Err(format!(
@@ -116,9 +120,9 @@ pub fn read(text: &[u8]) -> Result<Compiled, String> {
             ("pretension_N", tendon.pretension_N),
             ("max_tension_N", tendon.max_tension_N),
         ] {
-            if !(value.is_finite() && value >= 0.0) {
+            if !(0.0..=MOST).contains(&value) {
                 return Err(format!(
-                    "{name} of tendon {} is {value}; it must be finite and >= 0",
+                    "{name} of tendon {} is {value:?}; it must be from 0 to {MOST:?}",
                     i + 1
                 ));
             }
@@ -145,6 +149,18 @@ pub fn read(text: &[u8]) -> Result<Compiled, String> {
         pretension,
         max_tension,
     })
+}
+
+/// What the JSON reader says, in one line of limited length.
+fn sentence(error: &serde_json::Error) -> String {
+    let said = error.to_string();
+    let line = said.chars().map(|c| if c.is_control() { ' ' } else { c });
+    if said.chars().count() <= LONGEST {
+        return line.collect();
+    }
+    let (row, column) = (error.line(), error.column());
+    let part: String = line.take(LONGEST).collect();
+    format!("{part}... at line {row} column {column}")
 }
 
 fn spec(content: Content) -> Result<RobotSpec, String> {
