@@ -148,7 +148,8 @@ def test_wrong_arguments(torch: Any, robot: bs.Robot) -> None:
     assert "float32, it must be float64" in refused(lambda: solver(torch.ones(3)))
     assert "must have (..., 3), in N" in refused(lambda: solver(torch.ones(4).double()))
     assert "bool" in refused(lambda: solver(torch.ones(3, dtype=torch.bool)))
-    assert "not an array of numbers" in refused(lambda: solver("none"))
+    for none in ("none", 10**400, [10**400, 0, 0]):
+        assert "not an array of numbers" in refused(lambda none=none: solver(none))
     assert "on meta" in refused(lambda: solver(torch.ones(3, device="meta")))
     tensions = torch.from_numpy(TENSIONS.copy()).requires_grad_()
     (slope,) = torch.autograd.grad(solver(tensions).tip_position[0], tensions, create_graph=True)

@@ -193,7 +193,7 @@ def _array(about: Input, value: Any) -> Any:
 
     try:
         array = jnp.asarray(value)
-    except (TypeError, ValueError) as error:
+    except (OverflowError, TypeError, ValueError) as error:
         if type(error).__module__.startswith("jax"):
             raise  # a tracer in the wrong place, with an explanation of JAX
         array = None

@@ -179,7 +179,7 @@ def _tensor(about: Input, value: Any) -> Any:
     if not isinstance(value, torch.Tensor):
         try:
             value = torch.as_tensor(value, dtype=torch.float64)
-        except (TypeError, ValueError, RuntimeError):
+        except (OverflowError, TypeError, ValueError, RuntimeError):
             raise not_numbers(about, "not an array of numbers") from None
     if value.device.type != "cpu":
         raise InputError(f"{about.name} is on {value.device}, it must be on the CPU")

@@ -43,6 +43,7 @@ from bowstring.constant_curvature.series import Pose
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.arrays import frozen
+from bowstring.validation import shown
 
 __all__ = ["Arc", "Routing"]
 
@@ -423,8 +424,8 @@ def to_array(name: str, value: ArrayLike, last: int | None = None) -> Array:
     """Convert to an array of numbers, `last` of them along the last dimension."""
     try:
         array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be an array of numbers, got {value!r:.60}") from None
+    except (OverflowError, TypeError, ValueError):
+        raise InputError(f"{name} must be an array of numbers, got {shown(value)}") from None
     if last is not None and (array.ndim == 0 or array.shape[-1] != last):
         raise InputError(
             f"{name} must have {last} values along the last dimension, got shape {array.shape}"
@@ -451,7 +452,7 @@ def check_option(name: str, value: object, options: Sequence[object]) -> None:
     """Refuse a value that is not one of `options`."""
     if value not in options:
         names = ", ".join(repr(o) for o in options)
-        raise InputError(f"{name} must be one of {names}, got {value!r:.60}")
+        raise InputError(f"{name} must be one of {names}, got {shown(value)}")
 
 
 def _shares(modules: int | ArrayLike | None) -> Array:

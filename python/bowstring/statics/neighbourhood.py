@@ -499,7 +499,7 @@ def _result(name: str, value: object) -> Floats:
         if value is None:
             raise TypeError
         return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         raise InputError(
             f"{name} returned {shown(value)}, it must return a number or an array of numbers"
         ) from None

@@ -23,7 +23,7 @@ from bowstring.robot.model import Robot, check_round
 from bowstring.statics.fields import Section
 from bowstring.statics.model import RodModel
 from bowstring.viz.style import LIGHT
-from bowstring.viz.vtk import check_data, circle, holes
+from bowstring.viz.vtk import check_data, check_stations, circle, holes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -99,6 +99,7 @@ def write_glb(
     notify = progress or (lambda what, share: None)
     file = check_glb(path)
     check_data(robot, data)
+    check_stations(data)
     check_solid(robot)
     content = _Content(robot, data)
     notify("glTF file", 0.5)

@@ -31,9 +31,10 @@ from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve
 from bowstring.statics.solution import Solution
+from bowstring.validation import number, row
 from bowstring.viz.guard import only_with
 from bowstring.viz.style import LIGHT
-from bowstring.viz.vtk import check_data
+from bowstring.viz.vtk import check_data, check_stations
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -95,7 +96,7 @@ def view(
     if not several:
         raise InputError("there is nothing to view: give a robot, a solution or a run")
     shown = [_checked(subject) for subject in several]
-    if not (0.0 < tolerance <= 1.0):
+    if number("tolerance", tolerance) > 1.0:
         raise InputError(f"tolerance is {tolerance}, it must be above 0 and at most 1")
     points = None if measured is None else _points(measured)
     viser = load_extra("view")
@@ -128,13 +129,14 @@ def _checked(subject: object) -> _Shown:
     except ValueError:
         raise InputError("the run is damaged: robot_definition is no robot") from None
     check_data(robot, subject)
+    check_stations(subject)
     return robot, subject
 
 
 def _points(measured: ArrayLike) -> Floats:
     try:
         points = np.asarray(measured, dtype=float)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         raise InputError("measured must be numbers (K, 3) in m") from None
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"measured has shape {points.shape}, it must be (K, 3)")
@@ -421,9 +423,7 @@ class LiveRobot:
         tensions : array_like (T,)
             In N; beyond the ends of a slider, its end.
         """
-        values = np.asarray(tensions, dtype=float)
-        if values.shape != (len(self._tensions),) or not np.isfinite(values).all():
-            raise InputError(f"tensions must be {len(self._tensions)} finite numbers")
+        values = row("tensions", tensions, len(self._tensions), "N")
         self._control.value = "tensions"
         for slider, value in zip(self._tensions, values, strict=True):
             slider.value = float(min(max(value, slider.min), slider.max))
@@ -439,9 +439,8 @@ class LiveRobot:
             curvature has them. The displacements of the tendons follow from it.
         """
         count = len(self.robot.segments)
-        values = np.degrees([np.asarray(bends, dtype=float), np.asarray(directions, dtype=float)])
-        if values.shape != (2, count) or not np.isfinite(values).all():
-            raise InputError(f"bends and directions must be {count} finite numbers each")
+        given = {"bends": bends, "directions": directions}
+        values = np.degrees([row(name, each, count, "rad") for name, each in given.items()])
         self._control.value = "displacements"
         for slider, value in zip(self._bends, values.T.ravel(), strict=True):
             slider.value = float(min(max(value, slider.min), slider.max))

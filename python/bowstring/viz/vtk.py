@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from bowstring.atomic_io import check_whole_folder, not_overwritten, write_whole
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot, check_robot, check_round
-from bowstring.statics.fields import Section, surface_stress
+from bowstring.statics.fields import FIELDS, Section, surface_stress
 from bowstring.statics.model import RodModel
 from bowstring.validation import is_whole, shown
 
@@ -36,6 +36,7 @@ __all__ = [
     "Tendons",
     "check_data",
     "check_folder",
+    "check_stations",
     "check_surface",
     "holes",
     "write_series",
@@ -49,6 +50,21 @@ Progress = Callable[[str, float], None]
 _PVD: Final = "run.pvd"
 _MARK: Final = "<!-- Bowstring:"  # comment in the .pvd that identifies our files
 _POLY_LINE, _POLYGON, _QUAD = 4, 7, 9
+_OF_SPACE: Final = ("axis", "row", "column")
+#: Variables that are shown, with their axes.
+_SHOWN: Final[Mapping[str, tuple[str, ...]]] = {
+    **{"time": ("time",), "arc_length": ("station",), "module": ("station",)},
+    **{
+        field.name: ("time", *field.dims)
+        for field in FIELDS
+        if field.name
+        in (
+            *("position", "rotation", "force", "moment", "curvature", "tension"),
+            *("disk_position", "disk_rotation", "disk_velocity", "disk_angular_velocity"),
+        )
+    },
+}
+_LARGEST: Final = 1e20  # files have single precision
 
 
 def check_folder(out: str | Path) -> Path:
@@ -185,7 +201,11 @@ def write_series(folder: Path, parts: Sequence[Part], data: xr.Dataset, notify: 
 
 
 def check_data(robot: Robot, data: xr.Dataset) -> None:
-    """Raise `InputError` if ``data`` are no run, have no output time or are of another robot."""
+    """Raise `InputError` if ``data`` are no run with poses of the robot at one time or more.
+
+    Checks what figures and files show: its axes, finite numbers, increasing times, rotations, and
+    stations in every module.
+    """
     import xarray as xr
 
     check_robot(robot)
@@ -201,6 +221,44 @@ def check_data(robot: Robot, data: xr.Dataset) -> None:
             f"the run is of another robot ({data.attrs.get('robot', 'unnamed')}) than {robot.name} "
             "as given; their physics differ"
         )
+    for name, dims in _SHOWN.items():
+        _check_variable(data, name, dims)
+    n, tendons = len(robot.disks.station_m), len(robot.tendons.end_disk)
+    if (data.sizes["disk"], data.sizes["tendon"]) != (n, tendons):
+        raise _damaged(f"it has not the {n} disks and {tendons} tendons of {robot.name}")
+    if (np.diff(data["time"].to_numpy()) <= 0.0).any():
+        raise _damaged("its times do not increase")
+    for name in ("rotation", "disk_rotation"):
+        turned = data[name].to_numpy()
+        if (abs(np.einsum("...ij,...ik->...jk", turned, turned) - np.eye(3)) > 1e-3).any():
+            raise _damaged(f"{name} holds numbers that are no rotation")
+    module = data["module"].to_numpy()
+    if not np.array_equal(np.unique(module), np.arange(1, n + 1)) or (np.diff(module) < 0).any():
+        raise _damaged(f"module does not count the {n} modules in their order")
+
+
+def _check_variable(data: xr.Dataset, name: str, dims: tuple[str, ...]) -> None:
+    """Refuse a variable that is missing, has other axes, or holds other than finite numbers."""
+    if name not in data.variables:
+        raise _damaged(f"it has no {name}")
+    found = data[name]
+    if found.dims != dims or any(found.sizes[dim] != 3 for dim in dims if dim in _OF_SPACE):
+        axes = [f"{dim} ({size})" for dim, size in found.sizes.items()]
+        raise _damaged(f"{name} has the axes {', '.join(axes) or 'none'}")
+    if found.dtype.kind not in "fiu":
+        raise _damaged(f"{name} holds {found.dtype}, not numbers")
+    if not (abs(found.to_numpy()) <= _LARGEST).all():
+        raise _damaged(f"{name} holds numbers that are NaN or above {_LARGEST:g}")
+
+
+def _damaged(why: str) -> InputError:
+    return InputError(f"the run is damaged: {why}")
+
+
+def check_stations(data: xr.Dataset) -> None:
+    """Raise `InputError` if a module of a run has a single station, between which nothing is."""
+    if np.bincount(data["module"].to_numpy())[1:].min() < 2:
+        raise InputError("a surface needs 2 stations or more in a module; the run has 1")
 
 
 # -- the parts ---------------------------------------------------------------------------------
@@ -253,6 +311,7 @@ class _Backbone(Part):
 
     def __init__(self, robot: Robot, data: xr.Dataset, angles: int) -> None:
         check_surface(robot)
+        check_stations(data)
         station, module = data["arc_length"].to_numpy(), data["module"].to_numpy() - 1
         sec = Section(robot, station, module, RodModel())
         around = circle(angles)
@@ -268,8 +327,6 @@ class _Backbone(Part):
             for p in np.flatnonzero(np.diff(module) == 0).tolist()
             for j, k in zip(range(angles), [*range(1, angles), 0], strict=True)
         ]
-        if not quads:
-            raise InputError("a surface needs 2 stations or more in a module; the run has 1")
         straight = self._arm + np.stack([0.0 * station, 0.0 * station, station], axis=1)[:, None]
         super().__init__(quads, [_QUAD] * len(quads), straight.reshape(-1, 3))
 
