@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import signal
@@ -24,6 +25,7 @@ from bowstring.atomic_io import (
     write_whole,
     write_whole_file,
 )
+from bowstring.cad.export import write_solid
 from bowstring.data import synthetic
 from bowstring.dynamics import run_file
 from bowstring.errors import InputError
@@ -43,6 +45,8 @@ def test_a_folder_that_takes_no_file_is_refused() -> None:
         check_file(SEALED / "x.step", "solid", (".step",), b"mark")
     with pytest.raises(InputError, match="the folder /proc may not be written"):
         run_file.check_file(SEALED / "run.nc")
+    with pytest.raises(InputError, match="the folder /proc may not be written"):
+        synthetic.check_table(SEALED / "bench.csv")
     for check in (vtk.check_folder, report.check_folder):
         with pytest.raises(InputError, match="the folder /proc may not be written"):
             check(SEALED / "a" / "b")
@@ -307,3 +311,41 @@ def test_a_netcdf_on_a_full_drive_names_it(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(shutil, "disk_usage", lambda place: free)
     with pytest.raises(InputError, match="the drive is full; make room"):
         write_whole_file(tmp_path / "a.nc", "map", fill)
+
+
+def test_a_full_drive_is_named_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = shutil.disk_usage(tmp_path)._replace(free=0)
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: full)
+    for check in (run_file.check_file, synthetic.check_table, vtk.check_folder):
+        with pytest.raises(InputError, match="the drive is full; make room"):
+            check(tmp_path / ("a.csv" if check is synthetic.check_table else "a.nc"))
+    # a drive without sizes is not full
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: full._replace(total=0))
+    check_file(tmp_path / "a.svg", "figure", (".svg",), b"")
+
+
+def test_what_libraries_say_of_a_full_drive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def denied(new: Path) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    def failed(solid: object, new: Path) -> bool:
+        raise RuntimeError("Failed to write STEP file")
+
+    monkeypatch.setattr("bowstring.cad.export._step", failed)
+    with pytest.raises(InputError, match="Permission denied"):
+        write_whole_file(tmp_path / "a.nc", "map", denied)
+    with pytest.raises(InputError, match="the CAD kernel failed"):
+        write_solid(None, tmp_path / "a.step")  # type: ignore[arg-type]
+    almost = shutil.disk_usage(tmp_path)._replace(free=5000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: almost)
+    for write in (
+        lambda: write_whole_file(tmp_path / "a.nc", "map", denied),
+        lambda: write_solid(None, tmp_path / "a.step"),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(InputError, match="the drive is full; make room"):
+            write()
+    assert os.listdir(tmp_path) == []

@@ -34,6 +34,7 @@ __all__ = [
     "file_stem",
     "folder_beside",
     "has_mark",
+    "is_full",
     "not_overwritten",
     "readable",
     "remove_leftovers",
@@ -174,13 +175,17 @@ def check_whole_folder(
 
 
 def check_writable(path: Path, why: str) -> None:
-    """Refuse a path in a folder without write permission, or owned by another user.
+    """Refuse a path on a full drive, in a folder without write permission, or of another user.
 
     In a folder such as /tmp only the owner of a file may replace it.
     """
     remove_leftovers(path.parent)
     if not _takes_files(path.parent):
         raise InputError(f"{why}: the folder {path.parent} may not be written")
+    with contextlib.suppress(OSError):
+        drive = shutil.disk_usage(path.parent)
+        if drive.free == 0 and drive.total > 0:  # some drives state no sizes
+            raise InputError(f"{why}: the drive is full; make room")
     if not hasattr(os, "geteuid"):
         return
     try:
@@ -443,18 +448,26 @@ def write_whole(
 def _netcdf_errors(new: Path) -> Iterator[None]:
     """Context manager that makes an OSError of what the NetCDF library raises at a failed write.
 
-    The library does not pass on the error of the system: on a full drive it says "HDF error".
+    The library does not pass on the error of the system: on a full drive it says "HDF error" or
+    "Permission denied".
     """
     try:
         yield
-    except RuntimeError as error:
-        if not str(error).startswith("NetCDF: "):
+    except (PermissionError, RuntimeError) as error:
+        of_netcdf = str(error).startswith("NetCDF: ")
+        if is_full(new) and (of_netcdf or isinstance(error, PermissionError)):
+            raise OSError(errno.ENOSPC, "the drive is full; make room") from None
+        if not of_netcdf:
             raise
-        why = f"{error}; is there room on the drive?"
-        with contextlib.suppress(OSError):
-            if shutil.disk_usage(new.parent).free < _FULL:
-                why = "the drive is full; make room"
-        raise OSError(errno.EIO, why) from None
+        raise OSError(errno.EIO, f"{error}; is there room on the drive?") from None
+
+
+def is_full(path: Path) -> bool:
+    """Whether the drive of a path counts as full."""
+    try:
+        return shutil.disk_usage(path.parent).free < _FULL
+    except OSError:
+        return False
 
 
 def _move_in(new: Path, folder: Path, work: Path) -> None:

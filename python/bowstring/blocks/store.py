@@ -84,12 +84,20 @@ class Store:
         self.damaged: tuple[int, ...] = ()
         self._last: tuple[int, Arrays] = (-1, {})
         why = f"cannot write the blocks to {self.folder}"
-        check_place(self.folder, why)
+        refused: InputError | None = None
+        try:
+            check_place(self.folder, why)
+        except InputError as error:
+            if not os.path.isdir(self.folder):
+                raise
+            refused = error  # finished blocks are read from a drive that takes no file
         try:
             self._check_job(why)
             self._find()
         except OSError as error:
             raise InputError(f"{why}: {error.strerror}") from None
+        if refused is not None and self.missing:
+            raise refused
 
     def _check_job(self, why: str) -> None:
         """Refuse a folder of something else."""

@@ -7,13 +7,14 @@ so that the robot's z axis points up in a viewer.
 from __future__ import annotations
 
 import base64
+import errno
 import json
 import struct
 from pathlib import Path
 from typing import Any, Final
 
 from bowstring._core import __version__
-from bowstring.atomic_io import check_file, write_whole_file
+from bowstring.atomic_io import check_file, is_full, write_whole_file
 from bowstring.cad.solid import MESHED, Solid, check_cad, plain_name, triangulate
 from bowstring.robot.rest_shape import unloaded_pose
 
@@ -67,8 +68,15 @@ def write_solid(solid: Solid, path: str | Path) -> Path:
 
     def fill(new: Path) -> None:
         write = {".stl": _stl, ".glb": _gltf, ".gltf": _gltf}.get(file.suffix.lower(), _step)
-        if not write(solid, new):
-            raise OSError("the CAD kernel could not write it")
+        try:
+            written = write(solid, new)
+        except RuntimeError as error:  # what build123d raises
+            if "Failed to write" not in str(error):
+                raise
+            written = False
+        if not written:
+            why = "the drive is full; make room" if is_full(new) else "the CAD kernel failed"
+            raise OSError(errno.EIO, why)
 
     write_whole_file(file, "solid", fill, lambda: check_solid_file(file))
     return file

@@ -763,18 +763,30 @@ def write_measurements(
         written.
     """
     path = Path(path)
-    m = measurements
+
+    def fill(new: Path) -> None:
+        fill_table(new, measurements, comments)
+
+    write_whole_file(path, "table", fill, lambda: _check_table(path))
+    return path
+
+
+def fill_table(file: Path, m: Measurements, comments: Sequence[str]) -> None:
+    """Write the content of a table as `write_measurements` does, over any other content.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    InputError
+        If the format cannot represent the data.
+    """
     both = ~(np.isnan(m.tensions).all(axis=0) | np.isnan(m.displacements).all(axis=0))
     if not m.tendon_count or both.any():
         why = "no tendon is actuated" if not m.tendon_count else "a tendon has two commands"
         raise InputError(f"{m.name} cannot be written as a table: {why}")
-
-    def fill(new: Path) -> None:
-        with new.open("w", encoding="utf-8", newline="") as file:
-            _write_tidy(file, m, comments)
-
-    write_whole_file(path, "table", fill, lambda: _check_table(path))
-    return path
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        _write_tidy(stream, m, comments)
 
 
 def _check_table(path: Path) -> None:

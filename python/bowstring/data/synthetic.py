@@ -24,8 +24,8 @@ from pydantic import Field
 
 import bowstring._core as _core
 from bowstring import json_files
-from bowstring.atomic_io import check_parent, folder_beside, resolved
-from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, write_measurements
+from bowstring.atomic_io import check_parent, check_writable, folder_beside, resolved
+from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, fill_table
 from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError
 from bowstring.json_files import Content, Triple, read_json, structured
@@ -700,7 +700,8 @@ def check_table(path: str | Path) -> Path:
     Raises
     ------
     InputError
-        If another file, such as measured data, exists at its path or that of the truth.
+        If its folder cannot be written, or another file, such as measured data, exists at its path
+        or that of the truth.
     """
     try:
         file = resolved(path, f"cannot write the bench to {quote(str(path))}")
@@ -708,6 +709,7 @@ def check_table(path: str | Path) -> Path:
         if file.suffix.lower() != ".csv":
             raise InputError(f"{why}: a table ends in .csv; name for example bench.csv")
         check_parent(file, why)
+        check_writable(file, why)
         marks = (f"# {_MADE}", '"source": "synthetic"')
         for place, mark in zip((file, truth_file(file)), marks, strict=True):
             if not place.exists():
@@ -766,7 +768,8 @@ def write(measurements: Measurements, path: str | Path) -> tuple[Path, Path]:
     ]
     try:
         with folder_beside(file) as work:
-            new = write_measurements(measurements, work / file.name, comments)
+            new = work / file.name
+            fill_table(new, measurements, comments)
             data = {"file": file.name, "sha256": hashlib.sha256(new.read_bytes()).hexdigest()}
             text = json.dumps({**truth, "data": data}, allow_nan=False)
             (work / beside.name).write_text(text + "\n", "utf-8")

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import validation
-from bowstring.atomic_io import check_place, user_cache
+from bowstring.atomic_io import check_place, resolved, user_cache
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.fem import ccx, deck
 from bowstring.fem.fields import (
@@ -311,8 +311,9 @@ def check_keep(folder: str | Path) -> Path:
     ------
     InputError
     """
-    folder = Path(folder)
-    check_place(folder, f"cannot write the files of CalculiX to {folder}")
+    why = f"cannot write the files of CalculiX to {folder}"
+    folder = resolved(folder, why)
+    check_place(folder, why)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder} is there and not an empty folder; name a new one")
     return folder
