@@ -313,6 +313,19 @@ def test_a_netcdf_on_a_full_drive_names_it(tmp_path: Path, monkeypatch: pytest.M
         write_whole_file(tmp_path / "a.nc", "map", fill)
 
 
+def test_folders_above_are_removed_where_the_work_fails(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+
+    def full(new: Path) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(InputError, match="No space left on device"):
+        write_whole(tmp_path / "a" / "b" / "c" / "d", "study", full)
+    assert os.listdir(tmp_path) == ["a"] and os.listdir(tmp_path / "a") == []
+    write_whole(tmp_path / "a" / "b" / "c", "study", lambda new: None)
+    assert (tmp_path / "a" / "b" / "c").is_dir()
+
+
 def test_a_full_drive_is_named_before_the_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

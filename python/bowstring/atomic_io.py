@@ -431,8 +431,7 @@ def write_whole(
         If the folder cannot be written; the former folder stays.
     """
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with folder_beside(folder) as work:
+        with _folders_above(folder), folder_beside(folder) as work:
             new = work / "new"
             new.mkdir()
             with _netcdf_errors(new):
@@ -442,6 +441,20 @@ def write_whole(
     except OSError as error:
         why = error.strerror or error
         raise InputError(f"cannot write the {what} to {folder}: {why}") from None
+
+
+@contextlib.contextmanager
+def _folders_above(path: Path) -> Iterator[None]:
+    """Create the folders above a path; remove those that are new if the work fails."""
+    new = [above for above in path.parents if not above.exists()]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield
+    except BaseException:
+        for above in new:
+            with contextlib.suppress(OSError):
+                above.rmdir()
+        raise
 
 
 @contextlib.contextmanager
