@@ -19,7 +19,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from random import Random
 from typing import Final, NamedTuple
@@ -36,11 +36,12 @@ BEFORE_MAIN: Final = (-signal.SIGTERM, -signal.SIGINT)  # Python itself was stil
 
 
 class Command(NamedTuple):
-    """A command, its output, and a check that the output is complete."""
+    """A command, its output, a check that the output is complete, and whether it is resumed."""
 
     arguments: tuple[str, ...]
     output: str
     check: Callable[[Path], None]
+    resumes: bool = False
 
 
 def _folder(file: str) -> Callable[[Path], None]:
@@ -78,6 +79,23 @@ def _series(folder: Path) -> None:
     assert "</VTKFile>" in (folder / "run.pvd").read_text("utf-8")
 
 
+def _zarr(folder: Path) -> None:
+    """All chunks are there, and each has the values of its points."""
+    import xarray as xr
+
+    with xr.open_zarr(folder) as data:
+        solved = data["solved"].to_numpy()
+        assert solved.shape == (20, 10, 10)
+        assert (solved == 1).all(), f"{int((solved != 1).sum())} points without a value"
+        errors = data["cc_from_force"].to_numpy()
+        assert ((errors >= 0.0) & (errors < 1.0)).all(), "an error that is none"
+
+
+_OVER: Final = ("tension=1:60:20", "gravity.z=-9.81:0:10", "tip_force.x=0:1:10")
+_STORED: Final = (
+    *("map", "amouri2019", *(word for axis in _OVER for word in ("--over", axis))),
+    *("--models", "cc_from_force", "--points", "5", "--store", "map-store", "--out"),
+)
 _MOTION: Final = ("simulate", "amouri2019", "--tension", "5,0,0", "--rise", "0.2", "--hold", "0.1")
 COMMANDS: Final = (
     Command(("study", "amouri2019", "--points", "3", "--out"), "st", _folder("study.json")),
@@ -86,6 +104,7 @@ COMMANDS: Final = (
     Command((*_MOTION, "--vtk"), "series", _series),
     Command(("cad", "amouri2019", "--drawing"), "disk.svg", _drawing),
     Command(("solve", "amouri2019", "--tension", "5,0,0", "--save-history"), "path.json", _history),
+    Command(_STORED, "map.zarr", _zarr, resumes=True),
     Command(("bench", "simulate", "amouri2019", "--masses", "0:1:4", "--out"), "table.csv", _table),
 )
 
@@ -100,7 +119,13 @@ def start(command: Command, folder: Path) -> subprocess.Popen[str]:
     )
 
 
-def trial(number: int, former: Path, took: dict[str, float], seed: int) -> tuple[str, str]:
+def trial(
+    number: int,
+    former: Path,
+    took: dict[str, float],
+    seed: int,
+    commands: Sequence[Command] = COMMANDS,
+) -> tuple[str, str]:
     """Stop a command once.
 
     Parameters
@@ -111,6 +136,8 @@ def trial(number: int, former: Path, took: dict[str, float], seed: int) -> tuple
     took : dict
         Seconds that each command takes, by its output.
     seed : int
+    commands : sequence of Command
+        Commands of which one is chosen.
 
     Returns
     -------
@@ -118,7 +145,7 @@ def trial(number: int, former: Path, took: dict[str, float], seed: int) -> tuple
         What was done, and what was wrong, or nothing.
     """
     random = Random(f"{seed}:{number}")
-    command, name = random.choice(COMMANDS), random.choice([*SIGNALS])
+    command, name = random.choice(commands), random.choice([*SIGNALS])
     with tempfile.TemporaryDirectory(prefix="bowstring-kills-") as made:
         folder = Path(made)
         place, replaces = folder / command.output, random.random() < 0.5
@@ -139,6 +166,8 @@ def trial(number: int, former: Path, took: dict[str, float], seed: int) -> tuple
         what = f"{command.output} {name}, exit {process.returncode}"
         try:
             _judge(command, name, process.returncode, said, folder, replaces)
+            if command.resumes:
+                _resume(command, folder)
         except Exception as error:
             return what, f"{type(error).__name__}: {error}; {said[-500:]!r}"
     return what, ""
@@ -160,6 +189,15 @@ def _judge(command: Command, name: str, code: int, said: str, folder: Path, repl
     assert not [p for p in folder.iterdir() if not p.name.startswith(place.stem)], "strange files"
 
 
+def _resume(command: Command, folder: Path) -> None:
+    """Run a stopped command to its end."""
+    with start(command, folder) as process:
+        _, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, f"it does not go on: {said}"
+    command.check(folder / command.output)
+    assert not _hidden(folder), f"{_hidden(folder)} is left"
+
+
 def _hidden(folder: Path) -> list[str]:
     return [name for name in os.listdir(folder) if name.startswith(".")]
 
@@ -176,20 +214,22 @@ def _sweep(folder: Path) -> None:
         remove_leftovers(folder)
 
 
-def campaign(count: int, seed: int = 0) -> tuple[Counter[str], list[str]]:
+def campaign(
+    count: int, seed: int = 0, commands: Sequence[Command] = COMMANDS
+) -> tuple[Counter[str], list[str]]:
     """Returns the outcomes of so many trials, and the failures."""
     counts: Counter[str] = Counter()
     failures: list[str] = []
     with tempfile.TemporaryDirectory(prefix="bowstring-kills-") as made:
         former, took = Path(made), {}
-        for command in COMMANDS:
+        for command in commands:
             begun = time.monotonic()
             with start(command, former) as process:
                 _, said = process.communicate()
             assert process.returncode == 0, said
             took[command.output] = 1.1 * (time.monotonic() - begun)
         for number in range(count):
-            what, wrong = trial(number, former, took, seed)
+            what, wrong = trial(number, former, took, seed, commands)
             counts[what.partition(" ")[2]] += 1
             if wrong:
                 failures.append(f"trial {number}, {what}: {wrong}")
@@ -201,8 +241,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("count", type=int, nargs="?", default=100)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", help="output of the command that is stopped, such as map.zarr")
     options = parser.parse_args()
-    counts, failures = campaign(options.count, options.seed)
+    chosen = [each for each in COMMANDS if options.only in (None, each.output)]
+    counts, failures = campaign(options.count, options.seed, chosen)
     for what, number in sorted(counts.items()):
         print(f"{what:28} {number:6}")
     print(f"{options.count} commands stopped, {len(failures)} failures")
