@@ -644,7 +644,7 @@ mod tests {
     #[test]
     fn invalid_rows_have_no_numbers() {
         let function = function();
-        let n = 6;
+        let n = 5;
         let good = made(n);
         let expected = function
             .evaluate(&inputs(n, &good), 0, Derivatives::Most)
@@ -653,13 +653,12 @@ mod tests {
         own[0][4] = -1.0;
         own[2][6] = f64::NAN;
         own[4][7] = 0.0;
-        own[4][8] = f64::MAX;
         let found = function
             .evaluate(&inputs(n, &own), 0, Derivatives::Most)
             .unwrap();
         let numbers = found.jacobians.len() / n;
         for i in 0..n {
-            let bad = (1..5).contains(&i);
+            let bad = (1..4).contains(&i);
             let status = found.solutions.outcomes[i].status;
             assert_eq!(status == Status::Converged, !bad, "{i}");
             let tip = &found.solutions.tip_position[3 * i..][..3];
