@@ -140,9 +140,7 @@ impl PathSolver {
         }
         path.automatic = self.automatic;
         path.accompanied = self.accompanied;
-        path.remembered = self.remembered;
-        path.remembered.tip *= OF_FINER;
-        path.remembered.tension *= OF_FINER;
+        path.remembered = companion.inherited.at_least(OF_FINER, &self.remembered);
         (path.duration, path.waited) = (self.duration, self.waited);
         Some(path)
     }

@@ -51,8 +51,7 @@ impl PathStep {
         outcome.stable = verdict.stable;
         let mut error = verdict.error;
         if memory {
-            error.tip = error.tip.max(carried.tip);
-            error.tension = error.tension.max(carried.tension);
+            error = error.at_least(1.0, carried);
         }
         outcome.error = Some(error);
         verdict.needed

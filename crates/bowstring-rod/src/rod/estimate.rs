@@ -29,6 +29,14 @@ impl ErrorEstimate {
     pub fn is_bound(&self) -> bool {
         self.tip.is_finite() && self.tension.is_finite()
     }
+
+    /// At least this share of another error.
+    pub fn at_least(self, share: f64, other: &Self) -> Self {
+        ErrorEstimate {
+            tip: self.tip.max(share * other.tip),
+            tension: self.tension.max(share * other.tension),
+        }
+    }
 }
 
 /// Tolerance of the estimated error of the tip, over the robot's length, when elements are chosen.
