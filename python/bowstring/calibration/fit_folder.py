@@ -81,7 +81,7 @@ def write_fit(
     lines = [
         *[f"In doubt: {each}" for each in calibration.doubts],
         f"Calibrated by Bowstring ({found.model}) on {data.source} data: {data.name}{hashed}",
-        found.message.removeprefix(" ".join(found.doubts)),
+        found.message,
         *[f"Not part of a robot file: {each}" for each in calibration.elsewhere],
         *([f"{BESIDE} has these for bowstring fit --start"] if calibration.elsewhere else []),
     ]

@@ -149,7 +149,7 @@ class Fit:
         they are not noise, and intervals and correlations allow for it. NaN with too few rows.
     converged : bool
     message : str
-        How the fit ended, and how reliable its numbers are; begins with `doubts`.
+        How the fit ended, and how reliable its numbers are.
     doubts : tuple of str
         Sentences that say why the result itself is not to be believed: parameters without a prior
         that are not physically possible, and a base that is missing. Empty without a doubt.
@@ -314,6 +314,7 @@ class Fit:
             "model": self.model,
             "converged": self.converged,
             "message": self.message,
+            "doubts": list(self.doubts),
             "parameters": plain([asdict(e) for e in self.estimates]),
             "correlation": plain(self.correlation),
             "not_identifiable": [list(names) for names in self.not_identifiable],
@@ -631,7 +632,6 @@ def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit
     )
     converged = found.status > 0 and not (lost or stuck or astray)
     doubts = () if astray else _doubts(work, found, at)
-    said = [*doubts, message] if converged else [message, *doubts]
     return Fit(
         model="arc" if work.model.rod is None else "rod",
         robot=at.setting.robot,
@@ -650,7 +650,7 @@ def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit
         excess=excess,
         autocorrelation=dependence.correlation,
         converged=converged,
-        message=" ".join(said) + _left_out(points),
+        message=message + _left_out(points),
         doubts=doubts,
         evaluations=work.model.solves,
         unsolved=work.unsolved,

@@ -328,7 +328,7 @@ def fit(
         models = [] if compared is None else _comparison_tables(compared, folder)
         write_tables(*_fit_tables(found, folder), *parts, *models)
     if not found.fit.converged:
-        raise NoSolutionError(f"{known.name}: {found.fit.message}")
+        raise NoSolutionError(" ".join([f"{known.name}: {found.fit.message}", *found.fit.doubts]))
     if refused:
         raise NoSolutionError(
             f"{known.name}: nothing is written, because the result is in doubt; --force writes it "
@@ -452,7 +452,7 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     if data.doubt:
         yield f"Check the table. {data.doubt}"
     if fit.doubts:
-        yield f"Check the result. {fit.message}"
+        yield " ".join(["Check the result.", *fit.doubts])
     left = f", {data.without_tip} without a tip" if data.without_tip else ""
     left += f", {data.left_out} left out" if data.left_out else ""
     kept = f", {counted(int(found.held_out.sum()), 'row')} held out" if found.held_out.any() else ""
@@ -480,8 +480,7 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
             e.unit,
         )
     yield table
-    if not fit.doubts:
-        yield fit.message
+    yield fit.message
     if found.correlated:
         pairs = [f"{a} and {b} by {r:.3f}" for a, b, r in found.correlated]
         yield "Estimates correlate: " + "; ".join(pairs) + "."

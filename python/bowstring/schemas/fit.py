@@ -217,6 +217,7 @@ class FitNumbers(EndOfFit, TipErrors):
     """Result of `Fit.to_dict`; tip errors are those after the fit."""
 
     model: Annotated[Literal["rod", "arc"], about("`rod`: statics; `arc`: constant curvature.")]
+    doubts: Annotated[list[str], about("Why the result itself is not to be believed.")]
     rows_without_equilibrium: Annotated[
         int, about("Rows without an equilibrium; they are not fitted.")
     ]

@@ -144,7 +144,8 @@ def fitted(given: SuiteSet, model: Model, table: Table, rows: Bools | None = Non
             return points if observable == "markers" else points[:, -1]
 
         predict = _corrected(model, found, table) if model.correction else alone
-        return Fitted(predict, found.values, found.converged, found.message)
+        message = " ".join([*found.doubts, found.message])
+        return Fitted(predict, found.values, found.converged, message)
     return _fit(_Predictor(model, robot, markers, observable), model, table, rows)
 
 
