@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from jupyter_client.connect import ConnectionFileMixin
+
 import bowstring
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
@@ -32,6 +34,8 @@ nb_execution_mode = "cache"
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_merge_streams = True
+# examples run on this machine: no TCP, which each of their kernels would warn of
+ConnectionFileMixin.transport.default_value = "ipc"
 bibtex_bibfiles = ["references.bib"]
 bibtex_default_style = "plain"
 
