@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 import bowstring as bs
 from bowstring.calibration import Data, Fit, fit, predict_with_interval
+from bowstring.calibration.bootstrap import left_out
 from bowstring.errors import InputError
 
 ROBOT = bs.load_robot("amouri2019")
@@ -55,6 +56,46 @@ def test_the_standard_deviation_by_parameters_is_that_of_repeated_fits() -> None
     spread = np.std([each.predict(other) for each in found], axis=0)
     stated = np.mean([predict_with_interval(each, other).by_parameters for each in found], axis=0)
     assert np.median(stated / spread) == pytest.approx(1.0, abs=0.2)
+
+
+def recording(seed: int, robot: bs.Robot, count: int = 120) -> Data:
+    """Synthetic tips along slow random tensions: neighbouring rows are alike."""
+    rng = np.random.default_rng(seed)
+    knots = rng.uniform(0.0, 40.0, (count // 15 + 1, 3))
+    at = np.linspace(0.0, len(knots) - 1.0, count)
+    tensions = np.stack([np.interp(at, np.arange(len(knots)), each) for each in knots.T], axis=1)
+    tips = bs.solve_batch(robot, tensions).tip_position
+    return Data(points=tips + rng.normal(0.0, 2e-4, tips.shape), tensions=tensions)
+
+
+def test_the_misfit_is_that_of_left_out_blocks_where_residuals_depend_synthetic() -> None:
+    """Weight and a stiffer direction are missing in the model; other recordings, synthetic."""
+    heavy = ROBOT.with_({"gravity": [3.0, 2.0, -9.81], "segments.0.tendons.first_angle": 0.05})
+    inside, alone = [], []
+    for seed in range(8):
+        found = fit(ROBOT, recording(seed, heavy), [E, "base"], loss="linear")
+        other = recording(100 + seed, heavy)
+        predicted = predict_with_interval(found, other)
+        assert found.autocorrelation > 0.5 and predicted.quantile == pytest.approx(2.776, abs=1e-3)
+        inside.append(predicted.coverage(other.points))
+        rows = predict_with_interval(found, other, errors=found.residuals)
+        alone.append(rows.coverage(other.points))
+    assert 0.93 < np.mean(inside) < 0.995
+    assert np.mean(alone) < np.mean(inside) - 0.02
+
+
+def test_left_out_blocks_are_those_of_fits_without_them() -> None:
+    """One Newton step against a fit to the other rows."""
+    heavy = ROBOT.with_({"gravity": [3.0, 2.0, -9.81]})
+    data = recording(3, heavy)
+    found = fit(ROBOT, data, [E, "base"], loss="linear")
+    block = found.linear.block
+    assert block is not None and np.bincount(block).tolist() == [24] * 5
+    errors = left_out(found.linear, found.residuals)
+    for part in range(5):
+        others = fit(ROBOT, data, [E, "base"], loss="linear", rows=block != part)
+        alone = others.residuals[block == part]
+        assert np.abs(errors[block == part] - alone).max() < 0.05 * np.abs(alone).max()
 
 
 def test_errors_of_left_out_rows_may_give_the_scatter() -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,16 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from bowstring.schemas import study as schema
 
-__all__ = ["LEVEL", "RESAMPLES", "Expected", "Intervals", "Linear", "bootstrap", "refitted"]
+__all__ = [
+    "LEVEL",
+    "RESAMPLES",
+    "Expected",
+    "Intervals",
+    "Linear",
+    "bootstrap",
+    "left_out",
+    "refitted",
+]
 
 Array = NDArray[np.float64]
 
@@ -131,6 +140,34 @@ class Linear:
     """Row (n,) of each point among the fitted rows, from 0; None: each row has one point."""
     tip: NDArray[np.bool_] | None = None
     """Points (n,) that are tips; None: all are."""
+    block: NDArray[np.int64] | None = None
+    """Block (N,) of neighbouring rows of each fitted row, from 0; None: rows are independent."""
+
+    @property
+    def by_tip(self) -> Array:
+        """Derivative (T, 3, P) of the residuals of the tips, m."""
+        return self.by_parameter if self.tip is None else self.by_parameter[self.tip]
+
+    def changes(self, place: NDArray[np.int64], counts: NDArray[Any]) -> Array:
+        """Changes (B, P) of the scaled parameters where units of rows count otherwise.
+
+        `place` (N,) is the unit of each row, `counts` (B, U) how often each unit counts. By one
+        Newton step.
+        """
+        jacobian, units = self.by_parameter, counts.shape[1]
+        parameters = jacobian.shape[2]
+        normal = np.zeros((units, parameters, parameters))
+        of_point = place if self.row is None else place[self.row]
+        np.add.at(normal, of_point, np.einsum("kip,ki,kiq->kpq", jacobian, self.slope, jacobian))
+        force = np.zeros((units, parameters))
+        np.add.at(force, of_point, np.einsum("kip,ki->kp", jacobian, self.force))
+        of_priors = self.of_priors.T @ self.of_priors
+        held = self.of_priors.T @ self.force_of_priors
+        size = np.sqrt(np.einsum("upp->p", normal) + np.diag(of_priors))
+        scale = 1.0 / np.where(size > 0.0, size, 1.0)
+        matrix = (np.tensordot(counts, normal, 1) + of_priors) * scale[:, None] * scale
+        inverse = np.linalg.pinv(matrix, rcond=_LOST, hermitian=True)
+        return np.asarray(-(inverse @ ((counts @ force + held) * scale)[..., None])[..., 0] * scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,23 +215,10 @@ def refitted(
     units = int(place.max()) + 1
     if units < _FEWEST:
         return None
-    jacobian, rows = fit.by_parameter, np.bincount(place, minlength=units)
-    parameters = jacobian.shape[2]
-    normal = np.zeros((units, parameters, parameters))
-    of_point = place if fit.row is None else place[fit.row]
-    np.add.at(normal, of_point, np.einsum("kip,ki,kiq->kpq", jacobian, fit.slope, jacobian))
-    force = np.zeros((units, parameters))
-    np.add.at(force, of_point, np.einsum("kip,ki->kp", jacobian, fit.force))
-    jacobian = jacobian if fit.tip is None else jacobian[fit.tip]
-    of_priors = fit.of_priors.T @ fit.of_priors
-    held = fit.of_priors.T @ fit.force_of_priors
-    size = np.sqrt(np.einsum("upp->p", normal) + np.diag(of_priors))
-    scale = 1.0 / np.where(size > 0.0, size, 1.0)
+    jacobian, rows = fit.by_tip, np.bincount(place, minlength=units)
     own, whole = np.empty(resamples), np.empty(resamples)
     for part, counts in _draws(units, resamples, jacobian[..., 0].size):
-        matrix = (np.tensordot(counts, normal, 1) + of_priors) * scale[:, None] * scale
-        inverse = np.linalg.pinv(matrix, rcond=_LOST, hermitian=True)
-        change = -(inverse @ ((counts @ force + held) * scale)[..., None])[..., 0] * scale
+        change = fit.changes(place, counts)
         moved = residual + np.einsum("kip,bp->bki", jacobian, change, optimize=True)
         error = np.linalg.norm(moved, axis=2)
         whole[part] = error.mean(axis=1)
@@ -203,3 +227,17 @@ def refitted(
     mean = float(np.linalg.norm(residual, axis=1).mean() + np.mean(whole - own))
     tails = np.quantile(own, _TAILS)
     return Expected(mean, np.maximum(tails - own.mean() + mean, 0.0))
+
+
+def left_out(fit: Linear, residual: Array) -> Array:
+    """Residuals (T, 3) of the fitted tips by a fit to the other blocks, by one Newton step.
+
+    `residual` are those of the fit to all rows, m. Exact for models linear in the parameters
+    (Efron and Tibshirani, 1993, 17.2, with blocks for rows).
+    """
+    assert fit.block is not None
+    count = int(fit.block.max()) + 1
+    change = fit.changes(fit.block, 1.0 - np.eye(count))
+    row = np.arange(len(fit.block)) if fit.row is None else fit.row
+    block = fit.block[row if fit.tip is None else row[fit.tip]]
+    return np.asarray(residual + np.einsum("kip,kp->ki", fit.by_tip, change[block]))

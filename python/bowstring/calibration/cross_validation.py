@@ -160,7 +160,7 @@ def part_of_rows(
     if not is_whole(folds) or folds < 2:
         raise InputError(f"folds is {shown(folds)}, it must be a whole number from 2")
     group = _groups_of_folds(data, values, used)
-    return _blocks(group, used, int(folds)), group
+    return observations.blocks(group, used, int(folds)), group
 
 
 def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
@@ -221,12 +221,12 @@ def parts(data: Measured, values: Floats, used: Bools, folds: int) -> NDArray[np
     folds = min(folds, count) if count > 1 else folds
     while folds > 2:
         try:
-            return _blocks(group, used, folds)
+            return observations.blocks(group, used, folds)
         except InputError:  # groups of unequal size
             folds -= 1
     if count > 1:
         return observations.numbered(group) % 2
-    return _blocks(group, used, folds)
+    return observations.blocks(group, used, folds)
 
 
 def _groups_of_folds(data: Measured, values: Floats, used: Bools) -> NDArray[Any]:
@@ -242,27 +242,3 @@ def _grouped_alone(data: Measured, group: NDArray[Any]) -> bool:
     """Whether rows are in groups for another reason than repeats."""
     repeat = getattr(data, "repeat", None)
     return len(np.unique(group)) > 1 and (repeat is None or len(np.unique(repeat)) < 2)
-
-
-def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
-    """Part (K,) of each row: neighbouring groups, with about the same number of rows per part."""
-    number = observations.numbered(group)
-    groups = int(number.max()) + 1
-    if groups == 1:
-        order = np.cumsum(used) - 1
-        return np.array(np.minimum(order * folds // max(int(used.sum()), 1), folds - 1))
-    if groups < folds:
-        raise InputError(
-            f"folds is {folds}, there are only {groups} groups or loads to leave out",
-            argument="folds",
-        )
-    counts = np.bincount(number, used)
-    middle = np.cumsum(counts) - counts / 2
-    of_group = np.minimum((middle * folds / counts.sum()).astype(int), folds - 1)
-    if len(np.unique(of_group)) < folds:
-        raise InputError(
-            f"folds is {folds}, but the groups or loads are too unequal for so many parts; take "
-            "fewer",
-            argument="folds",
-        )
-    return np.asarray(of_group[number])

@@ -46,6 +46,8 @@ Bools = NDArray[np.bool_]
 _MEMBER: Final = 0.1
 #: Ratio of residuals to the stated uncertainty that indicates a lack of fit, if significant.
 _EXCESS: Final = 1.5
+#: Blocks of rows with dependent residuals, each of which a fit to the others predicts.
+_BLOCKS: Final = 5
 #: Largest number of rows of statics; each stores its solution and derivatives, up to 0.25 MB.
 _MOST_ROWS: Final = 10_000
 #: Share of rows without an equilibrium at the end above which a fit has not converged.
@@ -663,6 +665,7 @@ def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit
             force_of_priors=1e-3 * work.priors.residuals(found.x, search.noise),
             row=dependence.row,
             tip=dependence.point == len(points.disks) - 1,
+            block=_blocks(search.group, used) if dependence.is_significant else None,
         ),
         _unknowns=work.model.unknowns,
         _commands=work.model.commands,
@@ -670,6 +673,15 @@ def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit
         _rod=work.model.rod,
         _tool_said=tool_said,
     )
+
+
+def _blocks(group: NDArray[Any], used: Bools) -> NDArray[np.int64]:
+    """Block (N,) of each fitted row: neighbouring groups, or rows where there are few groups."""
+    try:
+        part = observations.blocks(group, used, _BLOCKS)
+    except InputError:
+        part = observations.blocks(np.zeros_like(group), used, _BLOCKS)
+    return part[used]
 
 
 def _score_of(errors: Floats) -> Score:

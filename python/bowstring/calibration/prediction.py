@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring.calibration.bootstrap import left_out
 from bowstring.calibration.fitting import Fit
 from bowstring.calibration.observations import Measured
 from bowstring.display import short_repr
@@ -24,6 +25,8 @@ Floats = NDArray[np.float64]
 
 #: Standard deviations on either side of a 95 % interval.
 _NORMAL: Final = 1.959964
+#: Its probability below the upper end.
+_UPPER: Final = 0.975
 
 
 @short_repr
@@ -39,11 +42,15 @@ class Predicted:
         Standard deviation of each coordinate by that of the parameters, m.
     scatter : ndarray (3,)
         Standard deviation of each coordinate of a measured tip about the model, m.
+    quantile : float
+        Standard deviations on either side of a 95 % interval: 1.96, or Student's with the number
+        of blocks less one where the scatter is that of blocks.
     """
 
     point: Floats
     by_parameters: Floats
     scatter: Floats
+    quantile: float = _NORMAL
 
     @property
     def deviation(self) -> Floats:
@@ -53,13 +60,13 @@ class Predicted:
     @property
     def interval(self) -> tuple[Floats, Floats]:
         """Ends (K, 3) of the 95 % interval of each coordinate of a measured tip, m."""
-        half = _NORMAL * self.deviation
+        half = self.quantile * self.deviation
         return self.point - half, self.point + half
 
     @property
     def half_width(self) -> float:
         """Median half-width of the 95 % intervals, m."""
-        return float(np.nanmedian(_NORMAL * self.deviation))
+        return float(np.nanmedian(self.quantile * self.deviation))
 
     def coverage(self, measured: ArrayLike) -> float:
         """Share of measured coordinates inside their 95 % intervals.
@@ -76,7 +83,7 @@ class Predicted:
         """
         error = np.abs(_table(measured, "measured", len(self.point)) - self.point)
         known = np.isfinite(error)
-        inside = error[known] <= _NORMAL * self.deviation[known]
+        inside = error[known] <= self.quantile * self.deviation[known]
         return float(inside.mean()) if known.any() else math.nan
 
 
@@ -88,6 +95,9 @@ def predict_with_interval(
     The variance of a coordinate is that by the parameters, to first order, and that of measured
     tips about the model (theory Eq. 7.12). The latter has the misfit of the model in it, as far as
     the rows show it from which it comes: rows of another kind than these may be further off.
+    Where residuals of neighbouring rows depend on each other, the model does not fit, and further
+    rows have another misfit than these: then it is that of five blocks of the fitted rows, each
+    by a fit to the others.
 
     Parameters
     ----------
@@ -97,8 +107,7 @@ def predict_with_interval(
         Rows to predict, as for `Fit.predict`.
     errors : array_like (K, 3), optional
         Predicted minus measured tips in m, NaN where unknown, from which the scatter is taken. By
-        default those of the fitted rows, less the degrees of freedom of the fit; better are those
-        of left-out rows, `CrossValidation.residuals`.
+        default those of the fitted rows, less the degrees of freedom of the fit, or by blocks.
 
     Returns
     -------
@@ -126,7 +135,14 @@ def predict_with_interval(
     """
     jacobian = found.jacobian(data)
     by_parameters = np.sqrt(np.einsum("kap,pq,kaq->ka", jacobian, _covariance(found), jacobian))
-    return Predicted(found.predict(data), by_parameters, _scatter(found, errors))
+    blocks = found.linear.block if errors is None else None
+    quantile = _NORMAL
+    if blocks is not None:
+        from scipy.special import stdtrit
+
+        errors = left_out(found.linear, found.residuals[found.used_tips])
+        quantile = float(stdtrit(blocks.max(), _UPPER))
+    return Predicted(found.predict(data), by_parameters, _scatter(found, errors), quantile)
 
 
 def _covariance(found: Fit) -> Floats:
