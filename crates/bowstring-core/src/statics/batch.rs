@@ -18,7 +18,7 @@ use crate::model::robot::Robot;
 #[cfg(target_arch = "x86_64")]
 use crate::statics::adaptive::refine_to;
 use crate::statics::adaptive::Adaptive;
-use crate::statics::equilibria::Differentiator;
+use crate::statics::differentiator::Differentiator;
 use crate::statics::loads::Loads;
 use crate::statics::solver::{Outcome, Pose, Solver, Status};
 #[cfg(target_arch = "x86_64")]

@@ -10,6 +10,7 @@ mod companion;
 mod continuation;
 mod deflation;
 pub mod designs;
+mod differentiator;
 pub mod directional;
 pub mod equilibria;
 mod events;

@@ -4,7 +4,7 @@
 
 use crate::math::linalg::Mat3;
 use crate::model::error::{Argument, InputError, Rule};
-use crate::model::robot::Section;
+use crate::model::section::Section;
 
 /// Section whose strains are coupled.
 ///

@@ -34,6 +34,9 @@ impl TendonPath {
     }
 }
 
+/// Torsional stiffness of a model without twist, relative to that of the backbone.
+pub(crate) const RIGID_IN_TORSION: f64 = 1e6;
+
 /// The physics to solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Model {

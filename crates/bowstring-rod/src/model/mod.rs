@@ -5,3 +5,4 @@ pub mod coupled;
 pub mod error;
 pub mod load;
 pub mod robot;
+pub mod section;

@@ -4,12 +4,10 @@
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Maybe, Real};
-use crate::model::load::{Model, Theory};
+use crate::model::load::{Model, Theory, RIGID_IN_TORSION};
 use crate::model::robot::{in_axes, Profile, Robot, Section};
 use crate::rod::coupling::Coupling;
-
-/// Torsional stiffness of a model without twist, relative to that of the backbone.
-pub const RIGID_IN_TORSION: f64 = 1e6;
+use crate::rod::gauss::{self, FAR, NEAR};
 
 /// Stiffness of an element against bending and torsion: moment by rotation (N m), or by curvature
 /// (N m^2).
@@ -148,11 +146,6 @@ pub struct Constants<T: Real, const A: usize> {
     pub coupled: T::Maybe<Coupling<T>>,
 }
 
-/// Derivatives of the curvature at a Gauss point with respect to the rotation vectors of the nearer
-/// and the farther arc of its element, times the element's length: 1 plus and minus sqrt(3)/2.
-pub const NEAR: f64 = 1.866_025_403_784_438_6;
-pub const FAR: f64 = 0.133_974_596_215_561_36;
-
 /// Fractions of a length at the ends of equally long arcs.
 fn equal<const A: usize>() -> [f64; A] {
     std::array::from_fn(|a| (a + 1) as f64 / A as f64)
@@ -198,11 +191,9 @@ impl<const A: usize> Constants<f64, A> {
         let flexibility = mean(&|s| 0.5 / s.bending[0] + 0.5 / s.bending[1]);
         let unequal = (0..A / 2).map(|e| part(e).powi(5)).sum::<f64>() / elements;
         let bubble = h.powi(3) * flexibility / (720.0 * elements) * unequal;
-        let gauss = 0.5 / 3f64.sqrt();
         let at_gauss_point = |a: usize| {
-            let side = if a.is_multiple_of(2) { -gauss } else { gauss };
             let e = a / 2;
-            let fraction = start(e) + part(e) * (0.5 + side) / elements;
+            let fraction = start(e) + part(e) * gauss::fraction(a) / elements;
             Stiffness::of(&robot.section(k, fraction), model).scaled(1.0 / (h * part(e)))
         };
         let own = |a: usize| {

@@ -12,7 +12,8 @@
 use crate::math::lie::ArcMap;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
-use crate::rod::constants::{Constants, FAR, NEAR};
+use crate::rod::constants::Constants;
+use crate::rod::gauss::{fraction, FAR, NEAR};
 use crate::rod::module::{State, Tendons};
 use crate::rod::routes::Holes;
 
@@ -180,15 +181,16 @@ fn gauss_point<T: Real, const A: usize>(
     i: usize,
     w: &[Vec3<T>; A],
 ) -> PulledSection<T> {
-    let gauss = 0.5 / 3f64.sqrt();
-    let place = if i.is_multiple_of(2) {
-        0.5 - gauss
-    } else {
-        0.5 + gauss
-    };
     let [near, far] = slopes(c, i / 2);
     let u = w[i] * near + w[i ^ 1] * far;
-    PulledSection::new(c, t, c.compliance, c.within(i / 2, place), u, Vec3::zero())
+    PulledSection::new(
+        c,
+        t,
+        c.compliance,
+        c.within(i / 2, fraction(i)),
+        u,
+        Vec3::zero(),
+    )
 }
 
 /// Derivatives of a Gauss point's curvature with respect to the nearer and the farther arc of its

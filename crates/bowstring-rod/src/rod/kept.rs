@@ -8,25 +8,23 @@
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::rod::chain::{get, put, Rod};
-
-/// Distance of a Gauss point from the middle of an element, over its length.
-const GAUSS: f64 = 0.288_675_134_594_812_9;
+use crate::rod::gauss::{fraction, GAUSS};
 
 impl<L: Layout, const A: usize> Rod<L, A> {
     /// Curvature and twist (1/m) at the Gauss points of equal elements, from base to tip.
     pub fn curvatures(&self, mut visit: impl FnMut(usize, Vec3)) {
         for (k, c) in self.fixed.modules.iter().enumerate() {
-            let fraction = |arcs: usize| c.fraction(arcs).lane(0);
+            let end = |arcs: usize| c.fraction(arcs).lane(0);
             let strain = &self.states[k / L::WIDTH].w;
             let w = |arc: usize| get::<L>(&strain[arc], k % L::WIDTH).of_lane(0);
             let mut e = 0;
             for i in 0..A {
-                let at = of_gauss_point(i) / (A / 2) as f64;
-                while e + 1 < A / 2 && fraction(2 * e + 2) < at {
+                let at = ((i / 2) as f64 + fraction(i)) / (A / 2) as f64;
+                while e + 1 < A / 2 && end(2 * e + 2) < at {
                     e += 1;
                 }
-                let size = fraction(2 * e + 2) - fraction(2 * e);
-                let side = (at - fraction(2 * e)) / size - 0.5;
+                let size = end(2 * e + 2) - end(2 * e);
+                let side = (at - end(2 * e)) / size - 0.5;
                 let (a, b) = (w(2 * e), w(2 * e + 1));
                 let rotation = (b - a).scaled_add(3.0 * side, a + b);
                 visit(k * A + i, rotation * (1.0 / (size * c.flexible.lane(0))));
@@ -62,10 +60,4 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
         }
     }
-}
-
-/// Distance of a Gauss point from the start of the first element, in elements.
-fn of_gauss_point(i: usize) -> f64 {
-    let side = if i.is_multiple_of(2) { -GAUSS } else { GAUSS };
-    (i / 2) as f64 + 0.5 + side
 }

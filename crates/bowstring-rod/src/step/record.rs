@@ -9,6 +9,7 @@ use crate::math::real::{Layout, Real};
 use crate::rod::chain::{get, get_mat, put, put_mat, Rod};
 use crate::rod::constants::Constants;
 use crate::rod::continuous::PulledModule;
+use crate::rod::gauss::GAUSS;
 use crate::rod::module::{Span, State, Tendons};
 
 /// Fields at successive times, flat arrays in SI units, in the base frame unless stated otherwise.
@@ -327,11 +328,10 @@ impl<T: Real, const A: usize> Pieces<T, A> {
             force -= self.on_nodes[node][0] * c.fraction(2 * node);
         }
         let (mut moment, mut centre) = (Vec3::zero(), Vec3::zero());
-        let gauss = 3f64.sqrt() / 6.0;
         for element in 0..A / 2 {
             let part = c.part(element);
             let weight = part * T::splat(0.5 / elements);
-            for side in [-gauss, gauss] {
+            for side in [-GAUSS, GAUSS] {
                 let xi = 0.5 + side;
                 let [a, b] =
                     [2 * element, 2 * element + 1].map(|arc| self.strain[arc] - c.rest[arc]);
