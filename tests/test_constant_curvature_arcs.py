@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import mpmath as mp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import bowstring as bs
@@ -991,6 +991,7 @@ def test_the_tip_from_lengths_is_that_of_eq_1(bend):
     st.floats(),
     module_counts,
 )
+@example([1e-308, 0.0, 1.3e308], [0.0, 0.0, 0.0], 0.0, None)
 @settings(max_examples=300)
 def test_hostile_numbers(values, angles, radii, modules):
     """For any floats: an intentional error, or finite numbers."""

@@ -194,10 +194,11 @@ impl Arc {
         let [x, y] = self.bend;
         let l = self.length;
         let f = Smooth::at(self.theta());
+        // the length last: its products with a bend can overflow
         [
-            [l * (f.b + x * x * f.db), l * x * y * f.db, f.b * x],
-            [l * x * y * f.db, l * (f.b + y * y * f.db), f.b * y],
-            [l * x * f.da, l * y * f.da, f.a],
+            [l * (f.b + x * x * f.db), l * (x * y * f.db), f.b * x],
+            [l * (x * y * f.db), l * (f.b + y * y * f.db), f.b * y],
+            [l * (x * f.da), l * (y * f.da), f.a],
             [-f.e * x * y, f.e * x * x - 1.0, 0.0],
             [1.0 - f.e * y * y, f.e * x * y, 0.0],
             [-f.b * y, f.b * x, 0.0],
