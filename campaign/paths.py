@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
@@ -28,11 +29,15 @@ _LEAST: Final = (1e-9, 1e-7)
 
 
 class Path(NamedTuple):
-    """Stated and true errors of each step: tip (m) and tension (N), over length and tension."""
+    """Stated and true errors of each step: tip over the length, tension over the largest.
+
+    `large` steps state more than 1e-4 of the length. `continued` is the largest distance of the
+    path from its continued first half, over the errors of both; NaN if a step did not converge.
+    """
 
     stated: Array
     error: Array
-    parted: Array
+    large: Array
     continued: float
 
 
@@ -87,12 +92,12 @@ def _load(robot: bs.Robot, rng: np.random.Generator) -> bs.Load:
     holes = robot.tendons.hole_m
     stiffness, length = robot.bending_stiffness[0], robot.length
     bend = rng.uniform(-1.0, 1.0, (STEPS, 2))
-    pull = bend @ holes.T
+    shortening = bend @ holes.T
     if rng.random() < 0.5:
-        commands = {"displacements": pull + 0.01 * np.abs(holes).max()}
+        commands = {"displacements": shortening + 0.01 * np.abs(holes).max()}
     else:
-        unit = stiffness / (length * np.abs(holes).max() ** 2)
-        commands = {"tensions": np.maximum(pull, 0.0) * unit}
+        tension_per_length = stiffness / (length * np.abs(holes).max() ** 2)
+        commands = {"tensions": np.maximum(shortening, 0.0) * tension_per_length}
     direction = rng.normal(size=(2, 3))
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     force = rng.choice([0.0, 1.0]) * stiffness / length**2
@@ -131,8 +136,8 @@ def follow(law: str, number: int) -> Path | str:
     error = np.stack([off, of_tension], axis=1) / unit
     stated = np.stack([found.tip_error, found.tension_error], axis=1)[:last] / unit
     # eight elements may have turned to another branch as well, and state it
-    parted = np.maximum(found.tip_error, best.tip_error)[:last] > 1e-4 * length
-    half, continued = STEPS // 2, 0.0
+    large = np.maximum(found.tip_error, best.tip_error)[:last] > 1e-4 * length
+    half, continued = STEPS // 2, math.nan
     if last == STEPS:
         rows = slice(half, None)
         shorter = bs.sweep(
@@ -144,15 +149,19 @@ def follow(law: str, number: int) -> Path | str:
         apart = np.linalg.norm(rest.tip_position - found.tip_position[rows], axis=1)
         allowed = rest.tip_error + found.tip_error[rows] + 1e-9 * length
         continued = float(np.max(np.where(rest.converged, apart / allowed, np.inf)))
-    return Path(stated, error, parted, continued)
+    return Path(stated, error, large, continued)
 
 
 def _print(law: str, found: Iterable[Path | str]) -> None:
-    paths = [path for path in found if isinstance(path, Path)]
-    stated, error, parted = (np.concatenate(x) for x in list(zip(*paths, strict=True))[:3])
+    all_paths = list(found)
+    paths = [path for path in all_paths if isinstance(path, Path)]
+    if not paths:
+        print(f"{law}: all {len(all_paths)} paths refused")
+        return
+    stated, error, large = (np.concatenate(x) for x in list(zip(*paths, strict=True))[:3])
     texts = []
     for q, least in enumerate(_LEAST):
-        counted = (error[:, q] > least) & ~parted
+        counted = (error[:, q] > least) & ~large
         ratio = stated[counted, q] / error[counted, q]
         covered, close = ((ratio >= 1.0).sum(), (ratio <= 30.0).sum())
         count = max(1, len(ratio))
@@ -160,11 +169,13 @@ def _print(law: str, found: Iterable[Path | str]) -> None:
             f"{len(ratio)} steps, covered {covered / count:.2%}, "
             f"within 30 times {close / count:.1%}"
         )
-    apart = sum(path.continued > 1.0 for path in paths)
+    ratio = np.array([path.continued for path in paths])
+    ratio = ratio[np.isfinite(ratio) | np.isposinf(ratio)]
     print(
-        f"{law}: {len(paths)} paths; tip {texts[0]}; tension {texts[1]}; "
-        f"{parted.sum()} of {len(error)} steps state 1e-4 of the length or more; "
-        f"{apart} continued otherwise"
+        f"{law}: {len(paths)} paths, {len(all_paths) - len(paths)} refused; tip {texts[0]}; "
+        f"tension {texts[1]}; {large.sum()} of {len(error)} steps state more than 1e-4; "
+        f"{(ratio > 1.0).sum()} of {len(ratio)} continued otherwise, at most "
+        f"{ratio.max(initial=0.0):.1f} times the errors of both"
     )
 
 

@@ -580,7 +580,7 @@ def test_a_rigid_offset_of_the_data_names_the_base_synthetic():
 # -- what is not possible ------------------------------------------------------------------------
 
 
-def test_values_that_are_not_possible_are_named_first_synthetic():
+def test_values_that_are_not_possible_are_doubts_synthetic():
     """Weight is missing in the model, but a horizontal gravity is fitted: synthetic."""
     robot = single()
     names = ["gravity.0", "gravity.1", "gravity.2"]

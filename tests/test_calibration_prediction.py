@@ -98,6 +98,18 @@ def test_left_out_blocks_are_those_of_fits_without_them() -> None:
         assert np.abs(errors[block == part] - alone).max() < 0.05 * np.abs(alone).max()
 
 
+def test_no_block_has_the_loads_of_another_where_they_repeat_synthetic() -> None:
+    """The same recording three times: its loads are left out with all their rows."""
+    heavy = ROBOT.with_({"gravity": [3.0, 2.0, -9.81]})
+    once = recording(5, heavy, 60)
+    rng = np.random.default_rng(6)
+    points = np.tile(once.points, (3, 1)) + rng.normal(0.0, 1e-4, (180, 3))
+    data = Data(points, np.tile(np.asarray(once.tensions), (3, 1)))
+    block = fit(ROBOT, data, [E, "base"], loss="linear").linear.block
+    assert block is not None and block.max() == 4
+    assert (block.reshape(3, 60) == block[:60]).all()
+
+
 def test_errors_of_left_out_rows_may_give_the_scatter() -> None:
     found, other = of(1, 30, 40.0), table(2, 5, 5e-4)
     errors = np.full((20, 3), [1e-3, 2e-3, 3e-3])

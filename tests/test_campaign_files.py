@@ -81,5 +81,6 @@ def test_rescaled_files_have_the_structure_of_the_original() -> None:
 
 
 def test_intact_compiled_robots() -> None:
-    for text in compiled.corpus(files.ROOT):
-        assert json.loads(text)["format"] == "bowstring compiled robot"
+    robots = [json.loads(text) for text in compiled.corpus(files.ROOT)]
+    assert {robot["tendon_path"] for robot in robots} == {"straight", "embedded"}
+    assert any(len(robot["segments"][0]["sections"]) == 5 for robot in robots)

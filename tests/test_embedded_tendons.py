@@ -85,5 +85,5 @@ def test_a_tendon_winds_slowly_from_section_to_section() -> None:
     body = {"segments.0.tendons_in": "body", "segments.0.disks.hole_length": 0.0}
     robot = bs.load_robot("amouri2019", {**tendon, **body, "segments.0.disks.count": 20})
     assert robot.core.tendon_count == 1
-    with pytest.raises(InputError, match=r"0.0526 of a turn between two modules of the body"):
+    with pytest.raises(InputError, match=r"0\.0526 of a turn between two modules of the body"):
         robot.with_({"segments.0.disks.count": 19})

@@ -124,6 +124,46 @@ def test_beyond_the_play_the_backbone_is_softer_and_bent_back(disks):
     assert np.linalg.norm(found.tip_position - without.tip_position, axis=1).min() > 1e-3
 
 
+def test_a_history_of_earlier_versions_has_one_set_for_each_module():
+    first = bs.sweep(STUDY, [[60.0, 0.0, 0.0]])
+    stored = first.history()
+    each = len(stored["plays_per_m"]) // STUDY.core.disk_count
+    old = {**stored, **{name: stored[name][::each] for name in ("plays_per_m", "lags_per_m")}}
+    new, rest = (bs.sweep(STUDY, [[5.0, 0.0, 0.0]], history=h) for h in (stored, old))
+    assert each > 1 and rest.converged.all()
+    assert np.linalg.norm(rest.tip_position[0] - new.tip_position[0]) < 0.02 * STUDY.length
+
+
+def test_loads_between_disks_leave_the_set_where_it_is():
+    """A relaxed robot is a softer one, also where loads divide its modules into other elements, and
+    a history continues where such a load goes."""
+    own = {"nu": None, "G": 13.5e9}
+    changes = {f"segments.0.backbone.{name}": value for name, value in own.items()}
+    relaxes = {"segments.0.backbone.relaxation": 0.3, "segments.0.disks.count": 4}
+    robot = bs.load_robot("amouri2019", {**changes, **relaxes})
+    softer = robot.with_(
+        {
+            "segments.0.backbone.relaxation": 0.0,
+            "segments.0.backbone.E": 0.7 * robot.segments[0].backbone.E,
+        }
+    )
+    pushed = [
+        bs.PointLoad(arc_length=share * robot.length, force=(0.3, 0.2, 0.0))
+        for share in (0.3, 0.42)
+    ]
+    model = bs.RodModel("kirchhoff", elements=8)
+    first = bs.Load([[20.0, 0.0, 0.0]] * 2, point_loads=pushed)
+    found = bs.sweep(robot, load=first, model=model, times=[0.0, 1e9])
+    same = bs.solve(softer, load=bs.Load([20.0, 0.0, 0.0], point_loads=pushed), model=model)
+    off = np.linalg.norm(found.tip_position[1] - same.tip.position)
+    assert off < found.tip_error[1] + same.error_estimate.tip < 2e-5
+    later = bs.Load([[20.0, 0.0, 0.0]])
+    rest = bs.sweep(robot, load=later, model=model, times=[1e9], history=found.history())
+    alone = bs.solve(softer, load=bs.Load([20.0, 0.0, 0.0]), model=model)
+    off = np.linalg.norm(rest.tip_position[0] - alone.tip.position)
+    assert off < rest.tip_error[0] + alone.error_estimate.tip
+
+
 def test_displacements_count_from_the_home_pose_without_a_set():
     displacements = np.array([[0.02, np.nan, np.nan], [0.0, np.nan, np.nan]])
     load = bs.Load(np.where(np.isnan(displacements), 1.0, np.nan), displacements)

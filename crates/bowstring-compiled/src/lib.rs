@@ -42,6 +42,8 @@ struct Content {
 #[serde(rename_all = "lowercase")]
 enum Path {
     Straight,
+    /// Earlier versions wrote the path of a body's tendons as "continuous".
+    #[serde(alias = "continuous")]
     Embedded,
 }
 

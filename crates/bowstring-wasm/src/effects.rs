@@ -52,8 +52,9 @@ impl Bench {
             Effect::StraightSpans => {
                 // a continuous tendon has no displacements, and none is beside coupled strains
                 let coupled = |profile: &Profile| matches!(profile, Profile::Coupled(_));
+                let straight = model.tendon == TendonPath::Straight;
                 model.tendon = TendonPath::Continuous;
-                !displacements && !spec.backbone.iter().any(coupled)
+                straight && !displacements && !spec.backbone.iter().any(coupled)
             }
             Effect::Clamps => removed(spec.disks.iter_mut().map(|d| &mut d.clamped_length)),
             Effect::HolePlanes => removed(spec.disks.iter_mut().map(|d| &mut d.hole_length)),

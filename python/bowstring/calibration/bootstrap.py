@@ -232,8 +232,9 @@ def refitted(
 def left_out(fit: Linear, residual: Array) -> Array:
     """Residuals (T, 3) of the fitted tips by a fit to the other blocks, by one Newton step.
 
-    `residual` are those of the fit to all rows, m. Exact for models linear in the parameters
-    (Efron and Tibshirani, 1993, 17.2, with blocks for rows).
+    `residual` are those of the fit to all rows, m. Exact for models linear in the parameters and a
+    linear loss (Efron and Tibshirani, 1993, 17.2, with blocks for rows); a parameter that one block
+    alone determines keeps its value.
     """
     assert fit.block is not None
     count = int(fit.block.max()) + 1

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring.calibration import observations
+from bowstring.calibration.blocks import part_of_rows
 from bowstring.calibration.fitting import fit
 from bowstring.calibration.observations import Measured, Score, score
 from bowstring.calibration.pieces import Loss
@@ -18,9 +19,9 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
-from bowstring.validation import is_whole, shown
+from bowstring.validation import shown
 
-__all__ = ["CrossValidation", "cross_validate", "hold_out", "part_of_rows", "parts"]
+__all__ = ["CrossValidation", "cross_validate", "hold_out"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -147,22 +148,6 @@ def cross_validate(
     )
 
 
-def part_of_rows(
-    data: Measured, values: Floats, used: Bools, folds: int
-) -> tuple[NDArray[np.int64], NDArray[Any]]:
-    """Part (K,) of each row in `cross_validate`, from 0, and the groups (K,) that no part splits.
-
-    Raises
-    ------
-    InputError
-        If the groups cannot be divided into so many parts.
-    """
-    if not is_whole(folds) or folds < 2:
-        raise InputError(f"folds is {shown(folds)}, it must be a whole number from 2")
-    group = _groups_of_folds(data, values, used)
-    return observations.blocks(group, used, int(folds)), group
-
-
 def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
     """Select the last rows, to validate a fit to the others by `Fit.predict`.
 
@@ -195,50 +180,3 @@ def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
     last = ends[np.argmin(np.abs(ends - (1 - share) * len(group)))]
     out: Bools = seen & (order > last)
     return out
-
-
-def parts(data: Measured, values: Floats, used: Bools, folds: int) -> NDArray[np.int64]:
-    """Divide rows into the parts of `cross_validate`.
-
-    Parameters
-    ----------
-    data : Measurements or Data
-        Rows, of which the groups and repeats are used.
-    values : ndarray (K, T)
-        Commands of all rows.
-    used : ndarray of bool (K,)
-        Rows that count.
-    folds : int
-        Number of parts; fewer where there are fewer groups.
-
-    Returns
-    -------
-    ndarray of int (K,)
-        Part of each row, from 0.
-    """
-    group = _groups_of_folds(data, values, used)
-    count = len(np.unique(group[used]))
-    folds = min(folds, count) if count > 1 else folds
-    while folds > 2:
-        try:
-            return observations.blocks(group, used, folds)
-        except InputError:  # groups of unequal size
-            folds -= 1
-    if count > 1:
-        return observations.numbered(group) % 2
-    return observations.blocks(group, used, folds)
-
-
-def _groups_of_folds(data: Measured, values: Floats, used: Bools) -> NDArray[Any]:
-    """Groups (K,) that no part splits; the loads where they repeat without other groups."""
-    group = observations.groups(data, len(values))
-    load = observations.loads(values)
-    if observations.repeats_loads(load[used]) and not _grouped_alone(data, group):
-        group = np.array([f"load {number}" for number in (1 + load).tolist()])
-    return group
-
-
-def _grouped_alone(data: Measured, group: NDArray[Any]) -> bool:
-    """Whether rows are in groups for another reason than repeats."""
-    repeat = getattr(data, "repeat", None)
-    return len(np.unique(group)) > 1 and (repeat is None or len(np.unique(repeat)) < 2)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring.calibration import observations
+from bowstring.calibration.blocks import parts
 from bowstring.calibration.bootstrap import Linear
 from bowstring.calibration.intervals import EXACT, SAME, Dependence, Uncertainty, profile_ends
 from bowstring.calibration.observations import Measured, Points, PointScore, Score, score
@@ -209,6 +210,12 @@ class Fit:
     def values(self) -> dict[str, float]:
         """Return the estimates in SI by name, for ``start`` of another fit."""
         return dict(zip(self.names, self._values.tolist(), strict=True))
+
+    @property
+    def whole_message(self) -> str:
+        """Doubts and message; the message first where the fit has not converged."""
+        said = [*self.doubts, self.message] if self.converged else [self.message, *self.doubts]
+        return " ".join(said)
 
     @property
     def outside_robot(self) -> dict[str, float]:
@@ -474,7 +481,8 @@ def fit(
     found = search.run(first)
     own = {*unknowns.names, *(start or {})}
     tool_said = np.array([not own & {"tool", f"tool.{axis}"} for axis in "xyz"])
-    return _result(search, found, tool_said, points)
+    part = parts(data, commands.values, used, _BLOCKS)
+    return _result(search, found, tool_said, points, part)
 
 
 def _check_markers(unknowns: Unknowns, points: Points) -> None:
@@ -573,7 +581,9 @@ def _from_frictionless(
 # -- results of a fit ---------------------------------------------------------------------------
 
 
-def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit:
+def _result(
+    search: Search, found: Any, tool_said: Bools, points: Points, part: NDArray[np.int64]
+) -> Fit:
     work, items = search.work, search.work.items
     residuals, jacobian = work.residuals(found.x), work.jacobian(found.x)
     at = work.prediction(found.x)
@@ -665,7 +675,7 @@ def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit
             force_of_priors=1e-3 * work.priors.residuals(found.x, search.noise),
             row=dependence.row,
             tip=dependence.point == len(points.disks) - 1,
-            block=_blocks(search.group, used) if dependence.is_significant else None,
+            block=observations.numbered(part[used]) if dependence.is_significant else None,
         ),
         _unknowns=work.model.unknowns,
         _commands=work.model.commands,
@@ -673,15 +683,6 @@ def _result(search: Search, found: Any, tool_said: Bools, points: Points) -> Fit
         _rod=work.model.rod,
         _tool_said=tool_said,
     )
-
-
-def _blocks(group: NDArray[Any], used: Bools) -> NDArray[np.int64]:
-    """Block (N,) of each fitted row: neighbouring groups, or rows where there are few groups."""
-    try:
-        part = observations.blocks(group, used, _BLOCKS)
-    except InputError:
-        part = observations.blocks(np.zeros_like(group), used, _BLOCKS)
-    return part[used]
 
 
 def _score_of(errors: Floats) -> Score:

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from bowstring import interrupts
 from bowstring.calibration import observations
-from bowstring.calibration.cross_validation import cross_validate, part_of_rows
+from bowstring.calibration.blocks import part_of_rows
+from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.error_parts import ErrorParts, noise_of, parts_of
 from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.memories import (

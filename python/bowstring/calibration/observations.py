@@ -29,7 +29,6 @@ __all__ = [
     "PointScore",
     "Points",
     "Score",
-    "blocks",
     "commands",
     "fitted_rows",
     "groups",
@@ -448,27 +447,3 @@ def refuse_common_rows(data: Measurements, used: Bools, other: Measurements, jud
             f"{len(same)} of {int(judged.sum())} validation rows are also fitted, the first in "
             f"line {other.line[same[0]]} of {other.name}; leave them out of one table"
         )
-
-
-def blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
-    """Part (K,) of each row: neighbouring groups, with about the same number of rows per part."""
-    number = numbered(group)
-    groups = int(number.max()) + 1
-    if groups == 1:
-        order = np.cumsum(used) - 1
-        return np.array(np.minimum(order * folds // max(int(used.sum()), 1), folds - 1))
-    if groups < folds:
-        raise InputError(
-            f"folds is {folds}, there are only {groups} groups or loads to leave out",
-            argument="folds",
-        )
-    counts = np.bincount(number, used)
-    middle = np.cumsum(counts) - counts / 2
-    of_group = np.minimum((middle * folds / counts.sum()).astype(int), folds - 1)
-    if len(np.unique(of_group)) < folds:
-        raise InputError(
-            f"folds is {folds}, but the groups or loads are too unequal for so many parts; take "
-            "fewer",
-            argument="folds",
-        )
-    return np.asarray(of_group[number])

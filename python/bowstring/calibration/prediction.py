@@ -108,6 +108,7 @@ def predict_with_interval(
     errors : array_like (K, 3), optional
         Predicted minus measured tips in m, NaN where unknown, from which the scatter is taken. By
         default those of the fitted rows, less the degrees of freedom of the fit, or by blocks.
+        The interval then reaches 1.96 standard deviations: these errors count as independent.
 
     Returns
     -------
@@ -137,7 +138,7 @@ def predict_with_interval(
     by_parameters = np.sqrt(np.einsum("kap,pq,kaq->ka", jacobian, _covariance(found), jacobian))
     blocks = found.linear.block if errors is None else None
     quantile = _NORMAL
-    if blocks is not None:
+    if blocks is not None and blocks.max() > 0:
         from scipy.special import stdtrit
 
         errors = left_out(found.linear, found.residuals[found.used_tips])

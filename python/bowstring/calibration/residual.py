@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring.calibration import observations
-from bowstring.calibration.cross_validation import parts
+from bowstring.calibration.blocks import parts
 from bowstring.calibration.fitting import Fit
 from bowstring.calibration.gaussian_process import GaussianProcess
 from bowstring.calibration.observations import Measured, Score, score

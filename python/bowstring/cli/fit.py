@@ -328,7 +328,7 @@ def fit(
         models = [] if compared is None else _comparison_tables(compared, folder)
         write_tables(*_fit_tables(found, folder), *parts, *models)
     if not found.fit.converged:
-        raise NoSolutionError(" ".join([f"{known.name}: {found.fit.message}", *found.fit.doubts]))
+        raise NoSolutionError(f"{known.name}: {found.fit.whole_message}")
     if refused:
         raise NoSolutionError(
             f"{known.name}: nothing is written, because the result is in doubt; --force writes it "

@@ -417,6 +417,12 @@ def _arrays(history: Any) -> dict[str, Any]:
             raise ValueError(f"{name} has {found.shape[1]} numbers in a row")
         return np.pad(found, ((0, 0), (0, 2 * width - found.shape[1])))
 
+    def at_points(found: Floats) -> Floats:
+        """One row for each Gauss point; earlier versions have one for each module."""
+        points, modules = len(history["arcs_rad"]), len(history["slips"])
+        alike = len(found) == modules != points and points % max(modules, 1) == 0
+        return np.repeat(found, points // modules, axis=0) if alike else found
+
     commands = [next(iter(item.items())) for item in history["commands"]]
     points = [PointLoad.of_dict(item).numbers() for item in history.get("point_loads", ())]
     carried = [history.get(name, 0.0) for name in _CARRIED]
@@ -435,8 +441,8 @@ def _arrays(history: Any) -> dict[str, Any]:
         "line_forces": rows("line_forces_N_per_m", 3),
         "strain": history["arcs_rad"],
         "slips": np.sign(history["slips"]).astype(np.int8),
-        "plays": rows("plays_per_m", 2),
-        "lags": both_terms("lags_per_m", 2),
+        "plays": at_points(rows("plays_per_m", 2)),
+        "lags": at_points(both_terms("lags_per_m", 2)),
         "crept": both_terms("creep_m", 1),
         "carried": np.array([math.inf if value is None else value for value in carried]),
     }

@@ -225,7 +225,7 @@ def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) 
         frame=frame,
         point=frame.apply(found.predict(data)),
         converged=found.converged,
-        message=" ".join([*found.doubts, found.message]),
+        message=found.whole_message,
     )
 
 

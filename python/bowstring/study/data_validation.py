@@ -538,7 +538,7 @@ def judge_data(
                 "blank."
             )
         if not calibration.fit.converged:
-            notes.append(f"The calibration did not settle. {calibration.fit.message}")
+            notes.append(f"The calibration did not settle. {calibration.fit.whole_message}")
     except BowstringError as error:
         notes.append(f"The rod is not calibrated: {str(error).rstrip('.')}.")
     notify(0.5)

@@ -144,8 +144,7 @@ def fitted(given: SuiteSet, model: Model, table: Table, rows: Bools | None = Non
             return points if observable == "markers" else points[:, -1]
 
         predict = _corrected(model, found, table) if model.correction else alone
-        message = " ".join([*found.doubts, found.message])
-        return Fitted(predict, found.values, found.converged, message)
+        return Fitted(predict, found.values, found.converged, found.whole_message)
     return _fit(_Predictor(model, robot, markers, observable), model, table, rows)
 
 

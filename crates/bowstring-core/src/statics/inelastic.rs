@@ -38,10 +38,10 @@ struct Point {
     relaxation: [Relaxation; TERMS],
     /// Curvature without load and history (1/m).
     rest: Vec3,
-    /// Lag of each term at the end of the step without the part of the curvature there (1/m), and
-    /// the weight of that part.
+    /// Lag of each term at the end of the step, without the part of the curvature there (1/m).
     carried: [[f64; 2]; TERMS],
-    now: [f64; TERMS],
+    /// Weight of that part.
+    weight: [f64; TERMS],
 }
 
 impl UnloadedCurvature {
@@ -91,7 +91,7 @@ impl UnloadedCurvature {
                 relaxation: relaxation.get(segment).copied().unwrap_or_default(),
                 rest: Vec3(robot.profile(k).sections()[0].rest_curvature),
                 carried: [[0.0; 2]; TERMS],
-                now: [0.0; TERMS],
+                weight: [0.0; TERMS],
             }
         };
         let each = 2 * elements;
@@ -115,7 +115,7 @@ impl UnloadedCurvature {
                 let lag = Lag::over(duration, law.time);
                 let state = old.lags[i][term];
                 point.carried[term] = [0, 1].map(|q| lag.carried(state[q], curvature[q]));
-                point.now[term] = lag.end;
+                point.weight[term] = lag.end;
             }
         });
     }
@@ -128,7 +128,7 @@ impl UnloadedCurvature {
             let point = &points[i];
             let curvature = [0, 1].map(|q| u[q] - point.rest[q]);
             for (term, lag) in lags[i].iter_mut().enumerate() {
-                let (carried, end) = (point.carried[term], point.now[term]);
+                let (carried, end) = (point.carried[term], point.weight[term]);
                 *lag = [0, 1].map(|q| carried[q] + end * curvature[q]);
             }
             plays[i] = followed(old.plays[i], curvature, point.hysteresis.play);

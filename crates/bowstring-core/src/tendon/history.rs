@@ -26,7 +26,8 @@ pub struct History {
     /// Curvature that the hysteresis has followed at both Gauss points of each element, from base to
     /// tip (1/m); empty without hysteresis and relaxation.
     pub plays: Vec<[f64; 2]>,
-    /// Curvature that each term of the relaxation has followed there (1/m).
+    /// Curvature that each term of the relaxation has followed at these points (1/m); empty without
+    /// hysteresis and relaxation.
     pub lags: Vec<[[f64; 2]; TERMS]>,
     /// Elongation of each tendon by each term of its creep (m); empty without it.
     pub crept: Vec<[f64; TERMS]>,

@@ -374,7 +374,7 @@ impl<T: Real, const A: usize> Constants<T, A> {
     /// Curvature and twist without load of an element, linear in the distance from the start of the
     /// flexible part: there (1/m), and their change by this distance (1/m^2).
     #[inline(always)]
-    pub fn course_of_rest(&self, e: usize) -> [Vec3<T>; 2] {
+    pub fn rest_line(&self, e: usize) -> [Vec3<T>; 2] {
         let [a, b] = [self.rest[2 * e], self.rest[2 * e + 1]];
         let per = T::splat(0.5) / self.arc_length(2 * e);
         let change = (b - a) * (T::splat(3.0) * per * per);

@@ -129,7 +129,7 @@ struct Element<'a, T: Real, const A: usize, const VARIED: bool> {
     taper: Option<&'a Taper<T>>,
     /// Curvature and twist without load at the start of the module (1/m), and their change along
     /// this element (1/m^2).
-    rest: [Vec3<T>; 2],
+    rest_line: [Vec3<T>; 2],
     tendons: &'a Tendons<'a, T>,
     constants: &'a Constants<T, A>,
     /// Mean weight per length (N/m).
@@ -158,9 +158,9 @@ impl<T: Real, const A: usize, const VARIED: bool> Element<'_, T, A, VARIED> {
     #[inline(always)]
     fn rest(&self, at: T) -> Vec3<T> {
         if VARIED {
-            self.rest[1].scaled_add(at, self.rest[0])
+            self.rest_line[1].scaled_add(at, self.rest_line[0])
         } else {
-            self.rest[0]
+            self.rest_line[0]
         }
     }
 
@@ -240,7 +240,7 @@ impl<T: Real, const A: usize, const VARIED: bool> Element<'_, T, A, VARIED> {
         let r = &at.rotation;
         let n = r.tr_mul(force);
         let moment = r.tr_mul(at.moment) + coupling.shift.tr_mul(n);
-        let curvature = self.rest[0] + coupling.flexibility * moment;
+        let curvature = self.rest_line[0] + coupling.flexibility * moment;
         let along = *r * (coupling.along + coupling.shift * curvature + coupling.compliance * n);
         Section {
             rotation: r.mul_skew(curvature),
@@ -362,10 +362,7 @@ impl<T: Real, const A: usize> State<T, A> {
                 axial,
             },
             taper: load.taper,
-            rest: [
-                (c.rest[0] + c.rest[1]) * (mean_per * (T::splat(1.0) / c.part(0))),
-                Vec3::zero(),
-            ],
+            rest_line: c.rest_line(0),
             tendons: t,
             constants: c,
             weight,
@@ -394,7 +391,7 @@ impl<T: Real, const A: usize> State<T, A> {
             let [from, to] = [2 * e, 2 * e + 2].map(|arcs| c.flexible * c.fraction(arcs));
             let end = section.place;
             if VARIED {
-                element.rest = c.course_of_rest(e);
+                element.rest_line = c.rest_line(e);
             }
             section = element.back(section, force, [from, to]);
             let (rotation, start) = match e {

@@ -8,7 +8,7 @@ use crate::model::load::TendonPath;
 use crate::model::robot::Robot;
 use crate::rod::constants::Constants;
 
-/// Most holes from which the course of an embedded tendon at one of them is known.
+/// Most holes that give the slope of an embedded tendon at one of them.
 const STENCIL: usize = 5;
 
 /// Holes of a tendon at both ends of a module, or of several side by side: x and y in the frames of
