@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from jupyter_client.connect import ConnectionFileMixin
+from jupyter_client.manager import KernelManager
 
 import bowstring
 
@@ -34,8 +34,8 @@ nb_execution_mode = "cache"
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_merge_streams = True
-# examples run on this machine: no TCP, which each of their kernels would warn of
-ConnectionFileMixin.transport.default_value = "ipc"
+# each kernel of the examples warns of a connection without encryption
+KernelManager.transport_encryption.default_value = "auto"
 bibtex_bibfiles = ["references.bib"]
 bibtex_default_style = "plain"
 
