@@ -221,7 +221,7 @@ def test_a_failure_keeps_the_former_file(tmp_path, solid, monkeypatch):
     file = tmp_path / "robot.step"
     file.write_text("bowstring_version: former")
     monkeypatch.setattr(bd, "export_step", lambda *_: False)
-    with pytest.raises(InputError, match=r"cannot write the solid .* the CAD kernel could not"):
+    with pytest.raises(InputError, match=r"cannot write the solid .* the CAD kernel failed"):
         write_solid(solid, file)
 
     def full(new):

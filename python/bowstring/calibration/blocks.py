@@ -56,14 +56,14 @@ def parts(data: Measured, values: Floats, used: Bools, folds: int) -> NDArray[np
     group = _groups_of_folds(data, values, used)
     count = len(np.unique(group[used]))
     folds = min(folds, count) if count > 1 else folds
-    while folds > 2:
+    while folds > 2 and count > 1:
         try:
             return _blocks(group, used, folds)
         except InputError:  # groups of unequal size
             folds -= 1
     if count > 1:
         return observations.numbered(group) % 2
-    return _blocks(group, used, folds)
+    return _blocks(np.zeros(len(group)), used, folds)
 
 
 def _groups_of_folds(data: Measured, values: Floats, used: Bools) -> NDArray[Any]:
