@@ -26,12 +26,12 @@ ROBOTS: Final[tuple[tuple[str, dict[str, Any]], ...]] = (
     ("tests/two_tubes.yaml", {}),
     ("examples/tentacle.yaml", {}),
 )
-BAD_INPUT, INTERNAL = -1, -2
+INTERNAL: Final = -2  # status of a panic
 LONGEST: Final = 600  # letters of a sentence
 MOST_TENDONS: Final = 20  # of an inverse, whose work grows by their cube
 
 
-class _Solution(ctypes.Structure):
+class Solution(ctypes.Structure):
     _fields_ = [
         ("position_m", ctypes.c_double * 3),
         ("rotation", ctypes.c_double * 9),
@@ -43,9 +43,9 @@ class _Solution(ctypes.Structure):
     ]
 
 
-class _Inverse(ctypes.Structure):
+class Inverse(ctypes.Structure):
     _fields_ = [
-        ("solution", _Solution),
+        ("solution", Solution),
         ("distance_m", ctypes.c_double),
         ("nearest_distance_m", ctypes.c_double),
         ("direction_error_rad", ctypes.c_double),
@@ -114,7 +114,7 @@ class Library:
 
     def _use(self, solver: ctypes.c_void_p, count: int, length: float, random: Random) -> None:
         many = ctypes.c_double * count
-        size, out, found = ctypes.c_size_t(count), many(), _Solution()
+        size, out, found = ctypes.c_size_t(count), many(), Solution()
         for most in (0.0, 1.0, 30.0):
             tensions = many(*(most * random.random() for _ in range(count)))
             status = self.c.bowstring_solve(solver, tensions, size, None, ctypes.byref(found))
@@ -131,7 +131,7 @@ class Library:
         if count > MOST_TENDONS:
             return
         target = (ctypes.c_double * 3)(0.1 * length, 0.05 * length, 0.9 * length)
-        inverse = _Inverse()
+        inverse = Inverse()
         status = self.c.bowstring_inverse(
             solver, target, None, None, out, size, ctypes.byref(inverse)
         )
@@ -141,7 +141,7 @@ class Library:
             assert 0.0 <= inverse.distance_m < 1e-4 * length, f"{inverse.distance_m} m away"
 
 
-def _check(found: _Solution) -> None:
+def _check(found: Solution) -> None:
     numbers = [*found.position_m, *found.rotation, found.residual, found.error_estimate_m]
     assert all(map(math.isfinite, numbers)), f"numbers of a solution: {numbers}"
 

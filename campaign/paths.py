@@ -117,7 +117,7 @@ def _rows(load: bs.Load, rows: slice) -> bs.Load:
 
 
 def follow(law: str, number: int) -> Path | str:
-    """Follow one random path; why there is none."""
+    """Follow one random path; the refusal of its robot or load as text."""
     rng = np.random.default_rng([46, LAWS.index(law), number])
     try:
         robot = _robot(law, rng)
@@ -170,7 +170,7 @@ def _print(law: str, found: Iterable[Path | str]) -> None:
             f"within 30 times {close / count:.1%}"
         )
     ratio = np.array([path.continued for path in paths])
-    ratio = ratio[np.isfinite(ratio) | np.isposinf(ratio)]
+    ratio = ratio[~np.isnan(ratio)]
     print(
         f"{law}: {len(paths)} paths, {len(all_paths) - len(paths)} refused; tip {texts[0]}; "
         f"tension {texts[1]}; {large.sum()} of {len(error)} steps state more than 1e-4; "

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from campaign.compiled import Inverse, Solution
 
 import bowstring as bs
 
@@ -67,29 +68,6 @@ def libraries() -> dict[str, Path]:
         for file in message["filenames"]
     ]
     return {file.suffix: file for file in files}
-
-
-class Solution(ctypes.Structure):
-    _fields_ = [
-        ("position_m", ctypes.c_double * 3),
-        ("rotation", ctypes.c_double * 9),
-        ("residual", ctypes.c_double),
-        ("error_estimate_m", ctypes.c_double),
-        ("iterations", ctypes.c_int32),
-        ("elements", ctypes.c_int32),
-        ("stable", ctypes.c_int32),
-    ]
-
-
-class Inverse(ctypes.Structure):
-    _fields_ = [
-        ("solution", Solution),
-        ("distance_m", ctypes.c_double),
-        ("nearest_distance_m", ctypes.c_double),
-        ("direction_error_rad", ctypes.c_double),
-        ("iterations", ctypes.c_int32),
-        ("restarted", ctypes.c_int32),
-    ]
 
 
 class Options(ctypes.Structure):

@@ -86,7 +86,7 @@ impl<T: Real> Coupling<T> {
 
     /// What the vector from start to end of an arc becomes without its rotation (m).
     #[inline(always)]
-    pub fn chord(&self, map: &ArcMap<T>) -> Vec3<T> {
+    fn chord(&self, map: &ArcMap<T>) -> Vec3<T> {
         self.along
             .scaled_add(map.length(), self.shift * map.rotation_vector())
     }
