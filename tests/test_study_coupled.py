@@ -6,7 +6,6 @@ import csv
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +23,10 @@ from bowstring.robot.writer import to_yaml
 from bowstring.statics.fields import FIELDS
 from bowstring.study import report
 from bowstring.study import study as study_module
-from bowstring.study.comparison import Model, Physics
+from bowstring.study.comparison import Model
 from bowstring.study.figures import draw
 from bowstring.study.study import Study
+from bowstring.validity.effects import with_values
 from shell import Shell
 from test_offset_line import Pair
 
@@ -112,18 +112,20 @@ def test_the_baseline_has_straight_spans(pair: Pair, studies: tuple[Study, Study
     budget, tension = studies[1].budget, studies[1].statics.tension
     assert "straight_spans" not in [row.effect for row in budget.rows] and len(budget.rows) == 10
     assert budget.baseline_description.startswith("straight spans, no clamps")
-    model, spans = Model(pair.plain, 0, "cosserat"), Physics(tendon="straight")
-    added = {
-        "clamps": {"clamped": "budget"},
-        "shear_extension": {"theory": "cosserat"},
-        "torsion": {"twist": True},
-        "gravity_horizontal": {"gravity": (-9.81, 0.0, 0.0)},
-        "E_plus_10": {"stiffness": 1.1},
+    model = Model(pair.plain, 0, "cosserat")
+    spans = with_values(model.baseline, "model", {"tendon_path": "straight"})
+    young = pair.plain.segments[0].backbone.young
+    added: dict[str, Any] = {
+        "clamps": ("disks", {"clamped_length": model.budget_clamps}),
+        "shear_extension": ("model", {"theory": "cosserat"}),
+        "torsion": ("model", {"twist": True}),
+        "gravity_horizontal": ("load", {"gravity": (-9.81, 0.0, 0.0)}),
+        "E_plus_10": ("backbone", {"E": 1.1 * young}),
     }
     rows = {row.effect: row.added for row in budget.rows}
-    cases = {name: (rows[name], changes) for name, changes in added.items()}
-    for case, changes in [(budget.baseline, {}), *cases.values()]:
-        expected = model.case(replace(spans, **changes), tension)
+    cases = [(rows[name], with_values(spans, *values)) for name, values in added.items()]
+    for case, rods in [(budget.baseline, spans), *cases]:
+        expected = model.case(rods, tension)
         for name, comparison in expected.comparisons.items():
             assert case.error(name) == pytest.approx(comparison.error, abs=1e-7)
     moved = rows["E_plus_10"].tip_position - budget.baseline.tip_position

@@ -11,9 +11,10 @@ import pytest
 
 from bowstring.formatting import plain
 from bowstring.robot.reader import load_robot
-from bowstring.study.comparison import Case, Model, Physics
+from bowstring.study.comparison import Case, Model
 from bowstring.study.error_budget import BudgetRow, Side
 from bowstring.study.study import Study
+from bowstring.validity.effects import Rods
 from stages import Stages
 
 MM = 1e-3
@@ -55,14 +56,22 @@ def test_every_effect_has_a_row(paper: Study) -> None:
 
 
 def test_the_budget_changes_one_thing_at_a_time(paper: Study) -> None:
-    def differences(a: Physics, b: Physics) -> int:
-        return sum(getattr(a, f) != getattr(b, f) for f in a.__dataclass_fields__)
+    def numbers(rods: Rods) -> list[object]:
+        (segment,), load, model = rods.designs.robot.segments, rods.load, rods.model
+        disks, backbone = segment.disks, segment.backbone
+        of_robot = [disks.clamped_length, disks.hole_length, backbone.E]
+        of_model = [model.theory, model.tendon_path, model.twist]
+        return [*of_model, load.gravity, load.tip_force, *of_robot]
+
+    def differences(a: Case, b: Case) -> int:
+        pairs = zip(numbers(a.rods), numbers(b.rods), strict=True)
+        return sum(x != y for x, y in pairs)
 
     for r in paper.budget.rows:
-        assert differences(r.added.physics, paper.budget.baseline.physics) == 1
-        assert differences(r.removed.physics, r.full.physics) == 1
-        assert differences(r.in_sweep.physics, paper.budget.sweep.physics) == 1
-        assert differences(r.full.physics, paper.budget.full_model.physics) <= 1
+        assert differences(r.added, paper.budget.baseline) == 1
+        assert differences(r.removed, r.full) == 1
+        assert differences(r.in_sweep, paper.budget.sweep) == 1
+        assert differences(r.full, paper.budget.full_model) <= 1
 
 
 def test_stiffness_error_matters_from_force_only(paper: Study) -> None:
@@ -78,7 +87,7 @@ def test_torsion_has_no_effect_in_a_plane(paper: Study) -> None:
 
 def test_a_transverse_tip_force_leaves_the_plane(paper: Study) -> None:
     case = row(paper, "tip_force").added
-    assert case.physics.tip_force == (0.0, 1.0, 0.0)
+    assert case.rods.load.tip_force == (0.0, 1.0, 0.0)
     # less than the 80.9 mm of a backbone that can twist
     assert 60.0 < case.tip_position[8, 1] / MM < 80.9
     # the same in the main sweep, where it can: the reference case
@@ -116,14 +125,14 @@ def test_a_robot_that_cannot_stand_is_suspended_in_the_full_model(
 ) -> None:
     real = Model.case
 
-    def case(model: Model, physics: Physics, tension: np.ndarray) -> Case:
-        found = real(model, physics, tension)
-        return replace(found, problem="it buckles") if physics.gravity[2] < 0.0 else found
+    def case(model: Model, rods: Rods, tension: np.ndarray) -> Case:
+        found = real(model, rods, tension)
+        return replace(found, problem="it buckles") if rods.load.gravity[2] < 0.0 else found
 
     monkeypatch.setattr(Model, "case", case)
     budget = Stages(load_robot("rao2021"), points=2).budget
     assert "gravity (hanging)" in budget.full_model_description
-    assert budget.full_model.problem is None and budget.full_model.physics.gravity[2] > 0.0
+    assert budget.full_model.problem is None and budget.full_model.rods.load.gravity[2] > 0.0
 
 
 # -- contributions -----------------------------------------------------------------------------

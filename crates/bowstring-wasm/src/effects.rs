@@ -1,5 +1,5 @@
 //! Effects that constant curvature leaves out, removed from the rod one at a time: the definitions of
-//! the package's `bowstring.study.verdict`.
+//! the package's `bowstring.validity.effects`.
 
 use crate::bench::{Bench, Loads};
 use bowstring_core::model::error::InputError;

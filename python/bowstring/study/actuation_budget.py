@@ -341,7 +341,7 @@ def actuation_budget(
 
         With `held` each load is held until the robot rests.
         """
-        load = load.replace(gravity=model.main.gravity)
+        load = load.replace(gravity=model.main.load.gravity)
         times = None
         if held:
             slowest = max(robot.relaxation[..., 1].max(), robot.tendons.creep[..., 1].max())

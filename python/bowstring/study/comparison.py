@@ -1,8 +1,8 @@
-"""Comparison of constant curvature with the rod under one set of physical assumptions.
+"""Comparison of constant curvature with the rod with and without physical effects.
 
 Constant curvature always uses the nominal robot of the file. Its input is, by the name of the
-comparison, the tendon lengths of the rod or the force. The rod may differ from the nominal robot in
-the fields of `Physics`.
+comparison, the tendon lengths of the rod or the force. The rod may have other effects than the
+nominal robot (`bowstring.validity.effects`).
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError
+from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, without_memory
-from bowstring.robot.parts import Backbone
 from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.statics.solution import Sweep
+from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.loading import linear_bend
 
 if TYPE_CHECKING:
@@ -41,7 +42,6 @@ __all__ = [
     "PREDICTIONS",
     "Case",
     "Model",
-    "Physics",
     "Theory",
     "arcs_of",
     "disks_by_arcs",
@@ -97,44 +97,11 @@ MEANINGS: Final = ("cc_from_lengths", "cc_from_force")
 
 @short_repr
 @dataclass(frozen=True)
-class Physics:
-    """Set of physical assumptions; the defaults are the baseline of a plain backbone."""
-
-    tendon: Literal["straight", "continuous"] = "continuous"
-    """Tendon between the disks: straight spans or a continuous curve."""
-    theory: Theory = "kirchhoff"
-    """Rod theory: ``"cosserat"`` with shear and extension, ``"kirchhoff"`` without."""
-    twist: bool = False
-    """Whether the backbone twists."""
-    clamped: Literal["none", "file", "budget"] = "none"
-    """Clamped length: none, that of the file, or the assumption of the budget."""
-    holes: Literal["none", "file", "budget"] = "none"
-    """Length of the holes of the disks, between entry and exit plane: likewise."""
-    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Gravity in base axes, m/s^2."""
-    tip_force: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Dead force at the tip in base axes, N."""
-    stiffness: float = 1.0
-    """Factor on Young's modulus, or on a whole stiffness matrix."""
-
-    @property
-    def model(self) -> RodModel:
-        """Model of the rod."""
-        return RodModel(self.theory, self.tendon, self.twist)
-
-    @property
-    def load(self) -> Load:
-        """Gravity and tip force."""
-        return Load(gravity=self.gravity, tip_force=self.tip_force)
-
-
-@short_repr
-@dataclass(frozen=True)
 class Case:
     """Rod under one set of assumptions, and the errors of constant curvature against it."""
 
-    physics: Physics
-    """Assumptions of the rod."""
+    rods: Rods
+    """The rod: robot, theory and loads."""
     problem: str | None
     """Reason if numbers are missing at some or all loads."""
     tip_position: Array
@@ -143,7 +110,7 @@ class Case:
     """Comparisons by name: `MEANINGS`, or from the commanded lengths in displacement control."""
 
     def error(self, meaning: str) -> Array:
-        """Euclidean tip error (n,) of constant curvature in this physics, m."""
+        """Euclidean tip error (n,) of constant curvature, m."""
         return self.comparisons[meaning].error
 
     def to_dict(self, base: Case | None = None) -> Any:  # its keys depend on the comparisons
@@ -225,14 +192,6 @@ def _by_arcs(
     return out, reason
 
 
-def _stiffer(k: int, backbone: Backbone, factor: float) -> dict[str, Any]:
-    """Change of a segment's stiffness by a factor on E, or on all of its stiffness matrix."""
-    if backbone.stiffness is None:
-        return {f"segments.{k}.backbone.E": backbone.young * factor}
-    rows = (factor * np.array(backbone.stiffness)).tolist()
-    return {f"segments.{k}.backbone.stiffness": rows}
-
-
 class Model:
     """Robot, actuated tendons and theory, with common computations of a study.
 
@@ -267,18 +226,17 @@ class Model:
         self.towards = (math.cos(angle), math.sin(angle), 0.0)
         """Direction in which the actuated tendons bend the robot."""
         self.across = (-math.sin(angle), math.cos(angle), 0.0)
-        self.main = Physics(
-            tendon="straight",
-            theory=theory,
-            twist=True,
-            clamped="file",
-            holes="file",
-            gravity=robot.gravity,
+        self.main = Rods(
+            Designs(self.robot, {}),
+            RodModel(theory),
+            Load(gravity=robot.gravity),
         )
-        """Assumptions of the main sweep."""
-        self.baseline = Physics(tendon="straight" if robot.is_coupled else "continuous")
-        """Assumptions of the baseline: no continuous tendon beside coupled strains."""
-        self._variants: dict[tuple[str, str, float], Robot] = {}
+        """Rod of the main sweep."""
+
+    @cached_property
+    def baseline(self) -> Rods:
+        """Rod without any effect; with straight spans, though, beside coupled strains."""
+        return without(self.main, *acting(self.main))
 
     def tensions(self, tension: Array) -> Array:
         """Tensions of all tendons (n, T), N."""
@@ -320,32 +278,13 @@ class Model:
         disks = [s.disks for s in self.robot.segments]
         return [d.hole_length or min(d.thickness or 3e-3, spacing) for d in disks]
 
-    def variant(self, physics: Physics) -> Robot:
-        """Robot with the clamped length, holes and stiffness of given assumptions."""
-        key = (physics.clamped, physics.holes, physics.stiffness)
-        if key not in self._variants:
-            changes: dict[str, Any] = {}
-            for k, segment in enumerate(self.robot.segments):
-                disks = segment.disks
-                for name, choice, now, assumed in (
-                    ("clamped_length", physics.clamped, disks.clamped_length, self.budget_clamps),
-                    ("hole_length", physics.holes, disks.hole_length, self.budget_holes),
-                ):
-                    value = {"none": 0.0, "file": now, "budget": assumed[k]}[choice]
-                    if value != now:
-                        changes[f"segments.{k}.disks.{name}"] = value
-                if physics.stiffness != 1.0:
-                    changes |= _stiffer(k, segment.backbone, physics.stiffness)
-            self._variants[key] = self.robot.with_(changes) if changes else self.robot
-        return self._variants[key]
-
-    def solve(self, physics: Physics, tension: Array, disks: bool = False) -> Sweep:
-        """Solve the equilibria along the sweep under given assumptions."""
+    def solve(self, rods: Rods, tension: Array, disks: bool = False) -> Sweep:
+        """Solve the equilibria of a rod along the sweep."""
         return rod.sweep(
-            self.variant(physics),
+            rods.designs.robot,
             self.tensions(tension),
-            load=physics.load,
-            model=physics.model,
+            load=rods.load,
+            model=rods.model,
             disks=disks,
         )
 
@@ -369,14 +308,14 @@ class Model:
             out[name] = Comparison(name, against, self.length, ours, ours - tip)
         return out
 
-    def case(self, physics: Physics, tension: Array) -> Case:
-        """Compare constant curvature, from lengths and from force, under given assumptions."""
+    def case(self, rods: Rods, tension: Array) -> Case:
+        """Compare constant curvature, from lengths and from force, with a rod."""
         try:
-            sweep = self.solve(physics, tension)
+            sweep = self.solve(rods, tension)
         except BowstringError as error:
             gap = np.full((len(tension), 3), math.nan)
             lengths = np.full((len(tension), len(self.robot.tendons.segment)), math.nan)
-            return Case(physics, str(error), gap, self.compare(tension, gap, lengths, MEANINGS))
+            return Case(rods, str(error), gap, self.compare(tension, gap, lengths, MEANINGS))
         bad = np.flatnonzero(~np.asarray(sweep.converged))
         problem = None
         if len(bad) == len(tension):
@@ -388,4 +327,4 @@ class Model:
             )
         tip = sweep.tip_position
         comparisons = self.compare(tension, tip, sweep.tendon_lengths, MEANINGS)
-        return Case(physics, problem, tip, comparisons)
+        return Case(rods, problem, tip, comparisons)

@@ -10,7 +10,7 @@ Actuation (friction, elastic tendons, displacement control) has its own table
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
@@ -21,7 +21,8 @@ from bowstring.display import short_repr
 from bowstring.formatting import round_down
 from bowstring.robot.model import Robot
 from bowstring.study.actuation_budget import ActuationBudget, actuation_budget
-from bowstring.study.comparison import MEANINGS, Case, Model, Physics
+from bowstring.study.comparison import MEANINGS, Case, Model
+from bowstring.validity.effects import EFFECTS, Effect, Rods, with_values
 
 if TYPE_CHECKING:
     from bowstring.schemas import study as schema
@@ -162,7 +163,7 @@ class Budget:
             Labels of effects without numbers at some or all loads.
         """
         needed = int(np.isfinite(self.sweep.error(meaning)).sum())
-        gravity = any(self.sweep.physics.gravity)
+        gravity = EFFECTS["gravity"].acts(self.sweep.rods)
         rows, missing = [], []
         for row in self.rows:
             # gravity in other orientations is not left out if the sweep has gravity
@@ -240,49 +241,51 @@ def error_budget(
     -------
     Budget
     """
-    effects = [
-        effect
-        for effect in _effects(model)
-        if effect.key != "straight_spans" or model.baseline.tendon == "continuous"
-    ]
     plain = model.baseline
-    cases: dict[Physics, Case] = {}
+    entries = [
+        entry
+        for entry in _entries(model)
+        if entry.key != "straight_spans" or plain.model.tendon_path == "continuous"
+    ]
+    cases: dict[tuple[object, ...], Case] = {}
 
-    def case(physics: Physics) -> Case:
-        if physics not in cases:
-            cases[physics] = model.case(physics, tension)
-        return cases[physics]
+    def case(rods: Rods) -> Case:
+        load = rods.load
+        key = (rods.designs.robot.hash, rods.model, load.gravity, load.tip_force)
+        if key not in cases:
+            cases[key] = model.case(rods, tension)
+        return cases[key]
 
     full = plain
-    for effect in effects:
-        if not effect.alternative:
-            full = replace(full, **effect.on)
+    for entry in entries:
+        if not entry.alternative:
+            full = entry.added(full)
     posture = "upright"
     if case(full).problem:
         # A backbone that buckles upright under its own weight can still hang.
-        hanging = replace(full, gravity=(0.0, 0.0, GRAVITY))
+        hanging = with_values(full, "load", {"gravity": (0.0, 0.0, GRAVITY)})
         if not case(hanging).problem:
             full, posture = hanging, "hanging"
 
     rows = []
-    for i, effect in enumerate(effects):
-        whole, acts = replace(full, **effect.on), _acts(model, effect)
-        without = _without(model.main, effect)
-        in_place = "gravity" in effect.on and not acts
+    for i, entry in enumerate(entries):
+        whole, acts = entry.added(full), entry.acts(model.main)
+        without = entry.removed(model.main)
+        in_place = entry.effect is EFFECTS["gravity"] and not acts
         rows.append(
             BudgetRow(
-                effect.key,
-                effect.label,
-                added=case(replace(plain, **effect.on)),
+                entry.key,
+                entry.label,
+                added=case(entry.added(plain)),
                 full=case(whole),
-                removed=case(_without(whole, effect)),
-                in_sweep=case(without if acts else replace(model.main, **effect.on)),
+                removed=case(entry.removed(whole)),
+                in_sweep=case(without if acts else entry.added(model.main)),
                 # gravity replaces that of the sweep
                 beside=case(without if in_place else model.main),
                 acts_in_sweep=acts,
             )
         )
-        notify((i + 1) / (len(effects) + 1))
+        notify((i + 1) / (len(entries) + 1))
     actuation = actuation_budget(model, tension, case(model.main), calibrated)
     notify(1.0)
 
@@ -339,36 +342,80 @@ def error_budget(
 
 
 @dataclass(frozen=True)
-class _Effect:
+class _Entry:
+    """An effect of a size that the budget examines."""
+
     key: str
     label: str
-    on: dict[str, Any]
-    """Fields of `Physics` that switch the effect on."""
+    effect: Effect
+    present: dict[str, Any]
+    """Values of the effect's fields with which it acts."""
     alternative: bool = False
-    """Whether it is an alternative value of a field of the full model."""
+    """Whether it is an alternative to another size in the full model."""
+
+    def added(self, rods: Rods) -> Rods:
+        return with_values(rods, self.effect.part, self.present)
+
+    def removed(self, rods: Rods) -> Rods:
+        return with_values(rods, self.effect.part, self.effect.absent)
+
+    def acts(self, rods: Rods) -> bool:
+        """Whether rods have the effect; gravity and tip force in this direction."""
+        if self.effect.part == "load":
+            return all(getattr(rods.load, name) == value for name, value in self.present.items())
+        return self.effect.acts(rods)
 
 
-def _effects(model: Model) -> list[_Effect]:
+def _entries(model: Model) -> list[_Entry]:
     clamps = sorted({f"{c * 1e3:.4g}" for c in model.budget_clamps})
     holes = sorted({f"{h * 1e3:.4g}" for h in model.budget_holes})
     force, stiffness = transverse_force(model.robot, _MAX_SIDEWAYS), _stiffness_word(model.robot)
-    spans = "straight spans, not a continuous tendon"
-    horizontal, across = _times(model.towards, -GRAVITY), _times(model.across, force)
+    gravity = {
+        "upright": (0.0, 0.0, -GRAVITY),
+        "hanging": (0.0, 0.0, GRAVITY),
+        "horizontal": _times(model.towards, -GRAVITY),
+    }
+
+    def entry(
+        key: str, label: str, *present: Any, of: str = "", alternative: bool = False
+    ) -> _Entry:
+        effect = EFFECTS[of or key]
+        values = dict(zip(effect.absent, present, strict=True))
+        return _Entry(key, label, effect, values, alternative)
+
     return [
-        _Effect("straight_spans", spans, {"tendon": "straight"}),
-        _Effect("clamps", f"disks clamp {' / '.join(clamps)} mm", {"clamped": "budget"}),
-        _Effect(
-            "hole_planes", f"holes of {' / '.join(holes)} mm, not points", {"holes": "budget"}, True
+        entry("straight_spans", "straight spans, not a continuous tendon", "straight"),
+        entry("clamps", f"disks clamp {' / '.join(clamps)} mm", model.budget_clamps),
+        entry(
+            "hole_planes",
+            f"holes of {' / '.join(holes)} mm, not points",
+            model.budget_holes,
+            alternative=True,
         ),
-        _Effect("shear_extension", "shear and extension", {"theory": "cosserat"}),
-        _Effect("torsion", "torsion (the backbone may twist)", {"twist": True}),
-        _Effect("gravity_upright", "gravity, upright", {"gravity": (0.0, 0.0, -GRAVITY)}),
-        _Effect("gravity_hanging", "gravity, hanging", {"gravity": (0.0, 0.0, GRAVITY)}, True),
-        _Effect("gravity_horizontal", "gravity, horizontal", {"gravity": horizontal}, True),
-        _Effect("tip_force", f"transverse tip force {force:g} N", {"tip_force": across}),
-        _Effect("E_minus_10", f"{stiffness} 10 % lower", {"stiffness": 0.9}),
-        _Effect("E_plus_10", f"{stiffness} 10 % higher", {"stiffness": 1.1}, True),
+        entry("shear_extension", "shear and extension", "cosserat"),
+        entry("torsion", "torsion (the backbone may twist)", True),
+        *(
+            entry(
+                f"gravity_{way}", f"gravity, {way}", g, of="gravity", alternative=way != "upright"
+            )
+            for way, g in gravity.items()
+        ),
+        entry("tip_force", f"transverse tip force {force:g} N", _times(model.across, force)),
+        _softer("E_minus_10", f"{stiffness} 10 % lower", model.robot, 0.9),
+        _softer("E_plus_10", f"{stiffness} 10 % higher", model.robot, 1.1),
     ]
+
+
+def _softer(key: str, label: str, robot: Robot, factor: float) -> _Entry:
+    """Change of E, or of whole stiffness matrices, by a factor."""
+    backbones = [segment.backbone for segment in robot.segments]
+
+    def scaled(by: float) -> dict[str, Any]:
+        matrices = [b.stiffness and (by * np.array(b.stiffness)).tolist() for b in backbones]
+        return {"E": [b.E and by * b.young for b in backbones], "stiffness": matrices}
+
+    effect = Effect(label, "backbone", scaled(1.0), lambda rods: False)
+    return _Entry(key, label, effect, scaled(factor), alternative=factor > 1.0)
 
 
 def _stiffness_word(robot: Robot) -> str:
@@ -401,20 +448,6 @@ def transverse_force(robot: Robot, share: float, unit: float = 1.0) -> float:
         compliance += (beyond**3 - inner**3) / (3.0 * float(stiffness))
         beyond = inner
     return round_down(share * robot.length / compliance / unit)
-
-
-def _without(physics: Physics, effect: _Effect) -> Physics:
-    plain = Physics()
-    return replace(physics, **{name: getattr(plain, name) for name in effect.on})
-
-
-def _acts(model: Model, effect: _Effect) -> bool:
-    """Whether the main sweep contains the effect (gravity: in this direction)."""
-    if effect.key == "clamps":
-        return any(s.disks.clamped_length for s in model.robot.segments)
-    if effect.key == "hole_planes":
-        return any(s.disks.hole_length for s in model.robot.segments)
-    return all(getattr(model.main, name) == value for name, value in effect.on.items())
 
 
 def _times(vector: tuple[float, float, float], factor: float) -> tuple[float, float, float]:

@@ -925,7 +925,7 @@ def _arc_scale(model: Model, settings: Settings) -> float:
     if not any(model.robot.gravity) or linear <= MAX_BEND:
         return 1.0
     tension = np.linspace(0.0, settings.max_tension, TRIED)
-    bend = turned(model.robot, model.tensions(tension), RodModel(model.main.theory))
+    bend = turned(model.robot, model.tensions(tension), model.main.model)
     known = bend[np.isfinite(bend)]
     return min(1.0, max(MAX_BEND, float(known[-1]) if known.size else 0.0) / linear)
 

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from bowstring.data.tip_errors import Comparison, known_max
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_newtons, in_percent, listed, significant
-from bowstring.study.comparison import MEANINGS, Case, Model, Physics
+from bowstring.study.comparison import MEANINGS, Case, Model
 from bowstring.study.error_budget import Budget
+from bowstring.validity.effects import DOMINANT, EFFECTS, Rods, acting, without
 
 if TYPE_CHECKING:
     from bowstring.schemas import study as schema
@@ -30,7 +31,6 @@ Array = NDArray[np.float64]
 _FINE_POINTS: Final = 401  # loads of the fine sweep
 _BISECTIONS: Final = 40
 _WORTH_NAMING: Final = 0.1  # least share of the error of an effect that is named as its cause
-_DOMINANT: Final = 0.5  # share of the error above which an effect is its dominant cause
 
 
 # -- what is computed --------------------------------------------------------------------------
@@ -93,7 +93,7 @@ class Meaning:
     def dominant_cause(self) -> Share | None:
         """Effect with more than half of the error, at the load `blamed_at`."""
         largest = self.largest_contribution
-        return largest if largest and largest.share > _DOMINANT else None
+        return largest if largest and largest.share > DOMINANT else None
 
 
 @short_repr
@@ -257,15 +257,13 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
     return replace(meaning, text=_in_words(meaning, tolerance, model.length, tension[-1], without))
 
 
-def _error_at(model: Model, name: str, tension: float, physics: Physics) -> float:
+def _error_at(model: Model, name: str, tension: float, rods: Rods) -> float:
     """Error of constant curvature at one load, m."""
-    return float(model.case(physics, np.array([tension])).error(name)[0])
+    return float(model.case(rods, np.array([tension])).error(name)[0])
 
 
 def shares_of(model: Model, name: str, tension: float) -> tuple[Share, ...]:
     """Remove each effect that acts in the main sweep, one at a time, at one load.
-
-    The page in ``web/`` takes these definitions.
 
     Parameters
     ----------
@@ -283,31 +281,12 @@ def shares_of(model: Model, name: str, tension: float) -> tuple[Share, ...]:
     whole = _error_at(model, name, tension, model.main)
     if not whole > 1e-9 * model.length:
         return ()
-    plain, robot = model.baseline, model.robot
-    clamped = any(s.disks.clamped_length for s in robot.segments)
-    acting = {
-        "straight_spans": (
-            "tendons straight between the disks",
-            "tendon",
-            plain.tendon != model.main.tendon,
-        ),
-        "clamps": ("clamped lengths at the disks", "clamped", clamped),
-        "hole_planes": (
-            "entry and exit planes of the holes",
-            "holes",
-            any(s.disks.hole_length for s in robot.segments),
-        ),
-        "shear_extension": ("shear and extension", "theory", model.main.theory == "cosserat"),
-        "torsion": ("torsion", "twist", True),
-        "gravity": ("gravity as in the file", "gravity", any(robot.gravity)),
-    }
     out = []
-    for key, (label, field, acts) in acting.items():
-        if acts:
-            physics = replace(model.main, **{field: getattr(plain, field)})
-            rest = _error_at(model, name, tension, physics)
-            if math.isfinite(rest):
-                out.append(Share(key, label, rest, (whole - rest) / whole))
+    for key in acting(model.main):
+        rest = _error_at(model, name, tension, without(model.main, key))
+        if math.isfinite(rest):
+            label = EFFECTS[key].label + " as in the file" * (key == "gravity")
+            out.append(Share(key, label, rest, (whole - rest) / whole))
     return tuple(sorted(out, key=lambda s: -s.share))
 
 

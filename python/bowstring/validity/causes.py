@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.validity.effects import DOMINANT
 from bowstring.validity.question import Question
 
 __all__ = ["causes_of", "coarse_step", "coarser", "main_cause"]
 
 Floats = NDArray[np.float64]
 
-_DOMINANT: Final = 0.5  # share of the error above which an effect dominates
 _ROUNDING: Final = 1e-9  # metric that is below numerical resolution
 _MOST_CAUSES: Final = 1681  # points at which the causes are computed: 41 x 41
 
@@ -70,7 +70,7 @@ def main_cause(total: Floats, rest: Mapping[str, Floats]) -> NDArray[np.str_]:
     for effect, value in rest.items():
         with np.errstate(divide="ignore", invalid="ignore"):
             share = (total - value) / total
-        more = (total > _ROUNDING) & (share > _DOMINANT) & (share > best)
+        more = (total > _ROUNDING) & (share > DOMINANT) & (share > best)
         best = np.where(more, share, best)
         cause = np.where(more, effect, cause)
     return cause

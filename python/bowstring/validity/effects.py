@@ -1,35 +1,26 @@
-"""Physical effects of a rod that constant curvature lacks, and rods without one of them."""
+"""Physical effects of a rod that constant curvature lacks, and rods with or without one of them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from bowstring.display import short_repr
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import with_tendons
+from bowstring.robot.model import Robot, with_tendons
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 
-__all__ = ["EFFECTS", "Rods", "acting", "without"]
+__all__ = ["DOMINANT", "EFFECTS", "Effect", "Rods", "acting", "with_values", "without"]
 
-EFFECTS: Final = {
-    "straight_spans": "tendons straight between the disks",
-    "clamps": "clamped lengths at the disks",
-    "hole_planes": "entry and exit planes of the holes",
-    "shear_extension": "shear and extension",
-    "torsion": "torsion",
-    "gravity": "gravity",
-    "tip_force": "tip force",
-    "friction": "friction",
-    "tendon_stretch": "stretch of tendons and transmission",
-}
-"""Keys and labels of the effects."""
+Part = Literal["model", "load", "disks", "backbone", "tendons"]
 
-_INEXTENSIBLE: Final = {"axial_stiffness": None, "free_length": 0.0, "compliance": 0.0}
+DOMINANT: Final = 0.5
+"""Share of the error above which an effect is its dominant cause."""
+_NONE: Final = (0.0, 0.0, 0.0)
 
 
 @short_repr
@@ -47,70 +38,138 @@ class Rods:
     """Whether motors command displacements, not tensions."""
 
 
-def acting(rods: Rods) -> list[str]:
-    """Keys of the effects that act in any of the rods, in the order of `EFFECTS`."""
-    gravity = rods.designs.gravity if rods.load.gravity is None else rods.load.gravity
-    force = rods.load.tip_force
+@dataclass(frozen=True)
+class Effect:
+    """A physical effect of a rod that constant curvature lacks."""
+
+    label: str
+    """Effect in words."""
+    part: Part
+    """Part of the rods that has it."""
+    absent: Mapping[str, Any]
+    """Values of the fields of this part with which there is no such effect."""
+    acts: Callable[[Rods], bool]
+    """Whether it acts in any of some rods."""
+
+
+def _spans(rods: Rods) -> bool:
+    # a continuous tendon has no displacement control, and none runs beside coupled strains
+    other = rods.by_displacement or rods.designs.arrays.is_coupled
+    return rods.model.tendon_path == "straight" and not other
+
+
+def _gravity(rods: Rods) -> bool:
+    given = rods.load.gravity
+    return bool(np.any(rods.designs.gravity if given is None else given))
+
+
+def _stretch(rods: Rods) -> bool:
     tendons = rods.designs.arrays.tendons
     stretch = 1.0 / tendons.axial_stiffness_N + tendons.compliance_m_per_N
-    acts = {
-        # a continuous tendon has no displacement control, and none runs beside coupled strains
-        "straight_spans": rods.model.tendon_path == "straight"
-        and not (rods.by_displacement or rods.designs.arrays.is_coupled),
-        "clamps": bool(np.any(rods.designs.arrays.disks.clamped_length_m)),
-        "hole_planes": bool(np.any(rods.designs.arrays.disks.hole_length_m)),
-        "shear_extension": rods.model.theory == "cosserat",
-        "torsion": rods.model.twist,
-        "gravity": bool(np.any(gravity)),
-        "tip_force": force is not None and bool(np.any(force)),
-        "friction": bool(np.any(tendons.friction)),
-        "tendon_stretch": rods.by_displacement and bool(np.any(stretch)),
-    }
-    return [key for key in EFFECTS if acts[key]]
+    return rods.by_displacement and bool(np.any(stretch))
 
 
-def without(rods: Rods, effect: str) -> Rods:
-    """Return the same rods without one effect, all else the same.
+EFFECTS: Final = {
+    "straight_spans": Effect(
+        "tendons straight between the disks", "model", {"tendon_path": "continuous"}, _spans
+    ),
+    "clamps": Effect(
+        "clamped lengths at the disks",
+        "disks",
+        {"clamped_length": 0.0},
+        lambda rods: bool(np.any(rods.designs.arrays.disks.clamped_length_m)),
+    ),
+    "hole_planes": Effect(
+        "entry and exit planes of the holes",
+        "disks",
+        {"hole_length": 0.0},
+        lambda rods: bool(np.any(rods.designs.arrays.disks.hole_length_m)),
+    ),
+    "shear_extension": Effect(
+        "shear and extension",
+        "model",
+        {"theory": "kirchhoff"},
+        lambda rods: rods.model.theory == "cosserat",
+    ),
+    "torsion": Effect("torsion", "model", {"twist": False}, lambda rods: rods.model.twist),
+    "gravity": Effect("gravity", "load", {"gravity": _NONE}, _gravity),
+    "tip_force": Effect(
+        "tip force",
+        "load",
+        {"tip_force": _NONE},
+        lambda rods: rods.load.tip_force is not None and bool(np.any(rods.load.tip_force)),
+    ),
+    "friction": Effect(
+        "friction",
+        "tendons",
+        {"friction": 0.0},
+        lambda rods: bool(np.any(rods.designs.arrays.tendons.friction)),
+    ),
+    "tendon_stretch": Effect(
+        "stretch of tendons and transmission",
+        "tendons",
+        {"axial_stiffness": None, "free_length": 0.0, "compliance": 0.0},
+        _stretch,
+    ),
+}
+"""The effects by their keys."""
+
+
+def acting(rods: Rods) -> list[str]:
+    """Keys of the effects that act in any of the rods, in the order of `EFFECTS`."""
+    return [key for key, effect in EFFECTS.items() if effect.acts(rods)]
+
+
+def without(rods: Rods, *effects: str) -> Rods:
+    """Return the same rods without some effects, all else the same.
 
     Without ``straight_spans`` they have no ``friction`` either: a continuous tendon has none.
     """
-    zero = (0.0, 0.0, 0.0)
-    if effect == "straight_spans":
-        bare = without(rods, "friction") if "friction" in acting(rods) else rods
-        return replace(bare, model=rods.model.replace(tendon_path="continuous"))
-    if effect == "shear_extension":
-        return replace(rods, model=rods.model.replace(theory="kirchhoff"))
-    if effect == "torsion":
-        return replace(rods, model=rods.model.replace(twist=False))
-    if effect == "gravity":
-        return replace(rods, load=rods.load.replace(gravity=zero))
-    if effect == "tip_force":
-        return replace(rods, load=rods.load.replace(tip_force=zero))
-    if effect == "friction":
-        return replace(rods, designs=_without(rods.designs, "tendons", {"friction": 0.0}))
-    if effect == "tendon_stretch":
-        return replace(rods, designs=_without(rods.designs, "tendons", _INEXTENSIBLE))
-    field = "hole_length" if effect == "hole_planes" else "clamped_length"
-    return replace(rods, designs=_without(rods.designs, "disks", {field: 0.0}))
+    for key in effects:
+        effect = EFFECTS[key]
+        if key == "straight_spans" and EFFECTS["friction"].acts(rods):
+            rods = without(rods, "friction")
+        rods = with_values(rods, effect.part, effect.absent)
+    return rods
 
 
-def _without(designs: Designs, part: str, fields: Mapping[str, float | None]) -> Designs:
-    """The same robots with other fields of the disks or tendons of all segments."""
-    robot = designs.robot
-    if part == "tendons":
-        robot = with_tendons(robot, fields)
-    else:
-        changes = {
-            f"segments.{k}.{part}.{field}": value
-            for k in range(len(robot.segments))
-            for field, value in fields.items()
-        }
-        robot = robot.with_(changes)
+def with_values(rods: Rods, part: Part, values: Mapping[str, Any]) -> Rods:
+    """Return the same rods with other values of one part.
+
+    Parameters
+    ----------
+    rods : Rods
+    part : {"model", "load", "disks", "backbone", "tendons"}
+        Theory and tendon path, loads, or a part of all segments.
+    values : mapping from str to object
+        Values by field; in a part of the segments a list has one for each segment.
+
+    Returns
+    -------
+    Rods
+    """
+    if part == "model":
+        return replace(rods, model=rods.model.replace(**values))
+    if part == "load":
+        return replace(rods, load=rods.load.replace(**values))
+    designs = rods.designs
     kept = {
         path: v
         for path, v in designs.values.items()
-        if not (f".{part}." in path and path.rpartition(".")[2] in fields)
+        if not (f".{part}." in path and path.rpartition(".")[2] in values)
     }
-    if not kept:  # one number stands for all, so that there are as many robots
-        kept = {"segments.0.length": np.full(len(designs), robot.segments[0].length)}
-    return Designs(robot, kept)
+    if designs.values and not kept:  # one number stands for all, so that there are as many robots
+        kept = {"segments.0.length": np.full(len(designs), designs.robot.segments[0].length)}
+    return replace(rods, designs=Designs(_with_values(designs.robot, part, values), kept))
+
+
+def _with_values(robot: Robot, part: Part, values: Mapping[str, Any]) -> Robot:
+    if part == "tendons":
+        return with_tendons(robot, values)
+    changes: dict[str, Any] = {}
+    for k, segment in enumerate(robot.segments):
+        for field, value in values.items():
+            chosen = value[k] if isinstance(value, list) else value
+            if getattr(getattr(segment, part), field) != chosen:
+                changes[f"segments.{k}.{part}.{field}"] = chosen
+    return robot.with_(changes) if changes else robot

@@ -242,7 +242,7 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
         handles.append(Patch(**look, label=label))
     for key, colour in CAUSES.items():
         if key in present:
-            label = f"mainly {EFFECTS[key]}"
+            label = f"mainly {EFFECTS[key].label}"
             handles.append(Patch(fc=LIGHT[colour], alpha=SHADE, label=label))
     if "" in present:
         words = "no main cause found" if space.not_examined else "no single main cause"

@@ -295,7 +295,7 @@ def in_causes(value: Floats, cause: NDArray[np.str_], step: int, tolerance: floa
     if not acting:
         return ""
     many = ", each in its part of the map" if len(acting) > 1 else ""
-    return f"; main cause of the error: {listed([EFFECTS[e] for e in acting])}{many}"
+    return f"; main cause of the error: {listed([EFFECTS[e].label for e in acting])}{many}"
 
 
 def notes_on_slack(question: Question, slack: Mask) -> list[str]:

@@ -244,7 +244,9 @@ def _handles(found: WorkspaceMap, present: set[str]) -> list[Line2D | Patch]:
         handles.append(Patch(fc="white", ec=LIGHT["muted"], label=label))
     for key, colour in CAUSES.items():
         if key in present:
-            handles.append(Patch(fc=LIGHT[colour], alpha=SHADE, label=f"mainly {EFFECTS[key]}"))
+            handles.append(
+                Patch(fc=LIGHT[colour], alpha=SHADE, label=f"mainly {EFFECTS[key].label}")
+            )
     if "" in present:
         words = "no main cause found" if found.robot.is_coupled else "no single main cause"
         handles.append(Patch(fc=LIGHT["grid"], label=words))
