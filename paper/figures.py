@@ -18,7 +18,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import bowstring as bs
-from bowstring.study.study import Study, run_study
+from bowstring.study.run import run_study
+from bowstring.study.study import Study
 from bowstring.viz.style import LIGHT, figure_style, legend_above, save, subplots
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -12,8 +12,9 @@ import pytest
 
 from bowstring import interrupts
 from bowstring.robot.reader import load_robot
-from bowstring.study import study
-from bowstring.study.study import Study, run_study
+from bowstring.study import run
+from bowstring.study.run import run_study
+from bowstring.study.study import Study
 from bowstring.validity import contour
 from made_once import common_folder, made_once
 from shell import Shell, process
@@ -53,7 +54,7 @@ def written(studied: tuple[Path, str]) -> Path:
 @pytest.fixture
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few samples of uncertain numbers and coarse lines in maps, for tests of other results."""
-    monkeypatch.setattr(study, "_ASSUMED_POINTS", 16)
+    monkeypatch.setattr(run, "_ASSUMED_POINTS", 16)
     monkeypatch.setattr(contour, "_CELLS", 16)
 
 

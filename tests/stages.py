@@ -8,13 +8,21 @@ from typing import Any
 
 from bowstring.data.tip_errors import Comparison
 from bowstring.robot.model import Robot
-from bowstring.study import study
+from bowstring.study import run
 from bowstring.study.comparison import COMPARISONS, Model, Theory
 from bowstring.study.error_budget import Budget, error_budget
+from bowstring.study.notes import PublishedClaim, claim_of, notes_of
 from bowstring.study.ramp_response import MODAL_DAMPING, Transient
 from bowstring.study.settings import Ramp
 from bowstring.study.shape_models import ShapeModels, compare_shapes
-from bowstring.study.study import GeometricSweep, Statics, Study
+from bowstring.study.study import Study
+from bowstring.study.sweeps import (
+    GeometricSweep,
+    Statics,
+    arc_scale_of,
+    geometric_sweep,
+    static_sweep,
+)
 from bowstring.study.verdict import Verdict, judge
 from bowstring.validity.loading import Loading
 
@@ -33,22 +41,22 @@ class Stages:
     ) -> None:
         self.robot = robot
         ramp = Ramp(rise, modal_damping)
-        self.settings = study._settings(robot, tolerance, theory, Loading(**loading), ramp)
+        self.settings = run.settings_of(robot, tolerance, theory, Loading(**loading), ramp)
 
     @cached_property
     def model(self) -> Model:
         chosen = self.settings
         model = Model(self.robot, chosen.tendon, chosen.theory, chosen.shares)
-        model.arc_scale = study._arc_scale(model, chosen)
+        model.arc_scale = arc_scale_of(model, chosen)
         return model
 
     @cached_property
     def geometry(self) -> GeometricSweep:
-        return study._geometric_sweep(self.model, self.settings)
+        return geometric_sweep(self.model, self.settings)
 
     @cached_property
     def statics(self) -> Statics:
-        return study._statics(self.model, self.settings)
+        return static_sweep(self.model, self.settings)
 
     @cached_property
     def comparisons(self) -> dict[str, Comparison]:
@@ -64,7 +72,7 @@ class Stages:
     @cached_property
     def ramp(self) -> tuple[Transient | None, str]:
         """The motion, or the reason why there is none."""
-        return study._dynamics(self.model, self.settings, self.statics, lambda share: None)
+        return run.dynamics_of(self.model, self.settings, self.statics, lambda share: None)
 
     @property
     def motion(self) -> Transient:
@@ -101,7 +109,7 @@ class Stages:
         )
 
     def notes(self, in_time: dict[str, Comparison] | None = None) -> tuple[str, ...]:
-        return study._notes(
+        return notes_of(
             self.robot,
             self.settings,
             self.geometry,
@@ -111,8 +119,8 @@ class Stages:
             None,
         )
 
-    def claim(self, in_time: dict[str, Comparison] | None = None) -> study.PublishedClaim | None:
-        return study._claim(self.robot, self.settings, self.comparisons, in_time or {}, {})
+    def claim(self, in_time: dict[str, Comparison] | None = None) -> PublishedClaim | None:
+        return claim_of(self.robot, self.settings, self.comparisons, in_time or {}, {})
 
     def over(self, other: Study) -> Study:
         """Return another study with the sweep of these stages in place of its own, and no dynamics.

@@ -25,7 +25,7 @@ from bowstring.cli import main
 from bowstring.robot import reader
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
-from bowstring.study import study as study_module
+from bowstring.study import run as study_module
 from bowstring.study.study import Study
 from shell import Shell, adapter, process, refuses
 from stages import Stages, by_name

@@ -15,7 +15,7 @@ import pytest
 
 import bowstring as bs
 from bowstring.robot.model import Robot
-from bowstring.study import study as study_module
+from bowstring.study import run as study_module
 from bowstring.study.study import Study
 from shell import Shell, refuses
 from stages import Stages, by_name

@@ -254,7 +254,7 @@ def test_the_error_budget_has_rows_of_hysteresis():
 
 @pytest.mark.slow
 def test_the_study_and_a_workspace_leave_the_set_out():
-    from bowstring.study.study import run_study
+    from bowstring.study.run import run_study
     from bowstring.validity.loading import Loading
 
     robots = STUDY, bs.load_robot("amouri2019")

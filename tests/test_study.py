@@ -16,9 +16,10 @@ from bowstring.robot.reader import load_robot
 from bowstring.statics import rod
 from bowstring.study.actuation_budget import actuation_budget
 from bowstring.study.comparison import COMPARISONS, FITS
+from bowstring.study.run import run_study
 from bowstring.study.settings import Ramp
 from bowstring.study.shapes import backbones
-from bowstring.study.study import Study, run_study
+from bowstring.study.study import Study
 from bowstring.validity.loading import Loading
 from stages import Stages
 

@@ -22,7 +22,7 @@ from bowstring.formatting import plain
 from bowstring.robot.writer import to_yaml
 from bowstring.statics.fields import FIELDS
 from bowstring.study import report
-from bowstring.study import study as study_module
+from bowstring.study import run as study_module
 from bowstring.study.comparison import Model
 from bowstring.study.figures import draw
 from bowstring.study.study import Study

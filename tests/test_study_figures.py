@@ -16,9 +16,10 @@ from matplotlib.figure import Figure
 from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.error_budget import Side
+from bowstring.study.figure_list import DATA_FIGURES, FIGURES
 from bowstring.study.figures import _DRAWINGS
 from bowstring.study.shapes import backbones
-from bowstring.study.study import DATA_FIGURES, FIGURES, Study
+from bowstring.study.study import Study
 from bowstring.viz.style import LIGHT, figure_style
 from stages import Stages
 

@@ -17,10 +17,12 @@ from bowstring.fem.mesh import Fineness, brick_mesh
 from bowstring.fem.run import BrickRun, RunInterrupted, Settings
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
-from bowstring.study import study as study_module
+from bowstring.study import run as study_module
+from bowstring.study.comparison import COMPARISONS
 from bowstring.study.finite_elements import solve
+from bowstring.study.run import run_study
 from bowstring.study.settings import Extras
-from bowstring.study.study import COMPARISONS, Study, run_study
+from bowstring.study.study import Study
 from bowstring.study.terminal import print_study
 from fem_robots import needs_ccx, small_robot
 from shell import Shell

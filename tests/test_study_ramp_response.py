@@ -17,8 +17,9 @@ from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import COMPARISONS, Theory
+from bowstring.study.figure_list import FIGURES
 from bowstring.study.ramp_response import Transient
-from bowstring.study.study import FIGURES, Study
+from bowstring.study.study import Study
 from stages import Stages
 
 MM = 1e-3

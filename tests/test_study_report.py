@@ -26,7 +26,9 @@ from bowstring.study import figures, report
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.counterparts import counterparts
 from bowstring.study.data_validation import judge_data
-from bowstring.study.study import FIGURES, SCHEMA_VERSION, Study, run_study
+from bowstring.study.figure_list import FIGURES
+from bowstring.study.run import run_study
+from bowstring.study.study import SCHEMA_VERSION, Study
 from bowstring.study.summary import summarise
 from bowstring.study.terminal import print_study
 from bowstring.validity.loading import Loading

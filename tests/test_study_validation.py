@@ -32,7 +32,7 @@ from bowstring.robot.reader import load_robot
 from bowstring.schemas import study as schemas
 from bowstring.study import calibration as study_calibration
 from bowstring.study import data_validation, report
-from bowstring.study import study as study_module
+from bowstring.study import run as study_module
 from bowstring.study.data_validation import (
     DATA_MODELS,
     FRAMES,
@@ -40,8 +40,10 @@ from bowstring.study.data_validation import (
     check_measurements,
     judge_data,
 )
+from bowstring.study.figure_list import DATA_FIGURES
+from bowstring.study.run import run_study
 from bowstring.study.settings import Extras
-from bowstring.study.study import DATA_FIGURES, Study, run_study
+from bowstring.study.study import Study
 from bowstring.study.summary import summarise
 from bowstring.study.terminal import print_study
 from bowstring.validity.loading import Loading
@@ -694,7 +696,7 @@ def test_a_failed_calibration_keeps_the_other_results(
 
     monkeypatch.setattr(data_validation, "calibrate", fails)
     judged = judge_data(robot, bench, 0.01)
-    assert study_module._calibrated_friction(judged) is None
+    assert judged.calibrated_friction is None
     simulated = (c for c in whole.comparisons if c.against != "measurement")
     found = replace(whole, data=judged, comparisons=(*simulated, *judged.comparisons))
     assert found.data is not None
@@ -733,7 +735,7 @@ def test_the_command(
     def run(robot: bs.Robot, **given: Any) -> Study:
         """The study with other measurements, after the given ones are read."""
         assert robot.hash == whole.robot.hash and given["loading"].points == 3
-        read_here = study_module._read(robot, given["measurements"])
+        read_here = study_module.read_here(robot, given["measurements"])
         assert read_here.tip == pytest.approx(bench.tip[bench.repeat == 1], abs=1e-9)
         return whole
 

@@ -71,8 +71,9 @@ if TYPE_CHECKING:
     from bowstring.statics.plane import Plane
     from bowstring.statics.rod import solve, solve_batch, sweep
     from bowstring.statics.solution import Solution, Sweep
+    from bowstring.study.run import run_study
     from bowstring.study.settings import Extras, Ramp
-    from bowstring.study.study import Study, run_study
+    from bowstring.study.study import Study
     from bowstring.validity.chart import ValidityChart, validity_chart
     from bowstring.validity.control import ControlErrors, control_errors
     from bowstring.validity.grids import ValidityGrid, validity_grid
@@ -206,7 +207,8 @@ _HOME = {
         "statics.rod": "solve solve_batch sweep",
         "statics.solution": "Solution Sweep",
         "study.settings": "Extras Ramp",
-        "study.study": "Study run_study",
+        "study.run": "run_study",
+        "study.study": "Study",
         "validity.chart": "ValidityChart validity_chart",
         "validity.control": "ControlErrors control_errors",
         "validity.grids": "ValidityGrid validity_grid",

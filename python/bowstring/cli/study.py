@@ -144,8 +144,8 @@ def study(
     from bowstring.fem.run import RunInterrupted, Settings
     from bowstring.result_folder import check_folder
     from bowstring.study import report
+    from bowstring.study.run import run_study
     from bowstring.study.settings import Extras, Ramp
-    from bowstring.study.study import run_study
     from bowstring.validity.loading import Loading
 
     loading, ramp = Loading(limit, points, shares), Ramp(seconds, damping)

@@ -38,7 +38,7 @@ from bowstring.formatting import in_mm, in_percent
 from bowstring.robot.model import check_friction_alone, check_robot
 from bowstring.robot.picture import picture
 from bowstring.statics import actuation
-from bowstring.statics.fields import Frames, Section, completing, has_matrix, to_dataset
+from bowstring.statics.fields import Frames, Section, completing, to_dataset
 from bowstring.statics.load import Load, PointLoad, as_load, point_loads
 from bowstring.statics.load_tables import (
     InstantLoad,
@@ -541,7 +541,7 @@ def simulate(
 
         planned = RunFile.open(output.path, robot, settings, *places, times=len(times))
         # a stiffness matrix gives strain, but no stress
-        sections = Section(robot, *places, model, partly=has_matrix(robot))
+        sections = Section(robot, *places, model, partly=robot.has_matrix)
         append = completing(robot, sections, places[0], planned.append)
         simulator.write_to(sections.columns, places[0], planned.room, append)
     file: RunFile | None = None

@@ -130,6 +130,11 @@ class Robot(RobotArrays):
         """Robot as JSON text, every number in SI."""
         return json.dumps(self.model_dump(mode="json", exclude_none=True))
 
+    @property
+    def has_matrix(self) -> bool:
+        """Whether the section of any segment is given by its stiffness matrix."""
+        return any(segment.backbone.stiffness is not None for segment in self.segments)
+
     @cached_property
     def hash(self) -> str:
         """SHA-256 of the robot's physics, as hex.
@@ -268,7 +273,7 @@ def check_round(robot: Robot, what: str, instead: str = "") -> None:
 
     `instead` is what such a robot can have, as the end of the sentence.
     """
-    if any(s.backbone.stiffness is not None for s in robot.segments):
+    if robot.has_matrix:
         raise InputError(
             f"{what} needs shape and material of the section, which a backbone by its stiffness "
             f"matrix does not have; give diameter, E, nu and density in place of stiffness{instead}"

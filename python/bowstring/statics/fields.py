@@ -39,7 +39,6 @@ __all__ = [
     "completing",
     "coordinates",
     "derive",
-    "has_matrix",
     "surface_stress",
     "to_dataset",
     "von_mises",
@@ -252,11 +251,6 @@ class Section:
         force_compliance = np.stack([slide, slide, stretch], axis=1) * free
         # as the core takes them, one row a section
         self.columns: Floats = np.hstack([sizes, self.bending_compliance, force_compliance])
-
-
-def has_matrix(robot: Robot) -> bool:
-    """Whether the section of any segment is given by its stiffness matrix."""
-    return any(segment.backbone.stiffness is not None for segment in robot.segments)
 
 
 def check_frames(robot: Robot, frames: Frames) -> None:
@@ -593,7 +587,7 @@ def to_dataset(
     check_frames(robot, frames)
     model = RodModel(settings.get("theory"), twist=bool(settings.get("twist", True)))
     # a stiffness matrix gives strain, but no stress
-    partly = has_matrix(robot)
+    partly = robot.has_matrix
     sections = Section(robot, frames.station, frames.module, model, partly=partly)
     values = derive(robot, frames, sections)
     end = float(frames.time[-1]) if len(frames.time) else math.nan

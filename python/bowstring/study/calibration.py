@@ -139,7 +139,7 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibrat
     few = len(data) * data.tendon_count <= _MOST_SLOW
     friction = ["segments.*.tendons.friction"] if few else []
     found, notes = _identifiable(robot, data, [*names, *friction, "base"], theory, friction)
-    if not by_displacement and any(s.backbone.stiffness is not None for s in robot.segments):
+    if not by_displacement and robot.has_matrix:
         notes.append(
             "A stiffness matrix is no single number and stays as in the robot file; bowstring.fit "
             "fits its entries."

@@ -304,6 +304,14 @@ class AgainstData:
             for name in self.models
         }
 
+    @property
+    def calibrated_friction(self) -> Robot | None:
+        """Calibrated robot, if its friction was identifiable."""
+        if self.calibration is None or not self.calibration.fit.converged:
+            return None
+        names = self.calibration.fit.names
+        return self.calibration.robot if any(n.endswith(".friction") for n in names) else None
+
     def has(self, name: str, frame: Frame = "calibrated") -> bool:
         """Whether a model is available in a frame."""
         return any((c.name, c.frame) == (name, frame) for c in self.comparisons)

@@ -110,10 +110,9 @@ def _axes(robot: Robot) -> Iterator[Axis]:
         least = max(1, min(2, count - 1), count // 3)
         for top in range(count + max(3, count // 2), count, -1):
             yield Axis("segments.*.disks.count", least, top, max(2, min(_POINTS, top)))
-    by_matrix = any(segment.backbone.stiffness is not None for segment in robot.segments)
     for name in _NUMBERS:
         # beside a stiffness matrix there is no E, and the diameter changes nothing
-        if by_matrix and name.startswith("backbone."):
+        if robot.has_matrix and name.startswith("backbone."):
             continue
         path = find(robot, name, ())[0]
         own = _own(robot, path)

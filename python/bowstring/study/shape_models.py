@@ -38,7 +38,7 @@ from bowstring.study.design_map import has_too_many_disks
 
 if TYPE_CHECKING:
     from bowstring.schemas import study as schema
-    from bowstring.study.study import Statics
+    from bowstring.study.sweeps import Statics
 
 __all__ = ["ShapeModel", "ShapeModels", "compare_shapes"]
 

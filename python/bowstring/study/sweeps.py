@@ -1,0 +1,155 @@
+"""Sweeps of a study: constant curvature alone, and the rod by statics."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.constant_curvature import RobotArcs
+from bowstring.display import short_repr
+from bowstring.errors import BowstringError, InputError, NoSolutionError
+from bowstring.formatting import significant
+from bowstring.study.comparison import Model
+from bowstring.study.ramp_response import Surface, surface_at_rest
+from bowstring.study.settings import Settings
+from bowstring.validity.loading import MAX_BEND, TRIED, turned
+
+if TYPE_CHECKING:
+    from bowstring.schemas.basic import StaticsStatus
+
+__all__ = ["GeometricSweep", "Statics", "arc_scale_of", "geometric_sweep", "static_sweep"]
+
+Array = NDArray[np.float64]
+
+_BACKBONE_POINTS: Final = 25  # points per segment
+
+
+@short_repr
+@dataclass(frozen=True)
+class GeometricSweep:
+    """Geometric sweep of the source study: constant curvature without mechanics."""
+
+    displacement: Array
+    """Displacement of the actuated tendon (n,), m."""
+    tendon_lengths: Array
+    """(n, T), m."""
+    theta: Array
+    """Bend angles (n, S), rad."""
+    tip_position: Array
+    """(n, 3), m."""
+    disk_positions: Array
+    """(n, N, 3), m."""
+    disk_rotations: Array
+    """Rotations of the disks (n, N, 3, 3)."""
+    backbone: Array
+    """Points along the backbone from the base (n, P, 3), m."""
+    scale: float = 1.0
+    """Share of the sweep's tensions from which the linear law gives these arcs; 1 without
+    gravity."""
+
+
+@short_repr
+@dataclass(frozen=True)
+class Statics:
+    """Sweep by straight-span statics."""
+
+    tension: Array
+    """Tension of the actuated tendon (n,), N; the others have their shares of it."""
+    status: tuple[StaticsStatus, ...]
+    """Status at each load (n,): ``"converged"``, or the reason of failure."""
+    converged: NDArray[np.bool_]
+    """Whether each load converged (n,)."""
+    tip_position: Array
+    """Tip (n, 3), m; NaN where not converged."""
+    disk_positions: Array
+    """(n, N, 3), m."""
+    disk_rotations: Array
+    """(n, N, 3, 3), disk frame to base frame."""
+    tendon_lengths: Array
+    """(n, T), m."""
+    displacement: Array
+    """Displacement l0 - l of the actuated tendon (n,), l0 with the straight backbone, m."""
+    linear_displacement: Array
+    """Displacement by the linear law (n,), m."""
+    surface: Surface
+    """Largest stress and strain (n,)."""
+
+
+def arc_scale_of(model: Model, settings: Settings) -> float:
+    """Share of the tensions at which the arcs of the linear law end at the robot's own bend.
+
+    It is 1 without gravity. In gravity the linear law may bend a robot ten times too far, so that
+    its arcs would be unusable as geometry or as commanded lengths.
+    """
+    linear = settings.max_tension * model.linear_bend_of_all
+    if not any(model.robot.gravity) or linear <= MAX_BEND:
+        return 1.0
+    tension = np.linspace(0.0, settings.max_tension, TRIED)
+    bend = turned(model.robot, model.tensions(tension), model.main.model)
+    known = bend[np.isfinite(bend)]
+    return min(1.0, max(MAX_BEND, float(known[-1]) if known.size else 0.0) / linear)
+
+
+def geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
+    """Shorten the actuated tendon by the linear law; the others follow at constant arc length."""
+    robot = model.robot
+    tension = np.linspace(0.0, settings.max_tension, settings.points)
+    arcs = RobotArcs.from_tensions(robot, model.tensions(model.arc_scale * tension))
+    try:
+        lengths = arcs.lengths()
+    except BowstringError:
+        turns = settings.max_tension * model.linear_bend_of_all / math.tau
+        raise InputError(
+            f"by the linear law {settings.max_tension:g} N winds {robot.name} up by "
+            f"{significant(turns)} turns, tighter than its tendons' distance from the backbone "
+            "lets them; check its stiffness or give a smaller largest tension",
+            argument="max_tension",
+        ) from None
+    # Eq. 5 of the study, from lengths (theory Eq. 1.1 and 1.4), needs three tendons per
+    # segment and lengths of an arc; otherwise the original arcs are kept, which are the same.
+    with suppress(InputError):
+        arcs = RobotArcs.from_lengths(robot, lengths)
+    return GeometricSweep(
+        displacement=displacement_of(model, lengths),
+        tendon_lengths=lengths,
+        theta=arcs.theta,
+        tip_position=arcs.tip.position,
+        disk_positions=arcs.disk_positions,
+        disk_rotations=arcs.disk_rotations,
+        backbone=arcs.centerline(_BACKBONE_POINTS),
+        scale=model.arc_scale,
+    )
+
+
+def displacement_of(model: Model, lengths: Array) -> Array:
+    """Displacement of the actuated tendon from the straight backbone (n,), m."""
+    end = model.robot.tendons.end_disk[model.tendon]
+    return np.asarray(model.robot.disks.station_m[end] - lengths[:, model.tendon])
+
+
+def static_sweep(model: Model, settings: Settings) -> Statics:
+    tension = np.linspace(0.0, settings.max_tension, settings.points)
+    sweep = model.solve(model.main, tension, disks=True)
+    if not np.any(sweep.converged):
+        raise NoSolutionError(
+            f"no load from 0 to {tension[-1]:g} N has a stable equilibrium that the solver could "
+            f"find ({sweep.message(0).rstrip('.')}); check stiffness, gravity and largest tension"
+        )
+    assert sweep.disk_positions is not None and sweep.disk_rotations is not None
+    return Statics(
+        tension=tension,
+        status=cast("tuple[StaticsStatus, ...]", tuple(sweep.status)),
+        converged=np.asarray(sweep.converged, dtype=bool),
+        tip_position=sweep.tip_position,
+        disk_positions=sweep.disk_positions,
+        disk_rotations=sweep.disk_rotations,
+        tendon_lengths=sweep.tendon_lengths,
+        displacement=displacement_of(model, sweep.tendon_lengths),
+        linear_displacement=model.linear_displacement(tension),
+        surface=surface_at_rest(model, tension, sweep.tip_position),
+    )
