@@ -10,6 +10,7 @@ import numpy as np
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import Commands
 from bowstring.errors import InputError
+from bowstring.robot import laws
 from bowstring.robot.model import Robot
 
 __all__ = [
@@ -27,7 +28,6 @@ MEMORIES: Final[tuple[Memory, ...]] = ("backlash", "friction", "hysteresis", "cr
 """Memories in the order of their number of parameters."""
 _SHARE: Final = "segments.*.backbone.hysteresis"
 _PLAY: Final = "segments.*.backbone.hysteresis_play"
-_RELAXES: Final = "segments.*.backbone.relaxation"
 #: Initial shares and bends (rad) of a hysteresis that the robot file does not have: the error has
 #: several minima by the bend.
 _SLIDING: Final = ((0.1, 0.05), (0.1, 0.15), (0.1, 0.4))
@@ -44,14 +44,10 @@ _NONE: Final = 1e-7
 
 def parameters_of(memory: Memory) -> list[str]:
     """Parameters of `bowstring.fit` that a memory adds."""
-    if memory == "backlash":
+    if memory == "backlash":  # of the commands, not of the robot file
         return ["backlash"]
-    if memory == "hysteresis":
-        return [_SHARE, _PLAY]
-    if memory == "relaxation":
-        return [_RELAXES, f"{_RELAXES}_time"]
-    leaves = ["friction"] if memory == "friction" else ["creep_compliance", "creep_time"]
-    return [f"segments.*.tendons.{leaf}" for leaf in leaves]
+    law = laws.MEMORIES[memory]
+    return [f"segments.*.{law.part}.{leaf}" for leaf in law.terms[0]]
 
 
 def limit_of(memory: Memory) -> tuple[dict[str, float], str]:
@@ -74,7 +70,7 @@ def reason_against(memory: Memory, commands: Commands, given: Unknowns) -> str:
         return "backlash is of displacements, and all tendons are tension-controlled"
     if memory == "creep" and not commands.by_displacement.any():
         return "creep moves no tip, as all tendons are tension-controlled"
-    if memory in ("creep", "relaxation"):
+    if laws.MEMORIES[memory].timed:
         try:
             commands.clock(memory)
         except InputError as error:
@@ -96,11 +92,11 @@ def is_zero(robot: Robot, name: str, value: float) -> bool:
 def starts_of(memory: Memory, robot: Robot, commands: Commands) -> list[dict[str, float]]:
     """Initial values to try of a memory that the robot file does not have, in SI."""
     added = parameters_of(memory)
-    if memory == "hysteresis" and not any(s.backbone.hysteresis for s in robot.segments):
+    if memory == "hysteresis" and memory not in robot.memories:
         return [{_SHARE: share, _PLAY: bend} for share, bend in _SLIDING]
-    if memory == "relaxation" and not robot.relaxation[..., 0].any():
+    if memory == "relaxation" and memory not in robot.memories:
         return _over_times(commands, added, _RELAXING)
-    if memory == "creep" and not robot.tendons.creep[..., 0].any():
+    if memory == "creep" and memory not in robot.memories:
         return _over_times(commands, added, _CREEPING * _bending_compliance(robot))
     return [{}]
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 from bowstring.formatting import significant
 from bowstring.robot.fields import number_fields, quantity_of
+from bowstring.robot.laws import MEMORIES
 from bowstring.robot.model import Robot
 from bowstring.robot.overrides import expand
 from bowstring.robot.parts import TendonRing
@@ -68,8 +69,7 @@ _EACH: Final = {
 }
 #: Natural steps of fields that may be zero; the step of other fields is a share of their value.
 _STEP: Final = {
-    "friction": 0.05,
-    "backlash": 1e-4,
+    **{size: law.step for law in MEMORIES.values() for size in law.sizes},
     "wrap_angle": 0.2,
     "compliance": 1e-5,
     "pretension": 0.2,
@@ -80,18 +80,10 @@ _STEP: Final = {
     "first_angle": 0.02,
     "nu": 0.05,
     "gravity": 1.0,
-    "hysteresis": 0.05,
     "hysteresis_play": 0.05,
-    **dict.fromkeys(("relaxation", "second_relaxation"), 0.05),
-    **dict.fromkeys(("creep_compliance", "second_creep_compliance"), 1e-5),
 }
 #: Fields of the robot file of which any value above zero makes a memory.
-_OF_MEMORIES: Final = frozenset(
-    {
-        *("friction", "backlash", "hysteresis", "relaxation", "second_relaxation"),
-        *("creep_compliance", "second_creep_compliance"),
-    }
-)
+_OF_MEMORIES: Final = frozenset(size for law in MEMORIES.values() for size in law.sizes)
 #: What values are measured by, to judge whether they are possible: their size in SI, their distance
 #: from the initial value, their ratio to it, or a length of the robot.
 _Scale = Literal["size", "distance", "ratio", "length", "pitch_radius"]

@@ -17,7 +17,7 @@ from bowstring import validation
 from bowstring._core import check_memory, flexibility, flexibility_at
 from bowstring.display import html_table, sampled_rows, short_repr
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.robot.model import check_friction_alone, check_robot
+from bowstring.robot.model import check_robot, check_without_memory
 from bowstring.statics import actuation
 from bowstring.statics.actuation import Given
 from bowstring.statics.load import Load, as_load
@@ -181,7 +181,7 @@ def checked(
 ) -> tuple[tuple[NDArray[np.bool_], Floats], Load, actuation.Path | None]:
     """Commands, dead loads and path of an equilibrium to oscillate about."""
     check_robot(robot)
-    check_friction_alone(robot, ", which dynamics does not model")
+    check_without_memory(robot, ", which dynamics does not model", but=("friction",))
     load = as_load(tensions, load)
     if load.tensions is None and load.is_tension_controlled:
         load = load.replace(tensions=np.zeros(robot.core.tendon_count))

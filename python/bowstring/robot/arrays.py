@@ -16,6 +16,7 @@ from pydantic_core import PydanticCustomError
 from bowstring.display import short_repr
 from bowstring.robot.consistency import bores, problems
 from bowstring.robot.disk import distinct_holes, drilled_disk, stacked
+from bowstring.robot.laws import MEMORIES
 from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Part, Payload, Segment, Tendon
 from bowstring.robot.stiffness import (
     has_couplings,
@@ -444,16 +445,6 @@ class RobotArrays(Part):
         return distinct_holes(self.tendons.holes_m[..., passing, disk + 1, :])
 
     @cached_property
-    def has_friction(self) -> bool:
-        """Whether any tendon has friction at its holes."""
-        return bool(self.tendons.friction.any())
-
-    @cached_property
-    def has_backlash(self) -> bool:
-        """Whether any drive has backlash."""
-        return bool(self.tendons.backlash_m.any())
-
-    @cached_property
     def hysteresis(self) -> Floats:
         """Hysteresis of each backbone (S, 2): share, and half-width of the play in 1/m."""
         share = stacked([s.backbone.hysteresis for s in self.segments])
@@ -470,22 +461,31 @@ class RobotArrays(Part):
         return _in_terms(each, "relaxation", "relaxation_time")
 
     @cached_property
-    def has_hysteresis(self) -> bool:
-        """Whether any backbone has hysteresis."""
-        return bool(self.hysteresis[..., 0].any())
+    def memories(self) -> tuple[str, ...]:
+        """Laws with a memory that act, by their keys in `bowstring.robot.laws.MEMORIES`."""
+        backbones = [s.backbone for s in self.segments]
+        tendons = [t for s in self.segments for t in s.tendon_list]
+        return tuple(
+            law.key
+            for law in MEMORIES.values()
+            for parts in [tendons if law.part == "tendons" else backbones]
+            if any(np.any(getattr(part, size)) for part in parts for size in law.sizes)
+        )
 
-    @cached_property
+    @property
+    def has_memory(self) -> bool:
+        """Whether equilibria depend on the path."""
+        return bool(self.memories)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether any tendon has friction at its holes."""
+        return "friction" in self.memories
+
+    @property
     def is_viscoelastic(self) -> bool:
         """Whether any backbone relaxes or any tendon creeps, so that equilibria depend on time."""
-        return bool(self.relaxation[..., 0].any() or self.tendons.creep[..., 0].any())
-
-    @cached_property
-    def has_memory(self) -> bool:
-        """Whether equilibria depend on the path.
-
-        So they do with friction, backlash, hysteresis, relaxation or creep.
-        """
-        return self.has_friction or self.has_backlash or self.has_hysteresis or self.is_viscoelastic
+        return any(MEMORIES[key].timed for key in self.memories)
 
     def _by_segment(self, value: Callable[[Backbone], Any]) -> Floats:
         """Means (S,) of a number over the length of each segment."""

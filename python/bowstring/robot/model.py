@@ -9,12 +9,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 from bowstring.display import html_table
 from bowstring.errors import InputError
-from bowstring.formatting import listed
 from bowstring.robot.arrays import RobotArrays
+from bowstring.robot.laws import MEMORIES
 from bowstring.robot.messages import build, build_changed
 from bowstring.robot.overrides import check_mapping, expand_all, fill, override
 from bowstring.robot.parts import Backbone, Disks, Tendon, TendonProperties, TendonRing
@@ -24,10 +24,6 @@ from bowstring.units import number_with_unit
 from bowstring.validation import shown
 
 __all__ = ["Robot", "check_robot", "with_tendons"]
-
-#: Fields of backbone and tendon that make them viscoelastic.
-_RELAXATIONS: Final = ("relaxation", "second_relaxation")
-_CREEPS: Final = ("creep_compliance", "second_creep_compliance")
 
 
 class Robot(RobotArrays):
@@ -290,7 +286,9 @@ def check_disks(robot: Robot, what: str) -> None:
         raise InputError(f"{what} takes tendons in disks only, not tendons_in body")
 
 
-def check_without_memory(robot: Robot, consequence: str, argument: str = "") -> None:
+def check_without_memory(
+    robot: Robot, consequence: str, argument: str = "", *, but: tuple[str, ...] = ()
+) -> None:
     """Refuse a robot whose equilibria depend on the path to them, where nothing follows the path.
 
     Parameters
@@ -300,74 +298,27 @@ def check_without_memory(robot: Robot, consequence: str, argument: str = "") -> 
         End of the first clause of the message, such as ", which no linear model has".
     argument : str, optional
         Name of the argument that is wrong.
+    but : tuple of str, optional
+        Memories that are followed, of `bowstring.robot.laws.MEMORIES`.
 
     Raises
     ------
     InputError
-        If its tendons have friction, or it has another memory.
+        If it has a memory other than these.
     """
-    if robot.has_friction:
-        raise InputError(
-            f"the tendons of {robot.name} have friction{consequence}; set friction to 0",
-            argument=argument,
-        )
-    check_friction_alone(robot, consequence, argument)
+    for key in robot.memories:
+        if key not in but:
+            raise InputError(MEMORIES[key].refusal(robot.name, consequence), argument=argument)
 
 
-def check_friction_alone(robot: Robot, consequence: str, argument: str = "") -> None:
-    """Refuse a robot with another memory than friction; see `check_without_memory`."""
-    if robot.has_backlash:
-        raise InputError(
-            f"the drives of {robot.name} have backlash{consequence}; set backlash to 0",
-            argument=argument,
-        )
-    for law, what, names in (
-        (robot.hysteresis, "backbone of {} has hysteresis", ("hysteresis",)),
-        (robot.relaxation, "backbone of {} has relaxation", _RELAXATIONS),
-        (robot.tendons.creep, "tendons of {} have creep", _CREEPS),
-    ):
-        if law[..., 0].any():
-            raise InputError(
-                f"the {what.format(robot.name)}{consequence}; set {listed(names)} to 0",
-                argument=argument,
-            )
-
-
-def without_relaxation(robot: Robot) -> Robot:
-    """Return the robot without relaxation of its backbones."""
-    if not robot.relaxation[..., 0].any():
-        return robot
-    return robot.with_({f"segments.*.backbone.{name}": 0.0 for name in _RELAXATIONS})
-
-
-def without_creep(robot: Robot) -> Robot:
-    """Return the robot without creep of its tendons."""
-    if not robot.tendons.creep[..., 0].any():
-        return robot
-    return with_tendons(robot, dict.fromkeys(_CREEPS, 0.0))
-
-
-def without_viscoelasticity(robot: Robot) -> Robot:
-    """Return the robot without relaxation and creep."""
-    return without_creep(without_relaxation(robot))
-
-
-def without_inelasticity(robot: Robot) -> Robot:
-    """Return the robot with elastic backbone and tendons."""
-    robot = without_viscoelasticity(robot)
-    if not robot.has_hysteresis:
-        return robot
-    return robot.with_({"segments.*.backbone.hysteresis": 0.0})
-
-
-def with_friction_alone(robot: Robot) -> Robot:
-    """Return the robot without the memories other than friction."""
-    return with_tendons(without_inelasticity(robot), {"backlash": 0.0})
-
-
-def without_memory(robot: Robot) -> Robot:
-    """Return the robot with elastic backbone and tendons, without friction and backlash."""
-    return with_tendons(with_friction_alone(robot), {"friction": 0.0})
+def without_memory(robot: Robot, *but: str) -> Robot:
+    """Return the robot without its memories, but for some of `bowstring.robot.laws.MEMORIES`."""
+    laws = [MEMORIES[key] for key in robot.memories if key not in but]
+    of_tendons = [size for law in laws if law.part == "tendons" for size in law.sizes]
+    of_backbones = [size for law in laws if law.part == "backbone" for size in law.sizes]
+    robot = with_tendons(robot, dict.fromkeys(of_tendons, 0.0))
+    changes = {f"segments.*.backbone.{size}": 0.0 for size in of_backbones}
+    return robot.with_(changes) if changes else robot
 
 
 def check_robot(robot: object) -> None:

@@ -33,11 +33,8 @@ from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, significant
 from bowstring.robot.model import (
     Robot,
-    with_friction_alone,
     with_tendons,
-    without_creep,
-    without_relaxation,
-    without_viscoelasticity,
+    without_memory,
 )
 from bowstring.robot.parts import TENDON_MATERIALS, TendonRing
 from bowstring.statics import rod
@@ -51,7 +48,6 @@ if TYPE_CHECKING:
 __all__ = [
     "ASSUMED_FRICTION",
     "COMMANDED",
-    "MEMORIES",
     "ActuationBudget",
     "ActuationRow",
     "Loop",
@@ -73,8 +69,6 @@ _SURPLUS: Final = 0.01  # slack of the other tendons over length
 _STEPS: Final = 40  # least number of steps for loading, and for unloading
 
 _HELD: Final = 1e6  # time of each load over that of the memory: at rest, within a millionth
-#: Effects that a robot file may add to those of friction and elastic tendons.
-MEMORIES: Final = ("hysteresis", "backlash", "relaxation", "creep")
 
 COMMANDED: Final = "cc_from_commanded_lengths"
 """Comparison: constant curvature from the commanded lengths, l0 - displacement."""
@@ -317,7 +311,7 @@ def actuation_budget(
     t = model.tendon
     given = model.given_robot.tendons
     with_friction, friction_origin = _with_friction(model, calibrated)
-    with_friction = with_friction_alone(with_friction)
+    with_friction = without_memory(with_friction, "friction")
     stiff_of: float | None = None
     elasticity_origin: Source = "file"
     elasticity_by = "as in the file"
@@ -414,31 +408,27 @@ def actuation_budget(
         ),
     )
     sets: tuple[ActuationRow, ...] = ()
-    if model.given_robot.has_hysteresis:
-        set_only = with_tendons(without_viscoelasticity(model.given_robot), {"friction": 0.0})
+    if "hysteresis" in model.given_robot.memories:
+        set_only = without_memory(model.given_robot, "hysteresis")
         share = float(set_only.hysteresis[:, 0].max())
         label = f"hysteresis of the backbone ({in_percent(share)})"
         branches = solved(set_only, Load(model.tensions(and_back)))
         sets = both_ways("hysteresis", label, branches)
     drives: tuple[ActuationRow, ...] = ()
-    if model.given_robot.has_backlash:
+    if "backlash" in model.given_robot.memories:
         half = {"backlash": float(given.backlash_m[t])}
         label = f"displacement control, backlash ({in_mm(half['backlash'])} each way)"
         drives = both_ways("backlash", label, by_displacement(with_tendons(rigid, half)))
     held: tuple[ActuationRow, ...] = ()
-    timeless = {"friction": 0.0, "backlash": 0.0}
     if (share := float(model.given_robot.relaxation[..., 0].sum(axis=-1).max())) > 0.0:
-        soft = with_tendons(without_creep(model.given_robot), timeless)
-        soft = soft.with_({"segments.*.backbone.hysteresis": 0.0})
+        soft = without_memory(model.given_robot, "relaxation")
         label = f"relaxation of the backbone ({in_percent(share)}), load held"
         rested, _ = solved(soft, Load(model.tensions(and_back)), held=True)
         held += (row("relaxation", label, (), rested),)
     if (creep := float(given.creep[t, :, 0].sum())) > 0.0:
-        alone = {**timeless, "axial_stiffness": None, "compliance": 0.0}
-        flows = without_relaxation(model.given_robot)
-        flows = flows.with_({"segments.*.backbone.hysteresis": 0.0})
-        load = Load(displacements=displacements)
-        crept, _ = solved(with_tendons(flows, alone), load, held=True)
+        inextensible = {"axial_stiffness": None, "compliance": 0.0}
+        flows = with_tendons(without_memory(model.given_robot, "creep"), inextensible)
+        crept, _ = solved(flows, Load(displacements=displacements), held=True)
         label = f"displacement control, creep of the tendons ({1e3 * creep:.4g} mm/N), load held"
         held += (row("creep", label, (), crept),)
     law = model.constant_curvature("cc_from_force", there, commanded.lengths)

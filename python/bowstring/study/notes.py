@@ -121,13 +121,13 @@ def notes_of(
             "unloading, is in the error budget under 'Actuation' and in the "
             "verdict's last sentences."
         )
-    if robot.has_hysteresis:
+    if "hysteresis" in robot.memories:
         out.append(
             "The hysteresis of the backbone is left out of the main sweep, of dynamics, of stress "
             "and strain and of the verdict. What it does, loading and unloading, is in the error "
             "budget under 'Actuation'."
         )
-    if robot.has_backlash:
+    if "backlash" in robot.memories:
         out.append(
             "The backlash of the drives is left out of the main sweep, of dynamics and of the "
             "verdict. What it does under displacement control, loading and unloading, is in the "

@@ -11,7 +11,7 @@ import numpy as np
 
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, number, significant
-from bowstring.study.actuation_budget import MEMORIES
+from bowstring.robot.laws import MEMORIES
 from bowstring.study.comparison import FITS, MEANINGS
 from bowstring.study.load_map import load_text
 from bowstring.study.study import Study
@@ -168,7 +168,8 @@ def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:
 
 def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     actuation = study.budget.actuation
-    rows = [row for row in actuation.rows if not row.effect.startswith(MEMORIES)]
+    of_memories = tuple(key for key in MEMORIES if key != "friction")
+    rows = [row for row in actuation.rows if not row.effect.startswith(of_memories)]
     up, down, *elastic, _, _ = rows
     parts = []
     if _enough(study, min(up.moved_n, down.moved_n)):

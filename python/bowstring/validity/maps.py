@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.robot.laws import MEMORIES
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
 from bowstring.validation import instance
@@ -321,12 +322,6 @@ def check_map_file(path: str | Path) -> Path:
     return check_figure_file(file, "map", _SUFFIXES)
 
 
-_FRICTIONLESS: Final = (
-    "The friction of the robot is left out; an axis friction or bend takes it in."
-)
-_WITHOUT_BACKLASH: Final = "The backlash of the drives is left out."
-_ELASTIC: Final = "The hysteresis of the backbone is left out."
-_VISCOELASTIC: Final = "Relaxation of the backbone and creep of the tendons are left out."
 _LISTED: Final = (
     "This robot file lists the positions of its disks, so that their number is no axis: the map is "
     'over the tension alone; a second axis may be given, such as "pitch_radius=20:30 mm".'
@@ -400,14 +395,9 @@ def validity_map(
     notes = []
     if over is None and len(axes) == 1:
         notes.append(_LISTED)
-    if robot.has_friction and not space.has_friction:
-        notes.append(_FRICTIONLESS)
-    if robot.has_backlash:
-        notes.append(_WITHOUT_BACKLASH)
-    if robot.has_hysteresis:
-        notes.append(_ELASTIC)
-    if robot.is_viscoelastic:
-        notes.append(_VISCOELASTIC)
+    followed = ("friction",) if space.has_friction else ()
+    left_out = [MEMORIES[key].left_out for key in robot.memories if key not in followed]
+    notes += dict.fromkeys(left_out)  # one sentence may be on two of them
     return replace(found, notes=tuple(notes))
 
 

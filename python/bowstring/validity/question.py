@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, check_robot, with_friction_alone, with_tendons
+from bowstring.robot.model import Robot, check_robot, with_tendons, without_memory
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, share_of_length
@@ -206,7 +206,7 @@ def space_of(
         which there is no robot.
     """
     check_robot(robot)
-    robot = with_friction_alone(robot)
+    robot = without_memory(robot, "friction")
     paths = [axis.path for axis in axes]
     if "tension" in paths and "bend" in paths:
         raise InputError("over has tension and bend; motors command one of them")

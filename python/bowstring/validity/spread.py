@@ -15,7 +15,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_newtons, in_percent, significant
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, check_robot, with_friction_alone, with_tendons
+from bowstring.robot.model import Robot, check_robot, with_tendons, without_memory
 from bowstring.robot.parts import TendonRing
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel, as_model
@@ -334,7 +334,7 @@ def sampled(
     if not isinstance(joint, Distributions):
         joint = read_distributions(joint, robot)
     _check_paths(joint)
-    robot = with_friction_alone(robot)
+    robot = without_memory(robot, "friction")
     if not any(path.endswith(".friction") for path in joint.paths):
         robot = with_tendons(robot, {"friction": 0.0})
     shares = np.array(loading.shares(robot))

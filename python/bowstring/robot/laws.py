@@ -1,0 +1,104 @@
+"""Laws of tendons and backbones by which an equilibrium depends on the path to it: memories."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from bowstring.formatting import listed
+
+__all__ = ["MEMORIES", "Law"]
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law with a memory, and the fields of the robot file that describe it."""
+
+    key: str
+    """Name of the law."""
+    owner: str
+    """What has it: "tendons", "drives" or "backbone"."""
+    part: Literal["tendons", "backbone"]
+    """Part of a segment with its fields."""
+    terms: tuple[tuple[str, ...], ...]
+    """Fields of each term of the law: its size, with which the term is absent where it is zero, and
+    then what describes it further."""
+    step: float
+    """Natural step of a size in fits, SI."""
+    left_out: str
+    """Sentence of a map that leaves it out."""
+    timed: bool = False
+    """Whether it depends on time, not on the path alone."""
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """Fields that are all zero without the law."""
+        return tuple(term[0] for term in self.terms)
+
+    def refusal(self, robot: str, consequence: str) -> str:
+        """Message that a robot of this name has it, with a consequence, and how to do without."""
+        have = "has" if self.owner == "backbone" else "have"
+        switch = f"set {listed(self.sizes)} to 0"
+        return f"the {self.owner} of {robot} {have} {self.key}{consequence}; {switch}"
+
+
+def _by_key(laws: Iterable[Law]) -> dict[str, Law]:
+    return {law.key: law for law in laws}
+
+
+_TOGETHER: Final = "Relaxation of the backbone and creep of the tendons are left out."
+
+MEMORIES: Final = _by_key(
+    [
+        Law(
+            "friction",
+            "tendons",
+            "tendons",
+            (("friction",),),
+            0.05,
+            "The friction of the robot is left out; an axis friction or bend takes it in.",
+        ),
+        Law(
+            "backlash",
+            "drives",
+            "tendons",
+            (("backlash",),),
+            1e-4,
+            "The backlash of the drives is left out.",
+        ),
+        Law(
+            "hysteresis",
+            "backbone",
+            "backbone",
+            (("hysteresis", "hysteresis_play"),),
+            0.05,
+            "The hysteresis of the backbone is left out.",
+        ),
+        Law(
+            "relaxation",
+            "backbone",
+            "backbone",
+            (
+                ("relaxation", "relaxation_time"),
+                ("second_relaxation", "second_relaxation_time"),
+            ),
+            0.05,
+            _TOGETHER,
+            timed=True,
+        ),
+        Law(
+            "creep",
+            "tendons",
+            "tendons",
+            (
+                ("creep_compliance", "creep_time"),
+                ("second_creep_compliance", "second_creep_time"),
+            ),
+            1e-5,
+            _TOGETHER,
+            timed=True,
+        ),
+    ]
+)
+"""The laws by their keys."""
