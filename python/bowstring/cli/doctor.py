@@ -8,7 +8,6 @@ import shutil
 import sys
 from collections.abc import Callable
 from functools import partial
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 
 from bowstring._core import __version__, instructions
@@ -24,6 +23,8 @@ _FFMPEG: Final = "Debian: apt-get install ffmpeg; else https://ffmpeg.org"
 
 
 def _extra(name: str) -> str:
+    from importlib.metadata import version  # takes 10 ms
+
     return version(load_extra(name).__name__)
 
 
