@@ -114,6 +114,14 @@ def test_solve(shell: Shell) -> None:
     assert found["provenance"]["robot_hash"] == bs.load_robot("amouri2019").hash
 
 
+def test_solve_without_a_command_gives_the_pose_under_weight(shell: Shell) -> None:
+    found = shell.json("solve", "amouri2019", "--gravity", "9.81,0,0")
+    slack = shell.json("solve", "amouri2019", "--gravity", "9.81,0,0", "--tension", "0,0,0")
+    assert found == slack and found["tip"]["position_m"][0] > 0.01
+    error = shell.error("solve", "amouri2019", "--residual", "residual.json")
+    assert error.startswith("no tendon has a command")
+
+
 def test_solve_loads_may_be_negative_and_carry_units(shell: Shell) -> None:
     plain = shell.json(
         *("solve", "amouri2019", "--theory", "kirchhoff", "--tension", "10,20,0"),

@@ -499,7 +499,6 @@ def test_functions_without_friction_refuse_it(with_friction):
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({}, "tensions is None, and so are displacements and angles"),
         ({"displacements": [0.01, None, 0]}, "tendon 2 has no command"),
         (
             {"displacements": [0.01, 0, 0], "tensions": [None, 1, None]},
@@ -532,6 +531,22 @@ def test_bad_commands(robot, given, says):
         bs.solve(robot, **objects(**given))
     text = str(error.value)
     assert says in text and "\n" not in text and len(text) < 250
+
+
+@pytest.mark.parametrize("change", [{}, {"segments.0.tendons.friction": 0.2}])
+def test_without_a_command_all_tendons_are_slack(robot, change):
+    hanging = robot.with_({"gravity": [3.0, 0.0, -9.0], **change})
+    found, slack = bs.solve(hanging), bs.solve(hanging, [0.0, 0.0, 0.0])
+    assert found.status == "converged" and found.tip.position[0] > 0.01
+    np.testing.assert_array_equal(found.tip.position, slack.tip.position)
+    np.testing.assert_array_equal(found.tensions, np.zeros(3))
+
+
+def test_a_path_is_not_continued_without_a_command(robot):
+    sticky = robot.with_({"segments.0.tendons.friction": 0.2})
+    history = bs.solve(sticky, [10.0, 0.0, 0.0]).history()
+    with pytest.raises(InputError, match="tensions is None, and so are displacements and angles"):
+        bs.solve(sticky, history=history)
 
 
 @pytest.mark.parametrize(

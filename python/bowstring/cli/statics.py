@@ -178,12 +178,20 @@ def solve(
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Statics: tendon tensions, displacements and loads to the robot's equilibrium."""
+    """Statics: tendon tensions, displacements and loads to the robot's equilibrium.
+
+    Without tensions, displacements and angles all tendons are slack.
+    """
     from bowstring._core import RodModel
     from bowstring.statics import rod
+    from bowstring.statics.load import Load
 
     model = load(robot, overrides)
-    load_ = actuated_by(model, tension, displacement, angle)
+    wanted = (tension, displacement, angle)
+    if wanted == (None, None, None) and history is None and residual is None:
+        load_ = Load(tensions=[0.0] * len(model.tendons.segment))
+    else:
+        load_ = actuated_by(model, *wanted)
     check_elements(elements)
     weight = vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
     force = vector("--tip-force", tip_force, "N")

@@ -223,6 +223,11 @@ class Load:
             object.__setattr__(self, "point_loads", point_loads(given))
 
     @property
+    def is_actuated(self) -> bool:
+        """Whether any tendon has a tension, a displacement or an angle."""
+        return not (self.tensions is None and self.is_tension_controlled)
+
+    @property
     def is_tension_controlled(self) -> bool:
         """Whether no tendon has a displacement or an angle."""
         return self.displacements is None and self.angles is None

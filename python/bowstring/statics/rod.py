@@ -45,7 +45,8 @@ def solve(
     robot : Robot
         The robot.
     tensions : array_like (T,), optional
-        Tension of each tendon in N, short for ``load=Load(tensions)``.
+        Tension of each tendon in N, short for ``load=Load(tensions)``. Without tensions,
+        displacements, angles and history all tendons are slack.
     load : Load, optional
         All loads; `tensions` may be given beside it.
     model : RodModel, optional

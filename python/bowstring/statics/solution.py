@@ -690,9 +690,9 @@ def solution(
 ) -> Solution:
     """Solve one load; `bowstring.solve` without its checks and defaults."""
     load = with_arrays(load)
+    if before is None and not load.is_actuated:
+        load = load.replace(tensions=np.zeros(robot.core.tendon_count))
     if actuation.is_by_tensions(robot, load, before):
-        if load.tensions is None:
-            actuation.commands(robot, load)  # raises an error that names what is missing
         if isinstance(load.tensions, np.ndarray) and load.tensions.dtype.kind == "c":
             # NumPy would drop imaginary parts with a mere warning
             count = robot.core.tendon_count
