@@ -735,7 +735,7 @@ def test_the_command(
     def run(robot: bs.Robot, **given: Any) -> Study:
         """The study with other measurements, after the given ones are read."""
         assert robot.hash == whole.robot.hash and given["loading"].points == 3
-        read_here = study_module.read_here(robot, given["measurements"])
+        read_here = study_module.as_measurements(robot, given["measurements"])
         assert read_here.tip == pytest.approx(bench.tip[bench.repeat == 1], abs=1e-9)
         return whole
 

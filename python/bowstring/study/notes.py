@@ -77,6 +77,7 @@ def notes_of(
     in_time: dict[str, Comparison],
     data: AgainstData | None,
 ) -> tuple[str, ...]:
+    """Assumptions and limits of a study in sentences."""
     simulated = (
         "constant curvature is compared with the statics and the dynamics of this program, not "
         "with a measurement. All share the base frame, so nothing was registered."

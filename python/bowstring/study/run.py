@@ -57,7 +57,7 @@ from bowstring.validity.spread import Spread, assumed_distributions, sampled
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
 
-__all__ = ["dynamics_of", "read_here", "run_study", "settings_of"]
+__all__ = ["as_measurements", "dynamics_of", "run_study", "settings_of"]
 
 Progress = Callable[[str, float], None]
 
@@ -133,7 +133,7 @@ def run_study(
         whole("measurements", 0.0)
         data = judge_data(
             robot,
-            read_here(robot, measurements),
+            as_measurements(robot, measurements),
             settings.tolerance,
             settings.theory,
             _share_of(whole, "measurements", 0.0, 0.2),
@@ -280,7 +280,8 @@ def _share_of(notify: Progress, what: str, start: float, end: float) -> Callable
     return lambda share: notify(what, start + (end - start) * share)
 
 
-def read_here(robot: Robot, measurements: Measurements | str | Path) -> Measurements:
+def as_measurements(robot: Robot, measurements: Measurements | str | Path) -> Measurements:
+    """Read measurements of a robot, unless they are read already."""
     from bowstring.data.measurements import Measurements, read_measurements
 
     if isinstance(measurements, Measurements):
@@ -296,6 +297,7 @@ def read_here(robot: Robot, measurements: Measurements | str | Path) -> Measurem
 def settings_of(
     robot: Robot, tolerance: float | str, theory: Theory, loading: Loading, ramp: Ramp
 ) -> Settings:
+    """Check the settings of a study and choose those that are left out."""
     tolerance = share_of_length("tolerance", tolerance)
     choice("theory", theory, ("cosserat", "kirchhoff"))
     shares = loading.shares(robot)

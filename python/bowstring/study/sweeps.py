@@ -133,6 +133,13 @@ def displacement_of(model: Model, lengths: Array) -> Array:
 
 
 def static_sweep(model: Model, settings: Settings) -> Statics:
+    """Solve the main sweep.
+
+    Raises
+    ------
+    NoSolutionError
+        If no load has a stable equilibrium.
+    """
     tension = np.linspace(0.0, settings.max_tension, settings.points)
     sweep = model.solve(model.main, tension, disks=True)
     if not np.any(sweep.converged):
