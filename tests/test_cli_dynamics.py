@@ -159,7 +159,7 @@ def test_a_run_that_is_written_is_named_where_another_file_fails(
     def full(*_: object) -> None:
         raise InputError("cannot write it: No space left on device")
 
-    monkeypatch.setattr("bowstring.viz.gltf.write_glb", full)
+    monkeypatch.setattr("bowstring.integrations.gltf.write_glb", full)
     out = tmp_path / "run.nc"
     files = ("--out", str(out), "--glb", str(tmp_path / "run.glb"))
     said = shell.error(*DISPLACED, "--rise", "0.02", "--hold", "0.02", *files)

@@ -11,10 +11,10 @@ import xarray as xr
 
 import bowstring as bs
 from bowstring.errors import InputError
+from bowstring.integrations.gltf import write_glb
+from bowstring.integrations.rerun import write_rerun
 from bowstring.statics import fields
 from bowstring.viz.animation import animate
-from bowstring.viz.gltf import write_glb
-from bowstring.viz.rerun_file import write_rerun
 from bowstring.viz.vtk import write_vtk
 from made_frames import made_frames
 

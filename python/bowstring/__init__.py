@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from bowstring.dynamics.linear import LinearModel, linearise
     from bowstring.dynamics.modal import Modes, modes
     from bowstring.dynamics.simulation import Output, Run, Start, simulate
+    from bowstring.integrations.live import view
     from bowstring.inverse.compiled import compile_robot
     from bowstring.inverse.kinematics import inverse_kinematics
     from bowstring.inverse.solution import InverseSolution
@@ -82,7 +83,6 @@ if TYPE_CHECKING:
     from bowstring.validity.reach import Reach, reach
     from bowstring.validity.spread import Spread, validity_spread
     from bowstring.validity.workspace import WorkspaceMap, workspace_map
-    from bowstring.viz.live import view
 
 __all__ = [
     "BaseMotion",
@@ -217,7 +217,7 @@ _HOME = {
         "validity.reach": "Reach reach",
         "validity.spread": "Spread validity_spread",
         "validity.workspace": "WorkspaceMap workspace_map",
-        "viz.live": "view",
+        "integrations.live": "view",
     }.items()
     for name in names.split()
 }

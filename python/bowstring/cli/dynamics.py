@@ -470,13 +470,13 @@ class _Targets:
             self.animation = of_flag("--animation", check_picture, animation)
             of_flag("--animation", check_length, duration)
         if glb is not None:
-            from bowstring.viz.gltf import check_glb, check_solid
+            from bowstring.integrations.gltf import check_glb, check_solid
 
             check_solid(robot)
             self.glb = of_flag("--glb", check_glb, glb)
         if rerun is not None:
+            from bowstring.integrations.rerun import check_rerun
             from bowstring.optional import load_extra
-            from bowstring.viz.rerun_file import check_rerun
 
             self.rerun = of_flag("--rerun", check_rerun, rerun)
             load_extra("rerun")
@@ -516,11 +516,11 @@ class _Targets:
 
             files["run"] = write_table(data, self.table)
         if self.glb is not None:
-            from bowstring.viz.gltf import write_glb
+            from bowstring.integrations.gltf import write_glb
 
             files["glb"] = write_glb(run.robot, data, self.glb)
         if self.rerun is not None:
-            from bowstring.viz.rerun_file import write_rerun
+            from bowstring.integrations.rerun import write_rerun
 
             files["rerun"] = write_rerun(run.robot, data, self.rerun)
         if self.vtk is not None:

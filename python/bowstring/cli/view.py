@@ -43,7 +43,7 @@ def view(
     curvature are beside the rod, all simulated.
     """
     from bowstring.dynamics.run_file import read_run
-    from bowstring.viz.live import view as live_view
+    from bowstring.integrations.live import view as live_view
 
     tolerated = share_of(
         "--tolerance",

@@ -11,8 +11,8 @@ import pytest
 
 from bowstring import load_robot
 from bowstring.errors import InputError
+from bowstring.integrations.rerun import write_rerun
 from bowstring.statics import fields
-from bowstring.viz.rerun_file import write_rerun
 from made_frames import made_frames
 from shell import Shell
 

@@ -12,6 +12,7 @@ import pytest
 import bowstring as bs
 import bowstring.torch
 from bowstring.errors import InputError
+from bowstring.integrations import torch as module
 
 LOADED = {
     "gravity": np.array([0.0, 0.0, -9.81]),
@@ -158,5 +159,5 @@ def test_wrong_arguments(torch: Any, robot: bs.Robot) -> None:
 
 def test_without_torch(robot: bs.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch", None)
-    bowstring.torch._torch.cache_clear()
+    module._torch.cache_clear()
     assert "pip install torch" in refused(lambda: bowstring.torch.Solver(robot))

@@ -14,8 +14,8 @@ from vtkmodules.vtkIOGeometry import vtkGLTFReader
 
 from bowstring import load_robot
 from bowstring.errors import InputError
+from bowstring.integrations.gltf import write_glb
 from bowstring.statics import fields
-from bowstring.viz.gltf import write_glb
 from made_frames import made_frames
 from shell import Shell
 

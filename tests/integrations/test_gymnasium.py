@@ -155,7 +155,8 @@ def test_wrong_actions(action: Any) -> None:
 
 def test_without_gymnasium(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gymnasium", None)
-    monkeypatch.delitem(sys.modules, "bowstring.gymnasium")
+    for name in ("bowstring.gymnasium", "bowstring.integrations.gymnasium"):
+        monkeypatch.delitem(sys.modules, name)
     with pytest.raises(InputError, match=r"pip install 'bowstring\[gymnasium\]'"):
         __import__("bowstring.gymnasium")
 

@@ -24,6 +24,7 @@ from bowstring.constant_curvature.robot_arcs import RobotArcs
 from bowstring.dynamics.simulation import Run
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import significant
+from bowstring.integrations.live_guard import only_with
 from bowstring.inverse.kinematics import default_max_tension
 from bowstring.json_files import parsed
 from bowstring.optional import load_extra
@@ -32,7 +33,6 @@ from bowstring.statics.load import Load
 from bowstring.statics.rod import solve
 from bowstring.statics.solution import Solution
 from bowstring.validation import number, row
-from bowstring.viz.guard import only_with
 from bowstring.viz.style import LIGHT
 from bowstring.viz.vtk import check_data, check_stations
 

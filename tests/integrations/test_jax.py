@@ -368,5 +368,5 @@ def test_keys_are_the_same_in_every_process(robot: bs.Robot) -> None:
 
 
 def test_examples_of_the_docstrings() -> None:
-    result = doctest.testmod(bowstring.jax)
+    result = doctest.testmod(bowstring.integrations.jax)
     assert result.attempted and not result.failed

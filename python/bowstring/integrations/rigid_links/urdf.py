@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from bowstring._core import __version__
 from bowstring.atomic_io import check_file
-from bowstring.rigid_links.chain import Body, LinkChain
-from bowstring.rigid_links.xml_file import (
+from bowstring.integrations.rigid_links.chain import Body, LinkChain
+from bowstring.integrations.rigid_links.xml_file import (
     LEAST,
     backbone_radius,
     disk_thickness,

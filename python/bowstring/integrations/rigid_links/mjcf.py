@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from bowstring._core import __version__
 from bowstring.atomic_io import check_file
 from bowstring.errors import InputError
-from bowstring.inverse.kinematics import default_max_tension
-from bowstring.rigid_links.chain import Body, LinkChain
-from bowstring.rigid_links.xml_file import (
+from bowstring.integrations.rigid_links.chain import Body, LinkChain
+from bowstring.integrations.rigid_links.xml_file import (
     LEAST,
     backbone_radius,
     disk_thickness,
@@ -24,6 +23,7 @@ from bowstring.rigid_links.xml_file import (
     row,
     write_xml,
 )
+from bowstring.inverse.kinematics import default_max_tension
 from bowstring.statics.load import Load
 
 __all__ = ["check_mjcf", "write_mjcf"]

@@ -17,8 +17,8 @@ import pytest
 import bowstring as bs
 from bowstring.constant_curvature.robot_arcs import RobotArcs
 from bowstring.errors import InputError
-from bowstring.viz.guard import refusal
-from bowstring.viz.live import LiveView, tube
+from bowstring.integrations.live import LiveView, tube
+from bowstring.integrations.live_guard import refusal
 from shell import Shell
 
 
@@ -133,7 +133,7 @@ def test_gravity_and_tip_force_count(opened: Any) -> None:
 def test_without_an_equilibrium_the_last_pose_stays(
     opened: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from bowstring.viz import live as module
+    from bowstring.integrations import live as module
 
     live = opened(bs.load_robot("amouri2019")).robots[0]
     live.set_tensions([20.0, 0.0, 0.0])

@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 import bowstring as bs
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.rigid_links.chain import LinkChain
-from bowstring.rigid_links.mjcf import write_mjcf
-from bowstring.rigid_links.urdf import write_urdf
-from bowstring.rigid_links.xml_file import joint_names
+from bowstring.integrations.rigid_links.chain import LinkChain
+from bowstring.integrations.rigid_links.mjcf import write_mjcf
+from bowstring.integrations.rigid_links.urdf import write_urdf
+from bowstring.integrations.rigid_links.xml_file import joint_names
 from shell import Shell
 
 Floats = NDArray[np.float64]
@@ -95,7 +95,7 @@ def test_angles_of_a_solution_turn_the_disks_as_the_rod() -> None:
 
 def test_moments_are_the_slope_of_an_energy() -> None:
     """Springs, tendons and weights are conservative: the matrix of slopes is symmetric at rest."""
-    from bowstring.rigid_links import chain as module
+    from bowstring.integrations.rigid_links import chain as module
 
     robot = bs.load_robot("amouri2019", {"gravity": [3.0, 0.0, -9.0]})
     chain = LinkChain(robot, 2)

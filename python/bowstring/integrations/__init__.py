@@ -1,0 +1,1 @@
+"""Other libraries, programs and file formats that robots and runs are handed to."""

@@ -1,0 +1,281 @@
+"""Equilibria in PyTorch: differentiable by `torch.autograd` and batched by `torch.vmap`.
+
+Needs PyTorch, which is installed by itself (``pip install torch``). All values are in SI and in the
+base frame. T is the number of tendons, S that of segments. The solver of `bowstring.solve_batch`
+runs on the processor (CPU).
+"""
+
+from __future__ import annotations
+
+from functools import cache, partial
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from bowstring.errors import InputError
+from bowstring.interrupts import is_interrupt
+from bowstring.statics.equilibria import (
+    GRAVITY,
+    SECOND,
+    Function,
+    Input,
+    columns,
+    differentiable,
+    not_numbers,
+    single_precision,
+)
+
+if TYPE_CHECKING:
+    from bowstring._core import RodModel
+    from bowstring.robot.model import Robot
+    from bowstring.statics.load import Load
+
+__all__ = ["Equilibrium", "Solver"]
+
+
+class Equilibrium(NamedTuple):
+    """Equilibria as tensors, with the leading dimensions of the arguments; made by a `Solver`.
+
+    Where there is no equilibrium, numbers are NaN and `converged` is False.
+
+    Attributes
+    ----------
+    tip_position : torch.Tensor (..., 3)
+        Position of the tip in m.
+    tip_rotation : torch.Tensor (..., 3, 3)
+        Rotation of the tip, body to base.
+    tendon_lengths : torch.Tensor (..., T)
+        Lengths of the tendons from the base hole to the hole of the end disk, in m.
+    converged : torch.Tensor of bool (...)
+        Whether there is an equilibrium.
+    stable : torch.Tensor of bool (...)
+        Whether it is known to be stable, as `bowstring.Solution.stable`.
+    """
+
+    tip_position: Any
+    tip_rotation: Any
+    tendon_lengths: Any
+    converged: Any
+    stable: Any
+
+
+class Solver:
+    """Statics of a robot as a differentiable function of PyTorch tensors.
+
+    Reverse mode (``backward``), `torch.func.grad`, `torch.func.jacrev` and `torch.vmap` apply to
+    it. Derivatives are those of `bowstring.jacobians` and, by gravity, alike: exact for the
+    discretised robot.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot with straight tendons without friction.
+    load : Load, optional
+        Constant loads: on disks, point loads, and forces per length. Its gravity, tip force and tip
+        moment are used where a call does not give them. It has no tensions.
+    model : RodModel, optional
+        As for `bowstring.solve`.
+    threads : int
+        Number of threads for a batch; 0 takes one for each core. The results do not depend on it.
+
+    Raises
+    ------
+    InputError
+        If PyTorch is missing, an argument is wrong, or the tendons have no derivatives.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        load: Load | None = None,
+        model: RodModel | None = None,
+        threads: int = 0,
+    ) -> None:
+        _torch()
+        self._function = differentiable(robot, load, model, threads)
+
+    @property
+    def robot(self) -> Robot:
+        """Robot of the solver."""
+        return self._function.robot
+
+    @property
+    def model(self) -> RodModel:
+        """Model of the rod."""
+        return self._function.model
+
+    def __repr__(self) -> str:
+        return f"<bowstring.torch.Solver of {self.robot.name}>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        of = self._function
+        return partial(Solver, load=of.load, model=of.model, threads=of.threads), (of.robot,)
+
+    def __call__(
+        self,
+        tensions: Any,
+        *,
+        tip_force: Any = None,
+        tip_moment: Any = None,
+        gravity: Any = None,
+        stiffness: Any = None,
+    ) -> Equilibrium:
+        """Find the equilibria under loads, each from the straight robot.
+
+        Leading dimensions are those of a batch. They are broadcast against each other.
+
+        Parameters
+        ----------
+        tensions : array_like (..., T)
+            Tension of each tendon before its base hole in N, none negative.
+        tip_force, tip_moment : array_like (..., 3), optional
+            Dead loads at the tip in base axes, N and N m.
+        gravity : array_like (..., 3), optional
+            Gravity in base axes in m/s^2; that of the load or robot if left out.
+        stiffness : array_like (..., S), optional
+            Factors of all stiffnesses of each segment's backbone; 1 if left out.
+
+        Returns
+        -------
+        Equilibrium
+            NaN where there is no equilibrium, or where a number is not allowed, such as a negative
+            tension.
+
+        Raises
+        ------
+        InputError
+            If an argument has a wrong shape, is not float64 or not on the CPU, and for second
+            derivatives.
+        """
+        of = self._function
+        arguments = of.read(
+            (tensions, gravity, tip_force, tip_moment, stiffness),
+            _tensor,
+            lambda tensor, rows: tensor.expand((*rows, tensor.shape[-1])),
+        )
+        return Equilibrium(*_solve().apply(of, *arguments))
+
+
+@cache
+def _torch() -> Any:
+    try:
+        return import_module("torch")
+    except (ImportError, OSError, ValueError) as error:  # the last two without its CUDA libraries
+        if is_interrupt(error):
+            raise KeyboardInterrupt from None
+        missing = isinstance(error, ImportError) and error.name == "torch"
+        why = "" if missing else f" ({' '.join(str(error).split()):.200})"
+        raise InputError(
+            f"bowstring.torch needs torch, which cannot be loaded{why}; install it: pip install "
+            "torch"
+        ) from None
+
+
+def _tensor(about: Input, value: Any) -> Any:
+    """Tensor in float64 on the CPU; numbers that are not in a tensor are converted."""
+    torch = _torch()
+    if not isinstance(value, torch.Tensor):
+        try:
+            value = torch.as_tensor(value, dtype=torch.float64)
+        except (OverflowError, TypeError, ValueError, RuntimeError):
+            raise not_numbers(about, "not an array of numbers") from None
+    if value.device.type != "cpu":
+        raise InputError(f"{about.name} is on {value.device}, it must be on the CPU")
+    if value.dtype.is_floating_point and value.dtype != torch.float64:
+        raise single_precision(about, value.dtype, "convert it by tensor.double()")
+    if value.dtype.is_complex or value.dtype == torch.bool:
+        raise not_numbers(about, str(value.dtype))
+    return value.to(torch.float64)
+
+
+def _evaluate(
+    of: Function, arguments: Any, *, derivatives: bool, gravity: bool = False
+) -> dict[str, Any]:
+    """Results of the core as tensors with the leading dimensions of the arguments."""
+    torch = _torch()
+    rows = arguments[0].shape[:-1]
+    tables = [
+        np.ascontiguousarray(argument.detach().numpy()).reshape(-1, argument.shape[-1])
+        for argument in arguments
+    ]
+    found = of.core.evaluate(tables, of.threads, derivatives, gravity)
+    return {
+        name: torch.from_numpy(value).reshape((*rows, *value.shape[1:]))
+        for name, value in found.items()
+        if value is not None
+    }
+
+
+def _in_front(size: int, dims: Any, arguments: Any) -> tuple[Any, ...]:
+    """Arguments with the dimension of `torch.vmap` in front."""
+    return tuple(
+        argument.expand((size, *argument.shape)) if dim is None else argument.movedim(dim, 0)
+        for dim, argument in zip(dims, arguments, strict=True)
+    )
+
+
+@cache
+def _linearise() -> Any:
+    """Function that gives the derivatives of the equilibria and has none itself."""
+    torch = _torch()
+
+    class Linearise(torch.autograd.Function):  # type: ignore[misc, name-defined]
+        @staticmethod
+        def forward(of: Function, gravity: bool, *arguments: Any) -> Any:
+            found = _evaluate(of, arguments, derivatives=True, gravity=gravity)
+            return found["jacobians"], found["tip_rotation"]
+
+        @staticmethod
+        def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+            pass
+
+        @staticmethod
+        def backward(ctx: Any, *cotangents: Any) -> Any:
+            raise InputError(SECOND)
+
+        @staticmethod
+        def vmap(info: Any, dims: Any, of: Function, gravity: bool, *arguments: Any) -> Any:
+            arguments = _in_front(info.batch_size, dims[2:], arguments)
+            return Linearise.apply(of, gravity, *arguments), (0, 0)
+
+    return Linearise
+
+
+@cache
+def _solve() -> Any:
+    """Function of the equilibria, with its derivatives in reverse mode."""
+    torch = _torch()
+
+    class Solve(torch.autograd.Function):  # type: ignore[misc, name-defined]
+        @staticmethod
+        def forward(of: Function, *arguments: Any) -> Any:
+            found = _evaluate(of, arguments, derivatives=False)
+            return tuple(found[name] for name in Equilibrium._fields)
+
+        @staticmethod
+        def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+            ctx.function, *arguments = inputs
+            ctx.save_for_backward(*arguments)
+            ctx.mark_non_differentiable(*output[3:])
+
+        @staticmethod
+        def backward(ctx: Any, position: Any, rotation: Any, lengths: Any, *_: Any) -> Any:
+            of, needed = ctx.function, ctx.needs_input_grad[1:]
+            by, rotated = _linearise().apply(of, needed[GRAVITY], *ctx.saved_tensors)
+            # moment of the cotangents of the three axes about the base's
+            turn = torch.linalg.cross(rotated, rotation, dim=-2).sum(-1)
+            changes = torch.cat([position, turn, lengths], dim=-1)
+            found: list[Any] = [None] * len(of.inputs)
+            for index, own in columns(of.tendons, of.inputs[-1].count).items():
+                if needed[index]:
+                    found[index] = torch.einsum("...ij,...i->...j", by[..., own], changes)
+            return (None, *found)
+
+        @staticmethod
+        def vmap(info: Any, dims: Any, of: Function, *arguments: Any) -> Any:
+            arguments = _in_front(info.batch_size, dims[1:], arguments)
+            return Solve.apply(of, *arguments), (0,) * 5
+
+    return Solve
