@@ -303,8 +303,8 @@ def test_friction_of_the_file_is_reported_as_not_in_the_sweep(paper: Study, amou
     assert found.robot.tendons.friction[0] == 0.2
     assert found.dynamics is not None
     assert found.comparison("cc_from_force").mean == paper.comparison("cc_from_force").mean
-    assert any("left out of the main sweep" in note for note in found.notes)
-    assert not any("left out of the main sweep" in note for note in paper.notes)
+    assert any("are without the friction of the tendons." in note for note in found.notes)
+    assert not any("are without" in note for note in paper.notes)
     last = found.verdict.text[-1]
     assert last.startswith("The ranges above are without friction. With that of the file, 0.2")
     above = found.budget.actuation.row("friction_loading").case.error("cc_from_force") > 6.41 * MM

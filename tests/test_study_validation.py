@@ -580,7 +580,7 @@ def test_calibrated_friction_enters_the_budget(
     assert budget.friction == verdict.calibration.robot.tendons.friction[0]
     assert "(calibrated)" in budget.row("friction_loading").label
     assert "With the calibrated one, 0.1" in whole.verdict.text[-1]
-    assert any("friction that was calibrated is left out" in note for note in whole.notes)
+    assert any("are without the friction that was calibrated" in note for note in whole.notes)
     page = (written / "report.html").read_text(encoding="utf-8")
     assert "Calibrated to the data: friction 0.1" in page
     assert "gives none: friction" not in page

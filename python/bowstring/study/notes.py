@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bowstring.data.tip_errors import Comparison
-from bowstring.formatting import in_mm, in_percent, significant
+from bowstring.formatting import in_mm, in_percent, listed, significant
+from bowstring.robot.laws import MEMORIES
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import COMPARISONS, FROM_FORCE, points_by_arcs
@@ -114,30 +115,13 @@ def notes_of(
             f"{significant(geometry.scale * settings.max_tension)} N, about the robot's own bend."
         )
     calibrated = data is not None and data.calibrated_friction is not None
-    if robot.has_friction or calibrated:
-        whose = "that was calibrated" if calibrated else "that the robot file gives"
+    left_out = [f"the {key} of the {MEMORIES[key].owner}" for key in robot.memories]
+    if calibrated:
+        left_out = ["the friction that was calibrated", *left_out[robot.has_friction :]]
+    if left_out:
         out.append(
-            f"The friction {whose} is left out of the main sweep, of dynamics, of "
-            "stress and strain and of the ranges in the verdict. What it does, loading and "
-            "unloading, is in the error budget under 'Actuation' and in the "
-            "verdict's last sentences."
-        )
-    if "hysteresis" in robot.memories:
-        out.append(
-            "The hysteresis of the backbone is left out of the main sweep, of dynamics, of stress "
-            "and strain and of the verdict. What it does, loading and unloading, is in the error "
-            "budget under 'Actuation'."
-        )
-    if "backlash" in robot.memories:
-        out.append(
-            "The backlash of the drives is left out of the main sweep, of dynamics and of the "
-            "verdict. What it does under displacement control, loading and unloading, is in the "
-            "error budget under 'Actuation'."
-        )
-    if robot.is_viscoelastic:
-        out.append(
-            "Relaxation and creep are left out of all but the error budget, since the loads have "
-            "no times. What they do once a load is held until the robot rests is there under "
+            f"The main sweep, dynamics, stress and strain, and the ranges in the verdict are "
+            f"without {listed(left_out)}. What each does alone is in the error budget under "
             "'Actuation'."
         )
     for name, comparison in comparisons.items():
