@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowstring.display import some
 
 if TYPE_CHECKING:
-    from bowstring.robot.model import Robot
+    from bowstring.robot.arrays import RobotArrays
 
 __all__ = ["picture"]
 
@@ -25,7 +25,7 @@ _POSES: Final = 4
 
 
 def picture(
-    robot: Robot,
+    robot: RobotArrays,
     positions: Floats,
     rotations: Floats,
     *,
@@ -38,7 +38,7 @@ def picture(
 
     Parameters
     ----------
-    robot : Robot
+    robot : RobotArrays
         The robot.
     positions : ndarray (N, 3) or (n, N, 3)
         Positions of its disks in m, base frame.
@@ -97,7 +97,12 @@ class _Pose:
     """Projected backbone, disks and tendons of a pose."""
 
     def __init__(
-        self, robot: Robot, centres: Floats, frames: Floats, view: Floats, slack: Collection[int]
+        self,
+        robot: RobotArrays,
+        centres: Floats,
+        frames: Floats,
+        view: Floats,
+        slack: Collection[int],
     ) -> None:
         base = np.zeros((1, 3)), np.eye(3)[None]
         points = np.concatenate([base[0], centres]) @ view.T

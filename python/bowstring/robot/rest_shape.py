@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot
+from bowstring.robot.arrays import RobotArrays
 
 __all__ = ["check_rest_bend", "rest_frames", "unloaded_pose"]
 
@@ -18,12 +18,12 @@ Floats = NDArray[np.float64]
 _AXIS: Final = np.array([0.0, 0.0, 1.0])
 
 
-def rest_frames(robot: Robot, arc_length: Floats) -> tuple[Floats, Floats]:
+def rest_frames(robot: RobotArrays, arc_length: Floats) -> tuple[Floats, Floats]:
     """Frames of the unloaded backbone at arc lengths.
 
     Parameters
     ----------
-    robot : Robot
+    robot : RobotArrays
     arc_length : ndarray (n,)
         Arc lengths from the base in m. Beyond the last disk the backbone is straight.
 
@@ -76,12 +76,12 @@ def _helix(curvature: Floats, length: Floats) -> tuple[Floats, Floats]:
     return length[:, None] * mean, rotation
 
 
-def unloaded_pose(robot: Robot) -> Literal["straight", "unloaded"]:
+def unloaded_pose(robot: RobotArrays) -> Literal["straight", "unloaded"]:
     """Name the pose without load: `straight`, or `unloaded` if the backbone is not straight."""
     return "unloaded" if robot.rest_curvature.any() else "straight"
 
 
-def check_rest_bend(robot: Robot, what: str) -> None:
+def check_rest_bend(robot: RobotArrays, what: str) -> None:
     """Refuse a backbone that is bent without load to a radius below that of its section."""
     for k, (segment, curvature) in enumerate(
         zip(robot.segments, robot.rest_curvature, strict=True)
