@@ -2,9 +2,8 @@
 //!
 //! Theory: docs/theory/inverse-kinematics.md (Iteration).
 
-use super::descent::{FIRST_RADIUS, LARGER, SMALLER};
-use super::relax::half_square;
 use super::task::{norm, residual, Task};
+use super::trust_region::{half_square, FIRST_RADIUS, LARGER, SMALLER};
 use super::InverseSolver;
 use crate::math::lie::ArcMap;
 use crate::math::linalg::{Mat3, Vec3};

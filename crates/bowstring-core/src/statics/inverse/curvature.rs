@@ -2,8 +2,8 @@
 //!
 //! Theory: docs/theory/inverse-kinematics.md (Curvature).
 
-use super::descent::NEAR;
 use super::task::{norm, Task};
+use super::trust_region::NEAR;
 use super::InverseSolver;
 use crate::math::linalg::dot;
 use crate::math::symmetric::diagonalise;

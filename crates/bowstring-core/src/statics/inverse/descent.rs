@@ -4,8 +4,10 @@
 //! Theory: docs/theory/inverse-kinematics.md (Iteration).
 
 use super::curvature::Weights;
-use super::relax::half_square;
 use super::task::{norm, residual, Task};
+use super::trust_region::{
+    half_square, FIRST_RADIUS, LARGER, LEAST_RADIUS, NEAR, SMALLER, SUFFICIENT_DECREASE,
+};
 use super::InverseSolver;
 use crate::interrupt;
 use crate::math::linalg::dot;
@@ -33,15 +35,6 @@ const CONTRACTION: f64 = 0.05;
 /// Most iterations of a descent, and of the first descent of a start.
 const MAX_ITERATIONS: usize = 100;
 const PATIENCE: usize = 25;
-/// First radius of the trust region, over the unit of tension.
-pub(super) const FIRST_RADIUS: f64 = 1.5;
-/// Radius at which the iteration ends.
-pub(super) const LEAST_RADIUS: f64 = 1e-8;
-/// Factors of the radius after a good step at its limit and after a rejected one.
-pub(super) const LARGER: f64 = 2.5;
-pub(super) const SMALLER: f64 = 0.3;
-/// Required decrease of the distance, over the predicted one.
-pub(super) const SUFFICIENT_DECREASE: f64 = 0.1;
 /// Distance over length at which the augmented Lagrangian weighs the squared distance as much as
 /// the multipliers.
 const STIFFNESS_DISTANCE: f64 = 1e-3;
@@ -52,8 +45,6 @@ const LITTLE: f64 = 0.7;
 pub(super) const FIRST_WEIGHT: f64 = 1e-3;
 const WEIGHT_FACTOR: f64 = 0.01;
 pub(super) const LEAST_WEIGHT: f64 = 1e-7;
-/// Distance over length below which steps to smaller tensions may increase it.
-pub(super) const NEAR: f64 = 1e-2;
 /// Iterations after which tensions are not made smaller.
 const MAX_REDUCTIONS: usize = 60;
 /// Decrease of the distance, over the length, below which a step cannot show one.

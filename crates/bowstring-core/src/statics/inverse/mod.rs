@@ -19,6 +19,7 @@ mod search;
 mod start;
 mod step;
 mod task;
+mod trust_region;
 
 pub use outcome::{InverseOutcome, InverseStatus};
 pub use rows::{inverses, Inverses, Order};
@@ -301,7 +302,7 @@ impl InverseSolver {
 
 #[cfg(test)]
 mod tests {
-    use super::relax::half_square;
+    use super::trust_region::half_square;
     use super::*;
     use crate::model::robot::{Disk, RobotSpec, Section, Tendon};
     use crate::statics::solver::{Solver, Status};

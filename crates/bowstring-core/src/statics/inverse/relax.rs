@@ -4,9 +4,11 @@
 //! Theory: docs/theory/inverse-kinematics.md (Margin of the distance).
 
 use super::curvature::Weights;
-use super::descent::{FIRST_RADIUS, LARGER, LEAST_RADIUS, NEAR, SMALLER, SUFFICIENT_DECREASE};
 use super::equilibrium::Point;
 use super::task::Task;
+use super::trust_region::{
+    half_square, FIRST_RADIUS, LARGER, LEAST_RADIUS, NEAR, SMALLER, SUFFICIENT_DECREASE,
+};
 use super::InverseSolver;
 use crate::interrupt;
 
@@ -141,9 +143,4 @@ impl InverseSolver {
         }
         weight.exp()
     }
-}
-
-/// Half the sum of squares.
-pub(super) fn half_square(tensions: &[f64]) -> f64 {
-    0.5 * tensions.iter().map(|t| t * t).sum::<f64>()
 }

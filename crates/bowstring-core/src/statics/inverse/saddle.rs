@@ -3,8 +3,8 @@
 //! Theory: docs/theory/inverse-kinematics.md (Second-order condition).
 
 use super::descent::Effort;
-use super::relax::half_square;
 use super::task::{residual, Task};
+use super::trust_region::half_square;
 use super::{InverseSolver, REACHED};
 use crate::interrupt;
 use crate::math::linalg::dot;
