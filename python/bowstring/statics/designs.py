@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring._core import follow_designs
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.formatting import listed
 from bowstring.robot.designs import Designs
+from bowstring.robot.laws import MEMORIES
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import ON_DISKS, disk_shape, per_disk, with_arrays
 from bowstring.statics.model import RodModel, as_model
@@ -112,12 +114,10 @@ def sweep_designs(
     """
     if not isinstance(designs, Designs):
         raise InputError(f"designs is {shown(designs)}, it must be Designs of robots")
-    if designs.arrays.hysteresis[..., 0].any():
-        raise InputError("robots have hysteresis, which sweep_designs does not follow; set it to 0")
-    if designs.arrays.is_viscoelastic:
-        raise InputError(
-            "robots have relaxation or creep, which sweep_designs does not follow; set them to 0"
-        )
+    for key in designs.arrays.memories:
+        if key not in ("friction", "backlash"):
+            zero = f"set {listed(MEMORIES[key].sizes)} to 0"
+            raise InputError(f"robots have {key}, which sweep_designs does not follow; {zero}")
     rows = _commands(designs, tensions, displacements)
     count, each, tendons = rows.values.shape
     load = Load() if load is None else load
