@@ -930,6 +930,13 @@ def test_modes_below_rounding_are_dropped() -> None:
         modes(ROBOT, load=bs.Load(tip_force=[0.0, 0.0, -10.0]))
 
 
+@pytest.mark.filterwarnings("error")
+def test_modes_of_a_massless_backbone_are_those_of_its_disks() -> None:
+    changes = {"segments.0.backbone.density": "0 kg/m^3", "segments.0.disks.count": "2"}
+    found = modes(ROBOT.with_(changes), count=1000)
+    assert len(found) == 12
+
+
 @pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
 @pytest.mark.parametrize("count", [1, 8])
 def test_a_start_under_a_moment_is_found(theory: Any, count: int) -> None:

@@ -120,6 +120,13 @@ def test_displacement_control_and_history(friction: float) -> None:
         bs.solve(robot, load=commanded, history=damaged)
 
 
+def test_history_after_a_solve_by_tensions() -> None:
+    found = bs.solve(ROBOT, TENSIONS, load=bs.Load(gravity=UP, **ALL))
+    history = json.loads(json.dumps(found.history()))
+    again = bs.solve(ROBOT, TENSIONS, load=bs.Load(gravity=UP, **ALL), history=history)
+    assert np.abs(again.disk_positions - found.disk_positions).max() < 1e-9
+
+
 def test_a_solution_keeps_its_load() -> None:
     found = bs.solve(ROBOT, TENSIONS, load=bs.Load(**ALL))
     kept = found.load

@@ -1237,6 +1237,10 @@ def test_a_load_without_a_solution_names_its_likely_cause(friction):
     soft = load_robot("amouri2019", {"segments.0.backbone.E": "60 MPa", **overrides})
     said = bs.solve(soft, [80, 0, 0]).message
     assert "segments[0].backbone.E = 60 MPa looks too small (GPa, not MPa?)" in said
+    # a thousand times this modulus is no material: its unit is not the cause
+    thin = {"segments.0.backbone.diameter": "0.2 mm", "segments.0.backbone.E": "30 GPa"}
+    said = bs.solve(load_robot("amouri2019", {**thin, **overrides}), [80, 0, 0]).message
+    assert "By the linear law these tensions would bend" in said and "GPa" not in said
     silicone = load_robot("amouri2019", {**SILICONE, **overrides})
     assert silicone.warnings == ()
     for said in (

@@ -310,7 +310,7 @@ def oscillation(
         )
     # massless degrees of freedom have eigenvalues of rounding size, which are no modes
     moving = values > _ROUNDING * values[0]
-    values, shapes = values[moving], shapes[moving]
+    values, shapes = values[moving], shapes[moving] / values[moving, None]
     positions, frames = solution.disk_positions, solution.disk_rotations
     assert positions is not None and frames is not None
     found = shapes.reshape(len(values), len(positions), points + 1, 3)
@@ -345,7 +345,7 @@ def oscillation(
 
 
 def _slowest(robot: Robot, answer: Flexibility, root: Floats, count: int) -> tuple[Floats, Floats]:
-    """Largest eigenvalues of the mass-weighted flexibility, and their mode shapes.
+    """Largest eigenvalues of the mass-weighted flexibility, and their mode shapes times them.
 
     The eigenvalues are 1 / omega^2, (K,); the shapes of all degrees of freedom (K, F).
     """
@@ -360,11 +360,9 @@ def _slowest(robot: Robot, answer: Flexibility, root: Floats, count: int) -> tup
         matrix = answer.matrix()
         values, vectors = np.linalg.eigh(root[:, None] * matrix * root[None, :])
         order = np.argsort(values)[::-1][:count]
-        shapes = (matrix @ (root[:, None] * vectors[:, order])).T / values[order][:, None]
-        return values[order], shapes
+        return values[order], (matrix @ (root[:, None] * vectors[:, order])).T
     values, vectors = _iterated(answer, root, count)
-    moved = np.array([answer.apply(root * vector) for vector in vectors.T])
-    return values, moved / np.maximum(values, np.finfo(float).tiny)[:, None]
+    return values, np.array([answer.apply(root * vector) for vector in vectors.T])
 
 
 def _iterated(answer: Flexibility, root: Floats, count: int) -> tuple[Floats, Floats]:

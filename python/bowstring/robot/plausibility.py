@@ -205,13 +205,15 @@ def load_advice(robot: RobotArrays, tensions: ArrayLike, tip_force: ArrayLike = 
     Returns
     -------
     str
-        A sentence, ending in a space, on an implausible Young's modulus or else on a large bend
+        A sentence, ending in a space, on a Young's modulus in a wrong unit or else on a large bend
         by the linear law; empty if both are plausible.
     """
     weight = _weight(robot)
     for k in range(int(robot.tendons.segment.max()) + 1):
         young = robot.segments[k].backbone.E
-        if young is not None and _turns(robot, k, weight) > _MAX_TURNS:
+        if young is None or 1000 * young > _MAX_E:
+            continue  # no wrong unit
+        if _turns(robot, k, weight) > _MAX_TURNS:
             modulus = number_with_unit(young, "Pa")
             return (
                 f"Check Young's modulus: segments[{k}].backbone.E = {modulus} looks too small "

@@ -320,7 +320,8 @@ class Solution:
             return None
         if self._path is None:
             path = actuation.Path(self.robot, self.model)
-            found = path.core.step(np.zeros(len(core.tensions), bool), core.tensions, self.load)
+            load = with_arrays(self.load)
+            found = path.core.step(np.zeros(len(core.tensions), bool), core.tensions, load)
             if not self._is_pose_of(found):
                 raise NoSolutionError(
                     f"{self.robot.name}: there is no history, because the path from home does not "
