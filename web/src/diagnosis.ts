@@ -97,8 +97,8 @@ interface Removal {
 /**
  * The causes of the error of constant curvature: each effect removed from the rod alone.
  *
- * Effects and shares are those of `bowstring.validity.effects`; the page adds the tip force. Under displacements
- * what concerns the lengths of tendons is removed by giving constant curvature other lengths.
+ * Effects and shares are those of `bowstring.validity.effects`. Under displacements what concerns the lengths of
+ * tendons is removed by giving constant curvature other lengths.
  */
 export function diagnose(model: Model, loading: Loading): Diagnosis {
   const on = bench(model);

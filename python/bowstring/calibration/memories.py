@@ -92,11 +92,13 @@ def is_zero(robot: Robot, name: str, value: float) -> bool:
 def starts_of(memory: Memory, robot: Robot, commands: Commands) -> list[dict[str, float]]:
     """Initial values to try of a memory that the robot file does not have, in SI."""
     added = parameters_of(memory)
-    if memory == "hysteresis" and memory not in robot.memories:
+    if memory in robot.memories:
+        return [{}]
+    if memory == "hysteresis":
         return [{_SHARE: share, _PLAY: bend} for share, bend in _SLIDING]
-    if memory == "relaxation" and memory not in robot.memories:
+    if memory == "relaxation":
         return _over_times(commands, added, _RELAXING)
-    if memory == "creep" and memory not in robot.memories:
+    if memory == "creep":
         return _over_times(commands, added, _CREEPING * _bending_compliance(robot))
     return [{}]
 

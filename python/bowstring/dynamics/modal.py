@@ -183,7 +183,7 @@ def checked(
     check_robot(robot)
     check_without_memory(robot, ", which dynamics does not model", but=("friction",))
     load = as_load(tensions, load)
-    if load.tensions is None and load.is_tension_controlled:
+    if not load.is_actuated:
         load = load.replace(tensions=np.zeros(robot.core.tendon_count))
     commands = actuation.commands(robot, load)
     load = with_arrays(load)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -43,62 +42,42 @@ class Law:
         return f"the {self.owner} of {robot} {have} {self.key}{consequence}; {switch}"
 
 
-def _by_key(laws: Iterable[Law]) -> dict[str, Law]:
-    return {law.key: law for law in laws}
-
-
 _TOGETHER: Final = "Relaxation of the backbone and creep of the tendons are left out."
-
-MEMORIES: Final = _by_key(
-    [
-        Law(
-            "friction",
-            "tendons",
-            "tendons",
-            (("friction",),),
-            0.05,
-            "The friction of the robot is left out; an axis friction or bend takes it in.",
-        ),
-        Law(
-            "backlash",
-            "drives",
-            "tendons",
-            (("backlash",),),
-            1e-4,
-            "The backlash of the drives is left out.",
-        ),
-        Law(
-            "hysteresis",
-            "backbone",
-            "backbone",
-            (("hysteresis", "hysteresis_play"),),
-            0.05,
-            "The hysteresis of the backbone is left out.",
-        ),
-        Law(
-            "relaxation",
-            "backbone",
-            "backbone",
-            (
-                ("relaxation", "relaxation_time"),
-                ("second_relaxation", "second_relaxation_time"),
-            ),
-            0.05,
-            _TOGETHER,
-            timed=True,
-        ),
-        Law(
-            "creep",
-            "tendons",
-            "tendons",
-            (
-                ("creep_compliance", "creep_time"),
-                ("second_creep_compliance", "second_creep_time"),
-            ),
-            1e-5,
-            _TOGETHER,
-            timed=True,
-        ),
-    ]
+_RELAXATION: Final = (
+    ("relaxation", "relaxation_time"),
+    ("second_relaxation", "second_relaxation_time"),
 )
+_CREEP: Final = (
+    ("creep_compliance", "creep_time"),
+    ("second_creep_compliance", "second_creep_time"),
+)
+_LAWS: Final = (
+    Law(
+        "friction",
+        "tendons",
+        "tendons",
+        (("friction",),),
+        0.05,
+        "The friction of the robot is left out; an axis friction or bend takes it in.",
+    ),
+    Law(
+        "backlash",
+        "drives",
+        "tendons",
+        (("backlash",),),
+        1e-4,
+        "The backlash of the drives is left out.",
+    ),
+    Law(
+        "hysteresis",
+        "backbone",
+        "backbone",
+        (("hysteresis", "hysteresis_play"),),
+        0.05,
+        "The hysteresis of the backbone is left out.",
+    ),
+    Law("relaxation", "backbone", "backbone", _RELAXATION, 0.05, _TOGETHER, timed=True),
+    Law("creep", "tendons", "tendons", _CREEP, 1e-5, _TOGETHER, timed=True),
+)
+MEMORIES: Final = {law.key: law for law in _LAWS}
 """The laws by their keys."""

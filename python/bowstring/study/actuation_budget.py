@@ -31,11 +31,7 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, significant
-from bowstring.robot.model import (
-    Robot,
-    with_tendons,
-    without_memory,
-)
+from bowstring.robot.model import Robot, with_tendons, without_memory
 from bowstring.robot.parts import TENDON_MATERIALS, TendonRing
 from bowstring.statics import rod
 from bowstring.statics.load import Load

@@ -226,11 +226,7 @@ class Model:
         self.towards = (math.cos(angle), math.sin(angle), 0.0)
         """Direction in which the actuated tendons bend the robot."""
         self.across = (-math.sin(angle), math.cos(angle), 0.0)
-        self.main = Rods(
-            Designs(self.robot, {}),
-            RodModel(theory),
-            Load(gravity=robot.gravity),
-        )
+        self.main = Rods(Designs(self.robot, {}), RodModel(theory), Load(gravity=robot.gravity))
         """Rod of the main sweep."""
 
     @cached_property

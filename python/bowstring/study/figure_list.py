@@ -22,7 +22,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Figure:
-    """Figure of the report: file name without suffix, title, and caption."""
+    """Figure of the report."""
 
     stem: str
     """File name without suffix."""

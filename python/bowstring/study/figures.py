@@ -56,7 +56,7 @@ def draw(study: Study) -> Iterator[tuple[str, Callable[[], Figure]]]:
     Yields
     ------
     stem : str
-        File name without ending, from `bowstring.study.study.FIGURES`.
+        File name without ending, from `bowstring.study.figure_list.FIGURES`.
     draw : callable
         Makes the figure, to be called and saved within `figure_style`.
     """

@@ -330,12 +330,7 @@ def dynamics_of(
         check_rise(model.robot, settings.rise, frequency)
     try:
         motion = transient(
-            model,
-            statics.tension,
-            frequency,
-            settings.rise,
-            settings.modal_damping,
-            progress,
+            model, statics.tension, frequency, settings.rise, settings.modal_damping, progress
         )
     except BowstringError as error:
         return None, f"Dynamics is left out: {str(error).rstrip('.')}."

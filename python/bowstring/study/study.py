@@ -52,9 +52,6 @@ __all__ = ["SCHEMA_VERSION", "Study"]
 SCHEMA_VERSION: Final = 1
 
 
-# -- what is computed --------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Study:
     """Results of a study."""

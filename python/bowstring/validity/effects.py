@@ -142,7 +142,7 @@ def with_values(rods: Rods, part: Part, values: Mapping[str, Any]) -> Rods:
     part : {"model", "load", "disks", "backbone", "tendons"}
         Theory and tendon path, loads, or a part of all segments.
     values : mapping from str to object
-        Values by field; in a part of the segments a list has one for each segment.
+        Values by field; of disks and backbone a list has one for each segment.
 
     Returns
     -------
