@@ -115,7 +115,6 @@ def test_no_equilibrium(shell: Shell, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ([], "give --tension T1,T2,..., --displacement P1,P2,... or --angle A1,A2,..."),
         (["--displacement", "1,2"], "--displacement: got 2 numbers;"),
         (["--displacement", "0,0,0,0"], "--displacement: got 4 numbers;"),
         (["--displacement", ""], "--displacement: got "),
