@@ -232,18 +232,30 @@ class Robot(RobotArrays):
         return _core.Robot(self)
 
 
-def with_tendons(robot: Robot, values: Mapping[str, float | None], missing: bool = False) -> Robot:
-    """Set fields of all tendons of a robot, or only where a field is missing."""
+def with_fields(
+    robot: Robot, part: str, values: Mapping[str, Any], *, missing: bool = False
+) -> Robot:
+    """Set fields of a part of all segments, or only where a field is missing.
+
+    A list has one value for each segment. The robot itself where nothing changes.
+    """
     changes = {}
     for k, segment in enumerate(robot.segments):
-        ring = isinstance(segment.tendons, TendonRing)
-        for i, tendon in enumerate(segment.tendon_list[:1] if ring else segment.tendon_list):
-            where = f"segments.{k}.tendons" if ring else f"segments.{k}.tendons.{i}"
+        where = f"segments.{k}.{part}"
+        owners = {where: getattr(segment, part)}
+        if part == "tendons" and not isinstance(segment.tendons, TendonRing):
+            owners = {f"{where}.{i}": tendon for i, tendon in enumerate(segment.tendon_list)}
+        for path, owner in owners.items():
             for name, value in values.items():
-                now = getattr(tendon, name)
-                if now != value and not (missing and now):
-                    changes[f"{where}.{name}"] = value
+                chosen, now = value[k] if isinstance(value, list) else value, getattr(owner, name)
+                if now != chosen and not (missing and now):
+                    changes[f"{path}.{name}"] = chosen
     return robot.with_(changes) if changes else robot
+
+
+def with_tendons(robot: Robot, values: Mapping[str, float | None], missing: bool = False) -> Robot:
+    """Set fields of all tendons of a robot, or only where a field is missing."""
+    return with_fields(robot, "tendons", values, missing=missing)
 
 
 def check_parallel(robot: Robot, what: str) -> None:
@@ -313,12 +325,11 @@ def check_without_memory(
 
 def without_memory(robot: Robot, *but: str) -> Robot:
     """Return the robot without its memories, but for some of `bowstring.robot.laws.MEMORIES`."""
-    laws = [MEMORIES[key] for key in robot.memories if key not in but]
-    of_tendons = [size for law in laws if law.part == "tendons" for size in law.sizes]
-    of_backbones = [size for law in laws if law.part == "backbone" for size in law.sizes]
-    robot = with_tendons(robot, dict.fromkeys(of_tendons, 0.0))
-    changes = {f"segments.*.backbone.{size}": 0.0 for size in of_backbones}
-    return robot.with_(changes) if changes else robot
+    for key in robot.memories:
+        if key not in but:
+            law = MEMORIES[key]
+            robot = with_fields(robot, law.part, dict.fromkeys(law.sizes, 0.0))
+    return robot
 
 
 def check_robot(robot: object) -> None:

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -136,7 +137,7 @@ def run_study(
             as_measurements(robot, measurements),
             settings.tolerance,
             settings.theory,
-            _share_of(whole, "measurements", 0.0, 0.2),
+            partial(_between(whole, 0.0, 0.2), "measurements"),
             compare=extras.compare,
         )
         whole = _between(whole, 0.2, 1.0)
@@ -153,7 +154,9 @@ def run_study(
     shapes = compare_shapes(model, statics, comparisons)
 
     notify("dynamics", 0.1)
-    motion, without = dynamics_of(model, settings, statics, _share_of(notify, "dynamics", 0.1, 0.2))
+    motion, without = dynamics_of(
+        model, settings, statics, partial(_between(notify, 0.1, 0.2), "dynamics")
+    )
     in_time = {}
     if motion is not None:
         in_time = model.compare(
@@ -162,7 +165,7 @@ def run_study(
 
     notify("error budget", 0.2)
     calibrated = None if data is None else data.calibrated_friction
-    notified = _share_of(notify, "error budget", 0.2, 0.8)
+    notified = partial(_between(notify, 0.2, 0.8), "error budget")
     budget = error_budget(model, statics.tension, notified, calibrated)
 
     notify("verdict", 0.8)
@@ -184,7 +187,7 @@ def run_study(
             model.tensions(statics.tension),
             statics.tip_position,
             extras.fe,
-            _share_of(whole, "finite elements", 0.2, 1.0),
+            partial(_between(whole, 0.2, 1.0), "finite elements"),
         )
         by_bricks = model.compare(
             statics.tension, bricks.tip_position, bricks.tendon_lengths, against="fe"
@@ -273,11 +276,6 @@ def _spreads(robot: Robot, settings: Settings, given: Any) -> tuple[Spread, ...]
 def _between(notify: Progress, start: float, end: float) -> Progress:
     """Progress callback for a part of the work between two shares."""
     return lambda what, done: notify(what, start + (end - start) * done)
-
-
-def _share_of(notify: Progress, what: str, start: float, end: float) -> Callable[[float], None]:
-    """Callback of one piece of work, called with its own share, between two shares."""
-    return lambda share: notify(what, start + (end - start) * share)
 
 
 def as_measurements(robot: Robot, measurements: Measurements | str | Path) -> Measurements:

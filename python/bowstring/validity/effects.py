@@ -10,7 +10,7 @@ import numpy as np
 
 from bowstring.display import short_repr
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, with_tendons
+from bowstring.robot.model import with_fields
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 
@@ -142,7 +142,7 @@ def with_values(rods: Rods, part: Part, values: Mapping[str, Any]) -> Rods:
     part : {"model", "load", "disks", "backbone", "tendons"}
         Theory and tendon path, loads, or a part of all segments.
     values : mapping from str to object
-        Values by field; of disks and backbone a list has one for each segment.
+        Values by field; of a part of the segments a list has one for each.
 
     Returns
     -------
@@ -160,16 +160,4 @@ def with_values(rods: Rods, part: Part, values: Mapping[str, Any]) -> Rods:
     }
     if designs.values and not kept:  # one number stands for all, so that there are as many robots
         kept = {"segments.0.length": np.full(len(designs), designs.robot.segments[0].length)}
-    return replace(rods, designs=Designs(_with_values(designs.robot, part, values), kept))
-
-
-def _with_values(robot: Robot, part: Part, values: Mapping[str, Any]) -> Robot:
-    if part == "tendons":
-        return with_tendons(robot, values)
-    changes: dict[str, Any] = {}
-    for k, segment in enumerate(robot.segments):
-        for field, value in values.items():
-            chosen = value[k] if isinstance(value, list) else value
-            if getattr(getattr(segment, part), field) != chosen:
-                changes[f"segments.{k}.{part}.{field}"] = chosen
-    return robot.with_(changes) if changes else robot
+    return replace(rods, designs=Designs(with_fields(designs.robot, part, values), kept))
