@@ -7,20 +7,20 @@ through XLA's foreign function interface, on the processor (CPU).
 
 from __future__ import annotations
 
-from functools import cache, partial
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from bowstring._core import xla_targets
 from bowstring.errors import InputError
+from bowstring.integrations.differentiable import DifferentiableSolver
 from bowstring.optional import load_extra
 from bowstring.statics.equilibria import (
     GRAVITY,
     SECOND,
     Input,
     columns,
-    differentiable,
     not_numbers,
     single_precision,
 )
@@ -59,7 +59,7 @@ class Equilibrium(NamedTuple):
     stable: Any
 
 
-class Solver:
+class Solver(DifferentiableSolver):
     """Statics of a robot as a differentiable JAX function.
 
     `jax.grad`, `jax.jacfwd`, `jax.jacrev`, `jax.jvp`, `jax.vjp`, `jax.jit` and `jax.vmap` apply to
@@ -103,6 +103,8 @@ class Solver:
     Array([ 5.03, -2.39, -2.39], dtype=float64)
     """
 
+    _library = "jax"
+
     def __init__(
         self,
         robot: Robot,
@@ -112,25 +114,8 @@ class Solver:
         threads: int = 0,
     ) -> None:
         load_extra("jax")
-        self._function = differentiable(robot, load, model, threads)
+        super().__init__(robot, load, model, threads)
         _register()
-
-    @property
-    def robot(self) -> Robot:
-        """Robot of the solver."""
-        return self._function.robot
-
-    @property
-    def model(self) -> RodModel:
-        """Model of the rod."""
-        return self._function.model
-
-    def __repr__(self) -> str:
-        return f"<bowstring.jax.Solver of {self.robot.name}>"
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        of = self._function
-        return partial(Solver, load=of.load, model=of.model, threads=of.threads), (of.robot,)
 
     def __call__(
         self,

@@ -7,13 +7,14 @@ runs on the processor (CPU).
 
 from __future__ import annotations
 
-from functools import cache, partial
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from bowstring.errors import InputError
+from bowstring.integrations.differentiable import DifferentiableSolver
 from bowstring.interrupts import is_interrupt
 from bowstring.statics.equilibria import (
     GRAVITY,
@@ -21,7 +22,6 @@ from bowstring.statics.equilibria import (
     Function,
     Input,
     columns,
-    differentiable,
     not_numbers,
     single_precision,
 )
@@ -60,7 +60,7 @@ class Equilibrium(NamedTuple):
     stable: Any
 
 
-class Solver:
+class Solver(DifferentiableSolver):
     """Statics of a robot as a differentiable function of PyTorch tensors.
 
     Reverse mode (``backward``), `torch.func.grad`, `torch.func.jacrev` and `torch.vmap` apply to
@@ -85,6 +85,8 @@ class Solver:
         If PyTorch is missing, an argument is wrong, or the tendons have no derivatives.
     """
 
+    _library = "torch"
+
     def __init__(
         self,
         robot: Robot,
@@ -94,24 +96,7 @@ class Solver:
         threads: int = 0,
     ) -> None:
         _torch()
-        self._function = differentiable(robot, load, model, threads)
-
-    @property
-    def robot(self) -> Robot:
-        """Robot of the solver."""
-        return self._function.robot
-
-    @property
-    def model(self) -> RodModel:
-        """Model of the rod."""
-        return self._function.model
-
-    def __repr__(self) -> str:
-        return f"<bowstring.torch.Solver of {self.robot.name}>"
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        of = self._function
-        return partial(Solver, load=of.load, model=of.model, threads=of.threads), (of.robot,)
+        super().__init__(robot, load, model, threads)
 
     def __call__(
         self,
