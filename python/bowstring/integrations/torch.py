@@ -67,6 +67,8 @@ class Solver(DifferentiableSolver):
     it. Derivatives are those of `bowstring.jacobians` and, by gravity, alike: exact for the
     discretised robot.
 
+    Its ``robot`` and ``model`` are those that it was made with.
+
     Parameters
     ----------
     robot : Robot
