@@ -14,6 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from bowstring.cli import main
 from bowstring.schemas import COMMANDS, study
+from bowstring.schemas.results import object_of
 from bowstring.study.study import Study
 from shell import Shell, adapter
 
@@ -113,7 +114,7 @@ def test_json_of_commands(
 
 
 def test_study_in_python(paper: Study) -> None:
-    check = TypeAdapter(study.StudyResults).validate_python
+    check = TypeAdapter(object_of(study.StudyResults)).validate_python
     still = replace(paper, dynamics=None, without_dynamics="The robot has no mass.")
     for found in (paper, still):
         check(found.to_dict(), strict=True)

@@ -24,7 +24,10 @@ from sphinx.util.docutils import SphinxDirective
 import bowstring
 from bowstring import schemas
 from bowstring.cli import main
+from bowstring.data.rigid import Rigid
+from bowstring.results import unit_of
 from bowstring.schemas import basic
+from bowstring.schemas.results import object_of
 
 
 class _Table(SphinxDirective):
@@ -104,20 +107,13 @@ class RobotFields(_Table):
         return found
 
 
-#: Units by the end of a key.
-_UNITS = {
-    **{name: name for name in ("m", "mm", "rad", "deg", "N", "Pa", "MPa", "kg", "s")},
-    **{"m3": "m³", "Nm": "N m", "hz": "Hz", "percent": "%", "per_m": "1/m", "per_s": "1/s"},
-    **{"m_per_s2": "m/s²", "m_per_N": "m/N", "kg_m2": "kg m²"},
-}
-_UNIT = re.compile(f"_({'|'.join(sorted(_UNITS, key=len, reverse=True))})$")
 _LISTS = {2: "`[low, high]`", 3: "`[x, y, z]`"}
 
 
 @cache
 def _json_objects() -> dict[str, list[dict[str, Any]]]:
     """Schemas of objects by section: those that are shared, then each command and what is new."""
-    common = (basic.OfRobot, basic.MadeBy, basic.Pose, basic.RigidMotion, basic.MeasurementIssue)
+    common = (basic.OfRobot, basic.MadeBy, basic.Pose, object_of(Rigid), basic.MeasurementIssue)
     found: dict[str, list[dict[str, Any]]] = {}
     seen: dict[str, dict[str, Any]] = {}
     commands = {name: (kind,) for name, kind in schemas.COMMANDS.items()}
@@ -193,8 +189,7 @@ def _of_robot() -> dict[str, Any]:
 
 
 def _json_row(key: str, about: dict[str, Any], required: bool) -> list[str]:
-    end = _UNIT.search(key)
-    unit = about.get("unit", _UNITS[end[1]] if end else "")
+    unit = about.get("unit", unit_of(key)[0])
     text = about.get("description", "")
     if not text:  # the object behind the key says the same, and pydantic has it there alone
         name = about["$ref"].rpartition("/")[2]

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from bowstring.schemas import study as schema
+from bowstring.results import Key, Result
 
 __all__ = [
     "LEVEL",
@@ -41,15 +40,15 @@ _LOST: Final = 1e-8  # eigenvalue over the largest of a direction that is not id
 
 
 @dataclass(frozen=True, eq=False)
-class Intervals:
-    """Intervals of one set of errors, each (2,) or (3, 2): lower and upper bound."""
+class Intervals(Result):
+    """95 % intervals of one set of errors by bootstrap: lower and upper bound."""
 
-    mean: Array
-    """Interval of the mean Euclidean error, m."""
-    rms: Array
-    """Interval of the RMS Euclidean error, m."""
-    mean_by_axis: Array
-    """Intervals (3, 2) of the mean absolute errors along the axes, m."""
+    mean: Annotated[Array, Key("mean_mm")]
+    """Interval (2,) of the mean Euclidean error, m; NaN without rows."""
+    rms: Annotated[Array, Key("rms_mm")]
+    """Interval (2,) of the RMS Euclidean error, m; NaN without rows."""
+    mean_by_axis: Annotated[Array, Key("mean_by_axis_mm")]
+    """Intervals (3, 2) of the mean absolute errors along x, y and z, m; NaN without rows."""
     means: Array
     """Mean of each resample (B,), m; for differences of models."""
 
@@ -171,17 +170,13 @@ class Linear:
 
 
 @dataclass(frozen=True, eq=False)
-class Expected:
+class Expected(Result):
     """Expected error of a fitted model at unseen rows of the same kind."""
 
-    mean: float
+    mean: Annotated[float, Key("mean_mm")]
     """Mean Euclidean error at unseen rows, m."""
-    interval: Array
+    interval: Annotated[Array, Key("interval_95_mm")]
     """95 % interval (2,), m."""
-
-    def to_dict(self) -> schema.ExpectedError:
-        """Return plain values in mm."""
-        return {"mean_mm": self.mean * 1e3, "interval_95_mm": (self.interval * 1e3).tolist()}
 
 
 def refitted(

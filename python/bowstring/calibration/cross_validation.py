@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from bowstring.calibration.pieces import Loss
 from bowstring.calibration.priors import PriorChoice
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
 from bowstring.validation import shown
@@ -27,33 +28,40 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
+@dataclass(frozen=True)
+class Fold(Result):
+    """A part of a cross-validation."""
+
+    left_out: Annotated[str, Key()]
+    """What this part leaves out of the fit and predicts."""
+    score: Annotated[Score, Key(flat=True)]
+    """Score of its rows."""
+
+
 @short_repr
 @dataclass(frozen=True, eq=False)
-class CrossValidation:
-    """Errors on rows that were left out; made by `cross_validate`.
-
-    Attributes
-    ----------
-    folds : tuple of Score
-        Score of each left-out part, by a fit to the others.
-    labels : tuple of str
-        Left-out part of each fold in words.
-    score : Score
-        Score of all rows, each predicted by the fit without it.
-    residuals : ndarray (K, 3)
-        Predicted minus measured tip, m; NaN without a measurement or a prediction.
-    without_solution : int
-        Number of left-out rows without a solution of the model; no score includes them.
-    converged : bool
-        Whether all fits converged.
-    """
+class CrossValidation(Result):
+    """Errors on rows that were left out; made by `cross_validate`."""
 
     folds: tuple[Score, ...]
+    """Score of each left-out part, by a fit to the others."""
     labels: tuple[str, ...]
-    score: Score
+    """Left-out part of each fold in words."""
+    score: Annotated[Score, Key(flat=True)]
+    """Score of all rows, each predicted by the fit without it."""
     residuals: Floats
-    without_solution: int
-    converged: bool
+    """Predicted minus measured tip (K, 3), m; NaN without a measurement or a prediction."""
+    without_solution: Annotated[int, Key("rows_without_solution")]
+    """Number of left-out rows without a solution of the model; no score includes them."""
+    converged: Annotated[bool, Key()]
+    """Whether all fits converged."""
+    kind: Annotated[Literal["folds"], Key()] = "folds"
+    """Kind of validation."""
+
+    @property
+    def parts(self) -> Annotated[tuple[Fold, ...], Key("folds")]:
+        """Parts of the rows, each with its score."""
+        return tuple(map(Fold, self.labels, self.folds))
 
 
 def cross_validate(

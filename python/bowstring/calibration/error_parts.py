@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,7 @@ from bowstring.calibration import observations
 from bowstring.calibration.observations import Measured
 from bowstring.errors import NoSolutionError
 from bowstring.formatting import in_mm
-
-if TYPE_CHECKING:
-    from bowstring.schemas import fit as schema
+from bowstring.results import Key, Result
 
 __all__ = ["PARTS", "ErrorParts", "NoiseSource", "noise_of", "parts_of"]
 
@@ -50,40 +48,30 @@ _ADVICE: Final = {
 
 
 @dataclass(frozen=True)
-class ErrorParts:
-    """Parts of the mean error of constant curvature, m; they add up to `total`.
+class ErrorParts(Result):
+    """Parts of the mean error of constant curvature, which add up to the total.
 
     Each is the mean error of a model less that of the next one on the same rows, and negative where
     the next one is worse.
-
-    Attributes
-    ----------
-    total : float
-        Mean error of constant curvature as the robot file has it.
-    parameters : float
-        Parameters and geometry: to calibrated constant curvature.
-    physics : float
-        From there to the calibrated rod.
-    memory : float
-        From there to the rod with the chosen memory; 0 without one.
-    noise : float or None
-        Mean error of a model without error, by the noise of the measurements; None if not known.
-    unexplained : float
-        The remaining error, with the noise if that is not known.
-    noise_source : {"repeats", "stated"} or None
-        Whether the noise is the scatter of repeats, or the stated uncertainty.
-    rows : int
-        Number of rows.
     """
 
-    total: float
-    parameters: float
-    physics: float
-    memory: float
-    noise: float | None
-    unexplained: float
-    noise_source: NoiseSource | None
-    rows: int
+    total: Annotated[float, Key("total_mm")]
+    """Mean error of constant curvature as the robot file has it, m."""
+    parameters: Annotated[float, Key("parameters_mm")]
+    """Parameters and geometry: what calibration of constant curvature removes, m."""
+    physics: Annotated[float, Key("physics_mm")]
+    """Physics: what the calibrated rod removes beyond that, m."""
+    memory: Annotated[float, Key("memory_mm")]
+    """What the chosen memory removes beyond that, m; 0 without one."""
+    noise: Annotated[float | None, Key("noise_mm")]
+    """Mean error of a model without error, by the noise of the measurements, m; None if that is not
+    known."""
+    unexplained: Annotated[float, Key("unexplained_mm")]
+    """What is left, with the noise if that is not known, m."""
+    noise_source: Annotated[NoiseSource | None, Key()]
+    """How the noise is known: by the scatter of repeats, or as stated; None if it is not."""
+    rows: Annotated[int, Key()]
+    """Number of rows, which all models of the parts predict."""
 
     @property
     def known(self) -> dict[str, float]:
@@ -106,19 +94,6 @@ class ErrorParts:
             f"{share} of the {in_mm(self.total)} of constant curvature {verb} {self.called(name)} "
             f"({in_mm(most)}): {_ADVICE[name].format(memory=memory)}."
         )
-
-    def to_dict(self) -> schema.ErrorParts:
-        """Return plain values in mm."""
-        return {
-            "rows": self.rows,
-            "total_mm": 1e3 * self.total,
-            "parameters_mm": 1e3 * self.parameters,
-            "physics_mm": 1e3 * self.physics,
-            "memory_mm": 1e3 * self.memory,
-            "noise_mm": None if self.noise is None else 1e3 * self.noise,
-            "unexplained_mm": 1e3 * self.unexplained,
-            "noise_source": self.noise_source,
-        }
 
 
 def parts_of(

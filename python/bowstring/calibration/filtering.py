@@ -8,6 +8,7 @@ those of this module filtered. docs/theory/calibration.md (One row ahead) has th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from bowstring.calibration.observations import Measured, Score, score
 from bowstring.calibration.tip_model import Commands
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.validation import instance
 
@@ -29,26 +31,18 @@ _FEWEST = 20  # measured rows for three numbers
 
 
 @dataclass(frozen=True)
-class SlowBias:
-    """Slow bias of a model's point, in each coordinate alike; made by `fit_slow_bias`.
+class SlowBias(Result):
+    """Slow bias of a model's point, in each coordinate alike; made by `fit_slow_bias`."""
 
-    Attributes
-    ----------
-    spread : float
-        Standard deviation of a coordinate of the bias over a long time, m.
-    duration : float
-        Time in which the bias forgets its value (by the factor 1/e), s; in rows where the rows have
-        no times.
-    noise : float
-        Standard deviation of a coordinate of what changes from row to row, m.
-    timed : bool
-        Whether the duration is in s.
+    spread: Annotated[float, Key("bias_spread_mm")]
+    """Standard deviation of a coordinate of the bias over a long time, m."""
+    duration: Annotated[float, Key("bias_duration")]
+    """Time in which the bias forgets its value (by the factor 1/e), in s, or in rows without times.
     """
-
-    spread: float
-    duration: float
-    noise: float
+    noise: Annotated[float, Key("noise_mm")]
+    """Standard deviation of a coordinate of what changes from row to row, m."""
     timed: bool
+    """Whether the duration is in s."""
 
 
 @short_repr

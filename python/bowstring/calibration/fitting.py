@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ from bowstring.calibration import observations
 from bowstring.calibration.blocks import parts
 from bowstring.calibration.bootstrap import Linear
 from bowstring.calibration.intervals import EXACT, SAME, Dependence, Uncertainty, profile_ends
-from bowstring.calibration.observations import Measured, Points, PointScore, Score, score
+from bowstring.calibration.observations import AllPoints, Measured, Points, PointScore, Score, score
 from bowstring.calibration.parameters import Unknowns, initial_of, marker_of
 from bowstring.calibration.pieces import Loss
 from bowstring.calibration.priors import PriorChoice, Priors, read_priors
@@ -28,15 +28,13 @@ from bowstring.calibration.search import Residuals, Search, spread
 from bowstring.calibration.tip_model import Commands, Prediction, TipModel
 from bowstring.data.rigid import align
 from bowstring.errors import BowstringError, InputError
-from bowstring.formatting import in_mm, listed, plain, significant, with_error
+from bowstring.formatting import in_mm, listed, significant, with_error
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot, check_robot
 from bowstring.robot.paths import example_path
 from bowstring.significance import NOISE, chi_square_p, explained_p
 from bowstring.statics.model import RodModel, as_model
 from bowstring.validation import shown
-
-if TYPE_CHECKING:
-    from bowstring.schemas import fit as schema
 
 __all__ = ["Estimate", "Fit", "fit"]
 
@@ -73,37 +71,36 @@ _RIGID: Final = 0.25
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Estimate(Result):
     """Estimate of one parameter, in its usual unit.
 
-    Attributes
-    ----------
-    name, unit : str
-    value, standard_error, low, high : float
-        Estimate, standard error and bounds of the 95 % interval; infinite where not identifiable.
-        Where tendons become slack or taut inside the interval, it is that of the profile
-        likelihood, and the standard error is a part of its width.
-    start : float
-        Initial value.
-    at_limit : bool
-        Whether the estimate is at a limit of the parameter.
-    cut : bool
-        Whether the interval is truncated at a limit of the parameter.
-    prior_mean, prior_sd : float or None
-        Mean and standard deviation of the prior; None without one.
+    Where tendons become slack or taut inside the interval, it is that of the profile likelihood,
+    and the standard error is a part of its width.
     """
 
-    name: str
-    unit: str
-    value: float
-    standard_error: float
-    low: float
-    high: float
-    start: float
-    at_limit: bool
-    cut: bool = False
-    prior_mean: float | None = None
-    prior_sd: float | None = None
+    name: Annotated[str, Key()]
+    """Name of the parameter."""
+    unit: Annotated[str, Key()]
+    """Unit of the numbers."""
+    value: Annotated[float, Key(unit="`unit`")]
+    """Estimate."""
+    standard_error: Annotated[float, Key(unit="`unit`")]
+    """Standard error; infinite, as are the bounds, if the parameter is not identifiable or the
+    standard error as wide as its range."""
+    low: Annotated[float, Key(unit="`unit`")]
+    """Lower bound of the 95 % interval, which may be infinite."""
+    high: Annotated[float, Key(unit="`unit`")]
+    """Upper bound, which may be infinite."""
+    start: Annotated[float, Key(unit="`unit`")]
+    """Value at which the fit begins."""
+    at_limit: Annotated[bool, Key()]
+    """Whether the estimate is at a limit of the parameter."""
+    cut: Annotated[bool, Key()] = False
+    """Whether the interval is truncated at a limit of the parameter."""
+    prior_mean: Annotated[float | None, Key(unit="`unit`")] = None
+    """Mean of the prior; None without one."""
+    prior_sd: Annotated[float | None, Key(unit="`unit`")] = None
+    """Standard deviation of the prior; None without one."""
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
@@ -113,79 +110,71 @@ class Estimate:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """Calibrated parameters; made by `fit`.
+class EndOfFit(Result):
+    """Estimates, and how the fit ended."""
 
-    Attributes
-    ----------
-    model : {"rod", "arc"}
-    robot : Robot
-        Calibrated robot, with fitted holes.
-    estimates : tuple of Estimate
-    correlation : ndarray (P, P)
-        Correlation of the estimates; NaN where not identifiable.
-    not_identifiable : tuple of tuples of str
-        Groups of correlated parameters that the data cannot separate. A group of one is a parameter
-        that is not identifiable: its standard error spans its whole range, or is infinite.
-    point_residuals : ndarray (K, M, 3)
-        Predicted minus measured points of all rows, m; NaN without a measurement. The last point is
-        the tip.
-    points_before : ndarray (K, M, 3)
-        The same at the initial parameters; a base of which all parameters are fitted is already
-        registered.
-    used : ndarray of bool (K,)
-        Fitted rows: the selected ones that have an equilibrium.
-    points : tuple of PointScore
-        Disk and scores of each measured point.
-    score, score_before : Score
-        Scores of the tips of the fitted rows after and before the fit.
-    score_of_points, score_of_points_before : Score
-        The same of all measured points.
-    noise : float
-        Robust standard deviation of a coordinate, m: 1.48 times the median absolute residual, on
-        which outliers have little influence.
-    excess : float
-        RMS of the residuals over the stated uncertainties: about 1 for a model without lack of fit.
-        NaN where none are stated.
-    autocorrelation : float
-        Autocorrelation of the residuals of neighbouring rows in a group. Above 0.3, if significant,
-        they are not noise, and intervals and correlations allow for it. NaN with too few rows.
-    converged : bool
-    message : str
-        How the fit ended, and how reliable its numbers are.
-    doubts : tuple of str
-        Sentences that say why the result itself is not to be believed: parameters without a prior
-        that are not physically possible, and a base that is missing. Empty without a doubt.
-    evaluations : int
-        Passes over all rows.
-    unsolved : int
-        Number of selected rows without an equilibrium; they are left out of `used`.
-    linear : Linear
-        Linearised fit at its minimum, for `bowstring.calibration.bootstrap.refitted`.
-    """
-
-    model: Literal["rod", "arc"]
-    robot: Robot
-    estimates: tuple[Estimate, ...]
-    correlation: Floats
-    not_identifiable: tuple[tuple[str, ...], ...]
-    point_residuals: Floats
-    points_before: Floats
+    estimates: Annotated[tuple[Estimate, ...], Key("parameters")]
+    """Fitted parameters."""
+    correlation: Annotated[Floats, Key()]
+    """Correlation of the estimates (P, P); NaN where not identifiable."""
+    not_identifiable: Annotated[tuple[tuple[str, ...], ...], Key()]
+    """Groups of correlated parameters that the data cannot separate. A group of one is a parameter
+    that is not identifiable: its standard error spans its whole range, or is infinite."""
     used: Bools
-    points: tuple[PointScore, ...]
-    score: Score
+    """Fitted rows (K,): the selected ones that have an equilibrium."""
+    converged: Annotated[bool, Key()]
+    """Whether the fit converged."""
+    message: Annotated[str, Key()]
+    """How the fit ended, and how reliable its numbers are."""
+
+    @property
+    def rows(self) -> Annotated[int, Key()]:
+        """Number of fitted rows."""
+        return int(self.used.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(EndOfFit):
+    """Calibrated parameters; made by `fit`."""
+
+    model: Annotated[Literal["rod", "arc"], Key()]
+    """Statics of the rod, or constant curvature (``arc``)."""
+    robot: Robot
+    """Calibrated robot, with fitted holes."""
+    point_residuals: Floats
+    """Predicted minus measured points (K, M, 3) of all rows, m; NaN without a measurement. The last
+    point is the tip."""
+    points_before: Floats
+    """The same at the initial parameters; a base of which all parameters are fitted is already
+    registered."""
+    points: Annotated[tuple[PointScore, ...], Key()]
+    """Disk and scores of each measured point, from base to tip; the last is the tip."""
+    score: Annotated[Score, Key(flat=True)]
+    """Score of the tips of the fitted rows after the fit."""
     score_before: Score
+    """The same before the fit."""
     score_of_points: Score
+    """Score of all measured points of the fitted rows after the fit."""
     score_of_points_before: Score
-    noise: float
-    excess: float
-    autocorrelation: float
-    converged: bool
-    message: str
-    doubts: tuple[str, ...]
-    evaluations: int
-    unsolved: int
+    """The same before the fit."""
+    noise: Annotated[float, Key("noise_mm")]
+    """Robust standard deviation of a coordinate, m: 1.48 times the median absolute residual, on
+    which outliers have little influence."""
+    excess: Annotated[float, Key("residuals_over_stated_uncertainty")]
+    """RMS of the residuals over the stated uncertainties: about 1 for a model without lack of fit;
+    NaN where none are stated."""
+    autocorrelation: Annotated[float, Key()]
+    """Autocorrelation of the residuals of neighbouring rows in a group; NaN with too few rows.
+    Above 0.3, if significant, they are not noise, and intervals and correlations allow for it."""
+    doubts: Annotated[tuple[str, ...], Key()]
+    """Sentences that say why the result itself is not to be believed: parameters without a prior
+    that are not physically possible, and a base that is missing. Empty without a doubt."""
+    evaluations: Annotated[int, Key()]
+    """Passes over all rows."""
+    unsolved: Annotated[int, Key("rows_without_equilibrium")]
+    """Number of selected rows without an equilibrium, which are not fitted."""
     linear: Linear
+    """Linearised fit at its minimum, for `bowstring.calibration.bootstrap.refitted`."""
     _unknowns: Unknowns
     _commands: Commands
     _values: Floats
@@ -210,6 +199,25 @@ class Fit:
     def values(self) -> dict[str, float]:
         """Return the estimates in SI by name, for ``start`` of another fit."""
         return dict(zip(self.names, self._values.tolist(), strict=True))
+
+    @property
+    def rmse_before(self) -> Annotated[float, Key("rmse_before_mm")]:
+        """Root mean square of the tip error of the given robot, m; NaN without a measured tip.
+
+        A base of which all six parameters are fitted is first put where it fits best.
+        """
+        return self.score_before.rmse
+
+    @property
+    def mean_before(self) -> Annotated[float, Key("mean_before_mm")]:
+        """Mean of the same, m; NaN without a measured tip."""
+        return self.score_before.mean
+
+    @property
+    def all_points(self) -> Annotated[AllPoints, Key()]:
+        """Errors over all measured points of the fitted rows."""
+        before = self.score_of_points_before.rmse
+        return AllPoints(**vars(self.score_of_points), rmse_before=before)
 
     @property
     def whole_message(self) -> str:
@@ -316,33 +324,6 @@ class Fit:
         held = found.setting.tool
         tool = np.where(self._tool_said, observations.tool(data, held), held)
         return replace(found, setting=replace(found.setting, tool=tool)).points
-
-    def to_dict(self) -> schema.FitNumbers:
-        """Return all numbers of the fit, ready for `json.dumps`; None for NaN and infinity."""
-        return {
-            "model": self.model,
-            "converged": self.converged,
-            "message": self.message,
-            "doubts": list(self.doubts),
-            "parameters": plain([asdict(e) for e in self.estimates]),
-            "correlation": plain(self.correlation),
-            "not_identifiable": [list(names) for names in self.not_identifiable],
-            "rows": int(self.used.sum()),
-            "rows_without_equilibrium": self.unsolved,
-            **self.score.to_dict(),
-            "rmse_before_mm": 1e3 * self.score_before.rmse,
-            "mean_before_mm": 1e3 * self.score_before.mean,
-            "points": [each.to_dict() for each in self.points],
-            "all_points": {
-                "count": self.score_of_points.count,
-                **self.score_of_points.to_dict(),
-                "rmse_before_mm": 1e3 * self.score_of_points_before.rmse,
-            },
-            "noise_mm": 1e3 * self.noise,
-            "residuals_over_stated_uncertainty": plain(self.excess),
-            "autocorrelation": plain(self.autocorrelation),
-            "evaluations": self.evaluations,
-        }
 
 
 def fit(

@@ -6,9 +6,9 @@ K is the number of rows. All values are in SI.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from bowstring.calibration import observations
 from bowstring.calibration.blocks import part_of_rows
 from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.error_parts import ErrorParts, noise_of, parts_of
-from bowstring.calibration.fitting import Fit, fit
+from bowstring.calibration.fitting import Estimate, Fit, fit
 from bowstring.calibration.memories import (
     MEMORIES,
     Memory,
@@ -45,14 +45,11 @@ from bowstring.calibration.tip_model import Commands, TipModel
 from bowstring.data.measurements import Measurements
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
-from bowstring.formatting import listed, plain
+from bowstring.formatting import listed
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot, check_robot
-from bowstring.schemas.fit import ModelName
 from bowstring.statics.model import RodModel
 from bowstring.validation import check_is_read, shown
-
-if TYPE_CHECKING:
-    from bowstring.schemas import fit as schema
 
 __all__ = [
     "ComparisonInterrupted",
@@ -64,6 +61,18 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+ModelName = Literal[
+    "cc",
+    "cc_calibrated",
+    "rod",
+    "rod_calibrated",
+    "rod_backlash",
+    "rod_friction",
+    "rod_hysteresis",
+    "rod_creep",
+    "rod_relaxation",
+]
+RowsOfParts = Literal["folds", "validation"]
 #: Names of models in words.
 _CALLED: Final[dict[ModelName, str]] = {
     "cc": "constant curvature",
@@ -99,41 +108,33 @@ _LITTLE: Final = 0.01
 
 @short_repr
 @dataclass(frozen=True, eq=False)
-class JudgedModel:
-    """One model of a comparison.
+class JudgedModel(Result):
+    """One model of a comparison."""
 
-    Attributes
-    ----------
-    name : str
-        ``cc``, ``cc_calibrated``, ``rod``, ``rod_calibrated``, ``rod_backlash``, ``rod_friction``,
-        ``rod_hysteresis``, ``rod_creep`` or ``rod_relaxation``.
-    parameters : tuple of str
-        Fitted parameters; empty for a model as the robot file has it, whose frames are stated.
-    fit : Fit or None
-        Fit to all rows; None without parameters and where it failed.
-    fitted : Score or None
-        Score of the fitted rows.
-    left_out : Score or None
-        Score of the same rows, each predicted by a fit without its fold.
-    validation : Score or None
-        Score of the validation table.
-    residuals : ndarray (K, 3) or None
-        Predicted minus measured tip of the left-out rows, m; NaN without a prediction.
-    validation_residuals : ndarray or None
-        The same for the validation table.
-    reason : str
-        Why there are no numbers; with numbers a note on them, or empty.
-    """
-
-    name: ModelName
-    parameters: tuple[str, ...]
+    name: Annotated[ModelName, Key("model")]
+    """``cc``, ``rod``: constant curvature and statics as the robot file has them; ``_calibrated``:
+    with fitted parameters; the others: with a memory besides."""
+    parameters: Annotated[tuple[str, ...], Key()]
+    """Fitted parameters; empty for a model as the robot file has it, whose frames are stated."""
     fit: Fit | None = None
-    fitted: Score | None = None
-    left_out: Score | None = None
-    validation: Score | None = None
+    """Fit to all rows; None without parameters and where it failed."""
+    fitted: Annotated[Score | None, Key()] = None
+    """Tip errors of the fitted rows; None if `reason` says why."""
+    left_out: Annotated[Score | None, Key()] = None
+    """Tip errors of the same rows, each predicted by a fit without its fold."""
+    validation: Annotated[Score | None, Key()] = None
+    """Tip errors of the validation table; None without one."""
     residuals: Floats | None = None
+    """Predicted minus measured tip of the left-out rows (K, 3), m; NaN without a prediction."""
     validation_residuals: Floats | None = None
-    reason: str = ""
+    """The same for the validation table."""
+    reason: Annotated[str, Key()] = ""
+    """Why there are no numbers; with numbers a note on them, or empty."""
+
+    @property
+    def estimates(self) -> Annotated[tuple[Estimate, ...], Key()]:
+        """Estimates of the parameters; empty if nothing was fitted, or the fit failed."""
+        return () if self.fit is None else self.fit.estimates
 
     @property
     def called(self) -> str:
@@ -147,47 +148,33 @@ class JudgedModel:
             raise InputError(f"{self.called} has no numbers: {self.reason}")
         return np.asarray(np.linalg.norm(self.residuals, axis=1))
 
-    def to_dict(self) -> schema.JudgedModel:
-        """Return plain values in mm."""
-        return {
-            "model": self.name,
-            "parameters": list(self.parameters),
-            "estimates": [] if self.fit is None else plain([asdict(e) for e in self.fit.estimates]),
-            "fitted": _numbers(self.fitted),
-            "left_out": _numbers(self.left_out),
-            "validation": _numbers(self.validation),
-            "reason": self.reason,
-        }
+
+@dataclass(frozen=True)
+class HeldOutParts(ErrorParts):
+    """Parts of the error of constant curvature, and the rows they are of."""
+
+    on: Annotated[RowsOfParts, Key()]
+    """Left-out rows of the folds, or validation table."""
 
 
 @short_repr
 @dataclass(frozen=True, eq=False)
-class ModelComparison:
-    """Models judged on left-out rows; made by `compare_models`.
+class ModelComparison(Result):
+    """Models judged on left-out rows; made by `compare_models`."""
 
-    Attributes
-    ----------
-    models : tuple of JudgedModel
-        All models, in the order of complexity.
-    chosen : JudgedModel
-        The model to use.
-    memory : JudgedModel or None
-        The memory that is clearly better than the calibrated rod; None without one.
-    parts : ErrorParts
-        Parts of the error of constant curvature, on the validation table if there is one, else on
-        the left-out rows.
-    folds : int
-        Number of folds.
-    on : {"folds", "validation"}
-        Rows of `parts`.
-    """
-
-    models: tuple[JudgedModel, ...]
+    models: Annotated[tuple[JudgedModel, ...], Key()]
+    """All models, in the order of complexity."""
     chosen: JudgedModel
+    """The model to use."""
     memory: JudgedModel | None
+    """The memory that is clearly better than the calibrated rod; None without one."""
     parts: ErrorParts
-    folds: int
-    on: Literal["folds", "validation"]
+    """Parts of the error of constant curvature, on the validation table if there is one, else on
+    the left-out rows."""
+    folds: Annotated[int, Key()]
+    """Number of folds."""
+    on: RowsOfParts
+    """Rows of `parts`."""
 
     def __getitem__(self, name: str) -> JudgedModel:
         for each in self.models:
@@ -197,34 +184,36 @@ class ModelComparison:
         raise InputError(f"{shown(name)} was not compared; the models are {known}")
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> Annotated[str, Key()]:
         """Sentence on the largest part of the error of constant curvature, and what to do."""
         memory = "" if self.memory is None else self.memory.called.removeprefix("rod with ")
         return self.parts.verdict(memory)
 
-    def to_dict(self) -> schema.ModelComparison:
-        """Return all numbers, ready for `json.dumps`."""
-        return {
-            "folds": self.folds,
-            "models": [each.to_dict() for each in self.models],
-            "chosen": self.chosen.name,
-            "memory": None if self.memory is None else self.memory.name,
-            "parts": {"on": self.on, **self.parts.to_dict()},
-            "verdict": self.verdict,
-        }
+    @property
+    def parts_on(self) -> Annotated[HeldOutParts, Key("parts")]:
+        """Parts of the error of constant curvature."""
+        return HeldOutParts(**vars(self.parts), on=self.on)
+
+    @property
+    def chosen_name(self) -> Annotated[ModelName, Key("chosen")]:
+        """Name of the model to use."""
+        return self.chosen.name
+
+    @property
+    def memory_name(self) -> Annotated[ModelName | None, Key("memory")]:
+        """Name of the memory that is clearly better than the calibrated rod; None without one."""
+        return None if self.memory is None else self.memory.name
 
 
-class ComparisonInterrupted(KeyboardInterrupt):
-    """Ctrl-C during a comparison.
+class ComparisonInterrupted(Result, KeyboardInterrupt):
+    """Ctrl-C during a comparison."""
 
-    Attributes
-    ----------
-    models : tuple of JudgedModel
-        Models that are finished.
-    unfinished : tuple of str
-        Names of the others.
-    folds : int
-    """
+    models: Annotated[tuple[JudgedModel, ...], Key()]
+    """Models that are finished, in the order of complexity."""
+    unfinished: Annotated[tuple[ModelName, ...], Key()]
+    """Names of the others."""
+    folds: Annotated[int, Key()]
+    """Number of folds."""
 
     def __init__(
         self, models: Sequence[JudgedModel], unfinished: Sequence[ModelName], folds: int
@@ -232,14 +221,6 @@ class ComparisonInterrupted(KeyboardInterrupt):
         total = len(models) + len(unfinished)
         super().__init__(f"{len(models)} of {total} models are compared")
         self.models, self.unfinished, self.folds = tuple(models), tuple(unfinished), folds
-
-    def to_dict(self) -> schema.StoppedModels:
-        """Return plain values in mm."""
-        return {
-            "folds": self.folds,
-            "models": [each.to_dict() for each in self.models],
-            "unfinished": list(self.unfinished),
-        }
 
 
 @dataclass(frozen=True)
@@ -488,10 +469,6 @@ def _in_limit(
 def _without_frames(values: Mapping[str, float]) -> dict[str, float]:
     """Values except base and tool: a base without an initial value is registered anew."""
     return {k: v for k, v in values.items() if k.partition(".")[0] not in ("base", "tool")}
-
-
-def _numbers(of: Score | None) -> schema.RowErrors | None:
-    return None if of is None else {"rows": of.count, **of.to_dict()}
 
 
 # -- judgement -----------------------------------------------------------------------------------

@@ -7,13 +7,14 @@ rows, P that of measured points in a row.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring.calibration.tip_model import Commands
 from bowstring.errors import InputError
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
@@ -21,7 +22,6 @@ from bowstring.validation import check_is_read, floats, shown
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
-    from bowstring.schemas import fit as schema
 
 __all__ = [
     "Data",
@@ -138,25 +138,22 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Score:
-    """Distances between predicted and measured points; lengths in m.
+class Score(Result):
+    """Distances between predicted and measured points; by default the tip, by row."""
 
-    Attributes
-    ----------
-    count : int
-    rmse, mean, largest : float
-        Statistics of the Euclidean distance over points.
-    rmse_centred, mean_centred : float
-        RMS and mean after subtraction of the mean error vector. This is not an error of the model,
-        but is often reported.
-    """
-
-    count: int
-    rmse: float
-    mean: float
-    largest: float
-    rmse_centred: float
-    mean_centred: float
+    count: Annotated[int, Key("rows")]
+    """Number of rows."""
+    rmse: Annotated[float, Key("rmse_mm")]
+    """Root mean square of the distance, m; NaN without a row."""
+    mean: Annotated[float, Key("mean_mm")]
+    """Mean distance, m; NaN without a row."""
+    largest: Annotated[float, Key("max_mm")]
+    """Largest distance, m; NaN without a row."""
+    rmse_centred: Annotated[float, Key("rmse_centred_mm")]
+    """RMS without the mean error vector, m, which is often reported, but is no error of the model;
+    NaN without a row."""
+    mean_centred: Annotated[float, Key("mean_centred_mm")]
+    """Mean distance without the mean error vector, m; NaN without a row."""
 
     def __str__(self) -> str:
         mm = 1e3
@@ -166,45 +163,34 @@ class Score:
             f"{mm * self.rmse_centred:.2f} mm, mean {mm * self.mean_centred:.2f} mm"
         )
 
-    def to_dict(self) -> schema.TipErrors:
-        """Return plain values in mm, without the count."""
-        return {
-            "rmse_mm": 1e3 * self.rmse,
-            "mean_mm": 1e3 * self.mean,
-            "max_mm": 1e3 * self.largest,
-            "rmse_centred_mm": 1e3 * self.rmse_centred,
-            "mean_centred_mm": 1e3 * self.mean_centred,
-        }
+
+@dataclass(frozen=True)
+class AllPoints(Score):
+    """Distances between predicted and measured points over all points of the rows."""
+
+    count: Annotated[int, Key()]
+    """Number of points over all rows."""
+    rmse_before: Annotated[float, Key("rmse_before_mm")]
+    """Root mean square of the distance before the fit, m."""
 
 
 @dataclass(frozen=True)
-class PointScore:
-    """Errors of one measured point over the fitted rows in which it is measured.
+class PointScore(Result):
+    """Errors of one measured point over the fitted rows in which it is measured."""
 
-    Attributes
-    ----------
-    disk : int
-        Disk of the point, from 1.
-    station : float
-        Arc length of the disk as a share of the length.
-    score, before : Score
-        After the fit and before.
-    """
-
-    disk: int
-    station: float
-    score: Score
+    disk: Annotated[int, Key()]
+    """Disk of the point, from 1."""
+    station: Annotated[float, Key()]
+    """Arc length of the disk as a share of the length."""
+    score: Annotated[Score, Key(flat=True)]
+    """After the fit."""
     before: Score
+    """Before the fit."""
 
-    def to_dict(self) -> schema.PointErrors:
-        """Return plain values in mm."""
-        return {
-            "disk": self.disk,
-            "station": self.station,
-            "rows": self.score.count,
-            **self.score.to_dict(),
-            "rmse_before_mm": 1e3 * self.before.rmse,
-        }
+    @property
+    def rmse_before(self) -> Annotated[float, Key("rmse_before_mm")]:
+        """Root mean square of the distance before the fit, m; NaN without a row."""
+        return self.before.rmse
 
 
 def score(predicted: ArrayLike, measured: ArrayLike) -> Score:

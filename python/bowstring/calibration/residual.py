@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,12 +25,9 @@ from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import Commands, TipModel
 from bowstring.display import short_repr
 from bowstring.errors import InputError
-from bowstring.formatting import plain
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
-
-if TYPE_CHECKING:
-    from bowstring.schemas import fit as schema
 
 __all__ = [
     "MOST_ROWS",
@@ -93,6 +90,18 @@ _TRIED: Final[dict[str, tuple[float, ...]]] = {
     "point": (0.25, 0.5, 1.0, math.inf),
     "noise": (0.05, 0.2, 0.8),
 }
+
+
+@dataclass(frozen=True)
+class LengthScales(Result):
+    """Length scales of the inputs of a residual; infinite where an input is not used."""
+
+    commands: Annotated[float, Key()]
+    """Length scale of the commands over their spread; infinite if they are not used."""
+    point: Annotated[float, Key()]
+    """Length scale of the predicted point over the robot's length; infinite if it is not used."""
+    memory: Annotated[float, Key()]
+    """Length scale of the memory state over its radius; infinite if it is not used."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +224,7 @@ class Corrected:
 
 @short_repr
 @dataclass(frozen=True, eq=False)
-class Residual:
+class Residual(Result):
     """Calibrated model and the Gaussian process of its residual; made by `fit_residual`.
 
     Attributes
@@ -311,21 +320,37 @@ class Residual:
         model = TipModel(Unknowns(self.robot, [], self.values), commands, self.rod)
         return model.predict(np.zeros(0)).point
 
-    def to_dict(self) -> schema.ResidualNumbers:
-        """Return hyper-parameters and scores, ready for `json.dumps`; None if not used."""
+    @property
+    def length_scales(self) -> Annotated[LengthScales, Key()]:
+        """Length scales of the inputs."""
         at = self.hyperparameters
-        model, corrected = self.validated
-        scale = {name: at_ for name, at_ in asdict(at).items() if name in ("commands", "point")}
-        return {
-            "length_scales": plain({**scale, "memory": at.memory}),
-            "memory_radius_mm": plain(
-                1e3 * at.radius * self.scales.length if math.isfinite(at.memory) else math.nan
-            ),
-            "noise": at.noise,
-            "rows": len(self.residuals),
-            "folds_model": {"rows": model.count, **model.to_dict()},
-            "folds_residual": {"rows": corrected.count, **corrected.to_dict()},
-        }
+        return LengthScales(at.commands, at.point, at.memory)
+
+    @property
+    def memory_radius(self) -> Annotated[float | None, Key("memory_radius_mm")]:
+        """Radius of the memory state, m; None if it is not used."""
+        at = self.hyperparameters
+        return at.radius * self.scales.length if math.isfinite(at.memory) else None
+
+    @property
+    def noise(self) -> Annotated[float, Key()]:
+        """Variance of the noise over that of the residual."""
+        return self.hyperparameters.noise
+
+    @property
+    def rows(self) -> Annotated[int, Key()]:
+        """Number of rows of the Gaussian process."""
+        return len(self.residuals)
+
+    @property
+    def folds_model(self) -> Annotated[Score, Key()]:
+        """Tip errors of the calibrated model alone, which is fitted to all rows, at these rows."""
+        return self.validated[0]
+
+    @property
+    def folds_residual(self) -> Annotated[Score, Key()]:
+        """Tip errors of the same rows, each predicted by a residual without its block of rows."""
+        return self.validated[1]
 
 
 def fit_residual(

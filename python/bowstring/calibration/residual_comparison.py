@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,8 @@ from bowstring.calibration.table_fit import Calibration
 from bowstring.data.measurements import Measurements
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
-
-if TYPE_CHECKING:
-    from bowstring.schemas import fit as schema
 
 __all__ = [
     "Compared",
@@ -45,72 +43,47 @@ _OF_ARCS: Final = ("bend_gain", "pitch_radius")
 
 
 @dataclass(frozen=True)
-class Compared:
-    """Errors of one model, fitted to some of the rows, on the validation rows.
+class Compared(Result):
+    """Errors of one model, fitted to some of the rows, on the validation rows."""
 
-    Attributes
-    ----------
-    model : {"rod", "arc", "commands"}
-        Statics, constant curvature, or the Gaussian process on commands alone.
-    rows : int
-        Number of fitted rows, evenly spread over the table.
-    alone : Score or None
-        Score of the calibrated model; None for commands alone.
-    corrected : Score
-        Score with the residual, of the same rows.
-    """
-
-    model: Kind
-    rows: int
-    alone: Score | None
-    corrected: Score
-
-    def to_dict(self) -> schema.ComparedModel:
-        """Return plain values in mm."""
-        alone: schema.RowErrors | None = None
-        if self.alone is not None:
-            alone = {"rows": self.alone.count, **self.alone.to_dict()}
-        corrected: schema.RowErrors = {"rows": self.corrected.count, **self.corrected.to_dict()}
-        return {
-            "model": self.model,
-            "fitted_rows": self.rows,
-            "alone": alone,
-            "with_residual": corrected,
-        }
+    model: Annotated[Kind, Key()]
+    """Statics, constant curvature (``arc``), or the Gaussian process on commands alone."""
+    rows: Annotated[int, Key("fitted_rows")]
+    """Number of rows that model and residual are fitted to, evenly spread over the table."""
+    alone: Annotated[Score | None, Key()]
+    """Score of the calibrated model; None for commands alone."""
+    corrected: Annotated[Score, Key("with_residual")]
+    """Score with the residual, of the same rows."""
 
 
 @short_repr
 @dataclass(frozen=True, eq=False)
-class ResidualStudy:
-    """Residual of a calibration, judged on validation rows; made by `study_residual`.
+class ResidualStudy(Result):
+    """Residual of a calibration, judged on validation rows; made by `study_residual`."""
 
-    Attributes
-    ----------
-    residual : Residual
-        Residual on all fitted rows.
-    corrected : Corrected
-        Points of the validation rows.
-    compared : tuple of Compared
-        Models by number of fitted rows; those that could not be fitted are missing.
-    judged : ndarray of bool
-        Validation rows with a measured tip.
-    """
-
-    residual: Residual
+    residual: Annotated[Residual, Key(flat=True)]
+    """Residual on all fitted rows."""
     corrected: Corrected
-    compared: tuple[Compared, ...]
+    """Points of the validation rows."""
+    compared: Annotated[tuple[Compared, ...], Key("comparison")]
+    """Models by number of fitted rows; those that could not be fitted are missing."""
     judged: Bools
+    """Validation rows with a measured tip (K,)."""
 
-    def to_dict(self) -> schema.ResidualStudy:
-        """Return all numbers, ready for `json.dumps`."""
-        kept = self.corrected.kept
-        judged = self.judged & np.isfinite(kept)
-        return {
-            **self.residual.to_dict(),
-            "rows_beyond_data": int((self.corrected.beyond & judged).sum()),
-            "median_share_kept": float(np.median(kept[judged])),
-            "comparison": [each.to_dict() for each in self.compared],
-        }
+    @property
+    def solved(self) -> Bools:
+        """Validation rows with a measured and a predicted tip (K,)."""
+        return np.asarray(self.judged & np.isfinite(self.corrected.kept))
+
+    @property
+    def rows_beyond_data(self) -> Annotated[int, Key()]:
+        """Validation rows of which less than half of the variance is explained."""
+        return int((self.corrected.beyond & self.solved).sum())
+
+    @property
+    def median_share_kept(self) -> Annotated[float, Key()]:
+        """Median over the validation rows of the explained share of the variance."""
+        return float(np.median(self.corrected.kept[self.solved]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Annotated, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
 from bowstring.formatting import in_mm, listed, significant
+from bowstring.results import Key, Result
 from bowstring.significance import NOISE, chi_square_p, variance_ratio_p
-
-if TYPE_CHECKING:
-    from bowstring.schemas import study as schema
 
 __all__ = ["NoiseTest", "autocorrelation", "noise_test"]
 
@@ -33,39 +31,41 @@ _MOST_LINES: Final = 5  # lines named in a message
 
 
 @dataclass(frozen=True)
-class NoiseTest:
-    """Results of tests of residuals; NaN where a test was not possible."""
+class NoiseTest(Result):
+    """Tests whether residuals are noise."""
 
-    rms: float
-    """RMS of a coordinate with respect to the degrees of freedom, m."""
-    dof: int
+    rms: Annotated[float, Key("rms_of_a_coordinate_mm")]
+    """RMS of a coordinate with respect to the degrees of freedom, m; NaN without any."""
+    dof: Annotated[int, Key()]
     """Degrees of freedom: residual coordinates less parameters."""
-    sigma: float = math.nan
-    """Stated standard deviation of a coordinate (RMS over rows), m."""
-    scatter: float = math.nan
-    """Standard deviation of a coordinate from the scatter of repeats, m."""
-    chi_square: float = math.nan
-    """Chi-square: sum of squares over the stated variance."""
-    variance_p: float = math.nan
-    """P-value of the chi-square test."""
-    lack_of_fit_ratio: float = math.nan
-    """F ratio: variance of the means of repeats over that within repeats."""
-    lack_of_fit_p: float = math.nan
-    """P-value of the F test."""
-    autocorrelation: float = math.nan
-    """Autocorrelation of neighbours along the load, pooled over axes."""
-    autocorrelation_p: float = math.nan
-    """One-sided p-value of the autocorrelation."""
-    outliers: int = 0
+    sigma: Annotated[float, Key("stated_sigma_mm")] = math.nan
+    """Stated standard deviation of a coordinate (RMS over rows), m; NaN if not stated."""
+    scatter: Annotated[float, Key("scatter_of_repeats_mm")] = math.nan
+    """Standard deviation of a coordinate from the scatter of repeats, m; NaN without repeats."""
+    chi_square: Annotated[float, Key()] = math.nan
+    """Chi-square: sum of squares over the stated variance; NaN if not stated."""
+    variance_p: Annotated[float, Key()] = math.nan
+    """P-value of the chi-square test; NaN if not possible."""
+    lack_of_fit_ratio: Annotated[float, Key()] = math.nan
+    """F ratio: variance of the means of repeats over that within repeats; NaN without repeats."""
+    lack_of_fit_p: Annotated[float, Key()] = math.nan
+    """P-value of the F test; NaN if not possible."""
+    autocorrelation: Annotated[float, Key()] = math.nan
+    """Autocorrelation of neighbours along the load, pooled over axes; NaN with too few rows."""
+    autocorrelation_p: Annotated[float, Key()] = math.nan
+    """One-sided p-value of the autocorrelation; NaN if not possible."""
+    outliers: Annotated[int, Key("outlier_rows")] = 0
     """Number of rows with a coordinate beyond five standard deviations."""
     outlier_lines: tuple[int, ...] = ()
     """Lines of these rows."""
-    wrong_lines: tuple[int, ...] = ()
+    wrong_lines: Annotated[tuple[int, ...], Key("lines_against_their_repeats")] = ()
     """Lines that contradict repeats of their load; the tests leave them out."""
     wrong_by: float = 0.0
     """Largest residual coordinate in these lines, m."""
-    other_load: bool = False
+    other_load: Annotated[bool, Key()] = False
     """Whether a constant load outside the model would explain clearly more."""
+    significance_level: Annotated[float, Key()] = NOISE
+    """P-value below which a test rejects noise."""
 
     @property
     def wrong_size(self) -> bool:
@@ -91,7 +91,7 @@ class NoiseTest:
         )
 
     @property
-    def is_noise(self) -> bool | None:
+    def is_noise(self) -> Annotated[bool | None, Key("noise")]:
         """Whether the residuals are noise; None if no test was possible."""
         if self.nothing_left:
             return None
@@ -100,7 +100,7 @@ class NoiseTest:
         return True if self.tested else None
 
     @property
-    def text(self) -> str:
+    def text(self) -> Annotated[str, Key()]:
         """Results in one or two sentences."""
         if self.nothing_left:
             return (
@@ -158,27 +158,6 @@ class NoiseTest:
                 f"have {them}; look at {them}."
             )
         return out
-
-    def to_dict(self) -> schema.ResidualTests:
-        """Return plain values for JSON."""
-        return {
-            "noise": self.is_noise,
-            "rms_of_a_coordinate_mm": self.rms * 1e3,
-            "stated_sigma_mm": self.sigma * 1e3,
-            "scatter_of_repeats_mm": self.scatter * 1e3,
-            "chi_square": self.chi_square,
-            "dof": self.dof,
-            "variance_p": self.variance_p,
-            "lack_of_fit_ratio": self.lack_of_fit_ratio,
-            "lack_of_fit_p": self.lack_of_fit_p,
-            "autocorrelation": self.autocorrelation,
-            "autocorrelation_p": self.autocorrelation_p,
-            "significance_level": NOISE,
-            "outlier_rows": self.outliers,
-            "lines_against_their_repeats": list(self.wrong_lines),
-            "other_load": self.other_load,
-            "text": self.text,
-        }
 
 
 def _p_value(probability: float) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,18 +29,16 @@ from bowstring.calibration.observations import Score, score
 from bowstring.calibration.pieces import Loss
 from bowstring.calibration.prediction import Predicted, predict_with_interval
 from bowstring.calibration.priors import PriorChoice
+from bowstring.data.columns import Source
 from bowstring.data.measurements import Measurements
-from bowstring.data.tendon_check import TendonCheck, check_tendons
+from bowstring.data.tendon_check import Found, TendonCheck, check_tendons
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.formatting import plain
 from bowstring.json_files import Content, read_json, structured
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
 from bowstring.validation import check_is_read
-
-if TYPE_CHECKING:
-    from bowstring.schemas import fit as schema
 
 __all__ = ["BESIDE", "Calibration", "Validation", "calibrate", "read_start"]
 
@@ -60,9 +58,122 @@ _MOST_BYTES: Final = 1_000_000
 _MOST_VALUES: Final = 1_000
 
 
+@dataclass(frozen=True)
+class Holdout(Result):
+    """Validation with rows that were kept from the fit."""
+
+    score: Annotated[Score, Key(flat=True)]
+    """Score of these rows."""
+    rows_without_solution: Annotated[int, Key()]
+    """Rows without a solution of the calibrated model; no score includes them."""
+    kind: Annotated[Literal["holdout"], Key()] = "holdout"
+    """Kind of validation."""
+
+
+@dataclass(frozen=True)
+class IntervalCheck(Result):
+    """95 % intervals of the coordinates, from the uncertainty of parameters and the scatter."""
+
+    coverage_95: Annotated[float, Key()]
+    """Share of the measured coordinates inside; NaN without any."""
+    half_width: Annotated[float, Key("half_width_mm")]
+    """Median half-width, m; NaN without a prediction."""
+
+
+@dataclass(frozen=True)
+class OneRowAhead(Result):
+    """Errors of predictions that know the measured tips of the rows before, and the slow bias."""
+
+    score: Annotated[Score, Key(flat=True)]
+    """Score of the rows."""
+    bias: Annotated[SlowBias, Key(flat=True)]
+    """Slow bias."""
+
+
+@dataclass(frozen=True)
+class OtherTable(Result):
+    """Validation with another table, by the fit without registration to it."""
+
+    score: Annotated[Score, Key(flat=True)]
+    """Score of its rows."""
+    rows_without_solution: Annotated[int, Key()]
+    """Rows without a solution of the calibrated model; no score includes them."""
+    name: Annotated[str, Key()]
+    """Name of the table."""
+    source: Annotated[Source, Key()]
+    """Origin of its numbers."""
+    rows_left_out: Annotated[int, Key()]
+    """Rows left out; ``bench check`` has the reasons."""
+    sha256: Annotated[str | None, Key()]
+    """SHA-256 of the table."""
+    intervals: Annotated[IntervalCheck | None, Key()]
+    """Intervals of the predictions; None where a parameter is not identifiable."""
+    filtered: Annotated[OneRowAhead | None, Key()]
+    """The same rows, each predicted from those before; None if not requested."""
+    kind: Annotated[Literal["file"], Key()] = "file"
+    """Kind of validation."""
+
+
+@dataclass(frozen=True)
+class FittedTable(Result):
+    """The fitted table."""
+
+    name: Annotated[str, Key()]
+    """Name of the table."""
+    source: Annotated[Source, Key()]
+    """Origin of its numbers."""
+    rows: Annotated[int, Key()]
+    """Number of rows, without those left out."""
+    rows_left_out: Annotated[int, Key()]
+    """Rows left out; ``bench check`` has the reasons."""
+    rows_without_tip: Annotated[int, Key()]
+    """Rows without a measured tip."""
+    sigma: Annotated[float | None, Key("sigma_mm")]
+    """Median stated standard uncertainty of a coordinate, m; None if not stated."""
+    sha256: Annotated[str | None, Key()]
+    """SHA-256 of the table."""
+
+
+@dataclass(frozen=True)
+class TendonAlarm(Result):
+    """Comparison of the order of the tendons with the motion of the tip."""
+
+    found: Annotated[Found, Key()]
+    """As in ``bench check``."""
+    alarm: Annotated[bool, Key()]
+    """Whether something is probably wrong."""
+    sentence: Annotated[str, Key()]
+    """Result as a sentence."""
+
+
+@dataclass(frozen=True)
+class CorrelatedPair(Result):
+    """Two correlated parameters."""
+
+    names: Annotated[tuple[str, str], Key()]
+    """The two names."""
+    correlation: Annotated[float, Key()]
+    """Correlation of their estimates."""
+
+    @property
+    def pair(self) -> str:
+        """The two names in words."""
+        return " and ".join(self.names)
+
+
+@dataclass(frozen=True)
+class OutlierRow(Result):
+    """A row far beyond the scatter of the others."""
+
+    line: Annotated[int, Key()]
+    """Line of the table, from 1."""
+    distance: Annotated[float, Key("distance_mm")]
+    """Tip error, m."""
+
+
 @short_repr
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(Result):
     """Fit to K rows of measurements, with validation and diagnostics; made by `calibrate`.
 
     Validation, filter and outliers are of the tip, whichever points are fitted.
@@ -70,9 +181,9 @@ class Calibration:
 
     data: Measurements
     """The table."""
-    fit: Fit
+    fit: Annotated[Fit, Key(flat=True)]
     """The fit to the rows that are not held out."""
-    loss: Loss
+    loss: Annotated[Loss, Key()]
     """Loss of the fit."""
     tendons: TendonCheck
     """Check of the tendon order."""
@@ -112,16 +223,17 @@ class Calibration:
         return int(np.isnan(self.fit.residuals[self.held_out]).any(axis=1).sum())
 
     @property
-    def correlated(self) -> list[tuple[str, str, float]]:
+    def correlated(self) -> Annotated[list[CorrelatedPair], Key()]:
         """Pairs of parameters whose estimates correlate by 0.9 or more, strongest first."""
-        table, names = self.fit.correlation, self.fit.names
-        pairs = ((a, b, float(table[i, j])) for (i, a), (j, b) in combinations(enumerate(names), 2))
-        strong = (pair for pair in pairs if abs(pair[2]) >= _STRONG)
-        return sorted(strong, key=lambda pair: -abs(pair[2]))
+        found = combinations(enumerate(self.fit.names), 2)
+        table = self.fit.correlation
+        pairs = (CorrelatedPair((a, b), float(table[i, j])) for (i, a), (j, b) in found)
+        strong = (pair for pair in pairs if abs(pair.correlation) >= _STRONG)
+        return sorted(strong, key=lambda pair: -abs(pair.correlation))
 
     @property
-    def outliers(self) -> list[tuple[int, float]]:
-        """Lines and distances (m) of outliers among the fitted rows, farthest first.
+    def outliers(self) -> Annotated[list[OutlierRow], Key()]:
+        """Few fitted rows far beyond the scatter of the others, farthest first.
 
         Empty if there are many, which indicates an error of the model, not of rows.
         """
@@ -130,7 +242,7 @@ class Calibration:
         if self.fit.noise < _NOTHING or len(rows) > max(1, _FEW_ROWS * self.fit.used.sum()):
             return []
         rows = rows[np.argsort(-distance[rows])]
-        return [(int(self.data.line[i]), float(distance[i])) for i in rows]
+        return [OutlierRow(int(self.data.line[i]), float(distance[i])) for i in rows]
 
     @property
     def broken_path(self) -> str:
@@ -180,86 +292,57 @@ class Calibration:
             "values": self.beside,
         }
 
-    def to_dict(self) -> schema.TableFit:
-        """Return all numbers, in the units of their keys."""
-        data, found = self.data, self.fit
-        validation: schema.Validation | None = None
+    @property
+    def validation(self) -> Annotated[Holdout | CrossValidation | OtherTable | None, Key()]:
+        """Validation on rows that were not fitted; None without any."""
         if self.held_out_score is not None:
-            validation = {
-                "kind": "holdout",
-                **_scores(self.held_out_score),
-                "rows_without_solution": self.without_solution,
-            }
-        elif self.folds is not None:
-            folds = zip(self.folds.labels, self.folds.folds, strict=True)
-            validation = {
-                "kind": "folds",
-                **_scores(self.folds.score),
-                "rows_without_solution": self.without_solution,
-                "converged": self.folds.converged,
-                "folds": [{"left_out": label, **_scores(each)} for label, each in folds],
-            }
-        elif self.other is not None and self.other_score is not None:
-            validation = {
-                "kind": "file",
-                **_scores(self.other_score),
-                "rows_without_solution": self.without_solution,
-                "name": self.other.name,
-                "source": self.other.source,
-                "rows_left_out": self.other.left_out,
-                "sha256": self.other.sha256,
-                "intervals": self._intervals_to_dict(self.other),
-                "filtered": self._ahead_to_dict(),
-            }
-        return {
-            **found.to_dict(),
-            "loss": self.loss,
-            "correlated": [{"names": [a, b], "correlation": r} for a, b, r in self.correlated],
-            "validation": validation,
-            "tendon_check": {
-                "found": self.tendons.found,
-                "alarm": self.tendons.alarm,
-                "sentence": self.tendons.sentence,
-            },
-            "data": {
-                "name": data.name,
-                "source": data.source,
-                "rows": len(data),
-                "rows_left_out": data.left_out,
-                "rows_without_tip": data.without_tip,
-                "sigma_mm": None if data.sigma is None else 1e3 * float(np.median(data.sigma)),
-                "sha256": data.sha256,
-            },
-            "outliers": [{"line": line, "distance_mm": 1e3 * away} for line, away in self.outliers],
-            "lines": data.line.tolist(),
-            "residuals_mm": (1e3 * found.residuals).tolist(),
-        }
-
-    def _intervals_to_dict(self, other: Measurements) -> schema.Intervals | None:
-        if self.other_predicted is None:
+            return Holdout(self.held_out_score, self.without_solution)
+        if self.folds is not None:
+            return self.folds
+        other, found = self.other, self.other_predicted
+        if other is None or self.other_score is None:
             return None
-        return {
-            "coverage_95": plain(self.other_predicted.coverage(other.tip)),
-            "half_width_mm": plain(1e3 * self.other_predicted.half_width),
-        }
+        return OtherTable(
+            self.other_score,
+            self.without_solution,
+            other.name,
+            other.source,
+            other.left_out,
+            other.sha256,
+            intervals=None
+            if found is None
+            else IntervalCheck(found.coverage(other.tip), found.half_width),
+            filtered=None
+            if self.ahead is None or self.bias is None
+            else OneRowAhead(self.ahead.score, self.bias),
+        )
 
-    def _ahead_to_dict(self) -> schema.OneRowAhead | None:
-        if self.ahead is None or self.bias is None:
-            return None
-        return {
-            **_scores(self.ahead.score),
-            "bias_spread_mm": 1e3 * self.bias.spread,
-            "bias_duration": self.bias.duration,
-            "noise_mm": 1e3 * self.bias.noise,
-        }
+    @property
+    def alarm(self) -> Annotated[TendonAlarm, Key("tendon_check")]:
+        """Check of the order of the tendons."""
+        return TendonAlarm(self.tendons.found, self.tendons.alarm, self.tendons.sentence)
+
+    @property
+    def table(self) -> Annotated[FittedTable, Key("data")]:
+        """The fitted table."""
+        data = self.data
+        sigma = None if data.sigma is None else float(np.median(data.sigma))
+        counts = len(data), data.left_out, data.without_tip
+        return FittedTable(data.name, data.source, *counts, sigma, data.sha256)
+
+    @property
+    def lines(self) -> Annotated[NDArray[np.int64], Key()]:
+        """Line of each row in the table (K,)."""
+        return self.data.line
+
+    @property
+    def residuals(self) -> Annotated[NDArray[np.float64], Key("residuals_mm")]:
+        """Predicted minus measured tip of each row (K, 3), m; NaN where nothing was measured."""
+        return self.fit.residuals
 
 
 def _in_file(name: str) -> bool:
     return name.partition(".")[0] in _IN_FILE
-
-
-def _scores(of: Score) -> schema.RowErrors:
-    return {"rows": of.count, **of.to_dict()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
@@ -250,11 +250,11 @@ def simulate(
         for part in (loads, really, mounting, instrument):
             settings |= {k: v for k, v in vars(part).items() if k not in _NOT_SETTINGS}
         settings |= {"actual": really.changes, "seed": seed}
-        content: schema.BenchSimulate = {
+        content: dict[str, Any] = {
             **_measurements_json(found, None),
             **provenance_of(model, **settings),
             "hysteresis_m": made.hysteresis,
-            "truth": cast("schema.Truth", found.truth),
+            "truth": found.truth,
             "files": {"table": str(table), "truth": str(truth)},
         }
         return write_json(content)
@@ -300,9 +300,7 @@ def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> tu
     return tensions if count > 1 else None, displacements, None
 
 
-def _measurements_json(
-    found: Measurements, check: TendonCheck | None
-) -> schema.TableOfMeasurements:
+def _measurements_json(found: Measurements, check: TendonCheck | None) -> dict[str, Any]:
     import numpy as np
 
     tendons: list[schema.TensionRange | schema.DisplacementRange] = [
@@ -336,15 +334,7 @@ def _measurements_json(
         if found.time is None
         else [float(found.time.min()), float(found.time.max())],
         "issues": [{"line": line, "text": text} for line, text in found.issues],
-        "tendon_check": None
-        if check is None
-        else {
-            "found": check.found,
-            "tendons": list(check.tendons),
-            "sentence": check.sentence,
-            "unexplained": check.unexplained,
-            "turn_rad": check.turn,
-        },
+        "tendon_check": None if check is None else check.to_dict(),
         "sha256": found.sha256,
     }
 

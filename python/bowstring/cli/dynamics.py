@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from bowstring.dynamics.simulation import Run
     from bowstring.robot.model import Robot
     from bowstring.schemas import dynamics as schema
-    from bowstring.schemas.basic import StaticsStatus
+    from bowstring.statics.messages import StaticsStatus
 
 TIP_INTERVAL: Final = 0.01  # s between tips in the JSON of simulate, at least
 MOST_OUTPUTS: Final = 1_000_000

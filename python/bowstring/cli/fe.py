@@ -44,9 +44,8 @@ if TYPE_CHECKING:
     from bowstring.fem.comparison import BesideRod
     from bowstring.fem.convergence import Convergence
     from bowstring.fem.mesh import Fineness
-    from bowstring.fem.run import BrickRun
+    from bowstring.fem.run import BrickRun, FeStatus
     from bowstring.schemas import solids as schema
-    from bowstring.schemas.basic import FeStatus
 
 _STEPS = 8  # default number of loads of a sweep
 

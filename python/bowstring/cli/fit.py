@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
@@ -56,7 +56,6 @@ if TYPE_CHECKING:
     from bowstring.calibration.table_fit import Calibration
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
-    from bowstring.schemas import fit as schema
     from bowstring.schemas.basic import OfRobot
 
 #: Ratio of RMS to robust scatter of a coordinate above which both are printed.
@@ -295,7 +294,7 @@ def fit(
     of_table = [*([table.doubt] if table.doubt else []), *found.fit.doubts]
     for sentence in [*(of_table if as_json else []), *doubts]:  # else they are the first lines
         say("Warning", sentence)
-    content: schema.Fit = {
+    content: dict[str, Any] = {
         **found.to_dict(),
         **origin,
         "residual": None if learnt is None else learnt.to_dict(),
@@ -381,7 +380,7 @@ def _write_stopped(
     total = counted(count + len(stopped.unfinished), "model")
     done = f"{count} of {total} {'is' if count == 1 else 'are'} finished"
     where = ""
-    content: schema.StoppedComparison = {
+    content: dict[str, Any] = {
         **origin,
         **stopped.to_dict(),
         "warnings": warnings,
@@ -482,7 +481,7 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     yield table
     yield fit.message
     if found.correlated:
-        pairs = [f"{a} and {b} by {r:.3f}" for a, b, r in found.correlated]
+        pairs = [f"{each.pair} by {each.correlation:.3f}" for each in found.correlated]
         yield "Estimates correlate: " + "; ".join(pairs) + "."
     scores = new_table("tip error", ">rows", ">RMSE mm", ">mean mm", ">largest mm")
     placed = {"base.x", "base.y", "base.z", "base.rx", "base.ry", "base.rz"} <= set(fit.names)
@@ -536,7 +535,7 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
         said = f"; the table says {rounded(1e3 * float(np.median(data.sigma)), 3)} mm"
     yield f"Scatter of a coordinate: {fixed(1e3 * fit.noise, 4)} mm{said}.{_of_others(fit)}"
     if found.outliers:
-        named = [f"line {line} ({in_mm(away)})" for line, away in found.outliers[:5]]
+        named = [f"line {row.line} ({in_mm(row.distance)})" for row in found.outliers[:5]]
         more = f" and {len(found.outliers) - 5} more" if len(found.outliers) > 5 else ""
         yield f"Far off, look at: {', '.join(named)}{more}."
     if folder is not None:
@@ -566,13 +565,11 @@ def _point_table(fit: Fit) -> Table:
 def _residual_tables(found: ResidualStudy, folder: Path | None) -> Iterator[Table | str]:
     from bowstring.calibration.residual_file import RESIDUAL
 
-    numbers = found.to_dict()
-    used = [name for name, length in numbers["length_scales"].items() if length is not None]
+    scales = found.residual.length_scales.to_dict()
+    used = [name for name, length in scales.items() if length is not None]
     inputs = {"commands": "commands", "point": "predicted point"}
-    radius = numbers["memory_radius_mm"]
-    words = [
-        inputs.get(name, f"memory state of radius {rounded(radius or 0, 3)} mm") for name in used
-    ]
+    radius = 1e3 * (found.residual.memory_radius or 0.0)
+    words = [inputs.get(name, f"memory state of radius {rounded(radius, 3)} mm") for name in used]
     model, corrected = found.residual.validated
     yield (
         f"Residual: a Gaussian process on {listed(words)}. At the fitted rows, left out by blocks, "
@@ -591,9 +588,9 @@ def _residual_tables(found: ResidualStudy, folder: Path | None) -> Iterator[Tabl
         )
     yield table
     yield (
-        f"{counted(numbers['rows_beyond_data'], 'validation row')} beyond the data, where the "
+        f"{counted(found.rows_beyond_data, 'validation row')} beyond the data, where the "
         "correction fades; the explained share of the variance is "
-        f"{fixed(numbers['median_share_kept'], 2)} in the median."
+        f"{fixed(found.median_share_kept, 2)} in the median."
     )
     if folder is not None:
         yield f"Residual: {folder / RESIDUAL}"

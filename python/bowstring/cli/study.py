@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -25,7 +25,7 @@ from bowstring.cli.output import Stopped, progress_bar, say, write_json, write_r
 from bowstring.errors import InputError
 
 if TYPE_CHECKING:
-    from bowstring.schemas import study as schema
+    pass
 
 
 def study(
@@ -191,7 +191,7 @@ def study(
     for sentence in found.warnings[len(told) :]:  # the others were or will be printed
         say("Warning", sentence)
     if as_json:
-        content: schema.Study = {
+        content: dict[str, Any] = {
             **found.to_dict(),
             "figures": report.written_figures(found, folder),
             "folder": str(folder),

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring.errors import InputError
+from bowstring.results import Key, Result
 from bowstring.validation import numbers, shown, vectors
-
-if TYPE_CHECKING:
-    from bowstring.schemas import basic as schema
 
 __all__ = ["SKEW", "Rigid", "align"]
 
@@ -22,7 +20,7 @@ SKEW: Final = 1e-3
 """Largest deviation of a rounded matrix from a rotation."""
 
 
-class Rigid:
+class Rigid(Result):
     """Rigid motion: `rotation` (3, 3), then `translation` (3,) in m. Immutable.
 
     Parameters
@@ -84,18 +82,18 @@ class Rigid:
         return cls(whole[:3, :3], whole[:3, 3])
 
     @property
-    def rotation(self) -> Array:
-        """Rotation (3, 3)."""
+    def rotation(self) -> Annotated[Array, Key()]:
+        """Rotation matrix (3, 3) by rows."""
         return self._rotation
 
     @property
-    def translation(self) -> Array:
+    def translation(self) -> Annotated[Array, Key("translation_m")]:
         """Translation (3,), m."""
         return self._translation
 
     @property
-    def rotation_vector(self) -> Array:
-        """Rotation vector (3,), axis times angle in rad, the angle at most pi."""
+    def rotation_vector(self) -> Annotated[Array, Key("rotation_vector_rad")]:
+        """The rotation as a vector (3,), axis times angle, rad, the angle at most pi."""
         # a copy, because SciPy before 1.15.2 refuses read-only arrays
         from scipy.spatial.transform import Rotation
 
@@ -136,14 +134,6 @@ class Rigid:
         turn = ", ".join(f"{x:.4g}" for x in np.degrees(self.rotation_vector))
         shift = ", ".join(f"{1e3 * x:.4g}" for x in self._translation)
         return f"<Rigid: turned by ({turn}) deg, moved by ({shift}) mm>"
-
-    def to_dict(self) -> schema.RigidMotion:
-        """Return rotation and translation for JSON."""
-        return {
-            "rotation": self._rotation.tolist(),
-            "rotation_vector_rad": self.rotation_vector.tolist(),
-            "translation_m": self._translation.tolist(),
-        }
 
 
 def align(points: Array, targets: Array, weight: Array | None = None) -> Rigid:

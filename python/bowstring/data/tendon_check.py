@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, islice
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,17 +21,18 @@ from bowstring.constant_curvature import Arc, RobotArcs
 from bowstring.data.rigid import align
 from bowstring.errors import BowstringError
 from bowstring.formatting import in_mm, listed, significant
+from bowstring.results import Key, Result
 from bowstring.robot.model import check_robot
 from bowstring.validation import check_is_read
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
-    from bowstring.schemas.basic import Found
 
-__all__ = ["TendonCheck", "check_tendons"]
+__all__ = ["Found", "TendonCheck", "check_tendons"]
 
 Floats = NDArray[np.float64]
+Found = Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"]
 
 _MOST_ROWS: Final = 400  # enough for a direction, and fast
 _FEWEST_ROWS: Final = 4
@@ -58,31 +59,25 @@ _UNMOVED: Final = 20.0  # ratio of motion to bend that no weight or load explain
 
 
 @dataclass(frozen=True)
-class TendonCheck:
-    """Result of the check of the tendon order against the motion of the tip.
+class TendonCheck(Result):
+    """Result of the check of the tendon order against the motion of the tip."""
 
-    Attributes
-    ----------
-    found : str
-        "as_stated": the stated order; "turned": the stated order with a measuring frame rotated
-        about z; "swapped"; "mirrored"; "unclear": none of these fits, or the commands do not match
-        the size of the motion, as in a wrong unit; "unchecked": the data do not allow the check.
-    sentence : str
-    tendons : tuple of int
-        Numbers of the two tendons that look swapped, from 1; empty if none do.
-    unexplained : float
-        Share of the tip's motion (RMS) that constant curvature does not explain in the stated
-        order; NaN if unchecked.
-    turn : float
-        Angle about z of the base frame in the measuring frame in the stated order, rad; NaN if
-        unchecked.
-    """
-
-    found: Found
-    sentence: str
-    tendons: tuple[int, ...] = ()
-    unexplained: float = np.nan
-    turn: float = np.nan
+    found: Annotated[Found, Key()]
+    """``as_stated``: the stated order. ``turned``: the stated order, if the measuring frame is
+    turned about z. ``swapped``: two tendons are interchanged. ``mirrored``: the tendons are
+    numbered in the opposite direction. ``unclear``: none of these; or tips, tensions or
+    displacements are several times too large or small, as in another unit. ``unchecked``: the data
+    do not allow the check."""
+    sentence: Annotated[str, Key()]
+    """Result as a sentence."""
+    tendons: Annotated[tuple[int, ...], Key()] = ()
+    """Numbers of the two tendons that look swapped, from 1; empty if none do."""
+    unexplained: Annotated[float, Key()] = np.nan
+    """Share of the tip's motion (RMS) that constant curvature does not explain in the stated order;
+    NaN if unchecked."""
+    turn: Annotated[float, Key("turn_rad")] = np.nan
+    """Angle about z of the base frame in the measuring frame in the stated order, rad; NaN if
+    unchecked."""
 
     @property
     def alarm(self) -> bool:

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 __all__ = [
     "DEFAULT_DT",
     "BrickRun",
+    "FeStatus",
     "RunInterrupted",
     "Settings",
     "cache_folder",
@@ -54,6 +55,9 @@ __all__ = [
     "ramp",
     "sweep",
 ]
+
+#: Status of finite elements.
+FeStatus = Literal["converged", "diverged", "killed", "out_of_memory", "no_space", "failed"]
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]

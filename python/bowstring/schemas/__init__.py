@@ -23,9 +23,9 @@ from bowstring.schemas import (
     study,
     suite,
 )
+from bowstring.schemas.results import object_of
 
-#: The object that each command prints; that of `schema` is a JSON Schema itself.
-COMMANDS: Final[dict[str, Any]] = {
+_FORMS: Final[dict[str, Any]] = {
     "robots": program.Robots,
     "doctor": program.Doctor,
     "fk": statics.Fk,
@@ -56,3 +56,6 @@ COMMANDS: Final[dict[str, Any]] = {
     "data list": program.DataSets,
     "data get": program.DataFolder,
 }
+
+#: The object that each command prints; that of `schema` is a JSON Schema itself.
+COMMANDS: Final[dict[str, Any]] = {name: object_of(form) for name, form in _FORMS.items()}

@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final
 
 from pydantic import ConfigDict, Field, with_config
 from typing_extensions import TypedDict
 
 __all__ = [
-    "FeStatus",
-    "Found",
+    "STRICT",
     "InFolder",
     "Interval",
     "MadeBy",
     "MadeByRobot",
     "MeasurementIssue",
-    "MotionStatus",
     "Object",
     "OfRobot",
     "OrNull",
     "Pair",
     "Pose",
-    "RigidMotion",
     "Rotation",
-    "Source",
-    "StaticsStatus",
     "Vector",
     "VectorOrNull",
     "about",
@@ -36,7 +31,11 @@ def about(text: str, unit: str | None = None) -> Any:
     return Field(description=text, json_schema_extra=None if unit is None else {"unit": unit})
 
 
-@with_config(ConfigDict(extra="forbid", allow_inf_nan=False))
+#: No other keys, and no number that is not finite.
+STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+@with_config(STRICT)
 class Object(TypedDict):
     """Base of all objects: no other keys, and no number that is not finite."""
 
@@ -47,15 +46,6 @@ Interval = Annotated[list[OrNull], Field(min_length=2, max_length=2)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 VectorOrNull = Annotated[list[OrNull], Field(min_length=3, max_length=3)]
 Rotation = Annotated[list[Vector], Field(min_length=3, max_length=3)]
-Source = Literal["measured", "synthetic", "computed"]
-#: Result of the check of the order of the tendons.
-Found = Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"]
-#: Status of an equilibrium.
-StaticsStatus = Literal["converged", "max_iterations", "unstable", "no_equilibrium"]
-#: Status of a simulation.
-MotionStatus = Literal["converged", "step_failed", "collision", "interrupted", "failed"]
-#: Status of finite elements.
-FeStatus = Literal["converged", "diverged", "killed", "out_of_memory", "no_space", "failed"]
 
 
 class Pose(Object):
@@ -63,14 +53,6 @@ class Pose(Object):
 
     position_m: Annotated[Vector, about("Position.")]
     rotation: Annotated[Rotation, about("Rotation matrix by rows; it maps body axes to base axes.")]
-
-
-class RigidMotion(Object):
-    """Rotation, then translation."""
-
-    rotation: Annotated[Rotation, about("Rotation matrix by rows.")]
-    rotation_vector_rad: Annotated[Vector, about("The same as a rotation vector.")]
-    translation_m: Annotated[Vector, about("Translation.")]
 
 
 class MadeBy(Object):

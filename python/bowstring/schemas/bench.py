@@ -6,8 +6,10 @@ from typing import Annotated, Any, Literal
 
 from typing_extensions import NotRequired
 
+from bowstring.data.columns import Source
+from bowstring.data.rigid import Rigid
+from bowstring.data.tendon_check import TendonCheck
 from bowstring.schemas.basic import (
-    Found,
     MadeBy,
     MadeByRobot,
     MeasurementIssue,
@@ -15,8 +17,6 @@ from bowstring.schemas.basic import (
     OfRobot,
     OrNull,
     Pair,
-    RigidMotion,
-    Source,
     Vector,
     about,
 )
@@ -43,37 +43,6 @@ class TipRange(Object):
 
     smallest: Annotated[Vector, about("Smallest x, y and z.", "`points_unit`")]
     largest: Annotated[Vector, about("Largest x, y and z.", "`points_unit`")]
-
-
-class TendonCheck(Object):
-    """Comparison of the order of the tendons with the motion of the tip."""
-
-    found: Annotated[
-        Found,
-        about(
-            "`as_stated`: the tendons are those of the robot. `turned`: they are, if the measuring "
-            "frame is turned about z. `swapped`: two tendons are interchanged. `mirrored`: the "
-            "tendons are numbered in the opposite direction. `unclear`: none of these; or tips, "
-            "tensions or displacements are several times too large or small, as in another unit. "
-            "`unchecked`: no check was possible."
-        ),
-    ]
-    tendons: Annotated[list[int], about("The two interchanged tendons, from 1; else empty.")]
-    sentence: Annotated[str, about("Result as a sentence.")]
-    unexplained: Annotated[
-        OrNull,
-        about(
-            "Share of the motion of the tip (RMS) that constant curvature leaves unexplained with "
-            "the tendons in the order of the table."
-        ),
-    ]
-    turn_rad: Annotated[
-        OrNull,
-        about(
-            "Angle about z of the base frame in the measuring frame, with the tendons in the order "
-            "of the table; `null` if unchecked."
-        ),
-    ]
 
 
 class TableOfMeasurements(Object):
@@ -177,8 +146,8 @@ class Truth(Object):
     gravity_m_per_s2: Annotated[Vector, about("Gravity as given.")]
     gravity_frame: Annotated[Literal["base", "measuring"], about("Frame in which it is given.")]
     gravity_in_base_m_per_s2: Annotated[Vector, about("Gravity in base axes.")]
-    base: Annotated[RigidMotion, about("Base frame in the measuring frame.")]
-    frame: Annotated[RigidMotion, about("Measuring frame in the base frame.")]
+    base: Annotated[Rigid, about("Base frame in the measuring frame.")]
+    frame: Annotated[Rigid, about("Measuring frame in the base frame.")]
     tilt_rad: Annotated[float, about("Tilt of the base.")]
     tilt_towards_rad: Annotated[float, about("Direction of the tilt from x, counter-clockwise.")]
     tool_m: Annotated[Vector, about("Measured point in the frame of the end disk, as stated.")]

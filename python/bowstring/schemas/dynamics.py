@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from bowstring.dynamics.simulation import Status
 from bowstring.schemas.basic import (
     InFolder,
-    MotionStatus,
     Object,
     OfRobot,
     OrNull,
     Pose,
-    StaticsStatus,
     Vector,
     about,
 )
+from bowstring.statics.messages import StaticsStatus
 
 
 class TimeStepError(Object):
@@ -67,7 +67,7 @@ class Simulate(OfRobot):
     """Output of `bowstring simulate`."""
 
     status: Annotated[
-        MotionStatus | Literal["no_equilibrium"],
+        Status | Literal["no_equilibrium"],
         about(
             "`converged`: every step converged, up to the end. `step_failed`, `collision`: the run "
             "stopped early, in a collision because two disks met. `no_equilibrium`: "

@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from typing_extensions import NotRequired
 
-from bowstring.schemas.basic import FeStatus, InFolder, Object, OfRobot, OrNull, Pose, Vector, about
+from bowstring.fem.run import FeStatus
+from bowstring.schemas.basic import InFolder, Object, OfRobot, OrNull, Pose, Vector, about
 
 
 class Part(Object):

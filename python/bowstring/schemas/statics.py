@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, StaticsStatus, Vector, about
+from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, Vector, about
+from bowstring.statics.messages import StaticsStatus
 
 __all__ = [
     "Arc",

@@ -8,189 +8,31 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
+from bowstring.calibration.bootstrap import Expected
+from bowstring.calibration.model_comparison import ModelComparison
+from bowstring.calibration.residual_tests import NoiseTest
+from bowstring.data.columns import Source
+from bowstring.data.rigid import Rigid
+from bowstring.data.tip_errors import Comparison
+from bowstring.fem.run import FeStatus
 from bowstring.schemas.basic import (
-    FeStatus,
-    Interval,
     MeasurementIssue,
-    MotionStatus,
     Object,
     OrNull,
-    RigidMotion,
-    Source,
-    StaticsStatus,
-    Vector,
     VectorOrNull,
     about,
 )
-from bowstring.schemas.fit import EndOfFit, ModelComparison
 from bowstring.schemas.maps import MapValues, SpreadValues
-
-# -- comparisons -----------------------------------------------------------------------------------
-
-
-ModelName = Literal[
-    "cc_from_lengths",
-    "cc_from_force",
-    "cc_from_lengths_chord",
-    "cc_from_force_arm",
-    "constant_curvature_fit",
-    "linear_curvature_fit",
-    "quadratic_curvature_fit",
-    "constant_curvature_from_loads",
-    "linear_curvature_from_loads",
-    "quadratic_curvature_from_loads",
-    "cc_calibrated",
-    "rod",
-    "rod_calibrated",
-]
-Reference = Literal["statics", "dynamics", "fe", "measurement"]
-
-
-class Comparison(Object):
-    """Tip error of a model against a reference: Euclidean distances, over points."""
-
-    name: Annotated[
-        ModelName,
-        about(
-            "Model: `cc_from_lengths`, `cc_from_force`, and corrected `cc_from_lengths_chord`, "
-            "`cc_from_force_arm`; against measurements also `cc_calibrated`, `rod`, "
-            "`rod_calibrated`. They come in this order. Last, against statics, come polynomials of "
-            "arc length as curvature: fitted to the shape by statics (`linear_curvature_fit` and "
-            "so on), or predicted from tensions and weight (`linear_curvature_from_loads`) where "
-            "that differs from the linear law."
-        ),
-    ]
-    against: Annotated[
-        Reference,
-        about(
-            "Reference: `statics`; `dynamics`, at the times at which the rising tension passes the "
-            "loads of the sweep; `fe`, finite elements; `measurement`. They come in this order."
-        ),
-    ]
-    n: Annotated[int, about("Number of points that both sides have.")]
-    mean_mm: Annotated[OrNull, about("Mean error.")]
-    max_mm: Annotated[OrNull, about("Largest error.")]
-    rms_mm: Annotated[OrNull, about("Root mean square of the error.")]
-    mean_percent: Annotated[OrNull, about("Mean error in percent of the length.")]
-    mean_by_axis_mm: Annotated[VectorOrNull, about("Means of absolute errors by axis.")]
-
-
-class ComparisonIntervals(Object):
-    """95 % intervals by bootstrap."""
-
-    mean_mm: Annotated[Interval, about("Of the mean error.")]
-    rms_mm: Annotated[Interval, about("Of the root mean square.")]
-    mean_percent: Annotated[Interval, about("Of the mean error in percent of the length.")]
-    mean_by_axis_mm: Annotated[list[Interval], about("Of the means by axis x, y, z.")]
-
-
-class DataComparison(Comparison):
-    """Tip error of a model against measurements."""
-
-    max_by_axis_mm: Annotated[VectorOrNull, about("Largest absolute errors by axis.")]
-    registered: Annotated[bool, about("Whether a base frame was fitted.")]
-    frame: Annotated[
-        Literal["calibrated", "as_measured", "own"],
-        about(
-            "`calibrated`: one base frame for all models, that of the calibrated rod "
-            "(`cc_calibrated` keeps that of its own calibration). `as_measured`: not registered. "
-            "`own`: the frame that fits the model best. They come in this order."
-        ),
-    ]
-    interval_95: Annotated[ComparisonIntervals, about("95 % intervals.")]
-
-
-# -- shapes ----------------------------------------------------------------------------------------
-
-
-class ShapeErrors(Object):
-    """Errors of one model at the tip and over the disks, against statics."""
-
-    name: Annotated[ModelName, about("Model, as of `comparisons`.")]
-    kind: Annotated[
-        Literal["constant_curvature", "fit", "prediction"],
-        about(
-            "`constant_curvature` from lengths or force; `fit`: curvature fitted to the disks by "
-            "statics; `prediction`: from tensions and weight."
-        ),
-    ]
-    degree: Annotated[int, about("Degree of the curvature in arc length; 0: constant.")]
-    n: Annotated[int, about("Number of loads.")]
-    tip_mean_mm: Annotated[OrNull, about("Mean error of the tip.")]
-    tip_max_mm: Annotated[OrNull, about("Largest error of the tip.")]
-    tip_mean_percent: Annotated[OrNull, about("Mean error of the tip in percent of the length.")]
-    shape_mean_mm: Annotated[
-        OrNull, about("Mean over the loads of the root mean square error over the disks.")
-    ]
-    shape_max_mm: Annotated[OrNull, about("Largest error of a disk.")]
-    shape_mean_percent: Annotated[OrNull, about("`shape_mean_mm` in percent of the length.")]
-
-
-class StudyShapes(Object):
-    """Constant curvature, and curvature that varies along the robot."""
-
-    models: Annotated[
-        list[ShapeErrors], about("Constant curvature, then fits and predictions by degree.")
-    ]
-    text: Annotated[list[str], about("Results, and why models are left out, in sentences.")]
-
-
-# -- verdict ---------------------------------------------------------------------------------------
-
-
-class EffectShare(Object):
-    """Share of an effect in the error of constant curvature."""
-
-    effect: Annotated[str, about("Name of the effect.")]
-    label: Annotated[str, about("The effect in words.")]
-    error_without_mm: Annotated[OrNull, about("Error with this effect alone removed.")]
-    share_percent: Annotated[
-        OrNull, about("Share of the error; shares interact and need not add up to 100 %.")
-    ]
-
-
-class ValidityLimit(Object):
-    """Verdict on constant curvature from lengths, or from force."""
-
-    name: Annotated[str, about("`cc_from_lengths` or `cc_from_force`.")]
-    valid_throughout: Annotated[bool, about("Whether the error never exceeds the tolerance.")]
-    valid_to_N: Annotated[
-        OrNull,
-        about("Tension at the first crossing, or the last one solved; `null` if it never holds."),
-    ]
-    exceeded_N: Annotated[
-        list[Interval], about("Ranges of tension in which the error exceeds the tolerance.")
-    ]
-    undecided_N: Annotated[
-        list[Interval], about("Ranges of tension without an equilibrium or without an arc.")
-    ]
-    max_error_mm: Annotated[OrNull, about("Largest error.")]
-    max_error_at_N: Annotated[OrNull, about("Tension of the largest error.")]
-    dominant_cause: Annotated[
-        str | None,
-        about(
-            "Effect with more than half of the error at `shares_at_N`, also if the tolerance is "
-            "never exceeded; `null` without such an effect."
-        ),
-    ]
-    shares_at_N: Annotated[
-        OrNull,
-        about("Tension of the shares: the first crossing, or that of the largest error."),
-    ]
-    shares: Annotated[list[EffectShare], about("Shares of the effects, largest first.")]
-    text: Annotated[str, about("The verdict in words.")]
-
-
-class Verdict(Object):
-    """Verdict on constant curvature."""
-
-    tolerance_percent: Annotated[float, about("Tolerated error in percent of the length.")]
-    tolerance_mm: Annotated[float, about("Tolerated error.")]
-    text: Annotated[list[str], about("The verdict in sentences.")]
-    meanings: Annotated[
-        list[ValidityLimit], about("Constant curvature from lengths, then from force.")
-    ]
-
+from bowstring.schemas.results import beside
+from bowstring.study.calibration import StudyCalibration
+from bowstring.study.data_validation import DataComparison, Effect
+from bowstring.study.error_budget import Budget
+from bowstring.study.figure_list import Figure
+from bowstring.study.notes import PublishedClaim
+from bowstring.study.ramp_response import Transient
+from bowstring.study.shape_models import ShapeModels
+from bowstring.study.sweeps import GeometricSweep, Statics
+from bowstring.study.verdict import Verdict
 
 # -- error budget ----------------------------------------------------------------------------------
 
@@ -361,60 +203,15 @@ class DisplacementHysteresis(Hysteresis):
     displacement_mm: Annotated[list[OrNull], about("Commands.")]
 
 
-Origin = Literal["file", "calibrated", "assumed", "left_out"]
-
-
-class ActuationBudget(Object):
-    """Friction, elastic tendons, displacement control, loading and unloading."""
-
-    friction: Annotated[float, about("Friction coefficient of the actuated tendon.")]
-    friction_origin: Annotated[
-        Origin, about("Origin of the friction: robot file, calibration or assumption.")
-    ]
-    axial_stiffness_N: Annotated[
-        OrNull, about("EA of the actuated tendon; `null` if only its transmission is elastic.")
-    ]
-    compliance_m_per_N: Annotated[float, about("Compliance of its transmission.")]
-    free_length_m: Annotated[float, about("Length of tendon before the base.")]
-    elasticity_origin: Annotated[
-        Origin, about("Origin of the elasticity; `left_out` if there is nothing to assume EA from.")
-    ]
-    elasticity_by: Annotated[str, about("How an assumed EA was found, or why there is none.")]
-    commanded_displacement_mm: Annotated[
-        list[OrNull], about("Displacement of the actuated tendon at the loads of the sweep.")
-    ]
-    tension: Annotated[
-        DescribedCase, about("Tension control without friction and elasticity: the sweep.")
-    ]
-    displacement: Annotated[
-        CommandedCase, about("Displacement control without friction and elasticity.")
-    ]
-    rows: Annotated[list[TensionEffect | DisplacementEffect], about("Effects.")]
-    hysteresis: Annotated[
-        list[TensionHysteresis | DisplacementHysteresis],
-        about("Under tension control, then under displacement control."),
-    ]
-    text: Annotated[list[str], about("Results in sentences.")]
-    notes: Annotated[list[str], about("Assumptions and limits in sentences.")]
-
-
-class Budget(Object):
-    """Error budget."""
-
-    baseline: Annotated[DescribedCase, about("The baseline.")]
-    full_model: Annotated[DescribedCase, about("The full model.")]
-    sweep: Annotated[Case, about("The physics of the sweep.")]
-    rows: Annotated[list[BudgetRow], about("Effects.")]
-    notes: Annotated[list[str], about("How to read it, and its limits, in sentences.")]
-    actuation: Annotated[
-        ActuationBudget, about("[Budget of actuation](../guide/actuation-budget.md).")
-    ]
+ActuationRow = TensionEffect | DisplacementEffect
+Loop = TensionHysteresis | DisplacementHysteresis
 
 
 # -- measurements ----------------------------------------------------------------------------------
 
 
-class TurnedFrame(RigidMotion):
+@beside(Rigid)
+class TurnedFrame(Object):
     """Transformation from the measuring frame to the base frame."""
 
     turned_deg: Annotated[float, about("Angle of the rotation.")]
@@ -428,6 +225,7 @@ class BaseEstimate(Object):
     unit: Annotated[str, about("Unit.")]
 
 
+@beside(Rigid)
 class Registration(TurnedFrame):
     """Registration of the measurements."""
 
@@ -441,90 +239,11 @@ class Registration(TurnedFrame):
     ]
 
 
-class StudyCalibrationNumbers(EndOfFit):
-    """Result of `StudyCalibration.to_dict`."""
-
-    gravity_origin: Annotated[
-        Literal["file", "assumed", "calibrated"], about("Origin of the gravity.")
-    ]
-    gravity_m_per_s2: Annotated[Vector, about("Gravity in base axes.")]
-    other_load: Annotated[
-        bool,
-        about("Whether a constant load other than gravity would explain the data clearly better."),
-    ]
-    notes: Annotated[list[str], about("Choices and limits in sentences.")]
-
-
-class StudyCalibration(StudyCalibrationNumbers):
-    """Calibration of the rod."""
-
-    constant_curvature_gains: Annotated[
-        dict[str, float], about("Fitted gains of calibrated constant curvature.")
-    ]
-
-
-class ResidualTests(Object):
-    """Tests whether the residuals of the calibrated rod are noise."""
-
-    noise: Annotated[
-        bool | None, about("Whether they are noise; `null` if nothing could be tested.")
-    ]
-    rms_of_a_coordinate_mm: Annotated[OrNull, about("Root mean square of a coordinate.")]
-    stated_sigma_mm: Annotated[
-        OrNull, about("Stated standard uncertainty of a coordinate; `null` if not stated.")
-    ]
-    scatter_of_repeats_mm: Annotated[
-        OrNull, about("Scatter of a coordinate of repeats; `null` without repeats.")
-    ]
-    chi_square: Annotated[OrNull, about("Sum of squares over the stated variance.")]
-    dof: Annotated[int, about("Degrees of freedom.")]
-    variance_p: Annotated[OrNull, about("p-value of the variance test.")]
-    lack_of_fit_ratio: Annotated[OrNull, about("F ratio of the lack-of-fit test.")]
-    lack_of_fit_p: Annotated[OrNull, about("p-value of the lack-of-fit test.")]
-    autocorrelation: Annotated[OrNull, about("Autocorrelation along the load.")]
-    autocorrelation_p: Annotated[OrNull, about("p-value of no autocorrelation.")]
-    significance_level: Annotated[float, about("p-value below which a test rejects noise.")]
-    outlier_rows: Annotated[int, about("Rows more than five standard deviations away.")]
-    lines_against_their_repeats: Annotated[
-        list[int], about("Lines that contradict repeats of their load; these tests omit them.")
-    ]
-    other_load: Annotated[
-        bool, about("Whether a constant load that the model lacks would explain clearly more.")
-    ]
-    text: Annotated[str, about("Result in sentences.")]
-
-
-class DecompositionStep(Object):
-    """A step of the decomposition of the error of the rod."""
-
-    effect: Annotated[str, about("Name of the effect.")]
-    label: Annotated[str, about("The effect in words.")]
-    cumulative_mean_mm: Annotated[OrNull, about("Mean error with this effect and all before it.")]
-    explains_mm: Annotated[
-        OrNull, about("Decrease of the mean error by this step; negative if it increases.")
-    ]
-    explains_interval_95_mm: Annotated[Interval, about("Its 95 % interval.")]
-    mean_without_it_alone_mm: Annotated[
-        OrNull, about("Mean error of the calibrated robot without this effect alone.")
-    ]
-    increase_without_mm: Annotated[
-        OrNull, about("Increase of the mean error without this effect alone.")
-    ]
-    increase_without_interval_95_mm: Annotated[Interval, about("Its 95 % interval.")]
-
-
 class Decomposition(Object):
     """Decomposition of the error of the rod."""
 
     baseline_mm: Annotated[OrNull, about("Mean error of the baseline rod.")]
-    effects: Annotated[list[DecompositionStep], about("Steps.")]
-
-
-class ExpectedError(Object):
-    """Mean error of the calibrated rod at rows that it was not fitted to."""
-
-    mean_mm: Annotated[OrNull, about("Mean error.")]
-    interval_95_mm: Annotated[Interval, about("Its 95 % interval.")]
+    effects: Annotated[list[Effect], about("Steps.")]
 
 
 class Bootstrap(Object):
@@ -535,7 +254,16 @@ class Bootstrap(Object):
     unit: Annotated[str, about("What is resampled together.")]
     units: Annotated[int, about("Number of these.")]
     calibrated_rod_at_other_rows: Annotated[
-        ExpectedError | None, about("Expected error; `null` without calibration or with few rows.")
+        Expected | None, about("Expected error; `null` without calibration or with few rows.")
+    ]
+
+
+@beside(StudyCalibration)
+class CalibrationOfStudy(Object):
+    """Calibration of the rod."""
+
+    constant_curvature_gains: Annotated[
+        dict[str, float], about("Fitted gains of calibrated constant curvature.")
     ]
 
 
@@ -557,11 +285,11 @@ class StudyMeasurements(Object):
     ]
     registration: Annotated[Registration, about("Registration.")]
     calibration: Annotated[
-        StudyCalibration | None,
+        CalibrationOfStudy | None,
         about("Calibration; `null` if the rod could not be calibrated, and `notes` says why."),
     ]
     residuals: Annotated[
-        ResidualTests | None, about("Tests of the residuals; `null` without calibration.")
+        NoiseTest | None, about("Tests of the residuals; `null` without calibration.")
     ]
     decomposition: Annotated[Decomposition, about("Decomposition of the error.")]
     bootstrap: Annotated[Bootstrap, about("How the intervals were found.")]
@@ -576,14 +304,6 @@ class StudyMeasurements(Object):
 # -- sweeps and motion -----------------------------------------------------------------------------
 
 
-class Surface(Object):
-    """Largest stress and strain at the surface of the backbone, by load or time."""
-
-    von_mises_max_MPa: Annotated[list[OrNull], about("Von Mises stress.")]
-    normal_stress_max_MPa: Annotated[list[OrNull], about("Magnitude of the axial stress.")]
-    strain_max_percent: Annotated[list[OrNull], about("Magnitude of the axial strain.")]
-
-
 class ErrorsByModel(Object):
     """Errors of the models at the loads of the sweep."""
 
@@ -592,52 +312,16 @@ class ErrorsByModel(Object):
     ]
 
 
-class StudySweep(Surface, ErrorsByModel):
+@beside(Statics)
+class StudySweep(ErrorsByModel):
     """Sweep by statics."""
 
     actuated_tendon: Annotated[int, about("First actuated tendon, from 1.")]
     shares: Annotated[list[float], about("Share of the tension by tendon.")]
-    tension_N: Annotated[list[float], about("Tensions of the actuated tendon.")]
-    status: Annotated[list[StaticsStatus], about("Status by load, as of `solve`.")]
-    tip_position_mm: Annotated[list[VectorOrNull], about("Tip.")]
-    tendon_lengths_mm: Annotated[list[list[OrNull]], about("Tendon lengths.")]
-    displacement_mm: Annotated[list[OrNull], about("Displacement of the actuated tendon.")]
-    linear_displacement_mm: Annotated[list[OrNull], about("The same by the linear law.")]
 
 
-class MotionNumbers(Surface):
-    """Result of `Transient.to_dict`."""
-
-    status: Annotated[
-        MotionStatus, about("As of `simulate`; `converged` if the motion came to its end.")
-    ]
-    reason: Annotated[str, about("Why it stopped early; else empty.")]
-    text: Annotated[list[str], about("Results in sentences.")]
-    slowest_frequency_hz: Annotated[float, about("Natural frequency of the slowest mode.")]
-    rise_s: Annotated[float, about("Rise time of the tension.")]
-    hold_s: Annotated[float, about("Time after the rise.")]
-    modal_damping: Annotated[float, about("Damping ratio of the slowest modes.")]
-    mass_damping_per_s: Annotated[float, about("Mass-proportional damping.")]
-    material_damping_s: Annotated[float, about("Kelvin-Voigt damping.")]
-    difference_from_statics_mean_mm: Annotated[
-        OrNull, about("Mean distance of the tip from statics over the rise.")
-    ]
-    difference_from_statics_max_mm: Annotated[OrNull, about("Largest distance over the rise.")]
-    difference_from_statics_max_at_N: Annotated[OrNull, about("Tension there.")]
-    lag_s: Annotated[OrNull, about("Lag behind statics, mean over the rise.")]
-    overshoot_mm: Annotated[OrNull, about("Overshoot of the tip during the hold.")]
-    overshoot_percent: Annotated[OrNull, about("The same in percent of the length.")]
-    overshoot_at_s: Annotated[OrNull, about("Time of the overshoot.")]
-    residual_mm: Annotated[
-        OrNull, about("Largest distance from statics in the last period of the hold.")
-    ]
-    time_s: Annotated[list[float], about("Times.")]
-    tension_N: Annotated[list[float], about("Tension of the actuated tendon at these times.")]
-    tip_position_mm: Annotated[list[Vector], about("Tip.")]
-    tip_displacement_mm: Annotated[list[float], about("Distance of the tip from its start.")]
-
-
-class Motion(MotionNumbers, ErrorsByModel):
+@beside(Transient)
+class Motion(ErrorsByModel):
     """Dynamics: a ramp of tension, then a hold."""
 
 
@@ -676,34 +360,7 @@ class StudyFiniteElements(Object):
     calculix_version: Annotated[str, about("Version of CalculiX.")]
 
 
-class GeometricSweep(Object):
-    """Constant curvature alone, over the displacement of the actuated tendon."""
-
-    displacement_mm: Annotated[list[float], about("Displacements.")]
-    tip_position_mm: Annotated[list[Vector], about("Tip.")]
-    theta_deg: Annotated[list[list[float]], about("Bend angles, by displacement and segment.")]
-
-
 # -- all -------------------------------------------------------------------------------------------
-
-
-class Figure(Object):
-    """Figure of the report."""
-
-    title: Annotated[str, about("Title.")]
-    caption: Annotated[str, about("Caption.")]
-    png: Annotated[str, about("Path in the folder.")]
-    pdf: Annotated[str, about("Path in the folder.")]
-
-
-class PublishedClaim(Object):
-    """Published figure of the same comparison."""
-
-    source: Annotated[str, about("Publication.")]
-    what: Annotated[str, about("What is compared.")]
-    smaller_than_mm: Annotated[float, about("Published bound of the mean error.")]
-    smaller_than_percent: Annotated[float, about("The same in percent of the length.")]
-    compared_with: Annotated[str, about("The comparison with it in words.")]
 
 
 class StudyProvenance(Object):
@@ -766,7 +423,7 @@ class StudyResults(Object):
     ]
     sweep: Annotated[StudySweep, about("Sweep by statics.")]
     dynamics: Annotated[Motion | NoMotion, about("Dynamics, or why they were left out.")]
-    shapes: Annotated[StudyShapes, about("Models over the whole backbone.")]
+    shapes: Annotated[ShapeModels, about("Models over the whole backbone.")]
     maps: Annotated[StudyMaps, about("Maps of validity.")]
     uncertainty: Annotated[
         UncertainNumbers, about("Validity limits with uncertain numbers of the robot.")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from bowstring.schemas.basic import MadeBy, Object, OrNull, Source, about
+from bowstring.data.columns import Source
+from bowstring.schemas.basic import MadeBy, Object, OrNull, about
 
 Column = Literal["cc", "cc_calibrated", "rod", "rod_calibrated"]
 

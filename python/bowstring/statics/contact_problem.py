@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import bowstring._core as _core
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
-    from bowstring.schemas.basic import StaticsStatus
+    from bowstring.statics.messages import StaticsStatus
 
 __all__ = ["TOLERANCE", "ContactProblem"]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from bowstring.schemas import statics as schema
-    from bowstring.schemas.basic import StaticsStatus
+    from bowstring.statics.messages import StaticsStatus
 
 __all__ = ["ContactSolution", "State"]
 

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.formatting import listed
 
-__all__ = ["NEEDED", "discretisation", "of_actuation", "of_tensions", "without_potential"]
+__all__ = [
+    "NEEDED",
+    "StaticsStatus",
+    "discretisation",
+    "of_actuation",
+    "of_tensions",
+    "without_potential",
+]
+
+#: Status of an equilibrium.
+StaticsStatus = Literal["converged", "max_iterations", "unstable", "no_equilibrium"]
 
 Floats = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, significant
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot, with_tendons, without_memory
 from bowstring.robot.parts import TENDON_MATERIALS, TendonRing
 from bowstring.statics import rod
@@ -117,7 +118,7 @@ class ActuationRow:
         """Whether the mean displacement exceeds the mean error of constant curvature."""
         return self.moved > self.mean_error(self.base)
 
-    def to_dict(self) -> schema.TensionEffect | schema.DisplacementEffect:
+    def to_dict(self) -> schema.ActuationRow:
         """Return plain values in mm and percent."""
         found = {
             "effect": self.effect,
@@ -127,7 +128,7 @@ class ActuationRow:
             **self.case.to_dict(self.base),
             "more_than_constant_curvature": self.exceeds,
         }
-        return cast("schema.TensionEffect | schema.DisplacementEffect", found)
+        return cast("schema.ActuationRow", found)
 
 
 @short_repr
@@ -166,7 +167,7 @@ class Loop:
         known = np.isfinite(self.apart)
         return float(self.command[np.nanargmax(self.apart)]) if known.any() else math.nan
 
-    def to_dict(self) -> schema.TensionHysteresis | schema.DisplacementHysteresis:
+    def to_dict(self) -> schema.Loop:
         """Return plain values in N or mm, mm and percent."""
         loop: schema.Hysteresis = {
             "width_mm": self.width * 1e3,
@@ -193,25 +194,26 @@ class Loop:
 
 @short_repr
 @dataclass(frozen=True)
-class ActuationBudget:
+class ActuationBudget(Result):
     """Effects of friction, elastic tendons and displacement control on constant curvature."""
 
-    friction: float
+    friction: Annotated[float, Key()]
     """Friction coefficient of the actuated tendon."""
-    friction_origin: Source
+    friction_origin: Annotated[Source, Key()]
     """Source of the friction: robot file, calibration, or assumption."""
-    axial_stiffness: float
+    axial_stiffness: Annotated[float, Key("axial_stiffness_N")]
     """E A of the actuated tendon, N; infinite if only its transmission is compliant."""
-    compliance: float
+    compliance: Annotated[float, Key("compliance_m_per_N")]
     """Compliance of its transmission, m/N."""
-    free_length: float
+    free_length: Annotated[float, Key("free_length_m")]
     """Free length of the actuated tendon, from base hole to actuator, m."""
-    elasticity_origin: Source
+    elasticity_origin: Annotated[Source, Key()]
     """Source of the elasticity; ``"left_out"`` without any value of E A."""
-    elasticity_by: str
+    elasticity_by: Annotated[str, Key()]
     """Basis of an assumed E A, or reason why there is none."""
-    displacement: Array
-    """Commanded displacement of the actuated tendon at the loads of the sweep (n,), m."""
+    displacement: Annotated[Array, Key("commanded_displacement_mm")]
+    """Commanded displacement of the actuated tendon at the loads of the sweep (n,), m; NaN without
+    an equilibrium."""
     tension_controlled: Case
     """Case of tension control without friction: the main sweep."""
     displacement_controlled: Case
@@ -220,9 +222,9 @@ class ActuationBudget:
     """Effects: tension control before displacement control."""
     loops: tuple[Loop, Loop]
     """Loops of tension control and displacement control."""
-    notes: tuple[str, ...]
+    notes: Annotated[tuple[str, ...], Key()]
     """Assumed values, paths and commands in sentences."""
-    text: tuple[str, ...]
+    text: Annotated[tuple[str, ...], Key()]
     """Results in sentences."""
 
     @property
@@ -258,28 +260,29 @@ class ActuationBudget:
         """Return the row of an effect."""
         return next(row for row in self.rows if row.effect == effect)
 
-    def to_dict(self) -> schema.ActuationBudget:
-        """Return plain values in mm and percent."""
-        return {
-            "friction": self.friction,
-            "friction_origin": self.friction_origin,
-            "axial_stiffness_N": self.axial_stiffness,
-            "compliance_m_per_N": self.compliance,
-            "free_length_m": self.free_length,
-            "elasticity_origin": self.elasticity_origin,
-            "elasticity_by": self.elasticity_by,
-            "commanded_displacement_mm": (self.displacement * 1e3).tolist(),
-            "tension": self.tension_controlled.described(
-                "tension control, no friction (this sweep)"
-            ),
-            "displacement": self.displacement_controlled.described(
-                "displacement control, inextensible tendons, no friction"
-            ),
-            "rows": [row.to_dict() for row in self.rows],
-            "hysteresis": [loop.to_dict() for loop in self.loops],
-            "text": list(self.text),
-            "notes": list(self.notes),
-        }
+    @property
+    def under_tension(self) -> Annotated[schema.DescribedCase, Key("tension")]:
+        """Tension control without friction and elasticity: the sweep."""
+        words = "tension control, no friction (this sweep)"
+        found: schema.DescribedCase = self.tension_controlled.described(words)
+        return found
+
+    @property
+    def under_displacement(self) -> Annotated[schema.CommandedCase, Key("displacement")]:
+        """Displacement control without friction and elasticity."""
+        words = "displacement control, inextensible tendons, no friction"
+        found: schema.CommandedCase = self.displacement_controlled.described(words)
+        return found
+
+    @property
+    def effects(self) -> Annotated[list[schema.ActuationRow], Key("rows")]:
+        """Effects: tension control before displacement control."""
+        return [row.to_dict() for row in self.rows]
+
+    @property
+    def hysteresis(self) -> Annotated[list[schema.Loop], Key()]:
+        """Under tension control, then under displacement control."""
+        return [loop.to_dict() for loop in self.loops]
 
 
 # -- running it --------------------------------------------------------------------------------

@@ -9,19 +9,20 @@ therefore fitted as well, and accepted only if it explains clearly more and is p
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Literal
+from dataclasses import dataclass, field, fields
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.calibration import observations
-from bowstring.calibration.fitting import Fit, fit
+from bowstring.calibration.fitting import EndOfFit, Fit, fit
 from bowstring.calibration.tip_model import paths_of
 from bowstring.data.measurements import STANDARD_GRAVITY, Measurements
 from bowstring.data.rigid import Rigid
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.significance import EXTRA_LOAD, explained_p
 from bowstring.statics import rod
@@ -29,9 +30,6 @@ from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.statics.solution import Sweep, joined
 from bowstring.study.comparison import Theory
-
-if TYPE_CHECKING:
-    from bowstring.schemas import study as schema
 
 __all__ = ["ArcCalibration", "StudyCalibration", "calibrate", "calibrate_arc", "predicted"]
 
@@ -47,7 +45,7 @@ _GAINS: Final = (1.0, 0.3, 0.1)  # initial gains of the fit of constant curvatur
 
 @short_repr
 @dataclass(frozen=True, eq=False)
-class StudyCalibration:
+class StudyCalibration(Result):
     """Calibrated robot, actuation and base frame."""
 
     robot: Robot
@@ -60,28 +58,22 @@ class StudyCalibration:
     """Measured point by the calibrated robot (K, 3), m, base frame."""
     fit: Fit
     """Fit of the parameters of `robot`, gain and base frame."""
-    gravity: GravityFrom = "file"
-    """Source of the gravity of `robot`."""
-    other_load: bool = False
+    gravity: Annotated[GravityFrom, Key("gravity_origin")] = "file"
+    """Source of the gravity of the robot."""
+    other_load: Annotated[bool, Key()] = False
     """Whether a constant load other than gravity would explain the data clearly better."""
-    notes: tuple[str, ...] = field(default=())
+    notes: Annotated[tuple[str, ...], Key()] = field(default=())
     """Choices of the calibration in sentences, such as parameters that are not identifiable."""
 
-    def to_dict(self) -> schema.StudyCalibrationNumbers:
-        """Return parameters with standard errors, and the message of the fit."""
-        found = self.fit.to_dict()
-        return {
-            "converged": found["converged"],
-            "message": found["message"],
-            "parameters": found["parameters"],
-            "correlation": found["correlation"],
-            "not_identifiable": found["not_identifiable"],
-            "rows": found["rows"],
-            "gravity_origin": self.gravity,
-            "gravity_m_per_s2": [g + 0.0 for g in self.robot.gravity],
-            "other_load": self.other_load,
-            "notes": list(self.notes),
-        }
+    @property
+    def end(self) -> Annotated[EndOfFit, Key(flat=True)]:
+        """Estimates, and how the fit ended."""
+        return EndOfFit(**{each.name: getattr(self.fit, each.name) for each in fields(EndOfFit)})
+
+    @property
+    def gravity_in_base(self) -> Annotated[list[float], Key("gravity_m_per_s2")]:
+        """Gravity in base axes, m/s^2."""
+        return [g + 0.0 for g in self.robot.gravity]
 
 
 def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.0) -> Sweep:

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,7 @@ from bowstring.data.tip_errors import Comparison
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import in_mm, in_percent, listed, significant, with_error
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot, with_tendons
 from bowstring.study.calibration import (
     ArcCalibration,
@@ -150,89 +151,72 @@ class Loads:
         return np.asarray(2 * self.unit + self.loading, dtype=np.int64)
 
 
+@dataclass(frozen=True, eq=False)
+class ComparisonIntervals(Intervals):
+    """95 % intervals of the errors of a comparison by bootstrap."""
+
+    length: float
+    """Length of the robot, m."""
+
+    @property
+    def mean_share(self) -> Annotated[Array, Key("mean_percent")]:
+        """Interval (2,) of the mean error as a share of the length; NaN without rows."""
+        return self.mean / self.length
+
+
 @short_repr
 @dataclass(frozen=True)
 class DataComparison(Comparison):
-    """Comparison of a model with the measurement in one frame, with intervals.
+    """Comparison of a model with the measurement in one frame.
 
-    Attributes
-    ----------
-    name : str
-        Name of the model, one of `DATA_MODELS`.
-    against : str
-        ``"measurement"``.
-    length : float
-        Length of the robot, m.
-    tip_position : ndarray (K, 3)
-        Measured point by the model, m, base frame; NaN without a solution.
-    difference : ndarray (K, 3)
-        Point by the model minus measured point, m, base axes.
-    frame : {"calibrated", "as_measured", "own"}
-        Frame of the comparison, one of `FRAMES`.
-    intervals : Intervals or None
-        95 % bootstrap intervals of the errors; None before they are computed.
+    The tip is the measured point by the model in the base frame, NaN without a solution.
     """
 
-    frame: Frame = "calibrated"
+    frame: Annotated[Frame, Key()] = "calibrated"
+    """``calibrated``: one base frame for all models, that of the calibrated rod (``cc_calibrated``
+    keeps that of its own calibration). ``as_measured``: not registered. ``own``: the frame that
+    fits the model best. They come in this order."""
     intervals: Intervals | None = field(default=None, compare=False)
+    """95 % bootstrap intervals of the errors; None before they are computed."""
 
     @property
-    def registered(self) -> bool:
+    def registered(self) -> Annotated[bool, Key()]:
         """Whether a base frame was fitted."""
         return self.frame != "as_measured"
 
-    def to_dict(self) -> schema.DataComparison:
-        """Return plain values in mm and percent, with 95 % bootstrap intervals."""
+    @property
+    def max_by_axis(self) -> Annotated[Array, Key("max_by_axis_mm")]:
+        """Largest absolute error along x, y and z (3,), m; NaN without a point."""
+        return super().max_by_axis
+
+    @property
+    def interval(self) -> Annotated[ComparisonIntervals, Key("interval_95")]:
+        """95 % intervals of the errors."""
         assert self.intervals is not None
-        mean = self.intervals.mean * 1e3
-        return {
-            **super().to_dict(),
-            "max_by_axis_mm": (self.max_by_axis * 1e3).tolist(),
-            "registered": self.registered,
-            "frame": self.frame,
-            "interval_95": {
-                "mean_mm": mean.tolist(),
-                "rms_mm": (self.intervals.rms * 1e3).tolist(),
-                "mean_percent": (mean / self.length / 10.0).tolist(),
-                "mean_by_axis_mm": (self.intervals.mean_by_axis * 1e3).tolist(),
-            },
-        }
+        return ComparisonIntervals(**vars(self.intervals), length=self.length)
 
 
 @short_repr
 @dataclass(frozen=True)
-class Effect:
-    """One step of the decomposition of the rod's error."""
+class Effect(Result):
+    """One step of the decomposition of the rod's error; NaN without rows."""
 
-    name: str
+    name: Annotated[str, Key("effect")]
     """Name: registration, gravity, friction, stiffness or gain."""
-    label: str
+    label: Annotated[str, Key()]
     """Name in words for tables and figures."""
-    cumulative_mean: float
-    """Mean error with this effect and all previous ones, m."""
-    explains: float
-    """Decrease of the mean error by the step, m; negative for an increase."""
-    explains_interval: Array
-    """(2,), m."""
-    without: float
-    """Mean error of the calibrated robot without this effect, m."""
-    increase_without: float
-    """Increase of the mean error without this effect, m."""
-    increase_without_interval: Array
-    """(2,), m."""
-
-    def to_dict(self) -> schema.DecompositionStep:
-        """Return plain values in mm."""
-        return {
-            "effect": self.name,
-            "label": self.label,
-            "cumulative_mean_mm": self.cumulative_mean * 1e3,
-            "explains_mm": self.explains * 1e3,
-            "explains_interval_95_mm": (self.explains_interval * 1e3).tolist(),
-            "mean_without_it_alone_mm": self.without * 1e3,
-            "increase_without_mm": self.increase_without * 1e3,
-            "increase_without_interval_95_mm": (self.increase_without_interval * 1e3).tolist(),
-        }
+    cumulative_mean: Annotated[float, Key("cumulative_mean_mm")]
+    """Mean error with this effect and all previous ones, m; NaN without rows."""
+    explains: Annotated[float, Key("explains_mm")]
+    """Decrease of the mean error by the step, m; negative for an increase; NaN without rows."""
+    explains_interval: Annotated[Array, Key("explains_interval_95_mm")]
+    """Its 95 % interval (2,), m; NaN without rows."""
+    without: Annotated[float, Key("mean_without_it_alone_mm")]
+    """Mean error of the calibrated robot without this effect, m; NaN without rows."""
+    increase_without: Annotated[float, Key("increase_without_mm")]
+    """Increase of the mean error without this effect, m; NaN without rows."""
+    increase_without_interval: Annotated[Array, Key("increase_without_interval_95_mm")]
+    """Its 95 % interval (2,), m; NaN without rows."""
 
 
 @short_repr
@@ -320,7 +304,7 @@ class AgainstData:
         """Return the comparison of a model in a frame."""
         return next(c for c in self.comparisons if (c.name, c.frame) == (name, frame))
 
-    def to_dict(self) -> schema.StudyMeasurements:
+    def to_dict(self) -> dict[str, Any]:
         """Return the block ``measurements`` of a study."""
         d, c = self.data, self.calibration
         base: dict[str, schema.BaseEstimate] | None = None
@@ -381,7 +365,7 @@ def _turn(frame: Rigid) -> float:
     return math.degrees(float(np.linalg.norm(frame.rotation_vector)))
 
 
-def _frame_to_dict(frame: Rigid) -> schema.TurnedFrame:
+def _frame_to_dict(frame: Rigid) -> dict[str, Any]:
     return {**frame.to_dict(), "turned_deg": _turn(frame)}
 
 

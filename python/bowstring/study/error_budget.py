@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from bowstring.data.tip_errors import known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import round_down
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.study.actuation_budget import ActuationBudget, actuation_budget
 from bowstring.study.comparison import MEANINGS, Case, Model
@@ -102,7 +103,7 @@ class BudgetRow:
 
 @short_repr
 @dataclass(frozen=True)
-class Budget:
+class Budget(Result):
     """Error budget."""
 
     baseline: Case
@@ -117,10 +118,11 @@ class Budget:
     """Assumptions of the baseline in words."""
     full_model_description: str
     """Assumptions of the full model in words."""
-    notes: tuple[str, ...]
+    notes: Annotated[tuple[str, ...], Key()]
     """Definitions and assumptions of the budget in sentences."""
-    actuation: ActuationBudget
-    """Budget of friction, elastic tendons and displacement control."""
+    actuation: Annotated[ActuationBudget, Key()]
+    """[Budget](../guide/actuation-budget.md) of friction, elastic tendons and displacement control.
+    """
 
     def cases(self, row: BudgetRow, side: Side) -> tuple[Case, Case]:
         """Return the two cases with and without an effect."""
@@ -182,16 +184,28 @@ class Budget:
         named = (("with it", present.problem), ("without it", absent.problem))
         return tuple(f"{which}: {problem}" for which, problem in named if problem)
 
-    def to_dict(self) -> schema.Budget:
-        """Return plain values in mm and percent."""
-        return {
-            "baseline": self.baseline.described(self.baseline_description),
-            "full_model": self.full_model.described(self.full_model_description),
-            "sweep": self.sweep.to_dict(),
-            "rows": [self._row_to_dict(row) for row in self.rows],
-            "notes": list(self.notes),
-            "actuation": self.actuation.to_dict(),
-        }
+    @property
+    def of_baseline(self) -> Annotated[schema.DescribedCase, Key("baseline")]:
+        """The baseline."""
+        found: schema.DescribedCase = self.baseline.described(self.baseline_description)
+        return found
+
+    @property
+    def of_full_model(self) -> Annotated[schema.DescribedCase, Key("full_model")]:
+        """The full model."""
+        found: schema.DescribedCase = self.full_model.described(self.full_model_description)
+        return found
+
+    @property
+    def of_sweep(self) -> Annotated[schema.Case, Key("sweep")]:
+        """The physics of the sweep."""
+        found: schema.Case = self.sweep.to_dict()
+        return found
+
+    @property
+    def effects(self) -> Annotated[list[schema.BudgetRow], Key("rows")]:
+        """Effects, without those of actuation."""
+        return [self._row_to_dict(row) for row in self.rows]
 
     def _row_to_dict(self, row: BudgetRow) -> schema.BudgetRow:
         def side(name: Side, **more: str) -> Any:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.study.ramp_response import has_surface, without_surface
 
@@ -21,15 +22,25 @@ __all__ = [
 
 
 @dataclass(frozen=True)
-class Figure:
+class Figure(Result):
     """Figure of the report."""
 
     stem: str
     """File name without suffix."""
-    title: str
+    title: Annotated[str, Key()]
     """Title in the report."""
-    caption: str
+    caption: Annotated[str, Key()]
     """Caption in sentences."""
+
+    @property
+    def png(self) -> Annotated[str, Key()]:
+        """Path in the folder of the report."""
+        return f"figures/{self.stem}.png"
+
+    @property
+    def pdf(self) -> Annotated[str, Key()]:
+        """Path in the folder of the report."""
+        return f"figures/{self.stem}.pdf"
 
 
 _ON_SURFACE: Final = "Stress and strain are the largest on the surface of the backbone."

@@ -16,8 +16,8 @@ from bowstring.formatting import in_mm, in_percent, listed
 from bowstring.robot.model import Robot
 
 if TYPE_CHECKING:
+    from bowstring.fem.run import FeStatus
     from bowstring.schemas import study as schema
-    from bowstring.schemas.basic import FeStatus
     from bowstring.study.data_validation import AgainstData
 
 __all__ = ["FiniteElements", "at_data", "solve"]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from bowstring.data.tip_errors import Comparison
 from bowstring.formatting import in_mm, in_percent, listed, significant
+from bowstring.results import Key, Result
 from bowstring.robot.laws import MEMORIES
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
@@ -24,17 +25,21 @@ __all__ = ["PublishedClaim", "claim_of", "notes_of"]
 
 
 @dataclass(frozen=True)
-class PublishedClaim:
+class PublishedClaim(Result):
     """Published result of the source study beside ours; none of its measurements is available."""
 
-    mean_mm: float
+    mean_mm: Annotated[float, Key("smaller_than_mm")]
     """Published upper bound of the mean error, mm."""
-    mean_percent: float
+    mean_percent: Annotated[float, Key("smaller_than_percent")]
     """The same bound in percent of the length."""
-    ours: str
+    ours: Annotated[str, Key("compared_with")]
     """Name of the corresponding comparison."""
     text: str
     """Comparison with ours in sentences."""
+    source: Annotated[str, Key()] = "Amouri 2019"
+    """Publication."""
+    what: Annotated[str, Key()] = "mean of constant curvature against finite elements"
+    """What is compared."""
 
 
 def claim_of(

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +25,13 @@ from bowstring.dynamics.load_history import ramp
 from bowstring.dynamics.modal import modes
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, listed, significant
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.statics import fields, limits, simulator
 from bowstring.study.comparison import Model
 
 if TYPE_CHECKING:
-    from bowstring.schemas import study as schema
-    from bowstring.schemas.basic import MotionStatus
+    from bowstring.dynamics.simulation import Status
 
 __all__ = [
     "MODAL_DAMPING",
@@ -64,59 +64,51 @@ _SAME: Final = 1e-4  # difference of equal tips over length; lumped masses cause
 
 @short_repr
 @dataclass(frozen=True)
-class Surface:
-    """Largest values on the surface of the whole backbone (K,), NaN where not computed."""
+class Surface(Result):
+    """Largest stress and strain on the surface of the whole backbone, by load or time."""
 
-    von_mises: Array
-    """Von Mises stress, Pa."""
-    normal_stress: Array
-    """Magnitude of normal stress, Pa."""
-    strain: Array
-    """Magnitude of axial strain by bending and extension."""
+    von_mises: Annotated[Array, Key("von_mises_max_MPa")]
+    """Von Mises stress (K,), Pa; NaN where not computed."""
+    normal_stress: Annotated[Array, Key("normal_stress_max_MPa")]
+    """Magnitude of normal stress (K,), Pa; NaN where not computed."""
+    strain: Annotated[Array, Key("strain_max_percent")]
+    """Magnitude of axial strain by bending and extension (K,); NaN where not computed."""
     by_segment: Array
     """Largest von Mises stress (Pa) and strain of each segment (2, K, S)."""
-
-    def to_dict(self) -> schema.Surface:
-        """Return plain values in MPa and percent."""
-        return {
-            "von_mises_max_MPa": (self.von_mises / 1e6).tolist(),
-            "normal_stress_max_MPa": (self.normal_stress / 1e6).tolist(),
-            "strain_max_percent": (self.strain * 100.0).tolist(),
-        }
 
 
 @short_repr
 @dataclass(frozen=True)
-class Transient:
-    """Motion, and statics at the same tensions."""
+class Transient(Result):
+    """Motion by a ramp of tension, then a hold, and statics at the same tensions."""
 
     length: float
     """Length of the robot, m."""
-    frequency: float
+    frequency: Annotated[float, Key("slowest_frequency_hz")]
     """Frequency of the slowest mode without tension, Hz."""
-    rise: float
+    rise: Annotated[float, Key("rise_s")]
     """Rise time, s."""
-    hold: float
+    hold: Annotated[float, Key("hold_s")]
     """Hold time, s."""
     rise_chosen: bool
     """Whether the program chose `rise`."""
-    modal_damping: float
+    modal_damping: Annotated[float, Key()]
     """Damping ratio of the slowest modes."""
-    mass_damping: float
+    mass_damping: Annotated[float, Key("mass_damping_per_s")]
     """Mass-proportional damping, 1/s."""
-    material_damping: float
+    material_damping: Annotated[float, Key("material_damping_s")]
     """Kelvin-Voigt damping, s."""
-    status: MotionStatus
-    """``"converged"``, or why the motion stopped early."""
-    reason: str
+    status: Annotated[Status, Key()]
+    """As of ``simulate``: ``"converged"``, or why the motion stopped early."""
+    reason: Annotated[str, Key()]
     """Reason if it stopped early."""
-    time: Array
+    time: Annotated[Array, Key("time_s")]
     """Time (K,), s."""
-    tension: Array
+    tension: Annotated[Array, Key("tension_N")]
     """Tension of the actuated tendon (K,), N."""
-    tip_position: Array
+    tip_position: Annotated[Array, Key("tip_position_mm")]
     """Tip (K, 3), m."""
-    surface: Surface
+    surface: Annotated[Surface, Key(flat=True)]
     """Largest stress and strain at each time (K,)."""
     static_tip: Array
     """Tip by statics at the same tension (K, 3), m; NaN without equilibrium."""
@@ -134,7 +126,7 @@ class Transient:
         return self.status == "converged"
 
     @property
-    def displacement(self) -> Array:
+    def displacement(self) -> Annotated[Array, Key("tip_displacement_mm")]:
         """Displacement of the tip since the start (K,), m."""
         return np.asarray(np.linalg.norm(self.tip_position - self.tip_position[0], axis=-1))
 
@@ -149,8 +141,8 @@ class Transient:
         return self.time <= self.rise * (1 + 1e-9)
 
     @property
-    def mean_difference(self) -> float:
-        """Mean difference over the rise, m."""
+    def mean_difference(self) -> Annotated[float, Key("difference_from_statics_mean_mm")]:
+        """Mean distance of the tip from statics over the rise, m; NaN without an equilibrium."""
         return known_mean(self.difference[self.rising])
 
     @property
@@ -162,8 +154,33 @@ class Transient:
         return known_max(rising), float(self.tension[np.nanargmax(rising)])
 
     @property
-    def lag(self) -> float:
-        """Mean lag of the motion behind statics over the rise, s.
+    def largest_difference(self) -> Annotated[float, Key("difference_from_statics_max_mm")]:
+        """Largest distance over the rise, m; NaN without an equilibrium."""
+        return self.max_difference[0]
+
+    @property
+    def largest_difference_at(self) -> Annotated[float, Key("difference_from_statics_max_at_N")]:
+        """Tension there, N; NaN without an equilibrium."""
+        return self.max_difference[1]
+
+    @property
+    def overshoot(self) -> Annotated[float | None, Key("overshoot_mm")]:
+        """Overshoot of the tip during the hold, m; None without one."""
+        return self.peak[1] if self.peak else None
+
+    @property
+    def overshoot_share(self) -> Annotated[float | None, Key("overshoot_percent")]:
+        """The same as a share of the length; None without one."""
+        return self.peak[1] / self.length if self.peak else None
+
+    @property
+    def overshoot_at(self) -> Annotated[float | None, Key("overshoot_at_s")]:
+        """Time of the overshoot, s; None without one."""
+        return self.peak[0] if self.peak else None
+
+    @property
+    def lag(self) -> Annotated[float, Key("lag_s")]:
+        """Mean lag of the motion behind statics over the rise, s; NaN if they cannot be compared.
 
         Along the line from the first to the last static tip of the rise, by the area between the
         two curves, so that oscillations cancel.
@@ -178,14 +195,15 @@ class Transient:
         return float(np.sum(0.5 * (behind[1:] + behind[:-1]) * steps))
 
     @property
-    def residual(self) -> float:
-        """Largest distance of the tip from statics in the last slowest period of the hold, m."""
+    def residual(self) -> Annotated[float, Key("residual_mm")]:
+        """Largest distance of the tip from statics in the last slowest period of the hold, m; NaN
+        if the motion stopped before."""
         if not self.converged:
             return math.nan
         return known_max(self.difference[self.time >= self.time[-1] - 1.0 / self.frequency])
 
     @property
-    def text(self) -> tuple[str, ...]:
+    def text(self) -> Annotated[tuple[str, ...], Key()]:
         """Settings and results in sentences."""
         periods = self.rise * self.frequency
         chosen = " (chosen by the program)" if self.rise_chosen else ""
@@ -222,35 +240,6 @@ class Transient:
                 words += f"; in the last period of the hold it is {in_mm(self.residual)} off"
             out.append(words + ".")
         return tuple(out)
-
-    def to_dict(self) -> schema.MotionNumbers:
-        """Return plain values in s, N, mm, MPa and percent."""
-        largest, where = self.max_difference
-        when, size = self.peak or (math.nan, math.nan)
-        return {
-            "status": self.status,
-            "reason": self.reason,
-            "text": list(self.text),
-            "slowest_frequency_hz": self.frequency,
-            "rise_s": self.rise,
-            "hold_s": self.hold,
-            "modal_damping": self.modal_damping,
-            "mass_damping_per_s": self.mass_damping,
-            "material_damping_s": self.material_damping,
-            "difference_from_statics_mean_mm": self.mean_difference * 1e3,
-            "difference_from_statics_max_mm": largest * 1e3,
-            "difference_from_statics_max_at_N": where,
-            "lag_s": self.lag,
-            "overshoot_mm": size * 1e3,
-            "overshoot_percent": size / self.length * 100.0,
-            "overshoot_at_s": when,
-            "residual_mm": self.residual * 1e3,
-            "time_s": self.time.tolist(),
-            "tension_N": self.tension.tolist(),
-            "tip_position_mm": (self.tip_position * 1e3).tolist(),
-            "tip_displacement_mm": (self.displacement * 1e3).tolist(),
-            **self.surface.to_dict(),
-        }
 
 
 # -- computing it ------------------------------------------------------------------------------

@@ -32,7 +32,6 @@ from bowstring.viz.style import figure_style, save_figure, save_figures, svg
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bowstring.schemas import study as schema
     from bowstring.study.data_validation import AgainstData
 
 __all__ = ["default_folder", "write", "written_figures"]
@@ -114,7 +113,7 @@ def _fill(study: Study, folder: Path, notify: Progress) -> None:
     write_listing(folder / "study.json", content)
 
 
-def written_figures(study: Study, folder: Path) -> list[schema.Figure]:
+def written_figures(study: Study, folder: Path) -> list[dict[str, Any]]:
     """Figures in the JSON of a study that its folder has: those that could be drawn."""
     return [f for f in study.to_dict()["figures"] if (folder / f["pdf"]).exists()]
 

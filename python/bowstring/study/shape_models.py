@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,11 @@ from bowstring.constant_curvature import (
     curvature_from_loads,
     fit_curvature,
 )
-from bowstring.data.tip_errors import Comparison, known_max, known_mean
+from bowstring.data.tip_errors import Comparison, ModelName, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError
 from bowstring.formatting import in_mm, in_percent
+from bowstring.results import Key, Result
 from bowstring.study.comparison import (
     COMPARISONS,
     FITS,
@@ -37,7 +38,6 @@ from bowstring.study.comparison import (
 from bowstring.study.design_map import has_too_many_disks
 
 if TYPE_CHECKING:
-    from bowstring.schemas import study as schema
     from bowstring.study.sweeps import Statics
 
 __all__ = ["ShapeModel", "ShapeModels", "compare_shapes"]
@@ -53,16 +53,33 @@ _POWERS: Final = {1: "linear in arc length", 2: "quadratic"}
 _EXACT: Final = 1e-4  # mean tip error over the length that needs no better model
 
 
+@dataclass(frozen=True)
+class TipOfShape(Result):
+    """Errors of the tip of one model against statics."""
+
+    name: Annotated[ModelName, Key()]
+    """Model, as of ``comparisons``."""
+    n: Annotated[int, Key()]
+    """Number of loads."""
+    mean: Annotated[float, Key("tip_mean_mm")]
+    """Mean error of the tip, m; NaN without loads."""
+    maximum: Annotated[float, Key("tip_max_mm")]
+    """Largest error of the tip, m; NaN without loads."""
+    share: Annotated[float, Key("tip_mean_percent")]
+    """Mean error of the tip as a share of the length; NaN without loads."""
+
+
 @short_repr
 @dataclass(frozen=True)
-class ShapeModel:
-    """Errors of one model over the whole backbone, against statics."""
+class ShapeModel(Result):
+    """Errors of one model at the tip and over the whole backbone, against statics."""
 
     name: str
     """Name of its comparison."""
-    kind: Kind
-    """Constant curvature from lengths or force, a fit, or a prediction."""
-    degree: int
+    kind: Annotated[Kind, Key()]
+    """``constant_curvature`` from lengths or force; ``fit``: curvature fitted to the disks by
+    statics; ``prediction``: from tensions and weight."""
+    degree: Annotated[int, Key()]
     """Degree of the curvature in arc length: 0 where it is constant."""
     comparison: Comparison
     """Tips."""
@@ -77,33 +94,33 @@ class ShapeModel:
         return LABELS[self.name]
 
     @property
-    def shape_mean(self) -> float:
-        """Mean over the loads of `shape`, m."""
+    def tip(self) -> Annotated[TipOfShape, Key(flat=True)]:
+        """Errors of the tip."""
+        found = self.comparison
+        return TipOfShape(found.model, found.n, found.mean, found.maximum, found.mean_share)
+
+    @property
+    def shape_mean(self) -> Annotated[float, Key("shape_mean_mm")]:
+        """Mean over the loads of the RMS error over the disks, m; NaN without loads."""
         return known_mean(self.shape)
 
-    def to_dict(self) -> schema.ShapeErrors:
-        """Return plain values in mm and percent of the length."""
-        tip, length = self.comparison, self.comparison.length
-        return {
-            "name": cast("schema.ModelName", self.name),
-            "kind": self.kind,
-            "degree": self.degree,
-            "n": tip.n,
-            "tip_mean_mm": tip.mean * 1e3,
-            "tip_max_mm": tip.maximum * 1e3,
-            "tip_mean_percent": tip.mean / length * 100.0,
-            "shape_mean_mm": self.shape_mean * 1e3,
-            "shape_max_mm": known_max(self.largest) * 1e3,
-            "shape_mean_percent": self.shape_mean / length * 100.0,
-        }
+    @property
+    def shape_max(self) -> Annotated[float, Key("shape_max_mm")]:
+        """Largest error of a disk, m; NaN without loads."""
+        return known_max(self.largest)
+
+    @property
+    def shape_share(self) -> Annotated[float, Key("shape_mean_percent")]:
+        """The mean error as a share of the length; NaN without loads."""
+        return self.shape_mean / self.comparison.length
 
 
 @short_repr
 @dataclass(frozen=True)
-class ShapeModels:
+class ShapeModels(Result):
     """Constant and variable curvature over the whole backbone."""
 
-    models: tuple[ShapeModel, ...]
+    models: Annotated[tuple[ShapeModel, ...], Key()]
     """Constant curvature, then fits and predictions by degree."""
     curves: Mapping[str, VariableCurvature]
     """Curvature of fits and predictions at the loads of the sweep (n,), by name."""
@@ -120,13 +137,9 @@ class ShapeModels:
         return tuple(model.comparison for model in self.models if model.kind != _COMMON)
 
     @property
-    def text(self) -> tuple[str, ...]:
+    def text(self) -> Annotated[tuple[str, ...], Key()]:
         """Results in sentences, then why models are left out."""
         return (*_on_fits(self), *_on_predictions(self), *self.without)
-
-    def to_dict(self) -> schema.StudyShapes:
-        """Return plain values."""
-        return {"models": [model.to_dict() for model in self.models], "text": list(self.text)}
 
 
 def compare_shapes(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -43,7 +43,6 @@ from bowstring.validity.maps import ValidityMap
 from bowstring.validity.spread import Spread
 
 if TYPE_CHECKING:
-    from bowstring.schemas import study as schema
     from bowstring.study.data_validation import AgainstData
     from bowstring.study.finite_elements import FiniteElements
 
@@ -235,33 +234,17 @@ class Study:
         """Results of dynamics in sentences, or reason why it is left out."""
         return self.dynamics.text if self.dynamics else (self.without_dynamics,)
 
-    def to_dict(self) -> schema.StudyResults:
+    def to_dict(self) -> dict[str, Any]:
         """Return the study as JSON values; None for NaN and infinity."""
-        s, g, d = self.statics, self.geometry, self.data
-        out: schema.StudyResults = {
+        s, d = self.statics, self.data
+        out = {
             "robot": self.robot.name,
             "length_m": self.length,
             "comparisons": [c.to_dict() for c in self.comparisons],
             "verdict": self.verdict.to_dict(),
             "budget": self.budget.to_dict(),
-            "figures": [
-                {
-                    "title": f.title,
-                    "caption": f.caption,
-                    "png": f"figures/{f.stem}.png",
-                    "pdf": f"figures/{f.stem}.pdf",
-                }
-                for f in self.figures
-            ],
-            "published_claim": None
-            if self.claim is None
-            else {
-                "source": "Amouri 2019",
-                "what": "mean of constant curvature against finite elements",
-                "smaller_than_mm": self.claim.mean_mm,
-                "smaller_than_percent": self.claim.mean_percent,
-                "compared_with": self.claim.ours,
-            },
+            "figures": [f.to_dict() for f in self.figures],
+            "published_claim": None if self.claim is None else self.claim.to_dict(),
             "data": "simulated" if d is None else f"simulated; {d.label}",
             "registered": d is not None,
             "measurements": None if d is None else d.to_dict(),
@@ -271,13 +254,7 @@ class Study:
             "sweep": {
                 "actuated_tendon": self.settings.tendon + 1,
                 "shares": list(self.settings.shares),
-                "tension_N": s.tension.tolist(),
-                "status": list(s.status),
-                "tip_position_mm": (s.tip_position * 1e3).tolist(),
-                "tendon_lengths_mm": (s.tendon_lengths * 1e3).tolist(),
-                "displacement_mm": (s.displacement * 1e3).tolist(),
-                "linear_displacement_mm": (s.linear_displacement * 1e3).tolist(),
-                **s.surface.to_dict(),
+                **s.to_dict(),
                 "errors_mm": self._errors_mm("statics"),
             },
             "dynamics": {"status": "left_out", "text": list(self.dynamics_text)}
@@ -294,11 +271,7 @@ class Study:
                 "models": [spread.to_dict() for spread in self.spreads],
             },
             "finite_elements": None if self.bricks is None else self.bricks.to_dict(),
-            "geometric_sweep": {
-                "displacement_mm": (g.displacement * 1e3).tolist(),
-                "tip_position_mm": (g.tip_position * 1e3).tolist(),
-                "theta_deg": np.degrees(g.theta).tolist(),
-            },
+            "geometric_sweep": self.geometry.to_dict(),
             "provenance": {
                 "schema_version": SCHEMA_VERSION,
                 "bowstring_version": str(_core.__version__),
@@ -315,7 +288,7 @@ class Study:
                 },
             },
         }
-        found: schema.StudyResults = plain(out)
+        found: dict[str, Any] = plain(out)
         return found
 
     def _errors_mm(self, against: str) -> dict[str, list[float | None]]:

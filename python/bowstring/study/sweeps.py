@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, cast
+from typing import TYPE_CHECKING, Annotated, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,14 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.formatting import significant
+from bowstring.results import Key, Result
 from bowstring.study.comparison import Model
 from bowstring.study.ramp_response import Surface, surface_at_rest
 from bowstring.study.settings import Settings
 from bowstring.validity.loading import MAX_BEND, TRIED, turned
 
 if TYPE_CHECKING:
-    from bowstring.schemas.basic import StaticsStatus
+    from bowstring.statics.messages import StaticsStatus
 
 __all__ = ["GeometricSweep", "Statics", "arc_scale_of", "geometric_sweep", "static_sweep"]
 
@@ -31,17 +32,17 @@ _BACKBONE_POINTS: Final = 25  # points per segment
 
 @short_repr
 @dataclass(frozen=True)
-class GeometricSweep:
+class GeometricSweep(Result):
     """Geometric sweep of the source study: constant curvature without mechanics."""
 
-    displacement: Array
+    displacement: Annotated[Array, Key("displacement_mm")]
     """Displacement of the actuated tendon (n,), m."""
     tendon_lengths: Array
     """(n, T), m."""
-    theta: Array
-    """Bend angles (n, S), rad."""
-    tip_position: Array
-    """(n, 3), m."""
+    theta: Annotated[Array, Key("theta_deg")]
+    """Bend angles by displacement and segment (n, S), rad."""
+    tip_position: Annotated[Array, Key("tip_position_mm")]
+    """Tip (n, 3), m."""
     disk_positions: Array
     """(n, N, 3), m."""
     disk_rotations: Array
@@ -55,28 +56,29 @@ class GeometricSweep:
 
 @short_repr
 @dataclass(frozen=True)
-class Statics:
+class Statics(Result):
     """Sweep by straight-span statics."""
 
-    tension: Array
+    tension: Annotated[Array, Key("tension_N")]
     """Tension of the actuated tendon (n,), N; the others have their shares of it."""
-    status: tuple[StaticsStatus, ...]
-    """Status at each load (n,): ``"converged"``, or the reason of failure."""
+    status: Annotated[tuple[StaticsStatus, ...], Key()]
+    """Status at each load, as of ``solve``: ``"converged"``, or the reason of failure."""
     converged: NDArray[np.bool_]
     """Whether each load converged (n,)."""
-    tip_position: Array
+    tip_position: Annotated[Array, Key("tip_position_mm")]
     """Tip (n, 3), m; NaN where not converged."""
     disk_positions: Array
     """(n, N, 3), m."""
     disk_rotations: Array
     """(n, N, 3, 3), disk frame to base frame."""
-    tendon_lengths: Array
-    """(n, T), m."""
-    displacement: Array
-    """Displacement l0 - l of the actuated tendon (n,), l0 with the straight backbone, m."""
-    linear_displacement: Array
-    """Displacement by the linear law (n,), m."""
-    surface: Surface
+    tendon_lengths: Annotated[Array, Key("tendon_lengths_mm")]
+    """Tendon lengths (n, T), m; NaN where not converged."""
+    displacement: Annotated[Array, Key("displacement_mm")]
+    """Displacement l0 - l of the actuated tendon (n,), l0 with the straight backbone, m; NaN where
+    not converged."""
+    linear_displacement: Annotated[Array, Key("linear_displacement_mm")]
+    """Displacement by the linear law (n,), m; NaN where it has none."""
+    surface: Annotated[Surface, Key(flat=True)]
     """Largest stress and strain (n,)."""
 
 

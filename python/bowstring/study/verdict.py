@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import Annotated, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,10 @@ from numpy.typing import NDArray
 from bowstring.data.tip_errors import Comparison, known_max
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_newtons, in_percent, listed, significant
+from bowstring.results import Key, Result
 from bowstring.study.comparison import MEANINGS, Case, Model
 from bowstring.study.error_budget import Budget
 from bowstring.validity.effects import DOMINANT, EFFECTS, Rods, acting, without
-
-if TYPE_CHECKING:
-    from bowstring.schemas import study as schema
 
 __all__ = ["Correction", "Meaning", "Share", "Verdict", "corrections", "judge", "shares_of"]
 
@@ -38,45 +36,52 @@ _WORTH_NAMING: Final = 0.1  # least share of the error of an effect that is name
 
 @short_repr
 @dataclass(frozen=True)
-class Share:
+class Share(Result):
     """Share of one effect in the error of constant curvature at one load of the main sweep."""
 
-    effect: str
+    effect: Annotated[str, Key()]
     """Key, such as ``"straight_spans"``."""
-    label: str
+    label: Annotated[str, Key()]
     """Effect in words."""
-    error_without: float
-    """Error with this effect removed, m."""
-    share: float
-    """(error - error_without) / error; effects interact, so shares need not add up to one."""
+    error_without: Annotated[float, Key("error_without_mm")]
+    """Error with this effect removed, m; NaN without an equilibrium."""
+    share: Annotated[float, Key("share_percent")]
+    """(error - error_without) / error; effects interact, so shares need not add up to one; NaN
+    without an equilibrium."""
 
 
 @short_repr
 @dataclass(frozen=True)
-class Meaning:
+class Meaning(Result):
     """Verdict on constant curvature from lengths or from force."""
 
-    name: str
-    """Name of the comparison, one of `bowstring.study.comparison.MEANINGS`."""
-    valid_throughout: bool
+    name: Annotated[str, Key()]
+    """Name of the comparison: ``cc_from_lengths`` or ``cc_from_force``."""
+    valid_throughout: Annotated[bool, Key()]
     """Whether all loads have an error, and none is above the tolerance."""
-    valid_to: float | None
+    valid_to: Annotated[float | None, Key("valid_to_N")]
     """Validity limit, N: first crossing of the tolerance, or the last load solved; None if it
     never holds."""
-    exceeded: tuple[tuple[float, float], ...]
+    exceeded: Annotated[tuple[tuple[float, float], ...], Key("exceeded_N")]
     """Ranges of tension in which the error is above the tolerance, N."""
-    undecided: tuple[tuple[float, float], ...]
+    undecided: Annotated[tuple[tuple[float, float], ...], Key("undecided_N")]
     """Ranges of tension without equilibrium or without an arc, N."""
-    max_error: float
+    max_error: Annotated[float, Key("max_error_mm")]
     """Largest error on the fine sweep, m; NaN without any."""
-    max_at: float
+    max_at: Annotated[float, Key("max_error_at_N")]
     """Tension of the largest error, N; 0 without any."""
-    blamed_at: float
+    blamed_at: Annotated[float, Key("shares_at_N")]
     """Tension of the shares, N: the first crossing, else that of the largest error."""
-    shares: tuple[Share, ...]
+    shares: Annotated[tuple[Share, ...], Key()]
     """Shares, largest first; empty if rod and constant curvature agree there."""
-    text: str
+    text: Annotated[str, Key()]
     """Verdict in sentences."""
+
+    @property
+    def cause(self) -> Annotated[str | None, Key("dominant_cause")]:
+        """Effect with more than half of the error at the load of the shares, also if the tolerance
+        is never exceeded; None without such an effect."""
+        return self.dominant_cause.effect if self.dominant_cause else None
 
     @property
     def cause_label(self) -> str:
@@ -98,53 +103,21 @@ class Meaning:
 
 @short_repr
 @dataclass(frozen=True)
-class Verdict:
-    """Verdict in plain words, with its numbers."""
+class Verdict(Result):
+    """Verdict on constant curvature in plain words, with its numbers."""
 
-    tolerance: float
+    tolerance: Annotated[float, Key("tolerance_percent")]
     """Tolerated tip error as a share of the length."""
-    tolerance_length: float
+    tolerance_length: Annotated[float, Key("tolerance_mm")]
     """Tolerated tip error, m."""
-    meanings: tuple[Meaning, ...]
+    meanings: Annotated[tuple[Meaning, ...], Key()]
     """Verdicts from lengths and from force."""
     fine_tension: Array
     """Tensions of the fine sweep (n,), N."""
     fine_error: dict[str, Array]
     """Errors on the fine sweep, m."""
-    text: tuple[str, ...]
+    text: Annotated[tuple[str, ...], Key()]
     """Verdict, corrections, variable curvature and effects outside the sweep in sentences."""
-
-    def to_dict(self) -> schema.Verdict:
-        """Return plain values in mm, N and percent."""
-        return {
-            "tolerance_percent": self.tolerance * 100.0,
-            "tolerance_mm": self.tolerance_length * 1e3,
-            "text": list(self.text),
-            "meanings": [
-                {
-                    "name": m.name,
-                    "valid_throughout": m.valid_throughout,
-                    "valid_to_N": m.valid_to,
-                    "exceeded_N": [list(r) for r in m.exceeded],
-                    "undecided_N": [list(r) for r in m.undecided],
-                    "max_error_mm": m.max_error * 1e3,
-                    "max_error_at_N": m.max_at,
-                    "dominant_cause": m.dominant_cause.effect if m.dominant_cause else None,
-                    "shares_at_N": m.blamed_at,
-                    "shares": [
-                        {
-                            "effect": s.effect,
-                            "label": s.label,
-                            "error_without_mm": s.error_without * 1e3,
-                            "share_percent": s.share * 100.0,
-                        }
-                        for s in m.shares
-                    ],
-                    "text": m.text,
-                }
-                for m in self.meanings
-            ],
-        }
 
 
 # -- running it --------------------------------------------------------------------------------
