@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -43,7 +43,6 @@ from bowstring.cli.output import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from bowstring.schemas import branches as schema
     from bowstring.statics.branches import BranchDiagram
 
 
@@ -148,7 +147,7 @@ def branches(
         lambda: write_figure(lambda: draw_branches(found), file, "figure", 160, check)
     )
     if as_json:
-        content: schema.Branches = {
+        content: dict[str, Any] = {
             **provenance_of(
                 model,
                 tensions_N=found.load.tensions,

@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.robot.model import Robot
-    from bowstring.schemas.inverse import Control, ReachFound
     from bowstring.validity.control import ControlErrors
 
 
@@ -111,7 +110,7 @@ def control(
         return write_tables(
             _table(found), "\n".join([*found.described(), f"Figure: {written or NOT_DRAWN}"])
         )
-    content: Control = {
+    content: dict[str, Any] = {
         **provenance_of(model, **settings, poses=poses, corrections=corrections),
         **found.to_dict(),
         "text": found.described(),
@@ -182,7 +181,7 @@ def reach(
         written = figure_file(lambda: found.save(file))
     if not as_json:
         return write_tables("\n".join([*found.described(), f"Figure: {written or NOT_DRAWN}"]))
-    content: ReachFound = {
+    content: dict[str, Any] = {
         **provenance_of(model, **settings, poses=poses),
         **found.to_dict(),
         "text": found.described(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, cast
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from bowstring.cli import completion
 from bowstring.cli.actuation import (
@@ -66,7 +66,6 @@ if TYPE_CHECKING:
     from bowstring.dynamics.simulation import Run
     from bowstring.robot.model import Robot
     from bowstring.schemas import dynamics as schema
-    from bowstring.statics.messages import StaticsStatus
 
 TIP_INTERVAL: Final = 0.01  # s between tips in the JSON of simulate, at least
 MOST_OUTPUTS: Final = 1_000_000
@@ -395,8 +394,8 @@ def modes(
             )
     except NoSolutionError as error:
         if as_json:
-            nothing: schema.Modes = {
-                "status": cast("StaticsStatus", error.status),
+            nothing: dict[str, Any] = {
+                "status": error.status,
                 "tensions_N": plain(acting.tensions),
                 "modes": [],
                 "disks": [],
@@ -405,7 +404,7 @@ def modes(
             }
             write_json(nothing)
         raise
-    content: schema.Modes = {**found.to_dict(), **provenance, "folder": None}
+    content: dict[str, Any] = {**found.to_dict(), **provenance, "folder": None}
     if out is not None:
         with progress_bar("pictures") as notify:
             from bowstring.viz.modes_folder import write_modes

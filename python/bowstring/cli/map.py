@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
@@ -245,14 +245,14 @@ def map_(
     if not as_json:
         return write("\n".join([*sentences, f"Map: {written or NOT_DRAWN}"]) + "\n")
     if workspace:
-        whole: schema.Workspace = {
+        whole: dict[str, Any] = {
             **made,
             **poses.to_dict(),
             "text": sentences,
             "file": written,
         }
         return write_json(whole)
-    content: schema.Map = {**made, **found.to_dict(), "text": sentences, "file": written}
+    content: dict[str, Any] = {**made, **found.to_dict(), "text": sentences, "file": written}
     return write_json(content)
 
 
@@ -267,7 +267,7 @@ def _many(job: Job, out: Path, made: OfRobot, as_json: bool) -> None:
         written, sentences = figure_file(lambda: found.save(file)), found.described()
     if not as_json:
         return write("\n".join([*sentences, f"Map: {written or NOT_DRAWN}"]) + "\n")
-    content: schema.Grid = {**made, **found.to_dict(), "text": sentences, "file": written}
+    content: dict[str, Any] = {**made, **found.to_dict(), "text": sentences, "file": written}
     return write_json(content)
 
 

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from bowstring.cli.actuation import (
     Angle,
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from bowstring.constant_curvature import RobotArcs
     from bowstring.robot.model import Robot
     from bowstring.schemas import program
-    from bowstring.schemas.statics import Arc, CorrectedPoint, FittedArc, Fk, Solve
+    from bowstring.schemas.statics import Arc, CorrectedPoint, FittedArc, Fk
     from bowstring.statics import limits
     from bowstring.statics.load import Load
     from bowstring.statics.solution import Solution
@@ -253,7 +253,7 @@ def solve(
         if stable is None:
             message = "An equilibrium, whose stability on the plane is not determined."
     if as_json:
-        content: Solve = {
+        content: dict[str, Any] = {
             **solution.to_dict(),
             "stable": stable,
             "message": message,

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
 from bowstring.cli import completion
 from bowstring.cli.options import AsJson, option, out_folder
 from bowstring.cli.output import Stopped, made_by, progress_bar, say, write_json, write_rich
-
-if TYPE_CHECKING:
-    from bowstring.schemas import suite as schema
 
 MISSING = 1  # exit code where files of a set are missing
 
@@ -48,7 +45,7 @@ def suite(
             found = run_suite(
                 only or (), sets, progress=lambda what, done: notify(what, solving * done)
             )
-            content: schema.Suite = {
+            content: dict[str, Any] = {
                 **found.to_dict(),
                 "folder": None if folder is None else str(folder),
                 "provenance": made_by(only=only or [], sets=None if sets is None else str(sets)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -31,9 +31,6 @@ from bowstring.cli.output import (
     write,
     write_json,
 )
-
-if TYPE_CHECKING:
-    from bowstring.schemas import maps as schema
 
 
 def uncertainty(
@@ -119,7 +116,7 @@ def uncertainty(
         )
         written = figure_file(lambda: write_figure(found.figure, file, "figure", 160, check))
     if as_json:
-        content: schema.Uncertainty = {
+        content: dict[str, Any] = {
             **provenance_of(nominal, distributions=joint.to_dict(), samples=samples),
             **found.to_dict(),
             "warnings": [*nominal.warnings, *joint.warnings],

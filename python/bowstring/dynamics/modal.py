@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,13 @@ from bowstring import validation
 from bowstring._core import check_memory, flexibility, flexibility_at
 from bowstring.display import html_table, sampled_rows, short_repr
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.results import Key, Result
 from bowstring.robot.model import check_robot, check_without_memory
 from bowstring.statics import actuation
 from bowstring.statics.actuation import Given
 from bowstring.statics.load import Load, as_load
 from bowstring.statics.load_tables import points_have_potential, with_arrays
+from bowstring.statics.messages import StaticsStatus
 from bowstring.statics.model import as_model
 
 if TYPE_CHECKING:
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
 
     from bowstring._core import Flexibility, RodModel
     from bowstring.robot.model import Robot
-    from bowstring.schemas import dynamics as schema
+    from bowstring.schemas import basic as schema
     from bowstring.statics.fields import Labelled
 
 __all__ = ["Modes", "modes"]
@@ -44,7 +46,21 @@ _DEFLATIONS: Final = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class Mode(Result):
+    """A natural mode of small oscillation."""
+
+    frequency_hz: Annotated[float, Key()]
+    """Natural frequency."""
+    kind: Annotated[str, Key()]
+    """``bending``, ``torsion`` or ``axial``."""
+    displacement: Annotated[Floats, Key()]
+    """Displacement of each disk (N, 3) in base axes; the largest is 1."""
+    rotation: Annotated[Floats, Key(unit="rad/m of displacement")]
+    """Small rotation vector of each disk (N, 3) in its own axes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Modes(Result):
     """Natural modes of small oscillations about an equilibrium, slowest first; made by `modes`.
 
     Attributes
@@ -61,8 +77,6 @@ class Modes:
         mode without displacement the largest rotation is 1.
     position, orientation : ndarray (N, 3) in m, (N, 3, 3)
         Positions and rotations of the disks in the equilibrium.
-    tensions : ndarray (T,)
-        Tensions in the equilibrium in N.
     """
 
     robot: Robot
@@ -72,7 +86,8 @@ class Modes:
     rotation: Floats
     position: Floats
     orientation: Floats
-    tensions: Floats
+    tensions: Annotated[Floats, Key("tensions_N")]
+    """Tensions (T,) in the equilibrium, N."""
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -104,25 +119,22 @@ class Modes:
         tensions = {"tensions_N": self.tensions}
         return rows_to_dataset(self.robot, "mode", {}, others, tensions)
 
-    def to_dict(self) -> schema.EquilibriumModes:
-        """Return the content of ``bowstring modes --json``."""
-        return {
-            "status": "converged",
-            "tensions_N": self.tensions.tolist(),
-            "modes": [
-                {
-                    "frequency_hz": float(self.frequency_hz[k]),
-                    "kind": kind,
-                    "displacement": self.displacement[k].tolist(),
-                    "rotation": self.rotation[k].tolist(),
-                }
-                for k, kind in enumerate(self.kind)
-            ],
-            "disks": [
-                {"position_m": p, "rotation": r}
-                for p, r in zip(self.position.tolist(), self.orientation.tolist(), strict=True)
-            ],
-        }
+    @property
+    def modes(self) -> Annotated[list[Mode], Key()]:
+        """Modes, slowest first."""
+        shapes = zip(self.frequency_hz, self.kind, self.displacement, self.rotation, strict=True)
+        return [Mode(float(frequency), *shape) for frequency, *shape in shapes]
+
+    @property
+    def disks(self) -> Annotated[list[schema.Pose], Key()]:
+        """Disks of the equilibrium from base to tip."""
+        poses = zip(self.position.tolist(), self.orientation.tolist(), strict=True)
+        return [{"position_m": position, "rotation": rotation} for position, rotation in poses]
+
+    @property
+    def status(self) -> Annotated[StaticsStatus, Key()]:
+        """As of ``solve``; there are no modes unless it is ``converged``."""
+        return "converged"
 
 
 def modes(

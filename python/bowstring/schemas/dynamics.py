@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from bowstring.dynamics import modal
 from bowstring.dynamics.simulation import Status
 from bowstring.schemas.basic import (
     InFolder,
     Object,
     OfRobot,
     OrNull,
-    Pose,
     Vector,
     about,
 )
-from bowstring.statics.messages import StaticsStatus
+from bowstring.schemas.results import beside
 
 
 class TimeStepError(Object):
@@ -95,34 +95,11 @@ class Simulate(OfRobot):
     files: Annotated[RunFiles, about("Files that were written.")]
 
 
-class Mode(Object):
-    """A natural mode of small oscillation."""
+@beside(modal.Modes)
+class Modes(OfRobot, InFolder):
+    """Output of `bowstring modes`."""
 
-    frequency_hz: Annotated[float, about("Natural frequency.")]
-    kind: Annotated[str, about("`bending`, `torsion` or `axial`.")]
-    displacement: Annotated[
-        list[Vector], about("Displacement of each disk in base axes; the largest is 1.")
-    ]
-    rotation: Annotated[
-        list[Vector],
-        about("Small rotation vector of each disk in its own axes.", "rad/m of displacement"),
-    ]
-
-
-class EquilibriumModes(Object):
-    """Result of `Modes.to_dict`."""
-
-    status: Annotated[
-        StaticsStatus,
-        about("As of `solve`; there are no modes unless it is `converged`."),
-    ]
     tensions_N: Annotated[
         list[OrNull] | None,
         about("Tensions of the equilibrium; without one, those given, `null` where none is."),
     ]
-    modes: Annotated[list[Mode], about("Modes, slowest first.")]
-    disks: Annotated[list[Pose], about("Disks of the equilibrium from base to tip.")]
-
-
-class Modes(EquilibriumModes, OfRobot, InFolder):
-    """Output of `bowstring modes`."""

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
-
 from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, Vector, VectorOrNull, about
+from bowstring.schemas.results import beside
 from bowstring.schemas.statics import Arc
+from bowstring.validity.control import ControlErrors
+from bowstring.validity.reach import Reach
 
 __all__ = [
     "BindingLimit",
     "Control",
-    "ControlValues",
+    "ControlDistance",
     "Ik",
     "IkPath",
     "IkResidual",
     "InverseRow",
     "InverseRows",
     "ReachFound",
-    "ReachValues",
 ]
 
 InverseStatus = Literal["reached", "unreachable", "max_iterations", "no_equilibrium"]
@@ -172,111 +172,16 @@ class ControlDistance(Object):
     ]
 
 
-class ControlCommand(Object):
-    """Where one command leads."""
-
-    name: Annotated[
-        Literal[
-            "tensions",
-            "tensions_arm",
-            "tensions_calibrated",
-            "displacements",
-            "displacements_chord",
-            "physics",
-        ],
-        about("Command of constant curvature, or `physics`: the exact inverse."),
-    ]
-    after_corrections: Annotated[
-        list[ControlDistance], about("Without a correction, after one, and so on.")
-    ]
-    distance_m: Annotated[
-        list[list[OrNull]],
-        about("The same for each wanted tip; `null` without a stable equilibrium."),
-    ]
-
-
-class ControlByLoad(Object):
-    """Distances at shares of the dead loads, without corrections."""
-
-    name: Annotated[str, about("Command.")]
-    mean_m: Annotated[list[OrNull], about("Mean distance at each share.")]
-    max_m: Annotated[list[OrNull], about("Largest distance at each share.")]
-
-
-class ControlSeconds(Object):
-    """Time for one command in this run."""
-
-    constant_curvature: Annotated[float, about("Tensions by constant curvature, in s.")]
-    physics: Annotated[
-        OrNull, about("Exact inverse on all cores, in s; `null` where it is not available.")
-    ]
-
-
-class ControlValues(Object):
-    """Distances between wanted tips and where commands lead."""
-
-    tolerance_percent: Annotated[float, about("Tolerated distance in percent of the length.")]
-    max_tension_N: Annotated[list[float], about("Largest tension of each tendon.")]
-    poses: Annotated[int, about("Number of poses drawn.")]
-    without_equilibrium: Annotated[
-        int, about("Number of those without a stable equilibrium, which are not wanted.")
-    ]
-    wanted_m: Annotated[list[Vector], about("Wanted tips.")]
-    stiffness_scale: Annotated[
-        float | None,
-        about("Factor on the bending stiffness of `tensions_calibrated`; `null` without it."),
-    ]
-    seconds_per_command: Annotated[ControlSeconds, about("Time for one command in this run.")]
-    commands: Annotated[list[ControlCommand], about("All commands.")]
-    load_shares: Annotated[list[float], about("Shares of the dead loads of `by_load`.")]
-    by_load: Annotated[list[ControlByLoad], about("Distances by load; empty without dead loads.")]
-
-
-class Control(OfRobot, ControlValues):
+@beside(ControlErrors)
+class Control(OfRobot):
     """Output of `bowstring control`."""
 
     text: Annotated[list[str], about("What the result says, in sentences.")]
     file: Annotated[str | None, about("File of the figure; `null` if it could not be drawn.")]
 
 
-class ReachValues(Object):
-    """Tips under tension limits, and how the robot moves, yields and carries there.
-
-    Numbers of a pose are `null` without a stable equilibrium.
-    """
-
-    max_tension_N: Annotated[list[float], about("Largest tension of each tendon.")]
-    tensions_N: Annotated[list[list[float]], about("Tensions of all tendons at each pose.")]
-    tip_position_m: Annotated[list[VectorOrNull], about("Tip by physics.")]
-    constant_curvature_tip_m: Annotated[
-        list[Vector], about("Tip by the linear law of constant curvature, without loads.")
-    ]
-    manipulability: Annotated[
-        list[OrNull],
-        about(
-            "Product of the singular values of the tip's derivative by all tensions over their "
-            "largest ones: m^2 for one segment, m^3 for more."
-        ),
-    ]
-    dexterity: Annotated[list[OrNull], about("Least over largest of these singular values.")]
-    compliance_m_per_N: Annotated[
-        list[Annotated[list[VectorOrNull], Field(min_length=3, max_length=3)]],
-        about("Displacement of the tip by a force on it at fixed tensions."),
-    ]
-    payload_direction: Annotated[Vector, about("Direction of the payload's force.")]
-    tolerance_percent: Annotated[
-        float, about("Displacement that a payload may cause, in percent of the length.")
-    ]
-    payload_N: Annotated[
-        list[OrNull],
-        about(
-            "Largest force in that direction within this displacement; `null` also where ten times "
-            "the force by the compliance moves the tip less."
-        ),
-    ]
-
-
-class ReachFound(OfRobot, ReachValues):
+@beside(Reach)
+class ReachFound(OfRobot):
     """Output of `bowstring reach`."""
 
     text: Annotated[list[str], about("What the result says, in sentences.")]

@@ -1,7 +1,7 @@
 """Schemas of results, from the annotations and docstrings of the members that declare a key.
 
-Of an array the docstring has the shape, ``(n, 3)``: a number fixes the length of the list. Where it
-names NaN or infinity, numbers may be null.
+Of an array the docstring has the shape, ``(n, 3)``: a number fixes the length of the list, and
+``(...)`` stands for any shape. Where it names NaN or infinity, numbers may be null.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = ["beside", "object_of"]
 Form = TypeVar("Form", bound=type)
 
 _NUMBERS: Final = {np.float64: float, np.int64: int, np.bool_: bool, np.str_: str}
-_SHAPE: Final = re.compile(r",? \(((?:\w+(?: \+ 1)?, ?)+(?:\w+)?)\)(?: or(?= \())?")
+_SHAPE: Final = re.compile(r",? \(((?:\w+(?: \+ 1)?, ?)+\w*|\.{3})\)(?: or(?= \())?")
 _SYMBOLS: Final = "|".join(re.escape(unit.replace("²", "^2")) for unit, _ in UNITS.values())
 _UNIT: Final = re.compile(rf"(?:,| in) (?:{_SYMBOLS})(?=[.:;,]|$)")
 _MISSING: Final = re.compile(r"\b(?:NaN|[Ii]nfinite|None)\b")
@@ -90,7 +90,7 @@ def _members(kind: type) -> dict[str, tuple[Any, str]]:
                 continue
             if "Key(" in ast.unparse(annotation):
                 value = eval(ast.unparse(annotation), names)
-                found[name] = value, text or found.get(name, ("", ""))[1]
+                found[name] = value, _first(text or "") or found.get(name, ("", ""))[1]
     return found
 
 
@@ -114,7 +114,9 @@ def _in_json(kind: Any, text: str) -> Any:
         return float | None
     if origin is np.ndarray:
         (number,) = (_NUMBERS[each] for each in get_args(arguments[1]))
-        return reduce(_either, (_array(_in_json(number, text), s) for s in _SHAPE.findall(text)))
+        if not (shapes := _SHAPE.findall(text)):
+            raise ValueError(f"this docstring has no shape of its array: {text}")
+        return reduce(_either, (_array(_in_json(number, text), shape) for shape in shapes))
     if origin in (Union, UnionType):
         return reduce(_either, inner)
     if origin is tuple and ... not in arguments:
@@ -138,6 +140,8 @@ def _either(a: Any, b: Any) -> Any:
 
 
 def _array(number: Any, shape: str) -> Any:
+    if shape == "...":
+        return list[Any]
     for size in reversed(shape.replace(" ", "").rstrip(",").split(",")):
         number = _list(number, int(size) if size.isdigit() else None)
     return number
@@ -153,6 +157,6 @@ def _first(text: str) -> str:
 
 
 def _meaning(text: str) -> str:
-    """First paragraph of a docstring as the meaning of a key, without shape and unit."""
-    text = _UNIT.sub("", _SHAPE.sub("", _first(text)))
+    """Meaning of a key by a docstring, without shape and unit."""
+    text = _UNIT.sub("", _SHAPE.sub("", text))
     return _MISSING.sub("`null`", text).replace("``", "`")

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, Vector, about
+from bowstring.statics.contact_solution import ContactSolution
+from bowstring.statics.limits import Use
 from bowstring.statics.messages import StaticsStatus
+from bowstring.statics.solution import ErrorEstimate
 
 __all__ = [
     "Arc",
-    "BackboneLimit",
-    "Contact",
     "Equilibrium",
-    "ErrorEstimate",
     "Fk",
     "Pose",
     "Solve",
@@ -41,26 +41,6 @@ class Fk(OfRobot):
 
     segments: Annotated[list[FittedArc], about("Arcs, inner segment first.")]
     tip: Annotated[Pose, about("Tip.")]
-
-
-class ErrorEstimate(Object):
-    """Estimated discretisation error."""
-
-    tip_m: Annotated[OrNull, about("Of the position of the tip.")]
-    tension_N: Annotated[OrNull, about("Of the tension of a displacement-controlled tendon.")]
-
-
-class BackboneLimit(Object):
-    """Largest strain or stress of a segment's backbone beside the limit of the robot file."""
-
-    segment: Annotated[int, about("Segment, from 1.")]
-    what: Annotated[Literal["strain_limit", "yield_strength"], about("Field of the robot file.")]
-    value: Annotated[
-        float,
-        about("Largest strain along the surface, or largest von Mises stress.", "1 or Pa"),
-    ]
-    limit: Annotated[float, about("Limit.", "1 or Pa")]
-    share: Annotated[float, about("Value over limit.")]
 
 
 class Equilibrium(Object):
@@ -106,36 +86,6 @@ class Equilibrium(Object):
     length_residual_m: Annotated[OrNull, about("Largest deviation from a prescribed displacement.")]
 
 
-class Contact(Object):
-    """Contact of the tip with the plane of `--plane`."""
-
-    state: Annotated[
-        Literal["separated", "sticking", "sliding"],
-        about("`sliding` also of a tip in contact without friction."),
-    ]
-    gap_m: Annotated[float, about("Distance of the tip from the plane.")]
-    force_N: Annotated[Vector, about("Force of the plane on the tip, base axes.")]
-    normal_force_N: Annotated[float, about("Its component along the normal.")]
-    point_m: Annotated[
-        Vector | None, about("Point of the plane that the tip touches; `null` if separated.")
-    ]
-    residual: Annotated[
-        float,
-        about(
-            "Largest violation of the contact conditions: distances over the length, forces over "
-            "the larger of the contact force and (bending stiffness / length squared)."
-        ),
-    ]
-    stable: Annotated[
-        bool | None,
-        about("Whether the robot is stable on the plane; `null` where this is not proven."),
-    ]
-    disks_beyond: Annotated[
-        list[int], about("Disks before the tip, from 1, whose centres are beyond the plane.")
-    ]
-    message: Annotated[str, about("The contact as a sentence.")]
-
-
 class CorrectedPoint(Object):
     """Measured point by a calibrated model and its residual, measuring frame."""
 
@@ -156,11 +106,9 @@ class Solve(Equilibrium, OfRobot):
     ]
 
     message: Annotated[str, about("Status as a sentence, and what to try.")]
-    backbone_limits: Annotated[
-        list[BackboneLimit], about("Segments for which the robot file has limits.")
-    ]
+    backbone_limits: Annotated[list[Use], about("Segments for which the robot file has limits.")]
     contact: Annotated[
-        Contact | None,
+        ContactSolution | None,
         about(
             "Contact of the tip; `null` without `--plane`. The other numbers are then those under "
             "the contact force as a dead force."

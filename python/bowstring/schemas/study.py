@@ -22,7 +22,6 @@ from bowstring.schemas.basic import (
     VectorOrNull,
     about,
 )
-from bowstring.schemas.maps import MapValues, SpreadValues
 from bowstring.schemas.results import beside
 from bowstring.study.calibration import StudyCalibration
 from bowstring.study.data_validation import DataComparison, Effect
@@ -33,6 +32,8 @@ from bowstring.study.ramp_response import Transient
 from bowstring.study.shape_models import ShapeModels
 from bowstring.study.sweeps import GeometricSweep, Statics
 from bowstring.study.verdict import Verdict
+from bowstring.validity.maps import ValidityMap
+from bowstring.validity.spread import Spread
 
 # -- error budget ----------------------------------------------------------------------------------
 
@@ -381,7 +382,7 @@ class UncertainNumbers(Object):
 
     assumed: Annotated[bool, about("Whether the program assumed the uncertainty.")]
     models: Annotated[
-        list[SpreadValues], about("From lengths and from force; empty without enough results.")
+        list[Spread], about("From lengths and from force; empty without enough results.")
     ]
 
 
@@ -389,11 +390,11 @@ class StudyMaps(Object):
     """Maps of validity of a study: errors at the tension of the first axis."""
 
     design: Annotated[
-        MapValues | None,
+        ValidityMap | None,
         about("Over the tension and a number of the design; `null` where `notes` say why."),
     ]
     load: Annotated[
-        MapValues | None,
+        ValidityMap | None,
         about("Over the tension and a load (`--over`); `null` where `notes` say why."),
     ]
     text: Annotated[list[str], about("Loads up to which the tolerance holds, in sentences.")]

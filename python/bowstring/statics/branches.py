@@ -7,7 +7,7 @@ N is the number of disks, T the number of tendons. docs/theory/statics.md has th
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from bowstring import validation
 from bowstring._core import follow_branches
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.results import Key, Result
 from bowstring.robot.model import check_robot, check_without_memory
 from bowstring.statics.load import Load, as_load
 from bowstring.statics.load_tables import (
@@ -29,7 +30,6 @@ from bowstring.statics.model import as_model
 if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
-    from bowstring.schemas import branches as schema
 
 __all__ = [
     "Branch",
@@ -119,68 +119,62 @@ class _Settings:
 
 
 @dataclass(frozen=True)
-class BranchEvent:
+class BranchEvent(Result):
     """A limit point or a bifurcation."""
 
-    kind: Kind
-    """``limit_point``, where the load factor has an extremum, or ``bifurcation``."""
-    point: int
-    """Index of its point on the branch."""
-    multiplicity: int
+    kind: Annotated[Kind, Key()]
+    """``limit_point``: the load factor has an extremum; ``bifurcation``: branches meet."""
+    point: Annotated[int, Key()]
+    """Index of its point on the branch, from 0."""
+    multiplicity: Annotated[int, Key()]
     """Number of eigenvalues of the second variation that change their sign."""
-    factor: float
+    factor: Annotated[float, Key()]
     """Load factor."""
 
 
 @short_repr
 @dataclass(frozen=True, eq=False)
-class Branch:
-    """A branch of equilibria, n points in order.
+class Branch(Result):
+    """A branch of equilibria, n points in order."""
 
-    Attributes
-    ----------
-    factor : ndarray (n,)
-        Load factor.
-    arclength : ndarray (n,)
-        Length along the branch, in the units of `BranchSearch.step`.
-    residual : ndarray (n,)
-        Largest moment imbalance over (bending stiffness / length).
-    stable : tuple of (bool or None) (n,)
-        Whether each equilibrium is stable. None where an eigenvalue is zero, as at events and on a
-        family of equal branches, and where it is not determined (`Solution.stable`).
-    unstable_modes : tuple of (int or None) (n,)
-        Number of negative eigenvalues of the second variation; None under a moment.
-    neutral_modes : ndarray (n,)
-        Number of eigenvalues that are zero within rounding.
-    disk_positions : ndarray (n, N, 3) in m
-    disk_rotations : ndarray (n, N, 3, 3)
-    events : tuple of BranchEvent
-    origin : tuple of int or None
-        Branch and event at which it begins; None for the first branch, for those that begin at load
-        factor 0 beside it, and for those that deflation found.
-    end : str
-        Why it ends: ``range``, ``closed``, ``joined`` (at a bifurcation of another branch),
-        ``collision`` (of two disks), ``points``, ``lost`` (it does not converge).
-    """
-
-    factor: Floats
+    factor: Annotated[Floats, Key()]
+    """Load factor of each point (n,)."""
     arclength: Floats
+    """Length along the branch (n,), in the units of `BranchSearch.step`."""
     residual: Floats
-    stable: tuple[bool | None, ...]
-    unstable_modes: tuple[int | None, ...]
+    """Largest moment imbalance (n,) over (bending stiffness / length)."""
+    stable: Annotated[tuple[bool | None, ...], Key()]
+    """Whether each equilibrium is stable. None where an eigenvalue is zero, as at events and on a
+    family of equal branches, and where it is not determined (`Solution.stable`)."""
+    unstable_modes: Annotated[tuple[int | None, ...], Key()]
+    """Number of negative eigenvalues of the second variation; None under a moment."""
     neutral_modes: NDArray[np.int64]
+    """Number of eigenvalues (n,) that are zero within rounding."""
     disk_positions: Floats
+    """Positions of the disks (n, N, 3), m."""
     disk_rotations: Floats
-    events: tuple[BranchEvent, ...]
-    origin: tuple[int, int] | None
-    end: End
+    """Rotations of the disks (n, N, 3, 3)."""
+    events: Annotated[tuple[BranchEvent, ...], Key()]
+    """Limit points and bifurcations in order."""
+    origin: Annotated[tuple[int, int] | None, Key()]
+    """Branch and event at which it begins, from 0; None for the first branch, for those that begin
+    at load factor 0 beside it, and for those that deflation found."""
+    end: Annotated[End, Key()]
+    """Why it ends: ``range`` of the load factor; ``closed``; ``joined`` at a bifurcation of another
+    branch; ``collision`` of disks; ``unstable``, not followed further; most ``points``; ``lost``,
+    it does not converge."""
+
+    @property
+    def largest_residual(self) -> Annotated[float, Key("residual")]:
+        """Largest moment imbalance of a point over (bending stiffness / length)."""
+        return float(self.residual.max())
 
     def __len__(self) -> int:
         return len(self.factor)
 
     @property
-    def tip_position(self) -> Floats:
-        """Positions of the tip (n, 3) in m."""
+    def tip_position(self) -> Annotated[Floats, Key("tip_position_m")]:
+        """Tip (n, 3) at each point, m."""
         return self.disk_positions[:, -1]
 
     @property
@@ -196,35 +190,26 @@ class Branch:
 
 @short_repr
 @dataclass(frozen=True, eq=False)
-class BranchDiagram:
-    """Branches of equilibria along a load; made by `branch_diagram`.
-
-    Attributes
-    ----------
-    robot : Robot
-    start, load : Load
-        Loads at factor 0 and 1.
-    model : RodModel
-        Model of the rod with the number of elements used.
-    branches : tuple of Branch
-        Branches; the first one begins at load factor 0.
-    complete : bool
-        Whether all bifurcations were followed: fewer branches were found than allowed, and none of
-        them ended at the largest number of points or where the continuation did not converge.
-    deflated : bool
-        Whether deflation was used; it is not on a family of equal branches.
-    max_factor : float
-        Largest load factor, at which `equilibria` are given.
-    """
+class BranchDiagram(Result):
+    """Branches of equilibria along a load; made by `branch_diagram`."""
 
     robot: Robot
+    """The robot."""
     start: Load
+    """Load at factor 0."""
     load: Load
+    """Load at factor 1."""
     model: RodModel
-    branches: tuple[Branch, ...]
-    complete: bool
-    deflated: bool
+    """Model of the rod with the number of elements used."""
+    branches: Annotated[tuple[Branch, ...], Key()]
+    """Branches; the first one begins at load factor 0."""
+    complete: Annotated[bool, Key()]
+    """Whether all bifurcations were followed: fewer branches were found than allowed, and none of
+    them ended at the largest number of points or where the continuation did not converge."""
+    deflated: Annotated[bool, Key()]
+    """Whether deflation was used; it is not on a family of equal branches."""
     max_factor: float = 1.0
+    """Largest load factor, at which `equilibria` are given."""
 
     def __len__(self) -> int:
         return len(self.branches)
@@ -292,59 +277,57 @@ class BranchDiagram:
             out.append("More branches were not followed: the largest number was reached.")
         return out
 
-    def to_dict(self) -> schema.DiagramValues:
-        """Return the content of ``bowstring branches --json``."""
-        return {
-            "elements": self.model.elements or 1,
-            "theory": self.model.theory,
-            "branches": [
-                {
-                    "factor": b.factor.tolist(),
-                    "tip_position_m": b.tip_position.tolist(),
-                    "stable": list(b.stable),
-                    "unstable_modes": list(b.unstable_modes),
-                    "residual": float(b.residual.max()),
-                    "events": [
-                        {
-                            "kind": e.kind,
-                            "factor": e.factor,
-                            "point": e.point,
-                            "multiplicity": e.multiplicity,
-                        }
-                        for e in b.events
-                    ],
-                    "origin": None if b.origin is None else list(b.origin),
-                    "end": b.end,
-                }
-                for b in self.branches
-            ],
-            "equilibria": [
-                {
-                    "branch": i,
-                    "point": k,
-                    "stable": self.branches[i].stable[k],
-                    "tip_position_m": self.branches[i].tip_position[k].tolist(),
-                }
-                for i, k in self.equilibria()
-            ],
-            "critical": self.critical().to_dict(),
-            "complete": self.complete,
-            "deflated": self.deflated,
-        }
+    @property
+    def elements(self) -> Annotated[int, Key()]:
+        """Elements between two disks."""
+        return self.model.elements or 1
+
+    @property
+    def theory(self) -> Annotated[Literal["cosserat", "kirchhoff"], Key()]:
+        """Theory of the backbone."""
+        return self.model.theory
+
+    @property
+    def at_load(self) -> Annotated[list[EquilibriumOnBranch], Key("equilibria")]:
+        """Equilibria found at the largest load factor."""
+        branches = self.branches
+        return [
+            EquilibriumOnBranch(i, k, branches[i].stable[k], branches[i].tip_position[k])
+            for i, k in self.equilibria()
+        ]
+
+    @property
+    def loss(self) -> Annotated[CriticalLoad, Key("critical")]:
+        """Loss of stability of the first branch."""
+        return self.critical()
+
+
+@dataclass(frozen=True, eq=False)
+class EquilibriumOnBranch(Result):
+    """An equilibrium at the largest load factor."""
+
+    branch: Annotated[int, Key()]
+    """Its branch, from 0."""
+    point: Annotated[int, Key()]
+    """Its point on the branch, from 0."""
+    stable: Annotated[bool | None, Key()]
+    """Whether it is stable; None if not determined."""
+    tip_position: Annotated[Floats, Key("tip_position_m")]
+    """Tip (3,), m."""
 
 
 @dataclass(frozen=True)
-class CriticalLoad:
+class CriticalLoad(Result):
     """Where the branch from load factor 0 loses its stability; made by `critical_load`."""
 
-    factor: float | None
+    factor: Annotated[float | None, Key()]
     """Critical load factor; None if the branch stays stable as far as it was followed."""
-    kind: Literal["limit_point", "bifurcation", "oscillation"] | None
+    kind: Annotated[Literal["limit_point", "bifurcation", "oscillation"] | None, Key()]
     """``limit_point``: a robot loaded further snaps. ``bifurcation``: it buckles. ``oscillation``:
     under a moment small oscillations grow; the factor is then between two points."""
-    multiplicity: int
+    multiplicity: Annotated[int, Key()]
     """Number of eigenvalues that change their sign: 2 if a robot buckles in any plane."""
-    stable_to: float | None
+    stable_to: Annotated[float | None, Key()]
     """Largest load factor up to which all equilibria of the branch were found stable."""
     end: End
     """Why the branch ends, as in `Branch`."""
@@ -352,7 +335,7 @@ class CriticalLoad:
     """Load to the critical point beyond the load at factor 0, by components, for people."""
 
     @property
-    def text(self) -> str:
+    def text(self) -> Annotated[str, Key()]:
         """The critical load as a sentence."""
         if self.factor is None:
             if self.stable_to is None:
@@ -368,16 +351,6 @@ class CriticalLoad:
             None: "",
         }[self.kind]
         return f"At {' and '.join(self.more)}, {what}: load factor {self.factor:.6g}."
-
-    def to_dict(self) -> schema.CriticalValues:
-        """Plain values."""
-        return {
-            "factor": self.factor,
-            "kind": self.kind,
-            "multiplicity": self.multiplicity,
-            "stable_to": self.stable_to,
-            "text": self.text,
-        }
 
 
 def branch_diagram(

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.display import short_repr
 from bowstring.errors import NoSolutionError, StabilityWarning
+from bowstring.results import Key, Result
 from bowstring.statics.plane import Plane
 from bowstring.statics.solution import Solution
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-    from bowstring.schemas import statics as schema
     from bowstring.statics.messages import StaticsStatus
 
 __all__ = ["ContactSolution", "State"]
@@ -30,48 +30,42 @@ _BEYOND: Final = 1e-6  # distance over length from which a disk counts as beyond
 
 @short_repr
 @dataclass(frozen=True, eq=False)
-class ContactSolution:
-    """Equilibrium of a robot whose tip may touch a plane; made by `solve_contact`.
-
-    Attributes
-    ----------
-    plane : Plane
-    status : str
-        ``"converged"``, or the reason of failure as in `Solution.status`. The other values are None
-        or NaN then.
-    state : str or None
-        ``"separated"``; ``"sticking"``, friction holds the tip in its place; ``"sliding"``, the tip
-        is in contact and slides, or is free to slide on a frictionless plane.
-    solution : Solution or None
-        The equilibrium under the load and the contact force as a dead tip force. Its `stable` is
-        that without the constraint.
-    force : ndarray (3,)
-        Contact force on the tip in the base frame, in N.
-    normal_force : float
-        Its component along the normal, in N; never negative.
-    gap : float
-        Distance of the tip from the plane in m: zero within the tolerance in contact.
-    point : ndarray (3,) or None
-        Point of the plane that the tip touches, in m; None if separated. A sticking tip is held
-        there.
-    residual : float
-        Largest violation of the contact conditions: distances over the length, forces over the
-        larger of the contact force and (least bending stiffness / length squared). At most 1e-9.
-    stable : bool or None
-        Whether the constrained equilibrium is stable. None where this is not proven: with friction
-        in contact, and under a moment in contact.
-    """
+class ContactSolution(Result):
+    """Equilibrium of a robot whose tip may touch a plane; made by `solve_contact`."""
 
     plane: Plane
+    """The plane."""
     status: StaticsStatus
+    """``"converged"``, or the reason of failure as in `Solution.status`. The other values are None
+    or NaN then."""
     state: State | None
+    """State of the contact; None without one."""
     solution: Solution | None
-    force: Floats
-    normal_force: float
-    gap: float
-    point: Floats | None
-    residual: float
-    stable: bool | None
+    """The equilibrium under the load and the contact force as a dead tip force. Its `stable` is
+    that without the constraint."""
+    force: Annotated[Floats, Key("force_N")]
+    """Contact force (3,) on the tip in the base frame, N."""
+    normal_force: Annotated[float, Key("normal_force_N")]
+    """Its component along the normal, N; never negative."""
+    gap: Annotated[float, Key("gap_m")]
+    """Distance of the tip from the plane, m: zero within the tolerance in contact."""
+    point: Annotated[Floats | None, Key("point_m")]
+    """Point (3,) of the plane that the tip touches, m; None if separated. A sticking tip is held
+    there."""
+    residual: Annotated[float, Key()]
+    """Largest violation of the contact conditions: distances over the length, forces over the
+    larger of the contact force and (least bending stiffness / length squared). At most 1e-9."""
+    stable: Annotated[bool | None, Key()]
+    """Whether the constrained equilibrium is stable; None where this is not proven: with friction
+    in contact, and under a moment in contact."""
+
+    @property
+    def known_state(self) -> Annotated[State, Key("state")]:
+        """``separated``; ``sticking``, friction holds the tip in its place; ``sliding``, the tip is
+        in contact and slides, or is free to slide on a frictionless plane."""
+        if self.state is None:
+            raise NoSolutionError(self.message, status=self.status)
+        return self.state
 
     @property
     def converged(self) -> bool:
@@ -79,7 +73,7 @@ class ContactSolution:
         return self.status == "converged"
 
     @property
-    def disks_beyond(self) -> tuple[int, ...]:
+    def disks_beyond(self) -> Annotated[tuple[int, ...], Key()]:
         """Numbers, from 1, of disks before the tip whose centres are beyond the plane.
 
         The plane acts on the tip only.
@@ -91,7 +85,7 @@ class ContactSolution:
         return tuple((beyond + 1).tolist())
 
     @property
-    def message(self) -> str:
+    def message(self) -> Annotated[str, Key()]:
         """The contact as a sentence."""
         if not self.converged:
             return (
@@ -145,19 +139,3 @@ class ContactSolution:
             said = f"{self.solution.robot.name}: the equilibrium is {word}. {self.message}"
             warnings.warn(said, StabilityWarning, stacklevel=2)
         return self
-
-    def to_dict(self) -> schema.Contact:
-        """Return the key ``contact`` of ``bowstring solve --json``; only if converged."""
-        if self.state is None:
-            raise NoSolutionError(self.message, status=self.status)
-        return {
-            "state": self.state,
-            "gap_m": self.gap,
-            "force_N": self.force.tolist(),
-            "normal_force_N": self.normal_force,
-            "point_m": None if self.point is None else self.point.tolist(),
-            "residual": self.residual,
-            "stable": self.stable,
-            "disks_beyond": list(self.disks_beyond),
-            "message": self.message,
-        }

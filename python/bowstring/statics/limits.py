@@ -9,20 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import NoSolutionError
 from bowstring.formatting import in_mm, in_percent, significant
+from bowstring.results import Key, Result
 from bowstring.statics import fields
 from bowstring.units import number_with_unit
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
-    from bowstring.schemas import statics as schema
     from bowstring.statics.fields import Frames, Section
 
 __all__ = ["POINTS", "Use", "below_base", "by_segment", "has_limits", "of_pose", "of_sweep", "used"]
@@ -36,20 +36,20 @@ _NOTHING: Final = 1e-6  # depth below the base over length that rounding may cau
 
 
 @dataclass(frozen=True)
-class Use:
+class Use(Result):
     """Utilisation of one limit of a segment's backbone."""
 
-    segment: int
+    segment: Annotated[int, Key()]
     """Number of the segment, from 1."""
-    what: What
+    what: Annotated[What, Key()]
     """Name of the limit: ``strain_limit`` or ``yield_strength``."""
-    value: float
-    """Largest strain along the surface, or largest von Mises stress (Pa)."""
-    limit: float
+    value: Annotated[float, Key(unit="1 or Pa")]
+    """Largest strain along the surface, or largest von Mises stress."""
+    limit: Annotated[float, Key(unit="1 or Pa")]
     """Limit in the same unit."""
 
     @property
-    def share(self) -> float:
+    def share(self) -> Annotated[float, Key()]:
         """Value over limit."""
         return self.value / self.limit
 
@@ -60,16 +60,6 @@ class Use:
             else (_stress(self.value), _stress(self.limit), "von Mises stress")
         )
         return f"{name} {value}, {in_percent(self.share)} of {self.what} {limit}"
-
-    def to_dict(self) -> schema.BackboneLimit:
-        """Plain values, SI."""
-        return {
-            "segment": self.segment,
-            "what": self.what,
-            "value": self.value,
-            "limit": self.limit,
-            "share": self.share,
-        }
 
 
 def has_limits(robot: Robot) -> bool:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 from functools import partial
 from operator import attrgetter
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from bowstring.display import html_table, millimetres, sampled_rows
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.formatting import plain
+from bowstring.results import Key, Result
 from bowstring.robot.picture import picture
 from bowstring.robot.plausibility import load_advice
 from bowstring.statics import actuation, messages
@@ -51,29 +52,19 @@ class Pose(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ErrorEstimate:
+class ErrorEstimate(Result):
     """Estimated discretisation error of a solution.
 
     Defect correction: each element is integrated by a sixth-order Runge-Kutta method (theory
     Eq. 3.5), and its defect is substituted through the last elimination. The estimate is three
     times the sum of the resulting motions of the modules' ends. It was above the error of 2 000
     random robots, and at most 30 times the error in 99 % of them (docs/verification/accuracy.md).
-
-    Attributes
-    ----------
-    tip : float
-        Error of the position of the tip, in m; it covers all disks.
-    tension : float
-        Error of the tension of a displacement-controlled tendon, in N.
     """
 
-    tip: float
-    tension: float
-
-    def to_dict(self) -> schema.ErrorEstimate:
-        """Return plain values with units in the names, ready for `json.dumps`."""
-        tip, tension = plain([self.tip, self.tension])
-        return {"tip_m": tip, "tension_N": tension}
+    tip: Annotated[float, Key("tip_m")]
+    """Error of the position of the tip, m; it covers all disks; NaN where it is not known."""
+    tension: Annotated[float, Key("tension_N")]
+    """Error of the tension of a displacement-controlled tendon, N; NaN where it is not known."""
 
 
 def _of_core(name: str, doc: str | None = None) -> Any:
@@ -454,7 +445,7 @@ class Solution:
             warnings.warn(f"{self.robot.name}: {self.message}", StabilityWarning, stacklevel=2)
         return self
 
-    def to_dict(self) -> schema.Equilibrium:
+    def to_dict(self) -> dict[str, Any]:
         """Return the content of ``bowstring solve --json``, ready for `json.dumps`.
 
         Returns

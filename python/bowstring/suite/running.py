@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,18 +18,16 @@ import bowstring
 from bowstring import _core
 from bowstring.atomic_io import file_stem, user_cache, write_whole_file
 from bowstring.calibration.observations import numbered
+from bowstring.data.columns import Source
 from bowstring.errors import BowstringError, InputError
-from bowstring.formatting import plain
 from bowstring.json_files import Content, read_json, structured
 from bowstring.result_folder import write_json
+from bowstring.results import Key, Result
 from bowstring.suite.prediction import Fitted, arcs_of_shapes, errors_of, fitted, observed
 from bowstring.suite.protocol import Column, Figure, Model, SuiteSet
 from bowstring.suite.tables import Table
 
-if TYPE_CHECKING:
-    from bowstring.schemas import suite as schema
-
-__all__ = ["ModelResult", "Score", "SetResult", "run_set"]
+__all__ = ["ModelResult", "SetResult", "SuiteScore", "run_set"]
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -39,93 +37,131 @@ _MOST_KEPT: Final = 10_000_000  # bytes
 
 
 @dataclass(frozen=True)
-class Score:
-    """Metrics of a model on rows, in their units.
+class SuiteScore(Result):
+    """Metrics of a model on some rows, in their units."""
 
-    Attributes
-    ----------
-    rows, without_solution : int
-        Number of rows with a prediction, and of those without, which no metric includes.
-    values : dict
-        Values by name of the metric; NaN without any prediction.
-    """
-
-    rows: int
-    without_solution: int
-    values: Mapping[str, float]
-
-    def to_dict(self) -> schema.SuiteScore:
-        """Return plain values."""
-        return {
-            "rows": self.rows,
-            "rows_without_solution": self.without_solution,
-            "values": plain(dict(self.values)),
-        }
+    rows: Annotated[int, Key()]
+    """Number of rows that the metrics include: those with a prediction."""
+    without_solution: Annotated[int, Key("rows_without_solution")]
+    """Number of rows without a solution, which no metric includes."""
+    values: Annotated[Mapping[str, float], Key()]
+    """Value by name of the metric, in the unit of the metric; NaN without any prediction."""
 
 
 @dataclass(frozen=True)
-class ModelResult:
-    """Result of one model of a set.
-
-    Attributes
-    ----------
-    model : Model
-        Model of the protocol.
-    validation : Score
-        On rows that were not fitted; of arcs on the fitted shapes.
-    train : Score or None
-        On the rows of the fit; None without parameters.
-    values : dict
-        Parameters fitted to all rows of training, in SI.
-    converged : bool
-        Whether all fits converged.
-    message : str
-        Message of the fit to all rows of training.
-    seconds : float
-        Time of its computation, s.
-    """
+class ModelResult(Result):
+    """Result of one model of a set."""
 
     model: Model
-    validation: Score
-    train: Score | None
-    values: Mapping[str, float]
-    converged: bool
-    message: str
-    seconds: float
+    """Model of the protocol."""
+    validation: Annotated[SuiteScore, Key()]
+    """Rows that were not fitted; of ``arcs``, all rows."""
+    train: Annotated[SuiteScore | None, Key()]
+    """Rows of the fit; None for a model without parameters."""
+    values: Annotated[Mapping[str, float], Key("parameters")]
+    """Values by name, fitted to all rows of training, in SI."""
+    converged: Annotated[bool, Key()]
+    """Whether all fits converged."""
+    message: Annotated[str, Key()]
+    """Message of the fit to all rows of training; empty without parameters."""
+    seconds: Annotated[float, Key("time_s")]
+    """Time of its computation, s."""
 
-    def to_dict(self) -> schema.SuiteModel:
-        """Return plain values."""
-        return {
-            "name": self.model.name,
-            "model": self.model.model,
-            "column": self.model.column,
-            "label": self.model.label,
-            "validation": self.validation.to_dict(),
-            "train": None if self.train is None else self.train.to_dict(),
-            "parameters": dict(self.values),
-            "converged": self.converged,
-            "message": self.message,
-            "time_s": self.seconds,
-        }
+    @property
+    def name(self) -> Annotated[str, Key()]:
+        """Name of the model in its set."""
+        return self.model.name
+
+    @property
+    def kind(self) -> Annotated[Literal["constant_curvature", "rod", "arcs"], Key("model")]:
+        """Kind of model; ``arcs`` are fitted to each measured shape and predict nothing."""
+        return self.model.model
+
+    @property
+    def column(self) -> Annotated[Column | None, Key()]:
+        """Column of the table; None without one."""
+        return self.model.column
+
+    @property
+    def label(self) -> Annotated[str, Key()]:
+        """Model in words."""
+        return self.model.label
 
 
 @dataclass(frozen=True)
-class SetResult:
-    """Results of all models of a set.
+class MetricOfSet(Result):
+    """Metric of a set."""
 
-    Attributes
-    ----------
-    given : SuiteSet
-        The set.
-    models : tuple of ModelResult
-        Results in the order of the protocol.
-    missing : str
-        Why there are none; empty otherwise.
-    """
+    name: Annotated[str, Key()]
+    """Name, as in the protocol."""
+    label: Annotated[str, Key()]
+    """Metric in words."""
+    unit: Annotated[str, Key()]
+    """Unit of its values."""
+
+
+@dataclass(frozen=True)
+class PublishedFigure(Result):
+    """Published figure."""
+
+    by: Annotated[Literal["authors", "learner", "other"], Key()]
+    """Model of the authors of the data, one that learns from data, or another one."""
+    metric: Annotated[str, Key()]
+    """Name of the metric."""
+    value: Annotated[float, Key()]
+    """Value in the unit of the metric."""
+    what: Annotated[str, Key()]
+    """Model in words."""
+    source: Annotated[str, Key()]
+    """Source of the figure, and its rows."""
+
+
+@dataclass(frozen=True)
+class SetResult(Result):
+    """Results of all models of a set."""
 
     given: SuiteSet
-    models: tuple[ModelResult, ...] = ()
+    """The set."""
+    models: Annotated[tuple[ModelResult, ...], Key()] = ()
+    """Results in the order of the protocol; empty where files are missing."""
     missing: str = ""
+    """Why there are none; empty otherwise."""
+
+    @property
+    def name(self) -> Annotated[str, Key()]:
+        """Name of the set."""
+        return self.given.name
+
+    @property
+    def kind(self) -> Annotated[Source, Key()]:
+        """Whether its rows are measured, synthetic or computed."""
+        return self.given.kind
+
+    @property
+    def description(self) -> Annotated[str, Key()]:
+        """Set in words."""
+        return self.given.protocol.description
+
+    @property
+    def metrics(self) -> Annotated[list[MetricOfSet], Key()]:
+        """Metrics; the first one is that of figures."""
+        return [MetricOfSet(name, m.label, m.unit) for name, m in self.given.metrics.items()]
+
+    @property
+    def figures(self) -> Annotated[list[PublishedFigure], Key("published")]:
+        """Published figures."""
+        found = self.given.protocol.published
+        return [PublishedFigure(f.by, f.metric, f.value, f.what, f.source) for f in found]
+
+    @property
+    def without(self) -> Annotated[dict[str, str], Key()]:
+        """Why a column has no model, by column."""
+        return {str(column): why for column, why in self.given.protocol.without.items()}
+
+    @property
+    def why_missing(self) -> Annotated[str | None, Key("missing")]:
+        """Why there are no results; None where all files are available."""
+        return self.missing or None
 
     def model(self, column: Column) -> ModelResult | None:
         """Result of the model in a column of the table."""
@@ -137,32 +173,6 @@ class SetResult:
         return next(
             (f for f in figures if (f.by, f.metric, f.in_table) == (by, metric, True)), None
         )
-
-    def to_dict(self) -> schema.SuiteSetResult:
-        """Return plain values."""
-        protocol = self.given.protocol
-        return {
-            "name": self.given.name,
-            "kind": self.given.kind,
-            "description": protocol.description,
-            "metrics": [
-                {"name": name, "label": metric.label, "unit": metric.unit}
-                for name, metric in self.given.metrics.items()
-            ],
-            "models": [each.to_dict() for each in self.models],
-            "published": [
-                {
-                    "by": each.by,
-                    "metric": each.metric,
-                    "value": each.value,
-                    "what": each.what,
-                    "source": each.source,
-                }
-                for each in protocol.published
-            ],
-            "without": {str(column): why for column, why in protocol.without.items()},
-            "missing": self.missing or None,
-        }
 
 
 def run_set(given: SuiteSet, *, progress: Progress | None = None) -> SetResult:
@@ -255,7 +265,7 @@ def _left_out(given: SuiteSet, model: Model, table: Table, fits: list[Fitted]) -
     return out
 
 
-def _score(given: SuiteSet, predicted: Floats, table: Table) -> Score:
+def _score(given: SuiteSet, predicted: Floats, table: Table) -> SuiteScore:
     metrics = given.metrics
     observable = next(iter(metrics.values())).observable
     measured = observed(table, observable)
@@ -265,7 +275,7 @@ def _score(given: SuiteSet, predicted: Floats, table: Table) -> Score:
     seen = np.isfinite(measured.reshape(len(measured), -1)).all(axis=1)
     solved = seen & np.isfinite(errors.reshape(len(errors), -1)).all(axis=1)
     values = {name: metric(errors[seen]) for name, metric in metrics.items()}
-    return Score(int(solved.sum()), int((seen & ~solved).sum()), values)
+    return SuiteScore(int(solved.sum()), int((seen & ~solved).sum()), values)
 
 
 # -- kept results ----------------------------------------------------------------------------------
@@ -331,6 +341,6 @@ def _kept(file: Path, model: Model) -> ModelResult | None:
     )
 
 
-def _kept_score(content: _KeptScore) -> Score:
+def _kept_score(content: _KeptScore) -> SuiteScore:
     values = {name: math.nan if v is None else v for name, v in content["values"].items()}
-    return Score(content["rows"], content["rows_without_solution"], values)
+    return SuiteScore(content["rows"], content["rows_without_solution"], values)

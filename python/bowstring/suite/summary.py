@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -14,12 +14,10 @@ from bowstring.atomic_io import write_whole
 from bowstring.errors import InputError
 from bowstring.formatting import number
 from bowstring.result_folder import check_folder, write_listing
+from bowstring.results import Key, Result
 from bowstring.suite.protocol import built_in_sets, read_set, sets_in
 from bowstring.suite.running import SetResult, run_set
 from bowstring.units import quote
-
-if TYPE_CHECKING:
-    from bowstring.schemas import suite as schema
 
 __all__ = ["Suite", "run_suite", "write_suite"]
 
@@ -27,16 +25,11 @@ Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
-class Suite:
-    """Results of all sets.
+class Suite(Result):
+    """Results of all sets."""
 
-    Attributes
-    ----------
-    sets : tuple of SetResult
-        Results in the order of the names.
-    """
-
-    sets: tuple[SetResult, ...]
+    sets: Annotated[tuple[SetResult, ...], Key()]
+    """Results in the order of the names."""
 
     @property
     def missing(self) -> list[SetResult]:
@@ -44,7 +37,7 @@ class Suite:
         return [each for each in self.sets if each.missing]
 
     @cached_property
-    def ratios(self) -> dict[str, float]:
+    def ratios(self) -> Annotated[dict[str, float], Key()]:
         """Error of calibrated constant curvature over that of the calibrated rod, by set.
 
         Only of measured sets in which both predict rows that they were not fitted to.
@@ -63,7 +56,7 @@ class Suite:
         return found
 
     @property
-    def conclusion(self) -> str:
+    def conclusion(self) -> Annotated[str, Key()]:
         """Conclusion in one sentence; empty if no set allows one."""
         if not self.ratios:
             return ""
@@ -75,14 +68,6 @@ class Suite:
             f"On {sets}, calibrated constant curvature has {text} times the error of the "
             "calibrated rod at rows that neither was fitted to."
         )
-
-    def to_dict(self) -> schema.SuiteValues:
-        """Return plain values."""
-        return {
-            "sets": [each.to_dict() for each in self.sets],
-            "ratios": self.ratios,
-            "conclusion": self.conclusion,
-        }
 
 
 def run_suite(

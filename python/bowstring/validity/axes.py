@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,6 @@ from bowstring.robot.paths import find, full_paths, numbers_of
 from bowstring.robot.stiffness import entry_of, mirrored
 from bowstring.units import NUMBER, has_no_unit, quote, read_number
 from bowstring.validation import shown
-
-if TYPE_CHECKING:
-    from bowstring.schemas import maps as schema
 
 __all__ = ["BY_DISPLACEMENT", "LOADS", "MOST_POINTS", "RAMPS", "Axis", "axes_of", "read_axis"]
 
@@ -153,15 +150,6 @@ class Axis:
         """Label with the usual unit, as of a figure."""
         unit = self.units[1]
         return f"{self.words} ({unit})" if unit else self.words
-
-    def to_dict(self, label: str) -> schema.MapAxis:
-        """Return plain values in SI, with a label that names no unit."""
-        return {
-            "path": self.path,
-            "label": label,
-            "unit": self.units[0],
-            "values": self.values.tolist(),
-        }
 
     def own_value(self, robot: Robot) -> float | None:
         """The robot's own value in SI; None for a ramp, and where its parts differ."""

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.inverse.kinematics import inverse_kinematics
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve_batch
@@ -31,37 +32,79 @@ if TYPE_CHECKING:
 __all__ = ["ControlErrors", "check_control_file", "control_errors"]
 
 Floats = NDArray[np.float64]
+CommandName = Literal[
+    "tensions",
+    "tensions_arm",
+    "tensions_calibrated",
+    "displacements",
+    "displacements_chord",
+    "physics",
+]
 
 _POSES: Final = 1024
 _LANDS: Final = 0.9  # least share of tips with an equilibrium, of commands that are compared
 _SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the dead loads
 
 
+@dataclass(frozen=True)
+class ControlSeconds(Result):
+    """Time for one command in this run."""
+
+    constant_curvature: Annotated[float, Key()]
+    """Tensions by constant curvature, in s."""
+    physics: Annotated[float | None, Key()]
+    """Exact inverse on all cores, in s; None where it is not available."""
+
+
+@dataclass(frozen=True)
+class ControlCommand(Result):
+    """Where one command leads."""
+
+    name: Annotated[CommandName, Key()]
+    """Command of constant curvature, or ``physics``: the exact inverse."""
+    after_corrections: Annotated[list[schema.ControlDistance], Key()]
+    """Without a correction, after one, and so on."""
+    distance: Annotated[Floats, Key("distance_m")]
+    """The same for each wanted tip (C, P), m; NaN without a stable equilibrium."""
+
+
+@dataclass(frozen=True)
+class ControlByLoad(Result):
+    """Distances at shares of the dead loads, without corrections."""
+
+    name: Annotated[str, Key()]
+    """Command."""
+    mean: Annotated[Floats, Key("mean_m")]
+    """Mean distance at each share (F,), m; NaN without an equilibrium."""
+    largest: Annotated[Floats, Key("max_m")]
+    """Largest distance at each share (F,), m; NaN without an equilibrium."""
+
+
 @short_repr
 @dataclass(frozen=True)
-class ControlErrors:
+class ControlErrors(Result):
     """Distances between wanted tips and where commands lead; made by `control_errors`."""
 
     robot: Robot
     """Robot, its friction left out."""
     load: Load
     """Dead loads."""
-    tolerance: float
+    tolerance: Annotated[float, Key("tolerance_percent")]
     """Tolerated distance as a share of the length."""
-    max_tension: Floats
+    max_tension: Annotated[Floats, Key("max_tension_N")]
     """Largest tension of each tendon (T,), N."""
-    drawn: int
+    drawn: Annotated[int, Key("poses")]
     """Number of poses drawn; those without a stable equilibrium are not wanted."""
-    wanted: Floats
+    wanted: Annotated[Floats, Key("wanted_m")]
     """Wanted tips (P, 3), m: each is the tip of a stable equilibrium within the limits."""
     landed: dict[str, Floats]
     """Tips by physics (C + 1, P, 3), m, by command: without a correction, and after each one; NaN
     without a stable equilibrium. The exact inverse has no corrections (1, P, 3)."""
-    scale: float | None
+    scale: Annotated[float | None, Key("stiffness_scale")]
     """Factor on the bending stiffness of ``tensions_calibrated``, 0.1 to 10; None without it."""
     seconds: dict[str, float]
     """Time of a command in s, in this call: ``constant_curvature`` and ``physics``."""
-    load_shares: Floats
+    load_shares: Annotated[Floats, Key()]
     """Shares of the dead loads (F,) of `by_load`; empty without dead loads."""
     by_load: dict[str, Floats]
     """Mean and largest distance (F, 2) in m at each share of the dead loads, by command."""
@@ -105,7 +148,7 @@ class ControlErrors:
 
     def described(self) -> list[str]:
         """What the result says, in sentences."""
-        lost, count = self.drawn - len(self.wanted), len(self.wanted)
+        lost, count = self.without_equilibrium, len(self.wanted)
         wanted = "1 tip of a stable equilibrium within the limits of tension is wanted"
         if count > 1:
             wanted = f"{count} tips of stable equilibria within the limits of tension are wanted"
@@ -179,33 +222,28 @@ class ControlErrors:
             out.append(f"After {times} by the measured tip the mean distances are {span}.")
         return out
 
-    def to_dict(self) -> schema.ControlValues:
-        """Return plain values in m, N and percent."""
-        return {
-            "tolerance_percent": 100.0 * self.tolerance,
-            "max_tension_N": self.max_tension.tolist(),
-            "poses": self.drawn,
-            "without_equilibrium": self.drawn - len(self.wanted),
-            "wanted_m": self.wanted.tolist(),
-            "stiffness_scale": self.scale,
-            "seconds_per_command": {
-                "constant_curvature": self.seconds["constant_curvature"],
-                "physics": self.seconds.get("physics"),
-            },
-            "commands": [
-                {
-                    "name": name,  # type: ignore[typeddict-item]
-                    "after_corrections": self.summary(name),  # type: ignore[typeddict-item]
-                    "distance_m": self.distance(name).tolist(),
-                }
-                for name in self.landed
-            ],
-            "load_shares": self.load_shares.tolist(),
-            "by_load": [
-                {"name": name, "mean_m": v[:, 0].tolist(), "max_m": v[:, 1].tolist()}
-                for name, v in self.by_load.items()
-            ],
-        }
+    @property
+    def without_equilibrium(self) -> Annotated[int, Key()]:
+        """Number of drawn poses without a stable equilibrium, which are not wanted."""
+        return self.drawn - len(self.wanted)
+
+    @property
+    def seconds_per_command(self) -> Annotated[ControlSeconds, Key()]:
+        """Time for one command in this run."""
+        return ControlSeconds(self.seconds["constant_curvature"], self.seconds.get("physics"))
+
+    @property
+    def commands(self) -> Annotated[list[ControlCommand], Key()]:
+        """All commands."""
+        return [
+            ControlCommand(name, cast(Any, self.summary(name)), self.distance(name))
+            for name in cast("dict[CommandName, Floats]", self.landed)
+        ]
+
+    @property
+    def errors_by_load(self) -> Annotated[list[ControlByLoad], Key("by_load")]:
+        """Distances by load; empty without dead loads."""
+        return [ControlByLoad(name, *values.T) for name, values in self.by_load.items()]
 
     def figure(self) -> Figure:
         """Draw the distance over the workspace, after corrections, and by load.

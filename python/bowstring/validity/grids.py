@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from bowstring.blocks.dataset import check_data_set, save
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import in_percent, listed, significant
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
 from bowstring.units import quote, read_number
@@ -42,7 +43,6 @@ from bowstring.viz.style import check_figure_file, write_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bowstring.schemas import maps as schema
 
 __all__ = [
     "MOST_DRAWN",
@@ -65,9 +65,23 @@ _NUMBERS: Final = (".nc", ".zarr")
 _SUFFIXES: Final = (".png", ".pdf", ".svg", *_NUMBERS)
 
 
+@dataclass(frozen=True)
+class GridOfModel(Result):
+    """Map of one model of constant curvature over more than two axes."""
+
+    name: Annotated[str, Key()]
+    """Model, as ``--models`` takes it."""
+    values: Annotated[Floats, Key()]
+    """Metric (...) in percent of the length (``valid_to``: N), nested lists in the order of the
+    axes; NaN without a value."""
+    defined: Annotated[NDArray[np.bool_], Key()]
+    """Whether the model has an error at all loads that the metric is of (...), as `values`: an
+    equilibrium and an arc."""
+
+
 @short_repr
 @dataclass(frozen=True)
-class ValidityGrid:
+class ValidityGrid(Result):
     """Validity of constant curvature over any number of axes.
 
     Made by `validity_grid`, or by `read_grid` of a map in blocks.
@@ -77,14 +91,15 @@ class ValidityGrid:
     """Job of the points, with description, labels and units."""
     value: dict[str, Floats]
     """Metric by model, a dimension for each axis in their order; NaN without a value."""
-    solved: NDArray[np.bool_]
-    """Whether all loads of a point that the metric is of have a stable equilibrium, with the same
-    dimensions."""
-    gave_up: NDArray[np.bool_]
-    """Whether the solver gave up at the first load of a point that is not solved, with the same
-    dimensions."""
-    solved_to: Floats
-    """Tension (N) or bend (rad) up to which the sweep of each point is solved; NaN without any."""
+    solved: Annotated[NDArray[np.bool_], Key()]
+    """Whether all loads of a point that the metric is of have a stable equilibrium (...), with the
+    same dimensions."""
+    gave_up: Annotated[NDArray[np.bool_], Key()]
+    """Whether the solver gave up at the first load of a point that is not solved (...), with the
+    same dimensions."""
+    solved_to: Annotated[Floats, Key()]
+    """Tension (N) or bend (rad) up to which the sweep of each point is solved (...), with the same
+    dimensions; NaN where its first load is not."""
     defined: dict[str, NDArray[np.bool_]]
     """Where a model has an error at all loads that the metric is of, with the same dimensions."""
     cause: dict[str, NDArray[np.str_]]
@@ -101,7 +116,7 @@ class ValidityGrid:
         return {name: self.solved & ~defined for name, defined in self.defined.items()}
 
     @property
-    def question(self) -> Question:
+    def question(self) -> Annotated[Question, Key(flat=True)]:
         """What the map asks."""
         return question_of(self.job)
 
@@ -266,23 +281,12 @@ class ValidityGrid:
             out += notes_on_slack(self.question, self.slack)
         return out + notes_on_causes(self.question, self.value, self.cause)
 
-    def to_dict(self) -> schema.GridValues:
-        """Return plain values: axes in SI, errors in percent of the length, tensions in N."""
+    @property
+    def maps(self) -> Annotated[list[GridOfModel], Key()]:
+        """Map of each model."""
         scale = 1.0 if self.metric == "valid_to" else 100.0
-        return {
-            **self.question.to_dict(),
-            "maps": [
-                {
-                    "name": name,
-                    "values": (scale * value).tolist(),
-                    "defined": self.defined[name].tolist(),
-                }
-                for name, value in self.value.items()
-            ],
-            "solved": self.solved.tolist(),
-            "gave_up": self.gave_up.tolist(),
-            "solved_to": self.solved_to.tolist(),
-        }
+        found = self.value.items()
+        return [GridOfModel(name, scale * value, self.defined[name]) for name, value in found]
 
 
 def question_of(job: Job) -> Question:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.results import Key, Result
 from bowstring.robot.laws import MEMORIES
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-    from bowstring.schemas import maps as schema
 
 __all__ = [
     "MOST_SOLVES",
@@ -46,14 +46,15 @@ Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 
-STATES: Final = (
+State = Literal[
     "solved",
     "two equilibria",
     "no stable equilibrium",
     "a tendon is slack",
     "constant curvature not defined",
     "not solved",
-)
+]
+STATES: Final[tuple[State, ...]] = get_args(State)
 """States of a point: solved; another stable equilibrium exists at the end of the ramp, so that the
 robot may snap through; some load of the ramp has no stable equilibrium; a tendon under displacement
 control is slack at the end of the ramp; some model has no arc, so that its error is not defined;
@@ -71,12 +72,36 @@ APART: Final = 1e-3
 """Least distance of the tips of two equilibria over the length."""
 
 
+@dataclass(frozen=True)
+class MapOfModel(Result):
+    """Map of one model of constant curvature."""
+
+    name: Annotated[str, Key()]
+    """Model, as ``--models`` takes it; ``cc_from_force_calibrated`` has the bending stiffness that
+    fits best."""
+    values: Annotated[Floats, Key()]
+    """Metric, (Y, X) or (X,), in percent of the length (``valid_to``: N), rows by the second axis;
+    NaN without a value."""
+    contour: Annotated[list[Line], Key(unit="`unit`")]
+    """Lines (n, 2) on which the metric has the tolerance, of one axis points (n, 1), as the axes.
+    """
+    ranges: Annotated[Floats, Key(unit="`unit`")]
+    """Ranges (n, 2) in which the tolerance holds: of a single axis, or of the tension or bend for
+    the robot as it is; empty for others."""
+    causes: Annotated[NDArray[np.str_], Key()]
+    """Effect with more than half of the metric at the points of `cause_points`, (Y, X) or (X,); or
+    empty."""
+    defined: Annotated[NDArray[np.bool_], Key()]
+    """Whether the model has an error at all loads that the metric is of, as `values`, (Y, X) or
+    (X,): an equilibrium and an arc."""
+
+
 @short_repr
 @dataclass(frozen=True)
-class ValidityMap:
+class ValidityMap(Result):
     """Validity of constant curvature over one or two axes; made by `validity_map`."""
 
-    question: Question
+    question: Annotated[Question, Key(flat=True)]
     """What the map asks."""
     value: dict[str, Floats]
     """Metric by model, (Y, X) or (X,); NaN without a value."""
@@ -97,19 +122,19 @@ class ValidityMap:
     cause: dict[str, NDArray[np.str_]]
     """Effect with more than half of the error, by model, at the points of `cause_points`; empty
     text where none has."""
-    cause_points: tuple[Floats, ...]
-    """Values of the axes at the points of `cause`, SI."""
+    cause_points: Annotated[tuple[Floats, ...], Key(unit="`unit`")]
+    """Values of each axis at the points of the causes, (Y, X) or (X,), SI."""
     state: NDArray[np.int64]
     """Index in `STATES`, (Y, X) or (X,)."""
     undefined: dict[str, NDArray[np.bool_]]
     """Where a model has no arc at some load that the metric is of, (Y, X) or (X,)."""
     solved: dict[str, NDArray[np.bool_]]
     """Where all loads that the metric of a model is of are solved, (Y, X) or (X,)."""
-    solved_to: Floats
+    solved_to: Annotated[Floats, Key()]
     """Tension (N) or bend (rad) up to which the ramp of each point is solved, (Y, X) or (X,); NaN
-    without any."""
-    statics_error: float
-    """Largest estimated error of the tips by statics, as a share of the length."""
+    where its first load is not."""
+    statics_error: Annotated[float, Key("statics_error_percent")]
+    """Largest estimated error of the tips by statics, as a share of the length; NaN without any."""
     notes: tuple[str, ...] = ()
     """Sentences on the choice of the axes."""
 
@@ -277,27 +302,27 @@ class ValidityMap:
         )
         return file
 
-    def to_dict(self) -> schema.MapValues:
-        """Return plain values: axes in SI, errors in percent of the length, tensions in N."""
+    @property
+    def maps(self) -> Annotated[list[MapOfModel], Key()]:
+        """Map of each model."""
         scale = 1.0 if self.metric == "valid_to" else 100.0
-        return {
-            **self.question.to_dict(),
-            "maps": [
-                {
-                    "name": name,
-                    "values": (scale * value).tolist(),
-                    "contour": [line.tolist() for line in self.contour[name]],
-                    "ranges": self.ranges.get(name, np.zeros((0, 2))).tolist(),
-                    "causes": self.cause[name].tolist(),
-                    "defined": self.defined[name].tolist(),
-                }
-                for name, value in self.value.items()
-            ],
-            "cause_points": [places.tolist() for places in self.cause_points],
-            "states": [STATES[i] for i in self.state.ravel()],
-            "solved_to": self.solved_to.tolist(),
-            "statics_error_percent": 100.0 * self.statics_error,
-        }
+        return [
+            MapOfModel(
+                name,
+                scale * value,
+                self.contour[name],
+                self.ranges.get(name, np.zeros((0, 2))),
+                self.cause[name],
+                self.defined[name],
+            )
+            for name, value in self.value.items()
+        ]
+
+    @property
+    def states(self) -> Annotated[list[State], Key()]:
+        """State of each point, row by row. ``not solved``: the solver gave up at some load, which
+        may have an equilibrium or not."""
+        return [STATES[i] for i in self.state.ravel()]
 
 
 _NUMBERS: Final = ".nc"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.results import Key, Result
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, check_robot, with_tendons, without_memory
 from bowstring.statics.load import Load
@@ -23,9 +24,6 @@ from bowstring.validity.errors import LABELS
 from bowstring.validity.limit_search import reach
 from bowstring.validity.loading import Loading, largest_load, named
 from bowstring.validity.space import Errors, Space
-
-if TYPE_CHECKING:
-    from bowstring.schemas import maps as schema
 
 __all__ = ["METRICS", "Metric", "Question", "end_of_ramp", "reach_of_ramp", "read_axes", "space_of"]
 
@@ -42,18 +40,32 @@ METRICS: Final[dict[str, str]] = {
 """Metrics of a map, and what they are."""
 
 
+@dataclass(frozen=True)
+class AxisPoints(Result):
+    """An axis of a map."""
+
+    path: Annotated[str, Key()]
+    """Number of the robot file, or a load, as ``--over`` takes it."""
+    label: Annotated[str, Key()]
+    """The number in words, without a unit."""
+    unit: Annotated[str, Key()]
+    """SI unit; empty for a plain number."""
+    values: Annotated[Floats, Key(unit="`unit`")]
+    """Points (n,)."""
+
+
 @short_repr
 @dataclass(frozen=True)
-class Question:
+class Question(Result):
     """What a map asks, of two axes or of many; made by `Question.of`, which checks it."""
 
     space: Space
     """Robot, axes, loads and sweep."""
     models: tuple[str, ...]
     """Models of constant curvature, of `bowstring.validity.errors.LABELS`."""
-    metric: Metric
+    metric: Annotated[Metric, Key()]
     """What is mapped, one of `METRICS`."""
-    tolerance: float
+    tolerance: Annotated[float, Key("tolerance_percent")]
     """Tolerated tip error as a share of the length."""
 
     @classmethod
@@ -128,15 +140,18 @@ class Question:
             **{f"at_{axis.path}": value for axis, value in space.fixed},
         }
 
-    def to_dict(self) -> schema.QuestionValues:
-        """Return plain values: axes in SI, tolerance in percent of the length, tensions in N."""
-        space = self.space
-        return {
-            "tolerance_percent": 100.0 * self.tolerance,
-            "metric": self.metric,
-            "max_tension_N": None if space.by_displacement else space.max_tension,
-            "axes": [axis.to_dict(self._named(axis, axis.words)) for axis in space.axes],
-        }
+    @property
+    def end(self) -> Annotated[float | None, Key("max_tension_N")]:
+        """End of the sweep where no axis is the tension, N; None with an axis bend."""
+        return None if self.space.by_displacement else self.space.max_tension
+
+    @property
+    def axes(self) -> Annotated[list[AxisPoints], Key()]:
+        """Axes in their order; of two, the first is along x."""
+        return [
+            AxisPoints(axis.path, self._named(axis, axis.words), axis.units[0], axis.values)
+            for axis in self.space.axes
+        ]
 
 
 def read_axes(

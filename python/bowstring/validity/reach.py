@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, significant
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.equilibria import columns, differentiable
 from bowstring.statics.load import Load
@@ -26,7 +27,6 @@ from bowstring.viz.style import check_figure_file, write_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bowstring.schemas import inverse as schema
 
 __all__ = ["Reach", "check_reach_file", "reach"]
 
@@ -44,7 +44,7 @@ _ROUNDING: Final = 1e-9  # value over the largest that is zero
 
 @short_repr
 @dataclass(frozen=True)
-class Reach:
+class Reach(Result):
     """Tips under tension limits by physics and by constant curvature; made by `reach`.
 
     Numbers of a pose are NaN without a stable equilibrium.
@@ -54,25 +54,26 @@ class Reach:
     """Robot, its friction left out."""
     load: Load
     """Dead loads."""
-    max_tension: Floats
+    max_tension: Annotated[Floats, Key("max_tension_N")]
     """Largest tension of each tendon (T,), N."""
-    tensions: Floats
+    tensions: Annotated[Floats, Key("tensions_N")]
     """Drawn tensions (P, T), N."""
-    tip: Floats
-    """Tips by physics (P, 3), m."""
-    arc_tip: Floats
+    tip: Annotated[Floats, Key("tip_position_m")]
+    """Tips by physics (P, 3), m; NaN without a stable equilibrium."""
+    arc_tip: Annotated[Floats, Key("constant_curvature_tip_m")]
     """Tips by constant curvature at the same tensions (P, 3), m: the linear law, without loads."""
     by_share: Floats
     """Derivative of the tip by each tension over its largest one (P, 3, T), m."""
-    compliance: Floats
-    """Tip displacement by a force on the tip at fixed tensions (P, 3, 3), m/N."""
-    payload_direction: Floats
+    compliance: Annotated[Floats, Key("compliance_m_per_N")]
+    """Tip displacement by a force on the tip at fixed tensions (P, 3, 3), m/N; NaN without a stable
+    equilibrium."""
+    payload_direction: Annotated[Floats, Key()]
     """Direction of the payload's force in base axes (3,), of length one."""
-    tolerance: float
+    tolerance: Annotated[float, Key("tolerance_percent")]
     """Displacement that a payload may cause, as a share of the length."""
-    payload: Floats
+    payload: Annotated[Floats, Key("payload_N")]
     """Largest force on the tip in that direction whose displacement stays within the tolerance
-    (P,), N; inf where ten times the force by the compliance moves it less."""
+    (P,), N; infinite where ten times the force by the compliance moves it less."""
 
     @property
     def solved(self) -> NDArray[np.bool_]:
@@ -89,17 +90,19 @@ class Reach:
         return out[:, : min(3, 2 * len(self.robot.segments))]
 
     @property
-    def manipulability(self) -> Floats:
-        """Product of the singular values of `by_share` (P,).
+    def manipulability(self) -> Annotated[Floats, Key()]:
+        """Product of the singular values of the tip's derivative by all tensions over their largest
+        ones (P,): m^2 for one segment, m^3 for more; NaN without a stable equilibrium.
 
-        In m^2 for one segment, whose tip moves on a surface, and in m^3 for more (Yoshikawa 1985).
+        The tip of one segment moves on a surface (Yoshikawa 1985).
         Zero where the tendons are too few to move the tip in all of these directions.
         """
         return np.asarray(self._singular.prod(axis=-1))
 
     @property
-    def dexterity(self) -> Floats:
-        """Least over largest of these singular values (P,): 1 moves alike in all directions.
+    def dexterity(self) -> Annotated[Floats, Key()]:
+        """Least over largest of these singular values (P,), 1 where the tip moves alike in all
+        directions; NaN without a stable equilibrium.
 
         Zero where the tendons are too few to move the tip in all of them.
         """
@@ -149,21 +152,6 @@ class Reach:
             )
         out.append("All numbers are simulated, at fixed tensions.")
         return out
-
-    def to_dict(self) -> schema.ReachValues:
-        """Return plain values in SI units."""
-        return {
-            "max_tension_N": self.max_tension.tolist(),
-            "tensions_N": self.tensions.tolist(),
-            "tip_position_m": self.tip.tolist(),
-            "constant_curvature_tip_m": self.arc_tip.tolist(),
-            "manipulability": self.manipulability.tolist(),
-            "dexterity": self.dexterity.tolist(),
-            "compliance_m_per_N": self.compliance.tolist(),
-            "payload_direction": self.payload_direction.tolist(),
-            "tolerance_percent": 100.0 * self.tolerance,
-            "payload_N": np.where(np.isfinite(self.payload), self.payload, np.nan).tolist(),
-        }
 
     def figure(self) -> Figure:
         """Draw both reachable sets, dexterity, compliance and payload.

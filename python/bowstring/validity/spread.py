@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_newtons, in_percent, significant
+from bowstring.results import Key, Result
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, check_robot, with_tendons, without_memory
 from bowstring.robot.parts import TendonRing
@@ -41,7 +42,6 @@ from bowstring.validity.space import Errors
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bowstring.schemas import maps as schema
 
 __all__ = ["Spread", "assumed_distributions", "sampled", "validity_spread"]
 
@@ -52,9 +52,69 @@ _NAMED: Final = 0.025  # share of the samples without any valid load that is nam
 _MARGIN: Final = 1.5  # end of the ramp over the nominal limit
 
 
+@dataclass(frozen=True)
+class Statistics(Result):
+    """Statistics of an output over samples."""
+
+    mean: Annotated[float, Key()]
+    """Mean, which may be infinite."""
+    sd: Annotated[float, Key()]
+    """Standard deviation; NaN if a value is infinite."""
+    quantiles: Annotated[dict[str, float], Key()]
+    """Quantiles by probability, which may be infinite."""
+    probability: Annotated[float | None, Key()]
+    """Probability that the tolerance holds; None for the limit."""
+    without_result: Annotated[float, Key("without_result_percent")]
+    """Share of the samples without a result."""
+
+    @classmethod
+    def of(cls, found: Summary, scale: float) -> Statistics:
+        """Scale a summary to the unit of the output."""
+        return cls(
+            float(found.mean.value) * scale,
+            float(found.sd.value) * scale,
+            {f"{p:g}": float(q.value) * scale for p, q in found.quantiles.items()},
+            None if found.probability is None else float(found.probability.value),
+            found.share_without_result,
+        )
+
+
+@dataclass(frozen=True)
+class FactorIndices(Result):
+    """Sobol' indices of one factor, with their intervals at 95 %."""
+
+    factor: Annotated[str, Key()]
+    """Uncertain number, or the parameters of a calibration."""
+    first: Annotated[float, Key()]
+    """First-order index: share of the variance alone; NaN for an output that does not vary."""
+    first_interval: Annotated[tuple[float, float], Key()]
+    """Its interval; NaN as the index."""
+    total: Annotated[float, Key()]
+    """Total index: share with all interactions; NaN for an output that does not vary."""
+    total_interval: Annotated[tuple[float, float], Key()]
+    """Its interval; NaN as the index."""
+
+    @classmethod
+    def of(cls, found: SobolIndices | None) -> list[FactorIndices]:
+        """Indices by factor; empty without any."""
+        if found is None:
+            return []
+        first, total = found.first, found.total
+        return [
+            cls(
+                factor,
+                float(first.value[i]),
+                (float(first.low[i]), float(first.high[i])),
+                float(total.value[i]),
+                (float(total.low[i]), float(total.high[i])),
+            )
+            for i, factor in enumerate(found.factors)
+        ]
+
+
 @short_repr
 @dataclass(frozen=True, eq=False)
-class Spread:
+class Spread(Result):
     """Validity limit and error of one model of constant curvature over samples of a robot.
 
     Constant curvature has the nominal numbers; the rod has those of the sample.
@@ -64,17 +124,17 @@ class Spread:
     """Nominal robot."""
     distributions: Distributions
     """Distributions of its numbers."""
-    name: str
-    """Model of constant curvature."""
-    tolerance: float
+    name: Annotated[str, Key()]
+    """Model of constant curvature, as ``--model`` takes it."""
+    tolerance: Annotated[float, Key("tolerance_percent")]
     """Tolerated tip error as a share of the length."""
-    max_tension: float
+    max_tension: Annotated[float, Key("max_tension_N")]
     """End of the ramp, N."""
-    nominal: float
+    nominal: Annotated[float, Key("nominal_limit_N")]
     """Validity limit of the nominal robot, N; infinite where it holds to the end of the ramp, NaN
     without a result."""
-    nominal_solved: bool
-    """Whether the nominal robot is solved to its limit or the end of the ramp; if not, `nominal` is
+    nominal_solved: Annotated[bool, Key()]
+    """Whether the nominal robot is solved to its limit or the end of the ramp; if not, its limit is
     the last load of its ramp that is solved."""
     limit: Floats
     """Validity limit of each sample (n,), N; infinite where it holds to the end of the ramp, the
@@ -103,7 +163,7 @@ class Spread:
         return f"{significant(self.max_tension)} N in {share:.0f} % of the samples"
 
     @property
-    def text(self) -> tuple[str, ...]:
+    def text(self) -> Annotated[tuple[str, ...], Key()]:
         """What the samples say, in sentences."""
         percent, top = in_percent(self.tolerance, 3), f"{significant(self.max_tension)} N"
         at_end = spread_text(self.error_summary, self.error_indices, "%", 0.01)
@@ -122,10 +182,10 @@ class Spread:
         elif self.share_exceeded > _NAMED:
             said += f" {exceeded} exceed the tolerance already at 0 N."
         if not self.solved.all():
-            share = 100.0 * float((~self.solved).mean())
+            share = significant(100.0 * self.not_solved, 2)
             said += (
-                f" {significant(share, 2)} % of the samples are not solved to their limit or to "
-                "the end of the sweep: their limit is the last solved load."
+                f" {share} % of the samples are not solved to their limit or to the end of the "
+                "sweep: their limit is the last solved load."
             )
         return (
             f"{said}{self._sampling_text} {self._nominal_text}",
@@ -166,53 +226,40 @@ class Spread:
         return f"The nominal robot holds up to {end}."
 
     @property
-    def share_exceeded(self) -> float:
+    def share_exceeded(self) -> Annotated[float, Key("exceeded_at_first_load_percent")]:
         """Share of the samples whose error is above the tolerance already at the first load."""
         return float((self.limit == 0.0).mean())
 
-    def to_dict(self) -> schema.SpreadValues:
-        """Return plain values: limits in N, errors in percent of the length."""
+    @property
+    def not_solved(self) -> Annotated[float, Key("not_solved_percent")]:
+        """Share of the samples that are not solved to their limit or the end of the sweep; their
+        limit is the last load that is solved."""
+        return float((~self.solved).mean())
 
-        def statistics(found: Summary, scale: float) -> Any:
-            return {
-                "mean": float(found.mean.value) * scale,
-                "sd": float(found.sd.value) * scale,
-                "quantiles": {f"{p:g}": float(q.value) * scale for p, q in found.quantiles.items()},
-                "probability": None
-                if found.probability is None
-                else float(found.probability.value),
-                "without_result_percent": 100.0 * found.share_without_result,
-            }
+    @property
+    def samples(self) -> Annotated[int, Key()]:
+        """Number of samples of the statistics."""
+        return len(self.limit)
 
-        def indices(found: SobolIndices | None) -> Any:
-            if found is None:
-                return []
-            return [
-                {
-                    "factor": factor,
-                    "first": float(found.first.value[i]),
-                    "first_interval": [float(found.first.low[i]), float(found.first.high[i])],
-                    "total": float(found.total.value[i]),
-                    "total_interval": [float(found.total.low[i]), float(found.total.high[i])],
-                }
-                for i, factor in enumerate(found.factors)
-            ]
+    @property
+    def of_limit(self) -> Annotated[Statistics, Key("limit")]:
+        """Validity limit in N."""
+        return Statistics.of(self.limit_summary, 1.0)
 
-        return {
-            "name": self.name,
-            "tolerance_percent": 100.0 * self.tolerance,
-            "max_tension_N": self.max_tension,
-            "nominal_limit_N": self.nominal,
-            "nominal_solved": self.nominal_solved,
-            "not_solved_percent": 100.0 * float((~self.solved).mean()),
-            "exceeded_at_first_load_percent": 100.0 * self.share_exceeded,
-            "samples": len(self.limit),
-            "limit": statistics(self.limit_summary, 1.0),
-            "error": statistics(self.error_summary, 100.0),
-            "limit_indices": indices(self.limit_indices),
-            "error_indices": indices(self.error_indices),
-            "text": list(self.text),
-        }
+    @property
+    def of_error(self) -> Annotated[Statistics, Key("error")]:
+        """Tip error at the end of the sweep, percent of length."""
+        return Statistics.of(self.error_summary, 100.0)
+
+    @property
+    def indices_of_limit(self) -> Annotated[list[FactorIndices], Key("limit_indices")]:
+        """Of the limit; empty where few are finite."""
+        return FactorIndices.of(self.limit_indices)
+
+    @property
+    def indices_of_error(self) -> Annotated[list[FactorIndices], Key("error_indices")]:
+        """Of the error at the end of the sweep."""
+        return FactorIndices.of(self.error_indices)
 
     def figure(self) -> Figure:
         """Draw the distribution of the limit, and the indices.

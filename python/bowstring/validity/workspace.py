@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bowstring.blocks import threads
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, significant
+from bowstring.results import Key, Result
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, check_robot, without_memory
 from bowstring.statics import rod
@@ -34,7 +35,6 @@ from bowstring.viz.style import check_figure_file, write_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bowstring.schemas import maps as schema
 
 __all__ = ["POSES", "WorkspaceMap", "check_workspace_file", "workspace_map"]
 
@@ -46,27 +46,44 @@ _PART: Final = 1024
 _ON_THE_WAY: Final = (0.0, 0.5, 1.0)  # loads of a path that looks for a second equilibrium
 
 
+@dataclass(frozen=True)
+class WorkspaceErrors(Result):
+    """Errors of one model of constant curvature over the workspace."""
+
+    name: Annotated[str, Key()]
+    """Model, as ``--models`` takes it."""
+    error: Annotated[Floats, Key("error_percent")]
+    """Tip error at each pose (P,), a share of the length; NaN without an equilibrium or an arc."""
+    valid: Annotated[float, Key("valid_percent")]
+    """Share of the poses with an equilibrium at which the tolerance holds; NaN without such poses.
+    """
+    causes: Annotated[NDArray[np.str_], Key()]
+    """Effect with more than half of the error at each pose (P,), or empty."""
+    not_defined: Annotated[int, Key()]
+    """Number of poses with an equilibrium at which the model has no arc."""
+
+
 @short_repr
 @dataclass(frozen=True)
-class WorkspaceMap:
+class WorkspaceMap(Result):
     """Errors of constant curvature at many poses of one robot; made by `workspace_map`."""
 
     robot: Robot
     """Robot, its friction left out."""
-    tolerance: float
+    tolerance: Annotated[float, Key("tolerance_percent")]
     """Tolerated tip error as a share of the length."""
-    max_tension: float
+    max_tension: Annotated[float, Key("max_tension_N")]
     """Largest tension of a tendon, N."""
-    tensions: Floats
-    """Tensions of all tendons (P, T), N."""
-    tip: Floats
+    tensions: Annotated[Floats, Key("tensions_N")]
+    """Tensions of all tendons at each pose (P, T), N."""
+    tip: Annotated[Floats, Key("tip_position_m")]
     """Tips by statics (P, 3), m; NaN without a stable equilibrium."""
     error: dict[str, Floats]
     """Tip errors by model (P,), m; NaN without an equilibrium or an arc."""
     cause: dict[str, NDArray[np.str_]]
     """Effect with more than half of the error at each pose (P,), by model; empty text where none
     has."""
-    two_equilibria: NDArray[np.bool_]
+    two_equilibria: Annotated[NDArray[np.bool_], Key()]
     """Whether another stable equilibrium was found at the same tensions (P,), so that the robot may
     snap through: which of the two it takes depends on how it came there."""
     gave_up: NDArray[np.bool_]
@@ -105,11 +122,10 @@ class WorkspaceMap:
                 else "."
             )
         ]
-        unknown = int(self.unknown.sum())
-        if unknown:
+        if self.not_solved:
             out.append(
-                f"At {unknown} of the others the solver gave up, so that they may have one; "
-                "tensions near or beyond the largest that the robot carries end so."
+                f"At {self.not_solved} of the others the solver gave up, so that they may have "
+                "one; tensions near or beyond the largest that the robot carries end so."
             )
         several = int(self.two_equilibria.sum())
         if several:
@@ -143,28 +159,29 @@ class WorkspaceMap:
         )
         return out
 
-    def to_dict(self) -> schema.WorkspaceValues:
-        """Return plain values in m, N and percent."""
-        length = self.robot.length
-        return {
-            "tolerance_percent": 100.0 * self.tolerance,
-            "max_tension_N": self.max_tension,
-            "tip_position_m": self.tip.tolist(),
-            "tensions_N": self.tensions.tolist(),
-            "without_equilibrium": int((~self.solved & ~self.gave_up).sum()),
-            "not_solved": int(self.unknown.sum()),
-            "two_equilibria": self.two_equilibria.tolist(),
-            "errors": [
-                {
-                    "name": name,
-                    "error_percent": (100.0 * error / length).tolist(),
-                    "valid_percent": 100.0 * self.share_valid(name),
-                    "causes": self.cause[name].tolist(),
-                    "not_defined": int(self.undefined(name).sum()),
-                }
-                for name, error in self.error.items()
-            ],
-        }
+    @property
+    def without_equilibrium(self) -> Annotated[int, Key()]:
+        """Number of poses without a stable equilibrium."""
+        return int((~self.solved & ~self.gave_up).sum())
+
+    @property
+    def not_solved(self) -> Annotated[int, Key()]:
+        """Number of poses at which the solver gave up, which may have an equilibrium or not."""
+        return int(self.unknown.sum())
+
+    @property
+    def errors(self) -> Annotated[list[WorkspaceErrors], Key()]:
+        """Errors of each model."""
+        return [
+            WorkspaceErrors(
+                name,
+                error / self.robot.length,
+                self.share_valid(name),
+                self.cause[name],
+                int(self.undefined(name).sum()),
+            )
+            for name, error in self.error.items()
+        ]
 
     def figure(self) -> Figure:
         """Draw the largest error by tip position, and its main cause.
