@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
+import numpy as np
+
 from bowstring.formatting import plain
 
 __all__ = ["UNITS", "Key", "Result", "keys_of", "unit_of"]
@@ -101,4 +103,8 @@ def _plain(value: Any, scale: float) -> Any:
         return {str(key): _plain(item, scale) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(item, scale) for item in value]
-    return plain(value if scale == 1.0 or value is None else value * scale)
+    if scale != 1.0 and value is not None:
+        value = value * scale
+    if isinstance(value, np.ndarray) and (value.dtype.kind != "f" or np.isfinite(value).all()):
+        return value.tolist()  # at once, as there may be millions
+    return plain(value)

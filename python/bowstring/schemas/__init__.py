@@ -1,8 +1,9 @@
 """Schemas of the JSON that commands print with ``--json``.
 
-Each object is a typed dictionary: key, type, meaning, and unit where the key does not end in it.
-Type checks hold what makes the JSON to these types, tests hold to them what is printed, and
-``docs/reference/json.md`` is made from them. No command imports this package.
+Results declare their keys themselves (`bowstring.results`). What a command adds to them, and
+objects whose keys depend on the data, are typed dictionaries: key, type, meaning, and unit where
+the key does not end in it. Tests hold to both what is printed, and ``docs/reference/json.md`` is
+made from them. No command imports this package.
 """
 
 from __future__ import annotations

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
-from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, Vector, about
+from bowstring.schemas.basic import Object, OfRobot, Pose, Vector, about
+from bowstring.schemas.results import beside
 from bowstring.statics.contact_solution import ContactSolution
 from bowstring.statics.limits import Use
-from bowstring.statics.messages import StaticsStatus
-from bowstring.statics.solution import ErrorEstimate
+from bowstring.statics.solution import Solution
 
 __all__ = [
     "Arc",
-    "Equilibrium",
     "Fk",
     "Pose",
     "Solve",
@@ -43,49 +42,6 @@ class Fk(OfRobot):
     tip: Annotated[Pose, about("Tip.")]
 
 
-class Equilibrium(Object):
-    """Result of `Solution.to_dict`."""
-
-    status: Annotated[
-        StaticsStatus,
-        about(
-            "`converged`, or the reason for no solution: `max_iterations`; `unstable`, only "
-            "unstable equilibria were found; `no_equilibrium`."
-        ),
-    ]
-    stable: Annotated[
-        bool | None, about("Whether the equilibrium is stable ([details](cli.md#solve)).")
-    ]
-    iterations: Annotated[int, about("Number of Newton iterations.")]
-    residual: Annotated[
-        OrNull, about("Largest moment imbalance over (bending stiffness / length).")
-    ]
-    error_estimate: Annotated[
-        ErrorEstimate | None, about("Estimated error; `null` without a solution.")
-    ]
-    elements: Annotated[int | None, about("Elements between two disks.")]
-    theory: Annotated[Literal["cosserat", "kirchhoff"], about("Theory of the backbone.")]
-    tip: Annotated[Pose | None, about("Tip; `null` without a solution.")]
-    disks: Annotated[
-        list[Pose] | None,
-        about("All disks from base to tip, without the base; `null` without a solution."),
-    ]
-    tendon_lengths_m: Annotated[list[float] | None, about("Length of each tendon.")]
-    tensions_N: Annotated[list[OrNull], about("Tension of each tendon before the base hole.")]
-    displacements_m: Annotated[list[float] | None, about("Displacement of each tendon.")]
-    slack: Annotated[list[int] | None, about("Slack tendons, from 1.")]
-    slack_m: Annotated[list[float] | None, about("Slack length of each tendon.")]
-    span_tensions_N: Annotated[
-        list[list[OrNull]] | None,
-        about("Tensions by span from base to tip; `null` beyond the end of a tendon."),
-    ]
-    undetermined: Annotated[
-        bool,
-        about("Whether the displacements leave the tensions undetermined; the smallest are given."),
-    ]
-    length_residual_m: Annotated[OrNull, about("Largest deviation from a prescribed displacement.")]
-
-
 class CorrectedPoint(Object):
     """Measured point by a calibrated model and its residual, measuring frame."""
 
@@ -98,7 +54,8 @@ class CorrectedPoint(Object):
     beyond_data: Annotated[bool, about("Whether that share is below one half.")]
 
 
-class Solve(Equilibrium, OfRobot):
+@beside(Solution)
+class Solve(OfRobot):
     """Output of `bowstring solve`."""
 
     corrected: Annotated[

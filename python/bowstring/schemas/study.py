@@ -14,7 +14,6 @@ from bowstring.calibration.residual_tests import NoiseTest
 from bowstring.data.columns import Source
 from bowstring.data.rigid import Rigid
 from bowstring.data.tip_errors import Comparison
-from bowstring.fem.run import FeStatus
 from bowstring.schemas.basic import (
     MeasurementIssue,
     Object,
@@ -27,6 +26,7 @@ from bowstring.study.calibration import StudyCalibration
 from bowstring.study.data_validation import DataComparison, Effect
 from bowstring.study.error_budget import Budget
 from bowstring.study.figure_list import Figure
+from bowstring.study.finite_elements import FiniteElements
 from bowstring.study.notes import PublishedClaim
 from bowstring.study.ramp_response import Transient
 from bowstring.study.shape_models import ShapeModels
@@ -333,34 +333,6 @@ class NoMotion(Object):
     text: Annotated[list[str], about("Why they were left out.")]
 
 
-class StudyFiniteElements(Object):
-    """Sweep by finite elements."""
-
-    status: Annotated[FeStatus, about("As of `fe`.")]
-    text: Annotated[list[str], about("Results in sentences.")]
-    tip_position_mm: Annotated[list[VectorOrNull], about("Tip.")]
-    tendon_lengths_mm: Annotated[list[list[OrNull]], about("Tendon lengths.")]
-    from_statics_mm: Annotated[list[OrNull], about("Distance of the tip from that of statics.")]
-    measured_point_mm: Annotated[
-        list[VectorOrNull] | None,
-        about(
-            "With measurements: measured point by finite elements, interpolated between loads, by "
-            "row of the table; `null` in rows in which another tendon has tension too or the load "
-            "is not in the sweep."
-        ),
-    ]
-    mean_from_measurement_mm: Annotated[
-        dict[str, OrNull], about("Mean distance from the measured point over these rows, by model.")
-    ]
-    middle_stress_ratio: Annotated[list[OrNull], about("As `stress_ratio` of `fe`.")]
-    concentration: Annotated[list[OrNull], about("As of `fe`.")]
-    span_error: Annotated[OrNull, about("As of `fe`.")]
-    mesh: Annotated[str, about("Bricks along a module, around and across.")]
-    stiffness: Annotated[float, about("Young's modulus of the disks over that of the backbone.")]
-    grip: Annotated[Literal["bonded", "sliding"], about("How disks hold the backbone.")]
-    calculix_version: Annotated[str, about("Version of CalculiX.")]
-
-
 # -- all -------------------------------------------------------------------------------------------
 
 
@@ -430,7 +402,7 @@ class StudyResults(Object):
         UncertainNumbers, about("Validity limits with uncertain numbers of the robot.")
     ]
     finite_elements: Annotated[
-        StudyFiniteElements | None, about("Finite elements; `null` without `--fe`.")
+        FiniteElements | None, about("Finite elements; `null` without `--fe`.")
     ]
     geometric_sweep: Annotated[GeometricSweep, about("Constant curvature alone.")]
     provenance: Annotated[StudyProvenance, about("Origin of the study.")]

@@ -12,20 +12,20 @@ from dataclasses import dataclass, fields
 from functools import partial
 from operator import attrgetter
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.display import html_table, millimetres, sampled_rows
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
-from bowstring.formatting import plain
 from bowstring.results import Key, Result
 from bowstring.robot.picture import picture
 from bowstring.robot.plausibility import load_advice
 from bowstring.statics import actuation, messages
 from bowstring.statics.load import Load, PointLoad
 from bowstring.statics.load_tables import ON_DISKS, with_arrays
+from bowstring.statics.messages import StaticsStatus
 from bowstring.validation import whole
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import bowstring._core as _core
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
-    from bowstring.schemas import statics as schema
+    from bowstring.schemas import basic as schema
     from bowstring.statics.fields import Frames
     from bowstring.statics.limits import Use
 
@@ -67,51 +67,16 @@ class ErrorEstimate(Result):
     """Error of the tension of a displacement-controlled tendon, N; NaN where it is not known."""
 
 
-def _of_core(name: str, doc: str | None = None) -> Any:
+def _of_core(name: str) -> Any:
     """Property that reads an attribute of the core's solution."""
-    return property(attrgetter(f"core.{name}"), doc=doc)
+    return property(attrgetter(f"core.{name}"))
 
 
-class Solution:
+class Solution(Result):
     """Equilibrium of one load; made by `solve`.
 
-    Values of the pose are None unless `converged`. Every access returns a new array.
-
-    Attributes
-    ----------
-    robot : Robot
-    status : str
-        ``"converged"``, or the reason of failure: ``"max_iterations"`` (within the bounds of
-        iterations and work), ``"unstable"`` (only an unstable equilibrium was found),
-        ``"no_equilibrium"`` (disks collide, or the displacements conflict).
-    converged : bool
-    stable : bool or None
-        Whether the potential energy has a minimum, given the commands of the tendons. Under a
-        moment, which has no potential: whether small oscillations decay at a damping ratio of 1 %.
-        False with the status ``"converged"`` where increasing the moment leads from a stable
-        equilibrium to one with growing oscillations, such as a moment that rolls up a rod.
-        None where the decay needs more damping, where a moment acts on displacement-controlled
-        tendons or on a robot without mass, with friction, and where there are too few elements to
-        decide.
-    iterations : int
-        Newton iterations, including those of load stepping.
-    residual : float
-        Largest moment imbalance over (bending stiffness / length).
-    model : RodModel
-        Model given to `solve`, with the number of elements of the solution.
-    load : Load
-        Load given to `solve`, with the tension or the displacement of each tendon.
-    error_estimate : ErrorEstimate or None
-        Estimated discretisation error; None if the solve failed.
-    tensions : ndarray (T,)
-        Tensions before the base hole in N; computed where a displacement is given, and NaN if the
-        solve failed.
-    undetermined : bool
-        Whether several sets of tensions have the same pose; `tensions` are the smallest.
-    length_residual : float
-        Largest error of a given displacement, in m.
-
-    Pickles and copies contain the load, which is solved again and gives the same numbers.
+    Values of the pose are None unless `converged`. Every access returns a new array. Pickles and
+    copies contain the load, which is solved again and gives the same numbers.
     """
 
     __slots__ = ("_before", "_path", "core", "robot")
@@ -164,20 +129,38 @@ class Solution:
             model = self._path.model
         return solution, (self.robot, self.load, model, self._before)
 
-    status: str = _of_core("status")
+    status: Annotated[StaticsStatus, Key()] = _of_core("status")
+    """``converged``, or the reason of failure: ``max_iterations`` (within the bounds of iterations
+    and work), ``unstable`` (only an unstable equilibrium was found), ``no_equilibrium`` (disks
+    collide, or the displacements conflict)."""
     converged: bool = _of_core("converged")
-    stable: bool | None = _of_core("stable")
-    iterations: int = _of_core("iterations")
-    residual: float = _of_core("residual")
+    """Whether the status is ``converged``."""
+    stable: Annotated[bool | None, Key()] = _of_core("stable")
+    """Whether the equilibrium is stable, given the commands of the tendons; None where that is not
+    determined.
+
+    The potential energy has a minimum then. Under a moment, which has no potential: whether small
+    oscillations decay at a damping ratio of 1 %. False with the status ``"converged"`` where
+    increasing the moment leads from a stable equilibrium to one with growing oscillations, such as
+    a moment that rolls up a rod. None where the decay needs more damping, where a moment acts on
+    displacement-controlled tendons or on a robot without mass, with friction, and where there are
+    too few elements to decide."""
+    iterations: Annotated[int, Key()] = _of_core("iterations")
+    """Newton iterations, including those of load stepping."""
+    residual: Annotated[float, Key()] = _of_core("residual")
+    """Largest moment imbalance over (bending stiffness / length); NaN if the solve failed."""
     model: RodModel = _of_core("model")
-    tensions: Floats = _of_core("tensions")
-    disk_positions: Floats | None = _of_core(
-        "disk_positions", "Positions (N, 3) of the disks from base to tip, the base excluded, in m."
-    )
-    disk_rotations: Floats | None = _of_core("disk_rotations", "Rotations (N, 3, 3) of the disks.")
-    tendon_lengths: Floats | None = _of_core(
-        "tendon_lengths", "Lengths (T,) of the tendons from the base hole to the end disk's, in m."
-    )
+    """Model given to `solve`, with the number of elements of the solution."""
+    tensions: Annotated[Floats, Key("tensions_N")] = _of_core("tensions")
+    """Tension of each tendon before the base hole (T,), N; computed where a displacement is given,
+    and NaN if the solve failed."""
+    disk_positions: Floats | None = _of_core("disk_positions")
+    """Positions (N, 3) of the disks from base to tip, the base excluded, m."""
+    disk_rotations: Floats | None = _of_core("disk_rotations")
+    """Rotations (N, 3, 3) of the disks."""
+    tendon_lengths: Annotated[Floats | None, Key("tendon_lengths_m")] = _of_core("tendon_lengths")
+    """Length of each tendon (T,) from the base hole to the end disk's, m; None without a solution.
+    """
 
     def show(self, *, port: int = 8080) -> Any:
         """Show the pose in the browser; short for `bowstring.view` with its defaults.
@@ -217,7 +200,7 @@ class Solution:
         )
 
     @property
-    def error_estimate(self) -> ErrorEstimate | None:
+    def error_estimate(self) -> Annotated[ErrorEstimate | None, Key()]:
         """Estimated discretisation error; None if the solve failed."""
         found = self.core.error_estimate
         return None if found is None else ErrorEstimate(*found)
@@ -263,24 +246,58 @@ class Solution:
         return actuation.displacements(self.robot, self.model, core.tendon_lengths, core.tensions)
 
     @property
-    def slack(self) -> tuple[int, ...] | None:
-        """Numbers, from 1, of displacement-controlled tendons that are slack."""
+    def shortened(self) -> Annotated[Floats | None, Key("displacements_m")]:
+        """Displacement of each tendon (T,), m, by `displacements`; None without a solution or a
+        home pose."""
+        return self.displacements()
+
+    @property
+    def disk_poses(self) -> Annotated[list[schema.Pose] | None, Key("disks")]:
+        """All disks from base to tip, without the base; None without a solution."""
+        positions, rotations = self.core.disk_positions, self.core.disk_rotations
+        if positions is None or rotations is None:
+            return None
+        poses = zip(positions.tolist(), rotations.tolist(), strict=True)
+        return [{"position_m": position, "rotation": rotation} for position, rotation in poses]
+
+    @property
+    def tip_pose(self) -> Annotated[schema.Pose | None, Key("tip")]:
+        """Tip; None without a solution."""
+        disks = self.disk_poses
+        return None if disks is None else disks[-1]
+
+    @property
+    def elements(self) -> Annotated[int | None, Key()]:
+        """Elements between two disks."""
+        return self.model.elements
+
+    @property
+    def theory(self) -> Annotated[Literal["cosserat", "kirchhoff"], Key()]:
+        """Theory of the backbone."""
+        return self.model.theory
+
+    @property
+    def slack(self) -> Annotated[tuple[int, ...] | None, Key()]:
+        """Numbers, from 1, of displacement-controlled tendons that are slack; None without a
+        solution."""
         lengths = self.slack_lengths
         if lengths is None:
             return None
         return tuple((actuation.slack(self.robot, lengths) + 1).tolist())
 
     @property
-    def slack_lengths(self) -> Floats | None:
-        """Slack length (T,) of displacement-controlled tendons in m; exactly 0 where taut."""
+    def slack_lengths(self) -> Annotated[Floats | None, Key("slack_m")]:
+        """Slack length (T,) of displacement-controlled tendons, m, exactly 0 where taut; None
+        without a solution."""
         core = self.core
         if core.on_path:
             return core.slack_lengths
         return np.zeros(len(core.tensions)) if core.converged else None
 
     @property
-    def span_tensions(self) -> Floats | None:
-        """Tensions (N, T) of the spans from base to tip, in N; NaN beyond a tendon's end."""
+    def span_tensions(self) -> Annotated[Floats | None, Key("span_tensions_N")]:
+        """Tensions (N, T) of the spans from base to tip, N; NaN beyond a tendon's end, and None
+        without a solution."""
         core = self.core
         if not core.converged:
             return None
@@ -289,13 +306,13 @@ class Solution:
         return np.where(passes, spans, np.nan)
 
     @property
-    def undetermined(self) -> bool:
+    def undetermined(self) -> Annotated[bool, Key()]:
         """Whether several sets of tensions have the same pose; the smallest is given."""
         return bool(self.core.undetermined)
 
     @property
-    def length_residual(self) -> float:
-        """Largest violation of a commanded displacement, m."""
+    def length_residual(self) -> Annotated[float, Key("length_residual_m")]:
+        """Largest violation of a commanded displacement, m; NaN if the solve failed."""
         return self.core.length_residual or 0.0
 
     def history(self) -> dict[str, Any] | None:
@@ -444,46 +461,6 @@ class Solution:
         if not self.stable and not self.robot.has_memory:
             warnings.warn(f"{self.robot.name}: {self.message}", StabilityWarning, stacklevel=2)
         return self
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the content of ``bowstring solve --json``, ready for `json.dumps`.
-
-        Returns
-        -------
-        dict
-            ``status, stable, iterations, residual, error_estimate, elements, theory, tip, disks,
-            tendon_lengths_m, tensions_N, displacements_m, slack, slack_m, span_tensions_N,
-            undetermined, length_residual_m``; entries of the pose are None if the solve failed, and
-            so are numbers that are not finite.
-        """
-        core = self.core
-        error = self.error_estimate
-        disks: list[schema.Pose] | None = None
-        positions, rotations = core.disk_positions, core.disk_rotations
-        if positions is not None and rotations is not None:
-            disks = [
-                {"position_m": position, "rotation": rotation}
-                for position, rotation in zip(positions.tolist(), rotations.tolist(), strict=True)
-            ]
-        return {
-            "status": core.status,
-            "stable": core.stable,
-            "iterations": core.iterations,
-            "residual": plain(core.residual),
-            "error_estimate": None if error is None else error.to_dict(),
-            "elements": core.model.elements,
-            "theory": core.model.theory,
-            "tip": disks[-1] if disks else None,
-            "disks": disks,
-            "tendon_lengths_m": plain(core.tendon_lengths),
-            "tensions_N": plain(core.tensions),
-            "displacements_m": plain(self.displacements()),
-            "slack": plain(self.slack),
-            "slack_m": plain(self.slack_lengths),
-            "span_tensions_N": plain(self.span_tensions),
-            "undetermined": self.undetermined,
-            "length_residual_m": plain(self.length_residual),
-        }
 
 
 def _passes(robot: Robot) -> NDArray[np.bool_]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final, cast
+from typing import TYPE_CHECKING, Annotated, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from bowstring.fem.comparison import BesideRod, beside_rod
 from bowstring.fem.run import BrickRun, Settings, sweep
 from bowstring.formatting import in_mm, in_percent, listed
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 
 if TYPE_CHECKING:
     from bowstring.fem.run import FeStatus
-    from bowstring.schemas import study as schema
     from bowstring.study.data_validation import AgainstData
 
 __all__ = ["FiniteElements", "at_data", "solve"]
@@ -32,39 +32,72 @@ _HOLDS: Final = {
 
 
 @dataclass(frozen=True)
-class FiniteElements:
-    """Sweep of one tendon by finite elements, at the n loads of statics.
-
-    Attributes
-    ----------
-    run : BrickRun
-    beside : BesideRod
-    tip_position : ndarray (n, 3)
-        Position of the tip in m; NaN at loads that were not reached.
-    tendon_lengths : ndarray (n, T)
-        Tendon lengths in m.
-    apart : ndarray (n,)
-        Distance of the tip from that of statics, in m.
-    measured_point : ndarray (K, 3), optional
-        Measured point at the rows of a table by finite elements, in m, base frame; NaN at rows
-        with other actuated tendons or beyond the loads that were reached.
-    measured_source : str
-        Source of the table: ``"measured"``, ``"synthetic"`` or ``"computed"``.
-    measured_errors : dict
-        Mean distance from the measured point over these rows by model, in m.
-    """
+class FiniteElements(Result):
+    """Sweep of one tendon by finite elements, at the n loads of statics."""
 
     run: BrickRun
+    """The run of CalculiX."""
     beside: BesideRod
-    tip_position: Array
-    tendon_lengths: Array
-    apart: Array
-    measured_point: Array | None = None
+    """Its stress beside that of the rod."""
+    tip_position: Annotated[Array, Key("tip_position_mm")]
+    """Tip (n, 3), m; NaN at loads that were not reached."""
+    tendon_lengths: Annotated[Array, Key("tendon_lengths_mm")]
+    """Tendon lengths (n, T), m; NaN at loads that were not reached."""
+    apart: Annotated[Array, Key("from_statics_mm")]
+    """Distance of the tip from that of statics (n,), m; NaN at loads that were not reached."""
+    measured_point: Annotated[Array | None, Key("measured_point_mm")] = None
+    """With measurements: measured point by finite elements (K, 3), m, base frame, interpolated
+    between loads; NaN in rows in which another tendon has tension too or the load is not in the
+    sweep."""
     measured_source: str = ""
-    measured_errors: dict[str, float] = field(default_factory=dict)
+    """Source of the table: ``"measured"``, ``"synthetic"`` or ``"computed"``."""
+    measured_errors: Annotated[dict[str, float], Key("mean_from_measurement_mm")] = field(
+        default_factory=dict
+    )
+    """Mean distance from the measured point over these rows, m, by model; NaN without rows."""
 
     @property
-    def text(self) -> tuple[str, ...]:
+    def status(self) -> Annotated[FeStatus, Key()]:
+        """As of ``fe``."""
+        return cast("FeStatus", self.run.status)
+
+    @property
+    def middle_stress_ratio(self) -> Annotated[Array, Key()]:
+        """As ``stress_ratio`` of ``fe`` (n,); NaN where it has none."""
+        return self.beside.stress_ratio
+
+    @property
+    def concentration(self) -> Annotated[Array, Key()]:
+        """As of ``fe`` (n,); NaN where it has none."""
+        return self.beside.concentration
+
+    @property
+    def span_error(self) -> Annotated[float, Key()]:
+        """As of ``fe``; NaN without a load."""
+        return self.run.span_error
+
+    @property
+    def mesh(self) -> Annotated[str, Key()]:
+        """Bricks along a module, around and across."""
+        return str(self.run.settings["mesh"])
+
+    @property
+    def stiffness(self) -> Annotated[float, Key()]:
+        """Young's modulus of the disks over that of the backbone."""
+        return float(self.run.settings["stiffness"])
+
+    @property
+    def grip(self) -> Annotated[Literal["bonded", "sliding"], Key()]:
+        """How disks hold the backbone."""
+        return cast('Literal["bonded", "sliding"]', self.run.settings["grip"])
+
+    @property
+    def calculix_version(self) -> Annotated[str, Key()]:
+        """Version of CalculiX."""
+        return str(self.run.settings["calculix_version"])
+
+    @property
+    def text(self) -> Annotated[tuple[str, ...], Key()]:
         """Settings and results of the finite elements in sentences."""
         run, beside = self.run, self.beside
         asked = run.settings
@@ -115,26 +148,6 @@ class FiniteElements:
             "alone within these loads the mean distance from the table's point, in the one base "
             f"frame for all, is: {listed(means)}; finite elements are interpolated between loads.",
         )
-
-    def to_dict(self) -> schema.StudyFiniteElements:
-        """Return plain values in mm for JSON."""
-        run, point = self.run, self.measured_point
-        return {
-            "status": cast("FeStatus", run.status),
-            "text": list(self.text),
-            "tip_position_mm": (1e3 * self.tip_position).tolist(),
-            "tendon_lengths_mm": (1e3 * self.tendon_lengths).tolist(),
-            "from_statics_mm": (1e3 * self.apart).tolist(),
-            "measured_point_mm": None if point is None else (1e3 * point).tolist(),
-            "mean_from_measurement_mm": {k: 1e3 * e for k, e in self.measured_errors.items()},
-            "middle_stress_ratio": self.beside.stress_ratio.tolist(),
-            "concentration": self.beside.concentration.tolist(),
-            "span_error": run.span_error,
-            "mesh": run.settings["mesh"],
-            "stiffness": run.settings["stiffness"],
-            "grip": run.settings["grip"],
-            "calculix_version": run.settings["calculix_version"],
-        }
 
 
 def solve(
