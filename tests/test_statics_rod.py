@@ -766,7 +766,7 @@ def test_other_bad_arguments(robot):
 def test_contract_of_the_command_line(robot):
     s = bs.solve(robot, [80, 0, 0], load=bs.Load(tip_force=(0, 1, 0)))
     content = json.loads(json.dumps(s.to_dict(), allow_nan=False))
-    assert list(content) == [
+    assert set(content) == {
         "status",
         "stable",
         "iterations",
@@ -784,7 +784,7 @@ def test_contract_of_the_command_line(robot):
         "span_tensions_N",
         "undetermined",
         "length_residual_m",
-    ]
+    }
     assert content["status"] == "converged" and content["theory"] == "cosserat"
     assert len(content["disks"]) == 9 and content["disks"][-1] == content["tip"]
     assert content["tip"]["position_m"] == s.tip.position.tolist()

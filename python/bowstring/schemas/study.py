@@ -18,7 +18,6 @@ from bowstring.schemas.basic import (
     MeasurementIssue,
     Object,
     OrNull,
-    VectorOrNull,
     about,
 )
 from bowstring.schemas.results import beside
@@ -168,44 +167,7 @@ class CommandedCase(Problem, Description):
     cc_from_commanded_lengths: Annotated[CaseError, about("From the commanded lengths.")]
 
 
-class Hysteresis(Object):
-    """Tip along a loop of loading and unloading."""
-
-    width_mm: Annotated[
-        OrNull, about("Largest distance between loading and unloading at equal command.")
-    ]
-    width_percent: Annotated[OrNull, about("The same in percent of the length.")]
-    tip_free_mm: Annotated[
-        list[VectorOrNull], about("Tip without friction, with inextensible tendons.")
-    ]
-    tip_loading_mm: Annotated[list[VectorOrNull], about("Tip on loading.")]
-    tip_unloading_mm: Annotated[
-        list[VectorOrNull], about("Tip on unloading, in the order of the commands.")
-    ]
-    tip_constant_curvature_mm: Annotated[
-        list[VectorOrNull],
-        about("Tip by constant curvature, from force or from the commanded lengths."),
-    ]
-
-
-class TensionHysteresis(Hysteresis):
-    """Hysteresis under tension control."""
-
-    control: Annotated[Literal["tension"], about("Actuation.")]
-    widest_at_tension_N: Annotated[OrNull, about("Command of the largest distance.")]
-    tension_N: Annotated[list[float], about("Commands.")]
-
-
-class DisplacementHysteresis(Hysteresis):
-    """Hysteresis under displacement control."""
-
-    control: Annotated[Literal["displacement"], about("Actuation.")]
-    widest_at_displacement_mm: Annotated[OrNull, about("Command of the largest distance.")]
-    displacement_mm: Annotated[list[OrNull], about("Commands.")]
-
-
 ActuationRow = TensionEffect | DisplacementEffect
-Loop = TensionHysteresis | DisplacementHysteresis
 
 
 # -- measurements ----------------------------------------------------------------------------------

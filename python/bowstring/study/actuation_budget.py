@@ -133,21 +133,22 @@ class ActuationRow:
 
 @short_repr
 @dataclass(frozen=True)
-class Loop:
+class Loop(Result):
     """Loading to the largest command and unloading: the hysteresis of the tip."""
 
     control: Control
     """Controlled quantity of the actuated tendons."""
     command: Array
     """Tension (N) or displacement (m) of the actuated tendon (n,)."""
-    free: Array
-    """Tip without friction and tendon elasticity (n, 3), m."""
-    loading: Array
-    """Tips in loading (n, 3), m."""
-    unloading: Array
-    """Tips in unloading (n, 3), m; as in loading, in the order of `command`."""
-    constant_curvature: Array
-    """Tip by constant curvature from force or from the commanded lengths (n, 3), m."""
+    free: Annotated[Array, Key("tip_free_mm")]
+    """Tip without friction and tendon elasticity (n, 3), m; NaN without an equilibrium."""
+    loading: Annotated[Array, Key("tip_loading_mm")]
+    """Tip in loading (n, 3), m; NaN without an equilibrium."""
+    unloading: Annotated[Array, Key("tip_unloading_mm")]
+    """Tip in unloading (n, 3), m, in the order of the commands; NaN without an equilibrium."""
+    constant_curvature: Annotated[Array, Key("tip_constant_curvature_mm")]
+    """Tip by constant curvature from force or from the commanded lengths (n, 3), m; NaN without an
+    arc."""
     length: float
     """Length of the robot, m."""
 
@@ -157,9 +158,14 @@ class Loop:
         return np.asarray(np.linalg.norm(self.loading - self.unloading, axis=-1))
 
     @property
-    def width(self) -> float:
-        """Largest of these distances, m."""
+    def width(self) -> Annotated[float, Key("width_mm")]:
+        """Largest distance between loading and unloading at equal command, m; NaN without one."""
         return known_max(self.apart)
+
+    @property
+    def width_share(self) -> Annotated[float, Key("width_percent")]:
+        """The same as a share of the length; NaN without one."""
+        return self.width / self.length
 
     @property
     def widest_at(self) -> float:
@@ -167,29 +173,43 @@ class Loop:
         known = np.isfinite(self.apart)
         return float(self.command[np.nanargmax(self.apart)]) if known.any() else math.nan
 
-    def to_dict(self) -> schema.Loop:
-        """Return plain values in N or mm, mm and percent."""
-        loop: schema.Hysteresis = {
-            "width_mm": self.width * 1e3,
-            "width_percent": self.width / self.length * 100.0,
-            "tip_free_mm": (self.free * 1e3).tolist(),
-            "tip_loading_mm": (self.loading * 1e3).tolist(),
-            "tip_unloading_mm": (self.unloading * 1e3).tolist(),
-            "tip_constant_curvature_mm": (self.constant_curvature * 1e3).tolist(),
-        }
-        if self.control == "tension":
-            return {
-                **loop,
-                "control": "tension",
-                "widest_at_tension_N": self.widest_at,
-                "tension_N": self.command.tolist(),
-            }
-        return {
-            **loop,
-            "control": "displacement",
-            "widest_at_displacement_mm": self.widest_at * 1e3,
-            "displacement_mm": (self.command * 1e3).tolist(),
-        }
+
+@short_repr
+@dataclass(frozen=True)
+class TensionLoop(Loop):
+    """Hysteresis under tension control."""
+
+    control: Annotated[Literal["tension"], Key()]
+    """Actuation."""
+
+    @property
+    def tension(self) -> Annotated[Array, Key("tension_N")]:
+        """Commands (n,), N."""
+        return self.command
+
+    @property
+    def widest_at_tension(self) -> Annotated[float, Key("widest_at_tension_N")]:
+        """Command of the largest distance, N; NaN without one."""
+        return self.widest_at
+
+
+@short_repr
+@dataclass(frozen=True)
+class DisplacementLoop(Loop):
+    """Hysteresis under displacement control."""
+
+    control: Annotated[Literal["displacement"], Key()]
+    """Actuation."""
+
+    @property
+    def displacement(self) -> Annotated[Array, Key("displacement_mm")]:
+        """Commands (n,), m; NaN without an equilibrium."""
+        return self.command
+
+    @property
+    def widest_at_displacement(self) -> Annotated[float, Key("widest_at_displacement_mm")]:
+        """Command of the largest distance, m; NaN without one."""
+        return self.widest_at
 
 
 @short_repr
@@ -220,7 +240,7 @@ class ActuationBudget(Result):
     """Case of displacement control with inextensible tendons without friction."""
     rows: tuple[ActuationRow, ...]
     """Effects: tension control before displacement control."""
-    loops: tuple[Loop, Loop]
+    loops: Annotated[tuple[TensionLoop, DisplacementLoop], Key("hysteresis")]
     """Loops of tension control and displacement control."""
     notes: Annotated[tuple[str, ...], Key()]
     """Assumed values, paths and commands in sentences."""
@@ -278,11 +298,6 @@ class ActuationBudget(Result):
     def effects(self) -> Annotated[list[schema.ActuationRow], Key("rows")]:
         """Effects: tension control before displacement control."""
         return [row.to_dict() for row in self.rows]
-
-    @property
-    def hysteresis(self) -> Annotated[list[schema.Loop], Key()]:
-        """Under tension control, then under displacement control."""
-        return [loop.to_dict() for loop in self.loops]
 
 
 # -- running it --------------------------------------------------------------------------------
@@ -433,8 +448,8 @@ def actuation_budget(
     law = model.constant_curvature("cc_from_force", there, commanded.lengths)
     tips = stiff.path_tip, loaded.path_tip, released.path_tip, commanded.tip
     loops = (
-        Loop("tension", there, free, up.path_tip, down.path_tip, law, model.length),
-        Loop("displacement", commanded.displacements[:, t], *tips, model.length),
+        TensionLoop("tension", there, free, up.path_tip, down.path_tip, law, model.length),
+        DisplacementLoop("displacement", commanded.displacements[:, t], *tips, model.length),
     )
     return ActuationBudget(
         friction=float(mu),

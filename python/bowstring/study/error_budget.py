@@ -121,8 +121,7 @@ class Budget(Result):
     notes: Annotated[tuple[str, ...], Key()]
     """Definitions and assumptions of the budget in sentences."""
     actuation: Annotated[ActuationBudget, Key()]
-    """[Budget](../guide/actuation-budget.md) of friction, elastic tendons and displacement control.
-    """
+    """Budget of friction, elastic tendons and displacement control."""
 
     def cases(self, row: BudgetRow, side: Side) -> tuple[Case, Case]:
         """Return the two cases with and without an effect."""
