@@ -621,13 +621,15 @@ impl DesignArrays<'_> {
             pretension: v[4],
             backlash: v[5],
             wrap: v[6],
+            hole_clearance: v[7],
+            mount_compliance: v[8],
         };
         numbers.chunks_exact(LINE).map(line).collect()
     }
 }
 
 /// Numbers of a [`Line`] of a design.
-const LINE: usize = 7;
+const LINE: usize = 9;
 
 /// Arrays of Python's `RobotTendons` for actuation, one entry for each tendon.
 #[derive(FromPyObject)]
@@ -645,6 +647,10 @@ pub struct Lines<'py> {
     backlash: Bound<'py, PyAny>,
     #[pyo3(attribute("wrap_angle_rad"))]
     wrap: Bound<'py, PyAny>,
+    #[pyo3(attribute("hole_clearance_m"))]
+    hole_clearance: Bound<'py, PyAny>,
+    #[pyo3(attribute("mount_compliance_m_per_N"))]
+    mount_compliance: Bound<'py, PyAny>,
 }
 
 impl Lines<'_> {
@@ -658,6 +664,8 @@ impl Lines<'_> {
         let pretension = numbers(&self.pretension, "pretension", "N", count)?;
         let backlash = numbers(&self.backlash, "backlash", "m", count)?;
         let wrap = numbers(&self.wrap, "wrap_angle", "rad", count)?;
+        let clearance = numbers(&self.hole_clearance, "hole_clearance", "m", count)?;
+        let mount = numbers(&self.mount_compliance, "mount_compliance", "m/N", count)?;
         let of_memory = |value: f64| if has_memory { value } else { 0.0 };
         Ok((0..count)
             .map(|i| Line {
@@ -668,6 +676,8 @@ impl Lines<'_> {
                 pretension: pretension[i],
                 backlash: of_memory(backlash[i]),
                 wrap: wrap[i],
+                hole_clearance: clearance[i],
+                mount_compliance: mount[i],
             })
             .collect())
     }

@@ -40,14 +40,17 @@ impl PathSolver {
     /// From the arrays of a robot's tendons, and its inelasticity: share and play (1/m) of the
     /// hysteresis of each segment (S, 2), share and time (s) of the two terms of its relaxation
     /// (S, 2, 2), compliance (m/N) and time (s) of those of the creep of each tendon (T, 2, 2).
-    /// Elastic, without friction and backlash, unless it `has_memory`.
+    /// Elastic, without friction and backlash, unless it `has_memory`; `alone` without the companion
+    /// that states errors of a memory.
     #[new]
+    #[pyo3(signature = (robot, model, tendons, inelasticity, has_memory, alone=false))]
     fn new(
         robot: &Bound<'_, Robot>,
         model: &RodModel,
         tendons: Lines<'_>,
         inelasticity: Laws<'_>,
         has_memory: bool,
+        alone: bool,
     ) -> PyResult<Self> {
         let settings = robot.get().settings(model);
         let inner = &robot.get().inner;
@@ -60,6 +63,7 @@ impl PathSolver {
         let path = interruptible(robot.py(), || {
             path::PathSolver::new(inner, settings.model, settings.elements, &lines)
                 .and_then(|path| path.with_inelasticity(&laws))
+                .map(|path| if alone { path.alone() } else { path })
         })?;
         Ok(PathSolver {
             robot: robot.clone().unbind(),

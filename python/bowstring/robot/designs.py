@@ -34,6 +34,8 @@ _LINE: Final = (
     "pretension_N",
     "backlash_m",
     "wrap_angle_rad",
+    "hole_clearance_m",
+    "mount_compliance_m_per_N",
 )
 
 
