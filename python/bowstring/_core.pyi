@@ -101,7 +101,7 @@ class PathSolver:
         cls,
         robot: Robot,
         model: RodModel,
-        tendons: Any,
+        lines: Floats,
         inelasticity: tuple[Floats, Floats, Floats],
         has_memory: bool,
         alone: bool = False,

@@ -59,6 +59,20 @@ class RobotDisks:
     """Segments (N,) of the disks, as indices from 0."""
 
 
+#: Numbers of a line of the core, in its order.
+_LINE: Final = (
+    "axial_stiffness_N",
+    "free_length_m",
+    "compliance_m_per_N",
+    "friction",
+    "pretension_N",
+    "backlash_m",
+    "wrap_angle_rad",
+    "hole_clearance_m",
+    "mount_compliance_m_per_N",
+)
+
+
 @short_repr
 @dataclass(frozen=True)
 class RobotTendons:
@@ -105,6 +119,12 @@ class RobotTendons:
     """Tensions (T,) in the home pose, where the tendon displacements are zero, N."""
     spool_radius_m: Floats
     diameter_m: Floats
+
+    @cached_property
+    def lines(self) -> Floats:
+        """Numbers (..., T, 9) of the lines of the core: transmission, elasticity and friction."""
+        each = np.broadcast_arrays(*(getattr(self, name) for name in _LINE))
+        return frozen(np.stack(each, axis=-1))
 
 
 def _in_pairs(first: Floats, second: Floats) -> Floats:

@@ -271,7 +271,7 @@ class Path:
     ) -> None:
         self.robot, self.model = robot, model
         laws = robot.hysteresis, robot.relaxation, robot.tendons.creep
-        self.core = PathSolver(robot.core, model, robot.tendons, laws, has_memory, alone)
+        self.core = PathSolver(robot.core, model, robot.tendons.lines, laws, has_memory, alone)
         if history is not None:
             try:
                 self._resume(history)
