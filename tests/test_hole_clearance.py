@@ -13,9 +13,8 @@ from bowstring.calibration.tip_model import TipModel
 from bowstring.errors import InputError
 
 CLEARANCE = 3e-4
-ROBOT = bs.load_robot(
-    "crl-ftdcr-v4", {f"segments.{i}.tendons.compliance": "0.1 mm/N" for i in range(3)}
-)
+SEGMENTS = [f"segments.{i}.tendons" for i in range(3)]
+ROBOT = bs.load_robot("crl-ftdcr-v4", {f"{each}.compliance": "0.1 mm/N" for each in SEGMENTS})
 
 
 def displacements(count, seed):
@@ -25,18 +24,21 @@ def displacements(count, seed):
     return bs.sweep(ROBOT, tensions).displacements()
 
 
+def bends(robot, rotations):
+    """Bends (n, T) in rad from the base to the end disks of the tendons."""
+    base = np.tile([0, 0, 1.0], (len(rotations), 1, 1))
+    axes = np.concatenate([base, rotations[..., 2]], axis=1)
+    turns = np.arccos(np.clip((axes[:, 1:] * axes[:, :-1]).sum(axis=-1), -1, 1))
+    return np.cumsum(turns, axis=1)[:, robot.tendons.end_disk]
+
+
 def tips(robot, given, clearance):
-    """Synthetic tips (n, 3): the fixed point of theory Eq. 7.6, with bends from disk to disk."""
+    """Synthetic tips (n, 3): the fixed point of theory Eq. 4.10, with bends from disk to disk."""
     lost = np.zeros(given.shape)
     for _ in range(30):
         found = bs.solve_batch(robot, load=bs.Load(displacements=given - lost))
         assert found.converged.all()
-        axes = np.concatenate(
-            [np.tile([0, 0, 1.0], (len(given), 1, 1)), found.disk_rotations[..., 2]], axis=1
-        )
-        turns = np.arccos(np.clip((axes[:, 1:] * axes[:, :-1]).sum(axis=-1), -1, 1))
-        bend = np.cumsum(turns, axis=1)[:, robot.tendons.end_disk]
-        lost = clearance * bend
+        lost = clearance * bends(robot, found.disk_rotations)
     return found.tip_position
 
 
@@ -48,6 +50,44 @@ def test_fit_finds_the_clearance():
     assert found["hole_clearance"].value == pytest.approx(1e3 * CLEARANCE, abs=1e-4)
     assert found.score.rmse < 1e-6
     assert found.score_before.rmse > 1e-3
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.05])
+def test_the_rod_solves_the_fixed_point(friction):
+    """With friction along the path: the same path by displacements less what is lost."""
+    fields = {f"{each}.friction": friction for each in SEGMENTS}
+    without = ROBOT.with_(fields)
+    robot = ROBOT.with_({**fields, **{f"{each}.hole_clearance": CLEARANCE for each in SEGMENTS}})
+    given = displacements(20, 5)
+    found = bs.sweep(robot, load=bs.Load(displacements=given))
+    assert found.converged.all()
+    left = given - CLEARANCE * bends(robot, found.disk_rotations)
+    expected = bs.sweep(without, load=bs.Load(displacements=left))
+    assert found.tip_position == pytest.approx(expected.tip_position, abs=1e-8)
+    assert found.displacements() == pytest.approx(given, abs=1e-12)
+
+
+def test_a_displacement_holds_the_tension_that_took_it():
+    robot = ROBOT.with_({f"{each}.hole_clearance": CLEARANCE for each in SEGMENTS})
+    by_tension = bs.solve(robot, [2.0, 0.5, 0.5] * 3)
+    again = bs.solve(robot, load=bs.Load(displacements=by_tension.displacements()))
+    assert again.tensions == pytest.approx(by_tension.tensions, abs=1e-8)
+    plain = bs.solve(ROBOT, [2.0, 0.5, 0.5] * 3)
+    assert again.tip.position == pytest.approx(plain.tip.position, abs=1e-9)
+    assert (by_tension.displacements() > plain.displacements()).all()
+
+
+@pytest.mark.parametrize("field", ["hole_clearance", "mount_compliance"])
+def test_what_does_not_model_it_refuses_it(field):
+    robot = ROBOT.with_({f"{each}.{field}": 1e-5 for each in SEGMENTS})
+    for refused in (
+        lambda: bs.simulate(robot, [1.0] * 9, 0.1),
+        lambda: bs.inverse_kinematics(robot, [0.05, 0.0, 0.15]),
+        lambda: bs.compile_robot(robot),
+        lambda: bs.jacobians(bs.solve(robot, [1.0] * 9)),
+    ):
+        with pytest.raises(InputError, match=f"set {field} to 0"):
+            refused()
 
 
 def test_constant_curvature_is_told_that_it_has_no_effect():

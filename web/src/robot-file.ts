@@ -78,9 +78,9 @@ export const MOST_DISKS = 300;
 export const MOST_TENDONS = 100;
 const COMPILE = "write it with \"bowstring compile ROBOT --out robot.json\" and drop that file here";
 
-/** Fields that describe what no compiled robot has either: states that depend on the past. */
-const MEMORY = new Set(["friction", "backlash", "hysteresis", "relaxation", "second_relaxation",
-  "creep_compliance", "second_creep_compliance"]);
+/** Fields of laws that no compiled robot has either: memories, and losses of displacement. */
+const LAWS = new Set(["friction", "backlash", "hysteresis", "relaxation", "second_relaxation",
+  "creep_compliance", "second_creep_compliance", "hole_clearance", "mount_compliance"]);
 /** Fields of robots that come compiled; zero is as if they were left out. */
 const COMPILED_ONLY = new Set(["rest_bend", "rest_twist", "turns"]);
 /** Fields without an effect on the page. */
@@ -168,10 +168,10 @@ class Fields {
   /** Refuses what was not read. */
   end(): void {
     for (const [name, value] of this.left) {
-      if ((MEMORY.has(name) || COMPILED_ONLY.has(name)) && isZero(value)) continue;
+      if ((LAWS.has(name) || COMPILED_ONLY.has(name)) && isZero(value)) continue;
       if (name === "tendons_in" && value === "disks") continue;
-      if (MEMORY.has(name)) {
-        this.fail(name, "the page follows no load history; leave it out here, and use it in Python");
+      if (LAWS.has(name)) {
+        this.fail(name, "the page does not model it; leave it out here, and use it in Python");
       }
       if (WITHOUT_EFFECT.has(name)) continue;
       this.fail(name, `the page does not read this field; ${COMPILE}`);

@@ -378,7 +378,7 @@ pub unsafe extern "C" fn bowstring_tip_derivatives(
     // SAFETY: the caller gives room for six rows of `tendon_count` numbers
     let out = unsafe { array_mut(derivatives, tendon_count.saturating_mul(6)) };
     query(solver, "derivatives", out, tendon_count, |solver, out| {
-        let Some(found) = solver.forward.solver().jacobians() else {
+        let Some(found) = solver.forward.solver().jacobians(false) else {
             return Ok(fail(
                 BowstringStatus::NoDerivatives,
                 "the equilibrium has no finite derivatives, or the tendons touch the body everywhere",

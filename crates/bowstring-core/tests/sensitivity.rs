@@ -109,7 +109,7 @@ fn derivatives_match_central_differences() {
             ..Load::default()
         };
         assert_eq!(solver.solve(&load).unwrap().status, Status::Converged);
-        let j = solver.jacobians().unwrap();
+        let j = solver.jacobians(false).unwrap();
         let solve = |t, f, m| solution(&robot, theory, elements, t, f, m);
         for i in 0..3 {
             let shifted = |base: [f64; 3], step: f64| {

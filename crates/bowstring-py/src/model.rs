@@ -1,6 +1,6 @@
 //! Model objects from Python: arrays of a robot, rod model, load, history.
 
-use crate::input::{brief, input_error, numbers, refused, three, Rows};
+use crate::input::{brief, input_error, refused, three, Rows};
 use bowstring_core::memory;
 use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::model::load::{OwnedLoad, PointLoad, TendonPath, Theory};
@@ -612,65 +612,28 @@ impl DesignArrays<'_> {
 
     /// Lines of all tendons, by robots and tendons, after `robots`.
     pub fn lines(&self) -> Vec<Line> {
-        let numbers: Vec<f64> = self.lines.as_array().iter().copied().collect();
-        let line = |v: &[f64]| Line {
-            stiffness: v[0],
-            free_length: v[1],
-            compliance: v[2],
-            friction: v[3],
-            pretension: v[4],
-            backlash: v[5],
-            wrap: v[6],
-        };
-        numbers.chunks_exact(LINE).map(line).collect()
+        lines_of(&self.lines)
     }
 }
 
-/// Numbers of a [`Line`] of a design.
-const LINE: usize = 7;
+/// Numbers of a [`Line`].
+const LINE: usize = 9;
 
-/// Arrays of Python's `RobotTendons` for actuation, one entry for each tendon.
-#[derive(FromPyObject)]
-pub struct Lines<'py> {
-    #[pyo3(attribute("axial_stiffness_N"))]
-    axial_stiffness: Bound<'py, PyAny>,
-    #[pyo3(attribute("free_length_m"))]
-    free_length: Bound<'py, PyAny>,
-    #[pyo3(attribute("compliance_m_per_N"))]
-    compliance: Bound<'py, PyAny>,
-    friction: Bound<'py, PyAny>,
-    #[pyo3(attribute("pretension_N"))]
-    pretension: Bound<'py, PyAny>,
-    #[pyo3(attribute("backlash_m"))]
-    backlash: Bound<'py, PyAny>,
-    #[pyo3(attribute("wrap_angle_rad"))]
-    wrap: Bound<'py, PyAny>,
-}
-
-impl Lines<'_> {
-    /// Lines of a robot with this many tendons; without friction and backlash unless
-    /// `has_memory`.
-    pub fn lines(&self, count: usize, has_memory: bool) -> PyResult<Vec<Line>> {
-        let stiffness = numbers(&self.axial_stiffness, "axial_stiffness", "N", count)?;
-        let free_length = numbers(&self.free_length, "free_length", "m", count)?;
-        let compliance = numbers(&self.compliance, "compliance", "m/N", count)?;
-        let coefficient = numbers(&self.friction, "friction", "1", count)?;
-        let pretension = numbers(&self.pretension, "pretension", "N", count)?;
-        let backlash = numbers(&self.backlash, "backlash", "m", count)?;
-        let wrap = numbers(&self.wrap, "wrap_angle", "rad", count)?;
-        let of_memory = |value: f64| if has_memory { value } else { 0.0 };
-        Ok((0..count)
-            .map(|i| Line {
-                stiffness: stiffness[i],
-                free_length: free_length[i],
-                compliance: compliance[i],
-                friction: of_memory(coefficient[i]),
-                pretension: pretension[i],
-                backlash: of_memory(backlash[i]),
-                wrap: wrap[i],
-            })
-            .collect())
-    }
+/// Lines of tendons, whose numbers stand one after another.
+pub fn lines_of(numbers: &PyReadonlyArray2<f64>) -> Vec<Line> {
+    let numbers: Vec<f64> = numbers.as_array().iter().copied().collect();
+    let line = |v: &[f64]| Line {
+        stiffness: v[0],
+        free_length: v[1],
+        compliance: v[2],
+        friction: v[3],
+        pretension: v[4],
+        backlash: v[5],
+        wrap: v[6],
+        hole_clearance: v[7],
+        mount_compliance: v[8],
+    };
+    numbers.chunks_exact(LINE).map(line).collect()
 }
 
 /// Copies of the arrays: they cannot change while the interpreter lock is released.

@@ -2,8 +2,8 @@
 
 use crate::input::{array, copied, input_error, numbers, refused, three, Rows};
 use crate::interrupt::interruptible;
+use crate::model::{lines_of, DeadLoad, DesignArrays, OwnLoads, RodModel};
 use crate::model::{numbers_of_points, point_loads, POINT_LOAD};
-use crate::model::{DeadLoad, DesignArrays, Lines, OwnLoads, RodModel};
 use crate::rod::{check_rows, column, Answer, PathResult, Robot, Solution, State};
 use bowstring_core::model::load::Load;
 use bowstring_core::model::load::RodModel as Settings;
@@ -37,21 +37,29 @@ impl PathSolver {
 
 #[pymethods]
 impl PathSolver {
-    /// From the arrays of a robot's tendons, and its inelasticity: share and play (1/m) of the
+    /// From the lines of a robot's tendons (T, 9), and its inelasticity: share and play (1/m) of the
     /// hysteresis of each segment (S, 2), share and time (s) of the two terms of its relaxation
     /// (S, 2, 2), compliance (m/N) and time (s) of those of the creep of each tendon (T, 2, 2).
-    /// Elastic, without friction and backlash, unless it `has_memory`.
+    /// Elastic, without friction and backlash, unless it `has_memory`; `alone` without the companion
+    /// that states errors of a memory.
     #[new]
+    #[pyo3(signature = (robot, model, lines, inelasticity, has_memory, alone=false))]
     fn new(
         robot: &Bound<'_, Robot>,
         model: &RodModel,
-        tendons: Lines<'_>,
+        lines: PyReadonlyArray2<'_, f64>,
         inelasticity: Laws<'_>,
         has_memory: bool,
+        alone: bool,
     ) -> PyResult<Self> {
         let settings = robot.get().settings(model);
         let inner = &robot.get().inner;
-        let lines = tendons.lines(inner.tendon_count(), has_memory)?;
+        let mut lines = lines_of(&lines);
+        if !has_memory {
+            lines
+                .iter_mut()
+                .for_each(|line| (line.friction, line.backlash) = (0.0, 0.0));
+        }
         let laws = if has_memory {
             laws(&inelasticity)
         } else {
@@ -60,6 +68,7 @@ impl PathSolver {
         let path = interruptible(robot.py(), || {
             path::PathSolver::new(inner, settings.model, settings.elements, &lines)
                 .and_then(|path| path.with_inelasticity(&laws))
+                .map(|path| if alone { path.alone() } else { path })
         })?;
         Ok(PathSolver {
             robot: robot.clone().unbind(),

@@ -603,18 +603,24 @@ impl Solution {
     }
 
     /// Derivatives with respect to tension, tip force, tip moment and stiffness, each as arrays of
-    /// position, rotation and lengths with a column for each parameter; `None` if there are none
-    /// (not converged, or continuous tendons).
-    fn jacobians<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+    /// position, rotation, lengths and bends with a column for each parameter; `None` if there are none
+    /// (not converged, or continuous tendons). Those with respect to gravity if requested.
+    #[pyo3(signature = (gravity=false))]
+    fn jacobians<'py>(
+        &self,
+        py: Python<'py>,
+        gravity: bool,
+    ) -> PyResult<Option<Bound<'py, PyDict>>> {
         if self.answer.is_none() {
             return Ok(None);
         }
         let robot = &self.robot.get().inner;
-        let columns = robot.tendon_count() + robot.spec().backbone.len() + 6;
+        let columns = robot.tendon_count() + robot.spec().backbone.len() + 9;
         // twice: as columns and as arrays
-        let bytes = 16.0 * columns as f64 * (robot.tendon_count() + 6) as f64;
+        let bytes = 16.0 * columns as f64 * (2 * robot.tendon_count() + 6) as f64;
         memory::check(bytes, || "derivatives".into(), "use fewer tendons").map_err(input_error)?;
-        let found = interruptible(py, || self.ask(Solver::jacobians))?.map_err(input_error)?;
+        let found = interruptible(py, || self.ask(|solver| solver.jacobians(gravity)))?
+            .map_err(input_error)?;
         let Some(found) = found else {
             return Ok(None);
         };
@@ -624,6 +630,7 @@ impl Solution {
             ("tip_force", &found.tip_force),
             ("tip_moment", &found.tip_moment),
             ("stiffness", &found.stiffness),
+            ("gravity", &found.gravity),
         ] {
             let table = |rows: usize, entry: fn(&Derivative, usize) -> f64| {
                 let entries = (0..rows).flat_map(|i| columns.iter().map(move |d| entry(d, i)));
@@ -633,6 +640,7 @@ impl Solution {
                 ("tip_position", table(3, |d, i| d.position[i])),
                 ("tip_rotation", table(3, |d, i| d.rotation[i])),
                 ("lengths", table(robot.tendon_count(), |d, i| d.lengths[i])),
+                ("bends", table(robot.tendon_count(), |d, i| d.bends[i])),
             ] {
                 out.set_item(format!("{quantity}_by_{parameter}"), values)?;
             }

@@ -263,6 +263,12 @@ impl<L: Layout, const A: usize> RoutedRod for Rod<L, A> {
     fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
         Rod::beyond(self, hole, tendon, out);
     }
+    fn bend(&self, module: usize) -> f64 {
+        Rod::bend(self, module)
+    }
+    fn bending(&self, module: usize, out: &mut [f64]) {
+        Rod::bending(self, module, out);
+    }
     fn set_span_tensions(&mut self, tensions: &[f64]) {
         let count = self.tendons.len();
         Rod::set_span_tensions(self, |k, i| tensions[k * count + i]);

@@ -196,7 +196,7 @@ def _follow(
 ) -> tuple[Floats, Floats]:
     """Predicted biases (K, 3), and standard deviations (K,) of the residuals about them.
 
-    By a Kalman filter, theory Eq. 7.8. Residuals are measured minus predicted, NaN where a row is
+    By a Kalman filter, theory Eq. 7.6. Residuals are measured minus predicted, NaN where a row is
     not measured.
     """
     whole, noise = bias.spread**2, bias.noise**2

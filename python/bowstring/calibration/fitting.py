@@ -354,20 +354,19 @@ def fit(
         ``segments.*.tendons.compliance``. For all, each segment or
         each tendon (``gain``, ``gain.segments``, ``gain.tendons``, ``gain.tendons.4``): ``gain`` of
         displacements or tensions; ``offset`` of displacements, positive where a tendon is too
-        short; ``backlash``, half the dead travel of a displacement; ``hole_clearance``, the
-        radial clearance of the tendons in their holes. ``mount_compliance``, of the mount of all
-        motors against the base: each displacement loses its product with the sum of all tensions
-        (theory Eq. 7.7). For all or each segment:
-        ``hole_angle``, an added angle; ``pitch_radius``, a factor; ``bend_gain`` of constant
-        curvature. ``delay`` of the tip behind the commands in s. ``base``: the robot's base in the
-        measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the last measured
-        point, the tip, in the frame of its disk. ``marker.0``, ``marker.1`` and so on: the points
-        below it in the frames of their disks, from base to tip, ``marker.0.x`` to ``marker.0.z``;
-        zero by default. ``initial_displacement`` (of path 0, with a number that of another path;
+        short; ``backlash``, half the dead travel of a displacement. Fields of all tendons by a
+        short name: ``hole_clearance`` (also of each segment, ``hole_clearance.segments``) and
+        ``mount_compliance``. For all or each segment: ``hole_angle``, an added angle;
+        ``pitch_radius``, a factor; ``bend_gain`` of constant curvature. ``delay`` of the tip behind
+        the commands in s. ``base``: the robot's base in the measuring frame, ``base.x`` to
+        ``base.rz`` (a rotation vector). ``tool``: the last measured point, the tip, in the frame of
+        its disk. ``marker.0``, ``marker.1`` and so on: the points below it in the frames of their
+        disks, from base to tip, ``marker.0.x`` to ``marker.0.z``; zero by default.
+        ``initial_displacement`` (of path 0, with a number that of another path;
         ``initial_displacement.0.4`` of one tendon) and ``initial_tension``: the commands at which
         the robot rested before the first row of a path, less those of the first row, for a memory
-        whose state there is not known. The tension of a tendon with a displacement there is that
-        at rest; creep needs it. Other tables begin in the home pose. The prior is half the range of
+        whose state there is not known. The tension of a tendon with a displacement there is that at
+        rest; creep needs it. Other tables begin in the home pose. The prior is half the range of
         the tendon's commands, unless `priors` has another.
     model : RodModel or "arc", optional
         Statics of `bowstring.solve`, by default with one element; or constant curvature from tendon

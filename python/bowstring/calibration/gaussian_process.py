@@ -37,7 +37,7 @@ def matern(distance: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcess:
-    """Posterior of a Gaussian process (theory Eq. 7.9), with one kernel for all outputs.
+    """Posterior of a Gaussian process (theory Eq. 7.7), with one kernel for all outputs.
 
     Attributes
     ----------

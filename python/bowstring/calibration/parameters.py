@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 from bowstring.formatting import significant
 from bowstring.robot.fields import number_fields, quantity_of
-from bowstring.robot.laws import MEMORIES
+from bowstring.robot.laws import LAWS, MEMORIES
 from bowstring.robot.model import Robot
 from bowstring.robot.overrides import expand
 from bowstring.robot.parts import TendonRing
@@ -47,8 +47,6 @@ _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
     "gain": (1.0, 0.02, 0.0, "", 1.0),
     "offset": (0.0, 1e-4, -np.inf, "mm", 1e-3),
     "backlash": (0.0, 1e-4, 0.0, "mm", 1e-3),
-    "hole_clearance": (0.0, 1e-4, 0.0, "mm", 1e-3),
-    "mount_compliance": (0.0, 1e-6, 0.0, "mm/N", 1e-3),
     "hole_angle": (0.0, 0.02, -np.inf, "deg", _DEG),
     "pitch_radius": (1.0, 0.01, 0.01, "", 1.0),
     "bend_gain": (1.0, 0.02, 0.0, "", 1.0),
@@ -60,16 +58,16 @@ _MARKER: Final = re.compile(r"marker\.(0|[1-9][0-9]{0,5})(?:\.([xyz]))?")
 _INITIAL: Final = re.compile(
     r"initial_(displacement|tension)(?:\.(0|[1-9][0-9]{0,5})(?:\.(0|[1-9][0-9]{0,5}))?)?"
 )
-#: Parameters of the whole robot.
-_OF_ROBOT: Final = ("delay", "mount_compliance")
+#: Short names of fields of all tendons.
+_SHORT: Final = ("hole_clearance", "mount_compliance")
 #: Whether a parameter may be common to all, one per segment, or one per tendon.
 _EACH: Final = {
-    **dict.fromkeys(("gain", "offset", "backlash", "hole_clearance"), ("", "segments", "tendons")),
+    **dict.fromkeys(("gain", "offset", "backlash"), ("", "segments", "tendons")),
     **dict.fromkeys(("hole_angle", "pitch_radius", "bend_gain"), ("", "segments")),
 }
 #: Natural steps of fields that may be zero; the step of other fields is a share of their value.
 _STEP: Final = {
-    **{size: law.step for law in MEMORIES.values() for size in law.sizes},
+    **{size: law.step for law in LAWS.values() for size in law.sizes},
     "wrap_angle": 0.2,
     "compliance": 1e-5,
     "pretension": 0.2,
@@ -113,7 +111,9 @@ _SHARE: Final = 0.05
 #: The same for fields of a payload, in kg and m.
 _PAYLOAD_STEP: Final = {"mass": 5e-3, "centre": 5e-3}
 #: Parameters that change only the effective displacement.
-TENDON_PROPERTIES: Final = frozenset({"compliance", "axial_stiffness", "free_length", "pretension"})
+TENDON_PROPERTIES: Final = frozenset(
+    {"compliance", "axial_stiffness", "free_length", "pretension", *_SHORT}
+)
 
 
 @dataclass(frozen=True)
@@ -161,12 +161,6 @@ class Setting:
     gain, offset, backlash : ndarray (T,)
         The effective displacement is gain x (displacement after delay and backlash) + offset in m;
         a tension has the gain only.
-    hole_clearance : ndarray (T,)
-        Difference of the radii of hole and tendon, m. A taut tendon lies on the side of the hole
-        towards the centre of curvature: the displacement loses clearance x bend.
-    mount_compliance : float
-        Compliance of the mount of all motors against the base, m/N: each displacement loses
-        compliance x sum of all tensions less that in the home pose.
     delay : float
         Delay of the tip behind the commands, s.
     position, turn : ndarray (3,)
@@ -187,8 +181,6 @@ class Setting:
     gain: Floats
     offset: Floats
     backlash: Floats
-    hole_clearance: Floats
-    mount_compliance: float
     delay: float
     position: Floats
     turn: Floats
@@ -213,11 +205,6 @@ class Setting:
         at_tension = by_displacement & np.isfinite(given[1])
         held = by_displacement & ~at_tension
         return held, np.where(held, values, np.maximum(np.where(at_tension, tension, values), 0.0))
-
-    def added(self, tensions: Floats) -> Floats:
-        """Sums (K, 1) of the tensions (K, T) less that in the home pose, N."""
-        more = tensions - self.robot.tendons.pretension_N
-        return np.asarray(more.sum(axis=1, keepdims=True))
 
     def offsets(self, count: int) -> Floats:
         """Offsets (M, 3) of `count` measured points in the frames of their disks, m."""
@@ -365,8 +352,6 @@ class Unknowns:
             gain=each("gain", "tendons"),
             offset=each("offset", "tendons"),
             backlash=each("backlash", "tendons"),
-            hole_clearance=each("hole_clearance", "tendons"),
-            mount_compliance=extra.get("mount_compliance", 0.0),
             delay=extra.get("delay", 0.0),
             position=base[:3],
             turn=base[3:],
@@ -442,8 +427,10 @@ class Unknowns:
         head, _, rest = name.partition(".")
         if name in _FRAMES:
             return [f"{name}.{member}" for member in _FRAMES[name]]
-        if name in _OF_ROBOT or (head in _FRAMES and name in _EXTRA):
+        if name == "delay" or (head in _FRAMES and name in _EXTRA):
             return [name]
+        if name == "hole_clearance.segments":
+            return [f"{name}.{i}" for i in range(self._count["segments"])]
         if (initial := _INITIAL.fullmatch(name)) and int(initial[3] or 0) < self._count["tendons"]:
             path, count = f"initial_{initial[1]}.{initial[2] or 0}", self._count["tendons"]
             return [name] if initial[3] else [f"{path}.{t}" for t in range(count)]
@@ -474,7 +461,12 @@ class Unknowns:
 
     def _paths(self, name: str) -> tuple[str, ...]:
         """Paths in the robot file."""
-        if name.partition(".")[0] not in ("segments", "gravity", "payloads"):
+        head, _, segment = name.partition(".")
+        if name in _SHORT or (head == "hole_clearance" and segment.startswith("segments.")):
+            which = segment.removeprefix("segments.") or "*"
+            owners = (f"segments.{which}.tendons", f"segments.{which}.tendons.*")
+            return tuple(path for owner in owners for path in self._paths(f"{owner}.{head}"))
+        if head not in ("segments", "gravity", "payloads"):
             return ()
         return tuple(path for path in expand(self._tree, name) if path in self._leaves)
 
@@ -494,6 +486,7 @@ class Unknowns:
         known = [
             *self._leaves,
             *(name for name in _EXTRA if name != "marker"),
+            *_SHORT,
             *_FRAMES,
             "marker.0",
         ]
@@ -503,7 +496,7 @@ class Unknowns:
         return InputError(
             f"there is no parameter {shown(name)}; {hint} must be a number of the robot "
             f"file, as {example_path(self.robot)}, or one of "
-            f"{', '.join([*_FRAMES, 'marker.0', *_OF_ROBOT, *_EACH])}",
+            f"{', '.join([*_FRAMES, 'marker.0', 'delay', *_SHORT, *_EACH])}",
             argument="parameters",
         )
 

@@ -93,7 +93,7 @@ def predict_with_interval(
     """Predict tips by a calibrated model, with the uncertainty of parameters and measurements.
 
     The variance of a coordinate is that by the parameters, to first order, and that of measured
-    tips about the model (theory Eq. 7.12). The latter has the misfit of the model in it, as far as
+    tips about the model (theory Eq. 7.10). The latter has the misfit of the model in it, as far as
     the rows show it from which it comes: rows of another kind than these may be further off.
     Where residuals of neighbouring rows depend on each other, the model does not fit, and further
     rows have another misfit than these: then it is that of five blocks of the fitted rows, each

@@ -8,7 +8,7 @@ number of rows, M that of measured points in a row, T that of tendons, P that of
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -37,14 +37,6 @@ _NO_LOAD: Final = Load()  # only the robot's gravity
 #: Step of differences over natural step of a parameter; larger with friction, which jumps.
 _SMALL: Final = 1e-3
 _SMALL_FRICTION: Final = 0.1
-#: Remaining change of a displacement by clearance and mount, m, and most passes to reach it.
-_SETTLED: Final = 1e-8
-_PASSES: Final = 12
-#: Least compliance of a tendon in the first of them, m/N, and least square of a change, m^2.
-_STIFFEST: Final = 1e-9
-_TINY: Final = 1e-36
-#: Change of a displacement for a difference of the bend, m.
-_NUDGE: Final = 1e-5
 #: Time at rest before a path, s.
 _AT_REST: Final = 1e15
 #: Parameters of frames and offsets, which move the points and not the robot.
@@ -178,9 +170,6 @@ class Prediction:
         Solutions of the core, kept for derivatives; without a pose where not solved.
     tensions, slack : ndarray (K, T) or None
         Tensions (N) and slack lengths (m) by statics.
-    left : ndarray (K, T) or None
-        Commands less the displacement that is lost in holes and mount, kept for derivatives; None
-        without clearance and compliance of the mount.
     disks : tuple of int
         Disks of the measured points, from 0; empty for the end disk alone.
     columns : list
@@ -194,7 +183,6 @@ class Prediction:
     solutions: list[Any] | None = None
     tensions: Floats | None = None
     slack: Floats | None = None
-    left: Floats | None = None
     disks: tuple[int, ...] = ()
     columns: list[_Column] = field(default_factory=list, repr=False)
 
@@ -301,7 +289,8 @@ class TipModel:
         the tensions, with a memory or clearance in the holes, and for constant curvature. Rows
         without a solution have NaN.
         """
-        if not self.commands.by_displacement.any() or at.setting.hole_clearance.any():
+        clearance = at.setting.robot.tendons.hole_clearance_m
+        if not self.commands.by_displacement.any() or clearance.any():
             return None
         exact = at.exact
         if exact is None:
@@ -327,42 +316,35 @@ class TipModel:
         if not at.columns:
             memory = self.rod is not None and at.setting.robot.has_memory
             known = self._along_paths(values, at) if memory else {}
-            holes = None if memory else self._in_holes(at)
             for i in range(len(values)):
-                at.columns.append(known[i] if i in known else self._column(i, values, at, holes))
+                at.columns.append(known[i] if i in known else self._column(i, values, at))
         return at.columns
 
     # -- the models --------------------------------------------------------------------------
 
-    def _rod(
-        self,
-        rod: RodModel,
-        setting: Setting,
-        given: Floats,
-        keep: bool,
-        near: Prediction | None = None,
-    ) -> Prediction:
-        """Predict by the rod; `near` is a prediction by nearly the same values."""
+    def _rod(self, rod: RodModel, setting: Setting, given: Floats, keep: bool) -> Prediction:
         robot = setting.robot
         by_displacement = self.commands.by_displacement
         given = np.where(by_displacement, given, np.maximum(given, 0.0))
         continuous = robot.is_embedded or rod.tendon_path == "continuous"
         if continuous and not by_displacement.any() and not robot.has_memory:
             return self._by_tensions(rod, setting, given)
-        core = actuation.Path(robot, rod).core
-        left, settled = None, np.ones(len(given), bool)
-        if setting.hole_clearance.any() or setting.mount_compliance:
-            given, settled = self._left(core, setting, given, near)
-            left = given
+        core = actuation.Path(robot, rod, alone=True).core
         if robot.has_memory or not keep:
-            return self._followed(core, setting, given, settled)
-        solutions = []
-        for held, row in zip(by_displacement, given, strict=True):
-            core.reset()
-            solutions.append(core.step(held, row, _NO_LOAD))
+            return self._followed(core, setting, given)
+
+        def from_home(rows: NDArray[np.int64]) -> list[Any]:
+            own = actuation.Path(robot, rod).core
+            found = []
+            for held, row in zip(by_displacement[rows], given[rows], strict=True):
+                own.reset()
+                found.append(own.step(held, row, _NO_LOAD))
+            return found
+
+        parts = np.array_split(np.arange(len(given)), os.cpu_count() or 1)
+        solutions = [each for part in _on_threads(from_home, parts) for each in part]
         solved = np.array([s.converged for s in solutions])
         _continue_from_neighbours(core, by_displacement, given, solutions, solved)
-        solved &= settled
         found = {
             "tip_position": _table(solutions, solved, "tip_position", 3),
             "tip_rotation": _table(solutions, solved, "tip_rotation", 3, 3),
@@ -378,7 +360,6 @@ class TipModel:
             setting,
             solutions,
             slack=slack,
-            left=left,
             disks=self.disks,
         )
 
@@ -408,12 +389,12 @@ class TipModel:
             poses.append(on_disks)
         return poses[0], poses[1]
 
-    def _followed(self, core: Any, setting: Setting, given: Floats, settled: Bools) -> Prediction:
+    def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
         """Predict by the rod in rows, with a memory along each path from the home pose."""
         at = self._follow(core, setting, given, disks=not self._at_end.all())
         return Prediction(
             *self._poses(at),
-            at["converged"] & settled,
+            at["converged"],
             setting,
             tensions=at["tensions"],
             slack=at["slack_lengths"],
@@ -443,64 +424,6 @@ class TipModel:
         back = np.argsort(np.concatenate(paths))
         return {name: np.concatenate([each[name] for each in found])[back] for name in names}
 
-    # -- clearance in the holes and compliance of the mount, theory Eq. 7.6 and 7.7 --------------
-
-    def _left(
-        self, core: Any, setting: Setting, given: Floats, near: Prediction | None
-    ) -> tuple[Floats, Bools]:
-        """Commands (K, T) less what holes and mount take, and rows (K,) in which it has settled."""
-        by_displacement = self.commands.by_displacement
-        clearance, mount = setting.hole_clearance, setting.mount_compliance
-        own = np.maximum(actuation.compliances(setting.robot), _STIFFEST)
-        lost = np.zeros_like(given)
-        if near is not None and near.left is not None:
-            lost = np.where(by_displacement, self.commands.effective(near.setting) - near.left, 0.0)
-        before: tuple[Floats, Floats] | None = None
-        for _ in range(_PASSES):
-            at = self._follow(core, setting, given - lost, disks=bool(clearance.any()))
-            tensions = np.nan_to_num(at["tensions"])
-            taken = mount * setting.added(tensions)
-            if clearance.any():
-                taken = taken + clearance * _bends_of_tendons(setting.robot, at)
-            error = np.where(by_displacement, taken, 0.0) - lost
-            if before is None:
-                # too short rather than too long: a long step makes all tendons slack
-                yields = (mount * (tensions > 0) / own).sum(axis=1, keepdims=True)
-                step = error / (1.0 + yields)
-            else:  # secant method along the last step of each row
-                change, turn = lost - before[0], error - before[1]
-                size = np.maximum((turn**2).sum(axis=1, keepdims=True), _TINY)
-                along = (error * turn).sum(axis=1, keepdims=True) / size
-                step = error - along * (change + turn)
-            settled = np.asarray(np.abs(error).max(axis=1) < _SETTLED)
-            done = settled.all() and before is not None  # the first step is inexact
-            before, lost = (lost, error), lost + step
-            if done:
-                break
-        return given - lost, settled
-
-    def _in_holes(self, at: Prediction) -> _InHoles | None:
-        """How the displacement lost in the holes follows a change; None without clearance."""
-        setting, rod, exact = at.setting, self.rod, at.exact
-        if rod is None or at.left is None or exact is None or not setting.hole_clearance.any():
-            return None
-        core = actuation.Path(setting.robot, rod).core
-
-        def bend(left: Floats) -> Floats:
-            found = self._follow(core, setting, left, disks=True)
-            return _bends_of_tendons(setting.robot, found)
-
-        start, count = bend(at.left), at.left.shape[1]
-        response = np.zeros((len(start), count, count))
-        for i in range(count):
-            response[:, :, i] = (bend(at.left + _NUDGE * (np.arange(count) == i)) - start) / _NUDGE
-        # of a change before the mount, which takes some of it from all tendons
-        shared = setting.mount_compliance * exact.answer.sum(axis=1)
-        response -= response.sum(axis=2)[:, :, None] * shared[:, None, :]
-        lost = np.where(self.commands.by_displacement, setting.hole_clearance, 0.0)
-        share = np.asarray(np.linalg.inv(np.eye(count) + lost[:, :, None] * response), float)
-        return _InHoles(start, share)
-
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
         """Predict by constant curvature, with the gain on the bend of each segment."""
         robot, by_displacement = setting.robot, self.commands.by_displacement
@@ -524,7 +447,7 @@ class TipModel:
 
     # -- derivatives -------------------------------------------------------------------------
 
-    def _column(self, i: int, values: Floats, at: Prediction, holes: _InHoles | None) -> _Column:
+    def _column(self, i: int, values: Floats, at: Prediction) -> _Column:
         item, exact = self.unknowns.items[i], at.exact
         name = item.name
         none = np.zeros(self.commands.values.shape)
@@ -533,43 +456,35 @@ class TipModel:
             return _Column(moved, moved, none, none)
         still = np.zeros((len(none), 3 * len(self.disks)))
         by_displacement = self.commands.by_displacement
-        if exact is not None and (holes is None or by_displacement.all()):
+        if exact is not None:
             if not item.paths and not name.startswith(("hole_angle", "pitch_radius", "bend_gain")):
                 commands = self._difference(i, values, self.commands.effective)
-                if name == "mount_compliance":
-                    commands = np.where(by_displacement, -at.setting.added(exact.tensions), 0.0)
-                if holes is not None:
-                    wider = self._difference(i, values, lambda setting: setting.hole_clearance)
-                    commands = holes.follow(commands - wider * holes.bend)
                 shorter = np.where(by_displacement, commands, 0.0)
                 return exact.column(still, -shorter, np.where(by_displacement, 0.0, commands))
             by_home = np.where(by_displacement, self._difference(i, values, self._home), 0.0)
             if item.leaf in TENDON_PROPERTIES:
-                # more compliance reduces the effective displacement in proportion to the tension
-                by_compliance = self._difference(
-                    i, values, lambda setting: actuation.compliances(setting.robot)
-                )
-                gives = np.where(by_displacement, exact.tensions * by_compliance, 0.0)
-                longer = by_home + gives
-                return exact.column(still, longer if holes is None else holes.follow(longer), none)
-            by_stiffness = exact.by_stiffness if holes is None else None
-            if item.leaf == "E" and by_stiffness is not None and self._same_nu(item):
+                # what takes displacement reduces the effective one, at constant tensions
+                taken = self._difference(i, values, lambda s: exact.taken(s.robot))
+                return exact.column(still, by_home + np.where(by_displacement, taken, 0.0), none)
+            known = "gravity" if name.startswith("gravity") else "stiffness" * self._scales(item)
+            if known in exact.by_file:
+                per = 1.0 if known == "gravity" else 1.0 / values[i]
                 for path in item.paths:
                     j = int(path.split(".")[1])
-                    still = still + by_stiffness[:, :, j] / values[i]
-                    by_home = by_home - exact.lengths_by_stiffness[:, :, j] / values[i]
+                    still = still + per * exact.by_file[known][:, :, j]
+                    by_home = by_home - per * exact.lengths_by_file[known][:, :, j]
                 return exact.column(still, by_home, none)
 
         self.solves += 2
-        change = self._difference(i, values, lambda s: self._state(s, at), self._small(at))
+        change = self._difference(i, values, self._state, self._small(at))
         return self._by_differences(change, at)
 
-    def _state(self, setting: Setting, near: Prediction | None = None) -> Floats:
+    def _state(self, setting: Setting) -> Floats:
         """Coordinates, tensions and slack lengths (K, 3 M + 2 T); of arcs coordinates only."""
         given = self.commands.effective(setting)
         if self.rod is None:
             return self._arcs(setting, given).coordinates
-        found = self._rod(self.rod, setting, given, False, near)
+        found = self._rod(self.rod, setting, given, False)
         assert found.tensions is not None and found.slack is not None
         return np.concatenate((found.coordinates, found.tensions, found.slack), axis=1)
 
@@ -597,8 +512,7 @@ class TipModel:
         moves = [self._sides(i, values, self._small(at)) for i in which]
         settings = [setting for sides in moves for setting, _ in sides]
         self.solves += len(settings)
-        with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
-            states = list(pool.map(self._state, settings))
+        states = _on_threads(self._state, settings)
         out = {}
         for n, (i, sides) in enumerate(zip(which, moves, strict=True)):
             apart = sides[0][1] - sides[1][1]
@@ -611,12 +525,14 @@ class TipModel:
         home = actuation.home_lengths(setting.robot, self.rod)
         if home is None:
             return np.full(self.commands.values.shape[1], np.nan)
-        pretension = setting.robot.tendons.pretension_N
-        return np.asarray(home - setting.mount_compliance * pretension.sum())
+        return home
 
-    def _same_nu(self, item: Unknown) -> bool:
+    def _scales(self, item: Unknown) -> bool:
+        """Whether a parameter scales all stiffnesses of segments."""
         segments = self.unknowns.robot.segments
-        return all(segments[int(p.split(".")[1])].backbone.nu is not None for p in item.paths)
+        return item.leaf == "E" and all(
+            segments[int(p.split(".")[1])].backbone.nu is not None for p in item.paths
+        )
 
     def _difference(self, i: int, values: Floats, of: Any, small: float = _SMALL) -> Floats:
         """Central difference, one-sided at a limit, of a function of the setting."""
@@ -636,6 +552,12 @@ class TipModel:
                 moved, setting = values, self.unknowns.setting(values)
             sides.append((setting, float(moved[i])))
         return sides
+
+
+def _on_threads(task: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+    """Results of a task of the core for each item, in order."""
+    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+        return list(pool.map(task, items))
 
 
 def _continue_from_neighbours(
@@ -670,10 +592,9 @@ def _bends(rotations: Floats) -> Floats:
     return bends
 
 
-def _bends_of_tendons(robot: Robot, found: Mapping[str, Floats]) -> Floats:
+def _bends_of_tendons(robot: Robot, rotations: Floats) -> Floats:
     """Bend (K, T) in rad from the base to the end disk of each tendon, zero in unsolved rows."""
-    bends = _bends(found["disk_rotations"])[:, robot.tendons.end_disk]
-    return np.asarray(np.nan_to_num(bends))
+    return np.asarray(np.nan_to_num(_bends(rotations)[:, robot.tendons.end_disk]))
 
 
 def _table(solutions: list[Any], solved: Bools, name: str, *shape: int) -> Floats:
@@ -705,31 +626,11 @@ class _Column:
 
 
 @dataclass(frozen=True)
-class _InHoles:
-    """Displacements that are lost in the holes.
-
-    Attributes
-    ----------
-    bend : ndarray (K, T)
-        Bend from the base to the end disk of each tendon, rad.
-    share : ndarray (K, T, T)
-        Change of the effective displacements by one of the displacements before the loss.
-    """
-
-    bend: Floats
-    share: Floats
-
-    def follow(self, change: Floats) -> Floats:
-        """Change (K, T) of the effective displacements by one of those before the loss, m."""
-        return np.asarray(np.einsum("kst,kt->ks", self.share, change))
-
-
-@dataclass(frozen=True)
 class _Reciprocal:
     """Derivatives of the poses of disks by tensions, by reciprocity (Maxwell and Betti).
 
     A force on a disk shortens a tendon by what the tension of the tendon moves the disk; so do a
-    moment and the rotation vector (theory Eq. 7.11).
+    moment and the rotation vector (theory Eq. 7.9).
 
     Attributes
     ----------
@@ -761,20 +662,19 @@ class _Reciprocal:
         weights = np.array([[-0.5, 0.5], [-0.5, 0.5], [0.0, 0.0]]) / size
         # behind position, rotation vector and energy of the tip
         lengths = slice(7, 7 + self.tensions.shape[1])
-        with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
-            for axis in range(3):
-                wrench = np.zeros((2, len(self.robot.disks.station_m), 3))
-                wrench[:, disk, axis] = places
-                load = with_arrays(Load(**{name: wrench}), " or (n, N, 3)")
+        for axis in range(3):
+            wrench = np.zeros((2, len(self.robot.disks.station_m), 3))
+            wrench[:, disk, axis] = places
+            load = with_arrays(Load(**{name: wrench}), " or (n, N, 3)")
 
-                def shortened(k: int, load: Load = load) -> Floats:
-                    core = self.cores[k]
-                    if core is None:
-                        return np.zeros(self.tensions.shape[1])
-                    both = np.stack([self.tensions[k]] * 2)
-                    return -core.along(None, both, load, places, weights)[0][lengths]
+            def shortened(k: int, load: Load = load) -> Floats:
+                core = self.cores[k]
+                if core is None:
+                    return np.zeros(self.tensions.shape[1])
+                both = np.stack([self.tensions[k]] * 2)
+                return -core.along(None, both, load, places, weights)[0][lengths]
 
-                table[:, axis] = list(pool.map(shortened, range(len(self.cores))))
+            table[:, axis] = _on_threads(shortened, range(len(self.cores)))
         return table
 
 
@@ -785,31 +685,38 @@ class _Exact:
     Attributes
     ----------
     by_tension : ndarray (K, 3 M, T)
-    by_stiffness : ndarray (K, 3 M, S) or None
-        Derivative by the relative change of the stiffness of each segment at constant tensions;
-        None with points that are not on the end disk.
-    lengths_by_stiffness : ndarray (K, T, S)
+    by_file : dict of ndarray (K, 3 M, ...)
+        Derivatives at constant tensions: by the relative change of the stiffness of each segment
+        ("stiffness", S of them) and by gravity ("gravity", 3); empty with points that are not on
+        the end disk.
+    lengths_by_file : dict of ndarray (K, T, ...)
+        The same of the lengths less what clearance takes with the bend.
     slack_by_tension : ndarray (K, T, T)
-        slack = home length - displacement - length + compliance x tension (theory Eq. 4.1), with
-        the compliance of the mount in each entry of the matrix of compliances
+        slack = home length - displacement - length + compliance x tension + losses in holes and
+        mount (theory Eq. 4.1 and 4.10)
     answer : ndarray (K, T, T)
         Derivative of tensions by slack, for taut displacement-controlled tendons.
-    tensions : ndarray (K, T)
+    tensions, bends : ndarray (K, T)
+        Tensions (N), and bends to the end disks of the tendons (rad).
     """
 
     by_tension: Floats
-    by_stiffness: Floats | None
-    lengths_by_stiffness: Floats
+    by_file: dict[str, Floats]
+    lengths_by_file: dict[str, Floats]
     slack_by_tension: Floats
     answer: Floats
     tensions: Floats
+    bends: Floats
 
     @classmethod
     def of(cls, solutions: list[Any], at: Prediction) -> _Exact | None:
         """Make derivatives; None where the displacements do not determine the tensions."""
         if not at.solved.any():
             return None
-        each = [s.jacobians() for s, solved in zip(solutions, at.solved, strict=True) if solved]
+        each = _on_threads(
+            lambda s: s.jacobians(gravity=True),
+            [s for s, solved in zip(solutions, at.solved, strict=True) if solved],
+        )
         if any(found is None for found in each):
             return None
 
@@ -822,8 +729,16 @@ class _Exact:
         tensions = np.where(at.solved[:, None], [s.tensions for s in solutions], 0.0)
         by_displacement = np.stack([s.by_displacement for s in solutions])
         held = by_displacement & (tensions > 0)
-        compliance = np.diag(actuation.compliances(at.setting.robot)) + at.setting.mount_compliance
-        by_tension = compliance - stacked("lengths_by_tension")
+        robot = at.setting.robot
+        tendons, count = robot.tendons, len(robot.disks.station_m)
+
+        def shorter(name: str) -> Floats:
+            clearance = tendons.hole_clearance_m[:, None]
+            return stacked(f"lengths_by_{name}") - clearance * stacked(f"bends_by_{name}")
+
+        compliance = np.diag(actuation.compliances(robot))
+        compliance += tendons.mount_compliance_m_per_N[:, None]
+        by_tension = compliance - shorter("tension")
         both = held[:, :, None] & held[:, None, :]
         size = np.abs(np.einsum("kii->ki", by_tension)).max()
         block = np.where(both, by_tension, 0.0) + size * np.eye(held.shape[1]) * ~held[:, :, None]
@@ -831,7 +746,7 @@ class _Exact:
             return None
         spin = rotation(at.setting.turn)
         arms = np.where(at.solved[:, None, None], at.arms, 0.0)
-        end = len(at.setting.robot.disks.station_m) - 1
+        end = count - 1
         disks = at.disks or (end,)
         below = cls._below(solutions, at, tensions, end)
 
@@ -847,11 +762,24 @@ class _Exact:
 
         return cls(
             by_tension=points("tension"),
-            by_stiffness=None if below else points("stiffness"),
-            lengths_by_stiffness=stacked("lengths_by_stiffness"),
+            by_file={} if below else {name: points(name) for name in ("stiffness", "gravity")},
+            lengths_by_file={name: shorter(name) for name in ("stiffness", "gravity")},
             slack_by_tension=by_tension,
             answer=np.where(both, np.linalg.inv(block), 0.0),
             tensions=tensions,
+            bends=_bends_of_tendons(
+                robot, _table(solutions, at.solved, "disk_rotations", count, 3, 3)
+            ),
+        )
+
+    def taken(self, robot: Robot) -> Floats:
+        """Displacements (K, T) that tendons, holes and mount of a robot take here, m."""
+        tendons = robot.tendons
+        of_mount = (self.tensions - tendons.pretension_N).sum(axis=1, keepdims=True)
+        return np.asarray(
+            actuation.compliances(robot) * self.tensions
+            + tendons.mount_compliance_m_per_N * of_mount
+            + tendons.hole_clearance_m * self.bends
         )
 
     @staticmethod

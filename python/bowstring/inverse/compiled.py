@@ -54,7 +54,7 @@ def compile_robot(robot: Robot) -> schema.RobotDescription:
     check_robot(robot)
     check_without_memory(
         robot,
-        ": the tip then depends on the load history, which the C library does not follow",
+        ", which the C library does not model",
     )
     disks, tendons = robot.disks, robot.tendons
     given = ~np.isnan(robot.section_stiffness[:, 0, 0])

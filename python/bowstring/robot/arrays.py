@@ -16,7 +16,7 @@ from pydantic_core import PydanticCustomError
 from bowstring.display import short_repr
 from bowstring.robot.consistency import bores, problems
 from bowstring.robot.disk import distinct_holes, drilled_disk, stacked
-from bowstring.robot.laws import MEMORIES
+from bowstring.robot.laws import LAWS, MEMORIES
 from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Part, Payload, Segment, Tendon
 from bowstring.robot.stiffness import (
     has_couplings,
@@ -59,6 +59,20 @@ class RobotDisks:
     """Segments (N,) of the disks, as indices from 0."""
 
 
+#: Numbers of a line of the core, in its order.
+_LINE: Final = (
+    "axial_stiffness_N",
+    "free_length_m",
+    "compliance_m_per_N",
+    "friction",
+    "pretension_N",
+    "backlash_m",
+    "wrap_angle_rad",
+    "hole_clearance_m",
+    "mount_compliance_m_per_N",
+)
+
+
 @short_repr
 @dataclass(frozen=True)
 class RobotTendons:
@@ -97,10 +111,20 @@ class RobotTendons:
     """Angles (T,) by which the tendons turn between drive and base hole, with the same friction."""
     backlash_m: Floats
     """Halves (T,) of the free travel of the drives when the displacement reverses, m."""
+    hole_clearance_m: Floats
+    """Differences (T,) of the radii of hole and tendon, m."""
+    mount_compliance_m_per_N: Floats
+    """Displacements (T,) that the mount of the drives takes by the sum of all tensions, m/N."""
     pretension_N: Floats
     """Tensions (T,) in the home pose, where the tendon displacements are zero, N."""
     spool_radius_m: Floats
     diameter_m: Floats
+
+    @cached_property
+    def lines(self) -> Floats:
+        """Numbers (..., T, 9) of the lines of the core: transmission, elasticity and friction."""
+        each = np.broadcast_arrays(*(getattr(self, name) for name in _LINE))
+        return frozen(np.stack(each, axis=-1))
 
 
 def _in_pairs(first: Floats, second: Floats) -> Floats:
@@ -360,6 +384,8 @@ class RobotArrays(Part):
             friction=each("friction"),
             wrap_angle_rad=each("wrap_angle"),
             backlash_m=each("backlash"),
+            hole_clearance_m=each("hole_clearance"),
+            mount_compliance_m_per_N=each("mount_compliance"),
             pretension_N=each("pretension"),
             spool_radius_m=each("spool_radius"),
             diameter_m=each("diameter"),
@@ -461,16 +487,21 @@ class RobotArrays(Part):
         return _in_terms(each, "relaxation", "relaxation_time")
 
     @cached_property
-    def memories(self) -> tuple[str, ...]:
-        """Laws with a memory that act, by their keys in `bowstring.robot.laws.MEMORIES`."""
+    def laws(self) -> tuple[str, ...]:
+        """Laws that act, by their keys in `bowstring.robot.laws.LAWS`."""
         backbones = [s.backbone for s in self.segments]
         tendons = [t for s in self.segments for t in s.tendon_list]
         return tuple(
             law.key
-            for law in MEMORIES.values()
+            for law in LAWS.values()
             for parts in [tendons if law.part == "tendons" else backbones]
             if any(np.any(getattr(part, size)) for part in parts for size in law.sizes)
         )
+
+    @property
+    def memories(self) -> tuple[str, ...]:
+        """Those with a memory."""
+        return tuple(key for key in self.laws if key in MEMORIES)
 
     @property
     def has_memory(self) -> bool:

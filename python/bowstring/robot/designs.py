@@ -26,15 +26,6 @@ __all__ = ["Designs"]
 Floats = NDArray[np.float64]
 
 _SHAPING: Final = ("count", "positions")  # fields that change the number of disks or tendons
-_LINE: Final = (
-    "axial_stiffness_N",
-    "free_length_m",
-    "compliance_m_per_N",
-    "friction",
-    "pretension_N",
-    "backlash_m",
-    "wrap_angle_rad",
-)
 
 
 @short_repr
@@ -210,9 +201,10 @@ class Designs:
 
     @cached_property
     def lines(self) -> Floats:
-        """Stiffness, free length, compliance, friction, pretension of the tendons (D, 5 T)."""
-        tendons = self.arrays.tendons
-        return self._interleaved([getattr(tendons, name) for name in _LINE])
+        """Numbers of the lines of the tendons (D, 9 T)."""
+        lines = self.arrays.tendons.lines
+        flat = lines.reshape(*lines.shape[:-2], -1)
+        return np.ascontiguousarray(np.broadcast_to(flat, (len(self), flat.shape[-1])))
 
     @cached_property
     def gravity(self) -> Floats:

@@ -1,4 +1,4 @@
-"""Laws of tendons and backbones by which an equilibrium depends on the path to it: memories."""
+"""Laws of tendons, drives and backbones, beyond the elasticity of a rod with ideal tendons."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Final, Literal
 
 from bowstring.formatting import listed
 
-__all__ = ["MEMORIES", "Law"]
+__all__ = ["LAWS", "MEMORIES", "Law"]
 
 
 @dataclass(frozen=True)
 class Law:
-    """A law with a memory, and the fields of the robot file that describe it."""
+    """A law, and the fields of the robot file that describe it."""
 
     key: str
     """Name of the law."""
@@ -27,6 +27,8 @@ class Law:
     """Natural step of a size in fits, SI."""
     left_out: str
     """Sentence of a map that leaves it out."""
+    memory: bool = True
+    """Whether an equilibrium depends on the path to it."""
     timed: bool = False
     """Whether it depends on time, not on the path alone."""
 
@@ -78,6 +80,26 @@ _LAWS: Final = (
     ),
     Law("relaxation", "backbone", "backbone", _RELAXATION, 0.05, _TOGETHER, timed=True),
     Law("creep", "tendons", "tendons", _CREEP, 1e-5, _TOGETHER, timed=True),
+    Law(
+        "clearance",
+        "tendons",
+        "tendons",
+        (("hole_clearance",),),
+        1e-4,
+        "The clearance of the tendons in their holes is left out.",
+        memory=False,
+    ),
+    Law(
+        "mount compliance",
+        "drives",
+        "tendons",
+        (("mount_compliance",),),
+        1e-6,
+        "The compliance of the drives' mount is left out.",
+        memory=False,
+    ),
 )
-MEMORIES: Final = {law.key: law for law in _LAWS}
+LAWS: Final = {law.key: law for law in _LAWS}
 """The laws by their keys."""
+MEMORIES: Final = {key: law for key, law in LAWS.items() if law.memory}
+"""Those with a memory."""

@@ -14,7 +14,7 @@ from typing import Any
 from bowstring.display import html_table
 from bowstring.errors import InputError
 from bowstring.robot.arrays import RobotArrays
-from bowstring.robot.laws import MEMORIES
+from bowstring.robot.laws import LAWS
 from bowstring.robot.messages import build, build_changed
 from bowstring.robot.overrides import check_mapping, expand_all, fill, override
 from bowstring.robot.parts import Backbone, Disks, Tendon, TendonProperties, TendonRing
@@ -301,7 +301,7 @@ def check_disks(robot: Robot, what: str) -> None:
 def check_without_memory(
     robot: Robot, consequence: str, argument: str = "", *, but: tuple[str, ...] = ()
 ) -> None:
-    """Refuse a robot whose equilibria depend on the path to them, where nothing follows the path.
+    """Refuse a robot with laws of `bowstring.robot.laws.LAWS`, where these are not modelled.
 
     Parameters
     ----------
@@ -311,23 +311,23 @@ def check_without_memory(
     argument : str, optional
         Name of the argument that is wrong.
     but : tuple of str, optional
-        Memories that are followed, of `bowstring.robot.laws.MEMORIES`.
+        Laws that are modelled.
 
     Raises
     ------
     InputError
-        If it has a memory other than these.
+        If it has a law other than these.
     """
-    for key in robot.memories:
+    for key in robot.laws:
         if key not in but:
-            raise InputError(MEMORIES[key].refusal(robot.name, consequence), argument=argument)
+            raise InputError(LAWS[key].refusal(robot.name, consequence), argument=argument)
 
 
 def without_memory(robot: Robot, *but: str) -> Robot:
-    """Return the robot without its memories, but for some of `bowstring.robot.laws.MEMORIES`."""
-    for key in robot.memories:
+    """Return the robot without the laws of `bowstring.robot.laws.LAWS`, but for some."""
+    for key in robot.laws:
         if key not in but:
-            law = MEMORIES[key]
+            law = LAWS[key]
             robot = with_fields(robot, law.part, dict.fromkeys(law.sizes, 0.0))
     return robot
 

@@ -608,6 +608,16 @@ class TendonProperties(Part):
         description="Half the free travel of the drive when the displacement reverses; 0 if left "
         "out.",
     )
+    hole_clearance: Annotated[float, Quantity("m", "0.1 mm", "0 mm", "1 km")] = Field(
+        0.0,
+        description="Difference of the radii of hole and tendon: where the backbone bends, the "
+        "tendon loses displacement; 0 if left out.",
+    )
+    mount_compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = Field(
+        0.0,
+        description="Displacement that the mount of the drives takes for each newton of the sum of "
+        "all tensions; 0 if left out.",
+    )
     pretension: Annotated[float, Quantity("N", "2 N", "0 N", "1e9 N")] = Field(
         0.0, description="Tension in the home pose, where its displacement is zero; 0 if left out."
     )
@@ -651,6 +661,8 @@ class TendonRing(TendonProperties):
         Values of each tendon, as in `Tendon`.
     second_creep_compliance, second_creep_time, wrap_angle : float
         Values of each tendon, as in `Tendon`.
+    hole_clearance, mount_compliance : float
+        Values of each tendon, as in `Tendon`.
     material : str or None
         Material of each tendon.
     turns, end_pitch_radius : float
@@ -692,6 +704,10 @@ class Tendon(TendonProperties):
         Angle by which the tendon turns between drive and base hole, with the same friction, in rad.
     backlash : float
         Half the free travel of the drive when the displacement reverses, in m.
+    hole_clearance : float
+        Difference of the radii of hole and tendon in m.
+    mount_compliance : float
+        Displacement that the mount of the drives takes by the sum of all tensions, in m/N.
     pretension : float
         Tension in the home pose, where its displacement is zero, in N.
     spool_radius : float or None

@@ -108,8 +108,8 @@ def slack(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:
 
 
 def is_by_tensions(robot: Robot, load: Load, history: Mapping[str, Any] | None = None) -> bool:
-    """Whether a load has tensions only, without memory and history, so that no path matters."""
-    return load.is_tension_controlled and history is None and not robot.has_memory
+    """Whether a load has tensions only, without laws and history, so that no path matters."""
+    return load.is_tension_controlled and history is None and not robot.laws
 
 
 # --------------------------------------------------------------------------------------
@@ -267,10 +267,11 @@ class Path:
         history: Mapping[str, Any] | None = None,
         *,
         has_memory: bool = True,
+        alone: bool = False,
     ) -> None:
         self.robot, self.model = robot, model
         laws = robot.hysteresis, robot.relaxation, robot.tendons.creep
-        self.core = PathSolver(robot.core, model, robot.tendons, laws, has_memory)
+        self.core = PathSolver(robot.core, model, robot.tendons.lines, laws, has_memory, alone)
         if history is not None:
             try:
                 self._resume(history)

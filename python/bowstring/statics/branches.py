@@ -518,7 +518,7 @@ def _complete(robot: Robot, load: Load, name: str) -> Load:
         raise InputError(
             f"{name} has displacements or angles; branches are followed in tensions and loads"
         )
-    check_without_memory(robot, ", with which equilibria depend on the load history")
+    check_without_memory(robot, ", with which branches are not followed")
     count = robot.core.tendon_count
     tensions = np.zeros(count) if load.tensions is None else validation.floats(load.tensions)
     gravity = robot.gravity if load.gravity is None else load.gravity

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +91,7 @@ def check_smooth(solution: Solution) -> None:
     solution.raise_for_status()
     check_without_memory(
         solution.robot,
-        ": the equilibrium then depends on the load history and has no derivatives",
+        ", with which an equilibrium has no derivatives",
     )
     if solution.model.tendon_path == "continuous":
         raise InputError(
@@ -137,7 +137,7 @@ def jacobians(solution: Solution) -> Jacobians:
     found = solution.core.jacobians()
     if found is None:
         raise NoSolutionError(f"{solution.robot.name}: no derivatives at this equilibrium")
-    return Jacobians(**found)
+    return Jacobians(**{field.name: found[field.name] for field in fields(Jacobians)})
 
 
 def block_of_taut(answer: Floats, taut: NDArray[np.int64]) -> Floats:

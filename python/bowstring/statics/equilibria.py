@@ -130,7 +130,7 @@ def differentiable(
             raise InputError(f"load has {name}; give tensions when the solver is called")
     check_without_memory(
         robot,
-        ": the equilibrium then depends on the load history and has no derivatives",
+        ", with which an equilibrium has no derivatives",
     )
     if robot.is_embedded or model.tendon_path == "continuous":
         raise InputError(

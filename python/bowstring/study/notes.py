@@ -10,7 +10,7 @@ import numpy as np
 from bowstring.data.tip_errors import Comparison
 from bowstring.formatting import in_mm, in_percent, listed, significant
 from bowstring.results import Key, Result
-from bowstring.robot.laws import MEMORIES
+from bowstring.robot.laws import LAWS
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import COMPARISONS, FROM_FORCE, points_by_arcs
@@ -120,7 +120,7 @@ def notes_of(
             f"{significant(geometry.scale * settings.max_tension)} N, about the robot's own bend."
         )
     calibrated = data is not None and data.calibrated_friction is not None
-    left_out = [f"the {key} of the {MEMORIES[key].owner}" for key in robot.memories]
+    left_out = [f"the {key} of the {LAWS[key].owner}" for key in robot.laws]
     if calibrated:
         left_out = ["the friction that was calibrated", *left_out[robot.has_friction :]]
     if left_out:

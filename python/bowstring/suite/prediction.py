@@ -265,9 +265,6 @@ def _solved(setting: Setting, commands: Commands, load: Load) -> tuple[Floats, F
 
     The elements are as many as `bowstring.solve` takes.
     """
-    if setting.hole_clearance.any() or setting.mount_compliance:
-        name = "hole_clearance" if setting.hole_clearance.any() else "mount_compliance"
-        raise InputError(f"{name} is not for rows with loads of their own; leave it out")
     by_displacement, values = commands.by_displacement, commands.effective(setting)
     if not by_displacement.all():
         tensions = np.where(by_displacement, np.nan, np.maximum(values, 0.0))

@@ -14,7 +14,7 @@ from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.results import Key, Result
-from bowstring.robot.laws import MEMORIES
+from bowstring.robot.laws import LAWS
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
 from bowstring.validation import instance
@@ -421,7 +421,7 @@ def validity_map(
     if over is None and len(axes) == 1:
         notes.append(_LISTED)
     followed = ("friction",) if space.has_friction else ()
-    left_out = [MEMORIES[key].left_out for key in robot.memories if key not in followed]
+    left_out = [LAWS[key].left_out for key in robot.laws if key not in followed]
     notes += dict.fromkeys(left_out)  # one sentence may be on two of them
     return replace(found, notes=tuple(notes))
 

@@ -171,8 +171,8 @@ impl Simulator {
     /// displacement (m) in place of the tension.
     ///
     /// # Errors
-    /// If the path is not one of [`Simulator::path_solver`], has not reached an equilibrium, or was
-    /// under another gravity.
+    /// If the path is not one of [`Simulator::path_solver`], has not reached an equilibrium, was
+    /// under another gravity, or loses displacement in holes or mount.
     pub fn rest_at(&mut self, path: &PathSolver) -> Result<Option<Stop>, InputError> {
         let (solver, history) = (path.solver(), path.history());
         let arcs = 2 * self.elements * self.robot.module_count();
@@ -181,6 +181,11 @@ impl Simulator {
             || history.strain.len() != arcs
         {
             return Err(InputError::other("the path is one of another robot"));
+        }
+        if path.transmission().tendons.have_losses() {
+            return Err(InputError::other(
+                "no motion takes a clearance in the holes or a compliance of the mount",
+            ));
         }
         let gravity = history.load.gravity;
         if gravity != self.settings.gravity {

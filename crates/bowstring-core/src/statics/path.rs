@@ -76,9 +76,8 @@ impl PathSolver {
         solver.engine.measure_spans(false);
         let mut strain = vec![Vec3::zero(); 2 * elements * robot.module_count()];
         solver.engine.strains(&mut |i, w| strain[i] = w);
-        let lengths = solver.engine.span_lengths();
         Ok(PathSolver {
-            home: transmission.tendons.set_home(lengths, strain),
+            home: transmission.tendons.set_home(&*solver.engine, strain),
             last: PathStep::new(solver, transmission),
             laws: Inelasticity::default(),
             duration: 0.0,
@@ -110,6 +109,13 @@ impl PathSolver {
         self.laws = laws.clone();
         self.reset();
         Ok(self)
+    }
+
+    /// The same without a companion, where stated errors are not needed: with a memory a third of
+    /// the work.
+    pub fn alone(mut self) -> Self {
+        self.accompanied = false;
+        self
     }
 
     /// Sets the time from each step to the next (s), for relaxation and creep; zero by default.
@@ -213,11 +219,13 @@ impl PathSolver {
     }
 
     /// Whether steps can be taken in lanes: with one element in a module, without a memory, without
-    /// tensions that only regularisation determines, and without coupled sections.
+    /// tensions that only regularisation determines, without losses of displacement, and without
+    /// coupled sections.
     #[cfg(target_arch = "x86_64")]
     pub(crate) fn suits_lanes(&self) -> bool {
         let plain = self.solver().elements() == 1 && !self.robot().is_coupled();
-        plain && !self.has_memory() && !self.transmission().tendons.is_rigid()
+        let tendons = &self.transmission().tendons;
+        plain && !self.has_memory() && !tendons.is_rigid() && !tendons.have_losses()
     }
 
     /// Lanes for paths of robots with the topology of this one, where the processor has them, at its

@@ -99,7 +99,7 @@ impl PathStep {
         for (r, &i) in held.iter().enumerate() {
             engine.beyond(0, i, &mut row);
             for c in 0..size {
-                matrix[r * size + c] = -row[1 + c];
+                matrix[r * size + c] = tendons.lines[i].mount_compliance - row[1 + c];
             }
             matrix[r * size + r] += tendons.whole_compliance(i);
         }

@@ -437,14 +437,15 @@ impl Solver {
         self.settled.then(|| self.plain().centerline(per_module))
     }
 
-    /// Derivatives of the last equilibrium; `None` for continuous tendons, and where the
-    /// equilibrium is so close to losing stability that they are not finite.
-    pub fn jacobians(&self) -> Option<Jacobians> {
+    /// Derivatives of the last equilibrium, those with respect to gravity if requested; `None` for
+    /// continuous tendons, and where the equilibrium is so close to losing stability that they are
+    /// not finite.
+    pub fn jacobians(&self, gravity: bool) -> Option<Jacobians> {
         if !self.settled {
             return None;
         }
         let segments: Vec<_> = self.robot.spec().disks.iter().map(|d| d.segment).collect();
-        self.plain().jacobians(&segments, false)
+        self.plain().jacobians(&segments, gravity)
     }
 
     /// The last equilibrium with its tangent, for derivatives along lines; `None` as for
@@ -661,7 +662,7 @@ mod tests {
                 && solver.disk(0).is_none()
                 && solver.tendon_length(0).is_none()
                 && solver.centerline(4).is_none()
-                && solver.jacobians().is_none()
+                && solver.jacobians(false).is_none()
         };
         assert!(nothing(&solver));
         let load = |tensions: &'static [f64; 5]| Load {
@@ -669,7 +670,7 @@ mod tests {
             ..Load::default()
         };
         solver.solve(&load(&[1.0, 2.0, 3.0, 0.0, 1.0])).unwrap();
-        assert!(solver.tip().is_some() && solver.jacobians().is_some());
+        assert!(solver.tip().is_some() && solver.jacobians(false).is_some());
         let far = solver.solve(&load(&[0.0, 0.0, 1e5, 0.0, 0.0])).unwrap();
         assert_ne!(far.status, Status::Converged);
         assert!(far.stable != Some(true) && far.fraction < 1.0);

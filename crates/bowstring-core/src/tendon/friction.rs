@@ -157,9 +157,7 @@ impl Friction {
     /// move, the drop is constant.
     fn base_slip(&self, tendons: &Tendons, i: usize) -> Option<f64> {
         match tendons.now.commands[i] {
-            Command::Displacement(to) if tendons.compliance.before[i] == 0.0 => {
-                Some(to - self.from[i])
-            }
+            Command::Displacement(to) if tendons.is_rigid_to_base(i) => Some(to - self.from[i]),
             _ => None,
         }
     }

@@ -21,6 +21,12 @@ pub struct Line {
     pub pretension: f64,
     /// Half the free travel of the drive when it reverses (m).
     pub backlash: f64,
+    /// Difference of the radii of hole and tendon (m): the tendon loses displacement where the
+    /// backbone bends (theory Eq. 4.10).
+    pub hole_clearance: f64,
+    /// Displacement that the mount of the drives takes from this tendon for each newton of the sum
+    /// of all tensions (m/N, theory Eq. 4.10).
+    pub mount_compliance: f64,
 }
 
 impl Default for Line {
@@ -34,11 +40,18 @@ impl Default for Line {
             wrap: 0.0,
             pretension: 0.0,
             backlash: 0.0,
+            hole_clearance: 0.0,
+            mount_compliance: 0.0,
         }
     }
 }
 
 impl Line {
+    /// Whether displacement is lost in holes or mount.
+    pub(crate) fn loses(&self) -> bool {
+        self.hole_clearance > 0.0 || self.mount_compliance > 0.0
+    }
+
     /// Largest drop of the logarithm of the tension at a hole where the tendon turns by `angle`
     /// (rad), which at the base hole includes friction between it and the motor (theory Eq. 4.4).
     pub(crate) fn friction_bound(&self, hole: usize, angle: f64) -> f64 {

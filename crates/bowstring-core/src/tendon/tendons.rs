@@ -26,6 +26,9 @@ pub(crate) struct Tendons {
     /// Slack length of each tendon (m), times `step.share` (theory Eq. 5.4); negative where it is
     /// too short.
     pub slack: Vec<f64>,
+    /// Displacement that each tendon loses in holes and mount (m), above that of the home pose with
+    /// `home`.
+    pub lost: Vec<f64>,
     /// Ratio of each span's tension to that before the base hole, by modules and tendons, zero
     /// where the tendon does not pass; and the span's tension (N).
     pub carried: Vec<f64>,
@@ -66,6 +69,7 @@ impl Tendons {
             lines: lines.to_vec(),
             home: vec![0.0; m],
             slack: vec![0.0; m],
+            lost: vec![0.0; m],
             now: History::default(),
             step: StepStart {
                 share: 1.0,
@@ -78,9 +82,10 @@ impl Tendons {
         })
     }
 
-    /// Sets the home pose to one under the pretension alone, by its span lengths and strain;
+    /// Sets the home pose to one under the pretension alone, by its measured spans and strain;
     /// returns the start of a path there, without friction.
-    pub fn set_home(&mut self, lengths: &[f64], strain: Vec<Vec3>) -> History {
+    pub fn set_home(&mut self, rod: &dyn RoutedRod, strain: Vec<Vec3>) -> History {
+        let lengths = rod.span_lengths();
         let (n, m) = (self.routing.modules, self.lines.len());
         let tensions: Vec<_> = self.lines.iter().map(|line| line.pretension).collect();
         let compliance = &self.compliance;
@@ -105,6 +110,10 @@ impl Tendons {
             crept: vec![],
             load: OwnedLoad::default(),
         };
+        self.measure_losses(rod);
+        for (home, lost) in self.home.iter_mut().zip(&self.lost) {
+            *home -= lost;
+        }
         self.now.clone()
     }
 
@@ -119,7 +128,7 @@ impl Tendons {
         (0..self.routing.modules).map(move |k| k * m + i)
     }
 
-    /// Displacement of a tendon without slack (m).
+    /// Displacement of a tendon without slack (m), with the losses of the present pose.
     pub fn displacement_of(&self, history: &History, i: usize) -> f64 {
         let compliance = &self.compliance;
         let (mut tension, mut routed) = (history.tensions[i], 0.0);
@@ -128,7 +137,7 @@ impl Tendons {
             routed += history.spans[at]
                 + (compliance.friction_spans[at] - compliance.spans[at]) * tension;
         }
-        self.home[i] - routed + compliance.before[i] * history.tensions[i]
+        self.home[i] - routed + compliance.before[i] * history.tensions[i] + self.lost[i]
     }
 
     /// Stores the displacements of the present state, as commanded or as they follow from the
@@ -145,6 +154,16 @@ impl Tendons {
     /// Whether a drive has backlash.
     pub fn has_backlash(&self) -> bool {
         self.lines.iter().any(|line| line.backlash > 0.0)
+    }
+
+    /// Whether any tendon loses displacement in holes or mount.
+    pub fn have_losses(&self) -> bool {
+        self.lines.iter().any(Line::loses)
+    }
+
+    /// Whether a motor moves the tendon at the base hole as commanded.
+    pub fn is_rigid_to_base(&self, i: usize) -> bool {
+        self.compliance.before[i] == 0.0 && !self.lines[i].loses()
     }
 
     /// Commands that reach the tendons through their drives, after the present displacements.
@@ -230,6 +249,7 @@ impl Tendons {
     /// Measures unstretched lengths and slack (theory Eq. 4.1; in motion Eq. 5.4) at the present
     /// pose.
     pub fn measure(&mut self, rod: &dyn RoutedRod) {
+        self.measure_losses(rod);
         let lengths = rod.span_lengths();
         let compliance = &self.compliance;
         for (at, span) in self.now.spans.iter_mut().enumerate() {
@@ -244,11 +264,25 @@ impl Tendons {
                         .map(|at| compliance.spans[at] * self.tensions[at])
                         .sum();
                     let before = compliance.before[i] + compliance.regularisation[i];
-                    carried + before * self.now.tensions[i]
+                    carried + before * self.now.tensions[i] + self.lost[i]
                         - (1.0 - self.step.share) * self.step.elongation[i]
                         - self.step.share * self.elongation_at(lengths, i, p)
                 }
             };
+        }
+    }
+
+    /// Measures what is lost in holes and mount at the present pose (theory Eq. 4.10).
+    fn measure_losses(&mut self, rod: &dyn RoutedRod) {
+        if !self.have_losses() {
+            return;
+        }
+        let all: f64 = self.now.tensions.iter().sum();
+        for (i, line) in self.lines.iter().enumerate() {
+            self.lost[i] = line.mount_compliance * all;
+            if line.hole_clearance > 0.0 {
+                self.lost[i] += line.hole_clearance * rod.bend(self.routing.ends[i]);
+            }
         }
     }
 
@@ -331,6 +365,8 @@ fn check_lines(robot: &Robot, model: Model, lines: &[Line]) -> Result<(), InputE
             (Argument::WrapAngle, line.wrap),
             (Argument::Pretension, line.pretension),
             (Argument::Backlash, line.backlash),
+            (Argument::HoleClearance, line.hole_clearance),
+            (Argument::MountCompliance, line.mount_compliance),
         ] {
             InputError::check_number(argument, i, value, Rule::NotNegative)?;
         }

@@ -50,8 +50,11 @@ pub(crate) struct Unknowns {
     solved: Vec<Unknown>,
     columns: Columns,
     coefficients: Vec<f64>,
-    /// By columns: length change of a tendon from a hole on.
+    /// By columns: length change of a tendon from a hole on, for a tension less what clearance takes
+    /// with the bend.
     beyond: Vec<f64>,
+    /// By columns: change of the bend.
+    bending: Vec<f64>,
     /// Compliance added in `problem` to limit tensions far from the solution (m/N).
     limiting_compliance: f64,
     /// Sides of the unknowns at the last call of `keeps_sides`.
@@ -152,6 +155,9 @@ impl Unknowns {
         for r in 0..size {
             let row = self.list[r];
             rod.beyond(row.hole(), row.tendon(), &mut self.beyond);
+            if let Unknown::Tension(i) = row {
+                self.take_clearance(tendons, rod, i);
+            }
             if !known {
                 self.set_matrix_row(r, tendons);
             }
@@ -160,6 +166,19 @@ impl Unknowns {
             }
             self.set_bounds(r, tendons, friction);
             self.set_right_side(r, tendons, old);
+        }
+    }
+
+    /// Takes the change of what a tendon loses in its holes from that of its length.
+    fn take_clearance(&mut self, tendons: &Tendons, rod: &dyn RoutedRod, i: usize) {
+        let clearance = tendons.lines[i].hole_clearance;
+        if clearance == 0.0 {
+            return;
+        }
+        self.bending.resize(self.beyond.len(), 0.0);
+        rod.bending(tendons.routing.ends[i], &mut self.bending);
+        for (beyond, bending) in self.beyond.iter_mut().zip(&self.bending) {
+            *beyond -= clearance * bending;
         }
     }
 
@@ -180,7 +199,7 @@ impl Unknowns {
                 continue;
             }
             // an inextensible line prescribes the slip of the base hole
-            let given = now.commands[i].is_displacement() && tendons.compliance.before[i] == 0.0;
+            let given = now.commands[i].is_displacement() && tendons.is_rigid_to_base(i);
             for hole in usize::from(given)..=tendons.routing.ends[i] {
                 if friction.is_global() || now.slip[hole * m + i] == Slip::Sticks {
                     self.list.push(Unknown::Drop { tendon: i, hole });
@@ -198,6 +217,9 @@ impl Unknowns {
         for (c, column) in self.list.iter().enumerate() {
             let place = &mut self.problem.matrix[r * size + c];
             *place = -share * self.beyond[c + 1];
+            if let (Unknown::Tension(_), Unknown::Tension(_)) = (row, column) {
+                *place += tendons.lines[i].mount_compliance;
+            }
             if column.tendon() == i {
                 *place += match (row, column) {
                     (Unknown::Drop { .. }, _) => self.columns.give[c * n + hole],

@@ -52,6 +52,8 @@ pub enum Argument {
     Friction,
     Pretension,
     Backlash,
+    HoleClearance,
+    MountCompliance,
     WrapAngle,
 }
 
@@ -127,6 +129,8 @@ impl Argument {
             Argument::Friction => ("friction coefficient", "", "tendon"),
             Argument::Pretension => ("pretension", "N", "tendon"),
             Argument::Backlash => ("backlash", "m", "tendon"),
+            Argument::HoleClearance => ("hole_clearance", "m", "tendon"),
+            Argument::MountCompliance => ("mount_compliance", "m/N", "tendon"),
             Argument::WrapAngle => ("wrap_angle", "rad", "tendon"),
         }
     }

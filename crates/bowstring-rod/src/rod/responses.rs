@@ -437,6 +437,44 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
+    /// Bend of the backbone from the base to the end of a module, the sum of those of the modules
+    /// (rad).
+    pub fn bend(&self, module: usize) -> f64 {
+        (0..=module)
+            .map(|k| 2.0 * (0.5 * self.tilt(k).norm()).min(1.0).asin())
+            .sum()
+    }
+
+    /// Change of that bend for each of the responses.
+    pub fn bending(&self, module: usize, out: &mut [f64]) {
+        out.fill(0.0);
+        for k in 0..=module {
+            let Some(axis) = self.bend_axis(k) else {
+                continue;
+            };
+            for (part, responses) in out.chunks_mut(L::WIDTH).zip(&self.spans.responses) {
+                for (lane, value) in part.iter_mut().enumerate() {
+                    for u in &responses.u[k] {
+                        *value += axis[0] * u.0[0].lane(lane) + axis[1] * u.0[1].lane(lane);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Axis about which module `k` is bent; none where it is straight, which any rotation bends.
+    pub fn bend_axis(&self, k: usize) -> Option<Vec3> {
+        let tilt = self.tilt(k);
+        let size = tilt[0].hypot(tilt[1]);
+        (size > 0.0).then(|| Vec3([-tilt[1] / size, tilt[0] / size, 0.0]))
+    }
+
+    /// Axis of the end of module `k` less that of its start, in the frame of the start.
+    fn tilt(&self, k: usize) -> Vec3 {
+        let axis = get::<L>(&self.states[k / L::WIDTH].s.column(2), k % L::WIDTH);
+        Vec3([0, 1, 2].map(|q| axis.0[q].lane(0))) - Vec3::ez()
+    }
+
     /// Sets the step to a linear combination of responses; returns the largest rotation added by an
     /// arc (rad).
     #[inline(always)]

@@ -23,6 +23,8 @@ pub struct Derivative {
     pub rotation: Vec3,
     /// Tendon lengths from the base hole to the end disk's hole (m).
     pub lengths: Vec<f64>,
+    /// Bend of the backbone from the base to the end disk of each tendon (rad).
+    pub bends: Vec<f64>,
 }
 
 /// Derivatives of an equilibrium with respect to its load and stiffness, each per unit of the
@@ -119,7 +121,7 @@ pub fn tip_by_tensions<const A: usize>(
                 true => Parameter::Force(i),
                 false => Parameter::Moment(i - 3),
             };
-            substitute::<A, true>(rod, &[], &wrench, &mut scratch, &mut lengths);
+            substitute::<A, true>(rod, &[], &wrench, &mut scratch, [&mut lengths, &mut []]);
             for (column, length) in columns.iter_mut().zip(&lengths) {
                 column[i / 3][i % 3] = -length;
             }
@@ -129,9 +131,9 @@ pub fn tip_by_tensions<const A: usize>(
         for (i, column) in columns.iter_mut().enumerate() {
             let tension = Parameter::Tension(i);
             *column = if symmetric {
-                substitute::<A, true>(rod, &[], &tension, &mut scratch, &mut [])
+                substitute::<A, true>(rod, &[], &tension, &mut scratch, [&mut [], &mut []])
             } else {
-                substitute::<A, false>(rod, &[], &tension, &mut scratch, &mut [])
+                substitute::<A, false>(rod, &[], &tension, &mut scratch, [&mut [], &mut []])
             };
         }
     }
@@ -149,9 +151,9 @@ pub fn add_strain_by_tensions<const A: usize>(
     let mut scratch = Scratch::new(rod);
     let tensions = Parameter::Tensions(changes);
     if rod.newton.symmetric {
-        substitute::<A, true>(rod, &[], &tensions, &mut scratch, &mut []);
+        substitute::<A, true>(rod, &[], &tensions, &mut scratch, [&mut [], &mut []]);
     } else {
-        substitute::<A, false>(rod, &[], &tensions, &mut scratch, &mut []);
+        substitute::<A, false>(rod, &[], &tensions, &mut scratch, [&mut [], &mut []]);
     }
     for (k, (gradient, turns)) in rod.gradients.iter().zip(&scratch.solutions).enumerate() {
         for a in 0..A {
@@ -353,24 +355,28 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
     scratch: &mut Scratch<A>,
 ) -> Derivative {
     let mut lengths = vec![0.0; rod.placed.lengths.len()];
+    let mut bends = lengths.clone();
+    let changes = [lengths.as_mut_slice(), bends.as_mut_slice()];
     let [position, rotation] =
-        substitute::<A, SYMMETRIC>(rod, segments, parameter, scratch, &mut lengths);
+        substitute::<A, SYMMETRIC>(rod, segments, parameter, scratch, changes);
     Derivative {
         position,
         rotation,
         lengths,
+        bends,
     }
 }
 
 /// Motion of the tip (m, rad) for a unit of the parameter, with the rotations that the arcs add in
-/// place of their own solutions; adds the changes of the tendons' lengths
-/// (m) unless there is no place for them. They need the spans in the scratch memory.
+/// place of their own solutions; adds the changes of the tendons' lengths (m) and of the bends to
+/// their end disks (rad) unless there is no place for them. Lengths need the spans in the scratch
+/// memory.
 fn substitute<const A: usize, const SYMMETRIC: bool>(
     rod: &Rod<Scalar, A>,
     segments: &[usize],
     parameter: &Parameter<'_>,
     scratch: &mut Scratch<A>,
-    lengths: &mut [f64],
+    [lengths, bends]: [&mut [f64]; 2],
 ) -> [Vec3; 2] {
     let n = rod.module_count();
     if interrupt::work(n * (16 + 2 * rod.placed.lengths.len())) {
@@ -448,6 +454,12 @@ fn substitute<const A: usize, const SYMMETRIC: bool>(
             if k <= rod.tendons.end_disks[i] {
                 let span = &spans[k * count + i];
                 *length += span.direction.dot(rho + turn.cross(span.arm));
+            }
+        }
+        if !bends.is_empty() {
+            let bend = rod.bend_axis(k).map_or(0.0, |axis| axis.dot(turn));
+            for (i, change) in bends.iter_mut().enumerate() {
+                *change += f64::from(u8::from(k <= rod.tendons.end_disks[i])) * bend;
             }
         }
         x = state.s.tr_mul(x + turn);

@@ -370,6 +370,15 @@ impl<L: Layout, const A: usize> RoutedRod for Motion<L, A> {
         }
     }
 
+    fn bend(&self, module: usize) -> f64 {
+        self.body.rod.bend(module)
+    }
+
+    fn bending(&self, _: usize, out: &mut [f64]) {
+        // no motion takes a clearance in the holes
+        out.fill(0.0);
+    }
+
     fn respond(&mut self, sources: Sources) {
         let (body, response, tangent) = (&self.body, &mut self.response, &mut self.tangent);
         let (rod, n) = (&body.rod, body.rod.module_count());
