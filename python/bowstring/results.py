@@ -12,6 +12,7 @@ Members are in SI. The end of a key is the unit of its values.
 from __future__ import annotations
 
 import ast
+import inspect
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -67,7 +68,7 @@ class Result:
 def keys_of(kind: Any) -> dict[str, tuple[Key, float]]:
     """Key and scale by member: flat ones first, then fields and properties in their order."""
     found: dict[str, tuple[Key, float]] = {}
-    for each in reversed(kind.__mro__):
+    for each in (c for c in reversed(kind.__mro__) if issubclass(c, Result)):
         for name, annotation in _annotations(each):
             if annotation.startswith("Annotated[") and (key := _key(annotation, name)):
                 found[name] = key, unit_of(key.name)[1] / unit_of(name)[1]
@@ -81,7 +82,7 @@ def unit_of(key: str) -> tuple[str, float]:
 
 
 def _annotations(kind: type) -> Iterable[tuple[str, str]]:
-    yield from vars(kind).get("__annotations__", {}).items()
+    yield from inspect.get_annotations(kind).items()
     for name, member in vars(kind).items():
         made = getattr(member, "fget", None) or getattr(member, "func", None)
         yield name, getattr(made, "__annotations__", {}).get("return", "")
