@@ -150,11 +150,10 @@ def _json_kind(about: dict[str, Any]) -> str:
         return " or ".join(f"`{value}`" for value in values)
     if about.get("type") == "array":
         items, count = about["items"], about.get("minItems")
-        if count is None:
-            kind = _json_kind(items)
-            return f"list of ({kind})" if "anyOf" in items else f"list of {kind}"
-        if items.get("type") == "array":
-            return f"list of {count} {_json_kind(items)}"
+        kinds = {each.get("type", "object") for each in items.get("anyOf", [items])}
+        if count is None or kinds - {"number", "null"}:
+            kind = f"({_json_kind(items)})" if "anyOf" in items else _json_kind(items)
+            return f"list of {kind}" if count is None else f"list of {count} {kind}"
         return _LISTS.get(count, f"{count} numbers") + ", numbers or null" * ("anyOf" in items)
     if isinstance(values := about.get("additionalProperties"), dict):
         return f"object of {_json_kind(values)} by name"

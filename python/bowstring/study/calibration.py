@@ -71,9 +71,9 @@ class StudyCalibration(Result):
         return EndOfFit(**{each.name: getattr(self.fit, each.name) for each in fields(EndOfFit)})
 
     @property
-    def gravity_in_base(self) -> Annotated[list[float], Key("gravity_m_per_s2")]:
-        """Gravity in base axes, m/s^2."""
-        return [g + 0.0 for g in self.robot.gravity]
+    def gravity_in_base(self) -> Annotated[Array, Key("gravity_m_per_s2")]:
+        """Gravity in base axes (3,), m/s^2."""
+        return np.array(self.robot.gravity) + 0.0
 
 
 def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.0) -> Sweep:

@@ -83,8 +83,8 @@ class MapOfModel(Result):
     """Metric, (Y, X) or (X,), in percent of the length (``valid_to``: N), rows by the second axis;
     NaN without a value."""
     contour: Annotated[list[Line], Key(unit="`unit`")]
-    """Lines (n, 2) on which the metric has the tolerance, of one axis points (n, 1), as the axes.
-    """
+    """Lines (n, k) on which the metric has the tolerance, with a coordinate for each of the k axes;
+    of one axis each line is a point."""
     ranges: Annotated[Floats, Key(unit="`unit`")]
     """Ranges (n, 2) in which the tolerance holds: of a single axis, or of the tension or bend for
     the robot as it is; empty for others."""
