@@ -61,31 +61,24 @@ class Mode(Result):
 
 @dataclass(frozen=True, eq=False)
 class Modes(Result):
-    """Natural modes of small oscillations about an equilibrium, slowest first; made by `modes`.
-
-    Attributes
-    ----------
-    robot : Robot
-    frequency_hz : ndarray (K,)
-    kind : list of str (K,)
-        ``"bending"``, ``"torsion"`` or ``"axial"``, by the largest part of the kinetic energy
-        in the axes of the disks.
-    displacement : ndarray (K, N, 3)
-        Displacements of the disks in base axes, scaled to a largest value of 1.
-    rotation : ndarray (K, N, 3)
-        Small rotation vectors of the disks in their own axes, in rad per m of displacement. In a
-        mode without displacement the largest rotation is 1.
-    position, orientation : ndarray (N, 3) in m, (N, 3, 3)
-        Positions and rotations of the disks in the equilibrium.
-    """
+    """Natural modes of small oscillations about an equilibrium, slowest first; made by `modes`."""
 
     robot: Robot
+    """The robot."""
     frequency_hz: Floats
+    """Natural frequencies (K,), Hz."""
     kind: list[str]
+    """``"bending"``, ``"torsion"`` or ``"axial"``, by the largest part of the kinetic energy in the
+    axes of the disks (K,)."""
     displacement: Floats
+    """Displacements (K, N, 3) of the disks in base axes, scaled to a largest value of 1."""
     rotation: Floats
+    """Small rotation vectors (K, N, 3) of the disks in their own axes, in rad per m of
+    displacement. In a mode without displacement the largest rotation is 1."""
     position: Floats
+    """Positions (N, 3) of the disks in the equilibrium, m."""
     orientation: Floats
+    """Rotations (N, 3, 3) of the disks in the equilibrium."""
     tensions: Annotated[Floats, Key("tensions_N")]
     """Tensions (T,) in the equilibrium, N."""
 
