@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bowstring.inverse.kinematics import default_max_tension
-from bowstring.robot.model import check_robot, check_without_memory
+from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.statics.actuation import compliances
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def compile_robot(robot: Robot) -> schema.RobotDescription:
     (9, 8)
     """
     check_robot(robot)
-    check_without_memory(
+    check_without_laws(
         robot,
         ", which the C library does not model",
     )

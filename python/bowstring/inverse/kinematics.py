@@ -18,7 +18,7 @@ from bowstring.inverse.displacement_limits import keep_displacements
 from bowstring.inverse.friction import follow_with_friction
 from bowstring.inverse.solution import InverseSolution
 from bowstring.inverse.targets import Targets, angle_between
-from bowstring.robot.model import check_robot, check_without_memory
+from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
 from bowstring.units import number_with_unit, read_share
@@ -195,7 +195,7 @@ def _by_physics(
             "inverse kinematics needs derivatives, which continuous and embedded tendons do not "
             'have; use tendon_path="straight" or model="constant_curvature"'
         )
-    check_without_memory(robot, ", with which there is no inverse by physics", but=("friction",))
+    check_without_laws(robot, ", with which there is no inverse by physics", but=("friction",))
     if robot.has_friction:
         return follow_with_friction(
             robot, targets, limits, load, model, path=path, reached=_REACHED

@@ -298,7 +298,7 @@ def check_disks(robot: Robot, what: str) -> None:
         raise InputError(f"{what} takes tendons in disks only, not tendons_in body")
 
 
-def check_without_memory(
+def check_without_laws(
     robot: Robot, consequence: str, argument: str = "", *, but: tuple[str, ...] = ()
 ) -> None:
     """Refuse a robot with laws of `bowstring.robot.laws.LAWS`, where these are not modelled.
@@ -323,7 +323,7 @@ def check_without_memory(
             raise InputError(LAWS[key].refusal(robot.name, consequence), argument=argument)
 
 
-def without_memory(robot: Robot, *but: str) -> Robot:
+def without_laws(robot: Robot, *but: str) -> Robot:
     """Return the robot without the laws of `bowstring.robot.laws.LAWS`, but for some."""
     for key in robot.laws:
         if key not in but:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.robot.model import check_without_memory
+from bowstring.robot.model import check_without_laws
 from bowstring.statics import actuation
 from bowstring.statics.solution import Solution
 from bowstring.validation import shown
@@ -89,7 +89,7 @@ def check_smooth(solution: Solution) -> None:
     if not isinstance(solution, Solution):
         raise InputError(f"solution is {shown(solution)}, it must be one made by bowstring.solve")
     solution.raise_for_status()
-    check_without_memory(
+    check_without_laws(
         solution.robot,
         ", with which an equilibrium has no derivatives",
     )

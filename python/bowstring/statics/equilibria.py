@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowstring import validation
 from bowstring._core import Equilibria
 from bowstring.errors import InputError
-from bowstring.robot.model import check_robot, check_without_memory
+from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.model import as_model
@@ -128,7 +128,7 @@ def differentiable(
     for name in ("tensions", "displacements", "angles"):
         if getattr(load, name) is not None:
             raise InputError(f"load has {name}; give tensions when the solver is called")
-    check_without_memory(
+    check_without_laws(
         robot,
         ", with which an equilibrium has no derivatives",
     )

@@ -32,7 +32,7 @@ from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, significant
 from bowstring.results import Key, Result
-from bowstring.robot.model import Robot, with_tendons, without_memory
+from bowstring.robot.model import Robot, with_tendons, without_laws
 from bowstring.robot.parts import TENDON_MATERIALS, TendonRing
 from bowstring.statics import rod
 from bowstring.statics.load import Load
@@ -325,7 +325,7 @@ def actuation_budget(
     t = model.tendon
     given = model.given_robot.tendons
     with_friction, friction_origin = _with_friction(model, calibrated)
-    with_friction = without_memory(with_friction, "friction")
+    with_friction = without_laws(with_friction, "friction")
     stiff_of: float | None = None
     elasticity_origin: Source = "file"
     elasticity_by = "as in the file"
@@ -423,7 +423,7 @@ def actuation_budget(
     )
     sets: tuple[ActuationRow, ...] = ()
     if "hysteresis" in model.given_robot.memories:
-        set_only = without_memory(model.given_robot, "hysteresis")
+        set_only = without_laws(model.given_robot, "hysteresis")
         share = float(set_only.hysteresis[:, 0].max())
         label = f"hysteresis of the backbone ({in_percent(share)})"
         branches = solved(set_only, Load(model.tensions(and_back)))
@@ -435,13 +435,13 @@ def actuation_budget(
         drives = both_ways("backlash", label, by_displacement(with_tendons(rigid, half)))
     held: tuple[ActuationRow, ...] = ()
     if (share := float(model.given_robot.relaxation[..., 0].sum(axis=-1).max())) > 0.0:
-        soft = without_memory(model.given_robot, "relaxation")
+        soft = without_laws(model.given_robot, "relaxation")
         label = f"relaxation of the backbone ({in_percent(share)}), load held"
         rested, _ = solved(soft, Load(model.tensions(and_back)), held=True)
         held += (row("relaxation", label, (), rested),)
     if (creep := float(given.creep[t, :, 0].sum())) > 0.0:
         inextensible = {"axial_stiffness": None, "compliance": 0.0}
-        flows = with_tendons(without_memory(model.given_robot, "creep"), inextensible)
+        flows = with_tendons(without_laws(model.given_robot, "creep"), inextensible)
         crept, _ = solved(flows, Load(displacements=displacements), held=True)
         label = f"displacement control, creep of the tendons ({1e3 * creep:.4g} mm/N), load held"
         held += (row("creep", label, (), crept),)

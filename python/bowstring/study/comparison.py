@@ -22,7 +22,7 @@ from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, without_memory
+from bowstring.robot.model import Robot, without_laws
 from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
@@ -210,7 +210,7 @@ class Model:
     ) -> None:
         self.given_robot = robot
         """Robot of the file, with its friction and other memories."""
-        self.robot = without_memory(robot)
+        self.robot = without_laws(robot)
         """Robot without them, for main sweep, dynamics and verdict."""
         self.tendon = tendon
         """Index of the actuated tendon, from 0; of several, the one with the whole tension."""

@@ -643,12 +643,12 @@ def _solid(study: Study) -> Figure:
     """The robot bent by the largest load of the sweep that has an equilibrium."""
     from bowstring.cad.picture import draw_solid
     from bowstring.cad.solid import make_solid
-    from bowstring.robot.model import without_memory
+    from bowstring.robot.model import without_laws
     from bowstring.statics import rod
 
     statics = study.statics
     found = np.flatnonzero(np.array(statics.status) == "converged")
-    robot = without_memory(study.robot)  # as in the sweep
+    robot = without_laws(study.robot)  # as in the sweep
     tensions = statics.tension[found[-1]] * np.array(study.settings.shares)
     pose = rod.solve(robot, tensions, model=RodModel(study.settings.theory))
     return draw_solid(make_solid(robot, pose if pose.converged else None), pixels=900)

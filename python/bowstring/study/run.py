@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from bowstring.errors import BowstringError, InputError, NoSolutionError
-from bowstring.robot.model import Robot, check_disks, check_robot, without_memory
+from bowstring.robot.model import Robot, check_disks, check_robot, without_laws
 from bowstring.statics.model import RodModel
 from bowstring.study.comparison import MEANINGS, Model, Theory
 from bowstring.study.design_map import design_map, without_map
@@ -174,7 +174,7 @@ def run_study(
     )
 
     notify("map and uncertainty", 0.9)
-    of_design = design_map(without_memory(robot), settings)
+    of_design = design_map(without_laws(robot), settings)
     of_load = load_map(model, settings, over)
     spreads = _spreads(robot, settings, extras.uncertainty)
 
@@ -252,7 +252,7 @@ def _spreads(robot: Robot, settings: Settings, given: Any) -> tuple[Spread, ...]
     """Validity limits with uncertain numbers; none where statics solves too few samples."""
     shares = {i: share for i, share in enumerate(settings.shares, 1) if share}
     loading = Loading(settings.max_tension, settings.points, shares)
-    free = without_memory(robot)
+    free = without_laws(robot)
     try:
         joint = assumed_distributions(free) if given is None else given
     except InputError:  # nothing may vary by the assumed sizes

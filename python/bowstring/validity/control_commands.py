@@ -18,7 +18,7 @@ from bowstring.formatting import significant
 from bowstring.inverse.arcs import arcs_to, tensions_of
 from bowstring.inverse.kinematics import default_max_tension
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, without_memory
+from bowstring.robot.model import Robot, without_laws
 from bowstring.statics.designs import sweep_designs
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
@@ -268,7 +268,7 @@ def prepared(
     if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
         raise InputError("load has an actuation, and tensions are drawn; leave it out")
     load = with_arrays(load)
-    robot = without_memory(robot)
+    robot = without_laws(robot)
     most = largest_tensions(robot, max_tension)
     solve(robot, np.zeros(len(most)), load=load, model=model)  # refuses loads that cannot be
     check_some_solved(robot, most, load, model)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import listed, round_down, significant
-from bowstring.robot.model import Robot, without_memory
+from bowstring.robot.model import Robot, without_laws
 from bowstring.statics import rod
 from bowstring.statics.model import RodModel
 from bowstring.validation import is_whole, number, shown, whole
@@ -221,7 +221,7 @@ def turned(robot: Robot, tensions: Floats, model: RodModel) -> Floats:
     """
     count = len(tensions)
     try:
-        sweep = rod.sweep(without_memory(robot), tensions, model=model)
+        sweep = rod.sweep(without_laws(robot), tensions, model=model)
     except BowstringError:
         return np.full(count, math.nan)
     assert sweep.disk_rotations is not None

@@ -13,7 +13,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.results import Key, Result
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, check_robot, with_tendons, without_memory
+from bowstring.robot.model import Robot, check_robot, with_tendons, without_laws
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, share_of_length
@@ -221,7 +221,7 @@ def space_of(
         which there is no robot.
     """
     check_robot(robot)
-    robot = without_memory(robot, "friction")
+    robot = without_laws(robot, "friction")
     paths = [axis.path for axis in axes]
     if "tension" in paths and "bend" in paths:
         raise InputError("over has tension and bend; motors command one of them")

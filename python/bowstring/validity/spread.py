@@ -16,7 +16,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_newtons, in_percent, significant
 from bowstring.results import Key, Result
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, check_robot, with_tendons, without_memory
+from bowstring.robot.model import Robot, check_robot, with_tendons, without_laws
 from bowstring.robot.parts import TendonRing
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel, as_model
@@ -381,7 +381,7 @@ def sampled(
     if not isinstance(joint, Distributions):
         joint = read_distributions(joint, robot)
     _check_paths(joint)
-    robot = without_memory(robot, "friction")
+    robot = without_laws(robot, "friction")
     if not any(path.endswith(".friction") for path in joint.paths):
         robot = with_tendons(robot, {"friction": 0.0})
     shares = np.array(loading.shares(robot))

@@ -15,7 +15,7 @@ from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.results import Key, Result
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, check_robot, without_memory
+from bowstring.robot.model import Robot, check_robot, without_laws
 from bowstring.statics import rod
 from bowstring.statics.designs import sweep_designs
 from bowstring.statics.load import Load
@@ -285,7 +285,7 @@ def workspace_map(
     for name in models:
         choice("models", name, list(LAWS))
     load = instance("load", load, Load)
-    robot = without_memory(robot)
+    robot = without_laws(robot)
     tendons = len(robot.tendons.segment)
     points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
     tensions = max_tension * points[:poses]
