@@ -295,6 +295,10 @@ LOADS: dict[str, Callable[[Sizes], Values]] = {
     "followers on sections": lambda of: _on_sections(of, follower=True),
 }
 
+_SLOW = {"batch": "many rows take seconds"}
+#: Properties that a load lacks.
+LACKS = {"dead on sections": _SLOW, "followers on sections": _SLOW}
+
 # -- cases: every load on the uniform robot, two loads on every other --------------------------
 
 
@@ -304,6 +308,7 @@ class Case:
 
     row: Row
     load: Values
+    lacks: Mapping[str, str]
 
     @property
     def robot(self) -> bs.Robot:
@@ -348,7 +353,11 @@ def _cases() -> dict[str, Case]:
         pairs += [(name, kinds[(2 * k + i) % len(kinds)]) for i in range(2)]
     rows = ROBOTS | LAWS
     return {
-        f"{name}, {kind}": Case(rows[name], LOADS[kind](Sizes(rows[name].robot)))
+        f"{name}, {kind}": Case(
+            rows[name],
+            LOADS[kind](Sizes(rows[name].robot)),
+            {**rows[name].lacks, **LACKS.get(kind, {})},
+        )
         for name, kind in pairs
     }
 
@@ -373,15 +382,13 @@ PROPERTIES = {
 def every(*properties: str) -> Any:
     """Run a test on all cases that have these properties."""
     assert set(properties) <= PROPERTIES
-    cases = {
-        name: case for name, case in CASES.items() if not set(properties) & set(case.row.lacks)
-    }
+    cases = {name: case for name, case in CASES.items() if not set(properties) & set(case.lacks)}
     return pytest.mark.parametrize("case", cases.values(), ids=cases.keys())
 
 
 def test_rows_lack_known_properties_only() -> None:
-    for name, row in (ROBOTS | LAWS).items():
-        assert set(row.lacks) <= PROPERTIES, name
+    for name, case in CASES.items():
+        assert set(case.lacks) <= PROPERTIES, name
 
 
 def test_every_robot_and_load_has_its_effect() -> None:
@@ -395,7 +402,7 @@ def test_every_robot_and_load_has_its_effect() -> None:
         assert np.abs(tips[0] - bare.tip.position).max() > 1e-3 * case.robot.length, name
         is_change = case.robot.name == UNIFORM.name and case.row is not ROBOTS["uniform"]
         if is_change and not case.row.by_displacement:
-            other = Case(ROBOTS["uniform"], case.load)
+            other = replace(case, row=ROBOTS["uniform"])
             plain = bs.sweep(UNIFORM, load=other.loaded(case.tensions)).tip_position
             same = plain[-1] if case.robot.has_memory else plain[1]
             assert np.abs(tips[0] - same).max() > 1e-6 * case.robot.length, name
@@ -450,7 +457,11 @@ def turned_load(load: Values) -> Values:
 
 @every("turning")
 def test_a_turned_robot_under_a_turned_load_has_turned_poses(case: Case) -> None:
-    other = Case(replace(case.row, robot=turned_robot(case.robot)), turned_load(case.load))
+    other = replace(
+        case,
+        row=replace(case.row, robot=turned_robot(case.robot)),
+        load=turned_load(case.load),
+    )
     here, there = (
         bs.sweep(each.robot, load=each.loaded(case.tensions), model=case.row.model, **case.times)
         for each in (case, other)
@@ -460,7 +471,7 @@ def test_a_turned_robot_under_a_turned_load_has_turned_poses(case: Case) -> None
     assert np.abs(there.tip_position - here.tip_position @ TURN.T).max() < 1e-9 * size
     assert np.abs(there.tip_rotation - TURN @ here.tip_rotation @ TURN.T).max() < 1e-8
     assert np.linalg.norm(here.tip_position[1, :2]) > 0.01 * size
-    if "motion" in case.row.lacks:
+    if "motion" in case.lacks:
         return
     runs = [
         bs.simulate(each.robot, ramp(case.tensions[1], 0.05), 0.1, load=each.loaded(),
@@ -525,6 +536,10 @@ def test_displacements_command_the_pose_of_the_tensions(case: Case) -> None:
     load = case.loaded().replace(displacements=found.displacements())
     again = bs.solve(case.robot, load=load, model=found.model).raise_for_status()
     assert np.abs(again.disk_positions - found.disk_positions).max() < 1e-8 * case.robot.length
+    alone = bs.solve(case.robot, load=load, model=case.row.model)
+    history = json.loads(json.dumps(alone.history()))
+    kept = bs.solve(case.robot, load=load, model=case.row.model, history=history)
+    assert np.abs(kept.disk_positions - alone.disk_positions).max() < 1e-8 * case.robot.length
     rows = load.replace(displacements=np.tile(load.displacements, (2, 1)))
     for many in (bs.sweep, bs.solve_batch):
         pair = many(case.robot, load=rows, model=found.model)
@@ -692,11 +707,15 @@ def test_robot_load_and_solution_go_through_files(case: Case, tmp_path: Path) ->
     assert again == case.robot and again.hash == case.robot.hash
     assert bs.Robot.model_validate_json(case.robot.definition).hash == case.robot.hash
     found = case.solve()
+    if case.row.model.tendon_path == "straight" and not case.robot.is_embedded:
+        history = json.loads(json.dumps(found.history()))
+        kept = bs.solve(case.robot, load=found.load, model=found.model, history=history)
+        assert np.abs(kept.disk_positions - found.disk_positions).max() < 1e-8
     copied = pickle.loads(pickle.dumps(found))
     assert np.abs(copied.disk_positions - found.disk_positions).max() < 1e-9
     same = bs.solve(case.robot, load=found.load, model=case.row.model)
     assert np.abs(same.disk_positions - found.disk_positions).max() < 1e-12
-    if "fields" in case.row.lacks:
+    if "fields" in case.lacks:
         return
     settings = json.loads(found.to_dataset().attrs["settings"])
     for name, value in case.load.items():
