@@ -24,6 +24,7 @@ from bowstring.dynamics import ramp
 from bowstring.robot.designs import Designs
 from bowstring.robot.writer import to_yaml
 from bowstring.statics.designs import sweep_designs
+from shell import Shell
 
 Floats = NDArray[np.float64]
 Values = dict[str, Any]
@@ -496,6 +497,17 @@ def test_rows_equal_single_solves(case: Case) -> None:
         alone = case.solve(many[row], model).disk_positions
         for each in found:
             assert np.abs(each.disk_positions[row] - alone).max() < 1e-8 * case.robot.length
+    shares = np.array([1.0, 0.6, -0.5, 0.2])
+    rows = {
+        name: np.multiply.outer(shares, np.asarray(value))
+        for name, value in case.load.items()
+        if name not in ("point_loads", "line_forces")
+    }
+    scaled = bs.solve_batch(case.robot, load=case.loaded(many, **rows), model=model)
+    for row in range(4 if rows else 0):
+        load = case.loaded(many[row], **{name: value[row] for name, value in rows.items()})
+        alone = bs.solve(case.robot, load=load, model=model).disk_positions
+        assert np.abs(scaled.disk_positions[row] - alone).max() < 1e-8 * case.robot.length
 
 
 @every("batch")
@@ -657,8 +669,12 @@ def test_a_motion_starts_and_ends_in_equilibrium(case: Case) -> None:
     rest = case.solve(model=case.elements(elements)).tip.position
     assert np.ptp(still.tip_position, axis=0).max() < 1e-6 * size
     assert np.abs(still.tip_position[0] - rest).max() < 3e-5 * size
+    if "fields" not in case.lacks:
+        data = still.to_dataset()
+        there = case.solve(model=case.elements(elements))
+        np.testing.assert_allclose(data.tendon_length[-1], there.tendon_lengths, atol=1e-5 * size)
     load = bs.Load(**rising(case.load, 0.2))
-    run = moved(case, load, ramp(tensions, 0.2), 4.0, mass_damping=8.0)
+    run = moved(case, load, ramp(tensions, 0.2), 4.0, mass_damping=8.0, material_damping=1e-3)
     assert np.linalg.norm(run.tip_position[-1] - rest) < 1e-4 * size
     assert np.linalg.norm(run.tip_position[1] - rest) > 0.01 * size
 
@@ -699,6 +715,13 @@ def test_a_history_continues(case: Case, control: str) -> None:
         assert np.abs(one.tip.position - whole.tip_position[2]).max() < 1e-8 * size
 
 
+#: Units of loads in a history.
+UNITS = {
+    **{"gravity": "m_per_s2", "tip_force": "N", "tip_moment": "Nm"},
+    **{"disk_forces": "N", "disk_moments": "Nm", "line_forces": "N_per_m"},
+}
+
+
 @every("files")
 def test_robot_load_and_solution_go_through_files(case: Case, tmp_path: Path) -> None:
     path = tmp_path / "robot.yaml"
@@ -709,6 +732,12 @@ def test_robot_load_and_solution_go_through_files(case: Case, tmp_path: Path) ->
     found = case.solve()
     if case.row.model.tendon_path == "straight" and not case.robot.is_embedded:
         history = json.loads(json.dumps(found.history()))
+        for name, unit in UNITS.items():
+            if name in case.load:
+                stored = np.array(history[f"{name}_{unit}"])
+                np.testing.assert_array_equal(
+                    np.broadcast_to(case.load[name], stored.shape), stored
+                )
         kept = bs.solve(case.robot, load=found.load, model=found.model, history=history)
         assert np.abs(kept.disk_positions - found.disk_positions).max() < 1e-8
     copied = pickle.loads(pickle.dumps(found))
@@ -725,3 +754,46 @@ def test_robot_load_and_solution_go_through_files(case: Case, tmp_path: Path) ->
             assert stored == [each.on(case.robot.core.disk_count) for each in value]
         else:
             np.testing.assert_array_equal(np.broadcast_to(value, np.shape(stored)), stored)
+
+
+# -- flags --------------------------------------------------------------------------------------
+
+
+FORCES = np.zeros((9, 3))
+FORCES[3], FORCES[6] = [0.0, 1.0, 0.2], [-0.5, 0.0, 0.0]
+MOMENTS = np.zeros((9, 3))
+MOMENTS[2] = [0.02, 0.0, 0.05]
+BESIDE = bs.PointLoad(4, [0.0, 0.6, 0.2], point=[0.02, 0.0, 0.05])
+BETWEEN = bs.PointLoad(arc_length=0.25, force=[0.2, 0.9, -0.3])
+JET = bs.PointLoad(8, [0.3, 0.2, -0.5], point=[0.0, 0.03, 0.01], follower=True)
+JET_BETWEEN = bs.PointLoad(-1, [0.5, 0, 0], (0, 0, 0), [0, 0.01, 0], True, 0.47)
+
+
+@pytest.mark.parametrize(
+    ("flags", "load"),
+    [
+        ("--disk-force 4:0,1,0.2 --disk-force 7:-500mN,0,0", {"disk_forces": FORCES}),
+        ("--disk-moment 3:0.02,0,50N*mm", {"disk_moments": MOMENTS}),
+        ("--point-force 5:0,0.6,0.2@20mm,0,0.05", {"point_loads": [BESIDE]}),
+        ("--point-force 250mm:0.2,0.9,-0.3", {"point_loads": [BETWEEN]}),
+        ("--follower-force 9:0.3,0.2,-500mN@0,30mm,0.01", {"point_loads": [JET]}),
+        ("--follower-force 0.47m:0.5,0,0@0,10mm,0", {"point_loads": [JET_BETWEEN]}),
+        ("--line-force 0.3,-0.8,0.5", {"line_forces": [0.3, -0.8, 0.5]}),
+    ],
+)
+def test_flags_are_the_loads_of_python(shell: Shell, flags: str, load: Values) -> None:
+    """Of `solve`, `simulate` and, for loads with a potential, `modes`."""
+    given = ["amouri2019", "--tension", "40,0,10", *flags.split()]
+    exact = bs.solve(UNIFORM, [40, 0, 10], load=bs.Load(**load))
+    found = shell.json("solve", *given)
+    np.testing.assert_allclose(found["tip"]["position_m"], exact.tip.position, atol=1e-12)
+    points = [each.to_dict() for each in load.get("point_loads", ())]
+    assert (found["provenance"]["settings"]["point_loads"] or []) == points
+    run = ["--from", "40,0,10", "--rise", "0", "--hold", "0.02"]
+    moved = shell.json("simulate", *given, *run)["tip_position_m"]
+    assert np.abs(np.array(moved) - exact.tip.position).max() < 2e-5
+    if "moment" in flags or "follower" in flags:
+        return
+    frequency = bs.modes(UNIFORM, [40, 0, 10], load=bs.Load(**load), count=1).frequency_hz
+    kept = shell.json("modes", *given, "--count", "1")["modes"][0]["frequency_hz"]
+    assert kept == pytest.approx(frequency[0])
