@@ -88,11 +88,12 @@ def test_functions_and_tables_of_time_are_the_same_load() -> None:
     assert json.loads(json.dumps(runs[1].settings["point_loads"]))[0]["disk"] == 5
 
 
-def test_a_start_has_other_values_on_the_same_points() -> None:
-    start = bs.Start(bs.Load(point_loads=[], line_forces=[0, 0, 0]))
-    free = bs.solve(ROBOT, TENSIONS, model=bs.RodModel(elements=1)).tip.position
-    let_go = bs.simulate(ROBOT, TENSIONS, 0.1, load=bs.Load(**ALL), start=start)
-    assert np.abs(let_go.tip_position[0] - free).max() < 1e-6
+@pytest.mark.parametrize("points", [[], [DEAD, bs.PointLoad(point=FOLLOWER.point, follower=True)]])
+def test_a_start_has_other_values_on_the_same_points(points: list[bs.PointLoad]) -> None:
+    before = bs.Load(point_loads=points, line_forces=[0, 0, 0])
+    rest = bs.solve(ROBOT, TENSIONS, load=before, model=bs.RodModel(elements=1)).tip.position
+    let_go = bs.simulate(ROBOT, TENSIONS, 0.1, load=bs.Load(**ALL), start=bs.Start(before))
+    assert np.abs(let_go.tip_position[0] - rest).max() < 1e-6
     assert np.ptp(let_go.tip_position, axis=0).max() > 0.01
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -773,7 +774,7 @@ JET_BETWEEN = bs.PointLoad(-1, [0.5, 0, 0], (0, 0, 0), [0, 0.01, 0], True, 0.47)
     ("flags", "load"),
     [
         ("--disk-force 4:0,1,0.2 --disk-force 7:-500mN,0,0", {"disk_forces": FORCES}),
-        ("--disk-moment 3:0.02,0,50N*mm", {"disk_moments": MOMENTS}),
+        ("--disk-moment '3:0.02,0,50 N*mm'", {"disk_moments": MOMENTS}),
         ("--point-force 5:0,0.6,0.2@20mm,0,0.05", {"point_loads": [BESIDE]}),
         ("--point-force 250mm:0.2,0.9,-0.3", {"point_loads": [BETWEEN]}),
         ("--follower-force 9:0.3,0.2,-500mN@0,30mm,0.01", {"point_loads": [JET]}),
@@ -783,7 +784,7 @@ JET_BETWEEN = bs.PointLoad(-1, [0.5, 0, 0], (0, 0, 0), [0, 0.01, 0], True, 0.47)
 )
 def test_flags_are_the_loads_of_python(shell: Shell, flags: str, load: Values) -> None:
     """Of `solve`, `simulate` and, for loads with a potential, `modes`."""
-    given = ["amouri2019", "--tension", "40,0,10", *flags.split()]
+    given = ["amouri2019", "--tension", "40,0,10", *shlex.split(flags)]
     exact = bs.solve(UNIFORM, [40, 0, 10], load=bs.Load(**load))
     found = shell.json("solve", *given)
     np.testing.assert_allclose(found["tip"]["position_m"], exact.tip.position, atol=1e-12)
