@@ -70,14 +70,6 @@ def test_fk(shell: Shell) -> None:
     np.testing.assert_array_equal(found["tip"]["rotation"], expected.tip.rotation)
 
 
-def test_fk_of_several_segments(shell: Shell) -> None:
-    lengths = "0.19,0.205,0.205,0.395,0.4,0.4"
-    found = shell.json("fk", "rao2021", "--lengths", lengths)
-    assert [s["kappa_per_m"] for s in found["segments"]] == pytest.approx([5.0, 3.361345], rel=1e-6)
-    chord = shell.json("fk", "rao2021", "--lengths", lengths, "--chord")
-    assert chord["segments"] != found["segments"]
-
-
 @pytest.mark.parametrize("options", [[], ["--chord"]])
 def test_ik_inverts_fk(shell: Shell, options: list[str]) -> None:
     tip = shell.json("fk", "amouri2019", "--lengths", "0.612,0.64,0.67", *options)["tip"]
@@ -142,17 +134,6 @@ def test_solve_loads_may_be_negative_and_carry_units(shell: Shell) -> None:
     )
     assert expected.tip is not None
     np.testing.assert_array_equal(plain["tip"]["position_m"], expected.tip.position)
-
-
-def test_gravity_comes_from_the_file(shell: Shell) -> None:
-    flag = shell.json("solve", "amouri2019", "--tension", "20,0,0", "--gravity", "0,0,-9.81")
-    file = shell.json("solve", "amouri2019", "--tension", "20,0,0", "--set", "gravity=0 0 -9.81")
-    assert flag["tip"] == file["tip"]
-    off = shell.json(
-        *("solve", "amouri2019", "--tension", "20,0,0", "--set", "gravity=0 0 -9.81"),
-        *("--gravity", "0,0,0"),
-    )
-    assert off["tip"] != file["tip"]
 
 
 def test_set_is_repeatable(shell: Shell) -> None:

@@ -216,22 +216,6 @@ def test_motion_by_mixed_control_from_a_start(shell: Shell) -> None:
     assert found["tip_position_m"][0][1] != 0
 
 
-def test_a_release_of_elastic_tendons(shell: Shell) -> None:
-    elastic = ("--set", "segments.0.tendons.axial_stiffness=20 kN")
-    flags = (
-        "--displacement",
-        "0,0,0",
-        "--from-displacement",
-        "10 mm,-1 cm,-0.01",
-        "--rise",
-        "0",
-        "--hold",
-        "0.1",
-    )
-    found = shell.json(*SIMULATE, *elastic, *flags)
-    assert found["tip_position_m"][0][0] > 0.09 > found["tip_position_m"][-1][0]
-
-
 TABLE = "t_s,tension_1_N,displacement_2_mm,angle_3_deg\n0,0,0,0\n0.1,5,1,-10\n0.2,5,1,-10\n"
 
 
@@ -289,20 +273,14 @@ def test_bad_columns(shell: Shell, tmp_path: Path, header: str, says: str) -> No
 
 
 def test_modes_after_a_history(shell: Shell, tmp_path: Path) -> None:
-    """While unloading, friction holds the robot at a larger bend than while loading."""
     file = tmp_path / "path.json"
     shell.json(*SOLVE, *WITH_FRICTION, "--tension", "40,0,0", "--save-history", str(file))
-    flags = (*WITH_FRICTION, "--tension", "20,0,0", "--count", "1")
-    there = shell.json("modes", "amouri2019", *flags)
-    back = shell.json("modes", "amouri2019", *flags, "--history", str(file))
+    flags = ("--tension", "20,0,0", "--count", "1", "--history", str(file))
+    back = shell.json("modes", "amouri2019", *WITH_FRICTION, *flags)
     assert back["provenance"]["settings"]["history"] == str(file)
-    tips = [found["disks"][-1]["position_m"][0] for found in (there, back)]
-    assert tips[1] > tips[0] + 2e-3
-    history = json.loads(file.read_text())
     robot = bs.load_robot("amouri2019", {"segments.0.tendons.friction": "0.1"})
-    known = bs.modes(robot, [20, 0, 0], count=1, history=history)
+    known = bs.modes(robot, [20, 0, 0], count=1, history=json.loads(file.read_text()))
     assert back["modes"][0]["frequency_hz"] == known.frequency_hz[0]
-    assert back["modes"][0]["frequency_hz"] != there["modes"][0]["frequency_hz"]
 
 
 def test_motion_with_friction_goes_on_from_a_history(shell: Shell, tmp_path: Path) -> None:
@@ -328,13 +306,6 @@ def test_motion_with_friction_goes_on_from_a_history(shell: Shell, tmp_path: Pat
     assert "of another robot" in shell.error(*SIMULATE, *flags)
 
 
-def test_pictures_of_a_displaced_motion(shell: Shell, tmp_path: Path) -> None:
-    vtk, gif = tmp_path / "series", tmp_path / "run.gif"
-    flags = ("--displacement", "0.02,-0.03,-0.03", "--rise", "0.05", "--hold", "0.05")
-    shell.json(*SIMULATE, *flags, "--vtk", str(vtk), "--animation", str(gif))
-    assert (vtk / "run.pvd").is_file() and gif.stat().st_size > 1000
-
-
 def test_modes_of_displacements(shell: Shell) -> None:
     robot = spooled()
     expected = bs.modes(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03]))
@@ -344,9 +315,6 @@ def test_modes_of_displacements(shell: Shell) -> None:
     turned = shell.json("modes", "amouri2019", *SPOOL, "--angle=2,-3,-3")
     assert turned["modes"][0]["frequency_hz"] == pytest.approx(expected.frequency_hz[0])
     assert found["provenance"]["settings"]["displacements_m"] == [0.02, -0.03, -0.03]
-    stuck = shell.json("modes", "amouri2019", *WITH_FRICTION, "--tension", "20,0,0")
-    free = shell.json("modes", "amouri2019", "--tension", "20,0,0")
-    assert stuck["modes"][1]["frequency_hz"] > 2 * free["modes"][1]["frequency_hz"]
 
 
 @pytest.mark.parametrize(

@@ -56,18 +56,11 @@ def test_simulate(shell: Shell, robot: bs.Robot) -> None:
 
 
 def test_coarse_steps_are_reported(shell: Shell) -> None:
-    arguments = (*DISPLACED, "--rise", "1", "--hold", "0.5")
-    coarse, fine = (shell.json(*arguments, "--dt", dt) for dt in ("50 ms", "0.2 ms"))
-    off = np.linalg.norm(np.subtract(coarse["tip_position_m"], fine["tip_position_m"]), axis=1)
-    assert off.max() > 10e-3
-    assert off.max() < coarse["error_estimate"]["tip_m"] < 5 * off.max()
-    assert fine["error_estimate"]["tip_m"] < 1e-4
-    assert "give a smaller dt" in coarse["message"]
-    assert "smaller" not in fine["message"]
-    _, shown, _ = shell(*arguments, "--dt", "50 ms")
-    assert "The time steps cause a tip error of" in shown and "give a smaller dt" in " ".join(
-        shown.split()
-    )
+    arguments = (*DISPLACED, "--rise", "1", "--hold", "0.5", "--dt", "50 ms")
+    assert "give a smaller dt" in shell.json(*arguments)["message"]
+    _, shown, _ = shell(*arguments)
+    words = " ".join(shown.split())
+    assert "The time steps cause a tip error of" in words and "give a smaller dt" in words
 
 
 @pytest.mark.parametrize("flags", [["--dt", "20 ms"], ["--every", "2 ms"], ["--every", "3 ms"]])
@@ -78,28 +71,9 @@ def test_times_are_every_hundredth_whatever_the_step(shell: Shell, flags: list[s
         *(k / 100 for k in range(111)),
         1.105,
     ]  # as people write them
-    tip = np.array(found["tip_position_m"])
-    assert tip.shape == (112, 3)
-    np.testing.assert_allclose(tip[0], [0, 0, 0.641], atol=1e-12)
-    fine = np.array(shell.json(*arguments)["tip_position_m"])
-    assert np.linalg.norm(tip - fine, axis=1).max() < (5e-3 if "--dt" in flags else 2e-4)
-
-
-def test_rarer_output_is_not_interpolated(shell: Shell) -> None:
-    found = shell.json(*DISPLACED, "--rise", "0.1", "--hold", "0.1", "--every", "0.07")
-    assert found["t_s"] == [0, 0.07, 0.14, 0.2]
-    fine = np.array(shell.json(*DISPLACED, "--rise", "0.1", "--hold", "0.1")["tip_position_m"])
-    np.testing.assert_allclose(found["tip_position_m"], fine[[0, 7, 14, 20]], atol=1e-4)
-
-
-def test_release_from_an_equilibrium(shell: Shell, robot: bs.Robot) -> None:
-    flags = ["--from", "40,0,0", "--rise", "0", "--hold", "0.2"]
-    found = shell.json(*SIMULATE, "--tension", "0,0,0", *flags)
-    rest = bs.solve(robot, [40, 0, 0]).raise_for_status().tip
-    assert rest is not None
-    np.testing.assert_allclose(found["tip_position_m"][0], rest.position, atol=1e-9)
-    assert found["tip_position_m"][-1][0] < 0.5 * rest.position[0]  # it swings back
-    assert found["provenance"]["settings"]["initial_tensions_N"] == [40, 0, 0]
+    assert np.shape(found["tip_position_m"]) == (112, 3)
+    rarer = shell.json(*arguments, "--every", "0.35")["t_s"]
+    assert rarer == [0, 0.35, 0.7, 1.05, 1.105]
 
 
 def test_rise_from_tensions(shell: Shell) -> None:

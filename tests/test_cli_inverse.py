@@ -213,15 +213,6 @@ def test_bad_flags(shell: Shell, arguments: list[str], words: str) -> None:
     assert words in shell.error("ik", "rao2021", *arguments)
 
 
-def test_friction_counts(shell: Shell) -> None:
-    changes = ["--model", "physics", "--set", "segments.*.tendons.*.friction=0.1"]
-    tip = ["--tip", "0.08,0.02,0.375"]
-    rubbing = shell.json("ik", "rao2021", *tip, *changes)
-    without = shell.json("ik", "rao2021", *tip, *changes[:2])
-    assert rubbing["status"] == without["status"] == "reached"
-    assert sum(rubbing["tensions_N"]) > sum(without["tensions_N"])
-
-
 def test_limits_of_displacement(shell: Shell) -> None:
     arguments = ["ik", "amouri2019", "--tip", "0.3,0,0.53", "--model", "physics"]
     found = shell.json(*arguments, "--displacement-limits", "-50 mm,20 mm")
