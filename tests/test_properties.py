@@ -169,6 +169,7 @@ ROBOTS: dict[str, Row] = {
         design={"segments.0.tendons.compliance": [1e-5, 4e-5]},
         by_displacement=True,
     ),
+    "two segments": Row(bs.load_robot("rao2021"), {E: [50e9, 70e9]}),
 }
 
 # -- laws: robots whose equilibrium depends on the path to it ----------------------------------
@@ -350,8 +351,9 @@ def _cases() -> dict[str, Case]:
     """Every load on the uniform robot, and two loads on every other robot and on every law."""
     kinds = list(LOADS)
     pairs = [("uniform", kind) for kind in kinds]
-    others = [name for name in (*ROBOTS, *LAWS) if name != "uniform"]
-    for k, name in enumerate(others):
+    others = [name for name in ROBOTS if name != "uniform"]
+    # two loads further with each row; a row that is added at the end leaves the pairs before it
+    for k, name in [*enumerate(others), *enumerate(LAWS, 4)]:
         pairs += [(name, kinds[(2 * k + i) % len(kinds)]) for i in range(2)]
     rows = ROBOTS | LAWS
     return {
@@ -472,6 +474,7 @@ def test_a_turned_robot_under_a_turned_load_has_turned_poses(case: Case) -> None
     size = case.robot.length
     assert np.abs(there.tip_position - here.tip_position @ TURN.T).max() < 1e-9 * size
     assert np.abs(there.tip_rotation - TURN @ here.tip_rotation @ TURN.T).max() < 1e-8
+    assert np.abs(there.tendon_lengths - here.tendon_lengths).max() < 1e-9 * size
     assert np.linalg.norm(here.tip_position[1, :2]) > 0.01 * size
     if "motion" in case.lacks:
         return

@@ -17,7 +17,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
-from scipy.spatial.transform import Rotation
 from scipy.special import ellipe, ellipk
 
 import bowstring as bs
@@ -336,37 +335,6 @@ def test_buckling_finds_the_bent_branch(robot, bare, ratio):
 # --- conservation laws --------------------------------------------------------------------
 
 
-def turn(angle):
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-
-
-@pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
-def test_rotating_the_load_rotates_the_solution(robot):
-    """Tendons are 120 degrees apart; the robot has no preferred direction."""
-    tensions, gravity = np.array([50.0, 10.0, 3.0]), np.array([3.0, -2.0, -9.0])
-    force, moment = np.array([0.3, 1.0, -0.5]), np.array([0.1, -0.05, 0.2])
-    for theory in ("kirchhoff", "cosserat"):
-        for k in (1, 2):
-            for m in (np.zeros(3), moment):
-                q = turn(k * 2 * math.pi / 3)
-                a = bs.solve(
-                    robot,
-                    tensions,
-                    load=bs.Load(gravity=gravity, tip_force=force, tip_moment=m),
-                    model=bs.RodModel(theory),
-                ).raise_for_status()
-                b = bs.solve(
-                    robot,
-                    np.roll(tensions, k),
-                    load=bs.Load(gravity=q @ gravity, tip_force=q @ force, tip_moment=q @ m),
-                    model=bs.RodModel(theory),
-                ).raise_for_status()
-                assert np.allclose(a.disk_positions @ q.T, b.disk_positions, atol=1e-11)
-                assert np.allclose(q @ a.tip.rotation @ q.T, b.tip.rotation, atol=1e-10)
-                assert np.allclose(np.roll(a.tendon_lengths, k), b.tendon_lengths, atol=1e-11)
-
-
 @pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
 @pytest.mark.parametrize("tendon", ["straight", "continuous"])
 def test_maxwell_reciprocity(rao, theory, tendon):
@@ -411,51 +379,6 @@ def test_work_of_tension_and_force_around_a_loop_is_zero(robot):
     push = np.sum((forces[1:] + forces[:-1]) / 2 * np.diff(found.tip_position, axis=0))
     assert abs(work) > 1e-3  # neither part is zero
     assert abs(work + push) < 1e-5 * abs(work)
-
-
-def turned(after, before):
-    """Rotation vector in the base frame."""
-    return Rotation.from_matrix(after @ before.T).as_rotvec()
-
-
-@pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
-@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
-@pytest.mark.parametrize("moment", [(0, 0, 0), (0.01, -0.02, 0.03)])
-def test_jacobians_against_central_differences(rao, theory, moment):
-    base = np.array([2.0, 0.5, 0.3, 1.0, 0.2, 0.7, 0.02, -0.03, 0.01, *moment])
-    gravity = (1, 2, -9.81)
-
-    def answer(load, robot=rao):
-        return bs.solve(
-            robot,
-            load[:6],
-            load=bs.Load(gravity=gravity, tip_force=load[6:9], tip_moment=load[9:]),
-            model=bs.RodModel(theory, elements=2),
-        ).raise_for_status()
-
-    def stiffer(segment, by):
-        E = rao.segments[segment].backbone.E
-        return answer(base, rao.with_({f"segments.{segment}.backbone.E": E * math.exp(by)}))
-
-    steps = [1e-4] * 6 + [1e-5] * 6
-    pairs = [
-        (answer(base + h * e), answer(base - h * e)) for h, e in zip(steps, np.eye(12), strict=True)
-    ]
-    pairs += [(stiffer(i, 1e-4), stiffer(i, -1e-4)) for i in (0, 1)]
-    steps += [1e-4, 1e-4]
-    found = bs.jacobians(answer(base))
-    names = ("tension", "tip_force", "tip_moment", "stiffness")
-    for what, difference in (
-        ("tip_position", lambda a, b: a.tip.position - b.tip.position),
-        ("tip_rotation", lambda a, b: turned(a.tip.rotation, b.tip.rotation)),
-        ("lengths", lambda a, b: a.tendon_lengths - b.tendon_lengths),
-    ):
-        columns = [difference(a, b) / (2 * h) for h, (a, b) in zip(steps, pairs, strict=True)]
-        expected = np.split(np.stack(columns, axis=1), [6, 9, 12], axis=1)
-        for name, table in zip(names, expected, strict=True):
-            own = getattr(found, f"{what}_by_{name}")
-            assert own.shape == table.shape, (what, name)
-            assert np.abs(own - table).max() < 1e-5 * np.abs(table).max(), (what, name)
 
 
 @pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
