@@ -1,4 +1,4 @@
-"""`bowstring cad`: its contract, its files, and bad input."""
+"""`bowstring cad`: its contract and its files."""
 
 from __future__ import annotations
 

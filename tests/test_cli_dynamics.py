@@ -1,4 +1,4 @@
-"""`bowstring simulate` and `bowstring modes`: their contract, their files, and bad input."""
+"""`bowstring simulate` and `bowstring modes`: their contract and their files."""
 
 from __future__ import annotations
 

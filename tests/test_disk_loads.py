@@ -1,4 +1,4 @@
-"""Dead forces and moments on disks, from Python and the command line."""
+"""Dead forces and moments on disks: the tip, beams, histories and motions."""
 
 from __future__ import annotations
 

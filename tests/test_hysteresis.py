@@ -1,4 +1,4 @@
-"""Hysteresis of the backbone: closed forms, invariants, calibration, refusals."""
+"""Hysteresis of the backbone: closed forms, calibration, error budget."""
 
 from __future__ import annotations
 
@@ -15,16 +15,15 @@ SET = {"segments.*.backbone.hysteresis": SHARE, "segments.*.backbone.hysteresis_
 STUDY = bs.load_robot("amouri2019", SET)
 
 
-def follow(robot, moments, axis=(1.0, 0.0, 0.0)):
-    """Bends (n,) about `axis` in rad along a path of tip moments (N m)."""
-    rows = np.outer(moments, axis)
+def follow(robot, moments):
+    """Bends (n,) about x in rad along a path of tip moments (N m)."""
+    rows = np.outer(moments, [1.0, 0.0, 0.0])
     found = bs.sweep(
         robot, np.zeros((len(rows), robot.core.tendon_count)), load=bs.Load(tip_moment=rows)
     )
     assert found.converged.all()
     tangent = found.tip_rotation[:, :, 2]
-    across = np.cross(axis, [0.0, 0.0, 1.0])
-    return np.arctan2(tangent @ across, tangent[:, 2])
+    return np.arctan2(-tangent[:, 1], tangent[:, 2])
 
 
 def closed_form(robot, moments):

@@ -1,4 +1,4 @@
-"""Relaxation of the backbone and creep of the tendons: closed forms, limits, fit, refusals."""
+"""Relaxation of the backbone and creep of the tendons: closed forms, limits, fit."""
 
 from __future__ import annotations
 
@@ -28,14 +28,13 @@ VISCOELASTIC = bs.load_robot("amouri2019", RELAXES)
 CREEPING = bs.load_robot("amouri2019", CREEPS)
 
 
-def bends(moments, times, axis=(1.0, 0.0, 0.0), robot=VISCOELASTIC):
-    """Bends (n,) about `axis` in rad under tip moments (N m) at these times (s)."""
-    load = bs.Load(np.zeros((len(times), 3)), tip_moment=np.outer(moments, axis))
+def bends(moments, times, robot=VISCOELASTIC):
+    """Bends (n,) about x in rad under tip moments (N m) at these times (s)."""
+    load = bs.Load(np.zeros((len(times), 3)), tip_moment=np.outer(moments, [1.0, 0.0, 0.0]))
     found = bs.sweep(robot, load=load, times=times)
     assert found.converged.all()
     tangent = found.tip_rotation[:, :, 2]
-    across = np.cross(axis, [0.0, 0.0, 1.0])
-    return np.arctan2(tangent @ across, tangent[:, 2])
+    return np.arctan2(-tangent[:, 1], tangent[:, 2])
 
 
 def test_under_a_constant_moment_the_bend_creeps_by_the_closed_form():
