@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from bowstring.robot.model import check_round
 from bowstring.statics.designs import sweep_designs
 from shell import Shell
 
-ROOT = Path(__file__).parents[1]
 ROBOT = bs.load_robot("amouri2019")
 TENSIONS = [40.0, 5.0, 10.0]
 
@@ -93,6 +91,7 @@ RELAXES = of("backbone", relaxation=0.3, second_relaxation=0.2)
             | of("backbone", yield_strength="500 MPa"),
             "limits are for a round backbone",
         ),
+        (of("backbone", strain_limit=0.0), "must be above 0 and at most 10"),
         # routing
         (of("tendons", turns=9.0), "1 of a turn between two disks"),
         (of("tendons", turns=4.4), "passes through the"),
