@@ -205,15 +205,6 @@ def test_release_never_fails(theory: Any, dt: float) -> None:
     assert run.to_dataset().kinetic_energy.max() < 1.02 * run.to_dataset().elastic_energy[0]
 
 
-def test_segments_and_gravity_start_at_rest() -> None:
-    robot = bs.load_robot("rao2021")
-    still = [3.0, 0.0, 0.0, 0.0, 2.0, 0.0]
-    run = simulate(robot, still, 0.5, load=bs.Load(gravity=[0, 0, -9.81]))
-    solution = bs.solve(robot, still, load=bs.Load(gravity=[0, 0, -9.81])).raise_for_status()
-    assert solution.tip is not None
-    assert np.linalg.norm(run.tip_position - solution.tip.position, axis=1).max() < 1e-6
-
-
 # -- fields ----------------------------------------------------------------------------------
 
 

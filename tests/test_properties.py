@@ -263,39 +263,41 @@ class Sizes:
         )
 
 
-def _on_disks(of: Sizes, follower: bool) -> Values:
-    arm = (0.02 * of.robot.length, -0.01 * of.robot.length, 0.03 * of.robot.length)
-    inner = of.point([0.3, 0.6, 0.2], [0.1, 0.0, 0.05], disk=1, point=arm, follower=follower)
-    outer = of.point([0.4, -0.3, -0.3], [0.0, 0.1, 0.05], point=arm, follower=follower)
+def _on_disks(unit: Sizes, follower: bool) -> Values:
+    arm = (0.02 * unit.robot.length, -0.01 * unit.robot.length, 0.03 * unit.robot.length)
+    inner = unit.point([0.3, 0.6, 0.2], [0.1, 0.0, 0.05], disk=1, point=arm, follower=follower)
+    outer = unit.point([0.4, -0.3, -0.3], [0.0, 0.1, 0.05], point=arm, follower=follower)
     return {"point_loads": [inner, outer]}
 
 
-def _on_sections(of: Sizes, follower: bool) -> Values:
-    arm = (0.02 * of.robot.length, 0.0, 0.01 * of.robot.length)
-    places = [share * of.robot.length for share in (0.37, 0.78)]
-    inner = of.point([0.5, -0.6, 0.2], [0.1, 0.0, 0.1], arc_length=places[0], follower=follower)
-    outer = of.point([0.4, 0.3, -0.3], [0.0, 0.1, 0.05], arc_length=places[1], point=arm)
+def _on_sections(unit: Sizes, follower: bool) -> Values:
+    arm = (0.02 * unit.robot.length, 0.0, 0.01 * unit.robot.length)
+    places = [share * unit.robot.length for share in (0.37, 0.78)]
+    inner = unit.point([0.5, -0.6, 0.2], [0.1, 0.0, 0.1], arc_length=places[0], follower=follower)
+    outer = unit.point([0.4, 0.3, -0.3], [0.0, 0.1, 0.05], arc_length=places[1], point=arm)
     return {"point_loads": [inner, replace(outer, follower=follower)]}
 
 
 LOADS: dict[str, Callable[[Sizes], Values]] = {
-    "gravity": lambda of: {"gravity": (1.0, 2.0, -9.81)},
-    "tip": lambda of: {
-        "tip_force": of.force * np.array([0.5, -0.8, 0.3]),
-        "tip_moment": of.moment * np.array([0.1, 0.2, -0.1]),
+    "gravity": lambda unit: {"gravity": (1.0, 2.0, -9.81)},
+    "tip": lambda unit: {
+        "tip_force": unit.force * np.array([0.5, -0.8, 0.3]),
+        "tip_moment": unit.moment * np.array([0.1, 0.2, -0.1]),
     },
-    "disk forces": lambda of: {
-        "disk_forces": of.force * (of.on(1, [0.5, 1.0, 0.2]) + of.on(-2, [-0.5, 0.3, 0.0]))
+    "disk forces": lambda unit: {
+        "disk_forces": unit.force * (unit.on(1, [0.5, 1.0, 0.2]) + unit.on(-2, [-0.5, 0.3, 0.0]))
     },
-    "disk moments": lambda of: {
-        "disk_forces": of.force * of.on(-1, [0.3, 0.5, 0.2]),
-        "disk_moments": of.moment * of.on(2, [0.2, 0.0, 0.2]),
+    "disk moments": lambda unit: {
+        "disk_forces": unit.force * unit.on(-1, [0.3, 0.5, 0.2]),
+        "disk_moments": unit.moment * unit.on(2, [0.2, 0.0, 0.2]),
     },
-    "dead on disks": lambda of: _on_disks(of, follower=False),
-    "followers on disks": lambda of: _on_disks(of, follower=True),
-    "line": lambda of: {"line_forces": of.force / of.robot.length * np.array([0.6, -1.0, 0.5])},
-    "dead on sections": lambda of: _on_sections(of, follower=False),
-    "followers on sections": lambda of: _on_sections(of, follower=True),
+    "dead on disks": lambda unit: _on_disks(unit, follower=False),
+    "followers on disks": lambda unit: _on_disks(unit, follower=True),
+    "line": lambda unit: {
+        "line_forces": unit.force / unit.robot.length * np.array([0.6, -1.0, 0.5])
+    },
+    "dead on sections": lambda unit: _on_sections(unit, follower=False),
+    "followers on sections": lambda unit: _on_sections(unit, follower=True),
 }
 
 _SLOW = {"batch": "many rows take seconds"}
@@ -368,19 +370,9 @@ def _cases() -> dict[str, Case]:
 
 CASES = _cases()
 PROPERTIES = {
-    *(
-        "turning",
-        "rows",
-        "batch",
-        "designs",
-        "displacements",
-        "derivatives",
-        "error",
-        "motion",
-        "energy",
-    ),
-    *("end", "history", "files", "drawing", "fields"),
-}
+    "turning", "rows", "batch", "designs", "displacements", "derivatives", "error",
+    "motion", "energy", "end", "history", "files", "drawing", "fields",
+}  # fmt: skip
 
 
 def every(*properties: str) -> Any:
@@ -480,7 +472,7 @@ def test_a_turned_robot_under_a_turned_load_has_turned_poses(case: Case) -> None
         return
     runs = [
         bs.simulate(each.robot, ramp(case.tensions[1], 0.05), 0.1, load=each.loaded(),
-                    integrator=bs.Integrator(dt=2e-3))
+                    model=case.row.model, integrator=bs.Integrator(dt=2e-3))
         for each in (case, other)
     ]  # fmt: skip
     assert np.abs(runs[1].tip_position - runs[0].tip_position @ TURN.T).max() < 2e-6 * size
@@ -580,10 +572,10 @@ def test_drawn_tendons_have_their_lengths(case: Case) -> None:
 @every("derivatives")
 def test_derivatives_are_those_of_differences(case: Case) -> None:
     """By tensions, tip force and moment, and stiffness of a segment; Richardson's differences."""
-    of, model = Sizes(case.robot), case.elements(2)
+    unit, model = Sizes(case.robot), case.elements(2)
     tensions = case.tensions[1]
-    scale = {"tension": 0.02 * tensions.max(), "tip_force": 0.02 * of.force,
-             "tip_moment": 0.02 * of.moment, "stiffness": 0.02}  # fmt: skip
+    scale = {"tension": 0.02 * tensions.max(), "tip_force": 0.02 * unit.force,
+             "tip_moment": 0.02 * unit.moment, "stiffness": 0.02}  # fmt: skip
 
     def solved(by: str, k: int, step: float) -> bs.Solution:
         robot, given = case.robot, case.loaded(tensions)

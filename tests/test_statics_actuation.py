@@ -293,21 +293,6 @@ def test_loading_and_unloading_form_a_hysteresis_loop(with_friction):
     assert rows.displacements()[30, 0] > rows.displacements()[10, 0]
 
 
-def test_history_continues_through_json(with_friction):
-    tensions = np.array([[10, 0, 0], [40, 0, 0], [30, 5, 0], [15, 5, 0], [20, 0, 0]], float)
-    path = bs.sweep(with_friction, tensions).raise_for_status()
-    history = None
-    for i, row in enumerate(tensions):
-        found = bs.solve(with_friction, row, history=history).raise_for_status()
-        assert np.abs(tip(found) - path.tip_position[i]).max() < 1e-9
-        np.testing.assert_allclose(found.span_tensions, path.span_tensions[i], rtol=1e-7)
-        history = json.loads(json.dumps(found.history(), allow_nan=False))
-    rest = bs.sweep(with_friction, tensions[:1], history=history).raise_for_status()
-    end = bs.sweep(with_friction, np.vstack((tensions, tensions[:1]))).raise_for_status()
-    assert np.abs(rest.tip_position[0] - end.tip_position[-1]).max() < 1e-9
-    assert np.abs(end.tip_position[-1] - end.tip_position[0]).max() > 1e-4  # the path matters
-
-
 def test_displacement_hysteresis_continues_through_json(with_friction):
     up = np.linspace(0, 0.02, 11)
     path = np.outer(np.concatenate((up, up[-2::-1])), [1, -0.55, -0.55]) - [0, 0.001, 0.001]
