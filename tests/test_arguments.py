@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,22 +14,13 @@ import bowstring as bs
 from bowstring.dynamics.load_history import Table, ramp, step
 from bowstring.dynamics.modal import modes
 from bowstring.dynamics.simulation import simulate
-from bowstring.errors import InputError
-from objects import objects
+from objects import objects, refused
 
 ROBOT = bs.load_robot("amouri2019")
 NAN, INF = float("nan"), float("inf")
 NUMBERS = ("duration", "dt", "tolerance", "every", "mass_damping", "material_damping")
 NUMBERS += ("modal_damping", "spectral_radius")
 OTHER = bs.solve(ROBOT.with_({"segments.0.tendons.friction": 0.2}), [10, 0, 0]).history()
-
-
-def refused(says: str, call: Callable[[], object]) -> None:
-    """Check for a short `InputError` of one line with these words or of this pattern."""
-    with pytest.raises(InputError) as error:
-        call()
-    text = str(error.value)
-    assert (says in text or re.search(says, text)) and "\n" not in text and len(text) < 300, text
 
 
 def _motion(**given: Any) -> object:

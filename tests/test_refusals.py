@@ -22,17 +22,11 @@ from bowstring.fem import run as fem
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import check_round
 from bowstring.statics.designs import sweep_designs
+from objects import refused
 from shell import Shell
 
 ROBOT = bs.load_robot("amouri2019")
 TENSIONS = [40.0, 5.0, 10.0]
-
-
-def refused(says: str, call: Callable[[], object]) -> None:
-    """Check that a call raises an `InputError` of one line with these words."""
-    with pytest.raises(InputError) as error:
-        call()
-    assert says in str(error.value) and "\n" not in str(error.value), error.value
 
 
 def of(part: str, **values: Any) -> dict[str, Any]:
