@@ -175,6 +175,7 @@ ROBOTS: dict[str, Row] = {
 # -- laws: robots whose equilibrium depends on the path to it ----------------------------------
 
 _PATH = {
+    "batch": "a polynomial starts equilibria under tensions alone",
     "derivatives": "the equilibrium depends on the path to it",
     "displacements": "the equilibrium depends on the path to it",
     "error": "modules may turn at other loads with more elements",
@@ -778,18 +779,24 @@ JET_BETWEEN = bs.PointLoad(-1, [0.5, 0, 0], (0, 0, 0), [0, 0.01, 0], True, 0.47)
     ],
 )
 def test_flags_are_the_loads_of_python(shell: Shell, flags: str, load: Values) -> None:
-    """Of `solve`, `simulate` and, for loads with a potential, `modes`."""
-    given = ["amouri2019", "--tension", "40,0,10", *shlex.split(flags)]
     exact = bs.solve(UNIFORM, [40, 0, 10], load=bs.Load(**load))
-    found = shell.json("solve", *given)
+    found = shell.json("solve", "amouri2019", "--tension", "40,0,10", *shlex.split(flags))
     np.testing.assert_allclose(found["tip"]["position_m"], exact.tip.position, atol=1e-12)
     points = [each.to_dict() for each in load.get("point_loads", ())]
     assert (found["provenance"]["settings"]["point_loads"] or []) == points
+
+
+def test_flags_of_motions_and_modes_are_the_loads_of_python(shell: Shell) -> None:
+    given = ["amouri2019", "--tension", "40,0,10", "--point-force", "250mm:0.2,0.9,-0.3"]
+    given += ["--disk-force", "4:0,1,0.2", "--disk-force", "7:-0.5,0,0"]
+    given += ["--line-force", "0.3,-0.8,0.5"]
+    load = bs.Load(disk_forces=FORCES, point_loads=[BETWEEN], line_forces=[0.3, -0.8, 0.5])
+    frequency = bs.modes(UNIFORM, [40, 0, 10], load=load, count=1).frequency_hz
+    found = shell.json("modes", *given, "--count", "1")["modes"][0]["frequency_hz"]
+    assert found == pytest.approx(frequency[0])
+    given += ["--disk-moment", "3:0.02,0,0.05", "--follower-force", "9:0.3,0.2,-0.5@0,0.03,0.01"]
+    load = load.replace(disk_moments=MOMENTS, point_loads=[BETWEEN, JET])
+    rest = bs.solve(UNIFORM, [40, 0, 10], load=load).tip.position
     run = ["--from", "40,0,10", "--rise", "0", "--hold", "0.02"]
     moved = shell.json("simulate", *given, *run)["tip_position_m"]
-    assert np.abs(np.array(moved) - exact.tip.position).max() < 2e-5
-    if "moment" in flags or "follower" in flags:
-        return
-    frequency = bs.modes(UNIFORM, [40, 0, 10], load=bs.Load(**load), count=1).frequency_hz
-    kept = shell.json("modes", *given, "--count", "1")["modes"][0]["frequency_hz"]
-    assert kept == pytest.approx(frequency[0])
+    assert np.abs(np.array(moved) - rest).max() < 2e-5
