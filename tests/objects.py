@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
+import pytest
+
 import bowstring as bs
 from bowstring.data import synthetic
+from bowstring.errors import InputError
 
 _MODEL = ("theory", "tendon_path", "twist", "elements")
 _LOAD = ("displacements", "angles", "gravity", "tip_force", "tip_moment")
@@ -72,3 +77,11 @@ STUDY_BY_NAME: dict[str, Any] = {
     for name, value in vars(part).items()
     if value is not None
 }
+
+
+def refused(says: str, call: Callable[[], object]) -> None:
+    """Check for a short `InputError` of one line with these words, or of this pattern."""
+    with pytest.raises(InputError) as error:
+        call()
+    text = str(error.value)
+    assert (says in text or re.search(says, text)) and "\n" not in text and len(text) < 300, text

@@ -25,15 +25,6 @@ segments:
     tendons: []
 """
 
-STEEL = """
-name: steel
-segments:
-  - length: 600 mm
-    backbone: {diameter: 1.6 mm, E: 200 GPa, nu: 0.33, density: 7870 kg/m^3}
-    disks: {count: 2, mass: 0 g, radius: 2 mm, thickness: 0 mm}
-    tendons: {count: 3, pitch_radius: 1.5 mm}
-"""
-
 
 def from_text(path: Path, text: str) -> bs.Robot:
     path.write_text(text)
@@ -75,9 +66,3 @@ def test_arcs_of_inner_segments_without_tendons_are_refused(tmp_path: Path) -> N
         RobotArcs.from_lengths(robot, found.tendon_lengths)
     arcs = RobotArcs.from_tensions(robot, [3.0, 0.0, 0.0])
     assert (np.asarray(arcs.theta) > 0).all()
-
-
-def test_a_robot_needs_a_tendon(tmp_path: Path) -> None:
-    text = STEEL.replace("{count: 3, pitch_radius: 1.5 mm}", "[]")
-    with pytest.raises(InputError, match="a robot needs at least one tendon"):
-        from_text(tmp_path / "none.yaml", text)

@@ -12,8 +12,6 @@ from scipy.spatial.transform import Rotation
 
 import bowstring as bs
 from bowstring.dynamics.base_motion import BaseHistory
-from bowstring.errors import InputError
-from bowstring.fem import run as fem
 
 ROBOT = bs.load_robot("amouri2019")
 MASS = 0.05
@@ -214,55 +212,8 @@ def test_curves_between_accelerations_are_as_fine_as_the_motion() -> None:
         assert max(history.knots()) == 1.7
 
 
-@pytest.mark.parametrize(
-    ("given", "says"),
-    [
-        (([0.0], None), "two or more"),
-        (([0.1, 1.0], None), "begin at 0 s and increase"),
-        (([0.0, 1.0, 1.0], None), "begin at 0 s and increase"),
-        (([0.0, 1.0], [[0, 0, 0]]), r"positions has shape \(1, 3\)"),
-        (([0.0, 1.0], [[0, 0, 0], [0, 0, np.nan]]), "all must be finite"),
-        (([0.0, 1.0], None, [[0, 0, 0], [0, 3.1, 0]]), "turns by 3.1 rad from 0 to 1 s"),
-        (("x", None), "times is 'x'"),
-    ],
-)
-def test_bad_motions_are_refused(given: tuple[Any, ...], says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        bs.BaseMotion(*given)
-
-
-def test_a_base_without_a_motion_is_refused() -> None:
-    with pytest.raises(InputError, match="neither positions nor rotations"):
-        bs.BaseMotion([0.0, 1.0])
-
-
-def test_it_moves_in_simulations_only() -> None:
-    base = bs.BaseMotion([0.0, 1.0], [[0, 0, 0], [0, 0, 1]])
-    load = bs.Load(base=base)
-    for call in (
-        lambda: bs.solve(ROBOT, TENSIONS, load=load),
-        lambda: bs.sweep(ROBOT, [TENSIONS], load=load),
-        lambda: bs.modes(ROBOT, TENSIONS, load=load),
-        lambda: bs.critical_load(ROBOT, load=bs.Load([1, 0, 0], base=base)),
-    ):
-        with pytest.raises(InputError, match=r"which only bowstring\.simulate takes"):
-            call()
-    with pytest.raises(InputError, match="tensions, gravity and a tip force only"):
-        fem.sweep(ROBOT, [TENSIONS], load=load)
-    with pytest.raises(InputError, match="moves up to 1 s and the run lasts 2 s"):
-        bs.simulate(ROBOT, TENSIONS, 2.0, load=load)
-    with pytest.raises(InputError, match="it must be a BaseMotion"):
-        bs.simulate(ROBOT, TENSIONS, 0.5, load=bs.Load(base="x"))
-    with pytest.raises(InputError, match="starts at rest on its base"):
-        bs.simulate(ROBOT, TENSIONS, 0.5, start=bs.Start(load))
-    with pytest.raises(InputError, match=r"start\.load has gravity, which is that of load"):
-        bs.simulate(ROBOT, TENSIONS, 0.5, start=bs.Start(bs.Load(gravity=[0, 0, -9.81])))
-
-
 def test_a_motion_from_plain_values() -> None:
     base = bs.BaseMotion(TIMES, rotations=TIMES[:, None] * [0, 0, 1.0])
     again = bs.BaseMotion.of_dict(base.to_dict())
     np.testing.assert_array_equal(again.rotations, base.rotations)
     assert again.positions is None
-    with pytest.raises(InputError, match="a motion of the base has no rotations_rad"):
-        bs.BaseMotion.of_dict({"times_s": [0, 1], "positions_m": None})

@@ -27,7 +27,7 @@ from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.study import run as study_module
 from bowstring.study.study import Study
-from shell import Shell, adapter, process, refuses
+from shell import Shell, adapter, process
 from stages import Stages, by_name
 
 ROOT = Path(__file__).parents[1]
@@ -68,14 +68,6 @@ def test_fk(shell: Shell) -> None:
     )
     np.testing.assert_array_equal(found["tip"]["position_m"], expected.tip.position)
     np.testing.assert_array_equal(found["tip"]["rotation"], expected.tip.rotation)
-
-
-def test_fk_of_several_segments(shell: Shell) -> None:
-    lengths = "0.19,0.205,0.205,0.395,0.4,0.4"
-    found = shell.json("fk", "rao2021", "--lengths", lengths)
-    assert [s["kappa_per_m"] for s in found["segments"]] == pytest.approx([5.0, 3.361345], rel=1e-6)
-    chord = shell.json("fk", "rao2021", "--lengths", lengths, "--chord")
-    assert chord["segments"] != found["segments"]
 
 
 @pytest.mark.parametrize("options", [[], ["--chord"]])
@@ -142,17 +134,6 @@ def test_solve_loads_may_be_negative_and_carry_units(shell: Shell) -> None:
     )
     assert expected.tip is not None
     np.testing.assert_array_equal(plain["tip"]["position_m"], expected.tip.position)
-
-
-def test_gravity_comes_from_the_file(shell: Shell) -> None:
-    flag = shell.json("solve", "amouri2019", "--tension", "20,0,0", "--gravity", "0,0,-9.81")
-    file = shell.json("solve", "amouri2019", "--tension", "20,0,0", "--set", "gravity=0 0 -9.81")
-    assert flag["tip"] == file["tip"]
-    off = shell.json(
-        *("solve", "amouri2019", "--tension", "20,0,0", "--set", "gravity=0 0 -9.81"),
-        *("--gravity", "0,0,0"),
-    )
-    assert off["tip"] != file["tip"]
 
 
 def test_set_is_repeatable(shell: Shell) -> None:
@@ -299,34 +280,6 @@ def test_study_of_a_user_robot(
     assert report.is_file()
 
 
-@pytest.mark.parametrize(
-    ("flags", "says"),
-    [
-        (["--measurements", "data.csv"], "data.csv"),
-        (["--tolerance", "0"], "tolerance"),
-        (["--tolerance", "150 %"], "tolerance"),
-        (["--tolerance", "nan"], "must be a share of the length above 0 and below 1"),
-        (["--tolerance", "6 mm"], "--tolerance"),
-        (["--max-tension", "-1"], "tension"),
-        (["--max-tension", "1,2"], "write one"),
-        (["--points", "1"], "from 2 to 1000"),
-        (["--points", "1e9"], "--points"),
-        (["--rise", "0"], "--rise: got 0 s; must be positive"),
-        (["--rise", "5 mm"], '--rise: got "5 mm", but "mm" is not a unit of time'),
-        (["--rise", "0.1"], "must be from 0.11 to 87.7 s"),
-        (["--modal-damping", "120 %"], "--modal-damping"),
-        (["--out", ""], "no study of Bowstring"),
-        (["--out", "mine"], "no study of Bowstring"),
-        (["--out", "mine"], "--out: cannot write the study"),
-        (["--out", "mine/notes.txt"], "is a file"),
-    ],
-)
-def test_study_refuses(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: list[str], says: str
-) -> None:
-    refuses(shell, tmp_path, monkeypatch, says, "study", *flags)
-
-
 def test_study_stopped_half_way_writes_nothing(
     shell: Shell, paper: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -365,91 +318,6 @@ def test_loads_beyond_all_bounds(shell: Shell) -> None:
 
 
 # -- bad input ---------------------------------------------------------------------------------
-
-SOLVE = ("solve", "amouri2019", "--tension", "1,2,3")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["solve", "", "--tension", "80,0,0"], "ROBOT: got nothing; name a built-in robot"),
-        # numbers
-        (["fk", "amouri2019", "--lengths", "nan,1,1"], 'got "nan", which is not a number'),
-        (["fk", "amouri2019", "--lengths", "inf,1,1"], 'got "inf", which is not a number'),
-        (["fk", "amouri2019", "--lengths", "1e999,1,1"], "too large"),
-        (["fk", "amouri2019", "--lengths", "0.6,,0.6"], "got nothing"),
-        (["fk", "amouri2019", "--lengths", ""], "got nothing"),
-        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6,"], "got nothing"),
-        (["fk", "amouri2019", "--lengths", "0.6 0.6 0.6"], "more than one number"),
-        (["fk", "amouri2019", "--lengths", "a,b,c"], 'got "a"'),
-        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6 kg"], '"kg" is not a unit of length'),
-        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6 furlongs_"], "is not a known unit"),
-        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6 " + "m" * 500], "is not a unit"),
-        (["fk", "amouri2019", "--lengths", "0,0.6,0.6"], "must be positive"),
-        (["fk", "amouri2019", "--lengths", "-0.6,0.6,0.6"], "must be positive"),
-        (["fk", "amouri2019", "--lengths", "0x1,1,1"], "0x1"),
-        (["fk", "amouri2019", "--lengths", "1_0,1,1"], "1_0"),
-        (["fk", "amouri2019", "--lengths", "٣,1,1"], "not a number"),
-        # counts
-        (["fk", "amouri2019", "--lengths", "0.6,0.6"], "2 numbers; amouri2019 has 3 tendons"),
-        (["fk", "rao2021", "--lengths", "0.2,0.2,0.2"], "rao2021 has 6 tendons"),
-        (["solve", "amouri2019", "--tension", "1"], "got 1 number;"),
-        ([*SOLVE, "--gravity", "9.81"], "--gravity: got 1 number"),
-        ([*SOLVE, "--tip-force", "1,2,3,4"], "--tip-force: got 4 numbers"),
-        ([*SOLVE, "--tip-moment", "1,2"], "--tip-moment: got 2 numbers"),
-        # values
-        (["solve", "amouri2019", "--tension", "nan,0,0"], "not a number"),
-        (["solve", "amouri2019", "--tension", "-1,0,0"], "a tendon cannot push"),
-        (["solve", "amouri2019", "--tension", "8 kg,0,0"], "not a unit of force"),
-        ([*SOLVE, "--gravity", "0,0,-inf"], 'got "-inf"'),
-        ([*SOLVE, "--theory", "timoshenko"], "is not one of 'cosserat', 'kirchhoff'"),
-        ([*SOLVE, "--elements", "3"], "must be 1, 2, 4 or 8"),
-        # geometry
-        (["fk", "amouri2019", "--lengths", "0.1,0.9,0.9"], "more than a full turn"),
-        (["ik", "amouri2019", "--tip", "0,0,5"], "out of reach"),
-        (["ik", "amouri2019", "--tip", "0,0,1e155"], "out of reach"),
-        (["ik", "amouri2019", "--tip", "0,0,-0.1", "--free-length"], "cannot be reached"),
-        (["ik", "rao2021", "--tip", "0,0,0.3", "--free-length"], "for robots of one segment"),
-        # robots
-        (["solve", "amouri", "--tension", "1,2,3"], "did you mean amouri2019?"),
-        (["solve", "no/such.yaml", "--tension", "1,2,3"], "neither a file nor a built-in robot"),
-        (["solve", "", "--tension", "1,2,3"], ""),
-        (["solve", ".", "--tension", "1,2,3"], "folder"),
-        # overrides
-        ([*SOLVE, "--set", "segments.0.length"], "write for example --set"),
-        ([*SOLVE, "--set", "=3 mm"], "write for example --set"),
-        ([*SOLVE, "--set", "segments.0.length=-1 mm"], "segments[0].length"),
-        ([*SOLVE, "--set", "segments.0.length=1 kg"], "not a unit of length"),
-        ([*SOLVE, "--set", "segments.0.lenght=1 m"], "did you mean length?"),
-        ([*SOLVE, "--set", "segments.7.length=1 m"], "there is no"),
-        ([*SOLVE, "--set", "segments.0.tendons.pitch_radius=40 mm"], "outside its disk"),
-        # usage
-        (["fly"], "No such command 'fly'"),
-        (["stdy"], "Did you mean 'study'? See bowstring --help."),
-        ([*SOLVE, "0", "0"], "unexpected 0 0: separate numbers by commas without blanks"),
-        ([*SOLVE, "0,", "0"], "unexpected 0, 0: separate numbers by commas without blanks"),
-        (
-            [*SOLVE, "N,0,0"],
-            "unexpected N,0,0: separate numbers by commas without blanks, or quote",
-        ),
-        ([*SOLVE, "-1", "0"], "unexpected -1: separate numbers by commas without blanks"),
-        ([*SOLVE, "--diameter", "--json"], "write --set segments.0.backbone.diameter=VALUE"),
-        ([*SOLVE, "--friction", "0.2"], "write --set segments.0.tendons.friction=0.2;"),
-        ([*SOLVE, "--E=60 GPa"], 'write --set segments.0.backbone.E="60 GPa";'),
-        ([*SOLVE, "--clamped-length"], "write --set segments.0.disks.clamped_length=VALUE;"),
-        (["solve", "rao2021", "--tension", "1 kg"], 'for example --tension "80 N",0,0,0,0,0.'),
-        (["fk", "amouri2019"], "Missing option '--lengths'"),
-        (["fk", "--lengths", "1,1,1"], "Missing argument 'ROBOT'"),
-        (["fk", "amouri2019", "--wings"], "--wings"),
-        (["fk", "amouri2019", "--lengths"], "requires an argument"),
-        ([*SOLVE, "--elements", "many"], "--elements"),
-        ([*SOLVE, "again"], "again"),
-    ],
-)
-@pytest.mark.parametrize("as_json", [False, True])
-def test_bad_input(shell: Shell, arguments: list[str], says: str, as_json: bool) -> None:
-    flags = ["--json"] if as_json else []
-    assert says in shell.error(arguments[0], *flags, *arguments[1:])
 
 
 @pytest.mark.parametrize(
@@ -617,111 +485,6 @@ def test_stopped_while_it_starts(number: str) -> None:
 
 
 SOLVE = ("solve", "amouri2019")
-SIMULATE = ("simulate", "amouri2019")
-BENCH = ("bench", "simulate", "amouri2019", "--out", "bench.csv")
-BENCHED = (*BENCH, "--tensions", "0:5:10")
-FIT = ("fit", "amouri2019", "--parameter", "base")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "parts"),
-    [
-        (["fk", "amouri2019", "--lengths", "0.4,0.76,0.76"], ("--lengths: segment 1: ", "turn")),
-        (
-            ["solve", "amouri2019", "--tension", "10 mm,0,0"],
-            ('--tension: got "10 mm", but "mm" is not a unit of force; write',),
-        ),
-        (["solve", "amouri2019", "--tension", "1,0,0", "--elements", "3"], ("--elements: got 3",)),
-        (["study", "--tolerance", "0"], ("--tolerance: got 0",)),
-        (
-            ["study", "--tolerance", "2 mm"],
-            (
-                '--tolerance: got "2 mm"; must be a share of the length above 0 and below 1, write '
-                'for example --tolerance "1 %".',
-            ),
-        ),
-        (
-            ["study", "--modal-damping", "5 N"],
-            ('--modal-damping: got "5 N"; must be a share of critical damping',),
-        ),
-        (
-            ["simulate", "amouri2019", "--tension", "1,0,0", "--tolerance", "1 %"],
-            ('--tolerance: got "1 %", but "%" is not a unit of length',),
-        ),
-        (["study", "--max-tension", "-5"], ("--max-tension: got -5 N",)),
-        (["study", "--points", "1"], ("--points: got 1",)),
-        (
-            ["study", "--tendon", "4"],
-            ("--tendon: got 4; must be a tendon of amouri",),
-        ),
-        (["study", "--tendon", "1,"], ("--tendon: got nothing; must be a tendon",)),
-        (["study", "--tendon", "1:0"], ("--tendon: the share of tendon 1 is 0.0; must be above",)),
-        (["study", "--tendon", "1,1"], ("--tendon: tendon 1 is there twice",)),
-        (
-            ["study", "--tendon", "1:50 %"],
-            ("--tendon: the largest share of the actuated tendons is 0.5;",),
-        ),
-        (["study", "--tendon", "1,2,3"], ("--tendon: ", "balance each other")),
-        (["study", "--rise", "1e-9"], ("--rise: got 1e-09 s; must be from 0.11 to 87.7 s",)),
-        (["study", "--max-tension", "1e7"], ("--max-tension: by the linear law",)),
-        (["study", "--measurements", "no.csv"], ("--measurements: no.csv: the table cannot",)),
-        (
-            [*SOLVE, "--displacement", "0.9,0,0"],
-            ("--displacement: got 0.9 m for tendon 1; must be less than",),
-        ),
-        ([*SOLVE, "--angle", "0.1,0,0"], ("--angle: tendon 1 of amouri2019 has no spool_radius",)),
-        (
-            [*SOLVE, "--angle", "70 rad,0,0", "--set", "segments.0.tendons.spool_radius=1 cm"],
-            ("--angle: displacement of tendon 1 is 0.7",),
-        ),
-        ([*SOLVE, "--tension", "1,2"], ("--tension: got 2 numbers",)),
-        (["solve", "no", "--set", "foo=1", "--tension", "1,0,0"], ("Error: no is neither a file",)),
-        ([*SOLVE, "--set", "foo=1", "--tension", "1,0,0"], ("--set: amouri2019: foo: unknown",)),
-        (
-            [*SIMULATE, "--displacement", "0.9,0,0"],
-            ("--displacement: the displacement of tendon 1 is 0.9 m at 1",),
-        ),
-        (
-            [*SIMULATE, "--displacement", "0,0,0", "--from-displacement", "0.9,0,0"],
-            (
-                "--displacement or --from-displacement: the displacement of tendon 1 is 0.9 m at 0 "
-                "s",
-            ),
-        ),
-        (
-            [*BENCH, "--displacements", "0:0.5:1"],
-            ("--displacements: got 1 m for tendon 1; must be less than",),
-        ),
-        ([*BENCHED, "--drift", "1e9,0,0"], ("--drift: got 1e+09 m; must be up to 1e+06 m",)),
-        ([*BENCHED, "--friction", "100"], ("--friction: amouri2019: segments[0].tendons.f",)),
-        ([*BENCHED, "--actual", "foo=1"], ("--actual: amouri2019: foo: unknown field",)),
-        ([*FIT, "--data", "no"], ('--data: there is no data set "no"',)),
-        (
-            [*FIT, "--data", "ucl-planar-shape", "--part", "no"],
-            ("--part: ucl-planar-shape has no",),
-        ),
-        ([*FIT, "--measurements", "no.csv"], ("--measurements: no.csv: the table cannot be",)),
-        (
-            [*FIT, "--measurements", "no.csv", "--mapping", "no.yaml"],
-            ("--mapping: Mapping no.yaml is neither",),
-        ),
-        (
-            [*FIT, "--measurements", "no.csv", "--start", "no.json"],
-            ("--start: cannot read no.json",),
-        ),
-        (["fe", "amouri2019", "--tension", "1,0,0", "--stiffness", "0"], ("--stiffness: got 0;",)),
-        (
-            ["fe", "amouri2019", "--tension", "1,0,0", "--loads", "x"],
-            ('--loads: got "x"', "for example --loads 10:10:80"),
-        ),
-    ],
-)
-def test_errors_name_their_flag(
-    arguments: list[str], parts: tuple[str, ...], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main.run(arguments) == main.BAD_INPUT
-    err = capsys.readouterr().err
-    assert all(part in err for part in parts), err
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ from bowstring.data.measurements import Measurements, read_measurements
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from objects import STUDY_BY_NAME, bench
-from shell import Shell, refuses
+from shell import Shell
 
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "examples" / "bench.csv"
@@ -326,47 +326,6 @@ def test_disturbances_are_distinguished_from_noise(robot: Robot) -> None:
 
 def of(*parts: str) -> tuple[str, ...]:
     return ("fit", "amouri2019", *parts)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (of(), "Missing option '--parameter'"),
-        (of("--parameter", "gain"), "--measurements FILE or --data NAME"),
-        (of("--parameter", "gain", "--data", "tamm-spring", "--measurements", "x"), "give either"),
-        (of("--parameter", "gain", "--data", "tam-spring"), "did you mean tamm-spring?"),
-        (of("--parameter", "gain", "--data", "x", "--mapping", "y"), "--mapping is of a table"),
-        ((*FIT, "--parameter", "gain", "--part", "val"), "--part is of a public data set"),
-        ((*FIT, "--parameter", "gian"), "did you mean gain?"),
-        ((*FIT, "--parameter", "segments.0.backbone.Y"), "did you mean segments.0.backbone.E?"),
-        ((*FIT, "--parameter", "segments.4.length"), "no parameter 'segments.4.length'"),
-        ((*FIT, "--parameter", E, "--parameter", E), "is named twice"),
-        ((*FIT, "--parameter", "offset"), "offset has no effect on the tip"),
-        ((*FIT, "--parameter", "delay"), "needs the time of each row"),
-        ((*FIT, "--parameter", "bend_gain"), "give --model arc"),
-        ((*FIT, "--parameter", E, "--holdout", "1.5"), "--holdout: got 1.5; must be a share"),
-        ((*FIT, "--parameter", E, "--holdout", "some"), '--holdout: got "some"; must be'),
-        ((*FIT, "--parameter", E, "--folds", "1"), "--folds: got 1; must be 2 or more"),
-        ((*FIT, "--parameter", E, "--folds", "9"), "only 2 groups or loads to leave out"),
-        ((*FIT, "--parameter", E, "--folds", "2", "--holdout", "0.2"), "are ways to validate"),
-        ((*FIT, "--parameter", E, "--folds", "2", "--validate", "x"), "are ways to validate"),
-        ((*FIT, "--parameter", E, "--filter"), "--filter is of the table that is predicted"),
-        ((*FIT, "--parameter", E, "--validate", str(TABLE)), "is the table that is fitted"),
-        ((*FIT, "--parameter", E, "--start", "no.json"), "cannot read no.json"),
-        ((*FIT, "--parameter", E, "--g", "-1"), "--g: got -1"),
-        ((*FIT, "--parameter", E, "--out", "mine"), "existing files are not overwritten"),
-        (("fit", "rao2021", "--measurements", str(TABLE), "--parameter", E), "rao2021 has 6"),
-        (of("--measurements", "no.csv", "--parameter", E), "no.csv"),
-    ],
-)  # fmt: skip
-def test_refusals(
-    arguments: tuple[str, ...],
-    says: str,
-    shell: Shell,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    refuses(shell, tmp_path, monkeypatch, says, *arguments)
 
 
 def test_a_fit_that_does_not_converge(

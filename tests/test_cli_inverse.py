@@ -161,67 +161,6 @@ def test_jumps_are_pointed_out(shell: Shell, tmp_path: Path) -> None:
     assert "row 3 is 2" in err and "jumps" in err
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        ("tip_x_mm,tip_y_mm,tip_z_mm\n1,2,nan\n", "line 2: tip_z_mm is"),
-        ("tip_x_mm,tip_y_mm,tip_z_mm\n1,2,300\n\n1,,300\n", "line 4: tip_y_mm is nothing"),
-        ("tip_x_mm,tip_y_mm,tip_z_mm\n1,2\n", "line 2: tip_z_mm is nothing"),
-        ("tip_x_mm,tip_y_mm,tip_z_mm\n", "no rows"),
-        ("x,y,z\n1,2,3\n", "must include tip_x_mm"),
-        ("", "empty"),
-        ("tip_x_mm,tip_y_mm,tip_z_mm\n\n1,2," + 131073 * "3" + "\n", "line 3: the table cannot"),
-        (131073 * "x" + "\n", "line 1: the table cannot be read"),
-        ("tip_x_m,tip_y_m,tip_z_m\n10,20,350\n", "out of any reach"),
-        ("tip_x_m,tip_y_m,tip_z_m\n0,0,1e155\n0,0,0.3\n", "row 1 of position is 1e+155 m from"),
-        (
-            "tip_x_mm,tip_y_mm,tip_z_mm\n0.05,0,0.38\n0.06,0,0.37\n",
-            "no point is farther than 0.3833 mm from the base, and rao2021 is 400 mm long; if the "
-            "numbers are in m, name the columns tip_x_m, tip_y_m and tip_z_m.",
-        ),
-        ("tip_x_m,tip_y_m,tip_z_m,direction_x\n0,0,0.3,1\n", "none direction_y"),
-    ],
-)
-def test_bad_tables(shell: Shell, tmp_path: Path, content: str, words: str) -> None:
-    file = tmp_path / "tips.csv"
-    file.write_text(content)
-    said = shell.error("ik", "rao2021", "--path", str(file), "--out", str(tmp_path / "c.csv"))
-    assert words in said and said.startswith("--path: ")
-    assert not (tmp_path / "c.csv").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ([], "give either --tip or --path"),
-        (["--tip", "0,0,0.3", "--path", "x.csv"], "give either --tip or --path"),
-        (["--path", "none.csv"], "cannot be read"),
-        (["--tip", "0,0,0.3", "--out", "c.csv"], "--out: it is for --path"),
-        (["--tip", "0,0,0.3", "--theory", "kirchhoff"], "add --model physics"),
-        (["--tip", "0,0,0.3", "--chord", "--model", "physics"], "--chord: it is for"),
-        (["--tip", "0,0,0.3", "--direction", "0,0,0"], "must not be zero"),
-        (["--tip", "0,0,0.3", "--direction", "0,1"], "write x, y and z"),
-        (["--tip", "0.05 mm,0 mm,0.3 mm"], "the point is no farther than 0.3041 mm from the base"),
-        (["--tip", "0,0,0.3", "--max-tension", "-1"], "must be 0 or more"),
-        (["--tip", "0,0,0.3", "--max-tension", "1,2"], "has 6 tendons"),
-        (["--tip", "0,0,0.3", "--max-tension", "1", "--min-tension", "2 N"], "--min-tension: "),
-        (["--tip", "0,0,500 m"], "out of reach"),
-        (["--tip", "0,0,300"], '"300 mm"'),
-    ],
-)
-def test_bad_flags(shell: Shell, arguments: list[str], words: str) -> None:
-    assert words in shell.error("ik", "rao2021", *arguments)
-
-
-def test_friction_counts(shell: Shell) -> None:
-    changes = ["--model", "physics", "--set", "segments.*.tendons.*.friction=0.1"]
-    tip = ["--tip", "0.08,0.02,0.375"]
-    rubbing = shell.json("ik", "rao2021", *tip, *changes)
-    without = shell.json("ik", "rao2021", *tip, *changes[:2])
-    assert rubbing["status"] == without["status"] == "reached"
-    assert sum(rubbing["tensions_N"]) > sum(without["tensions_N"])
-
-
 def test_limits_of_displacement(shell: Shell) -> None:
     arguments = ["ik", "amouri2019", "--tip", "0.3,0,0.53", "--model", "physics"]
     found = shell.json(*arguments, "--displacement-limits", "-50 mm,20 mm")

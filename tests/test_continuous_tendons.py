@@ -9,7 +9,6 @@ from scipy.linalg import expm
 from scipy.optimize import fsolve
 
 import bowstring as bs
-from bowstring.dynamics.load_history import ramp
 
 LENGTH, DIAMETER, E, NU = 0.12, 0.016, 0.8e6, 0.42
 GRAVITY = 9.80665
@@ -161,10 +160,3 @@ def test_under_its_weight(
     error = np.linalg.norm(solved.tip.position - tip)
     assert error < solved.error_estimate.tip + 1e-6 * LENGTH
     assert error < 1e-4 * LENGTH
-
-
-def test_a_motion_comes_to_rest_at_the_equilibrium() -> None:
-    robot = body({"angle": 0.0, "pitch_radius": 6e-3, "turns": 0.5}, density=1100.0)
-    still = bs.solve(robot, [1.0]).raise_for_status()
-    run = bs.simulate(robot, ramp([1.0], 0.2), 3.0, integrator=bs.Integrator(mass_damping=8.0))
-    assert np.linalg.norm(run.tip_position[-1] - still.tip.position) < 1e-4 * LENGTH

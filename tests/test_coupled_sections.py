@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,12 +11,7 @@ from scipy.optimize import curve_fit
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
-from bowstring.dynamics import modes, ramp
-from bowstring.errors import InputError
-from bowstring.robot.designs import Designs
-from bowstring.robot.model import check_round
-from bowstring.robot.writer import to_yaml
-from bowstring.statics.designs import sweep_designs
+from bowstring.dynamics import modes
 
 LENGTH = 0.4
 PLAIN = np.diag([0.06, 0.09, 0.05, 900.0, 900.0, 1500.0])
@@ -154,23 +148,6 @@ def test_without_couplings_it_is_the_plain_robot() -> None:
     assert robot.bending_stiffness == pytest.approx(plain.bending_stiffness, rel=1e-12)
 
 
-def test_turned_axes_turn_the_answer() -> None:
-    stiffness, angle = _coupled(4, 0.7), 2.0 * np.pi / 3.0
-    turn = Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()
-    both = np.kron(np.eye(2), turn)
-    force, moment = np.array([0.3, 0.1, -0.2]), np.array([0.01, -0.02, 0.03])
-    a = _solve(_robot(stiffness), tensions=[5, 2, 1], tip_force=force, tip_moment=moment)
-    # tendons are 120 degrees apart
-    b = _solve(
-        _robot(both @ stiffness @ both.T),
-        tensions=[1, 5, 2],
-        tip_force=turn @ force,
-        tip_moment=turn @ moment,
-    )
-    assert abs(turn @ a.tip.position - b.tip.position).max() < 1e-12
-    assert abs(turn @ a.tip.rotation @ turn.T - b.tip.rotation).max() < 1e-12
-
-
 def test_a_pull_turns_the_tip_of_a_spiral() -> None:
     stiffness = PLAIN.copy()
     stiffness[2, 5] = stiffness[5, 2] = 4.0
@@ -206,64 +183,6 @@ def test_an_offset_reference_line_is_the_same_rod() -> None:
         load.error_estimate.tip, 1e-6 * LENGTH
     )
     assert abs(load.tip.rotation - centre[1]).max() < 2e-5
-
-
-def test_batches_sweeps_and_single_solves_agree() -> None:
-    robot = _robot(_coupled(5, 0.7), gravity="0 0 -9.81 m/s^2")
-    tensions = np.random.default_rng(6).uniform(0.0, 8.0, (20, 3))
-    batch = bs.solve_batch(robot, tensions=tensions)
-    assert set(batch.status) == {"converged"}
-    for row, position in zip(tensions, batch.tip_position, strict=True):
-        assert _solve(robot, tensions=row).tip.position == pytest.approx(position, abs=1e-9)
-
-
-def test_derivatives_are_those_of_richardson_differences() -> None:
-    robot = _robot(_coupled(7, 0.8), gravity="1 2 -9.81 m/s^2")
-    tensions, force = np.array([6.0, 2.0, 3.0]), np.array([0.2, -0.1, 0.15])
-    model = bs.RodModel(elements=2)
-
-    def tip(t: Any, f: Any) -> np.ndarray:
-        return _solve(robot, tensions=t, tip_force=f, model=model).tip.position
-
-    by = bs.jacobians(_solve(robot, tensions=tensions, tip_force=force, model=model))
-    for i in range(3):
-        for found, size, of in (
-            (by.tip_position_by_tension[:, i], 0.1, lambda x: tip(tensions + x, force)),
-            (by.tip_position_by_tip_force[:, i], 0.01, lambda x: tip(tensions, force + x)),
-        ):
-            step = np.eye(3)[i] * size
-            coarse, fine = ((of(h * step) - of(-h * step)) / (2 * h * size) for h in (1.0, 0.5))
-            expected = (4.0 * fine - coarse) / 3.0
-            assert abs(found - expected).max() < 1e-6 * abs(expected).max()
-
-
-def test_derivatives_by_stiffness_are_those_of_scaled_matrices() -> None:
-    """In a robot whose second segment is plain; all stiffnesses of a segment change together."""
-    stiffness = _coupled(7, 0.8)
-    plain = {"diameter": "6 mm", "E": "2 GPa", "nu": 0.3, "density": "1800 kg/m^3"}
-    robot = _robot(stiffness, 3, gravity="1 2 -9.81 m/s^2")
-    first = robot.segments[0].model_dump(exclude_none=True)
-    outer = {**first["tendons"], "first_angle": "60 deg"}
-    robot = robot.with_({"segments": [first, first | {"backbone": plain, "tendons": outer}]})
-    tensions = [3.0, 1.0, 2.0, 4.0, 1.0, 0.0]
-    model, force = bs.RodModel(elements=2), [0.2, -0.1, 0.15]
-
-    def solved(segment: int, scale: float) -> bs.Solution:
-        changed = {"segments.0.backbone.stiffness": (scale * stiffness).tolist()}
-        if segment == 1:
-            changed = {"segments.1.backbone.E": scale * 2e9}
-        return _solve(robot.with_(changed), tensions, model, tip_force=force)
-
-    by = bs.jacobians(_solve(robot, tensions, model, tip_force=force))
-    for k in range(2):
-        ends = {h: [solved(k, 1.0 + s * h) for s in (1.0, -1.0)] for h in (0.02, 0.01)}
-        for found, of in (
-            (by.tip_position_by_stiffness[:, k], lambda x: x.tip.position),
-            (by.lengths_by_stiffness[:, k], lambda x: x.tendon_lengths),
-        ):
-            coarse, fine = ((of(a) - of(b)) / (2 * h) for h, (a, b) in ends.items())
-            expected = (4.0 * fine - coarse) / 3.0
-            assert abs(found - expected).max() < 1e-6 * abs(expected).max()
 
 
 def test_a_tip_on_a_plane_bends_the_rod_as_integrated() -> None:
@@ -305,63 +224,6 @@ def test_turned_axes_turn_a_path_on_a_plane(friction: float) -> None:
         assert abs(turn @ a.force - b.force).max() < 1e-6
 
 
-def test_a_matrix_that_cannot_be_is_refused() -> None:
-    robot = _robot(PLAIN)
-
-    def refused(changes: dict[str, Any]) -> str:
-        with pytest.raises(InputError) as error:
-            robot.with_({f"segments.0.backbone.{name}": value for name, value in changes.items()})
-        return str(error.value)
-
-    wrong = PLAIN.copy()
-    wrong[0, 2] = 0.01
-    assert "must be symmetric" in refused({"stiffness": wrong.tolist()})
-    wrong[2, 0], wrong[0, 2] = 0.06, 0.06
-    assert "not positive definite" in refused({"stiffness": wrong.tolist()})
-    wrong = PLAIN.copy()
-    wrong[3, 3] = -1.0
-    assert "row 4 on the diagonal" in refused({"stiffness": wrong.tolist()})
-    wrong[3, 3] = np.nan
-    assert "not finite" in refused({"stiffness": wrong.tolist()})
-    assert "six rows of six numbers" in refused({"stiffness": [[1.0]]})
-    wrong = PLAIN.tolist()
-    wrong[1][1] = "9 GPa"
-    assert 'got "9 GPa"' in refused({"stiffness": wrong})
-    wrong[1][1] = 10**400
-    assert "six rows of six numbers" in refused({"stiffness": wrong})
-    assert "E: given with stiffness" in refused({"E": "35 GPa"})
-    assert "mass_per_length: missing" in refused({"mass_per_length": None})
-    fields = {name: None for name in ("stiffness", "mass_per_length", "rotary_inertia")}
-    assert "E: missing" in refused(fields)
-    assert "mass_per_length: given without stiffness" in refused({"stiffness": None})
-
-
-def test_a_file_is_written_and_read_again(tmp_path: Path) -> None:
-    robot = _robot(_coupled(2, 0.5))
-    (tmp_path / "coupled.yaml").write_text(to_yaml(robot))
-    again = bs.load_robot(tmp_path / "coupled.yaml")
-    assert again == robot and again.hash == robot.hash and not robot.warnings
-    assert robot.hash != _robot(_coupled(2, 0.4)).hash
-    assert robot.with_({"segments.0.disks.mass": "11 g"}).segments[0].backbone.stiffness
-
-
-def test_designs_of_one_matrix() -> None:
-    robot, masses = _robot(_coupled(2, 0.5), gravity="0 0 9.81 m/s^2"), [0.01, 0.03]
-    designs = Designs(robot, {"segments.0.disks.mass": masses})
-    found = sweep_designs(designs, np.tile([5.0, 1.0, 0.0], (2, 1, 1)))
-    for mass, position in zip(masses, found.tip_position, strict=True):
-        one = _solve(robot.with_({"segments.0.disks.mass": mass}), [5.0, 1.0, 0.0])
-        assert one.tip.position == pytest.approx(position.reshape(3), abs=1e-9)
-
-
-def test_what_needs_a_shape_is_refused() -> None:
-    robot = _robot(_coupled(3, 0.5))
-    with pytest.raises(InputError, match="shape and material of the section"):
-        check_round(robot, "a solid")
-    with pytest.raises(InputError, match="straight tendons only"):
-        _solve(robot, [1, 0, 0], bs.RodModel(tendon_path="continuous"))
-
-
 def test_strains_along_the_backbone_are_those_of_the_matrix() -> None:
     stiffness = _coupled(9, 0.8)
     robot = _robot(stiffness, backbone={"rest_twist": "40 deg"}, gravity="0 1 -9.81 m/s^2")
@@ -371,20 +233,6 @@ def test_strains_along_the_backbone_are_those_of_the_matrix() -> None:
     strain[:, 2] -= np.deg2rad(40.0) / LENGTH
     assert strain @ stiffness == pytest.approx(wrench, rel=1e-9, abs=1e-9)
     assert np.isnan(found.von_mises).all()
-
-
-def test_a_motion_keeps_its_energy_and_settles_in_the_equilibrium() -> None:
-    robot = _robot(_coupled(9, 0.8))
-    tensions, gravity, model = [6.0, 2.0, 1.0], [0.0, 1.0, -9.81], bs.RodModel(elements=4)
-    load = bs.Load(tensions=ramp(tensions, 0.1), gravity=gravity)
-    run = bs.simulate(robot, duration=0.2, load=load, model=model)
-    assert run.status == "converged"
-    values = run.to_dataset()
-    assert abs(values.energy_balance).max() < 2e-3 * abs(values.work).max()
-    damped = bs.Integrator(mass_damping=10.0)
-    end = bs.simulate(robot, duration=3.0, load=load, model=model, integrator=damped)
-    expected = _solve(robot, tensions, model, gravity=gravity)
-    assert np.linalg.norm(end.tip_position[-1] - expected.tip.position) < 1e-5 * LENGTH
 
 
 @pytest.mark.parametrize("seed", [2, 9])
@@ -471,50 +319,3 @@ def test_a_wrench_between_disks_bends_the_rod_as_integrated(seed: int, at: float
     assert np.linalg.norm(found.tip.position - tip) < 1.02 * found.error_estimate.tip
     assert found.error_estimate.tip < 2e-5 * LENGTH
     assert abs(found.tip.rotation - rotation).max() < 5e-5
-
-
-def test_derivatives_with_loads_between_disks() -> None:
-    """Those of Richardson's differences; the second segment has a plain section."""
-    first = _robot(_coupled(7, 0.8)).segments[0].model_dump(exclude_none=True)
-    outer = first | {"tendons": [], "backbone": first["backbone"] | {"stiffness": PLAIN.tolist()}}
-    robot = _robot(_coupled(7, 0.8), segments=[first, outer])
-    points = [
-        bs.PointLoad(arc_length=0.13, force=[0.2, 0.1, -0.1]),
-        bs.PointLoad(arc_length=LENGTH + 0.05, force=[0.1, -0.2, 0.1], point=[0.01, 0.0, 0.0]),
-    ]
-    load = bs.Load([6.0, 2.0, 3.0], point_loads=points)
-
-    def solved(k: int = 0, more: float = 0.0) -> bs.Solution:
-        tensions = np.add(load.tensions, more * np.eye(3)[k])
-        model = bs.RodModel(elements=2)
-        return bs.solve(robot, load=load.replace(tensions=tensions), model=model)
-
-    by = bs.jacobians(solved())
-    for k in range(3):
-        coarse, fine = (
-            (solved(k, h).tip.position - solved(k, -h).tip.position) / (2.0 * h)
-            for h in (0.1, 0.05)
-        )
-        expected = (4.0 * fine - coarse) / 3.0
-        assert abs(by.tip_position_by_tension[:, k] - expected).max() < 1e-6 * abs(expected).max()
-
-
-def test_a_motion_with_a_load_between_disks_keeps_its_energy_and_settles() -> None:
-    robot = _robot(_coupled(4, 0.7))
-    push = {"force": np.array([0.3, -0.2, 0.1]), "moment": np.array([0.01, 0.02, -0.01])}
-    at = 0.55 * LENGTH / 5.0
-    rising = bs.PointLoad(arc_length=at, **{name: ramp(v, 0.05) for name, v in push.items()})
-    load = bs.Load(point_loads=[rising])
-    free = bs.Integrator(dt=1e-3, spectral_radius=1.0)
-    run = bs.simulate(robot, [1.0, 0.0, 0.0], 0.3, load=load, integrator=free)
-    found = run.raise_for_status().to_dataset()
-    scale = float(np.abs(found["work"]).max())
-    assert np.abs(found["energy_balance"]).max() < 1e-4 * scale
-    still = bs.Load(point_loads=[bs.PointLoad(arc_length=at, **push)])
-    damped = bs.Integrator(mass_damping=20.0)
-    run = bs.simulate(robot, [1.0, 0.0, 0.0], 4.0, load=load, integrator=damped)
-    rest = bs.solve(robot, [1.0, 0.0, 0.0], load=still, model=bs.RodModel(elements=2))
-    away = np.linalg.norm(run.raise_for_status().tip_position[-1] - rest.tip.position)
-    assert away < 1e-6 * LENGTH
-    bare = bs.solve(robot, [1.0, 0.0, 0.0]).tip.position
-    assert np.linalg.norm(bare - rest.tip.position) > 1e-3 * LENGTH

@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring.errors import InputError
-from bowstring.robot.designs import Designs
-from bowstring.statics.designs import sweep_designs
 
 THICK = "6 mm"
 ROBOT = bs.load_robot(
@@ -68,15 +65,6 @@ def test_tendon_work_is_elastic_energy() -> None:
     assert work == pytest.approx(stored, rel=1e-7)
 
 
-def test_derivatives() -> None:
-    by = bs.jacobians(bs.solve(ROBOT, [40, 10, 0]))
-    lengths_by_tension = by.lengths_by_tension
-    np.testing.assert_allclose(lengths_by_tension, lengths_by_tension.T, atol=1e-15)
-    h = 1e-3
-    up, down = (bs.solve(ROBOT, [40 + s * h, 10, 0]).tendon_lengths for s in (1, -1))
-    np.testing.assert_allclose(lengths_by_tension[:, 0], (up - down) / (2 * h), rtol=1e-6)
-
-
 def test_they_bend_the_robot_less() -> None:
     """A shorter span is nearer to a curve parallel to the backbone, so that its arm is shorter."""
     planes, points = (bs.solve(robot, [40, 0, 0]) for robot in (ROBOT, POINTS))
@@ -87,28 +75,6 @@ def test_they_bend_the_robot_less() -> None:
     thin = ROBOT.with_({"segments.0.disks.hole_length": "1 um"})
     off = bs.solve(thin, [40, 0, 0]).tip.position - points.tip.position
     assert np.linalg.norm(off) < 1e-6
-
-
-def test_rows_designs_and_motion() -> None:
-    tensions = np.random.default_rng(1).uniform(0, 40, (600, 3))
-    batch = bs.solve_batch(ROBOT, tensions)
-    alone = bs.solve(ROBOT, tensions[599])
-    assert np.abs(batch.tip_position[599] - alone.tip.position).max() < 1e-9
-    designs = Designs(POINTS, {"segments.*.disks.hole_length": [0.0, 3e-3, 6e-3]})
-    found = sweep_designs(designs, tensions[:2])
-    exact = bs.solve(ROBOT, tensions[1])
-    assert np.abs(found.tip_position[2, 1] - exact.tip.position).max() < 1e-9
-    commanded = np.random.default_rng(2).uniform(0, 0.02, (600, 1)) * [1.0, -0.5, -0.5]
-    by_motors = bs.solve_batch(ROBOT, load=bs.Load(displacements=commanded))
-    one = bs.solve(ROBOT, load=bs.Load(displacements=commanded[599]))
-    assert np.abs(by_motors.tip_position[599] - one.tip.position).max() < 1e-8
-    still = bs.simulate(ROBOT, [40, 0, 0], 0.1)
-    rest = bs.solve(ROBOT, [40, 0, 0], model=bs.RodModel(elements=1))
-    assert np.abs(still.tip_position - rest.tip.position).max() < 1e-6
-    data = still.to_dataset()
-    np.testing.assert_allclose(data.tendon_length[-1], rest.tendon_lengths, atol=1e-8)
-    displacements = np.asarray(data.tendon_displacement[-1])
-    np.testing.assert_allclose(displacements, rest.displacements(), atol=1e-8)
 
 
 def test_continuous_tendons_have_no_planes() -> None:
@@ -144,13 +110,6 @@ def test_friction_by_the_bends_between_spans() -> None:
     np.testing.assert_allclose(found.span_tensions[:, 0], tensions, rtol=1e-6)
 
 
-def test_drawn_tendons_have_their_lengths() -> None:
-    found = bs.solve(ROBOT, [80, 5, 0])
-    paths = ROBOT.tendon_points(found.disk_positions, found.disk_rotations)
-    drawn = [np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths]
-    np.testing.assert_allclose(drawn, found.tendon_lengths, atol=1e-12)
-
-
 def test_the_error_budget_has_a_row(paper: bs.Study) -> None:
     row = next(row for row in paper.budget.rows if row.effect == "hole_planes")
     assert row.label == "holes of 3 mm, not points" and not row.acts_in_sweep
@@ -161,21 +120,3 @@ def test_the_error_budget_has_a_row(paper: bs.Study) -> None:
     study = bs.run_study(ROBOT, loading=bs.Loading(points=5))
     acting = next(row for row in study.budget.rows if row.effect == "hole_planes")
     assert acting.acts_in_sweep
-
-
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"segments.0.disks.hole_length": "-1 mm"}, "hole_length"),
-        ({"segments.0.disks.hole_length": "72 mm"}, "leave no tendon free in the 71.22"),
-    ],
-)
-def test_bad_hole_lengths_are_refused(changes: dict[str, Any], says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        POINTS.with_(changes)
-
-
-def test_what_takes_points_only_says_so() -> None:
-    with pytest.raises(InputError, match="holes in the mid-plane"):
-        bs.validity_chart(ROBOT)
-    assert POINTS.hash != ROBOT.hash

@@ -398,46 +398,6 @@ def test_single_and_rows_agree_and_are_shown():
         len(one)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"position": [0.1, 0.0]}, r"shape \(2,\)"),
-        ({"position": [[[0.1, 0.0, 0.5]]]}, "shape"),
-        ({"position": "here"}, "position is 'here'"),
-        ({"position": [0.1, np.nan, 0.5]}, "finite"),
-        ({"position": [[0.1, 0.0, 0.5], [0.1, np.inf, 0.5]]}, "row 2 of position"),
-        ({"position": np.zeros((0, 3))}, "no rows"),
-        ({"position": [100.0, 0.0, 300.0]}, "out of any reach"),
-        ({"position": [[0.1, 0.0, 0.5], [0.0, 0.0, 0.7]]}, "row 2 of position is 700 mm"),
-        ({"direction": [0.0, 0.0, 0.0]}, "must not be zero"),
-        ({"direction": [[0.0, 0.0, 1.0]]}, "direction has shape"),
-        ({"direction": [0.0, np.nan, 1.0]}, "finite"),
-        ({"min_tension": -1.0}, "0 N or more"),
-        ({"max_tension": np.inf}, "finite"),
-        ({"max_tension": [1.0, 2.0]}, r"shape \(2,\)"),
-        ({"min_tension": 5.0, "max_tension": 4.0}, "must not be above"),
-        ({"model": "physics"}, "constant_curvature"),
-        ({"model": 3}, "RodModel"),
-        ({"model": bs.RodModel(tendon_path="continuous")}, "needs derivatives"),
-        ({"model": "constant_curvature", "load": bs.Load(tip_force=[0, 0, 1])}, "no loads"),
-        ({"load": bs.Load([1.0, 0.0, 0.0])}, "has an actuation"),
-        ({"load": 3}, "bowstring.Load"),
-        ({"load": bs.Load(gravity=[0, 0, np.nan])}, "finite"),
-        ({"load": bs.Load(gravity=[[0, 0, 1], [0, 0, 2]])}, "gravity"),
-        ({"path": 1}, "True or False"),
-        ({"distance_margin": -1e-3}, "distance_margin is -0.001"),
-        ({"distance_margin": 1.0}, "share of the length"),
-        ({"distance_margin": np.nan}, "distance_margin"),
-        ({"distance_margin": "1 mm"}, "share of the length"),
-    ],
-)
-def test_bad_input(arguments, words):
-    robot = bs.load_robot("amouri2019")
-    given = {"position": [0.3, 0.0, 0.53], **arguments}
-    with pytest.raises(InputError, match=words):
-        bs.inverse_kinematics(robot, given.pop("position"), **given)
-
-
 def rubbing(friction):
     """Robot with friction, and tips that it comes to as tendon 1 is pulled and let go."""
     robot = with_tendons(bs.load_robot("rao2021"), {"friction": friction})

@@ -12,15 +12,12 @@ from scipy.spatial.transform import Rotation
 
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
-from bowstring.dynamics.load_history import ramp
 from bowstring.errors import InputError
 from bowstring.fem import Fineness, Settings, deck
 from bowstring.fem.elements import POINTS, brick_shape
 from bowstring.fem.fields import State, frames
 from bowstring.fem.mesh import brick_mesh
-from bowstring.robot.designs import Designs
 from bowstring.robot.rest_shape import rest_frames
-from bowstring.statics.designs import sweep_designs
 from fem_robots import needs_ccx, small_robot, two_segments
 
 BEND, DIRECTION, TWIST = math.radians(50.0), math.radians(35.0), math.radians(40.0)
@@ -60,45 +57,6 @@ def test_fields_are_those_of_the_change_of_curvature() -> None:
     assert float(data["elastic_energy"][0]) == pytest.approx(0.0, abs=1e-15)
 
 
-def missing_energy(robot: bs.Robot) -> float:
-    """Largest difference of energy and work in an undamped motion, over the elastic energy."""
-    found = bs.simulate(robot, ramp([15.0, 0.0, 0.0], 0.1), 0.5).raise_for_status().to_dataset()
-    total = found["kinetic_energy"] + found["elastic_energy"] + found["gravity_energy"]
-    lost = np.abs(total - total[0] - (found["work"] - found["work"][0])).max()
-    return float(lost / found["elastic_energy"].max())
-
-
-def test_motion_starts_at_rest_conserves_energy_and_ends_in_the_equilibrium() -> None:
-    robot = precurved(TWIST)
-    still = bs.simulate(robot, [0.0, 0.0, 0.0], 0.2)
-    assert np.abs(still.tip_position - still.tip_position[0]).max() < 1e-12
-    run = bs.simulate(
-        robot, ramp([15.0, 0.0, 0.0], 0.3), 3.0, integrator=bs.Integrator(mass_damping=8.0)
-    )
-    rest = bs.solve(robot, [15.0, 0.0, 0.0]).tip.position
-    np.testing.assert_allclose(run.tip_position[-1], rest, atol=2e-5)
-    lost, lost_straight = (missing_energy(r) for r in (robot, bs.load_robot("amouri2019")))
-    assert lost < 1.2 * lost_straight < 1e-3  # of the elastic energy, by the steps' own damping
-    damped = bs.simulate(
-        robot,
-        ramp([15.0, 0.0, 0.0], 0.3),
-        3.0,
-        integrator=bs.Integrator(mass_damping=4.0, material_damping=5e-3),
-    )
-    np.testing.assert_allclose(damped.tip_position[-1], rest, atol=2e-4)
-
-
-def test_designs_of_rest_bend_equal_single_robots() -> None:
-    bends = np.radians([0.0, 20.0, -70.0])
-    designs = Designs(precurved(), {"segments.0.backbone.rest_bend": bends})
-    tensions = np.array([[10.0, 0.0, 0.0], [20.0, 0.0, 3.0]])
-    found = sweep_designs(designs, tensions)
-    for i, bend in enumerate(bends):
-        robot = precurved(**{"segments.0.backbone.rest_bend": float(bend)})
-        one = bs.sweep(robot, tensions)
-        np.testing.assert_allclose(found.tip_position[i], one.tip_position, atol=1e-10)
-
-
 def test_the_linear_law_adds_to_the_rest_bend() -> None:
     robot = precurved()
     tension = np.array([8.0, 0.0, 2.0])
@@ -116,20 +74,6 @@ def test_the_linear_law_adds_to_the_rest_bend() -> None:
     by_lengths = RobotArcs.from_lengths(robot, found.tendon_lengths)
     gap = np.linalg.norm(by_lengths.tip.position - found.tip.position) / robot.length
     assert gap < 0.01
-
-
-def test_what_takes_straight_backbones_only_refuses() -> None:
-    robot = precurved()
-    with pytest.raises(InputError, match="straight without load"):
-        RobotArcs.from_tensions(robot, [1.0, 0.0, 0.0], "arm")
-    with pytest.raises(InputError, match="straight without load"):
-        bs.validity_chart(robot)
-
-
-def test_hash_and_file_keep_the_rest_shape() -> None:
-    robot, plain = precurved(TWIST), bs.load_robot("amouri2019")
-    assert robot.hash != plain.hash
-    assert not plain.rest_curvature.any()
 
 
 # -- solid and finite elements -----------------------------------------------------------------

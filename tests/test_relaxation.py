@@ -1,4 +1,4 @@
-"""Relaxation of the backbone and creep of the tendons: closed forms, limits, fit, refusals."""
+"""Relaxation of the backbone and creep of the tendons: closed forms, limits, fit."""
 
 from __future__ import annotations
 
@@ -28,14 +28,13 @@ VISCOELASTIC = bs.load_robot("amouri2019", RELAXES)
 CREEPING = bs.load_robot("amouri2019", CREEPS)
 
 
-def bends(moments, times, axis=(1.0, 0.0, 0.0), robot=VISCOELASTIC):
-    """Bends (n,) about `axis` in rad under tip moments (N m) at these times (s)."""
-    load = bs.Load(np.zeros((len(times), 3)), tip_moment=np.outer(moments, axis))
+def bends(moments, times, robot=VISCOELASTIC):
+    """Bends (n,) about x in rad under tip moments (N m) at these times (s)."""
+    load = bs.Load(np.zeros((len(times), 3)), tip_moment=np.outer(moments, [1.0, 0.0, 0.0]))
     found = bs.sweep(robot, load=load, times=times)
     assert found.converged.all()
     tangent = found.tip_rotation[:, :, 2]
-    across = np.cross(axis, [0.0, 0.0, 1.0])
-    return np.arctan2(tangent @ across, tangent[:, 2])
+    return np.arctan2(-tangent[:, 1], tangent[:, 2])
 
 
 def test_under_a_constant_moment_the_bend_creeps_by_the_closed_form():
@@ -75,14 +74,6 @@ def test_the_first_answer_is_elastic_and_the_last_has_the_relaxed_stiffness(disk
     assert alone(elastic.with_(RELAXES)) == pytest.approx(alone(elastic), abs=1e-9)
 
 
-def test_a_turned_load_turns_the_answer():
-    times = np.array([0.0, 5.0, 20.0, 21.0])
-    moments = ELASTIC.bending_stiffness[0] / ELASTIC.length * np.array([1.0, 0.3, -0.6, 0.0])
-    turned = bends(moments, times, (math.cos(0.7), math.sin(0.7), 0.0))
-    assert turned == pytest.approx(bends(moments, times), abs=1e-11)
-    assert abs(turned[-1]) > 0.01  # it remembers
-
-
 SECOND, SECOND_TIME = 0.2, 150.0
 TWICE = VISCOELASTIC.with_(
     {
@@ -116,8 +107,6 @@ def test_two_time_constants_rest_at_the_stiffness_that_neither_relaxes():
     moment = 0.5 * ELASTIC.bending_stiffness[0] / ELASTIC.length
     found = bends([moment] * 2, [0.0, 1e9], robot=TWICE)
     assert found[1] == pytest.approx(found[0] / (1.0 - SHARE - SECOND), rel=1e-4)
-    with pytest.raises(InputError, match=r"together 0\.7 of the bending stiffness"):
-        TWICE.with_({"segments.*.backbone.second_relaxation": 0.4})
 
 
 def test_two_time_constants_of_creep_add_up():
@@ -147,9 +136,6 @@ def test_a_history_of_one_time_constant_continues():
         bs.sweep(robot, np.zeros((1, 3)), times=[5.0], history=each) for each in (stored, old)
     )
     assert np.array_equal(now.tip_position, then.tip_position)
-    for name, rows in (("creep_m", [[[0.0]]]), ("lags_per_m", [[1.0, 2.0, 3.0]])):
-        with pytest.raises(InputError, match=f"damaged: {name} "):
-            bs.sweep(robot, np.zeros((1, 3)), times=[5.0], history={**stored, name: rows})
 
 
 def test_fit_finds_two_time_constants():
@@ -229,27 +215,6 @@ def test_friction_hysteresis_and_relaxation_go_together():
     assert late[0] > 1e-3 and (np.diff(late) < 0).all()
 
 
-def test_a_history_continues():
-    robot = VISCOELASTIC.with_(CREEPS)
-    rows = bs.Load(displacements=np.outer([0.01, 0.03, 0.02, 0.0], [1.0, -0.5, -0.5]))
-    times = np.array([1.0, 9.0, 14.0, 30.0])
-    whole = bs.sweep(robot, load=rows, times=times)
-    first = bs.sweep(robot, load=bs.Load(displacements=rows.displacements[:2]), times=times[:2])
-    stored = json.loads(json.dumps(first.history()))
-    rest = bs.sweep(
-        robot,
-        load=bs.Load(displacements=rows.displacements[2:]),
-        times=times[2:] - times[1],
-        history=stored,
-    )
-    assert rest.tip_position == pytest.approx(whole.tip_position[2:], abs=1e-10)
-    assert rest.tensions == pytest.approx(whole.tensions[2:], abs=1e-6)
-    for name in ("lags_per_m", "creep_m"):
-        damaged = {**stored, name: stored[name][:-1]}
-        with pytest.raises(InputError, match="history"):
-            bs.sweep(robot, rows.displacements, times=times, history=damaged)
-
-
 def test_a_history_keeps_the_estimated_error_and_the_time_without_a_solution():
     robot = VISCOELASTIC.with_({**CREEPS, "segments.0.disks.count": 4})
     force = np.array([[0.4, 0.0, 0.0], [0.0, 0.0, 0.0]])
@@ -306,31 +271,6 @@ def test_fit_finds_relaxation_and_its_time():
     without = Data(points=tips, tensions=tensions)
     with pytest.raises(InputError, match="relaxation or creep needs the time of each row"):
         fit(ELASTIC.with_(start), without, names)
-
-
-def test_a_robot_that_depends_on_time_is_refused_where_no_time_is_known():
-    tensions = [[1.0, 0, 0], [2.0, 0, 0]]
-    with pytest.raises(InputError, match=r"need the time of each row: call bowstring\.sweep"):
-        bs.sweep(VISCOELASTIC, tensions)
-    for times, what in (
-        ([0.0], "one for each of 2 rows"),
-        ([3.0, 1.0], "row 2 is 1 s"),
-        ([-1.0, 1.0], "row 1 is -1 s"),
-        ([0.0, math.nan], "row 2 is nan s"),
-        (["0 s", "1 s"], "must be numbers in s"),
-    ):
-        with pytest.raises(InputError, match=what):
-            bs.sweep(CREEPING, tensions, times=times)
-    with pytest.raises(InputError, match=r"tendons of .* have creep"):
-        bs.inverse_kinematics(CREEPING, [[0.05, 0, 0.5]])
-    with pytest.raises(InputError, match=r"backbone of .* has relaxation"):
-        bs.modes(VISCOELASTIC)
-    with pytest.raises(InputError, match=r"together 0\.7 of the bending stiffness"):
-        VISCOELASTIC.with_({"segments.0.backbone.hysteresis": 0.4})
-    both = {"segments.0.backbone.hysteresis": 0.2, "segments.0.backbone.relaxation": 0.4}
-    assert ELASTIC.with_(both).has_memory
-    # equilibria at once need no time
-    assert bs.solve_batch(VISCOELASTIC, tensions).converged.all()
 
 
 @pytest.mark.parametrize(

@@ -9,14 +9,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
-from scipy.spatial.transform import Rotation
 
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
-from bowstring.dynamics.load_history import ramp
-from bowstring.errors import InputError
-from bowstring.robot.designs import Designs
-from bowstring.statics.designs import sweep_designs
 from fem_robots import needs_ccx
 
 HELIX = {"segments.0.tendons.turns": 0.5, "segments.0.tendons.end_pitch_radius": 0.015}
@@ -126,48 +121,6 @@ def test_angles_and_pitch_radii_of_each_disk_are_those_of_turns() -> None:
     assert one.hash != each.hash != listed().hash
 
 
-@pytest.mark.parametrize(
-    ("fields", "sentence"),
-    [
-        ({"angles": "10 20 deg"}, "got 2 numbers; must have 9, one for each disk"),
-        ({"angles": "10 deg", "turns": 1}, "turns and angles: both given"),
-        (
-            {"pitch_radii": "20 mm", "end_pitch_radius": "20 mm"},
-            "end_pitch_radius and pitch_radii: both given",
-        ),
-        ({"pitch_radii": "29 29 29 29 33 29 29 29 29 mm"}, "got 33 mm, a hole outside its disk"),
-        ({"end_pitch_radius": "2 mm"}, "got 2 mm, a hole inside its backbone"),
-        ({"turns": "nan"}, "turns"),
-    ],
-)
-def test_bad_routing_is_refused_in_one_sentence(fields: dict[str, object], sentence: str) -> None:
-    with pytest.raises(InputError) as caught:
-        listed(**fields)
-    assert sentence in str(caught.value) and "\n" not in str(caught.value)
-
-
-def test_tendons_that_cross_in_a_disk_are_refused() -> None:
-    tendons = [
-        {"angle": "0 deg", "pitch_radius": "20 mm", "turns": 0.25},
-        {"angle": "90 deg", "pitch_radius": "20 mm"},
-    ]
-    changes = {"segments.0.tendons": tendons, "segments.0.disks.hole_diameter": "3 mm"}
-    # in the last disk both have the same place: one hole for two tendons; before it they overlap
-    with pytest.raises(InputError, match="they would meet each other"):
-        bs.load_robot("amouri2019", changes | {"segments.0.disks.count": 40})
-
-
-def test_designs_of_routing_equal_single_robots() -> None:
-    robot = helical()
-    turns = np.array([0.1, 0.3, -0.4])
-    designs = Designs(robot, {"segments.0.tendons.turns": turns})
-    tensions = np.array([[10.0, 0.0, 0.0], [20.0, 0.0, 3.0]])
-    found = sweep_designs(designs, tensions)
-    for i, value in enumerate(turns):
-        one = bs.sweep(robot.with_({"segments.0.tendons.turns": float(value)}), tensions)
-        np.testing.assert_allclose(found.tip_position[i], one.tip_position, atol=1e-10)
-
-
 def test_friction_and_displacements_of_helical_tendons() -> None:
     robot = helical(**{"segments.0.tendons.friction": 0.1})
     free = bs.solve(helical(), [20.0, 0.0, 0.0])
@@ -185,34 +138,6 @@ def test_friction_and_displacements_of_helical_tendons() -> None:
         [4e-3, *(home - displaced.tendon_lengths + stretched)[1:]],
         atol=1e-6,
     )
-
-
-def test_points_of_the_tendons_have_their_lengths() -> None:
-    robot = helical()
-    found = bs.solve(robot, [25.0, 4.0, 0.0])
-    points = robot.tendon_points(found.disk_positions, found.disk_rotations)
-    lengths = [np.linalg.norm(np.diff(p, axis=0), axis=1).sum() for p in points]
-    np.testing.assert_allclose(lengths, found.tendon_lengths, atol=1e-14)
-
-
-def test_motion_comes_to_rest_in_the_static_pose() -> None:
-    robot = helical()
-    rest = bs.solve(robot, [15.0, 0.0, 0.0]).tip.position
-    run = bs.simulate(
-        robot,
-        ramp([15.0, 0.0, 0.0], 0.3),
-        3.0,
-        integrator=bs.Integrator(mass_damping=8.0),
-    )
-    np.testing.assert_allclose(run.tip_position[-1], rest, atol=2e-5)
-
-
-def test_turning_the_routing_turns_the_pose() -> None:
-    angle = 0.7
-    turned = helical(**{"segments.0.tendons.first_angle": angle})
-    a = bs.solve(helical(), [25.0, 4.0, 0.0]).tip.position
-    b = bs.solve(turned, [25.0, 4.0, 0.0]).tip.position
-    np.testing.assert_allclose(Rotation.from_euler("z", angle).apply(a), b, atol=1e-11)
 
 
 def test_constant_curvature_sees_the_mean_of_the_routing() -> None:

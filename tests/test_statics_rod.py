@@ -17,14 +17,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
-from scipy.spatial.transform import Rotation
 from scipy.special import ellipe, ellipk
 
 import bowstring as bs
 from bowstring.dynamics.simulation import simulate
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.statics.messages import of_tensions
-from objects import objects
 
 # Tension of tendon 1 in N, tip x and z in mm: Kirchhoff, then Cosserat; by shooting.
 SWEEP = np.array(
@@ -336,37 +334,6 @@ def test_buckling_finds_the_bent_branch(robot, bare, ratio):
 # --- conservation laws --------------------------------------------------------------------
 
 
-def turn(angle):
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-
-
-@pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
-def test_rotating_the_load_rotates_the_solution(robot):
-    """Tendons are 120 degrees apart; the robot has no preferred direction."""
-    tensions, gravity = np.array([50.0, 10.0, 3.0]), np.array([3.0, -2.0, -9.0])
-    force, moment = np.array([0.3, 1.0, -0.5]), np.array([0.1, -0.05, 0.2])
-    for theory in ("kirchhoff", "cosserat"):
-        for k in (1, 2):
-            for m in (np.zeros(3), moment):
-                q = turn(k * 2 * math.pi / 3)
-                a = bs.solve(
-                    robot,
-                    tensions,
-                    load=bs.Load(gravity=gravity, tip_force=force, tip_moment=m),
-                    model=bs.RodModel(theory),
-                ).raise_for_status()
-                b = bs.solve(
-                    robot,
-                    np.roll(tensions, k),
-                    load=bs.Load(gravity=q @ gravity, tip_force=q @ force, tip_moment=q @ m),
-                    model=bs.RodModel(theory),
-                ).raise_for_status()
-                assert np.allclose(a.disk_positions @ q.T, b.disk_positions, atol=1e-11)
-                assert np.allclose(q @ a.tip.rotation @ q.T, b.tip.rotation, atol=1e-10)
-                assert np.allclose(np.roll(a.tendon_lengths, k), b.tendon_lengths, atol=1e-11)
-
-
 @pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
 @pytest.mark.parametrize("tendon", ["straight", "continuous"])
 def test_maxwell_reciprocity(rao, theory, tendon):
@@ -411,51 +378,6 @@ def test_work_of_tension_and_force_around_a_loop_is_zero(robot):
     push = np.sum((forces[1:] + forces[:-1]) / 2 * np.diff(found.tip_position, axis=0))
     assert abs(work) > 1e-3  # neither part is zero
     assert abs(work + push) < 1e-5 * abs(work)
-
-
-def turned(after, before):
-    """Rotation vector in the base frame."""
-    return Rotation.from_matrix(after @ before.T).as_rotvec()
-
-
-@pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
-@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
-@pytest.mark.parametrize("moment", [(0, 0, 0), (0.01, -0.02, 0.03)])
-def test_jacobians_against_central_differences(rao, theory, moment):
-    base = np.array([2.0, 0.5, 0.3, 1.0, 0.2, 0.7, 0.02, -0.03, 0.01, *moment])
-    gravity = (1, 2, -9.81)
-
-    def answer(load, robot=rao):
-        return bs.solve(
-            robot,
-            load[:6],
-            load=bs.Load(gravity=gravity, tip_force=load[6:9], tip_moment=load[9:]),
-            model=bs.RodModel(theory, elements=2),
-        ).raise_for_status()
-
-    def stiffer(segment, by):
-        E = rao.segments[segment].backbone.E
-        return answer(base, rao.with_({f"segments.{segment}.backbone.E": E * math.exp(by)}))
-
-    steps = [1e-4] * 6 + [1e-5] * 6
-    pairs = [
-        (answer(base + h * e), answer(base - h * e)) for h, e in zip(steps, np.eye(12), strict=True)
-    ]
-    pairs += [(stiffer(i, 1e-4), stiffer(i, -1e-4)) for i in (0, 1)]
-    steps += [1e-4, 1e-4]
-    found = bs.jacobians(answer(base))
-    names = ("tension", "tip_force", "tip_moment", "stiffness")
-    for what, difference in (
-        ("tip_position", lambda a, b: a.tip.position - b.tip.position),
-        ("tip_rotation", lambda a, b: turned(a.tip.rotation, b.tip.rotation)),
-        ("lengths", lambda a, b: a.tendon_lengths - b.tendon_lengths),
-    ):
-        columns = [difference(a, b) / (2 * h) for h, (a, b) in zip(steps, pairs, strict=True)]
-        expected = np.split(np.stack(columns, axis=1), [6, 9, 12], axis=1)
-        for name, table in zip(names, expected, strict=True):
-            own = getattr(found, f"{what}_by_{name}")
-            assert own.shape == table.shape, (what, name)
-            assert np.abs(own - table).max() < 1e-5 * np.abs(table).max(), (what, name)
 
 
 @pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
@@ -686,80 +608,6 @@ def test_a_moment_is_blamed_only_where_there_is_one(moment):
     assert "too few elements to decide" in text
 
 
-NAN, INF = float("nan"), float("inf")
-BAD = [
-    ({"tensions": [1, 2]}, "tensions has 2 numbers, it must have 3"),
-    ({"tensions": []}, "tensions has 0 numbers"),
-    ({"tensions": [1, -2, 3]}, "tension of tendon 2 is -2 N"),
-    ({"tensions": [1, 2, NAN]}, "tension of tendon 3 is NaN N"),
-    ({"tensions": [INF, 2, 3]}, "tension of tendon 1 is inf N"),
-    ({"tensions": "80,0,0"}, "tensions is '80,0,0', it must be 3 numbers"),
-    ({"tensions": 80}, "tensions is 80"),
-    ({"tensions": [1, 2, "3"]}, "it must be 3 numbers"),
-    ({"tensions": [[1, 2, 3]]}, "it must be 3 numbers"),
-    ({"tensions": np.ones((2, 3))}, "it must be 3 numbers"),
-    ({"tensions": np.ones(3, complex)}, "it must be 3 numbers"),
-    ({"tensions": [10**400, 0, 0]}, "it must be 3 numbers"),
-    ({"theory": "timoshenko"}, 'theory is \'timoshenko\', it must be "cosserat" or "kirchhoff"'),
-    ({"theory": 3}, "theory is 3"),
-    ({"tendon_path": "curved"}, "tendon_path is 'curved'"),
-    ({"tendon_path": 3}, "tendon_path is 3"),
-    ({"twist": "no"}, "twist is 'no'"),
-    ({"elements": 3}, "elements is 3, it must be 1, 2, 4 or 8"),
-    ({"elements": -1}, "elements is -1"),
-    ({"elements": 2.0}, "elements is 2.0"),
-    ({"elements": 10**30}, "elements is 1000"),
-    ({"gravity": 9.81}, "gravity is 9.81, it must be 3 numbers, in m/s^2"),
-    ({"gravity": (0, 0)}, "gravity has 2 numbers"),
-    ({"gravity": (0, NAN, 0)}, "gravity is [0.0, NaN, 0.0] m/s^2"),
-    ({"tip_force": (0, 0, INF)}, "tip force is"),
-    ({"tip_moment": "0,0,0"}, "tip_moment is '0,0,0'"),
-]
-
-
-@pytest.mark.parametrize(("changed", "part"), BAD)
-def test_bad_input(robot, changed, part):
-    arguments = {"tensions": [80, 0, 0], **changed}
-    with pytest.raises(InputError) as error:
-        bs.solve(robot, **objects(**arguments))
-    text = str(error.value)
-    assert part in text and "\n" not in text and len(text) < 250
-
-
-BAD_ROWS = [
-    ({"tensions": [80, 0, 0]}, "tensions has shape (3,), it must have one row for each load"),
-    ({"tensions": [[80, 0]] * 4}, "tensions has shape (4, 2)"),
-    ({"tensions": [[80, 0, 0], [1]]}, "tensions must be numbers of shape (n, 3)"),
-    ({"tensions": "abc"}, "tensions must be numbers"),
-    ({"tensions": [[0, 0, 0], [0, 0, -1]]}, "row 2: tension of tendon 3 is -1 N"),
-    ({"tip_force": np.zeros((3, 3))}, "tip_force has shape (3, 3), it must be (3,) or (4, 3)"),
-    ({"gravity": np.zeros((4, 3, 1))}, "it must be 3 numbers"),
-    ({"gravity": [[0, 0, 0]] * 3 + [[0, NAN, 0]]}, "row 4: gravity is"),
-    ({"theory": "x"}, "theory is 'x'"),
-    ({"elements": 5}, "elements is 5"),
-]
-
-
-@pytest.mark.parametrize("call", [bs.sweep, bs.solve_batch])
-@pytest.mark.parametrize(("changed", "part"), BAD_ROWS)
-def test_bad_rows(robot, call, changed, part):
-    arguments = {"tensions": np.zeros((4, 3)), **changed}
-    with pytest.raises(InputError) as error:
-        call(robot, **objects(**arguments))
-    text = str(error.value)
-    assert part in text and "\n" not in text
-
-
-def test_other_bad_arguments(robot):
-    for threads in (-1, 1.5, "all", 10**9):
-        with pytest.raises(InputError, match="threads is"):
-            bs.solve_batch(robot, [[0, 0, 0]], threads=threads)
-    s = bs.solve(robot, [0, 0, 0])
-    for points in (0, -1, 2.5, "8", 10**9, 10**40):
-        with pytest.raises(InputError, match="points_per_module is"):
-            s.centerline(points)
-
-
 # --- the interface -----------------------------------------------------------------------
 
 
@@ -902,47 +750,6 @@ def test_stability_of_a_massless_robot_is_unknown() -> None:
     robot = bs.load_robot("amouri2019", overrides=light)
     assert bs.solve(robot, [0.0] * 3, load=bs.Load(tip_moment=[0, 0, 0.5])).stable is None
     assert bs.solve(robot, [0.0] * 3, load=bs.Load(tip_moment=[0, 0, 0.01])).stable is True
-
-
-@pytest.mark.parametrize(
-    ("call", "part"),
-    [
-        (lambda r: bs.solve(r, [8, 0, 0]).to_dataset(points=10**9), "points is 1000000000"),
-        (lambda r: bs.solve(r, [8, 0, 0]).to_dataset(points="x"), "points is 'x'"),
-        (
-            lambda r: bs.solve(r, [8, 0, 0], load=bs.Load(tip_force=np.array([0, 0, 1j]))),
-            "it must be 3 numbers, in N",
-        ),
-        (lambda r: bs.solve(r, [True, False, False]), "it must be 3 numbers"),
-        (lambda r: bs.solve(r, np.array([True, False, False])), "it must be 3 numbers"),
-        (lambda r: bs.sweep(r, [["1", "2", "3"]]), "must be numbers of shape"),
-        (lambda r: bs.sweep(r, np.ones((2, 3), bool)), "must be numbers of shape"),
-        (
-            lambda r: bs.sweep(r, np.ma.masked_array([[80.0, 5, 0]], mask=[[0, 1, 0]])),
-            "tension of tendon 2 is NaN N, it must be finite",
-        ),
-        (lambda r: bs.sweep(r, np.ones((2, 3)), warm="x"), "warm is 'x'"),
-        (lambda r: bs.solve_batch(r, np.ones((2, 3)), disks=None), "disks is None"),
-        (lambda r: bs.solve(r, load=[80, 0, 0]), "it must be a bowstring.Load"),
-        (lambda r: bs.solve(r, [80, 0, 0], model="kirchhoff"), "it must be a bowstring.RodModel"),
-        (lambda r: bs.solve(r, [80, 0, 0], load=bs.Load([1, 0, 0])), "give one of them"),
-        (lambda r: bs.simulate(r, [8, 0, 0], 0.05, start=bs.Start([1, 0, 0])), "start.load is"),
-        (lambda r: bs.simulate(r, [8, 0, 0], 0.05, output="run.nc"), "output is 'run.nc'"),
-        (lambda r: bs.run_study(r, loading={"points": 3}), "it must be a Loading"),
-        (lambda r: bs.run_study(r, loading=[]), "it must be a Loading"),
-        (lambda r: bs.run_study(r, extras="solid"), "it must be an Extras"),
-        (lambda r: bs.Ramp(modal_damping="x"), "modal_damping is 'x'"),
-        (lambda r: bs.Loading(tendon=[1, 2]), "the number of a tendon, or a mapping"),
-        (
-            lambda r: bs.solve(r, [8, 0, 0], history=bs.solve(r, [8, 0, 0]).history),
-            "give what the method history",
-        ),
-    ],
-)
-def test_objects_of_a_wrong_type_are_named(robot, call, part):
-    with pytest.raises(InputError) as error:
-        call(robot)
-    assert part in str(error.value) and "\n" not in str(error.value)
 
 
 def test_rows_of_tip_force_may_be_tuples(robot):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 
 import numpy as np
@@ -75,16 +74,6 @@ def test_segments_bend_in_turn_behind_long_wraps(friction, wrap):
     found = bs.sweep(robot, load=bs.Load(displacements=rows))
     assert found.converged.all()
     assert found.iterations.max() < 50
-
-
-def test_a_history_continues():
-    far = WITH_FRICTION.with_({"segments.0.tendons.wrap_angle": "400 deg"})
-    rows = np.outer([10.0, 40.0, 25.0, 5.0], [1.0, 0.0, 0.0])
-    whole = bs.sweep(far, rows)
-    first = bs.sweep(far, rows[:2])
-    rest = bs.sweep(far, rows[2:], history=json.loads(json.dumps(first.history())))
-    assert whole.converged.all()
-    assert rest.tip_position == pytest.approx(whole.tip_position[2:], abs=1e-10)
 
 
 def test_fit_finds_the_wrap():
