@@ -172,7 +172,7 @@ ROBOTS: dict[str, Row] = {
     "two segments": Row(bs.load_robot("rao2021"), {E: [50e9, 70e9]}),
 }
 
-# -- laws: robots whose equilibrium depends on the path to it ----------------------------------
+# -- laws of tendons, drives and backbones -----------------------------------------------------
 
 _PATH = {
     "batch": "a polynomial starts equilibria under tensions alone",
@@ -220,6 +220,16 @@ LAWS: dict[str, Row] = {
         CREEPS,
         design={"segments.0.tendons.creep_compliance": [1e-5, 4e-5]},
         lacks=_SWEPT,
+        by_displacement=True,
+    ),
+    "losses in holes and mount": changed(
+        of("tendons", compliance="0.02 mm/N", hole_clearance="0.4 mm", mount_compliance=1e-5),
+        design={"segments.0.tendons.hole_clearance": [1e-4, 5e-4]},
+        lacks={
+            "motion": "motions do not know the law",
+            "derivatives": "derivatives do not know the law",
+            "displacements": "derivatives do not know the law",
+        },
         by_displacement=True,
     ),
 }

@@ -393,6 +393,13 @@ fn wrong_motions_are_rejected() {
     );
     soft.jump(&by_tensions(&[0.001, 0.0, 0.0])).unwrap();
     go(&mut soft, 0.01, &by_tensions(&[0.001, 0.0, 0.0]));
+    let wide = Line {
+        hole_clearance: 1e-4,
+        ..elastic()
+    };
+    let (mut lossy, _) = at_rest(&robot, model, s, wide, &displacements(&[0.0; 3]), &nothing);
+    assert!(lossy.advance(0.0, &nothing).is_ok());
+    assert!(lossy.advance(0.01, &nothing).is_err());
     let mut other = Simulator::new(&rao_robot(), model, 1, s).unwrap();
     assert!(other.rest_at(&path).is_err());
     let mut heavy = s;

@@ -171,8 +171,8 @@ impl Simulator {
     /// displacement (m) in place of the tension.
     ///
     /// # Errors
-    /// If the path is not one of [`Simulator::path_solver`], has not reached an equilibrium, was
-    /// under another gravity, or loses displacement in holes or mount.
+    /// If the path is not one of [`Simulator::path_solver`], has not reached an equilibrium, or was
+    /// under another gravity.
     pub fn rest_at(&mut self, path: &PathSolver) -> Result<Option<Stop>, InputError> {
         let (solver, history) = (path.solver(), path.history());
         let arcs = 2 * self.elements * self.robot.module_count();
@@ -181,11 +181,6 @@ impl Simulator {
             || history.strain.len() != arcs
         {
             return Err(InputError::other("the path is one of another robot"));
-        }
-        if path.transmission().tendons.have_losses() {
-            return Err(InputError::other(
-                "no motion takes a clearance in the holes or a compliance of the mount",
-            ));
         }
         let gravity = history.load.gravity;
         if gravity != self.settings.gravity {
@@ -361,6 +356,12 @@ impl Simulator {
         if !(duration.is_finite() && duration >= 0.0) {
             let (argument, rule) = (Argument::Duration, Rule::NotNegative);
             return Err(InputError::number(argument, None, duration, rule));
+        }
+        let actuation = self.integration.actuation.as_ref();
+        if duration > 0.0 && actuation.is_some_and(|a| a.tendons().have_losses()) {
+            return Err(InputError::other(
+                "no motion takes a clearance in the holes or a compliance of the mount",
+            ));
         }
         let engine = &mut *self.engine;
         let (reached, stop) = self.integration.advance(engine, duration, load, base);
