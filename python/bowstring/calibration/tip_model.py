@@ -261,9 +261,9 @@ class TipModel:
     def jacobian(self, values: Floats, at: Prediction) -> Floats:
         """Derivatives (K, 3 M, P) of the coordinates of the measured points.
 
-        Exact by parameters of displacements and tensions, by base, tool and markers, and by E where
-        all points are on the end disk, unless the robot has a memory; central differences by the
-        others.
+        Exact by parameters of displacements and tensions, by base, tool and markers, and by E and
+        gravity where all points are on the end disk, unless the robot has a memory; central
+        differences by the others.
         """
         return np.stack([column.whole for column in self._columns(values, at)], axis=-1)
 
@@ -523,9 +523,7 @@ class TipModel:
     def _home(self, setting: Setting) -> Floats:
         assert self.rod is not None
         home = actuation.home_lengths(setting.robot, self.rod)
-        if home is None:
-            return np.full(self.commands.values.shape[1], np.nan)
-        return home
+        return np.full(self.commands.values.shape[1], np.nan) if home is None else home
 
     def _scales(self, item: Unknown) -> bool:
         """Whether a parameter scales all stiffnesses of segments."""
