@@ -103,88 +103,6 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["fk", "amouri2019", "--lengths"], "requires an argument"),
         ([*LOADED, "--elements", "many"], "--elements"),
         ([*LOADED, "again"], "again"),
-        (["fk", "amouri2019", "--lengths", "0.4,0.76,0.76"], ("--lengths: segment 1: ", "turn")),
-        (
-            ["solve", "amouri2019", "--tension", "10 mm,0,0"],
-            '--tension: got "10 mm", but "mm" is not a unit of force; write',
-        ),
-        (["study", "--tolerance", "0"], "--tolerance: got 0"),
-        (
-            ["study", "--tolerance", "2 mm"],
-            (
-                '--tolerance: got "2 mm"; must be a share of the length above 0 and below 1, write '
-                'for example --tolerance "1 %".',
-            ),
-        ),
-        (
-            ["study", "--modal-damping", "5 N"],
-            '--modal-damping: got "5 N"; must be a share of critical damping',
-        ),
-        (
-            ["simulate", "amouri2019", "--tension", "1,0,0", "--tolerance", "1 %"],
-            '--tolerance: got "1 %", but "%" is not a unit of length',
-        ),
-        (["study", "--max-tension", "-5"], "--max-tension: got -5 N"),
-        (["study", "--points", "1"], ("--points: got 1", "from 2 to 1000")),
-        (
-            ["study", "--tendon", "4"],
-            "--tendon: got 4; must be a tendon of amouri",
-        ),
-        (["study", "--tendon", "1,"], "--tendon: got nothing; must be a tendon"),
-        (["study", "--tendon", "1:0"], "--tendon: the share of tendon 1 is 0.0; must be above"),
-        (["study", "--tendon", "1,1"], "--tendon: tendon 1 is there twice"),
-        (
-            ["study", "--tendon", "1:50 %"],
-            "--tendon: the largest share of the actuated tendons is 0.5;",
-        ),
-        (["study", "--tendon", "1,2,3"], ("--tendon: ", "balance each other")),
-        (["study", "--rise", "1e-9"], "--rise: got 1e-09 s; must be from 0.11 to 87.7 s"),
-        (["study", "--max-tension", "1e7"], "--max-tension: by the linear law"),
-        (["study", "--measurements", "no.csv"], "--measurements: no.csv: the table cannot"),
-        (
-            [*SOLVE, "--angle", "70 rad,0,0", "--set", "segments.0.tendons.spool_radius=1 cm"],
-            "--angle: displacement of tendon 1 is 0.7",
-        ),
-        ([*SOLVE, "--tension", "1,2"], "--tension: got 2 numbers"),
-        (["solve", "no", "--set", "foo=1", "--tension", "1,0,0"], "no is neither a file"),
-        ([*SOLVE, "--set", "foo=1", "--tension", "1,0,0"], "--set: amouri2019: foo: unknown"),
-        (
-            [*SIMULATE, "--displacement", "0.9,0,0"],
-            "--displacement: the displacement of tendon 1 is 0.9 m at 1",
-        ),
-        (
-            [*SIMULATE, "--displacement", "0,0,0", "--from-displacement", "0.9,0,0"],
-            (
-                "--displacement or --from-displacement: the displacement of tendon 1 is 0.9 m at 0 "
-                "s",
-            ),
-        ),
-        (
-            [*BENCH, "--displacements", "0:0.5:1"],
-            "--displacements: got 1 m for tendon 1; must be less than",
-        ),
-        ([*BENCHED, "--drift", "1e9,0,0"], "--drift: got 1e+09 m; must be up to 1e+06 m"),
-        ([*BENCHED, "--friction", "100"], "--friction: amouri2019: segments[0].tendons.f"),
-        ([*BENCHED, "--actual", "foo=1"], "--actual: amouri2019: foo: unknown field"),
-        ([*FITTED, "--data", "no"], '--data: there is no data set "no"'),
-        (
-            [*FITTED, "--data", "ucl-planar-shape", "--part", "no"],
-            "--part: ucl-planar-shape has no",
-        ),
-        ([*FITTED, "--measurements", "no.csv"], "--measurements: no.csv: the table cannot be"),
-        (
-            [*FITTED, "--measurements", "no.csv", "--mapping", "no.yaml"],
-            "--mapping: Mapping no.yaml is neither",
-        ),
-        (
-            [*FITTED, "--measurements", "no.csv", "--start", "no.json"],
-            "--start: cannot read no.json",
-        ),
-        (["fe", "amouri2019", "--tension", "1,0,0", "--stiffness", "0"], "--stiffness: got 0;"),
-        (
-            ["fe", "amouri2019", "--tension", "1,0,0", "--loads", "x"],
-            ('--loads: got "x"', "for example --loads 10:10:80"),
-        ),
         (of(), "Missing option '--parameter'"),
         (of("--parameter", "gain"), "--measurements FILE or --data NAME"),
         (of("--parameter", "gain", "--data", "tamm-spring", "--measurements", "x"), "give either"),
@@ -410,6 +328,102 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         ),
     ],
 }
+
+#: Whole commands, whose message begins with their flag; tried without --json.
+NAMED: list[tuple[Sequence[str], str | tuple[str, ...]]] = [
+    (["fk", "amouri2019", "--lengths", "0.4,0.76,0.76"], ("--lengths: segment 1: ", "turn")),
+    (
+        ["solve", "amouri2019", "--tension", "10 mm,0,0"],
+        '--tension: got "10 mm", but "mm" is not a unit of force; write',
+    ),
+    (["study", "--tolerance", "0"], "--tolerance: got 0"),
+    (
+        ["study", "--tolerance", "2 mm"],
+        (
+            '--tolerance: got "2 mm"; must be a share of the length above 0 and below 1, write '
+            'for example --tolerance "1 %".',
+        ),
+    ),
+    (
+        ["study", "--modal-damping", "5 N"],
+        '--modal-damping: got "5 N"; must be a share of critical damping',
+    ),
+    (
+        ["simulate", "amouri2019", "--tension", "1,0,0", "--tolerance", "1 %"],
+        '--tolerance: got "1 %", but "%" is not a unit of length',
+    ),
+    (["study", "--max-tension", "-5"], "--max-tension: got -5 N"),
+    (["study", "--points", "1"], ("--points: got 1", "from 2 to 1000")),
+    (
+        ["study", "--tendon", "4"],
+        "--tendon: got 4; must be a tendon of amouri",
+    ),
+    (["study", "--tendon", "1,"], "--tendon: got nothing; must be a tendon"),
+    (["study", "--tendon", "1:0"], "--tendon: the share of tendon 1 is 0.0; must be above"),
+    (["study", "--tendon", "1,1"], "--tendon: tendon 1 is there twice"),
+    (
+        ["study", "--tendon", "1:50 %"],
+        "--tendon: the largest share of the actuated tendons is 0.5;",
+    ),
+    (["study", "--tendon", "1,2,3"], ("--tendon: ", "balance each other")),
+    (["study", "--rise", "1e-9"], "--rise: got 1e-09 s; must be from 0.11 to 87.7 s"),
+    (["study", "--max-tension", "1e7"], "--max-tension: by the linear law"),
+    (["study", "--measurements", "no.csv"], "--measurements: no.csv: the table cannot"),
+    (
+        [*SOLVE, "--angle", "70 rad,0,0", "--set", "segments.0.tendons.spool_radius=1 cm"],
+        "--angle: displacement of tendon 1 is 0.7",
+    ),
+    ([*SOLVE, "--tension", "1,2"], "--tension: got 2 numbers"),
+    (["solve", "no", "--set", "foo=1", "--tension", "1,0,0"], "no is neither a file"),
+    ([*SOLVE, "--set", "foo=1", "--tension", "1,0,0"], "--set: amouri2019: foo: unknown"),
+    (
+        [*SIMULATE, "--displacement", "0.9,0,0"],
+        "--displacement: the displacement of tendon 1 is 0.9 m at 1",
+    ),
+    (
+        [*SIMULATE, "--displacement", "0,0,0", "--from-displacement", "0.9,0,0"],
+        ("--displacement or --from-displacement: the displacement of tendon 1 is 0.9 m at 0 s",),
+    ),
+    (
+        [*BENCH, "--displacements", "0:0.5:1"],
+        "--displacements: got 1 m for tendon 1; must be less than",
+    ),
+    ([*BENCHED, "--drift", "1e9,0,0"], "--drift: got 1e+09 m; must be up to 1e+06 m"),
+    ([*BENCHED, "--friction", "100"], "--friction: amouri2019: segments[0].tendons.f"),
+    ([*BENCHED, "--actual", "foo=1"], "--actual: amouri2019: foo: unknown field"),
+    ([*FITTED, "--data", "no"], '--data: there is no data set "no"'),
+    (
+        [*FITTED, "--data", "ucl-planar-shape", "--part", "no"],
+        "--part: ucl-planar-shape has no",
+    ),
+    ([*FITTED, "--measurements", "no.csv"], "--measurements: no.csv: the table cannot be"),
+    (
+        [*FITTED, "--measurements", "no.csv", "--mapping", "no.yaml"],
+        "--mapping: Mapping no.yaml is neither",
+    ),
+    (
+        [*FITTED, "--measurements", "no.csv", "--start", "no.json"],
+        "--start: cannot read no.json",
+    ),
+    (["fe", "amouri2019", "--tension", "1,0,0", "--stiffness", "0"], "--stiffness: got 0;"),
+    (
+        ["fe", "amouri2019", "--tension", "1,0,0", "--loads", "x"],
+        ('--loads: got "x"', "for example --loads 10:10:80"),
+    ),
+]
+
+
+@pytest.mark.parametrize(("arguments", "says"), NAMED)
+def test_flags_are_named(
+    shell: Shell,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: Sequence[str],
+    says: str | tuple[str, ...],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = shell.error(*arguments)
+    assert all(part in said for part in ((says,) if isinstance(says, str) else says)), said
 
 
 @pytest.mark.parametrize(
