@@ -533,3 +533,17 @@ def test_the_benchmark_commands_the_displacements_of_its_tension():
     tip, tension = ours_displacement.found(1)
     assert tension == pytest.approx(40.0, rel=1e-5)
     assert tip == pytest.approx(ours_displacement.found(8)[0], abs=0.1)  # mm
+
+
+@pytest.mark.parametrize("elements", [1, 2])
+def test_a_solve_that_is_repeated_needs_no_iteration(elements):
+    """Its error is estimated all the same, also of a load without a potential."""
+    robot = bs.load_robot("amouri2019")
+    moment = bs.PointLoad(disk=4, moment=[0.03, 0.01, -0.02])
+    load = bs.Load(displacements=[0.0187, -0.0115, -0.0066], point_loads=[moment])
+    model = bs.RodModel(elements=elements)
+    first = bs.solve(robot, load=load, model=model)
+    again = bs.solve(robot, load=load, model=model, history=first.history())
+    assert first.converged and again.converged and again.iterations == 0
+    assert again.tip.position == pytest.approx(first.tip.position, abs=1e-12)
+    assert again.error_estimate.tip == pytest.approx(first.error_estimate.tip, rel=0.2)

@@ -39,13 +39,15 @@ def _plain(part: BaseModel) -> dict[str, Any]:
     for name, info in type(part).model_fields.items():
         value = getattr(part, name)
         unit = next((mark.si for mark in info.metadata if isinstance(mark, Quantity)), "")
-        if value is None or value in ("", ()) or name in without:
+        if value is None or value == "" or name in without:
+            continue
+        if value == () and not info.is_required():
             continue
         if name not in part.model_fields_set and value == info.default:
             continue
         if isinstance(value, BaseModel):
             fields[name] = _plain(value)
-        elif isinstance(value, tuple) and isinstance(value[0], BaseModel):
+        elif isinstance(value, tuple) and all(isinstance(each, BaseModel) for each in value):
             fields[name] = [_plain(each) for each in value]
         elif unit:
             values = value if isinstance(value, tuple) else (value,)

@@ -272,6 +272,10 @@ impl PathStep {
             }
             if settled && !state.symmetric {
                 // without a potential stability is not decided
+                if state.pivot.is_nan() {
+                    // settled at the start: the estimate of the error needs a tangent
+                    self.make_tangent(&mut state, true);
+                }
                 return self.finish(outcome, load);
             }
             let kept = !settled && self.keeps_tangent(&state, &residuals);
