@@ -24,6 +24,16 @@ def displacements(count, seed):
     return bs.sweep(ROBOT, tensions).displacements()
 
 
+def listed(robot):
+    """The robot with its rings of tendons as lists."""
+    return robot.with_(
+        {
+            f"segments.{i}.tendons": [t.model_dump(exclude_none=True) for t in s.tendon_list]
+            for i, s in enumerate(robot.segments)
+        }
+    )
+
+
 def bends(robot, rotations):
     """Bends (n, T) in rad from the base to the end disks of the tendons."""
     base = np.tile([0, 0, 1.0], (len(rotations), 1, 1))
@@ -65,6 +75,46 @@ def test_the_rod_solves_the_fixed_point(friction):
     expected = bs.sweep(without, load=bs.Load(displacements=left))
     assert found.tip_position == pytest.approx(expected.tip_position, abs=1e-8)
     assert found.displacements() == pytest.approx(given, abs=1e-12)
+
+
+def test_a_path_goes_on_from_its_history():
+    """With a memory of displacements: the home pose has other losses than the stored one."""
+    robot = bs.load_robot(
+        "amouri2019",
+        {
+            "segments.0.tendons.backlash": "0.5 mm",
+            "segments.0.tendons.compliance": "0.01 mm/N",
+            "segments.0.tendons.hole_clearance": "0.5 mm",
+            "segments.0.tendons.mount_compliance": "0.02 mm/N",
+        },
+    )
+    first, second = [6.0, 0.0, 0.0], [3.3e-3, -1.5e-3, -1.5e-3]
+    none = [None] * 3
+    whole = bs.sweep(robot, load=bs.Load(tensions=[first, none], displacements=[none, second]))
+    begun = bs.solve(robot, first)
+    after = bs.solve(robot, load=bs.Load(displacements=second), history=begun.history())
+    assert after.tensions == pytest.approx(whole.tensions[1], abs=1e-6)
+
+
+def test_fields_have_the_tensions_and_slack_of_the_solution():
+    robot = bs.load_robot(
+        "amouri2019",
+        {
+            "segments.0.tendons.compliance": "0.05 mm/N",
+            "segments.0.tendons.hole_clearance": "0.3 mm",
+            "segments.0.tendons.mount_compliance": "0.01 mm/N",
+        },
+    )
+    found = bs.solve(robot, load=bs.Load(displacements=[4e-3, -3e-3, -2e-3]))
+    fields = found.to_dataset()
+    assert fields.tension.values.ravel() == pytest.approx(found.tensions, abs=1e-6)
+    assert fields.slack.values.ravel() == pytest.approx(found.slack_lengths, abs=1e-9)
+
+
+def test_a_derivative_by_it_is_refused():
+    solution = bs.solve(ROBOT, [1.0] * 9)
+    with pytest.raises(InputError, match="derivatives do not model it"):
+        bs.directional_derivatives(solution, {"segments.*.tendons.hole_clearance": 1.0})
 
 
 def test_a_displacement_holds_the_tension_that_took_it():
@@ -112,15 +162,20 @@ def test_tensions_do_not_depend_on_it():
     assert held.score.rmse < 1e-9
 
 
-def test_derivatives_are_those_of_differences():
+@pytest.mark.parametrize("bent", [{}, {"backbone.rest_bend": 0.3}, {"tendons.0.pretension": 2.0}])
+def test_derivatives_are_those_of_differences(bent):
     """All parameters of displacements and tendons, against central differences of predictions."""
     given = displacements(12, 4)
+    robot = listed(ROBOT.with_({f"{each}.pretension": 0.5 for each in SEGMENTS})).with_(
+        {f"segments.{i}.{k}": v for i in range(3) for k, v in bent.items()}
+    )
     data = Data(points=np.zeros((12, 3)), displacements=given)
     names = ["hole_clearance.segments", "gain.segments", "offset.tendons"]
-    names += ["segments.*.tendons.compliance", "segments.0.backbone.E"]
+    names += ["segments.*.tendons.compliance", "segments.0.tendons.1.pretension"]
+    names += ["segments.0.backbone.E", "gravity.0"]
     start = {f"hole_clearance.segments.{i}": CLEARANCE for i in range(3)}
-    unknowns = Unknowns(ROBOT, names, start)
-    model = TipModel(unknowns, commands(data, ROBOT), bs.RodModel())
+    unknowns = Unknowns(robot, names, start)
+    model = TipModel(unknowns, commands(data, robot), bs.RodModel())
     values = unknowns.start
     exact = model.jacobian(values, model.predict(values, keep=True))
     for i, item in enumerate(unknowns.items):

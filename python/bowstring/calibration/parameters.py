@@ -464,8 +464,7 @@ class Unknowns:
         head, _, segment = name.partition(".")
         if name in _SHORT or (head == "hole_clearance" and segment.startswith("segments.")):
             which = segment.removeprefix("segments.") or "*"
-            owners = (f"segments.{which}.tendons", f"segments.{which}.tendons.*")
-            return tuple(path for owner in owners for path in self._paths(f"{owner}.{head}"))
+            return self._paths(f"segments.{which}.tendons.{head}")
         if head not in ("segments", "gravity", "payloads"):
             return ()
         return tuple(path for path in expand(self._tree, name) if path in self._leaves)
@@ -515,7 +514,7 @@ class Unknowns:
 
     def _unknown(self, name: str, given: Mapping[str, float]) -> Unknown:
         if paths := self._paths(name):
-            leaf = name.rsplit(".", 1)[-1] if not name.startswith("gravity") else "gravity"
+            leaf = "gravity" if name.startswith("gravity") else paths[0].rsplit(".", 1)[-1]
             values = [self._leaves[path] for path in paths]
             start = given.get(name, float(np.mean(values)))
             quantity = quantity_of(self.robot, paths[0])

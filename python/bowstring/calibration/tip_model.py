@@ -34,6 +34,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _NO_LOAD: Final = Load()  # only the robot's gravity
+_WEIGHTLESS: Final = Load(gravity=(0.0, 0.0, 0.0))
 #: Step of differences over natural step of a parameter; larger with friction, which jumps.
 _SMALL: Final = 1e-3
 _SMALL_FRICTION: Final = 0.1
@@ -521,9 +522,17 @@ class TipModel:
         return out
 
     def _home(self, setting: Setting) -> Floats:
+        """Unstretched lengths (T,) of the tendons at home, less what clearance takes there, m."""
         assert self.rod is not None
         home = actuation.home_lengths(setting.robot, self.rod)
-        return np.full(self.commands.values.shape[1], np.nan) if home is None else home
+        if home is None:
+            return np.full(self.commands.values.shape[1], np.nan)
+        tendons = setting.robot.tendons
+        if not tendons.hole_clearance_m.any():
+            return home
+        pose = setting.robot.core.solve(tendons.pretension_N, _WEIGHTLESS, self.rod)
+        bends = _bends_of_tendons(setting.robot, pose.disk_rotations[None])[0]
+        return np.asarray(home - tendons.hole_clearance_m * bends)
 
     def _scales(self, item: Unknown) -> bool:
         """Whether a parameter scales all stiffnesses of segments."""

@@ -270,6 +270,7 @@ def _shifted(motion: _Motion) -> str:
         passing = [float((tendons.segment >= j).sum()) for j in range(segment + 1)]
         give = tendons.compliance_m_per_N[own].max() + float(passing @ softness[: segment + 1])
         give += robot.length / float(tendons.axial_stiffness_N[own].min())
+        give += float(tendons.mount_compliance_m_per_N[own].max()) * len(tendons.segment)
         where = f" of segment {segment + 1}" if len(robot.segments) > 1 else ""
         advice = (
             "The commands are not displacements from the straight robot: take those of the "
@@ -373,10 +374,15 @@ def _expected(motion: _Motion) -> tuple[Floats, NDArray[np.int64]]:
 
 
 def _is_elastic(robot: Robot) -> bool:
-    """Whether a tendon or its transmission is elastic and takes up a part of a displacement."""
+    """Whether a tendon, its transmission or its holes take up a part of a displacement."""
     tendons = robot.tendons
-    elastic = np.isfinite(tendons.axial_stiffness_N).any()
-    return bool(elastic or tendons.compliance_m_per_N.any())
+    takes = (
+        np.isfinite(tendons.axial_stiffness_N),
+        tendons.compliance_m_per_N,
+        tendons.mount_compliance_m_per_N,
+        tendons.hole_clearance_m,
+    )
+    return any(each.any() for each in takes)
 
 
 def _best_gain(motion: _Motion, bends: Floats, measured: Floats) -> tuple[float, float]:

@@ -80,7 +80,7 @@ class Motions:
     Parameters
     ----------
     robot : Robot
-        Robot without friction. Its tendons are tension-controlled.
+        Robot without friction and other laws. Its tendons are tension-controlled.
     count : int
         Number of motions N.
     period : float

@@ -195,8 +195,8 @@ class ReachEnv(Env[Observations, Observations], EzPickle):
     Parameters
     ----------
     robot : Robot or str
-        Robot without friction, or the name or path of one, which is then under gravity along the
-        base frame's -z.
+        Robot without friction and other laws, or the name or path of one, which is then under
+        gravity along the base frame's -z.
     max_tension : float, optional
         Largest tension in N. By default the one that alone bends the robot by about a radian.
     period : float

@@ -41,8 +41,8 @@ def compile_robot(robot: Robot) -> schema.RobotDescription:
     Raises
     ------
     InputError
-        If tendons have friction: the tip then depends on the load history, which the library does
-        not follow.
+        If the robot has a law of `bowstring.robot.laws`, such as friction, which the library does
+        not model.
 
     Examples
     --------

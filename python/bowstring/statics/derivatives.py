@@ -91,7 +91,7 @@ def check_smooth(solution: Solution) -> None:
     solution.raise_for_status()
     check_without_laws(
         solution.robot,
-        ", with which an equilibrium has no derivatives",
+        ", which derivatives do not model",
     )
     if solution.model.tendon_path == "continuous":
         raise InputError(

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import validation
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.robot.laws import LAWS
 from bowstring.robot.paths import find
 from bowstring.statics.neighbourhood import (
     ACTUATION,
@@ -36,6 +37,7 @@ Floats = NDArray[np.float64]
 _ROUGH: Final = {
     "count": "it is a whole number",
     "disk": "it is a whole number",
+    **{size: "derivatives do not model it" for law in LAWS.values() for size in law.sizes},
     "friction": "with friction an equilibrium depends on the load history",
 }
 _LOADS: Final = (*ACTUATION, *VECTORS, *ON_DISKS)
@@ -144,8 +146,9 @@ def directional_derivatives(
     Parameters
     ----------
     solution : Solution
-        Converged solution with straight tendons and without friction. Displacement-controlled
-        tendons keep their displacement unless it changes.
+        Converged solution with straight tendons, without friction or another law of
+        `bowstring.robot.laws`. Displacement-controlled tendons keep their displacement unless it
+        changes.
     direction : mapping from str to array_like
         Changes per unit of the line: ``tensions`` (T,) in N, ``displacements`` (T,) in m,
         ``gravity``, ``tip_force``, ``tip_moment`` (3,), ``disk_forces``, ``disk_moments`` (N, 3),

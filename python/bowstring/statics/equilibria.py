@@ -130,7 +130,7 @@ def differentiable(
             raise InputError(f"load has {name}; give tensions when the solver is called")
     check_without_laws(
         robot,
-        ", with which an equilibrium has no derivatives",
+        ", which derivatives do not model",
     )
     if robot.is_embedded or model.tendon_path == "continuous":
         raise InputError(

@@ -120,7 +120,12 @@ def notes_of(
             f"{significant(geometry.scale * settings.max_tension)} N, about the robot's own bend."
         )
     calibrated = data is not None and data.calibrated_friction is not None
-    left_out = [f"the {key} of the {LAWS[key].owner}" for key in robot.laws]
+    left_out, lost = (
+        [f"the {key} of the {LAWS[key].owner}" for key in robot.laws if LAWS[key].memory is memory]
+        for memory in (True, False)
+    )
+    if lost:
+        out.append(f"Main sweep, dynamics and error budget are without {listed(lost)}.")
     if calibrated:
         left_out = ["the friction that was calibrated", *left_out[robot.has_friction :]]
     if left_out:

@@ -35,7 +35,10 @@ LOADS: Final = {
 }
 """Axes that are not numbers of the robot file: SI unit, usual unit and label."""
 
-BY_DISPLACEMENT: Final = ("axial_stiffness", "compliance", "free_length", "pretension")
+BY_DISPLACEMENT: Final = (
+    *("axial_stiffness", "compliance", "free_length", "pretension"),
+    *("backlash", "hole_clearance", "mount_compliance"),
+)
 """Numbers of tendons that act under displacement control only."""
 RAMPS: Final = ("tension", "bend")
 """Axes along which a robot follows its ramp."""

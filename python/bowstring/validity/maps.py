@@ -421,7 +421,12 @@ def validity_map(
     if over is None and len(axes) == 1:
         notes.append(_LISTED)
     followed = ("friction",) if space.has_friction else ()
-    left_out = [LAWS[key].left_out for key in robot.laws if key not in followed]
+    varied = {axis.path.rpartition(".")[2] for axis in axes}
+    left_out = [
+        LAWS[key].left_out
+        for key in robot.laws
+        if key not in followed and not varied & {*LAWS[key].sizes}
+    ]
     notes += dict.fromkeys(left_out)  # one sentence may be on two of them
     return replace(found, notes=tuple(notes))
 

@@ -574,6 +574,7 @@ impl PathSolver {
         self.companion = None;
         let now = self.history().clone();
         self.last.begin(&now, 0.0);
+        self.last.measure_losses(&now);
         self.tendons().note_displacements();
         Ok(())
     }

@@ -170,6 +170,16 @@ impl PathStep {
         }
     }
 
+    /// Measures what is lost in holes and mount at a state of the path.
+    pub fn measure_losses(&mut self, at: &History) {
+        if self.transmission.tendons.have_losses() {
+            self.take(&at.load.borrow(), at);
+            self.solver.engine.evaluate();
+            let engine = &*self.solver.engine;
+            self.transmission.tendons.measure_losses(engine);
+        }
+    }
+
     /// Most work of a step, in units of [`interrupt::work`].
     pub fn most_work(&self) -> usize {
         let transmission = &self.transmission;

@@ -63,7 +63,7 @@ impl Tendons {
         let mut energy = 0.0;
         for (i, to) in values.iter().enumerate() {
             if self.now.commands[i].is_displacement() {
-                let elongation = self.step.routed[i] - self.home[i] + to;
+                let elongation = self.step.routed[i] - self.home[i] + to - self.lost[i];
                 let now = f64::max(elongation, 0.0);
                 energy += self.energy(i, now) - self.energy(i, self.step.elongation[i]);
                 self.step.elongation[i] = now;

@@ -26,8 +26,8 @@ pub(crate) struct Tendons {
     /// Slack length of each tendon (m), times `step.share` (theory Eq. 5.4); negative where it is
     /// too short.
     pub slack: Vec<f64>,
-    /// Displacement that each tendon loses in holes and mount (m), above that of the home pose with
-    /// `home`.
+    /// Displacement that each tendon loses in holes and mount (m); `home` has that of the home pose
+    /// subtracted.
     pub lost: Vec<f64>,
     /// Ratio of each span's tension to that before the base hole, by modules and tendons, zero
     /// where the tendon does not pass; and the span's tension (N).
@@ -264,7 +264,7 @@ impl Tendons {
                         .map(|at| compliance.spans[at] * self.tensions[at])
                         .sum();
                     let before = compliance.before[i] + compliance.regularisation[i];
-                    carried + before * self.now.tensions[i] + self.lost[i]
+                    carried + before * self.now.tensions[i]
                         - (1.0 - self.step.share) * self.step.elongation[i]
                         - self.step.share * self.elongation_at(lengths, i, p)
                 }
@@ -273,7 +273,7 @@ impl Tendons {
     }
 
     /// Measures what is lost in holes and mount at the present pose (theory Eq. 4.10).
-    fn measure_losses(&mut self, rod: &dyn RoutedRod) {
+    pub fn measure_losses(&mut self, rod: &dyn RoutedRod) {
         if !self.have_losses() {
             return;
         }
@@ -293,7 +293,7 @@ impl Tendons {
 
     /// Elongation of a tendon at a displacement (m); negative where it is slack.
     pub fn elongation_at(&self, lengths: &[f64], i: usize, displacement: f64) -> f64 {
-        self.length_of(lengths, i) - self.home[i] + displacement
+        self.length_of(lengths, i) - self.home[i] + displacement - self.lost[i]
     }
 
     /// Largest length error (m): of a tendon that is too short, or slack under tension.

@@ -86,7 +86,7 @@ class LinkChain:
     Parameters
     ----------
     robot : Robot
-        With tendons that are straight between disks, without friction or another memory.
+        With tendons that are straight between disks, without friction or another law.
     joints : int
         Joints of each module, the backbone between two disks: 1, or an even number up to 32.
 
