@@ -355,8 +355,9 @@ def test_a_shift_that_the_robot_follows_is_not_named() -> None:
     held = np.outer(np.linspace(0.0, 0.06, len(one)), [1.0, 0.0, 0.0])
     assert "in common" not in check_tendons(STUDY, replace(one, displacements=held)).sentence
     # compliant tendons take it up, and soft backbones shorten by it
-    soft = STUDY.with_({"segments.0.tendons.compliance": "0.2 mm/N"})
-    assert not check_tendons(soft, arcs_of(STUDY, 0.1)).alarm
+    for field in ("compliance", "mount_compliance"):
+        soft = STUDY.with_({f"segments.0.tendons.{field}": "0.2 mm/N"})
+        assert not check_tendons(soft, arcs_of(STUDY, 0.1)).alarm
     rubber = STUDY.with_({"segments.0.backbone.E": "1 MPa", "segments.0.backbone.diameter": 0.04})
     assert not check_tendons(rubber, arcs_of(STUDY, 0.03)).alarm
 

@@ -1310,6 +1310,7 @@ def test_bends_of_two_segments_have_the_direction_of_the_linear_law() -> None:
     ("over", "options", "message"),
     [
         (["tension=0:80 N", "bend=0:90 deg"], {}, "one of them"),
+        (["tension=0:40 N", "hole_clearance=0:2 mm"], {}, "changes nothing"),
         (["bend=-10:90 deg"], {}, "negative bend"),
         (["bend=0:90 deg"], {"metric": "valid_to"}, "sweep of the bend"),
         (["tension=0:80 N"], {"models": ["cc_from_displacements"]}, "axis bend"),

@@ -80,6 +80,7 @@ def test_a_model_that_holds_everywhere_says_so() -> None:
     [
         ({"tensions.0": {"normal": {"mean": 9.0, "sd": 1.0}}}, "cannot vary here"),
         ({"pretension": {"uniform": {"from": 0.0, "to": 9.0}}}, "changes nothing"),
+        ({"hole_clearance": {"uniform": {"from": 0.0, "to": 1e-3}}}, "changes nothing"),
         ({"segments.*.backbone.young": {"normal": {"sd": "5 %"}}}, "did you mean"),
         ({E: {"normal": {"mean": 1e9, "sd": 1e9}}}, "log-normal|lognormal"),
     ],
