@@ -266,8 +266,8 @@ impl<L: Layout, const A: usize> RoutedRod for Rod<L, A> {
     fn bend(&self, module: usize) -> f64 {
         Rod::bend(self, module)
     }
-    fn bending(&self, module: usize, out: &mut [f64]) {
-        Rod::bending(self, module, out);
+    fn add_bending(&self, module: usize, factor: f64, out: &mut [f64]) {
+        Rod::add_bending(self, module, factor, out);
     }
     fn set_span_tensions(&mut self, tensions: &[f64]) {
         let count = self.tendons.len();

@@ -46,7 +46,7 @@ def parameters_of(memory: Memory) -> list[str]:
     """Parameters of `bowstring.fit` that a memory adds."""
     if memory == "backlash":  # of the commands, not of the robot file
         return ["backlash"]
-    law = laws.LAWS[memory]
+    law = laws.MEMORIES[memory]
     return [f"segments.*.{law.part}.{leaf}" for leaf in law.terms[0]]
 
 
@@ -70,7 +70,7 @@ def reason_against(memory: Memory, commands: Commands, given: Unknowns) -> str:
         return "backlash is of displacements, and all tendons are tension-controlled"
     if memory == "creep" and not commands.by_displacement.any():
         return "creep moves no tip, as all tendons are tension-controlled"
-    if laws.LAWS[memory].timed:
+    if laws.MEMORIES[memory].timed:
         try:
             commands.clock(memory)
         except InputError as error:

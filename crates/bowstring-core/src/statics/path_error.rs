@@ -96,14 +96,11 @@ impl PathStep {
         });
         let size = held.len();
         let (mut matrix, mut row) = (vec![0.0; size * size], vec![0.0; 1 + size]);
-        let mut bends = row.clone();
         for (r, &i) in held.iter().enumerate() {
-            let line = &tendons.lines[i];
             engine.beyond(0, i, &mut row);
-            engine.bending(tendons.routing.ends[i], &mut bends);
+            tendons.take_clearance(engine, i, &mut row);
             for c in 0..size {
-                matrix[r * size + c] =
-                    line.mount_compliance - row[1 + c] + line.hole_clearance * bends[1 + c];
+                matrix[r * size + c] = tendons.lines[i].mount_compliance - row[1 + c];
             }
             matrix[r * size + r] += tendons.whole_compliance(i);
         }

@@ -286,6 +286,15 @@ impl Tendons {
         }
     }
 
+    /// Takes the change of what a tendon loses in its holes from that of its length, for each of the
+    /// solutions of the rod.
+    pub fn take_clearance(&self, rod: &dyn RoutedRod, i: usize, changes: &mut [f64]) {
+        let clearance = self.lines[i].hole_clearance;
+        if clearance > 0.0 {
+            rod.add_bending(self.routing.ends[i], -clearance, changes);
+        }
+    }
+
     /// Length of a tendon from base hole to anchor (m).
     pub fn length_of(&self, lengths: &[f64], i: usize) -> f64 {
         self.spans_of(i).map(|at| lengths[at]).sum()

@@ -53,8 +53,6 @@ pub(crate) struct Unknowns {
     /// By columns: length change of a tendon from a hole on, for a tension less what clearance takes
     /// with the bend.
     beyond: Vec<f64>,
-    /// By columns: change of the bend.
-    bending: Vec<f64>,
     /// Compliance added in `problem` to limit tensions far from the solution (m/N).
     limiting_compliance: f64,
     /// Sides of the unknowns at the last call of `keeps_sides`.
@@ -156,7 +154,7 @@ impl Unknowns {
             let row = self.list[r];
             rod.beyond(row.hole(), row.tendon(), &mut self.beyond);
             if let Unknown::Tension(i) = row {
-                self.take_clearance(tendons, rod, i);
+                tendons.take_clearance(rod, i, &mut self.beyond);
             }
             if !known {
                 self.set_matrix_row(r, tendons);
@@ -166,19 +164,6 @@ impl Unknowns {
             }
             self.set_bounds(r, tendons, friction);
             self.set_right_side(r, tendons, old);
-        }
-    }
-
-    /// Takes the change of what a tendon loses in its holes from that of its length.
-    fn take_clearance(&mut self, tendons: &Tendons, rod: &dyn RoutedRod, i: usize) {
-        let clearance = tendons.lines[i].hole_clearance;
-        if clearance == 0.0 {
-            return;
-        }
-        self.bending.resize(self.beyond.len(), 0.0);
-        rod.bending(tendons.routing.ends[i], &mut self.bending);
-        for (beyond, bending) in self.beyond.iter_mut().zip(&self.bending) {
-            *beyond -= clearance * bending;
         }
     }
 

@@ -445,13 +445,13 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             .sum()
     }
 
-    /// Change of that bend for each of the responses.
-    pub fn bending(&self, module: usize, out: &mut [f64]) {
-        out.fill(0.0);
+    /// Adds a multiple of the change of that bend for each of the responses.
+    pub fn add_bending(&self, module: usize, factor: f64, out: &mut [f64]) {
         for k in 0..=module {
             let Some(axis) = self.bend_axis(k) else {
                 continue;
             };
+            let axis = axis * factor;
             for (part, responses) in out.chunks_mut(L::WIDTH).zip(&self.spans.responses) {
                 for (lane, value) in part.iter_mut().enumerate() {
                     for u in &responses.u[k] {

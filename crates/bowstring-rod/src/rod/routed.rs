@@ -19,8 +19,8 @@ pub trait RoutedRod {
     fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]);
     /// Bend of the backbone from the base to the end of a module (rad).
     fn bend(&self, module: usize) -> f64;
-    /// Change of that bend for each of the solutions.
-    fn bending(&self, module: usize, out: &mut [f64]);
+    /// Adds a multiple of the change of that bend for each of the solutions.
+    fn add_bending(&self, module: usize, factor: f64, out: &mut [f64]);
     /// Sets span tensions by modules and tendons (N).
     fn set_span_tensions(&mut self, tensions: &[f64]);
 }

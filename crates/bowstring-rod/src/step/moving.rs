@@ -374,10 +374,8 @@ impl<L: Layout, const A: usize> RoutedRod for Motion<L, A> {
         self.body.rod.bend(module)
     }
 
-    fn bending(&self, _: usize, out: &mut [f64]) {
-        // no motion takes a clearance in the holes
-        out.fill(0.0);
-    }
+    /// Nothing: no motion takes a clearance in the holes.
+    fn add_bending(&self, _: usize, _: f64, _: &mut [f64]) {}
 
     fn respond(&mut self, sources: Sources) {
         let (body, response, tangent) = (&self.body, &mut self.response, &mut self.tangent);
