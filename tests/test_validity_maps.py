@@ -18,10 +18,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from tests.shell import Shell
 
 import bowstring as bs
-from bowstring import blocks
-from bowstring.blocks import Job
+from bowstring import jobs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
+from bowstring.jobs import Job
 from bowstring.robot.designs import Designs
 from bowstring.robot.paths import find, full_paths
 from bowstring.robot.writer import to_yaml
@@ -1135,7 +1135,7 @@ def test_few_loads_without_equilibrium_are_tried(monkeypatch: pytest.MonkeyPatch
 def test_a_map_in_blocks_is_the_same_map(tmp_path: Path) -> None:
     axes = ["E=30:40 GPa:4", "pitch_radius=20:30 mm:5", "gravity.z=-2:2:3"]
     job = map_job(ROBOT, axes, loading=Loading(60.0), block=7)
-    store = blocks.run(job, tmp_path / "blocks")
+    store = jobs.run(job, tmp_path / "blocks")
     with xr.open_dataset(store.save(tmp_path / "map.nc")) as data:
         assert dict(data.sizes) == {"axis_1": 4, "axis_2": 5, "axis_3": 3}
         plane = validity_map(

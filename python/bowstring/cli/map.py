@@ -38,7 +38,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import significant
 
 if TYPE_CHECKING:
-    from bowstring.blocks import Job
+    from bowstring.jobs import Job
     from bowstring.schemas import maps as schema
     from bowstring.schemas.basic import OfRobot
     from bowstring.validity.grids import ValidityGrid
@@ -273,7 +273,7 @@ def _many(job: Job, out: Path, made: OfRobot, as_json: bool) -> None:
 
 def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.StoredValues:
     """Compute a job, or what is missing of it, and write its data set or figure."""
-    from bowstring.blocks import RunInterrupted, Unfinished, run
+    from bowstring.jobs import RunInterrupted, Unfinished, run
     from bowstring.validity.grids import MOST_DRAWN, check_drawn, check_grid_file, read_grid
 
     of_flag("--out", check_grid_file, out)

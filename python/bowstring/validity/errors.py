@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.blocks import threads
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.jobs import threads
 from bowstring.robot.designs import Designs
 from bowstring.statics.designs import sweep_designs
 from bowstring.validity.effects import Rods

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.blocks import Job, Store
-from bowstring.blocks.dataset import check_data_set, save
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import in_percent, listed, significant
+from bowstring.jobs import Job, Store
+from bowstring.jobs.dataset import check_data_set, save
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load

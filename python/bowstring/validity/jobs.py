@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.blocks import Coordinate, Job, Variable
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.jobs import Coordinate, Job, Variable
 from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.load import Load
 from bowstring.validity.axes import Axis, axes_of
@@ -66,7 +66,7 @@ def map_job(
     load: Load | None = None,
     block: int | None = None,
 ) -> Job:
-    """Make the job of a large map, for `bowstring.blocks.run`.
+    """Make the job of a large map, for `bowstring.jobs.run`.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring.blocks import threads
+from bowstring.jobs import threads
 from bowstring.statics.designs import sweep_designs
 from bowstring.validity.effects import Rods
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.blocks import threads
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, significant
+from bowstring.jobs import threads
 from bowstring.results import Key, Result
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, check_robot, without_laws

@@ -17,8 +17,8 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
-from bowstring.blocks.job import MADE_BY, Job
 from bowstring.errors import BowstringError, InputError, NoSolutionError
+from bowstring.jobs.job import MADE_BY, Job
 from bowstring.optional import load_extra
 from bowstring.validation import shown
 

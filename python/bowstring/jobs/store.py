@@ -21,9 +21,9 @@ from bowstring.atomic_io import (
     resolved,
     write_whole_file,
 )
-from bowstring.blocks import dataset
-from bowstring.blocks.job import Arrays, Job
 from bowstring.errors import InputError
+from bowstring.jobs import dataset
+from bowstring.jobs.job import Arrays, Job
 from bowstring.json_files import Content, read_json, structured
 from bowstring.result_folder import write_json
 from bowstring.validation import instance, shown
