@@ -25,7 +25,7 @@ from bowstring.jobs import Job
 from bowstring.robot.designs import Designs
 from bowstring.robot.paths import find, full_paths
 from bowstring.robot.writer import to_yaml
-from bowstring.statics.designs import DesignSweep, sweep_designs
+from bowstring.statics.design_sweeps import DesignSweep, sweep_designs
 from bowstring.validity import limit_search, space, workspace
 from bowstring.validity.axes import Axis, axes_of, read_axis
 from bowstring.validity.contour import contours

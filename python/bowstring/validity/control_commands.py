@@ -19,7 +19,7 @@ from bowstring.inverse.arcs import arcs_to, tensions_of
 from bowstring.inverse.kinematics import default_max_tension
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, without_laws
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.rod import solve, solve_batch

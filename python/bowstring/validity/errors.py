@@ -14,7 +14,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.jobs import threads
 from bowstring.robot.designs import Designs
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.validity.effects import Rods
 from bowstring.validity.limit_search import gave_up, solve_ramps
 

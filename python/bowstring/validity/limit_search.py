@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring.jobs import threads
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.validity.effects import Rods
 
 __all__ = ["Solved", "solve_ramps"]

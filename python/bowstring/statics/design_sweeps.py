@@ -106,7 +106,7 @@ def sweep_designs(
     >>> import numpy as np
     >>> import bowstring as bs
     >>> from bowstring.robot.designs import Designs
-    >>> from bowstring.statics.designs import sweep_designs
+    >>> from bowstring.statics.design_sweeps import sweep_designs
     >>> robots = Designs(bs.load_robot("amouri2019"), {"segments.*.backbone.E": [30e9, 35e9, 40e9]})
     >>> found = sweep_designs(robots, np.outer([0, 40, 80], [1, 0, 0]))
     >>> found.tip_position.shape
