@@ -66,9 +66,13 @@ if TYPE_CHECKING:
         displacement_jacobian,
         jacobians,
     )
-    from bowstring.statics.directions import Derivatives, derivatives, directional_derivatives
+    from bowstring.statics.differentiation import DirectionalDerivatives
+    from bowstring.statics.directional_derivatives import (
+        Derivatives,
+        derivatives,
+        directional_derivatives,
+    )
     from bowstring.statics.load import Load, PointLoad
-    from bowstring.statics.neighbourhood import DirectionalDerivatives
     from bowstring.statics.plane import Plane
     from bowstring.statics.rod import solve, solve_batch, sweep
     from bowstring.statics.solution import Solution, Sweep
@@ -200,9 +204,9 @@ _HOME = {
         ),
         "statics.contact": "ContactSolution solve_contact sweep_contact",
         "statics.derivatives": "DisplacementJacobian Jacobians displacement_jacobian jacobians",
-        "statics.directions": "Derivatives derivatives directional_derivatives",
+        "statics.differentiation": "DirectionalDerivatives",
+        "statics.directional_derivatives": "Derivatives derivatives directional_derivatives",
         "statics.load": "Load PointLoad",
-        "statics.neighbourhood": "DirectionalDerivatives",
         "statics.plane": "Plane",
         "statics.rod": "solve solve_batch sweep",
         "statics.solution": "Solution Sweep",

@@ -1,4 +1,4 @@
-"""Equilibria near a solution, to second order: along a line of loads and robots.
+"""Differentiation of an equilibrium, to second order, along lines of loads and robots.
 
 Theory: docs/theory/statics.md (Derivatives along a direction).
 """
@@ -35,9 +35,9 @@ __all__ = [
     "ON_DISKS",
     "QUANTITIES",
     "VECTORS",
+    "Differentiator",
     "Direction",
     "DirectionalDerivatives",
-    "Neighbourhood",
     "Rates",
 ]
 
@@ -160,8 +160,8 @@ class _Lines(NamedTuple):
     compliance: Floats
 
 
-class Neighbourhood:
-    """Equilibria near a solution, to second order."""
+class Differentiator:
+    """Differentiates an equilibrium along lines of loads and robots, to second order."""
 
     def __init__(self, solution: Solution) -> None:
         check_smooth(solution)
