@@ -26,7 +26,7 @@ from bowstring.robot.designs import Designs
 from bowstring.robot.paths import find, full_paths
 from bowstring.robot.writer import to_yaml
 from bowstring.statics.design_sweeps import DesignSweep, sweep_designs
-from bowstring.validity import limit_search, space, workspace
+from bowstring.validity import design_space, limit_search, workspace
 from bowstring.validity.axes import Axis, axes_of, read_axis
 from bowstring.validity.contour import contours
 from bowstring.validity.effects import Rods
@@ -347,7 +347,7 @@ def test_axes_without_a_robot_at_their_end_are_named_before_work(
     robot = (
         ROBOT if "100000" in over[0] else ROBOT.with_({"segments.0.disks.clamped_length": "10 mm"})
     )
-    monkeypatch.setattr(space, "follow", lambda *_: pytest.fail("work began"))
+    monkeypatch.setattr(design_space, "follow", lambda *_: pytest.fail("work began"))
     for function in (validity_map, bs.validity_grid):
         with pytest.raises(InputError, match=f"^{message}"):
             function(robot, over)
@@ -509,12 +509,12 @@ LOST = [
 SWEPT = ("largest_error", "mean_error", "valid_to")
 
 
-def solved_loads(space_: space.Space, points: np.ndarray) -> list[np.ndarray]:
+def solved_loads(space: design_space.DesignSpace, points: np.ndarray) -> list[np.ndarray]:
     """Tensions of each sweep up to its first load without equilibrium, by single robots."""
     out = []
     for point in points:
-        changes, top, loads = {}, space_.max_tension, {"gravity": np.zeros(3), "tip_force": None}
-        for axis, value in zip(space_.axes, point, strict=True):
+        changes, top, loads = {}, space.max_tension, {"gravity": np.zeros(3), "tip_force": None}
+        for axis, value in zip(space.axes, point, strict=True):
             name, _, along = axis.path.partition(".")
             if name == "tension":
                 top = value
@@ -522,9 +522,9 @@ def solved_loads(space_: space.Space, points: np.ndarray) -> list[np.ndarray]:
                 loads[name] = value * np.eye(3)["xyz".index(along)]
             else:
                 changes[axis.path] = value
-        tensions = np.linspace(0.0, top, space_.loads)
+        tensions = np.linspace(0.0, top, space.loads)
         found = bs.sweep(
-            ROBOT.with_(changes), tensions[:, None] * space_.shares, load=bs.Load(**loads)
+            ROBOT.with_(changes), tensions[:, None] * space.shares, load=bs.Load(**loads)
         )
         out.append(tensions[: np.argmin([*found.converged, False])])
     return out
@@ -989,16 +989,16 @@ def test_poses_without_a_result_are_counted(tmp_path: Path) -> None:
 def test_the_workspace_has_the_causes_of_a_map() -> None:
     """In gravity; the causes at poses of one tendon are those of a map over its tension."""
     robot = ROBOT.with_({"gravity": [1.0, 0.0, 0.0], "segments.0.disks.clamped_length": "3 mm"})
-    space_ = bs.workspace_map(robot, 80.0, poses=64)
-    i = int(np.argmax(space_.tensions[:, 0] - 2.0 * space_.tensions[:, 1:].sum(axis=1)))
-    shares = {k + 1: float(t / space_.tensions[i].max()) for k, t in enumerate(space_.tensions[i])}
+    poses = bs.workspace_map(robot, 80.0, poses=64)
+    i = int(np.argmax(poses.tensions[:, 0] - 2.0 * poses.tensions[:, 1:].sum(axis=1)))
+    shares = {k + 1: float(t / poses.tensions[i].max()) for k, t in enumerate(poses.tensions[i])}
     loading = Loading(80.0, tendon={k: share for k, share in shares.items() if share})
-    end = space_.tensions[i].max()
+    end = poses.tensions[i].max()
     line = validity_map(robot, [f"tension={0.5 * end}:{end}:2"], loading=loading)
     for name in (LENGTHS, FORCE):
-        assert line.value[name][-1] * robot.length == pytest.approx(space_.error[name][i], rel=1e-6)
-        assert line.cause[name][-1] == space_.cause[name][i] != ""
-    assert "main cause of the error: gravity" in " ".join(space_.described())
+        assert line.value[name][-1] * robot.length == pytest.approx(poses.error[name][i], rel=1e-6)
+        assert line.cause[name][-1] == poses.cause[name][i] != ""
+    assert "main cause of the error: gravity" in " ".join(poses.described())
 
 
 def test_poses_without_an_equilibrium_are_not_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -1247,7 +1247,7 @@ def test_causes_need_no_rod_twice(
 ) -> None:
     """With friction, straight spans need the tips of the whole rods too, which maps leave out."""
     solved: Counter[tuple[object, ...]] = Counter()
-    follow = space.follow
+    follow = design_space.follow
 
     def counted(rods: Rods, ramp: np.ndarray, shares: np.ndarray) -> Ramps:
         if ramp.shape[1] > 1:  # no search of a second equilibrium
@@ -1256,7 +1256,7 @@ def test_causes_need_no_rod_twice(
             solved[rods.model, rods.load.gravity is None, bool(rubs), bool(clamps)] += len(ramp)
         return follow(rods, ramp, shares)
 
-    monkeypatch.setattr(space, "follow", counted)
+    monkeypatch.setattr(design_space, "follow", counted)
     robot = ROBOT.with_({"gravity": [0.0, 0.0, -1.0]})
     axis = "friction=0.1:0.2:2" if friction else "clamped_length=1:2 mm:2"
     make(robot, [axis], loading=Loading(20.0, 5), metric=metric, models=[FORCE])

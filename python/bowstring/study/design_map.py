@@ -12,9 +12,9 @@ from bowstring.errors import InputError
 from bowstring.robot.paths import find
 from bowstring.statics.model import RodModel
 from bowstring.validity.axes import Axis
+from bowstring.validity.design_space import DesignSpace
 from bowstring.validity.maps import ValidityMap, compute_map
 from bowstring.validity.question import Question
-from bowstring.validity.space import Space
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -47,7 +47,7 @@ def design_map(robot: Robot, settings: Settings) -> ValidityMap | None:
         return None
     axes = (Axis("tension", 0.0, settings.max_tension, _LOADS), axis)
     model, shares = RodModel(settings.theory), np.array(settings.shares)
-    space = Space(robot, axes, shares, settings.max_tension, model)
+    space = DesignSpace(robot, axes, shares, settings.max_tension, model)
     return compute_map(Question.of(space, settings.tolerance))
 
 

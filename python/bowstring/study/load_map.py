@@ -15,10 +15,10 @@ from bowstring.study.design_map import has_too_many_disks
 from bowstring.study.error_budget import transverse_force
 from bowstring.validity.axes import Axis, axes_of
 from bowstring.validity.dead_loads import check_dead_loads
+from bowstring.validity.design_space import DesignSpace
 from bowstring.validity.errors import LABELS
 from bowstring.validity.maps import ValidityMap, compute_map
 from bowstring.validity.question import Question
-from bowstring.validity.space import Space
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -103,7 +103,7 @@ def load_map(model: Model, settings: Settings, axis: Axis) -> ValidityMap | None
     """
     if has_too_many_disks(model.robot):
         return None
-    space = Space(
+    space = DesignSpace(
         model.robot,
         (Axis("tension", 0.0, settings.max_tension, _TENSIONS), axis),
         np.array(settings.shares),

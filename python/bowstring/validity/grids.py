@@ -22,6 +22,7 @@ from bowstring.units import quote, read_number
 from bowstring.validation import numbers
 from bowstring.validity.axes import Axis
 from bowstring.validity.causes import causes_of, coarse_step, coarser
+from bowstring.validity.design_space import DesignSpace
 from bowstring.validity.errors import LABELS
 from bowstring.validity.jobs import Points, map_job
 from bowstring.validity.loading import Loading
@@ -37,7 +38,6 @@ from bowstring.validity.sentences import (
     undefined_in_words,
     unsolved_in_words,
 )
-from bowstring.validity.space import Space
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class ValidityGrid(Result):
         return question_of(self.job)
 
     @property
-    def space(self) -> Space:
+    def space(self) -> DesignSpace:
         """Robot, axes, loads and sweep."""
         return self.question.space
 

@@ -21,10 +21,10 @@ from bowstring.validation import instance
 from bowstring.validity.axes import RAMPS, Axis
 from bowstring.validity.causes import causes_of, coarser
 from bowstring.validity.contour import Line, Refined, contours, crossings, halved, holding
+from bowstring.validity.design_space import DesignSpace, RampErrors
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
 from bowstring.validity.question import METRICS, Metric, Question, read_axes, space_of
-from bowstring.validity.space import Errors, Space
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -507,7 +507,7 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
     )
 
 
-def _check_size(points: Floats, space: Space) -> None:
+def _check_size(points: Floats, space: DesignSpace) -> None:
     solves = len(points) * space.loads
     if solves > MOST_SOLVES:
         raise InputError(
@@ -520,7 +520,7 @@ def _check_size(points: Floats, space: Space) -> None:
 _PART: Final = 4096  # points solved at a time, between two reports of progress
 
 
-def _in_parts(question: Question, points: Floats, notify: Callable[[float], None]) -> Errors:
+def _in_parts(question: Question, points: Floats, notify: Callable[[float], None]) -> RampErrors:
     parts = []
     for first in range(0, len(points), _PART):
         parts.append(question.errors(points[first : first + _PART]))
@@ -528,10 +528,10 @@ def _in_parts(question: Question, points: Floats, notify: Callable[[float], None
     if len(parts) == 1:
         return parts[0]
 
-    def joined(of: Callable[[Errors], NDArray[Any]]) -> Any:
+    def joined(of: Callable[[RampErrors], NDArray[Any]]) -> Any:
         return np.concatenate([of(part) for part in parts])
 
-    return Errors(
+    return RampErrors(
         joined(lambda e: e.ramp),
         joined(lambda e: e.length),
         joined(lambda e: e.converged),
@@ -544,7 +544,7 @@ def _in_parts(question: Question, points: Floats, notify: Callable[[float], None
 
 
 def _two_equilibria(
-    space: Space, points: Floats, errors: Errors, part: NDArray[np.intp]
+    space: DesignSpace, points: Floats, errors: RampErrors, part: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
     """Points whose robot has another stable equilibrium at the end of the ramp.
 
@@ -581,7 +581,7 @@ def _refined(question: Question, values: list[Floats]) -> Refined:
     return contours(x[order[0]], y[order[1]], grids, level, at, whole)
 
 
-def _own_ramp(space: Space) -> tuple[int | None, dict[int, float]]:
+def _own_ramp(space: DesignSpace) -> tuple[int | None, dict[int, float]]:
     """Index of the ramp among two axes, and the robot's own value on the other one, if it has."""
     ramps = [i for i, axis in enumerate(space.axes) if axis.path in RAMPS]
     if len(ramps) != 1:

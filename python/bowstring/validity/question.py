@@ -19,11 +19,11 @@ from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, share_of_length
 from bowstring.validity.axes import BY_DISPLACEMENT, RAMPS, Axis, axes_of
 from bowstring.validity.dead_loads import check_dead_loads
+from bowstring.validity.design_space import DesignSpace, RampErrors
 from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS
 from bowstring.validity.limit_search import reach
 from bowstring.validity.loading import Loading, largest_load, named
-from bowstring.validity.space import Errors, Space
 
 __all__ = ["METRICS", "Metric", "Question", "end_of_ramp", "reach_of_ramp", "read_axes", "space_of"]
 
@@ -59,7 +59,7 @@ class AxisPoints(Result):
 class Question(Result):
     """What a map asks, of two axes or of many; made by `Question.of`, which checks it."""
 
-    space: Space
+    space: DesignSpace
     """Robot, axes, loads and sweep."""
     models: tuple[str, ...]
     """Models of constant curvature, of `bowstring.validity.errors.LABELS`."""
@@ -71,7 +71,7 @@ class Question(Result):
     @classmethod
     def of(
         cls,
-        space: Space,
+        space: DesignSpace,
         tolerance: float | str,
         metric: Metric | None = None,
         models: Sequence[str] | None = None,
@@ -80,7 +80,7 @@ class Question(Result):
 
         Parameters
         ----------
-        space : Space
+        space : DesignSpace
         tolerance, metric, models
             As for `bowstring.validity_map`.
 
@@ -107,19 +107,19 @@ class Question(Result):
         along = ", ".join(f"{v + 0.0:.3g}" for v in force / np.linalg.norm(force))
         return label.replace(axis.words, f"{axis.words} along ({along})")
 
-    def errors(self, points: Floats) -> Errors:
+    def errors(self, points: Floats) -> RampErrors:
         """Errors of its models at points (P, A)."""
         return self.space.errors(points, self.models)
 
-    def measure(self, errors: Errors) -> dict[str, Floats]:
+    def measure(self, errors: RampErrors) -> dict[str, Floats]:
         """Metric (P,) by model."""
         return {name: errors.metric(self.metric, name, self.tolerance) for name in self.models}
 
-    def defined(self, errors: Errors) -> dict[str, NDArray[np.bool_]]:
+    def defined(self, errors: RampErrors) -> dict[str, NDArray[np.bool_]]:
         """Whether each model has an error at all loads that its metric is of (P,)."""
         return {name: errors.is_defined(self.metric, name, self.tolerance) for name in self.models}
 
-    def solved(self, errors: Errors) -> dict[str, NDArray[np.bool_]]:
+    def solved(self, errors: RampErrors) -> dict[str, NDArray[np.bool_]]:
         """Whether all loads that the metric of each model is of have an equilibrium (P,)."""
         return {name: errors.is_solved(self.metric, name, self.tolerance) for name in self.models}
 
@@ -199,7 +199,7 @@ def read_axes(
 
 def space_of(
     robot: Robot, axes: tuple[Axis, ...], loading: Loading | None, load: Load | None
-) -> Space:
+) -> DesignSpace:
     """Make the space of a map.
 
     Parameters
@@ -212,7 +212,7 @@ def space_of(
 
     Returns
     -------
-    Space
+    DesignSpace
 
     Raises
     ------
@@ -247,7 +247,7 @@ def space_of(
     check_dead_loads(robot, paths, load)
     shares = np.array(loading.shares(robot))
     top = float("nan") if "bend" in paths else end_of_ramp(robot, loading, load)
-    space = Space(robot, axes, shares, top, RodModel(), load, loading.points)
+    space = DesignSpace(robot, axes, shares, top, RodModel(), load, loading.points)
     space.check()
     return space
 
@@ -261,7 +261,7 @@ def end_of_ramp(robot: Robot, loading: Loading, load: Load | None = None) -> flo
     return largest_load(robot, np.array(loading.shares(robot)), RodModel())
 
 
-def reach_of_ramp(space: Space) -> tuple[float, float]:
+def reach_of_ramp(space: DesignSpace) -> tuple[float, float]:
     """Largest tension of a map, and about how far the robot as it is is solved to it, N.
 
     Both are infinite with an axis ``bend``.
@@ -276,7 +276,7 @@ def reach_of_ramp(space: Space) -> tuple[float, float]:
     return top, float(ramp[at])
 
 
-def _metric(space: Space, metric: Metric | None) -> Metric:
+def _metric(space: DesignSpace, metric: Metric | None) -> Metric:
     """Metric of a map, as given or chosen for its axes."""
     ramp = next((axis.path for axis in space.all_axes if axis.path in RAMPS), None)
     chosen: Metric = metric or ("largest_error" if ramp is None else "error")
@@ -293,7 +293,7 @@ def _metric(space: Space, metric: Metric | None) -> Metric:
     return chosen
 
 
-def _models(space: Space, models: Sequence[str] | None) -> tuple[str, ...]:
+def _models(space: DesignSpace, models: Sequence[str] | None) -> tuple[str, ...]:
     """Models of a map, as given or chosen for its axes."""
     commanded = "cc_from_displacements"
     if models is None:

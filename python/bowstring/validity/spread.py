@@ -33,11 +33,11 @@ from bowstring.uncertainty import (
 )
 from bowstring.validation import choice, instance, share_of_length
 from bowstring.validity.axes import BY_DISPLACEMENT
+from bowstring.validity.design_space import RampErrors
 from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS, LAWS, Ramps, arc_tips, follow
 from bowstring.validity.loading import Loading
 from bowstring.validity.question import end_of_ramp
-from bowstring.validity.space import Errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -537,7 +537,7 @@ def _limit(
     The limit is infinite where it holds to the end of the ramp.
     """
     share = _known_errors(nominal, ramps, name)
-    errors = Errors(
+    errors = RampErrors(
         ramps.ramp,
         np.ones(len(share)),
         ramps.converged,

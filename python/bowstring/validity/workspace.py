@@ -24,12 +24,12 @@ from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, number, share_of_length, whole
 from bowstring.validity.causes import main_cause
 from bowstring.validity.control_commands import check_some_solved
+from bowstring.validity.design_space import COUPLED
 from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
 from bowstring.validity.limit_search import gave_up
 from bowstring.validity.maps import APART
 from bowstring.validity.sentences import in_causes, in_not_examined, undefined_in_words
-from bowstring.validity.space import COUPLED
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:

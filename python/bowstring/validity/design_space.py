@@ -25,7 +25,7 @@ from bowstring.validity.dead_loads import dead_loads
 from bowstring.validity.effects import EFFECTS, Rods, acting, without
 from bowstring.validity.errors import Ramps, follow, tip_offsets
 
-__all__ = ["COUPLED", "Errors", "Space"]
+__all__ = ["COUPLED", "DesignSpace", "RampErrors"]
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ _MOST_CORNERS: Final = 4  # axes whose ends are all tried with each other
 
 @short_repr
 @dataclass(frozen=True)
-class Errors:
+class RampErrors:
     """Errors of constant curvature at P points, along a ramp of L tensions or bends each."""
 
     ramp: Floats
@@ -58,7 +58,7 @@ class Errors:
     """Whether the solver gave up at each load (P, L)."""
 
     @classmethod
-    def empty(cls, points: int, loads: int, names: Sequence[str]) -> Errors:
+    def empty(cls, points: int, loads: int, names: Sequence[str]) -> RampErrors:
         """Errors of no point yet, for `put`."""
         shape = (points, loads)
         return cls(
@@ -242,7 +242,7 @@ def _crossing(x: Floats, y: Floats, k: NDArray[np.intp], level: float) -> Floats
 
 @short_repr
 @dataclass(frozen=True)
-class Space:
+class DesignSpace:
     """Space of designs and loads: every point has a robot, a load and a ramp of tension.
 
     A point is a row of values in SI, one for each axis. The ramp goes from zero to `max_tension`,
@@ -292,7 +292,7 @@ class Space:
             return COUPLED
         return ""
 
-    def at(self, values: Mapping[int, float]) -> Space:
+    def at(self, values: Mapping[int, float]) -> DesignSpace:
         """The space with one value for some axes, by their index, SI."""
         fixed = tuple((self.axes[i], value) for i, value in values.items())
         left = tuple(axis for i, axis in enumerate(self.axes) if i not in values)
@@ -336,7 +336,7 @@ class Space:
             return f"{self.robot.name} has {count} disks; a map takes at most {_MOST_DISKS}"
         return ""
 
-    def errors(self, points: Floats, names: Sequence[str]) -> Errors:
+    def errors(self, points: Floats, names: Sequence[str]) -> RampErrors:
         """Errors of constant curvature at points (P, A).
 
         Parameters
@@ -348,16 +348,16 @@ class Space:
 
         Returns
         -------
-        Errors
+        RampErrors
         """
         points = np.asarray(points, dtype=float).reshape(-1, len(self.axes))
-        out = Errors.empty(len(points), self.loads, names)
+        out = RampErrors.empty(len(points), self.loads, names)
         for rows, rods, ramp in self._groups(points):
             ramps = follow(rods, ramp, self.shares)
             out.put(rows, rods.designs, ramps, tip_offsets(rods.designs, ramps, names))
         return out
 
-    def errors_without(self, points: Floats, names: Sequence[str]) -> dict[str, Errors]:
+    def errors_without(self, points: Floats, names: Sequence[str]) -> dict[str, RampErrors]:
         """Errors at points (P, A) with rods that lack one effect.
 
         Constant curvature keeps the robots as they are. With friction, the change that straight
@@ -370,11 +370,11 @@ class Space:
 
         Returns
         -------
-        dict from str to Errors
+        dict from str to RampErrors
             By effect that acts at some point, in the order of `bowstring.validity.effects.EFFECTS`;
             NaN at points where it does not act.
         """
-        out: dict[str, Errors] = {}
+        out: dict[str, RampErrors] = {}
         for rows, rods, ramp in self._groups(points):
             known, effects = rods.designs, acting(rods)
             rest = {effect: follow(without(rods, effect), ramp, self.shares) for effect in effects}
@@ -386,7 +386,7 @@ class Space:
                     name: whole[name] - free[name] + continuous[name] for name in names
                 }
             for effect in effects:
-                errors = out.setdefault(effect, Errors.empty(len(points), self.loads, names))
+                errors = out.setdefault(effect, RampErrors.empty(len(points), self.loads, names))
                 errors.put(rows, known, rest[effect], offsets[effect])
         return {effect: out[effect] for effect in EFFECTS if effect in out}
 
