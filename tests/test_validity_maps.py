@@ -544,7 +544,7 @@ def test_a_sweep_that_is_not_solved_to_its_end_never_holds(
     found = validity_map(ROBOT, over, metric=metric, tolerance=0.5, loading=Loading(top, 7))
     grid = np.meshgrid(*[axis.values for axis in found.axes], indexing="xy")
     points = np.stack([values.ravel() for values in grid], axis=1)
-    loads = solved_loads(found.question.space, points)
+    loads = solved_loads(found.settings.space, points)
     whole = np.reshape([len(one) == 7 for one in loads], found.shape)
     ends = np.reshape([one[-1] for one in loads], found.shape)
     np.testing.assert_allclose(found.solved_to, ends)

@@ -151,8 +151,8 @@ def map_(
     from bowstring.statics.load import Load
     from bowstring.validity.jobs import map_job
     from bowstring.validity.loading import Loading
+    from bowstring.validity.map_settings import end_of_ramp, reach_of_ramp, read_axes, space_of
     from bowstring.validity.maps import MOST_SOLVES, check_map_file, validity_map
-    from bowstring.validity.question import end_of_ramp, reach_of_ramp, read_axes, space_of
     from bowstring.validity.sentences import described
     from bowstring.validity.workspace import POSES, check_workspace_file, workspace_map
 

@@ -13,8 +13,8 @@ from bowstring.robot.paths import find
 from bowstring.statics.model import RodModel
 from bowstring.validity.axes import Axis
 from bowstring.validity.design_space import DesignSpace
+from bowstring.validity.map_settings import MapSettings
 from bowstring.validity.maps import ValidityMap, compute_map
-from bowstring.validity.question import Question
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -48,7 +48,7 @@ def design_map(robot: Robot, settings: Settings) -> ValidityMap | None:
     axes = (Axis("tension", 0.0, settings.max_tension, _LOADS), axis)
     model, shares = RodModel(settings.theory), np.array(settings.shares)
     space = DesignSpace(robot, axes, shares, settings.max_tension, model)
-    return compute_map(Question.of(space, settings.tolerance))
+    return compute_map(MapSettings.of(space, settings.tolerance))
 
 
 def has_too_many_disks(robot: Robot) -> bool:

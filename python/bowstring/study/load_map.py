@@ -17,8 +17,8 @@ from bowstring.validity.axes import Axis, axes_of
 from bowstring.validity.dead_loads import check_dead_loads
 from bowstring.validity.design_space import DesignSpace
 from bowstring.validity.errors import LABELS
+from bowstring.validity.map_settings import MapSettings
 from bowstring.validity.maps import ValidityMap, compute_map
-from bowstring.validity.question import Question
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -112,7 +112,7 @@ def load_map(model: Model, settings: Settings, axis: Axis) -> ValidityMap | None
         _load(model, axis),
         _RAMP,
     )
-    return compute_map(Question.of(space, settings.tolerance))
+    return compute_map(MapSettings.of(space, settings.tolerance))
 
 
 def _load(model: Model, axis: Axis) -> Load:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.validity.effects import DOMINANT
-from bowstring.validity.question import Question
+from bowstring.validity.map_settings import MapSettings
 
 __all__ = ["causes_of", "coarse_step", "coarser", "main_cause"]
 
@@ -20,13 +20,13 @@ _MOST_CAUSES: Final = 1681  # points at which the causes are computed: 41 x 41
 
 
 def causes_of(
-    question: Question, points: Floats, total: Mapping[str, Floats]
+    settings: MapSettings, points: Floats, total: Mapping[str, Floats]
 ) -> dict[str, NDArray[np.str_]]:
     """Effect with more than half of the metric at points (P, A), by model.
 
     Parameters
     ----------
-    question : Question
+    settings : MapSettings
     points : ndarray (P, A)
         Values of the axes in SI.
     total : mapping from str to ndarray (P,)
@@ -43,8 +43,8 @@ def causes_of(
     if not some.size:
         return cause
     rest: dict[str, dict[str, Floats]] = {name: {} for name in total}
-    for effect, errors in question.space.errors_without(points[some], question.models).items():
-        for name, value in question.measure(errors).items():
+    for effect, errors in settings.space.errors_without(points[some], settings.models).items():
+        for name, value in settings.measure(errors).items():
             rest[name][effect] = value
     for name, value in total.items():
         cause[name][some] = main_cause(value[some], rest[name])

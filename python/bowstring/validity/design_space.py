@@ -143,7 +143,7 @@ class RampErrors:
         return np.asarray(~((first < undefined.shape[1]) & undefined[rows, ends]))
 
     def metric(self, metric: str, name: str, tolerance: float) -> Floats:
-        """A metric of a model (P,), one of `bowstring.validity.question.METRICS`.
+        """A metric of a model (P,), one of `bowstring.validity.map_settings.METRICS`.
 
         An error is NaN where some load of the ramp has no equilibrium, or the model has no arc at a
         load that the metric is of. So a point without an error at the end of its ramp never holds.

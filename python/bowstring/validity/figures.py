@@ -12,8 +12,8 @@ from bowstring.formatting import in_percent, listed, significant
 from bowstring.validity.causes import coarse_step
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import INPUTS, LABELS
+from bowstring.validity.map_settings import Metric
 from bowstring.validity.maps import STATES, UNSOLVED, ValidityMap
-from bowstring.validity.question import Metric
 from bowstring.validity.sentences import in_ranges
 from bowstring.viz.style import LIGHT, legend_above, subplots
 
@@ -226,7 +226,7 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
 
     handles: list[Line2D | Patch] = []
     white: Any = {"fc": "white", "ec": LIGHT["muted"]}
-    space = found.question.space
+    space = found.settings.space
     if found.metric != "valid_to":
         tolerance = in_percent(found.tolerance)
         line = Line2D([], [], color=LIGHT["ink"], lw=2.0, label=f"error {tolerance} of length")

@@ -26,8 +26,8 @@ from bowstring.validity.design_space import DesignSpace
 from bowstring.validity.errors import LABELS
 from bowstring.validity.jobs import Points, map_job
 from bowstring.validity.loading import Loading
+from bowstring.validity.map_settings import MapSettings, Metric
 from bowstring.validity.maps import ValidityMap, compute_map
-from bowstring.validity.question import Metric, Question
 from bowstring.validity.sentences import (
     in_causes,
     limits_in_words,
@@ -116,14 +116,14 @@ class ValidityGrid(Result):
         return {name: self.solved & ~defined for name, defined in self.defined.items()}
 
     @property
-    def question(self) -> Annotated[Question, Key(flat=True)]:
-        """What the map asks."""
-        return question_of(self.job)
+    def settings(self) -> Annotated[MapSettings, Key(flat=True)]:
+        """Space, models, metric and tolerance."""
+        return settings_of(self.job)
 
     @property
     def space(self) -> DesignSpace:
         """Robot, axes, loads and sweep."""
-        return self.question.space
+        return self.settings.space
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -133,16 +133,16 @@ class ValidityGrid(Result):
     @property
     def tolerance(self) -> float:
         """Tolerated tip error as a share of the length."""
-        return self.question.tolerance
+        return self.settings.tolerance
 
     @property
     def metric(self) -> Metric:
-        """What `value` is, one of `bowstring.validity.question.METRICS`."""
-        return self.question.metric
+        """What `value` is, one of `bowstring.validity.map_settings.METRICS`."""
+        return self.settings.metric
 
     def label(self, axis: int) -> str:
         """Label of an axis with its unit; that of the tension names the tendon."""
-        return self.question.label(axis)
+        return self.settings.label(axis)
 
     def slice(
         self, at: Mapping[str, float | str] | None = None, /, **values: float | str
@@ -190,7 +190,7 @@ class ValidityGrid(Result):
             raise InputError(
                 f"slice leaves {left} axes of {paths}; give values for all but one or two of them"
             )
-        return compute_map(replace(self.question, space=self.space.at(fixed)))
+        return compute_map(replace(self.settings, space=self.space.at(fixed)))
 
     def _index(self, path: str) -> int:
         paths = [axis.path for axis in self.axes]
@@ -257,7 +257,7 @@ class ValidityGrid(Result):
             first = f"Constant curvature {LABELS[name]} holds to {in_percent(self.tolerance, 3)}"
             undefined = self.undefined[name]
             if self.metric == "valid_to" and np.isfinite(value).any():
-                limits = limits_in_words(self.question, value)
+                limits = limits_in_words(self.settings, value)
                 out.append(f"{first} of length up to {limits}.")
             elif self.metric == "valid_to":
                 out.append(f"Constant curvature {LABELS[name]} has no validity limit on the map.")
@@ -268,18 +268,18 @@ class ValidityGrid(Result):
                 out.append(f"{words}{causes}.")
             if undefined.any():
                 out.append(undefined_in_words(name, undefined))
-        out += sweep_in_words(self.question)
+        out += sweep_in_words(self.settings)
         if self.metric == "valid_to":
-            out += notes_on_limits(self.question, self.value, self.solved_to)
+            out += notes_on_limits(self.settings, self.value, self.solved_to)
         out += unsolved_in_words(
-            self.question,
+            self.settings,
             {2: ~self.solved & ~self.gave_up, 5: ~self.solved & self.gave_up},
             self.solved_to,
         )
         if self.slack is not None and self.slack.any():
             out.append(f"{int(self.slack.sum())} of {self.slack.size} points: a tendon is slack.")
-            out += notes_on_slack(self.question, self.slack)
-        return out + notes_on_causes(self.question, self.value, self.cause)
+            out += notes_on_slack(self.settings, self.slack)
+        return out + notes_on_causes(self.settings, self.value, self.cause)
 
     @property
     def maps(self) -> Annotated[list[GridOfModel], Key()]:
@@ -289,11 +289,11 @@ class ValidityGrid(Result):
         return [GridOfModel(name, scale * value, self.defined[name]) for name, value in found]
 
 
-def question_of(job: Job) -> Question:
-    """What a job of `bowstring.validity.jobs.map_job` asks."""
+def settings_of(job: Job) -> MapSettings:
+    """Settings of the map of a job of `bowstring.validity.jobs.map_job`."""
     if not isinstance(job.evaluate, Points):
         raise InputError("the job is no map; make it by bowstring.validity.jobs.map_job")
-    return job.evaluate.question
+    return job.evaluate.settings
 
 
 def _value_on(axis: Axis, value: float | str) -> float:
@@ -454,7 +454,7 @@ def read_grid(store: Store) -> ValidityGrid:
 
 def check_drawn(job: Job) -> None:
     """Refuse a map that is too large for a figure."""
-    question_of(job)
+    settings_of(job)
     if job.points > MOST_DRAWN:
         raise InputError(
             f"the map has {job.points:.3g} points, a figure has at most {MOST_DRAWN:.0e}; write a "
@@ -464,20 +464,20 @@ def check_drawn(job: Job) -> None:
 
 def _grid(job: Job, flat: Mapping[str, NDArray[Any]]) -> ValidityGrid:
     """Give flat arrays their dimensions, and find the causes."""
-    asked = question_of(job)
-    axes, shape = asked.space.axes, tuple(job.axes.values())
-    value = {name: np.asarray(flat[name]).reshape(shape) for name in asked.models}
+    settings = settings_of(job)
+    axes, shape = settings.space.axes, tuple(job.axes.values())
+    value = {name: np.asarray(flat[name]).reshape(shape) for name in settings.models}
     part = coarser(shape, len(shape))
     cause: dict[str, NDArray[np.str_]] = {}
-    if asked.metric != "valid_to":
+    if settings.metric != "valid_to":
         places = np.unravel_index(part.ravel(), shape)
         points = [axis.values[place] for axis, place in zip(axes, places, strict=True)]
         total = {name: v[places] for name, v in value.items()}
-        found = causes_of(asked, np.stack(points, axis=1), total)
+        found = causes_of(settings, np.stack(points, axis=1), total)
         cause = {name: effects.reshape(part.shape) for name, effects in found.items()}
     step = coarse_step(shape, len(shape))
     slack = flat["slack"].reshape(shape) == 1 if "slack" in flat else None
-    defined = {name: flat[f"{name}_defined"].reshape(shape) == 1 for name in asked.models}
+    defined = {name: flat[f"{name}_defined"].reshape(shape) == 1 for name in settings.models}
     solved, gave_up = (flat[name].reshape(shape) == 1 for name in ("solved", "gave_up"))
     solved_to = np.asarray(flat["solved_to"]).reshape(shape)
     return ValidityGrid(job, value, solved, gave_up, solved_to, defined, cause, step, slack)

@@ -24,7 +24,7 @@ from bowstring.validity.contour import Line, Refined, contours, crossings, halve
 from bowstring.validity.design_space import DesignSpace, RampErrors
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
-from bowstring.validity.question import METRICS, Metric, Question, read_axes, space_of
+from bowstring.validity.map_settings import METRICS, MapSettings, Metric, read_axes, space_of
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -101,8 +101,8 @@ class MapOfModel(Result):
 class ValidityMap(Result):
     """Validity of constant curvature over one or two axes; made by `validity_map`."""
 
-    question: Annotated[Question, Key(flat=True)]
-    """What the map asks."""
+    settings: Annotated[MapSettings, Key(flat=True)]
+    """Space, models, metric and tolerance."""
     value: dict[str, Floats]
     """Metric by model, (Y, X) or (X,); NaN without a value."""
     contour: dict[str, list[Line]]
@@ -141,42 +141,42 @@ class ValidityMap(Result):
     @property
     def robot(self) -> Robot:
         """Robot of all numbers that no axis changes."""
-        return self.question.space.robot
+        return self.settings.space.robot
 
     @property
     def axes(self) -> tuple[Axis, ...]:
         """One or two axes, the first along x."""
-        return self.question.space.axes
+        return self.settings.space.axes
 
     @property
     def fixed(self) -> tuple[tuple[Axis, float], ...]:
         """Of a slice: the other axes and their values, SI."""
-        return self.question.space.fixed
+        return self.settings.space.fixed
 
     @property
     def tolerance(self) -> float:
         """Tolerated tip error as a share of the length."""
-        return self.question.tolerance
+        return self.settings.tolerance
 
     @property
     def metric(self) -> Metric:
-        """What `value` is, one of `bowstring.validity.question.METRICS`."""
-        return self.question.metric
+        """What `value` is, one of `bowstring.validity.map_settings.METRICS`."""
+        return self.settings.metric
 
     @property
     def max_tension(self) -> float:
         """End of the ramp of tension where no axis is the tension, N; NaN with an axis bend."""
-        return self.question.space.max_tension
+        return self.settings.space.max_tension
 
     @property
     def shares(self) -> tuple[float, ...]:
         """Share (T,) of the ramp's tension in each tendon."""
-        return tuple(float(share) for share in self.question.space.shares)
+        return tuple(float(share) for share in self.settings.space.shares)
 
     @property
     def by_displacement(self) -> bool:
         """Whether motors command bends, so that there is no sweep of tension."""
-        return self.question.space.by_displacement
+        return self.settings.space.by_displacement
 
     @property
     def unsolved(self) -> NDArray[np.bool_]:
@@ -190,7 +190,7 @@ class ValidityMap(Result):
 
     def label(self, axis: int) -> str:
         """Label of an axis with its unit; that of the tension names the tendon."""
-        return self.question.label(axis)
+        return self.settings.label(axis)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -255,7 +255,7 @@ class ValidityMap(Result):
                 "robot": self.robot.name,
                 "robot_hash": self.robot.hash,
                 "source": _SOURCE,
-                **self.question.attributes,
+                **self.settings.attributes,
             },
         )
 
@@ -416,7 +416,7 @@ def validity_map(
     """
     axes = read_axes(robot, over, instance("loading", loading, Loading), load)
     space = space_of(robot, axes, loading, load)
-    found = compute_map(Question.of(space, tolerance, metric, models), progress)
+    found = compute_map(MapSettings.of(space, tolerance, metric, models), progress)
     notes = []
     if over is None and len(axes) == 1:
         notes.append(_LISTED)
@@ -431,12 +431,12 @@ def validity_map(
     return replace(found, notes=tuple(notes))
 
 
-def compute_map(question: Question, progress: Progress | None = None) -> ValidityMap:
-    """Compute a map over one or two axes; `validity_map` makes its question.
+def compute_map(settings: MapSettings, progress: Progress | None = None) -> ValidityMap:
+    """Compute a map over one or two axes; `validity_map` makes the settings.
 
     Parameters
     ----------
-    question : Question
+    settings : MapSettings
     progress : callable, optional
         As for `validity_map`.
 
@@ -444,17 +444,17 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
     -------
     ValidityMap
     """
-    space, notify = question.space, progress or (lambda what, done: None)
+    space, notify = settings.space, progress or (lambda what, done: None)
     axes = space.axes
     grid = np.meshgrid(*[axis.values for axis in axes], indexing="xy")
     shape = grid[0].shape
     points = np.stack([values.ravel() for values in grid], axis=1)
     _check_size(points, space)
-    found = _in_parts(question, points, lambda share: notify("errors", 0.7 * share))
-    value = {name: v.reshape(shape) for name, v in question.measure(found).items()}
+    found = _in_parts(settings, points, lambda share: notify("errors", 0.7 * share))
+    value = {name: v.reshape(shape) for name, v in settings.measure(found).items()}
     notify("causes", 0.7)
-    defined = question.defined(found)
-    solved = {name: is_solved.reshape(shape) for name, is_solved in question.solved(found).items()}
+    defined = settings.defined(found)
+    solved = {name: is_solved.reshape(shape) for name, is_solved in settings.solved(found).items()}
     undefined = {name: solved[name] & ~is_.reshape(shape) for name, is_ in defined.items()}
     part = coarser(shape, len(axes))
     whole = np.all(list(solved.values()), axis=0)
@@ -466,23 +466,23 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
     no_arc = np.any(list(undefined.values()), axis=0)
     state = np.where(whole & no_arc, 4, state)
     total = {name: v.ravel()[part.ravel()] for name, v in value.items()}
-    cause = causes_of(question, points[part.ravel()], total)
+    cause = causes_of(settings, points[part.ravel()], total)
     notify("contour", 0.9)
     contour: dict[str, list[Line]] = {name: [] for name in value}
     fine_axes: tuple[Floats, ...] = ()
     fine: dict[str, Floats] = {}
     ranges: dict[str, Floats] = {}
     along = None
-    if question.metric != "valid_to" and len(axes) == 1:
+    if settings.metric != "valid_to" and len(axes) == 1:
         along = 0
-        contour, ranges, fine_axes, fine = _on_one_axis(question, value)
-    elif question.metric != "valid_to":
-        refined = _refined(question, list(value.values()))
+        contour, ranges, fine_axes, fine = _on_one_axis(settings, value)
+    elif settings.metric != "valid_to":
+        refined = _refined(settings, list(value.values()))
         contour = dict(zip(value, refined.lines, strict=True))
         fine_axes, fine = refined[:2], dict(zip(value, refined.values, strict=True))
         along, own = _own_ramp(space)
         if along is not None:
-            line = replace(question, space=space.at(own))
+            line = replace(settings, space=space.at(own))
             errors = line.errors(line.space.axes[0].values[:, None])
             ranges = _on_one_axis(line, line.measure(errors)).ranges
     notify("done", 1.0)
@@ -490,7 +490,7 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
         accuracy = found.tip_error / found.length[:, None]
     known = accuracy[np.isfinite(accuracy)]
     return ValidityMap(
-        question=question,
+        settings=settings,
         value=value,
         contour=contour,
         ranges=ranges,
@@ -520,10 +520,10 @@ def _check_size(points: Floats, space: DesignSpace) -> None:
 _PART: Final = 4096  # points solved at a time, between two reports of progress
 
 
-def _in_parts(question: Question, points: Floats, notify: Callable[[float], None]) -> RampErrors:
+def _in_parts(settings: MapSettings, points: Floats, notify: Callable[[float], None]) -> RampErrors:
     parts = []
     for first in range(0, len(points), _PART):
-        parts.append(question.errors(points[first : first + _PART]))
+        parts.append(settings.errors(points[first : first + _PART]))
         notify(min(1.0, (first + _PART) / len(points)))
     if len(parts) == 1:
         return parts[0]
@@ -567,12 +567,12 @@ def _two_equilibria(
     return np.asarray(two)
 
 
-def _refined(question: Question, values: list[Floats]) -> Refined:
+def _refined(settings: MapSettings, values: list[Floats]) -> Refined:
     """Lines on which the values (Y, X) of each model have the tolerance."""
-    axes, level = question.space.axes, question.tolerance
+    axes, level = settings.space.axes, settings.tolerance
 
     def at(new: Floats) -> list[Floats]:
-        return list(question.measure(question.errors(new)).values())
+        return list(settings.measure(settings.errors(new)).values())
 
     x, y = (axis.values for axis in axes)
     order = [np.argsort(values) for values in (x, y)]
@@ -607,12 +607,12 @@ class _OneAxis(NamedTuple):
     """Values there."""
 
 
-def _on_one_axis(question: Question, value: dict[str, Floats]) -> _OneAxis:
+def _on_one_axis(settings: MapSettings, value: dict[str, Floats]) -> _OneAxis:
     """Crossings of the tolerance on one axis, and ranges in which it holds, by model."""
-    (axis,), level = question.space.axes, question.tolerance
+    (axis,), level = settings.space.axes, settings.tolerance
 
     def at(new: Floats) -> list[Floats]:
-        return list(question.measure(question.errors(new[:, None])).values())
+        return list(settings.measure(settings.errors(new[:, None])).values())
 
     ahead = np.argsort(axis.values)
     x = axis.values[ahead]

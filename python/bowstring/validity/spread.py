@@ -37,7 +37,7 @@ from bowstring.validity.design_space import RampErrors
 from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS, LAWS, Ramps, arc_tips, follow
 from bowstring.validity.loading import Loading
-from bowstring.validity.question import end_of_ramp
+from bowstring.validity.map_settings import end_of_ramp
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""What a map asks: its space, models, metric and tolerance."""
+"""Settings of a map: its space, models, metric and tolerance."""
 
 from __future__ import annotations
 
@@ -25,7 +25,15 @@ from bowstring.validity.errors import LABELS
 from bowstring.validity.limit_search import reach
 from bowstring.validity.loading import Loading, largest_load, named
 
-__all__ = ["METRICS", "Metric", "Question", "end_of_ramp", "reach_of_ramp", "read_axes", "space_of"]
+__all__ = [
+    "METRICS",
+    "MapSettings",
+    "Metric",
+    "end_of_ramp",
+    "reach_of_ramp",
+    "read_axes",
+    "space_of",
+]
 
 Floats = NDArray[np.float64]
 Metric = Literal["largest_error", "mean_error", "error", "valid_to"]
@@ -56,15 +64,15 @@ class AxisPoints(Result):
 
 @short_repr
 @dataclass(frozen=True)
-class Question(Result):
-    """What a map asks, of two axes or of many; made by `Question.of`, which checks it."""
+class MapSettings(Result):
+    """Settings of a map over any number of axes; made by `MapSettings.of`, which checks them."""
 
     space: DesignSpace
     """Robot, axes, loads and sweep."""
     models: tuple[str, ...]
     """Models of constant curvature, of `bowstring.validity.errors.LABELS`."""
     metric: Annotated[Metric, Key()]
-    """What is mapped, one of `METRICS`."""
+    """Quantity of the map, one of `METRICS`."""
     tolerance: Annotated[float, Key("tolerance_percent")]
     """Tolerated tip error as a share of the length."""
 
@@ -75,8 +83,8 @@ class Question(Result):
         tolerance: float | str,
         metric: Metric | None = None,
         models: Sequence[str] | None = None,
-    ) -> Question:
-        """Choose what is left out, and check all.
+    ) -> MapSettings:
+        """Choose the settings that are left out, and check all.
 
         Parameters
         ----------
@@ -86,7 +94,7 @@ class Question(Result):
 
         Returns
         -------
-        Question
+        MapSettings
 
         Raises
         ------
@@ -125,7 +133,7 @@ class Question(Result):
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """What it asks, as attributes of a data set: numbers in SI, text and lists."""
+        """The settings as attributes of a data set: numbers in SI, text and lists."""
         space = self.space
         gravity = space.robot.gravity if space.load.gravity is None else space.load.gravity
         force = (0.0, 0.0, 0.0) if space.load.tip_force is None else space.load.tip_force
