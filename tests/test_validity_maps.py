@@ -31,10 +31,10 @@ from bowstring.validity.axes import Axis, axes_of, read_axis
 from bowstring.validity.contour import contours
 from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS, Ramps, displacement_per_bend
-from bowstring.validity.grids import compute_grid
-from bowstring.validity.jobs import map_job
 from bowstring.validity.loading import Loading
+from bowstring.validity.map_job import map_job
 from bowstring.validity.maps import STATES, validity_map
+from bowstring.validity.multi_axis_maps import compute_grid
 from bowstring.validity.sentences import described
 
 ROBOT = bs.load_robot("amouri2019")

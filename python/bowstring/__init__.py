@@ -81,9 +81,9 @@ if TYPE_CHECKING:
     from bowstring.study.study import Study
     from bowstring.validity.chart import ValidityChart, validity_chart
     from bowstring.validity.control import ControlErrors, control_errors
-    from bowstring.validity.grids import ValidityGrid, validity_grid
     from bowstring.validity.loading import Loading
     from bowstring.validity.maps import ValidityMap, validity_map
+    from bowstring.validity.multi_axis_maps import ValidityGrid, validity_grid
     from bowstring.validity.reach import Reach, reach
     from bowstring.validity.spread import Spread, validity_spread
     from bowstring.validity.workspace import WorkspaceMap, workspace_map
@@ -215,7 +215,7 @@ _HOME = {
         "study.study": "Study",
         "validity.chart": "ValidityChart validity_chart",
         "validity.control": "ControlErrors control_errors",
-        "validity.grids": "ValidityGrid validity_grid",
+        "validity.multi_axis_maps": "ValidityGrid validity_grid",
         "validity.loading": "Loading",
         "validity.maps": "ValidityMap validity_map",
         "validity.reach": "Reach reach",

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from bowstring.schemas.basic import Object, OfRobot, about
 from bowstring.schemas.results import beside
-from bowstring.validity.grids import ValidityGrid
 from bowstring.validity.maps import ValidityMap
+from bowstring.validity.multi_axis_maps import ValidityGrid
 from bowstring.validity.spread import Spread
 from bowstring.validity.workspace import WorkspaceMap
 

@@ -104,7 +104,7 @@ def map_job(
     Examples
     --------
     >>> import bowstring as bs
-    >>> from bowstring.validity.jobs import map_job
+    >>> from bowstring.validity.map_job import map_job
     >>> axes = ["tension=0:80 N:9", "E=30:40 GPa:3", "pitch_radius=20:30 mm:3"]
     >>> map_job(bs.load_robot("amouri2019"), axes).points
     81

@@ -14,12 +14,12 @@ import bowstring as bs
 from bowstring import jobs
 from bowstring.errors import InputError
 from bowstring.jobs import Job, Variable
-from bowstring.validity import grids
-from bowstring.validity.grid_figure import _kinds
-from bowstring.validity.grids import ValidityGrid, read_grid, validity_grid
-from bowstring.validity.jobs import map_job
+from bowstring.validity import multi_axis_maps
 from bowstring.validity.loading import Loading
+from bowstring.validity.map_job import map_job
 from bowstring.validity.maps import validity_map
+from bowstring.validity.multi_axis_figure import _kinds
+from bowstring.validity.multi_axis_maps import ValidityGrid, read_grid, validity_grid
 
 ROBOT = bs.load_robot("amouri2019")
 FORCE = "cc_from_force"
@@ -165,9 +165,9 @@ def test_what_is_no_map_or_too_large_is_refused(
         read_grid(jobs.run(other, tmp_path / "other"))
     with pytest.raises(InputError, match=r"at most 20000 are computed at once.*--store"):
         validity_grid(ROBOT, ["tension=0:80 N:51", "E=30:40 GPa:20", "nu=0:0.4:20"])
-    monkeypatch.setattr(grids, "MOST_DRAWN", 10)
+    monkeypatch.setattr(multi_axis_maps, "MOST_DRAWN", 10)
     with pytest.raises(InputError, match="a figure has at most"):
-        grids.check_drawn(map_job(ROBOT, AXES[:3]))
+        multi_axis_maps.check_drawn(map_job(ROBOT, AXES[:3]))
 
 
 def test_the_command_maps_three_axes(shell: Shell, tmp_path: Path) -> None:

@@ -24,8 +24,8 @@ from bowstring.validity.axes import Axis
 from bowstring.validity.causes import causes_of, coarse_step, coarser
 from bowstring.validity.design_space import DesignSpace
 from bowstring.validity.errors import LABELS
-from bowstring.validity.jobs import Points, map_job
 from bowstring.validity.loading import Loading
+from bowstring.validity.map_job import Points, map_job
 from bowstring.validity.map_settings import MapSettings, Metric
 from bowstring.validity.maps import ValidityMap, compute_map
 from bowstring.validity.sentences import (
@@ -209,7 +209,7 @@ class ValidityGrid(Result):
             two axes at values of the third. Further axes have the robot's own value there, or the
             middle of their range.
         """
-        from bowstring.validity.grid_figure import draw_grid
+        from bowstring.validity.multi_axis_figure import draw_grid
 
         return draw_grid(self)
 
@@ -290,9 +290,9 @@ class ValidityGrid(Result):
 
 
 def settings_of(job: Job) -> MapSettings:
-    """Settings of the map of a job of `bowstring.validity.jobs.map_job`."""
+    """Settings of the map of a job of `bowstring.validity.map_job.map_job`."""
     if not isinstance(job.evaluate, Points):
-        raise InputError("the job is no map; make it by bowstring.validity.jobs.map_job")
+        raise InputError("the job is no map; make it by bowstring.validity.map_job.map_job")
     return job.evaluate.settings
 
 
@@ -398,7 +398,7 @@ def validity_grid(
 
 
 def compute_grid(job: Job, progress: Progress | None = None) -> ValidityGrid:
-    """Compute a job of `bowstring.validity.jobs.map_job` in memory.
+    """Compute a job of `bowstring.validity.map_job.map_job` in memory.
 
     Parameters
     ----------
@@ -436,7 +436,7 @@ def read_grid(store: Store) -> ValidityGrid:
     Parameters
     ----------
     store : Store
-        Blocks of a job of `bowstring.validity.jobs.map_job`, all computed.
+        Blocks of a job of `bowstring.validity.map_job.map_job`, all computed.
 
     Returns
     -------
