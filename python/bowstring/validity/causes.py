@@ -15,14 +15,14 @@ __all__ = ["causes_of", "coarse_step", "coarser", "main_cause"]
 
 Floats = NDArray[np.float64]
 
-_ROUNDING: Final = 1e-9  # metric that is below numerical resolution
+_ROUNDING: Final = 1e-9  # metric below numerical resolution
 _MOST_CAUSES: Final = 1681  # points at which the causes are computed: 41 x 41
 
 
 def causes_of(
     settings: MapSettings, points: Floats, total: Mapping[str, Floats]
 ) -> dict[str, NDArray[np.str_]]:
-    """Effect with more than half of the metric at points (P, A), by model.
+    """Main cause at points (P, A), by model: the effect with more than half of the metric.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def causes_of(
 
 
 def main_cause(total: Floats, rest: Mapping[str, Floats]) -> NDArray[np.str_]:
-    """Effect with more than half of an error.
+    """Main cause of an error: the effect with more than half of it.
 
     Parameters
     ----------
@@ -77,12 +77,12 @@ def main_cause(total: Floats, rest: Mapping[str, Floats]) -> NDArray[np.str_]:
 
 
 def coarser(shape: tuple[int, ...], axes: int) -> NDArray[np.intp]:
-    """Indices of the points of a coarser grid, for causes and second equilibria."""
+    """Indices of the points at which causes and second equilibria are computed."""
     index = np.arange(int(np.prod(shape))).reshape(shape)
     step = coarse_step(shape, axes)
     return index[(slice(None, None, step),) * axes]
 
 
 def coarse_step(shape: tuple[int, ...], axes: int) -> int:
-    """Step along each axis between points for which causes are computed."""
+    """Step along each axis between the points of `coarser`."""
     return max(1, int(np.ceil((np.prod(shape) / _MOST_CAUSES) ** (1.0 / axes))))

@@ -1,4 +1,4 @@
-"""Where a robot lands when constant curvature commands it, over its workspace and load."""
+"""Control errors of constant curvature: tips that its commands reach, over workspace and load."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ CommandName = Literal[
 ]
 
 _POSES: Final = 1024
-_LANDS: Final = 0.9  # least share of tips with an equilibrium, of commands that are compared
+_LANDS: Final = 0.9  # commands with a smaller share of tips with an equilibrium are not compared
 _SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the dead loads
 
 
@@ -147,7 +147,7 @@ class ControlErrors(Result):
         return out
 
     def described(self) -> list[str]:
-        """What the result says, in sentences."""
+        """The result in sentences."""
         lost, count = self.without_equilibrium, len(self.wanted)
         wanted = "1 tip of a stable equilibrium within the limits of tension is wanted"
         if count > 1:
@@ -274,17 +274,7 @@ class ControlErrors(Result):
 
 
 def check_control_file(path: str | Path) -> Path:
-    """Check before any work that a figure of the control error may be written.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Path
-        Absolute path.
-    """
+    """Check before any work that a figure of the control error may be written; return its path."""
     return check_figure_file(path, "figure of the control error", (".png", ".pdf", ".svg"))
 
 
@@ -494,7 +484,7 @@ def _is_loaded(robot: Robot, load: Load) -> bool:
 
 
 def _scaled(robot: Robot, load: Load, share: float) -> Load:
-    """A share of the dead loads."""
+    """Dead loads times a share."""
     values = {"gravity": share * _gravity(robot, load)}
     for name in _SCALED:
         value = getattr(load, name, None)

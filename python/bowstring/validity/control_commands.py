@@ -46,7 +46,7 @@ COMMANDS: Final = {
     "physics": "tensions by physics",
 }
 """Labels of the commands; all but the last are those of constant curvature."""
-_TRIED: Final = 64  # poses that tell whether tensions are beyond all that a robot carries
+_TRIED: Final = 64  # poses of which one must have an equilibrium
 BY_ARCS: Final = tuple(name for name in COMMANDS if name != "physics")
 
 _ARM_ROUNDS: Final = 8
@@ -56,7 +56,7 @@ SCALES: Final = (0.1, 10.0)
 _FITTED: Final = 1e-6  # tolerance of the logarithm of the factor
 _AT_LIMIT: Final = 1e-4  # of the logarithm of the factor
 _SINGULAR: Final = 0.02  # singular value over the largest below which a direction is not corrected
-_LARGEST: Final = 0.5  # rad, of a correction of a bend
+_LARGEST: Final = 0.5  # correction of a bend, rad
 
 
 @dataclass
@@ -242,7 +242,7 @@ def largest_tensions(robot: Robot, given: ArrayLike | None) -> Floats:
 def prepared(
     robot: Robot, load: Load | None, model: RodModel | None, max_tension: ArrayLike | None
 ) -> tuple[Robot, Load, RodModel, Floats]:
-    """Check what poses are drawn with.
+    """Check robot, load, model and largest tensions of the poses to be drawn.
 
     Parameters
     ----------

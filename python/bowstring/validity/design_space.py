@@ -31,7 +31,7 @@ Floats = NDArray[np.float64]
 
 COUPLED: Final = "beside coupled strains of the backbone this effect is not examined"
 """Why straight spans of a backbone with coupled strains are not among the causes."""
-_MOST_DISKS: Final = 10_000  # of a robot; more take seconds between two places that hear Ctrl-C
+_MOST_DISKS: Final = 10_000  # of a robot; more would delay Ctrl-C by seconds
 _MOST_CORNERS: Final = 4  # axes whose ends are all tried with each other
 
 
@@ -59,7 +59,7 @@ class RampErrors:
 
     @classmethod
     def empty(cls, points: int, loads: int, names: Sequence[str]) -> RampErrors:
-        """Errors of no point yet, for `put`."""
+        """Arrays for `put` to fill."""
         shape = (points, loads)
         return cls(
             np.zeros(shape),
@@ -107,9 +107,9 @@ class RampErrors:
         return np.asarray(~self.solved & self.gave_up[np.arange(len(first)), first])
 
     def is_solved(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
-        """Whether all loads that a metric of a model is of have a stable equilibrium (P,).
+        """Whether all loads that a metric of a model covers have a stable equilibrium (P,).
 
-        Every metric is of the whole ramp, except that ``valid_to`` ends at the first crossing of
+        Every metric covers the whole ramp, except that ``valid_to`` ends at the first crossing of
         the tolerance.
         """
         if metric != "valid_to":
@@ -123,12 +123,12 @@ class RampErrors:
         return np.asarray(self.converged & ~np.isfinite(self.error[name]))
 
     def is_defined(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
-        """Whether a model has an error at all loads that a metric is of (P,)."""
+        """Whether a model has an error at all loads that a metric covers (P,)."""
         solved = self.is_solved(metric, name, tolerance)
         return np.asarray(solved & self._has_arc(metric, name, tolerance))
 
     def _has_arc(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
-        """Whether a model has an arc at all solved loads that a metric is of (P,).
+        """Whether a model has an arc at all solved loads that a metric covers (P,).
 
         For ``valid_to`` these are the loads up to the first crossing of the tolerance.
         """
@@ -146,7 +146,7 @@ class RampErrors:
         """A metric of a model (P,), one of `bowstring.validity.map_settings.METRICS`.
 
         An error is NaN where some load of the ramp has no equilibrium, or the model has no arc at a
-        load that the metric is of. So a point without an error at the end of its ramp never holds.
+        load that the metric covers. Such a point never holds the tolerance.
         """
         if metric == "valid_to":
             return self.valid_to(name, tolerance)
@@ -265,7 +265,7 @@ class DesignSpace:
     loads: int = 17
     """Loads of the ramp."""
     fixed: tuple[tuple[Axis, float], ...] = ()
-    """Axes of a larger space that have one value here, SI."""
+    """Further axes with one value each, SI."""
 
     @property
     def all_axes(self) -> tuple[Axis, ...]:
@@ -321,7 +321,7 @@ class DesignSpace:
                 raise InputError(text, argument="over" if at else "")
 
     def _refused(self, at: Mapping[Axis, float]) -> str:
-        """Why there is no robot with these values of axes; empty if there is one."""
+        """Why no robot has these values of axes; empty if one has."""
         changes = {
             path: int(value) if axis.is_whole else value
             for axis, value in at.items()
@@ -390,7 +390,7 @@ class DesignSpace:
                 errors.put(rows, known, rest[effect], offsets[effect])
         return {effect: out[effect] for effect in EFFECTS if effect in out}
 
-    def cold_tip(self, points: Floats) -> Floats:
+    def tip_from_straight(self, points: Floats) -> Floats:
         """Tips (P, 3) at the ends of the ramps, solved from the straight robot at once, m."""
         out = np.full((len(points), 3), np.nan)
         for rows, rods, ramp in self._groups(points):
@@ -424,7 +424,7 @@ class DesignSpace:
                 loads[axis.path] = points[:, i]
             elif not axis.is_whole:
                 values[axis.path] = points[:, i]
-        if not values:  # one number stands for all, so that there is a robot for each point
+        if not values:  # one array of numbers keeps a robot for each point
             values = {"segments.0.length": np.full(len(points), robot.segments[0].length)}
         load = self.load.replace(**dead_loads(robot, self.load, loads, len(points)))
         rods = Rods(Designs(robot, values), self.model, load, self.by_displacement)

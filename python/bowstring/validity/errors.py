@@ -60,8 +60,8 @@ INPUTS: Final = {
 }
 """Input and correction of the models, for titles."""
 
-_BALANCED: Final = 1e-9  # bend over the sum of those of each tendon that is rounding
-_TAUT: Final = 1e-9  # slack length over the robot's length that is rounding
+_BALANCED: Final = 1e-9  # bend over the sum of the tendons' bends, below which it is rounding
+_TAUT: Final = 1e-9  # slack length over the robot's length, below which it is rounding
 _GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
 _SCALES: Final = (0.3, 3.0)  # of the calibrated stiffness
 _ROUNDS: Final = 32  # of the golden section: to 1e-6 of the interval
@@ -229,7 +229,7 @@ def tip_offsets(designs: Designs, ramps: Ramps, names: Sequence[str]) -> dict[st
     """Tips by models of constant curvature less those by statics (D, L, 3), m.
 
     NaN without equilibrium or arc. ``cc_from_force_calibrated`` is the linear law with the bending
-    stiffness that makes its mean squared error over the ramp least, for each robot.
+    stiffness of the least mean squared error over the ramp, for each robot.
     """
     return {
         name: _calibrated(designs, ramps)

@@ -91,7 +91,7 @@ def map_job(
     -------
     Job
         Its variables are the metric by model; ``NAME_defined``, 1 where a model has an error at all
-        loads that the metric is of; ``solved``, 1 where these loads have a stable equilibrium;
+        loads that the metric covers; ``solved``, 1 where these loads have a stable equilibrium;
         ``gave_up``, 1 where the solver gave up at the first one without; ``solved_to``, the tension
         or bend up to which a sweep is solved; and with an axis bend ``slack``, 1 where a tendon is
         slack at that bend. Its axes are ``axis_1`` and so on, in SI.

@@ -38,14 +38,14 @@ __all__ = [
 Floats = NDArray[np.float64]
 Metric = Literal["largest_error", "mean_error", "error", "valid_to"]
 
-_TRIED: Final = 65  # loads of the search for the end of what is solved
+_TRIED: Final = 65  # loads of the search for the last solved one
 METRICS: Final[dict[str, str]] = {
     "largest_error": "largest tip error over the sweep, share of length",
     "mean_error": "mean tip error over the sweep, share of length",
     "error": "tip error at the tension or bend of the axis, share of length",
     "valid_to": "tension up to which the tolerance holds, N",
 }
-"""Metrics of a map, and what they are."""
+"""Metrics of a map, with their labels."""
 
 
 @dataclass(frozen=True)
@@ -124,11 +124,11 @@ class MapSettings(Result):
         return {name: errors.metric(self.metric, name, self.tolerance) for name in self.models}
 
     def defined(self, errors: RampErrors) -> dict[str, NDArray[np.bool_]]:
-        """Whether each model has an error at all loads that its metric is of (P,)."""
+        """Whether each model has an error at all loads that its metric covers (P,)."""
         return {name: errors.is_defined(self.metric, name, self.tolerance) for name in self.models}
 
     def solved(self, errors: RampErrors) -> dict[str, NDArray[np.bool_]]:
-        """Whether all loads that the metric of each model is of have an equilibrium (P,)."""
+        """Whether all loads that the metric of each model covers have an equilibrium (P,)."""
         return {name: errors.is_solved(self.metric, name, self.tolerance) for name in self.models}
 
     @property
@@ -213,7 +213,8 @@ def space_of(
     Parameters
     ----------
     robot : Robot
-        Its friction is left out, except with an axis friction or ``bend``, and its other memories.
+        Its friction and other memories are left out; friction counts with an axis friction or
+        ``bend``.
     axes : tuple of Axis
     loading, load
         As for `validity_map`.
@@ -270,7 +271,7 @@ def end_of_ramp(robot: Robot, loading: Loading, load: Load | None = None) -> flo
 
 
 def reach_of_ramp(space: DesignSpace) -> tuple[float, float]:
-    """Largest tension of a map, and about how far the robot as it is is solved to it, N.
+    """Largest tension of a map, and that up to which the robot as it is is solved by a search, N.
 
     Both are infinite with an axis ``bend``.
     """

@@ -92,7 +92,7 @@ class MapOfModel(Result):
     """Effect with more than half of the metric at the points of `cause_points`, (Y, X) or (X,); or
     empty."""
     defined: Annotated[NDArray[np.bool_], Key()]
-    """Whether the model has an error at all loads that the metric is of, as `values`, (Y, X) or
+    """Whether the model has an error at all loads that the metric covers, as `values`, (Y, X) or
     (X,): an equilibrium and an arc."""
 
 
@@ -127,9 +127,9 @@ class ValidityMap(Result):
     state: NDArray[np.int64]
     """Index in `STATES`, (Y, X) or (X,)."""
     undefined: dict[str, NDArray[np.bool_]]
-    """Where a model has no arc at some load that the metric is of, (Y, X) or (X,)."""
+    """Where a model has no arc at some load that the metric covers, (Y, X) or (X,)."""
     solved: dict[str, NDArray[np.bool_]]
-    """Where all loads that the metric of a model is of are solved, (Y, X) or (X,)."""
+    """Where all loads that the metric of a model covers are solved, (Y, X) or (X,)."""
     solved_to: Annotated[Floats, Key()]
     """Tension (N) or bend (rad) up to which the ramp of each point is solved, (Y, X) or (X,); NaN
     where its first load is not."""
@@ -180,12 +180,12 @@ class ValidityMap(Result):
 
     @property
     def unsolved(self) -> NDArray[np.bool_]:
-        """Points with a load without equilibrium that the metric is of, (Y, X) or (X,)."""
+        """Points with a load without equilibrium that the metric covers, (Y, X) or (X,)."""
         return np.isin(self.state, UNSOLVED)
 
     @property
     def defined(self) -> dict[str, NDArray[np.bool_]]:
-        """Where each model has an error at all loads that its metric is of, (Y, X) or (X,)."""
+        """Where each model has an error at all loads that its metric covers, (Y, X) or (X,)."""
         return {name: self.solved[name] & ~self.undefined[name] for name in self.value}
 
     def label(self, axis: int) -> str:
@@ -204,7 +204,7 @@ class ValidityMap(Result):
         -------
         xarray.Dataset
             Variables for each model: its metric, with its name; ``NAME_defined``, 1 where all loads
-            that the metric is of have an equilibrium and an arc; and ``NAME_cause``, on axes of
+            that the metric covers have an equilibrium and an arc; and ``NAME_cause``, on axes of
             their own, which may have fewer points. Also ``state`` and ``solved_to``, the tension or
             bend up to which each sweep is solved. The attributes have the metric, the tolerance,
             the load and the sweep.
@@ -330,17 +330,7 @@ _SUFFIXES: Final = (".png", ".pdf", ".svg", _NUMBERS)
 
 
 def check_map_file(path: str | Path) -> Path:
-    """Check before any work that a map may be written (`atomic_io.check_file`).
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Path
-        Absolute path.
-    """
+    """Check before any work that a map may be written; return its path."""
     file = Path(path)
     if file.suffix.lower() == _NUMBERS:
         return check_file(file, "map", _SUFFIXES, _SOURCE.encode())
@@ -555,7 +545,7 @@ def _two_equilibria(
     known = rows[errors.converged[rows, -1]]  # the others have nothing to compare with
     apart = np.full(len(points), np.nan)
     if known.size:
-        away = space.cold_tip(points[known]) - errors.tip[known, -1]
+        away = space.tip_from_straight(points[known]) - errors.tip[known, -1]
         apart[known] = np.linalg.norm(away, axis=-1)
     with np.errstate(invalid="ignore"):
         two: NDArray[Any] = (apart[rows] > APART * errors.length[rows]).reshape(part.shape)

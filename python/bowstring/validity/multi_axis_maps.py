@@ -75,7 +75,7 @@ class GridOfModel(Result):
     """Metric (...) in percent of the length (``valid_to``: N), nested lists in the order of the
     axes; NaN without a value."""
     defined: Annotated[NDArray[np.bool_], Key()]
-    """Whether the model has an error at all loads that the metric is of (...), as `values`: an
+    """Whether the model has an error at all loads that the metric covers (...), as `values`: an
     equilibrium and an arc."""
 
 
@@ -92,7 +92,7 @@ class ValidityGrid(Result):
     value: dict[str, Floats]
     """Metric by model, a dimension for each axis in their order; NaN without a value."""
     solved: Annotated[NDArray[np.bool_], Key()]
-    """Whether all loads of a point that the metric is of have a stable equilibrium (...), with the
+    """Whether all loads of a point that the metric covers have a stable equilibrium (...), with the
     same dimensions."""
     gave_up: Annotated[NDArray[np.bool_], Key()]
     """Whether the solver gave up at the first load of a point that is not solved (...), with the
@@ -101,7 +101,7 @@ class ValidityGrid(Result):
     """Tension (N) or bend (rad) up to which the sweep of each point is solved (...), with the same
     dimensions; NaN where its first load is not."""
     defined: dict[str, NDArray[np.bool_]]
-    """Where a model has an error at all loads that the metric is of, with the same dimensions."""
+    """Where a model has an error at all loads that the metric covers, with the same dimensions."""
     cause: dict[str, NDArray[np.str_]]
     """Effect with more than half of the error, by model, on every `step`-th point of each axis;
     empty text where none has. Without entries for the metric ``valid_to``."""
@@ -112,7 +112,7 @@ class ValidityGrid(Result):
 
     @property
     def undefined(self) -> dict[str, NDArray[np.bool_]]:
-        """Where a model has no arc at some load that the metric is of, with the same dimensions."""
+        """Where a model has no arc at a load that the metric covers, with the same dimensions."""
         return {name: self.solved & ~defined for name, defined in self.defined.items()}
 
     @property
@@ -155,7 +155,7 @@ class ValidityGrid(Result):
         Parameters
         ----------
         at : mapping of str to float or str, optional
-            Value of an axis by its path or the end of it, in SI or with a unit, such as
+            Value of an axis by its path or the end of the path, in SI or with a unit, such as
             ``{"tip_force.x": "0.5 N"}``.
         **values : float or str
             The same for paths without a dot, such as ``tension=40``.
@@ -251,7 +251,7 @@ class ValidityGrid(Result):
         return save(self.job, read, file)
 
     def described(self) -> list[str]:
-        """What the map says, in sentences."""
+        """The map in sentences."""
         out = []
         for name, value in self.value.items():
             first = f"Constant curvature {LABELS[name]} holds to {in_percent(self.tolerance, 3)}"
@@ -318,17 +318,7 @@ def _value_on(axis: Axis, value: float | str) -> float:
 
 
 def check_grid_file(path: str | Path) -> Path:
-    """Check before any work that a map over more than two axes may be written.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Path
-        Absolute path.
-    """
+    """Check before any work that a map over more than two axes may be written; return its path."""
     file = Path(path)
     if file.suffix.lower() in _NUMBERS:
         return check_data_set(file)

@@ -34,12 +34,12 @@ Floats = NDArray[np.float64]
 
 _POSES: Final = 2048
 _THIRD: Final = 1.0 / 3.0
-_FIRST: Final = 0.25  # of the payload in the softest direction
+_FIRST: Final = 0.25  # of the payload by the largest compliance: where the search begins
 _GROWTH: Final = 1.5
-_MOST: Final = 10.0  # times the payload by the compliance
+_MOST: Final = 10.0  # times the payload by the compliance: where the search ends
 _HALVINGS: Final = 20
 _SHARES: Final = 0.03, 0.06, 0.3  # of the work before derivatives, payloads and their bisection
-_ROUNDING: Final = 1e-9  # value over the largest that is zero
+_ROUNDING: Final = 1e-9  # value over the largest, below which it is zero
 
 
 @short_repr
@@ -117,7 +117,7 @@ class Reach(Result):
         return out
 
     def described(self) -> list[str]:
-        """What the result says, in sentences."""
+        """The result in sentences."""
         solved = self.solved
         count = int(solved.sum())
         out = [
@@ -189,17 +189,7 @@ def _span(values: Floats) -> str:
 
 
 def check_reach_file(path: str | Path) -> Path:
-    """Check before any work that a figure of the reach may be written.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Path
-        Absolute path.
-    """
+    """Check before any work that a figure of the reach may be written; return its path."""
     return check_figure_file(path, "figure of the reach", (".png", ".pdf", ".svg"))
 
 
@@ -312,7 +302,7 @@ def reach(
 
 
 def _drawn(tendons: int, poses: int) -> Floats:
-    """Shares of the largest tensions (P, T); of every second pose most are at a limit."""
+    """Shares of the largest tensions (P, T); in every second pose most are at a limit."""
     from scipy.stats import qmc
 
     points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (poses - 1).bit_length()))

@@ -1,4 +1,4 @@
-"""What a map says, in sentences."""
+"""A map in sentences."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _FINE = 0.01  # range of an axis over its numbers below which they have more dig
 
 
 def described(found: ValidityMap) -> list[str]:
-    """What a map says, in sentences."""
+    """A map in sentences."""
     out = list(found.notes)
     percent = f"{in_percent(found.tolerance, 3)} of length"
     for name, value in found.value.items():
@@ -162,7 +162,7 @@ def _text(value: float, axis: Axis) -> str:
 
 
 def _at_points(found: ValidityMap, where: Mask) -> str:
-    """Part of a single axis that has some of its points, in brackets."""
+    """Ranges of a single axis that the points of `where` cover, in brackets."""
     if len(found.axes) != 1 or not where.any():
         return ""
     axis = found.axes[0]
@@ -182,7 +182,7 @@ def undefined_in_words(name: str, undefined: Mask, where: str = "", things: str 
 
 
 def sweep_in_words(settings: MapSettings) -> list[str]:
-    """Sentence on the sweep that the errors of a metric are of."""
+    """Sentence on the sweep that a metric covers."""
     what = {"largest_error": "largest", "mean_error": "mean"}.get(settings.metric)
     if what is None:
         return []
@@ -251,7 +251,7 @@ def _beyond(settings: MapSettings, solved_to: Floats) -> str:
 
 
 def limits_in_words(settings: MapSettings, limit: Floats) -> str:
-    """Range of the validity limits of a map (N), some of them known."""
+    """Range of the validity limits of a map (N), at least one of which is finite."""
     known = limit[np.isfinite(limit)]
     low, high = float(known.min()), float(known.max())
     step, end = _first_load(settings), significant(settings.space.max_tension)
@@ -272,7 +272,7 @@ def notes_on_limits(
     """Sentences on validity limits that the loads of the sweep do not resolve."""
     step = _first_load(settings)
     first = f"{significant(step)} N, the first load of the sweep"
-    none = ~(solved_to > 0.0)  # not known where nothing is solved
+    none = ~(solved_to > 0.0)  # also where nothing is solved
     unresolved = none & np.any([np.isnan(limit) for limit in value.values()], axis=0)
     below = [np.isnan(limit) | ((limit > 0.0) & (limit < step)) for limit in value.values()]
     out = []
@@ -314,7 +314,7 @@ def notes_on_slack(settings: MapSettings, slack: Mask) -> list[str]:
 def notes_on_causes(
     settings: MapSettings, value: dict[str, Floats], cause: dict[str, NDArray[np.str_]]
 ) -> list[str]:
-    """Say which effect is not examined where no main cause was found."""
+    """Sentence on effects that are not examined where a main cause is missing."""
     why = settings.space.not_examined
     if not why or settings.metric == "valid_to":
         return []
@@ -327,7 +327,7 @@ def notes_on_causes(
 
 
 def in_not_examined(why: str) -> str:
-    """Sentence on straight spans where they are not among the causes."""
+    """Sentence on straight spans that are not among the causes."""
     return (
         "Where no main cause is found, it may be that tendons run straight between the disks: "
         f"{why}."

@@ -111,7 +111,7 @@ class WorkspaceMap(Result):
         return float((error <= self.tolerance * self.robot.length).mean())
 
     def described(self) -> list[str]:
-        """What the map says, in sentences."""
+        """The map in sentences."""
         solved = int(self.solved.sum())
         end = f"{significant(self.max_tension)} N in each tendon"
         out = [
@@ -215,17 +215,7 @@ class WorkspaceMap(Result):
 
 
 def check_workspace_file(path: str | Path) -> Path:
-    """Check before any work that a figure of the workspace may be written.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Path
-        Absolute path.
-    """
+    """Check before any work that a figure of the workspace may be written; return its path."""
     return check_figure_file(path, "map of the workspace", (".png", ".pdf", ".svg"))
 
 
