@@ -237,7 +237,7 @@ class AgainstData:
     comparisons: tuple[DataComparison, ...]
     """Comparisons by model in the order of `DATA_MODELS`, each in the frames of `FRAMES`."""
     own_frames: dict[str, Rigid]
-    """By model."""
+    """Best base frame of each model, by its name."""
     gains: dict[str, float]
     """Gains of calibrated constant curvature, fitted with its own base frame."""
     lengths_of: str
@@ -789,7 +789,7 @@ def _decomposition(
     without = [everything - {name} for name in names]
     sets = list(dict.fromkeys([*steps, *without]))
     differences = [difference(on) for on in sets]
-    # a change of the mean is over the rows that both have
+    # a change of the mean is over the rows with both errors
     known = np.all([np.isfinite(d).all(axis=1) for d in differences], axis=0)
     if not known.any():
         return math.nan, ()

@@ -29,7 +29,7 @@ _RANGES: Final = ((0.5, 1.5), (0.5, 1.2), (0.5, 1.1), (0.9, 1.1))  # over the ro
 
 
 def design_map(robot: Robot, settings: Settings) -> ValidityMap | None:
-    """Map over the tension and a number of the design, around that of the robot.
+    """Map over the tension and a number of the design, around the robot's own.
 
     Parameters
     ----------

@@ -329,7 +329,7 @@ def _components(
 
 
 def _root(study: Study, segment: FirstSegment) -> float:
-    """Root of the radicand of Eq. 4, m."""
+    """Square root of the radicand of Eq. 4, m."""
     return 1.5 * float(study.robot.tendons.pitch_radius_m[segment.tendons[0]]) * segment.theta
 
 

@@ -356,7 +356,7 @@ def error_budget(
 
 @dataclass(frozen=True)
 class _Entry:
-    """An effect of a size that the budget examines."""
+    """An effect of the budget and its size."""
 
     key: str
     label: str
@@ -373,7 +373,7 @@ class _Entry:
         return with_values(rods, self.effect.part, self.effect.absent)
 
     def acts(self, rods: Rods) -> bool:
-        """Whether rods have the effect; gravity and tip force in this direction."""
+        """Whether rods have the effect, gravity and tip force in the same direction."""
         if self.effect.part == "load":
             return all(getattr(rods.load, name) == value for name, value in self.present.items())
         return self.effect.acts(rods)
@@ -440,7 +440,7 @@ def _stiffness_word(robot: Robot) -> str:
 
 
 def transverse_force(robot: Robot, share: float, unit: float = 1.0) -> float:
-    """Largest round force that moves the straight robot's tip by at most a share of its length.
+    """Largest force that moves the straight robot's tip by at most a share of its length, rounded.
 
     Parameters
     ----------
@@ -448,12 +448,12 @@ def transverse_force(robot: Robot, share: float, unit: float = 1.0) -> float:
     share : float
         Deflection over the length, by linear theory.
     unit : float
-        What is round is the force over this, such as a mass: the force over gravity.
+        Divisor of the force before it is rounded, such as gravity for a mass.
 
     Returns
     -------
     float
-        The force in N, over `unit`.
+        Force in N over `unit`, rounded down.
     """
     compliance, beyond = 0.0, robot.length
     for segment, stiffness in zip(robot.segments, robot.bending_stiffness, strict=True):

@@ -58,22 +58,22 @@ class FiniteElements(Result):
 
     @property
     def status(self) -> Annotated[FeStatus, Key()]:
-        """As of ``fe``."""
+        """Status of the run, as in ``fe``."""
         return cast("FeStatus", self.run.status)
 
     @property
     def middle_stress_ratio(self) -> Annotated[Array, Key()]:
-        """As ``stress_ratio`` of ``fe`` (n,); NaN where it has none."""
+        """Stress ratio (n,), ``stress_ratio`` of ``fe``; NaN where it has none."""
         return self.beside.stress_ratio
 
     @property
     def concentration(self) -> Annotated[Array, Key()]:
-        """As of ``fe`` (n,); NaN where it has none."""
+        """Stress concentration (n,), as in ``fe``; NaN where it has none."""
         return self.beside.concentration
 
     @property
     def span_error(self) -> Annotated[float, Key()]:
-        """As of ``fe``; NaN without a load."""
+        """Error of the spans, as in ``fe``; NaN without a load."""
         return self.run.span_error
 
     @property

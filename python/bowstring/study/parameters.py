@@ -32,13 +32,13 @@ class Parameter:
     """One value of a robot."""
 
     field: str
-    """As in the robot file, from its segment on: ``"backbone.E"``; empty for what follows."""
+    """Field of the robot file, below its segment: ``"backbone.E"``; empty if derived."""
     meaning: str
     """Meaning in words, such as ``"Bending stiffness E I"``."""
     where: str
     """Which segments or tendons have it, counted from 1; empty where all have it."""
     value: str
-    """With its unit."""
+    """Value with its unit."""
     origin: str
     """`GIVEN`, `DEFAULT` or `DERIVED`."""
 

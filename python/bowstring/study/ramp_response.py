@@ -99,7 +99,7 @@ class Transient(Result):
     material_damping: Annotated[float, Key("material_damping_s")]
     """Kelvin-Voigt damping, s."""
     status: Annotated[Status, Key()]
-    """As of ``simulate``: ``"converged"``, or why the motion stopped early."""
+    """Status as in ``simulate``: ``"converged"``, or why the motion stopped early."""
     reason: Annotated[str, Key()]
     """Reason if it stopped early."""
     time: Annotated[Array, Key("time_s")]
@@ -160,7 +160,7 @@ class Transient(Result):
 
     @property
     def largest_difference_at(self) -> Annotated[float, Key("difference_from_statics_max_at_N")]:
-        """Tension there, N; NaN without an equilibrium."""
+        """Tension at the largest distance, N; NaN without an equilibrium."""
         return self.max_difference[1]
 
     @property

@@ -66,7 +66,7 @@ def scene(study: Study) -> dict[str, Any] | None:
 
 
 def _tendons(study: Study, position: Array, rotation: Array) -> list[Any]:
-    """Points of each tendon (mm) at each load; none of a robot with very many."""
+    """Points of each tendon (mm) at each load; empty for a robot with very many holes."""
     robot = study.robot
     if len(robot.tendons.segment) * position.shape[1] > _MOST_HOLES:
         return []
