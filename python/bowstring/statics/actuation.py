@@ -108,7 +108,7 @@ def slack(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:
 
 
 def is_by_tensions(robot: Robot, load: Load, history: Mapping[str, Any] | None = None) -> bool:
-    """Whether a load has tensions only, without laws and history, so that no path matters."""
+    """Whether a load has tensions only, without laws and history: the pose depends on no path."""
     return load.is_tension_controlled and history is None and not robot.laws
 
 

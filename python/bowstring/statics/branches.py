@@ -46,7 +46,7 @@ Kind = Literal["limit_point", "bifurcation"]
 End = Literal["range", "closed", "joined", "collision", "unstable", "points", "lost"]
 
 _SAME: Final = 1e-6  # distance between disks over length below which two equilibria are equal
-_MOST_CUT: Final = 3  # branches that end early, of which the text says where
+_MOST_CUT: Final = 3  # branches that end early and that the text names
 _ENDS: Final = {
     "range": "the end of the range of the load factor",
     "closed": "its first point",

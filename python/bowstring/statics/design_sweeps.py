@@ -165,7 +165,7 @@ def _solved(
 def _by_stiffness(
     designs: Designs, rows: _Commands, dead: Load, model: RodModel, threads: int
 ) -> dict[str, NDArray[Any]]:
-    """The same of robots that differ in stiffness matrices, which the core has one of at a time."""
+    """`_solved` for robots that differ in stiffness matrices: the core takes one set at a time."""
     each = rows.values.shape[1]
     parts, places = [], []
     for index, same in designs.by_stiffness():

@@ -75,7 +75,7 @@ class Derivatives:
 
 
 def _paths(robot: Robot, name: str) -> tuple[str, ...]:
-    """Numbers of the robot file that a name means."""
+    """Full paths of the numbers of the robot file that a variable changes."""
     _, paths = find(robot, name, _LOADS)
     if paths[0].startswith("gravity"):
         raise InputError("gravity is a vector of the load: write gravity, not its components")
@@ -97,7 +97,7 @@ def _shape(solution: Solution, name: str) -> tuple[int, ...]:
 
 
 def _direction(differentiator: Differentiator, given: Mapping[str, Any]) -> Direction:
-    """Check a direction."""
+    """Make a direction of a mapping, checked."""
     solution, count = differentiator.solution, len(differentiator.tensions)
     zero = np.zeros(count)
     parts: dict[str, Floats] = {"tensions": zero, "displacements": zero}

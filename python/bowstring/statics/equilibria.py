@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = [
     "GRAVITY",
     "SECOND",
-    "Function",
+    "EquilibriumFunction",
     "Input",
     "columns",
     "differentiable",
@@ -59,7 +59,7 @@ class Input:
 
 
 @dataclass(frozen=True, eq=False)
-class Function:
+class EquilibriumFunction:
     """Equilibria of a robot under constant loads, with checked settings."""
 
     robot: Robot
@@ -120,7 +120,7 @@ class Function:
 
 def differentiable(
     robot: Robot, load: Load | None, model: RodModel | None, threads: int
-) -> Function:
+) -> EquilibriumFunction:
     """Check settings and make the function."""
     check_robot(robot)
     load, model = validation.instance("load", load, Load), as_model(model)
@@ -152,7 +152,7 @@ def differentiable(
     )
     constant = load.replace(gravity=None, tip_force=None, tip_moment=None)
     made = Equilibria(core, with_arrays(constant), model)
-    return Function(robot, load, model, threads, made, inputs)
+    return EquilibriumFunction(robot, load, model, threads, made, inputs)
 
 
 def columns(tendons: int, segments: int) -> dict[int, slice]:

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.schemas import basic as schema
     from bowstring.statics.fields import Frames
-    from bowstring.statics.limits import Use
+    from bowstring.statics.limits import Utilisation
 
 __all__ = ["ErrorEstimate", "Pose", "Solution", "Sweep", "joined", "solution"]
 
@@ -414,14 +414,14 @@ class Solution(Result):
         load = self.load.replace(tensions=self.tensions)
         return simulator.at_rest(self.robot, load, self.model, path, points=points)
 
-    def limits(self) -> tuple[tuple[str, ...], tuple[Use, ...]]:
+    def limits(self) -> tuple[tuple[str, ...], tuple[Utilisation, ...]]:
         """Warnings of the pose, and utilisation of the limits of the robot file.
 
         Returns
         -------
         warnings : tuple of str
             Disks below the base, and segments beyond ``yield_strength`` or ``strain_limit``.
-        uses : tuple of `bowstring.statics.limits.Use`
+        uses : tuple of `bowstring.statics.limits.Utilisation`
             Utilisation of each limit; empty if the robot file has none or the solve failed.
         """
         from bowstring.statics import limits
