@@ -35,7 +35,7 @@ class Tips(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """Tensions (n, T) in N that another model commands, and where the tip goes (n, 3) in m."""
+    """Tensions (n, T) in N of another model, and the tips (n, 3) in m under them by physics."""
 
     tensions: Floats
     tip_position: Floats
@@ -165,7 +165,7 @@ def write_commands(
         Ends in ``.csv``. It is written whole or not at all; a former table of commands is replaced,
         no other file.
     landing : Landing, optional
-        Commands by another model, and where they lead.
+        Commands by another model, and the tips under them.
 
     Returns
     -------
