@@ -94,7 +94,7 @@ class BudgetRow:
     """`full` without the effect."""
     in_sweep: Case
     """Main sweep with this effect removed if it acts there, otherwise added."""
-    beside: Case
+    reference: Case
     """Reference of `in_sweep`, which differs in this effect only: the main sweep, or, for another
     kind of gravity, the main sweep without gravity."""
     acts_in_sweep: bool
@@ -129,7 +129,7 @@ class Budget(Result):
             return row.added, self.baseline
         if side == "removed":
             return row.full, row.removed
-        pair = (row.beside, row.in_sweep)
+        pair = (row.reference, row.in_sweep)
         return pair if row.acts_in_sweep else pair[::-1]
 
     def contribution(self, row: BudgetRow, side: Side, meaning: str) -> Contribution:
@@ -294,7 +294,7 @@ def error_budget(
                 removed=case(entry.removed(whole)),
                 in_sweep=case(without if acts else entry.added(model.main)),
                 # gravity replaces that of the sweep
-                beside=case(without if in_place else model.main),
+                reference=case(without if in_place else model.main),
                 acts_in_sweep=acts,
             )
         )

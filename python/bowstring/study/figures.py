@@ -123,7 +123,7 @@ def _tip_against_force(study: Study) -> Figure:
     if study.bricks is not None:
         bent = np.linalg.norm(study.bricks.tip_position - straight, axis=-1)
         moved.plot(s.tension, bent * 1e3, **{**cross, "color": LIGHT["green"]})
-        largest = study.bricks.beside.middle.max(axis=1, initial=0.0) / 1e6
+        largest = study.bricks.comparison.middle.max(axis=1, initial=0.0) / 1e6
         name = "finite elements, mid-module"
         stress.plot(s.tension[: len(largest)], largest, label=name, **cross)
     stress.set(ylabel="largest stress\n(MPa)")
@@ -662,7 +662,7 @@ def _disk(study: Study) -> Figure:
 
 def _fe_stress(study: Study) -> Figure:
     assert study.bricks is not None
-    return stress_along(study.bricks.run, study.bricks.beside)
+    return stress_along(study.bricks.run, study.bricks.comparison)
 
 
 def _fe_field(study: Study) -> Figure:
