@@ -1,9 +1,9 @@
 """Polynomial curvature of a robot: fitted to its shape, or predicted from its loads.
 
-`fit_curvature` gives the polynomials whose disks are nearest to given ones: what the family of
-shapes can do at best. `curvature_from_loads` predicts them from tensions, weight and tip force, as
-the linear law predicts arcs from tensions; it knows nothing of straight spans, clamped lengths,
-shear, extension and torsion.
+`fit_curvature` gives the polynomials whose disks are nearest to given ones: the least error of
+this family of shapes. `curvature_from_loads` predicts them from tensions, weight and tip force, as
+the linear law predicts arcs from tensions; it ignores straight spans, clamped lengths, shear,
+extension and torsion.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Environments for Gymnasium: a robot in motion whose tip shall reach a point.
+"""Environments for Gymnasium: a robot in motion whose tip must reach a point.
 
 Needs the extra ``gymnasium`` (``pip install 'bowstring[gymnasium]'``). Importing this module
 registers ``bowstring/Reach-v0``. All values are in SI and in the base frame; T is the number of

@@ -237,7 +237,7 @@ class BranchDiagram(Result):
 
     @property
     def text(self) -> list[str]:
-        """What the diagram says, in sentences."""
+        """The diagram in sentences."""
         events = [e for _, e in self.events]
         limits = sum(e.kind == "limit_point" for e in events)
         counts = (

@@ -157,7 +157,7 @@ def _model(chain: LinkChain, load: Load | None, damping_time: float) -> ET.Eleme
 
 
 _Site = tuple[str, int, Floats]
-"""Name, body, and place in it."""
+"""Name, body, and position in it."""
 
 
 def _sites(chain: LinkChain) -> list[list[_Site]]:
@@ -188,7 +188,7 @@ def _add_inertial(parent: ET.Element, body: Body) -> None:
 
 
 def _add_shapes(parent: ET.Element, chain: LinkChain, body: Body) -> None:
-    """What is seen; it touches nothing."""
+    """Add the visible shapes, which do not collide."""
     seen: dict[str, Any] = {"contype": "0", "conaffinity": "0", "mass": "0"}
     ET.SubElement(
         parent,
