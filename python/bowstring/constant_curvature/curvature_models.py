@@ -40,11 +40,6 @@ _SHARES: Final = (0.3, 0.65, 1.0)  # of weight and tip force
 # -- fit -------------------------------------------------------------------------------------------
 
 
-def _fewest_disks(robot: Robot) -> int:
-    """Number of disks in the segment that has the fewest."""
-    return int(np.bincount(robot.disks.segment).min())
-
-
 def fit_curvature(robot: Robot, disks: ArrayLike, degree: int) -> VariableCurvature:
     """Fit polynomial curvatures to the disk centres of many shapes.
 
@@ -80,7 +75,7 @@ def fit_curvature(robot: Robot, disks: ArrayLike, degree: int) -> VariableCurvat
         raise InputError(f"disks has shape {rows.shape}, it must be (..., {count}, 3)")
     if not np.isfinite(rows).all():
         raise InputError("disks has a position that is not finite")
-    fewest = _fewest_disks(robot)
+    fewest = int(np.bincount(robot.disks.segment).min())
     if fewest < order + 2:
         raise InputError(
             f"a segment of {robot.name} has {fewest} disks; a curvature of degree {order} needs "

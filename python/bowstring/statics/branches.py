@@ -257,8 +257,8 @@ class BranchDiagram(Result):
         else:
             first = self.branches[0]
             most = int(np.argmax(first.factor))
-            what = next((_words(e.kind) for e in first.events if e.point == most), None)
-            reached = what or _ENDS[first.end]
+            kinds = [e.kind.replace("_", " ") for e in first.events if e.point == most]
+            reached = f"a {kinds[0]}" if kinds else _ENDS[first.end]
             out.append(
                 f"No equilibrium was found at load factor {self.max_factor:g}; the first branch "
                 f"reaches {first.factor[most]:.6g}: {reached}."
@@ -616,10 +616,6 @@ def _same_rows(first: Floats | None, last: Floats | None) -> tuple[Floats, Float
     if same_points(a, b):
         return a, b
     return np.concatenate([a, without_wrenches(b)]), np.concatenate([without_wrenches(a), b])
-
-
-def _words(kind: str) -> str:
-    return {"limit_point": "a limit point", "bifurcation": "a bifurcation"}[kind]
 
 
 def _counted(count: int, what: str) -> str:

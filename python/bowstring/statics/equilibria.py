@@ -140,7 +140,8 @@ def differentiable(
 
     def vector(name: str, unit: str, otherwise: Any) -> Input:
         given = getattr(load, name)
-        return Input(name, 3, unit, validation.row(name, _or(given, otherwise), 3, unit))
+        value = otherwise if given is None else given
+        return Input(name, 3, unit, validation.row(name, value, 3, unit))
 
     core = robot.core
     inputs = (
@@ -162,10 +163,6 @@ def columns(tendons: int, segments: int) -> dict[int, slice]:
         found[index] = slice(start, start + count)
         start += count
     return found
-
-
-def _or(value: Any, otherwise: Any) -> Any:
-    return otherwise if value is None else value
 
 
 def not_numbers(about: Input, what: str) -> InputError:

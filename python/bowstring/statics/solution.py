@@ -183,7 +183,7 @@ class Solution(Result):
     def load(self) -> Load:
         """The load that was solved, with its actuation."""
         core = self.core
-        tensions, displacements = core.tensions, None
+        tensions, displacements, points = core.tensions, None, core.point_loads
         if core.by_displacement is not None and core.commands is not None:
             tensions = np.where(core.by_displacement, np.nan, core.commands)
             displacements = np.where(core.by_displacement, core.commands, np.nan)
@@ -195,7 +195,7 @@ class Solution(Result):
             tip_moment=core.tip_moment,
             disk_forces=core.disk_forces,
             disk_moments=core.disk_moments,
-            point_loads=_point_loads(core.point_loads),
+            point_loads=None if points is None else map(PointLoad.of_numbers, points.tolist()),
             line_forces=core.line_forces,
         )
 
@@ -387,7 +387,7 @@ class Solution(Result):
         points = whole("points", points, 2, 1000)
         self.raise_for_status()
         frames = self._frames(points)
-        core, model = self.core, self.model
+        core, model, loads = self.core, self.model, self.load.point_loads
         settings = {
             "tip_force": core.tip_force.tolist(),
             "tip_moment": core.tip_moment.tolist(),
@@ -396,7 +396,7 @@ class Solution(Result):
                 for name in ON_DISKS
                 if (value := getattr(core, name)) is not None
             },
-            **_settings_of(self.load.point_loads),
+            **({} if loads is None else {"point_loads": [load.to_dict() for load in loads]}),
             "gravity": core.gravity.tolist(),
             "theory": model.theory,
             "tendon": model.tendon_path,
@@ -670,14 +670,6 @@ def solution(
     given, commands = actuation.commands(robot, load)
     path = actuation.Path(robot, model, before)
     return Solution(robot, path.core.step(given, commands, load), path, before)
-
-
-def _point_loads(numbers: Floats | None) -> tuple[PointLoad, ...] | None:
-    return None if numbers is None else tuple(map(PointLoad.of_numbers, numbers.tolist()))
-
-
-def _settings_of(loads: tuple[PointLoad, ...] | None) -> dict[str, Any]:
-    return {} if loads is None else {"point_loads": [load.to_dict() for load in loads]}
 
 
 def joined(parts: Sequence[tuple[NDArray[np.int64], Sweep]]) -> Sweep:

@@ -438,7 +438,7 @@ def _landed(
                 asked = commander.corrected(asked, wanted - rows[-1])
             rows.append(commander.land(name, commander.command(name, asked)))
         landed[name] = np.stack(rows)
-    if not _is_embedded(robot, model):
+    if not (robot.is_embedded or model.tendon_path == "continuous"):
         notify(COMMANDS["physics"], len(names) / steps)
         start = time.perf_counter()
         exact = inverse_kinematics(
@@ -448,10 +448,6 @@ def _landed(
         landed["physics"] = commander.land("physics", exact.tensions)[None]
     scale = commander.scale if "tensions_calibrated" in names else None
     return _Landed(wanted, landed, scale, seconds)
-
-
-def _is_embedded(robot: Robot, model: RodModel) -> bool:
-    return robot.is_embedded or model.tendon_path == "continuous"
 
 
 def _chosen(commander: Commander, names: Sequence[str] | None) -> tuple[str, ...]:
