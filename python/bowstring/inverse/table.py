@@ -130,18 +130,7 @@ def _columns(file: Path, header: list[str]) -> tuple[list[int], float]:
 
 
 def check_commands(path: str | Path) -> Path:
-    """Check before any work that a table may be written (`atomic_io.check_file`).
-
-    Parameters
-    ----------
-    path : str or Path
-        Ends in ``.csv``.
-
-    Returns
-    -------
-    Path
-        The same file, absolute.
-    """
+    """Check before any work that a table may be written to a ``.csv`` file; return its path."""
     return check_file(Path(path), "table of commands", (".csv",), _MARK)
 
 

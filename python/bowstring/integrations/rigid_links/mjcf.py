@@ -38,18 +38,7 @@ _GREY, _DARK, _RED = "0.45 0.45 0.45 0.6", "0.15 0.15 0.15 1", "0.75 0.2 0.15 1"
 
 
 def check_mjcf(path: str | Path) -> Path:
-    """Check before any work that a model may be written (`atomic_io.check_file`).
-
-    Parameters
-    ----------
-    path : str or Path
-        Ends in ``.xml``.
-
-    Returns
-    -------
-    Path
-        The same file, absolute.
-    """
+    """Check before any work that a model may be written to a ``.xml`` file; return its path."""
     return check_file(Path(path), _WHAT, (".xml",), _MARK)
 
 
