@@ -182,10 +182,6 @@ def follow_with_friction(
         Whether the rows are one path.
     reached : float
         Distance over length of a reached tip.
-
-    Returns
-    -------
-    dict
     """
     count, tendons = len(targets.positions), robot.core.tendon_count
     state = actuation.Path(robot, model)

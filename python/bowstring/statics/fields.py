@@ -523,10 +523,6 @@ def rows_to_dataset(
         Further variables.
     settings : mapping
         Settings of the solve, stored as an attribute.
-
-    Returns
-    -------
-    xarray.Dataset
     """
     import xarray as xr
 

@@ -679,10 +679,6 @@ def joined(parts: Sequence[tuple[NDArray[np.int64], Sweep]]) -> Sweep:
     ----------
     parts : sequence of (ndarray of int, Sweep)
         Rows of each sweep in the whole; of one robot and the same options.
-
-    Returns
-    -------
-    Sweep
     """
     order = np.argsort(np.concatenate([rows for rows, _ in parts]), kind="stable")
 

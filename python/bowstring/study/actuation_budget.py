@@ -317,10 +317,6 @@ def actuation_budget(
         Main sweep at these loads.
     calibrated : Robot, optional
         Robot with calibrated friction.
-
-    Returns
-    -------
-    ActuationBudget
     """
     t = model.tendon
     given = model.given_robot.tendons

@@ -500,10 +500,6 @@ def judge_data(
     compare : bool
         Whether models with memories are compared on left-out rows too.
 
-    Returns
-    -------
-    AgainstData
-
     Raises
     ------
     InputError

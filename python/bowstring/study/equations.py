@@ -73,10 +73,6 @@ class StudyEquations:
 def study_equations(study: Study) -> StudyEquations:
     """Evaluate the equations of the source study at the largest load of a study.
 
-    Parameters
-    ----------
-    study : Study
-
     Returns
     -------
     StudyEquations

@@ -143,10 +143,6 @@ class Budget(Result):
             sweep.
         meaning : str
             Name of the comparison, one of `bowstring.study.comparison.MEANINGS`.
-
-        Returns
-        -------
-        Contribution
         """
         present, absent = (case.error(meaning) for case in self.cases(row, side))
         common = np.isfinite(present) & np.isfinite(absent)
@@ -249,10 +245,6 @@ def error_budget(
         Progress callback, called with the finished share up to 1.
     calibrated : Robot, optional
         Robot with calibrated friction.
-
-    Returns
-    -------
-    Budget
     """
     plain = model.baseline
     entries = [

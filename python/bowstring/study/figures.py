@@ -49,10 +49,6 @@ _MAGNIFIED: Final = 2.0  # an inset that magnifies less is not worth its place
 def draw(study: Study) -> Iterator[tuple[str, Callable[[], Figure]]]:
     """Draw the figures one by one.
 
-    Parameters
-    ----------
-    study : Study
-
     Yields
     ------
     stem : str

@@ -34,10 +34,6 @@ _MOST: Final = 8  # tendons with their own line in the key
 def draw_arc(study: Study) -> Figure:
     """Draw the arc of the segment at the base in its bending plane, and the base from above.
 
-    Parameters
-    ----------
-    study : Study
-
     Returns
     -------
     matplotlib.figure.Figure
@@ -164,10 +160,6 @@ def _base_from_above(axes: Axes, study: Study, segment: FirstSegment) -> None:
 
 def draw_module(study: Study) -> Figure:
     """Draw one module of the segment at the base in its bending plane: disks and straight spans.
-
-    Parameters
-    ----------
-    study : Study
 
     Returns
     -------

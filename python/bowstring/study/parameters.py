@@ -56,10 +56,6 @@ class AssumedValue:
 def parameters(robot: Robot) -> tuple[Parameter, ...]:
     """List every parameter of a robot; equal values of several segments or tendons once.
 
-    Parameters
-    ----------
-    robot : Robot
-
     Returns
     -------
     tuple of Parameter
@@ -79,16 +75,7 @@ def parameters(robot: Robot) -> tuple[Parameter, ...]:
 
 
 def assumed(study: Study) -> tuple[AssumedValue, ...]:
-    """List what the robot file does not give and the report assumes, and for what.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    tuple of AssumedValue
-    """
+    """List what the robot file does not give and the report assumes, and for what."""
     actuation = "the effects of friction and elastic tendons in the error budget"
     out = [AssumedValue(each, actuation) for each in study.budget.actuation.assumptions]
     try:

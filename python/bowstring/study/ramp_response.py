@@ -387,10 +387,6 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
     tip : ndarray (n, 3)
         Tips of the equilibria, m. Stress is NaN where the solver, from the straight robot, finds no
         or another equilibrium.
-
-    Returns
-    -------
-    Surface
     """
     found = np.full((3, len(tension)), math.nan)
     by_segment = np.full((2, len(tension), len(model.robot.segments)), math.nan)
@@ -449,10 +445,6 @@ def has_surface(robot: Robot) -> bool:
 
 def without_surface(robot: Robot) -> str:
     """Why stress and strain at the surface are not computed, in a sentence.
-
-    Parameters
-    ----------
-    robot : Robot
 
     Returns
     -------

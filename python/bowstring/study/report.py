@@ -42,10 +42,6 @@ Progress = Callable[[str, float], None]
 def default_folder(robot: Robot) -> Path:
     """Folder of a robot's study if none is asked for: ``bowstring-study/<robot name>``.
 
-    Parameters
-    ----------
-    robot : Robot
-
     Returns
     -------
     Path

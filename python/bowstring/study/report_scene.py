@@ -30,10 +30,6 @@ _LABELS: Final = {"cc_from_force": "CC from force", "cc_from_lengths": "CC from 
 def scene(study: Study) -> dict[str, Any] | None:
     """Shapes of rod and constant curvature at the loads of a study, and measured points.
 
-    Parameters
-    ----------
-    study : Study
-
     Returns
     -------
     dict or None

@@ -155,10 +155,6 @@ def compare_shapes(
         Sweep.
     comparisons : mapping
         Constant curvature against statics, by name.
-
-    Returns
-    -------
-    ShapeModels
     """
     tensions, disks = model.tensions(statics.tension), statics.disk_positions
     out = []

@@ -146,10 +146,6 @@ def judge(
         Error budget, for the sentence on effects outside the sweep.
     on_shapes : sequence of str
         Sentences on curvature that varies along the robot.
-
-    Returns
-    -------
-    Verdict
     """
     fine = np.linspace(0.0, max_tension, _FINE_POINTS)
     case_tension = np.linspace(0.0, max_tension, len(budget.sweep.tip_position))
@@ -357,10 +353,6 @@ def corrections(comparisons: Mapping[str, Comparison]) -> list[Correction]:
     ----------
     comparisons : mapping
         Against statics, by name.
-
-    Returns
-    -------
-    list of Correction
     """
     out = []
     for what, source, name, corrected in (

@@ -179,10 +179,6 @@ def read_axis(text: str, robot: Robot) -> Axis:
     robot : Robot
         Robot that has the number.
 
-    Returns
-    -------
-    Axis
-
     Raises
     ------
     InputError

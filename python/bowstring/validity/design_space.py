@@ -345,10 +345,6 @@ class DesignSpace:
             Values of the axes in SI.
         names : sequence of str
             Models of constant curvature, of `bowstring.validity.errors.LABELS`.
-
-        Returns
-        -------
-        RampErrors
         """
         points = np.asarray(points, dtype=float).reshape(-1, len(self.axes))
         out = RampErrors.empty(len(points), self.loads, names)

@@ -143,10 +143,6 @@ def with_values(rods: Rods, part: Part, values: Mapping[str, Any]) -> Rods:
         Theory and tendon path, loads, or a part of all segments.
     values : mapping from str to object
         Values by field; for a part of the segments, a list has a value for each segment.
-
-    Returns
-    -------
-    Rods
     """
     if part == "model":
         return replace(rods, model=rods.model.replace(**values))

@@ -103,10 +103,6 @@ def follow(rods: Rods, ramp: Floats, shares: Floats) -> Ramps:
         tendons, rad.
     shares : ndarray (T,)
         Share of the sweep's tension in each tendon; bends are in the direction of its moment.
-
-    Returns
-    -------
-    Ramps
     """
     if rods.by_displacement:
         return _follow_displacements(rods, ramp, shares)

@@ -92,10 +92,6 @@ class MapSettings(Result):
         tolerance, metric, models
             As for `bowstring.validity_map`.
 
-        Returns
-        -------
-        MapSettings
-
         Raises
         ------
         InputError
@@ -180,10 +176,6 @@ def read_axes(
     load : Load, optional
         Gravity of that ramp, that of the robot if left out.
 
-    Returns
-    -------
-    tuple of Axis
-
     Raises
     ------
     InputError
@@ -218,10 +210,6 @@ def space_of(
     axes : tuple of Axis
     loading, load
         As for `validity_map`.
-
-    Returns
-    -------
-    DesignSpace
 
     Raises
     ------

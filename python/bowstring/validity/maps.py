@@ -429,10 +429,6 @@ def compute_map(settings: MapSettings, progress: Progress | None = None) -> Vali
     settings : MapSettings
     progress : callable, optional
         As for `validity_map`.
-
-    Returns
-    -------
-    ValidityMap
     """
     space, notify = settings.space, progress or (lambda what, done: None)
     axes = space.axes

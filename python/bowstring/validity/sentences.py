@@ -211,10 +211,6 @@ def unsolved_in_words(
         Tension (N) or bend (rad) up to which each sweep is solved; NaN without any.
     places : mapping from int to str, optional
         Where these points are.
-
-    Returns
-    -------
-    list of str
     """
     out = []
     for state, where in unsolved.items():

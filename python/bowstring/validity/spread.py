@@ -452,14 +452,6 @@ def assumed_distributions(robot: Robot) -> Distributions:
     A robot by stiffness matrices alone has no E, and its pitch radius only varies; that of each
     tendon alone where the radii differ.
 
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    Distributions
-
     Raises
     ------
     InputError

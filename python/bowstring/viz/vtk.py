@@ -423,11 +423,6 @@ def circle(count: int, *, closed: bool = False) -> Floats:
 def holes(robot: Robot, data: xr.Dataset) -> list[Floats]:
     """Holes of each tendon from the base to its end disk.
 
-    Parameters
-    ----------
-    robot : Robot
-    data : xarray.Dataset
-
     Returns
     -------
     list of ndarray (T, k + 1, 3)
