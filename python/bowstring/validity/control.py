@@ -21,7 +21,15 @@ from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve_batch
 from bowstring.validation import choice, floats, share_of_length, whole
-from bowstring.validity.control_commands import BY_ARCS, COMMANDS, SCALES, Commander, prepared
+from bowstring.validity.control_commands import (
+    BY_ARCS,
+    COMMANDS,
+    SCALES,
+    Commander,
+    prepared,
+    sobol_points,
+)
+from bowstring.validity.dead_loads import gravity_of
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -410,12 +418,8 @@ def _landed(
     corrections: int,
     notify: Callable[[str, float], None],
 ) -> _Landed:
-    from scipy.stats import qmc
-
     robot, load, model = commander.robot, commander.load, commander.model
-    tendons = len(commander.most)
-    points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
-    tensions = commander.most * points[:poses]
+    tensions = commander.most * sobol_points(len(commander.most), poses)
     drawn = solve_batch(robot, tensions, load=load, model=model, disks=False)
     wanted = drawn.tip_position[drawn.converged]
     landed: dict[str, Floats] = {}
@@ -463,10 +467,6 @@ def _chosen(commander: Commander, names: Sequence[str] | None) -> tuple[str, ...
     return tuple(dict.fromkeys(names))
 
 
-def _gravity(robot: Robot, load: Load) -> Floats:
-    return floats(robot.gravity if load.gravity is None else load.gravity)
-
-
 _WRENCH: Final = slice(4, 10)  # force and moment in the numbers of a point load
 _SCALED: Final = ("tip_force", "tip_moment", "disk_forces", "disk_moments", "line_forces")
 
@@ -476,12 +476,12 @@ def _is_loaded(robot: Robot, load: Load) -> bool:
     dead = any(value is not None and floats(value).any() for value in given)
     if load.point_loads is not None and load.point_loads[:, _WRENCH].any():
         dead = True
-    return bool(dead or _gravity(robot, load).any())
+    return bool(dead or gravity_of(robot, load).any())
 
 
 def _scaled(robot: Robot, load: Load, share: float) -> Load:
     """Dead loads times a share."""
-    values = {"gravity": share * _gravity(robot, load)}
+    values = {"gravity": share * gravity_of(robot, load)}
     for name in _SCALED:
         value = getattr(load, name, None)
         if value is not None:

@@ -33,6 +33,7 @@ __all__ = [
     "check_some_solved",
     "largest_tensions",
     "prepared",
+    "sobol_points",
 ]
 
 Floats = NDArray[np.float64]
@@ -275,6 +276,14 @@ def prepared(
     return robot, load, model, most
 
 
+def sobol_points(tendons: int, count: int) -> Floats:
+    """First points (count, T) of a Sobol' sequence in the unit cube; the first one is zero."""
+    from scipy.stats import qmc
+
+    points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (count - 1).bit_length()))
+    return np.asarray(points[:count])
+
+
 def check_some_solved(robot: Robot, most: Floats, load: Load, model: RodModel) -> None:
     """Refuse largest tensions up to which a few poses have no equilibrium, before many are solved.
 
@@ -295,9 +304,7 @@ def check_some_solved(robot: Robot, most: Floats, load: Load, model: RodModel) -
     InputError
         If they are too large: the pose without tension has an equilibrium, and no other.
     """
-    from scipy.stats import qmc
-
-    points = qmc.Sobol(len(most), scramble=False).random(_TRIED)  # the first is zero
+    points = sobol_points(len(most), _TRIED)
     found = solve_batch(robot, most * points, load=load, model=model, disks=False).converged
     if found[0] and not found[1:].any():
         half_turn = float(default_max_tension(robot).max())

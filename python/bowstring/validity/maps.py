@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, get_args
 
@@ -514,18 +514,10 @@ def _in_parts(settings: MapSettings, points: Floats, notify: Callable[[float], N
     if len(parts) == 1:
         return parts[0]
 
-    def joined(of: Callable[[RampErrors], NDArray[Any]]) -> Any:
-        return np.concatenate([of(part) for part in parts])
-
+    error = {name: np.concatenate([part.error[name] for part in parts]) for name in parts[0].error}
+    others = [each.name for each in fields(RampErrors) if each.name != "error"]
     return RampErrors(
-        joined(lambda e: e.ramp),
-        joined(lambda e: e.length),
-        joined(lambda e: e.converged),
-        joined(lambda e: e.tip),
-        joined(lambda e: e.tip_error),
-        {name: joined(lambda e, name=name: e.error[name]) for name in parts[0].error},  # type: ignore[misc]
-        joined(lambda e: e.slack),
-        joined(lambda e: e.gave_up),
+        error=error, **{n: np.concatenate([getattr(part, n) for part in parts]) for n in others}
     )
 
 

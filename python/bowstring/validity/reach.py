@@ -21,7 +21,8 @@ from bowstring.statics.equilibria import columns, differentiable
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve_batch
 from bowstring.validation import floats, row, share_of_length, whole
-from bowstring.validity.control_commands import prepared
+from bowstring.validity.control_commands import prepared, sobol_points
+from bowstring.validity.dead_loads import gravity_of
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -303,10 +304,7 @@ def reach(
 
 def _drawn(tendons: int, poses: int) -> Floats:
     """Shares of the largest tensions (P, T); in every second pose most are at a limit."""
-    from scipy.stats import qmc
-
-    points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
-    points = np.asarray(points[:poses])
+    points = sobol_points(tendons, poses)
     points[1::2] = np.clip((points[1::2] - _THIRD) / _THIRD, 0.0, 1.0)
     return points
 
@@ -378,7 +376,7 @@ def _payload(
 
 def _direction(robot: Robot, load: Load, given: ArrayLike | None) -> Floats:
     if given is None:
-        found = floats(robot.gravity if load.gravity is None else load.gravity)
+        found = gravity_of(robot, load)
         if not found.any():
             found = np.array([0.0, 0.0, -1.0])
     else:

@@ -23,7 +23,7 @@ from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, number, share_of_length, whole
 from bowstring.validity.causes import main_cause
-from bowstring.validity.control_commands import check_some_solved
+from bowstring.validity.control_commands import check_some_solved, sobol_points
 from bowstring.validity.design_space import COUPLED
 from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
@@ -265,8 +265,6 @@ def workspace_map(
     >>> found.share_valid("cc_from_lengths")
     1.0
     """
-    from scipy.stats import qmc
-
     check_robot(robot)
     number("max_tension", max_tension, "N")
     whole("poses", poses, 1, 1_000_000)
@@ -277,8 +275,7 @@ def workspace_map(
     load = instance("load", load, Load)
     robot = without_laws(robot)
     tendons = len(robot.tendons.segment)
-    points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
-    tensions = max_tension * points[:poses]
+    tensions = max_tension * sobol_points(tendons, poses)
     check_some_solved(robot, np.full(tendons, max_tension), with_arrays(load), RodModel())
     one = Designs(robot, {"segments.0.length": [robot.segments[0].length]})
     rods = Rods(one, RodModel(), load)
