@@ -80,7 +80,7 @@ def write_drawing(robot: Robot, path: str | Path) -> Path:
 
 
 def check_drawing(robot: Robot) -> None:
-    """Say before any work whether the disks can be drawn; raises what `write_drawing` raises."""
+    """Check before any work that the disks can be drawn; raises as `write_drawing` does."""
     check_round(robot, "a drawing of disks")
     _drawn_kinds(robot)
 

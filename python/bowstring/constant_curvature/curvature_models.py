@@ -186,7 +186,7 @@ def _start(robot: Robot, disks: Array, degree: int) -> Array:
 
 
 class _Loads(NamedTuple):
-    """What bends the backbones of K loads."""
+    """Tensions and dead forces on the backbones for K loads."""
 
     free: Array
     """Coefficients (K, S, degree + 1, 2) by rest curvature and tensions alone."""
@@ -196,7 +196,7 @@ class _Loads(NamedTuple):
     """Dead forces on the disks (N, 3), N."""
 
     def part(self, rows: NDArray[np.intp], share: float = 1.0) -> _Loads:
-        """Some of the loads, with a share of the dead forces."""
+        """Loads of some rows, with a share of the dead forces."""
         return _Loads(self.free[rows], self.stiffness, share * self.force)
 
 

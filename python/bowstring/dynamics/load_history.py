@@ -148,7 +148,7 @@ class Table:
 
     @property
     def is_sampled(self) -> bool:
-        """Whether its values are computed before each step."""
+        """Whether values are computed before each step: not for a table."""
         return False
 
     def to_dict(self) -> Any:
@@ -354,7 +354,7 @@ class Actuation:
 
     @property
     def is_sampled(self) -> bool:
-        """Whether it must be asked before each step."""
+        """Whether values are computed before each step, by a user's function."""
         return any(c.is_sampled for c in self._histories.values())
 
     def to_dict(self) -> dict[str, Any]:

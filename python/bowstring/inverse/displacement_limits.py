@@ -66,7 +66,7 @@ class _Row:
         self._at = lru_cache(_KEPT)(self._solved)
 
     def at(self, tensions: Floats) -> _Equilibrium | None:
-        """Equilibrium; None where there is none or it has no derivatives."""
+        """Equilibrium under tensions; None without one or without its derivatives."""
         return self._at(tuple(np.maximum(tensions, 0.0).tolist()))
 
     def _solved(self, tensions: tuple[float, ...]) -> _Equilibrium | None:

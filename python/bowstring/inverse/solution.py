@@ -226,7 +226,7 @@ class InverseSolution:
         return html_table(repr(self).strip("<>"), sampled_rows(count, row), header)
 
     def message(self, row: int | None = None) -> str:
-        """How the inverse of a position ended, as a sentence.
+        """Status of the inverse of a position, as a sentence.
 
         Parameters
         ----------

@@ -23,7 +23,7 @@ class Targets(NamedTuple):
     directions: Floats | None
     """Directions (n, 3) of the tangent, of length one."""
     margin: float
-    """As `distance_margin` of `bowstring.inverse_kinematics`."""
+    """Margin for the distance, `distance_margin` of `bowstring.inverse_kinematics`."""
 
     def row(self, k: int) -> tuple[Floats, Floats | None]:
         """Position and direction of a row."""

@@ -60,7 +60,7 @@ _ENDS: Final = {
 
 @dataclass(frozen=True)
 class BranchSearch:
-    """How far and how finely branches are followed.
+    """Range and step of the search for branches.
 
     Parameters
     ----------

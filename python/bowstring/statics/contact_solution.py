@@ -46,7 +46,7 @@ class ContactSolution(Result):
     force: Annotated[Floats, Key("force_N")]
     """Contact force (3,) on the tip in the base frame, N."""
     normal_force: Annotated[float, Key("normal_force_N")]
-    """Its component along the normal, N; never negative."""
+    """Component of the contact force along the normal, N; never negative."""
     gap: Annotated[float, Key("gap_m")]
     """Distance of the tip from the plane, m: zero within the tolerance in contact."""
     point: Annotated[Floats | None, Key("point_m")]

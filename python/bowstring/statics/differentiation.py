@@ -140,13 +140,13 @@ class Direction:
     """Change of a load and of a robot along a line, per unit of it."""
 
     tensions: Floats
-    """Of tension-controlled tendons (T,), N."""
+    """Changes of the tensions of tension-controlled tendons (T,), N."""
     displacements: Floats
-    """Of displacement-controlled tendons (T,), m."""
+    """Changes of the displacements of displacement-controlled tendons (T,), m."""
     vectors: dict[str, Floats] = field(default_factory=dict)
-    """Of `VECTORS` (3,) and `ON_DISKS` (N, 3), in SI."""
+    """Changes of `VECTORS` (3,) and `ON_DISKS` (N, 3), in SI."""
     numbers: dict[str, float] = field(default_factory=dict)
-    """Of numbers of the robot file by path, in SI."""
+    """Changes of numbers of the robot file by path, in SI."""
 
 
 class _Lines(NamedTuple):

@@ -164,7 +164,7 @@ class Loop(Result):
 
     @property
     def width_share(self) -> Annotated[float, Key("width_percent")]:
-        """The same as a share of the length; NaN without one."""
+        """Largest distance as a share of the length; NaN without one."""
         return self.width / self.length
 
     @property

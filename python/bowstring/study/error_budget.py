@@ -424,7 +424,7 @@ def _softer(key: str, label: str, robot: Robot, factor: float) -> _Entry:
 
 
 def _stiffness_word(robot: Robot) -> str:
-    """What the robot file gives as the stiffness of its backbones."""
+    """Name of the stiffness that the robot file gives: of E or of matrices."""
     by_matrix = [s.backbone.stiffness is not None for s in robot.segments]
     if not any(by_matrix):
         return "E"

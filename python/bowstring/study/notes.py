@@ -31,7 +31,7 @@ class PublishedClaim(Result):
     mean_mm: Annotated[float, Key("smaller_than_mm")]
     """Published upper bound of the mean error, mm."""
     mean_percent: Annotated[float, Key("smaller_than_percent")]
-    """The same bound in percent of the length."""
+    """Published upper bound of the mean error in percent of the length."""
     ours: Annotated[str, Key("compared_with")]
     """Name of the corresponding comparison."""
     text: str

@@ -170,7 +170,7 @@ class Transient(Result):
 
     @property
     def overshoot_share(self) -> Annotated[float | None, Key("overshoot_percent")]:
-        """The same as a share of the length; None without one."""
+        """Overshoot as a share of the length; None without one."""
         return self.peak[1] / self.length if self.peak else None
 
     @property

@@ -211,7 +211,7 @@ def _limit(
 
 
 def _crossing(bend: Array, error: Array, tolerance: float) -> tuple[float, bool]:
-    """First crossing of the tolerance, and whether there is none."""
+    """First crossing of the tolerance, and whether the error never reaches it."""
     above = error > tolerance
     if not above.any():
         return float(bend[-1]), True

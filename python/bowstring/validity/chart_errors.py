@@ -86,7 +86,7 @@ class _Chain:
     compliance: Array
     """Bend of an inner module per bend by the linear law (N,)."""
     first_compliance: Array
-    """The same of the first module (N,)."""
+    """Bend of the first module per bend by the linear law (N,)."""
 
 
 def largest_bend(groups: Groups) -> float:

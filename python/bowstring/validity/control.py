@@ -73,7 +73,7 @@ class ControlCommand(Result):
     after_corrections: Annotated[list[schema.ControlDistance], Key()]
     """Without a correction, after one, and so on."""
     distance: Annotated[Floats, Key("distance_m")]
-    """The same for each wanted tip (C, P), m; NaN without a stable equilibrium."""
+    """Distance for each wanted tip (C, P), m; NaN without a stable equilibrium."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ class ControlErrors(Result):
         return out
 
     def _compared(self, rows: dict[str, list[dict[str, float]]], known: list[str]) -> list[str]:
-        """Say which commands land nearest and farthest, of those that land."""
+        """Sentences on the commands that land nearest and farthest, of those that land."""
         length = self.robot.length
         means = {name: rows[name][0]["mean_m"] for name in known}
         best, worst = min(known, key=means.__getitem__), max(known, key=means.__getitem__)

@@ -67,7 +67,7 @@ def check_dead_loads(robot: Robot, paths: Sequence[str], load: Load) -> None:
 def dead_loads(
     robot: Robot, load: Load, values: Mapping[str, Floats], count: int
 ) -> dict[str, Floats]:
-    """Those of gravity and tip force at the points of a map that axes change.
+    """Gravity and tip force at the points of a map, where axes change them.
 
     Parameters
     ----------

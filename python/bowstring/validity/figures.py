@@ -79,7 +79,7 @@ def _title(found: ValidityMap) -> str:
 def title_of(
     robot: str, metric: Metric, top: float, fixed: Sequence[tuple[Axis, float]] = ()
 ) -> str:
-    """What a map shows, for its title; `top` is the end of the sweep in N."""
+    """Title of a map; `top` is the end of the sweep in N."""
     end = f"{significant(top)} N"
     what = {
         "largest_error": f"largest tip error up to {end}",
@@ -173,7 +173,7 @@ def _crossings(found: ValidityMap, name: str) -> str:
 
 
 def _states_label(found: ValidityMap, states: Sequence[int]) -> str:
-    """Those of the given states that the map has, in words."""
+    """Those of some states that occur on the map, in words."""
     return ", or ".join(STATES[state] for state in states if np.any(found.state == state))
 
 

@@ -32,7 +32,7 @@ _SLACK: Final = Variable("1", "1 where a tendon is slack at the bend", dtype="in
 @short_repr
 @dataclass(frozen=True)
 class Points:
-    """What a worker calls: the metric at some points of the grid of the axes."""
+    """Function that a worker calls: the metric at some points of the grid of the axes."""
 
     settings: MapSettings
     """Settings of the map."""

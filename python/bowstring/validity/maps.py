@@ -150,7 +150,7 @@ class ValidityMap(Result):
 
     @property
     def fixed(self) -> tuple[tuple[Axis, float], ...]:
-        """Of a slice: the other axes and their values, SI."""
+        """Fixed axes of a slice and their values, SI."""
         return self.settings.space.fixed
 
     @property
@@ -160,7 +160,7 @@ class ValidityMap(Result):
 
     @property
     def metric(self) -> Metric:
-        """What `value` is, one of `bowstring.validity.map_settings.METRICS`."""
+        """Metric of `value`, one of `bowstring.validity.map_settings.METRICS`."""
         return self.settings.metric
 
     @property

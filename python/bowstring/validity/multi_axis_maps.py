@@ -137,7 +137,7 @@ class ValidityGrid(Result):
 
     @property
     def metric(self) -> Metric:
-        """What `value` is, one of `bowstring.validity.map_settings.METRICS`."""
+        """Metric of `value`, one of `bowstring.validity.map_settings.METRICS`."""
         return self.settings.metric
 
     def label(self, axis: int) -> str:

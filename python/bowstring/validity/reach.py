@@ -1,4 +1,4 @@
-"""What a robot reaches under tension limits, and how well it moves and carries there."""
+"""Reach of a robot under tension limits: tips, dexterity, compliance and payload there."""
 
 from __future__ import annotations
 

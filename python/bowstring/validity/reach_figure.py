@@ -1,4 +1,4 @@
-"""Figure of what a robot reaches, and how well it moves and carries there."""
+"""Figure of the reach of a robot, with dexterity, compliance and payload."""
 
 from __future__ import annotations
 

@@ -88,11 +88,11 @@ class FactorIndices(Result):
     first: Annotated[float, Key()]
     """First-order index: share of the variance alone; NaN for an output that does not vary."""
     first_interval: Annotated[tuple[float, float], Key()]
-    """Its interval; NaN as the index."""
+    """Interval of the first-order index; NaN as the index."""
     total: Annotated[float, Key()]
     """Total index: share with all interactions; NaN for an output that does not vary."""
     total_interval: Annotated[tuple[float, float], Key()]
-    """Its interval; NaN as the index."""
+    """Interval of the total index; NaN as the index."""
 
     @classmethod
     def of(cls, found: SobolIndices | None) -> list[FactorIndices]:
@@ -253,12 +253,12 @@ class Spread(Result):
 
     @property
     def indices_of_limit(self) -> Annotated[list[FactorIndices], Key("limit_indices")]:
-        """Of the limit; empty where few are finite."""
+        """Sobol' indices of the limit; empty where few samples have a finite one."""
         return FactorIndices.of(self.limit_indices)
 
     @property
     def indices_of_error(self) -> Annotated[list[FactorIndices], Key("error_indices")]:
-        """Of the error at the end of the sweep."""
+        """Sobol' indices of the error at the end of the sweep."""
         return FactorIndices.of(self.error_indices)
 
     def figure(self) -> Figure:
