@@ -62,14 +62,14 @@ def main() -> None:
     _set_handler(interrupts.handler)
     try:
         command()
-    except KeyboardInterrupt:  # a second one while the first was handled
+    except KeyboardInterrupt:  # a second signal while the first was handled
         _leave_stopped()
     except SystemExit as end:
         if end.code == _STOPPED:
             _leave_stopped()
         raise
     finally:
-        _set_handler(signal.SIG_IGN)  # all output is written
+        _set_handler(signal.SIG_IGN)  # after all output is written
 
 
 if __name__ == "__main__":

@@ -58,7 +58,7 @@ def resolved(path: str | Path, why: str) -> Path:
     try:
         found = Path(path).resolve()
         circle = found.is_symlink()  # newer Pythons leave a circle of links unresolved
-    except RuntimeError:  # older ones raise
+    except RuntimeError:  # older Pythons raise
         circle = True
     except OSError as error:  # such as a working folder that was removed
         raise InputError(f"{why}: {error.strerror}") from None
@@ -121,7 +121,7 @@ def check_replaceable(folder: Path, why: str) -> None:
     """Refuse a folder that cannot be replaced as a whole; `why` begins the message."""
     try:
         here: Path | None = Path.cwd()
-    except OSError:  # it was removed
+    except OSError:  # the working folder was removed
         here = None
     if here is not None and (folder == here or folder in here.parents):
         fault = "the folder is replaced as a whole, and the working folder is or lies in it"

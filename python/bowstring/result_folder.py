@@ -21,7 +21,7 @@ __all__ = ["check_folder", "write_json", "write_listing"]
 
 _MOST_FILES: Final = 1_000_000
 _MOST_BYTES: Final = 1_000_000_000
-_CALLED: Final = {"fe": "finite elements"}  # name in messages where it is not the file's
+_CALLED: Final = {"fe": "finite elements"}  # name in messages, if not its own
 
 
 class _Folder(Content):

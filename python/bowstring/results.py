@@ -107,5 +107,5 @@ def _plain(value: Any, scale: float) -> Any:
     if scale != 1.0 and value is not None:
         value = value * scale
     if isinstance(value, np.ndarray) and (value.dtype.kind != "f" or np.isfinite(value).all()):
-        return value.tolist()  # at once, as there may be millions
+        return value.tolist()  # as one array: there may be millions of numbers
     return plain(value)

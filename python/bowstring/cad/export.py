@@ -70,7 +70,7 @@ def write_solid(solid: Solid, path: str | Path) -> Path:
         write = {".stl": _stl, ".glb": _gltf, ".gltf": _gltf}.get(file.suffix.lower(), _step)
         try:
             written = write(solid, new)
-        except RuntimeError as error:  # what build123d raises
+        except RuntimeError as error:  # build123d raises these
             if "Failed to write" not in str(error):
                 raise
             written = False
@@ -136,7 +136,7 @@ def _gltf(solid: Solid, file: Path) -> bool:
     if not made:
         return False
     content, data = _read_glb(file.read_bytes())
-    # first, so that it is near the beginning of the file
+    # first, as `has_mark` looks near the beginning of the file
     asset = {**content.pop("asset"), "extras": _about(solid)}
     content = {"asset": asset, **content}
     for material in content["materials"]:  # the default is metal, black in most viewers

@@ -26,15 +26,15 @@ __all__ = ["curvature_from_loads", "fit_curvature", "polyline_curvature"]
 
 Array = NDArray[np.float64]
 
-_UNKNOWNS: Final = 60  # of the shapes that are fitted at once
+_UNKNOWNS: Final = 60  # unknowns of the shapes that are fitted at once
 _EVALUATIONS: Final = 500
 _TOLERANCE: Final = 1e-12  # relative tolerance of cost, step and gradient
-_LOADS: Final = 32  # that are solved at once
+_LOADS: Final = 32  # loads that are solved at once
 _ITERATIONS: Final = 30
 _CONVERGED: Final = 1e-10  # rad
-_STEP: Final = 1e-6  # of finite differences, rad
+_STEP: Final = 1e-6  # step of finite differences, rad
 _LARGEST: Final = 0.5  # step of the Newton iteration, rad
-_SHARES: Final = (0.3, 0.65, 1.0)  # of weight and tip force
+_SHARES: Final = (0.3, 0.65, 1.0)  # shares of weight and tip force that are applied in turn
 
 
 # -- fit -------------------------------------------------------------------------------------------
@@ -392,7 +392,7 @@ def _newton(robot: Robot, loads: _Loads, start: Array) -> Array:
         bend, change = bend + step.reshape(bend.shape), np.abs(step).max(axis=1)
         if (change < _CONVERGED).all():
             break
-    # congruent to the Hessian, and of one unit
+    # congruent to the Hessian, with one unit for all entries
     units = np.diag(stiffness)
     scaled = 0.5 * (hessian + np.swapaxes(hessian, 1, 2)) / np.sqrt(np.outer(units, units))
     scaled[~np.isfinite(scaled).all(axis=(1, 2))] = -np.eye(size)

@@ -39,8 +39,8 @@ MAX_DEGREE: Final = 5
 """Highest degree of the polynomials."""
 
 _STEPS: Final = 48  # least steps of a segment
-_NODE: Final = math.sqrt(3.0) / 6.0  # of Gauss' rule, from the middle of a step
-_WEIGHTS: Final = (0.25 + _NODE, 0.25 - _NODE)  # of the nodes in the first arc of a step
+_NODE: Final = math.sqrt(3.0) / 6.0  # node of Gauss' rule, from the middle of a step
+_WEIGHTS: Final = (0.25 + _NODE, 0.25 - _NODE)  # weights of both nodes in the first arc of a step
 
 
 def legendre(share: Array, degree: int) -> Array:

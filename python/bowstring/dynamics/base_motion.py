@@ -21,11 +21,11 @@ __all__ = ["BaseHistory", "BaseMotion"]
 
 Floats = NDArray[np.float64]
 
-_MISFIT: Final = 1e-5  # of a cubic over the largest acceleration
-_LEAST_PART: Final = 1 / 64  # of the time between two poses that an interval is halved to
-_NODES: Final = np.array([0.0, 1.0, 2.0, 3.0]) / 3.0  # of an interval, through which its cubic goes
-_OWN: Final = np.array([0.12, 0.5, 0.88])  # of an interval, where its cubic is checked
-_STILL: Final = np.array([1e-2, 1e-4, 1e-2])  # m/s^2, rad/s, rad/s^2: the least that counts
+_MISFIT: Final = 1e-5  # largest misfit of a cubic over the largest acceleration
+_LEAST_PART: Final = 1 / 64  # shortest interval over the time between two poses
+_NODES: Final = np.array([0.0, 1.0, 2.0, 3.0]) / 3.0  # shares of an interval to fit a cubic
+_OWN: Final = np.array([0.12, 0.5, 0.88])  # shares of an interval to check it
+_STILL: Final = np.array([1e-2, 1e-4, 1e-2])  # m/s^2, rad/s, rad/s^2: smaller values count as zero
 _LARGEST_TURN: Final = 3.0  # rad between two poses, below the half turn that splines allow
 
 
@@ -273,7 +273,7 @@ def _cubics(values: Callable[[Floats], Floats], times: Floats) -> tuple[Floats, 
     """
     last = len(times) - 1
     poses = np.arange(last + 1.0)
-    fine = np.linspace(0.0, last, 2 * last + 1)  # poses, and a time between each two
+    fine = np.linspace(0.0, last, 2 * last + 1)  # times of the poses, and one between each two
     checks = np.interp(fine, poses, times)
     exact = values(checks)
     scale = np.maximum(_sizes(exact).max(axis=0), _STILL)

@@ -239,7 +239,7 @@ class Run:
         LiveView
             The page; in a notebook it shows itself.
         """
-        from bowstring import view  # the page stands above
+        from bowstring import view  # imported here: integrations are above dynamics
 
         return view(self, port=port)
 
@@ -557,7 +557,7 @@ def simulate(
         time, position, velocity = simulator.tip()
         if file is not None:
             file.finish(status, reason)
-            written = time <= file.complete_to  # an interrupt may have kept the last chunk from it
+            written = time <= file.complete_to  # an interrupt may have prevented the last chunk
             time, position, velocity = time[written], position[written], velocity[written]
         elif points and len(time) and run.frames is None:
             run.frames = frames(simulator, places)
@@ -623,7 +623,7 @@ def simulate(
             try:
                 finish("interrupted", "stopped by the user")
                 ended = True
-            except KeyboardInterrupt:  # a second one that was pending with the first
+            except KeyboardInterrupt:  # a second interrupt that was pending with the first
                 continue
         interrupts.acknowledge()
         raise RunInterrupted(run) from None

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Judged", "judged_start"]
 
-_HALVINGS: Final = 10  # of the share of the load at which stability is lost
+_HALVINGS: Final = 10  # bisections of the share of the load at which stability is lost
 
 
 class Judged(NamedTuple):
@@ -56,7 +56,7 @@ def judged_start(
         return Judged(True)  # the start is a minimum, or there is none
     stable, cause = None, messages.without_potential(load, short=True)
     if not on_path:
-        # the elements of a run are for its motion; a growth rate needs those that solve takes
+        # a growth rate needs the elements of `solve`, not the fewer of a run
         model = model.replace(elements=None)
         found = robot.core.solve(initial.actuation, load, model)
         if not found.converged:

@@ -141,7 +141,7 @@ def study(
         (1.0 / k, f"{k:g}", replace(coarse, stiffness=k), 1.0)
         for k in settings.stiffness * np.array([0.1, 0.3, 1.0])
     ]
-    # name, which of the three is as asked for, and the three
+    # name, index of the requested level, and the three levels
     plans = [
         ("bricks along a module", 1, along_a_module),
         ("bricks around", 0, around),
@@ -150,7 +150,7 @@ def study(
     if motion is not None:
         steps = [(s, f"{1e3 * s * motion.dt:g} ms", coarse, s) for s in (2.0, 1.0, 0.5)]
         plans.append(("time step", 1, steps))
-    for name, _, plan in plans:  # before any work
+    for name, _, plan in plans:  # checked before any work
         for _, label, chosen, _ in plan:
             try:
                 chosen.check()

@@ -186,7 +186,7 @@ def frames(
     home = (
         np.nansum(_span_lengths(mesh, mesh.nodes), axis=0) if known else np.full(len(ends), np.nan)
     ) + _lengths_in_holes(robot)
-    stretch = compliances(robot)  # displacements include it, bricks do not
+    stretch = compliances(robot)  # displacements include the stretch, bricks do not
     for i, state in enumerate(states):
         moved = mesh.nodes + state.displacement
         fit = _fit(mesh, moved)

@@ -43,10 +43,10 @@ Observations = NDArray[Any]
 #: Id of the environment in the registry of Gymnasium.
 REACH: Final = "bowstring/Reach-v0"
 
-_SECONDS: Final = 4.0  # of an episode
-_TOLERANCE: Final = 0.01  # of the length
+_SECONDS: Final = 4.0  # duration of an episode
+_TOLERANCE: Final = 0.01  # distance of success over the length
 _REDRAWS: Final = 100
-_TENSION_BEND: Final = 1.0  # rad by the default of max_tension
+_TENSION_BEND: Final = 1.0  # bend by the default of max_tension, rad
 
 
 class _Task:

@@ -46,7 +46,7 @@ __all__ = ["LiveRobot", "LiveView", "view"]
 Floats = NDArray[np.float64]
 
 _AROUND: Final = 16
-_POINTS: Final = 6  # of a module
+_POINTS: Final = 6  # points of a module
 _ARC_POINTS: Final = 25
 _GRAVITY: Final = 9.80665
 _APART: Final = 0.7  # distance of two robots over their lengths

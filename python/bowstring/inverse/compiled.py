@@ -60,7 +60,7 @@ def compile_robot(robot: Robot) -> schema.RobotDescription:
     given = ~np.isnan(robot.section_stiffness[:, 0, 0])
     segments: list[schema.SegmentNumbers] = [
         {
-            # five equal sections are one
+            # one section where all five are equal
             "sections": sections[:1].tolist()
             if coupled or (sections == sections[0]).all()
             else sections.tolist(),

@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 
 #: Value of `InverseSolution.binding` where a limit of displacement binds.
 BEYOND_DISPLACEMENT: Final = 2
-_TOLERANCE: Final = 1e-9  # of a displacement, over the length
+_TOLERANCE: Final = 1e-9  # tolerance of a displacement over the length
 _MOST_ITERATIONS: Final = 200
 _KEPT: Final = 8  # equilibria: the optimiser asks for values and derivatives one by one
 
@@ -206,7 +206,7 @@ def _optimum(
 
     def nearness(x: Floats) -> tuple[float, Floats]:
         now = at(x)
-        # a little of the tensions, which the tip may not determine
+        # a small weight on the tensions, which the tip may not determine
         value = 0.5 * float(now.miss @ now.miss) + 5e-11 * float(x @ x)
         return 1e4 * value, 1e4 * (scale * now.miss @ now.miss_by + 1e-10 * x)
 

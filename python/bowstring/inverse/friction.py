@@ -28,9 +28,9 @@ _MOST_STEPS: Final = 40
 _RADIUS: Final = 0.3  # first and largest change of a tension in a step, over its scale
 _LEAST_RADIUS: Final = 1e-9
 _DIFFERENCE: Final = 1e-5  # change of a tension for the derivatives, over its scale
-_MORE_STARTS: Final = 6  # where neither the last row nor the inverse without friction leads there
-_SPREAD: Final = 0.05  # of these starts, over the scale of the tensions
-_RIDGE: Final = 1e-6  # of the largest derivative: keeps tensions that the tip does not determine
+_MORE_STARTS: Final = 6  # starts where the last row and the inverse without friction fail
+_SPREAD: Final = 0.05  # spread of these starts over the scale of the tensions
+_RIDGE: Final = 1e-6  # share of the largest derivative: holds undetermined tensions
 
 
 class _Landed(NamedTuple):
@@ -186,7 +186,8 @@ def follow_with_friction(
     count, tendons = len(targets.positions), robot.core.tendon_count
     state = actuation.Path(robot, model)
     free = _inverse_kinematics(robot.core, targets, limits, load, model, None if path else 0)
-    last, more = robot.tendons.pretension_N, np.zeros(tendons)  # more than without friction
+    # `more` are the tensions of the last row beyond those of the inverse without friction
+    last, more = robot.tendons.pretension_N, np.zeros(tendons)
     numbers = {
         name: np.full((count, *shape), np.nan)
         for name, shape in (

@@ -257,7 +257,7 @@ def _positions(robot: Robot, given: ArrayLike) -> tuple[Floats, bool]:
     found = np.atleast_2d(found)
     if not len(found):
         raise InputError("position has no rows; give one or more")
-    with np.errstate(over="ignore"):  # of points at 1e308 m
+    with np.errstate(over="ignore"):  # distances of points at 1e308 m overflow
         distance = np.hypot.reduce(found, axis=-1)
     far = np.flatnonzero(distance > _BEYOND * robot.length)
     if far.size:

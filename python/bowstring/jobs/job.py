@@ -31,7 +31,7 @@ _MOST_BLOCKS: Final = 100_000  # files in a folder
 _LARGEST_BLOCK: Final = 50_000_000  # bytes: a worker holds several blocks, and should need 1 GB
 _HEAD: Final = 4096  # bytes of a block beside its numbers, at most as a rule
 _POINT: Final = "point"  # outer dimension in the file of a block
-_TYPES: Final = ("float64", "float32", "int32", "int16", "int8")  # those of classic NetCDF
+_TYPES: Final = ("float64", "float32", "int32", "int16", "int8")  # types of classic NetCDF
 
 Arrays = dict[str, NDArray[Any]]
 

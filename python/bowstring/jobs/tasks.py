@@ -31,8 +31,8 @@ _AHEAD: Final = 2  # blocks in flight per thread of the cluster
 _LARGEST_JOB: Final = 10_000_000  # bytes, sent with each block
 _CONNECT: Final = 10.0  # s to wait for the scheduler
 _LOOK: Final = 1.0  # s between two looks at the cluster
-_LOGGERS: Final = ("distributed", "tornado")  # of Dask and of what it stands on
-_PATIENCE = 300.0  # s without any worker
+_LOGGERS: Final = ("distributed", "tornado")  # loggers of Dask and of its dependencies
+_PATIENCE = 300.0  # s without any worker before the run stops
 
 _task = threading.local()
 
@@ -126,7 +126,7 @@ def compute(
     """
     payload = _pickled(job)
     waiting, suspects = deque(numbers), deque[int]()
-    repeated: set[int] = set()  # blocks that failed once: the next time they are alone
+    repeated: set[int] = set()  # blocks that failed once; the next time they run alone
     flying: dict[Future, int] = {}
     done: queue.SimpleQueue[Future] = queue.SimpleQueue()
     cluster = _Cluster(client)

@@ -32,12 +32,12 @@ __all__ = ["TOLERANCE", "ContactProblem"]
 
 Floats = NDArray[np.float64]
 
-TOLERANCE: Final = 1e-9  # of a converged contact: distances over length, forces over their scale
-_TARGET: Final = 1e-10  # at which the iteration stops
+TOLERANCE: Final = 1e-9  # tolerance of a contact: distances over length, forces over their scale
+_TARGET: Final = 1e-10  # residual at which the iteration stops
 _MOST_ITERATIONS: Final = 40
-_MOST_HALVINGS: Final = 10  # of a step of Newton's method
-_LONGEST_MOTION: Final = 0.3  # of the tip in a step of Newton's method, over the length
-_LEAST_INCREMENT: Final = 2.0**-8  # of load stepping
+_MOST_HALVINGS: Final = 10  # halvings of a step of Newton's method
+_LONGEST_MOTION: Final = 0.3  # motion of the tip in a step of Newton's method over the length
+_LEAST_INCREMENT: Final = 2.0**-8  # least increment of load stepping
 _MOST_FAILURES: Final = 16  # contact forces without an equilibrium, before a load is given up
 _TRANSVERSE: Final = 1e-2  # force over its scale that breaks a symmetry
 _SCAN: Final = 8  # increments in which the first contact is sought
@@ -155,7 +155,7 @@ class ContactProblem:
         """Return to a state of the path."""
         try:
             self.path.core.resume(saved)
-        except InputError:  # the path has more elements now, and does not go back
+        except InputError:  # the path has more elements now, and keeps them
             self.path = actuation.Path(self.robot, self.path.model)
             self.path.core.resume(saved)
 
@@ -238,7 +238,7 @@ class ContactProblem:
 
     def first_contact(self, factor: float, target: float) -> Floats | None:
         """Tangential position (2,) of the free tip where it first reaches the plane."""
-        from scipy.optimize import brentq  # which a contact without friction does not need
+        from scipy.optimize import brentq  # a contact without friction does not need it
 
         below, before = factor, self.at(factor, np.zeros(3))
         if before is None:

@@ -12,7 +12,7 @@ __all__ = ["energy_norm", "sliding_force"]
 
 Floats = NDArray[np.float64]
 
-_ANGLES: Final = 48  # at which the direction of the slip is bracketed
+_ANGLES: Final = 48  # angles at which the direction of the slip is bracketed
 
 
 def energy_norm(compliance: Floats, force: Floats) -> float:

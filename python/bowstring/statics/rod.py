@@ -148,7 +148,7 @@ def sweep(
     load, model = _rows(as_load(tensions, load)), as_model(model)
     if actuation.is_by_tensions(robot, load, history):
         rows = _tensions(robot, load)
-        actuation.durations(robot, times, len(rows))  # checked, without an effect
+        actuation.durations(robot, times, len(rows))  # checked only: it has no effect
         found = robot.core.sweep(rows, load, model, warm, disks)
         return Sweep(robot, rows.copy(), model, **found)
     return _follow(robot, load, model, history, disks, threads=None if warm else 1, times=times)

@@ -175,7 +175,7 @@ class Solution(Result):
         LiveView
             The page; in a notebook it shows itself.
         """
-        from bowstring import view  # the page stands above
+        from bowstring import view  # imported here: integrations are above statics
 
         return view(self, port=port)
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["caption_of", "design_axis", "design_map", "has_too_many_disks", "without_map"]
 
-_MOST_DISKS: Final = 60  # of a robot with a map
+_MOST_DISKS: Final = 60  # most disks of a robot with a map
 _LOADS, _POINTS = 21, 12  # points of the axes
 _NUMBERS: Final = ("pitch_radius", "backbone.diameter", "backbone.E")
 _RANGES: Final = ((0.5, 1.5), (0.5, 1.2), (0.5, 1.1), (0.9, 1.1))  # over the robot's own value

@@ -381,7 +381,7 @@ def _forces(study: Study, segment: FirstSegment) -> list[Equation]:
     length, dot = float(robot.segments[0].length), _dot()
     if moment < 1e-9 * force * float(robot.tendons.pitch_radius_m.max()):
         return []  # the tensions balance each other
-    if not robot.bends_alike:  # that in the direction of this moment
+    if not robot.bends_alike:  # the stiffness in the direction of this moment
         bend = robot.bend_by_moment[0] @ both
         stiffness = moment * float(robot.segments[0].length) / float(np.linalg.norm(bend))
     arcs = RobotArcs.from_tensions(robot, tensions)

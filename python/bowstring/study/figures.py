@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 
 _TENDON_COLOURS: Final = ("red", "blue", "amber", "purple", "green")
 _TENDON_DASHES: Final = ("-", "--", ":", "-.")
-_MAGNIFIED: Final = 2.0  # an inset that magnifies less is not worth its place
+_MAGNIFIED: Final = 2.0  # least magnification of an inset
 
 
 def draw(study: Study) -> Iterator[tuple[str, Callable[[], Figure]]]:
@@ -274,7 +274,7 @@ def _label_tips(axes: Any, tips: Sequence[tuple[Array, Array, str]], drawn: Arra
     """Label each tip in front of all, at the place beyond it where the text covers least."""
     from mpl_toolkits.mplot3d import proj3d
 
-    axes.figure.draw_without_rendering()  # puts the axes and their numbers into their places
+    axes.figure.draw_without_rendering()  # places the axes and their labels
     projection, per_point = axes.get_proj(), 72.0 / axes.figure.dpi
 
     def on_page(points: Array) -> tuple[Array, Array]:
@@ -295,7 +295,7 @@ def _label_tips(axes: Any, tips: Sequence[tuple[Array, Array, str]], drawn: Arra
     for tip, onward, text in tips:
         ends, (start, end) = on_page(np.stack([tip, tip + 1e-3 * np.ptp(drawn) * onward]))
         angle = math.atan2(*(end - start)[::-1])
-        half = np.array([2.6 * len(text) + 1.0, 5.0])  # of the text, in points
+        half = np.array([2.6 * len(text) + 1.0, 5.0])  # size of the text in points
         turns = angle + np.radians([0, 20, -20, 40, -40, 60, -60, 90, -90, 120, -120])
         ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
         offsets = np.concatenate([away * ways for away in (12.0, 16.0, 20.0, 26.0, 32.0)])
@@ -340,7 +340,7 @@ def _overlay(study: Study) -> Figure:
     def draw_on(axes: Axes) -> None:
         ink: dict[str, Any] = {"color": LIGHT["ink"], "markersize": 3.5}
         axes.plot(*physics, "-o", label="rod model", **ink)
-        axes.plot(*physics, "o", zorder=3, **ink)  # over the markers of the others
+        axes.plot(*physics, "o", zorder=3, **ink)  # drawn over the markers of the others
         blue: dict[str, Any] = {"color": LIGHT["blue"], "markerfacecolor": "none"}
         axes.plot(*lengths, "s", label="CC from lengths", markersize=8, **blue)
         red: dict[str, Any] = {"color": LIGHT["red"], "linewidth": 1.0}
@@ -526,7 +526,7 @@ def _contributions(axes: Axes, budget: Budget, side: Side) -> None:
             look: dict[str, Any] = {"color": LIGHT[colour], "marker": marker, "markersize": 5.5}
             level = place + shift
             axes.plot(ends, [level, level], color=LIGHT[colour], linewidth=1.2, zorder=2.0)
-            # the ground of the page hides the line behind a hollow marker
+            # filled with the page's colour, to hide the line behind
             axes.plot(ends[0], level, markerfacecolor=LIGHT["paper"], zorder=2.1, **look)
             axes.plot(ends[1], level, zorder=2.2, **look)
         counted.append(_say_loads(axes, float(place), counts))
@@ -677,7 +677,7 @@ def _load_map(study: Study) -> Figure:
 
 
 def _spread(study: Study) -> Figure:
-    return study.spreads[-1].figure()  # from force, which knows less than from lengths
+    return study.spreads[-1].figure()  # from force, whose errors are larger than from lengths
 
 
 _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {

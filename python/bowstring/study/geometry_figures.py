@@ -316,7 +316,7 @@ def _pitch_radii(study: Study) -> str:
 
 
 def _arrow(axes: Axes, start: Array, end: Array, colour: str, wide: bool = False) -> None:
-    axes.plot(*np.stack([start, end], axis=1), linestyle="none")  # counts for the limits
+    axes.plot(*np.stack([start, end], axis=1), linestyle="none")  # for the limits of the axes
     axes.annotate(
         "",
         xy=tuple(end),

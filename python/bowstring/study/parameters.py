@@ -80,7 +80,7 @@ def assumed(study: Study) -> tuple[AssumedValue, ...]:
     out = [AssumedValue(each, actuation) for each in study.budget.actuation.assumptions]
     try:
         sizes = sizes_of(study.robot).assumed
-    except InputError:  # the sizes make no drawing
+    except InputError:  # impossible sizes: there is no drawing
         sizes = ()
     drawing = "drawings" + (" and the solid" if study.solid else "")
     out += [

@@ -255,7 +255,7 @@ def _spreads(robot: Robot, settings: Settings, given: Any) -> tuple[Spread, ...]
     free = without_laws(robot)
     try:
         joint = assumed_distributions(free) if given is None else given
-    except InputError:  # nothing may vary by the assumed sizes
+    except InputError:  # no number has an assumed distribution
         return ()
     spread_of = sampled(
         free,

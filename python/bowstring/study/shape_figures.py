@@ -88,7 +88,7 @@ def _draw_curvature(study: Study, axes: Axes) -> None:
     axes.plot(middles, curvature[0] @ towards, markersize=4.0, label="rod, by disk", **rod)
     axes.set(xlabel="place (% of length from the base)", ylabel="curvature (1/m)")
     low, high = axes.get_ylim()
-    middle, least = 0.5 * (low + high), 0.05 * max(abs(low), abs(high))  # no noise at full height
+    middle, least = 0.5 * (low + high), 0.05 * max(abs(low), abs(high))  # low noise stays low
     half = max(0.5 * (high - low), least)
     axes.set_ylim(middle - half, middle + half)
     axes.legend(loc="best")

@@ -24,7 +24,7 @@ _COLOURS: Final = {
     "learner": "green",
     "other": "purple",
 }
-_LETTERS: Final = 44  # of a line of a label
+_LETTERS: Final = 44  # letters of a line of a label
 
 
 def draw_set(result: SetResult) -> Figure:

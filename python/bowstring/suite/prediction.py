@@ -173,7 +173,7 @@ def arcs_of_shapes(table: Table, pieces: int) -> Floats:
         Points of the arcs at the same shares of the length, in the unit of the shapes.
     """
     points = table.data.points
-    flat = np.ptp(points, axis=(0, 1)) == 0.0  # a camera sees a plane
+    flat = np.ptp(points, axis=(0, 1)) == 0.0  # shapes of a camera are plane
     used = np.flatnonzero(~flat) if flat.sum() == 1 else np.arange(3)
     found = fit_arcs(points[:, :, used], pieces)
     out = points.copy()
@@ -302,7 +302,7 @@ def _fit(predict: _Predictor, model: Model, table: Table, rows: Bools | None) ->
     first = (predict(begin, table)[used] - measured).ravel() / scale
     if not np.isfinite(first).any():
         raise NoSolutionError(f"{model.name}: no row has a solution at the initial parameters")
-    lost = float(np.nanmax(np.abs(first)))  # no gain by losing equilibria
+    lost = float(np.nanmax(np.abs(first)))  # fewer equilibria must not lower the cost
 
     def residuals(scaled: Floats) -> Floats:
         apart = (predict(scaled * step, table)[used] - measured).ravel() / scale

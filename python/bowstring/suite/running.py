@@ -32,7 +32,7 @@ __all__ = ["ModelResult", "SetResult", "SuiteScore", "run_set"]
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-_FORM: Final = 1  # of the kept results
+_FORM: Final = 1  # version of the kept results
 _MOST_KEPT: Final = 10_000_000  # bytes
 
 

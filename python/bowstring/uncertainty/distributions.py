@@ -178,7 +178,7 @@ class TruncatedNormal:
         """Quantiles at the probabilities `u`."""
         below, above = self._ends
         x = self.normal.ppf(below + np.asarray(u) * (above - below))
-        return np.clip(x, self.low, self.high)  # against rounding
+        return np.clip(x, self.low, self.high)  # rounding may leave the bounds
 
     def cdf(self, x: ArrayLike) -> Floats:
         """Probabilities of a value up to `x`."""

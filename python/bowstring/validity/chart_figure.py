@@ -24,7 +24,7 @@ __all__ = ["caption", "draw", "force_limit", "force_reading", "lengths_limit", "
 
 Array = NDArray[np.float64]
 
-_PITCH: Final = 0.03  # r/l of the curves, which depend on it little
+_PITCH: Final = 0.03  # r/l of the curves, on which it has little effect
 _CLAMPED_OVER_TOLERANCE: Final = (0, 2, 5, 10, 20, 40)
 _CLAMPED: Final = (0.0, 0.01, 0.03, 0.1, 0.25, 0.67)
 _COLOURS: Final = ("ink", "blue", "green", "amber", "red", "purple")
@@ -35,7 +35,7 @@ def draw(chart: ValidityChart) -> Figure:
     """Draw the three panels; `figure` of the chart has the details."""
     import matplotlib as mpl
 
-    with mpl.rc_context({"text.parse_math": True}):  # formulas, and no text of files
+    with mpl.rc_context({"text.parse_math": True}):  # labels are formulas, without text of files
         return _drawn(chart)
 
 

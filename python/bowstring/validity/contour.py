@@ -33,7 +33,7 @@ _MOST: Final = 8  # most halvings of a cell
 _SPLIT: Final = 8  # parts of an interval in which a function of one number crosses
 _MOST_SPLITS: Final = 10
 _SHARP: Final = 1e-3  # width of such an interval over its end at which it is not split
-_FINEST: Final = 1e-6  # the same over the range of all points
+_FINEST: Final = 1e-6  # width at which it is not split, over the range of all points
 _ROUNDS: Final = 200  # most steps along a line at one spacing
 
 

@@ -51,7 +51,7 @@ CommandName = Literal[
 
 _POSES: Final = 1024
 _LANDS: Final = 0.9  # commands with a smaller share of tips with an equilibrium are not compared
-_SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the dead loads
+_SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the dead loads
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ class ControlErrors(Result):
         out = [wanted + (f"; {lost} drawn {verb} no stable equilibrium." if lost else ".")]
         rows = {name: self.summary(name) for name in self.landed if name != "physics"}
         fallen = {name: int(self.summary(name)[0]["without_equilibrium"]) for name in self.landed}
-        # the mean of a command that lands at few tips does not compare with that of all tips
+        # a mean over few tips does not compare with that over all tips
         known = [name for name in rows if fallen[name] <= (1.0 - _LANDS) * count]
         if known:
             out += self._compared(rows, known)

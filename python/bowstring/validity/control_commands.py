@@ -55,7 +55,7 @@ _RAMP: Final = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # shares of displacements on the way
 SCALES: Final = (0.1, 10.0)
 """Limits of the factor on the calibrated bending stiffness."""
 _FITTED: Final = 1e-6  # tolerance of the logarithm of the factor
-_AT_LIMIT: Final = 1e-4  # of the logarithm of the factor
+_AT_LIMIT: Final = 1e-4  # distance of the logarithm of the factor from a limit
 _SINGULAR: Final = 0.02  # singular value over the largest below which a direction is not corrected
 _LARGEST: Final = 0.5  # correction of a bend, rad
 
@@ -271,7 +271,7 @@ def prepared(
     load = with_arrays(load)
     robot = without_laws(robot)
     most = largest_tensions(robot, max_tension)
-    solve(robot, np.zeros(len(most)), load=load, model=model)  # refuses loads that cannot be
+    solve(robot, np.zeros(len(most)), load=load, model=model)  # refuses loads that do not fit
     check_some_solved(robot, most, load, model)
     return robot, load, model, most
 

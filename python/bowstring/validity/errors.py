@@ -63,8 +63,8 @@ INPUTS: Final = {
 _BALANCED: Final = 1e-9  # bend over the sum of the tendons' bends, below which it is rounding
 _TAUT: Final = 1e-9  # slack length over the robot's length, below which it is rounding
 _GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
-_SCALES: Final = (0.3, 3.0)  # of the calibrated stiffness
-_ROUNDS: Final = 32  # of the golden section: to 1e-6 of the interval
+_SCALES: Final = (0.3, 3.0)  # range of the calibrated stiffness over the given one
+_ROUNDS: Final = 32  # rounds of the golden section: to 1e-6 of the interval
 
 
 @short_repr

@@ -61,7 +61,7 @@ _LINES: Final = ("blue", "red", "green", "purple", "amber")
 _DASHES: Final = ("-", "-", (0, (5, 1.5)), "-.", (0, (1, 1)))
 _LABEL: Final = 0.05  # least distance of labels along x over the width
 _BINS: Final = 40
-_MOST_CROSSINGS: Final = 4  # of a curve in its legend
+_MOST_CROSSINGS: Final = 4  # crossings of a curve in its legend
 _END: Final = "holds to the end"  # keys of areas, beside the keys of the causes
 _NONE: Final = "no value"
 _NO_ARC: Final = "no arc"
@@ -308,7 +308,7 @@ def _errors(panel: Axes, found: ValidityMap, name: str) -> set[str]:
         # up to the line at the tolerance, which runs between the points
         top = max(float(fine.max()), 1.01 * found.tolerance)
         above = panel.contourf(x, y, fine, levels=[found.tolerance, top], colors="none")
-        for key in sorted(present - {_NO_ARC}):  # in any order the file would differ by run
+        for key in sorted(present - {_NO_ARC}):  # a fixed order, for the same file in every run
             colour = to_rgba(LIGHT[CAUSES[key]], SHADE) if key else LIGHT["grid"]
             here = np.where(cause == key, 1.0, 0.0)
             part = panel.contourf(x, y, here, levels=[0.5, 1.5], colors=[colour])

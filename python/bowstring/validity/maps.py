@@ -417,7 +417,7 @@ def validity_map(
         for key in robot.laws
         if key not in followed and not varied & {*LAWS[key].sizes}
     ]
-    notes += dict.fromkeys(left_out)  # one sentence may be on two of them
+    notes += dict.fromkeys(left_out)  # two laws may have one sentence
     return replace(found, notes=tuple(notes))
 
 

@@ -35,10 +35,10 @@ __all__ = ["draw_grid"]
 Floats = NDArray[np.float64]
 
 _WIDTH: Final = 7.4  # inches: three slices beside each other
-_SLICES: Final = 3  # at most
+_SLICES: Final = 3  # most slices
 _LINES: Final = 100  # most points of a kind that are drawn as lines
 _DARK: Final = 0.55  # opacity of the lines of points that hold
-_FAINT: Final = 0.18  # of the others
+_FAINT: Final = 0.18  # opacity of the other lines
 _BAR: Final = 0.34  # width of the bars over the distance of two axes
 _LIMITS: Final = 4  # classes of the validity limit
 _FEW: Final = 6  # points of an axis that all have a label

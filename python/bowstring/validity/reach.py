@@ -39,7 +39,7 @@ _FIRST: Final = 0.25  # of the payload by the largest compliance: where the sear
 _GROWTH: Final = 1.5
 _MOST: Final = 10.0  # times the payload by the compliance: where the search ends
 _HALVINGS: Final = 20
-_SHARES: Final = 0.03, 0.06, 0.3  # of the work before derivatives, payloads and their bisection
+_SHARES: Final = 0.03, 0.06, 0.3  # of the work: starts of derivatives, payloads, bisection
 _ROUNDING: Final = 1e-9  # value over the largest, below which it is zero
 
 
@@ -268,7 +268,7 @@ def reach(
     notify = progress or (lambda what, done: None)
     notify("poses", 0.0)
     tensions = most * _drawn(len(most), poses)
-    arcs = RobotArcs.from_tensions(robot, tensions)  # refuses tensions beyond all measure
+    arcs = RobotArcs.from_tensions(robot, tensions)  # refuses tensions that are far too large
     found = solve_batch(robot, tensions, load=load, model=model, disks=False)
     tip = np.where(found.converged[:, None], found.tip_position, np.nan)
     if not found.converged.any():

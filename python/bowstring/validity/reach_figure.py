@@ -23,8 +23,8 @@ Floats = NDArray[np.float64]
 
 _CELLS: Final = 28  # hexagons along an axis
 _ELLIPSES: Final = 14
-_LEAST: Final = 1e-30  # N, of a payload on a logarithmic scale
-_SIZE: Final = 0.05  # of the panel's span, of the largest ellipse
+_LEAST: Final = 1e-30  # least payload on the logarithmic scale, N
+_SIZE: Final = 0.05  # size of the largest ellipse over the span of the panel
 
 
 def draw_reach(found: Reach) -> Figure:

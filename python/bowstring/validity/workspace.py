@@ -343,4 +343,4 @@ def _ends_elsewhere(rods: Rods, start: Floats, tensions: Floats, tip: Floats) ->
     path = start + np.array(_ON_THE_WAY)[:, None] * (tensions[:, None] - start)
     end = sweep_designs(each, path, load=rods.load, model=rods.model, threads=threads())
     away = np.linalg.norm(end.tip_position[:, -1] - tip, axis=-1)
-    return np.asarray(away > APART * robot.length)  # NaN is not
+    return np.asarray(away > APART * robot.length)  # NaN is not apart

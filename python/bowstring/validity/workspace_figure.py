@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 _CELLS: Final = 30  # hexagons along an axis
 _NARROWEST: Final = 0.3  # least span of an axis over that of the other
 _SHARE_OF_PLACE: Final = 0.02  # least span over the largest coordinate
-_SHARES: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # of length
+_SHARES: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # shares of length
 _HOLDS: Final = "holds"  # keys of hexagons beside those of the causes
 _NO_ARC: Final = "no arc"
 _CROSS: Final[dict[str, Any]] = {
@@ -111,7 +111,7 @@ def keep_open(panel: Axes, places: tuple[Floats, Floats]) -> None:
     """Set the ranges of a panel to the extent of places (P,) in mm, with margins."""
     left, right, low, high = extent(places)
     panel.update_datalim([(left, low), (right, high)])
-    panel.margins(0.06)  # a hexagon reaches beyond its centre
+    panel.margins(0.06)  # a hexagon extends beyond its centre
     panel.autoscale_view()
 
 

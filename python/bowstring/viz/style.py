@@ -109,7 +109,7 @@ def figure_style() -> Iterator[None]:
             # names in files are no formulas; `log_ticks` writes powers of ten without one
             "text.parse_math": False,
             "text.usetex": False,
-            # no layout but the figure's own
+            # the figure's own layout alone
             "figure.autolayout": False,
             "figure.constrained_layout.use": False,
         }

@@ -39,11 +39,11 @@ MAX_JOINTS: Final = 32
 """Most joints of a module."""
 _MOST_JOINTS: Final = 400
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
-_STEPS: Final = 8  # of the load, at first
+_STEPS: Final = 8  # steps of the load at first
 _MOST_HALVINGS: Final = 10
 _NEWTON: Final = 30
-_PLACES: Final = (1.0 / 6.0, 5.0 / 6.0)  # of the two joints in their part of a module
-_TOLERANCE: Final = 1e-9  # of the moments of the springs
+_PLACES: Final = (1.0 / 6.0, 5.0 / 6.0)  # positions of the two joints in their part of a module
+_TOLERANCE: Final = 1e-9  # tolerance of the imbalance over the moments of the springs
 _DIFFERENCE: Final = 1e-6  # rad
 
 
