@@ -176,13 +176,13 @@ def _direction(study: Study, segment: FirstSegment, ring: NDArray[np.intp]) -> E
     first = math.remainder(float(study.robot.tendons.angle_rad[ring[0]]), math.tau)
 
     def terms(l1: str, l2: str, l3: str) -> str:
-        two = _n("2") + (_dot() if "<mn>" in l1[:4] else "") + l1
-        high = _sqrt(_n("3")) + _group(l3, _minus(), l2)
-        return _function("atan2", _group(high, _op(","), l2, _plus(), l3, _minus(), two))
+        two = _n("2") + (_DOT if "<mn>" in l1[:4] else "") + l1
+        high = _sqrt(_n("3")) + _group(l3, _MINUS, l2)
+        return _function("atan2", _group(high, _op(","), l2, _PLUS, l3, _MINUS, two))
 
     start = abs(first) > 1e-9
-    lead = (_sub(_ALPHA, ring[0] + 1) + _plus()) if start else ""
-    lead_number = (_n(_degrees(first)) + _plus()) if start else ""
+    lead = (_sub(_ALPHA, ring[0] + 1) + _PLUS) if start else ""
+    lead_number = (_n(_degrees(first)) + _PLUS) if start else ""
     note = (
         "The study prints an arctangent of the quotient of the two, which loses the quadrant; "
         "atan2 keeps it."
@@ -193,8 +193,8 @@ def _direction(study: Study, segment: FirstSegment, ring: NDArray[np.intp]) -> E
     phi = [_n(_degrees(whole))]
     if _degrees(whole) != _degrees(segment.phi):  # the same direction, less a full turn
         phi.append(_n(_degrees(segment.phi)))
-    symbols = _math(_i("φ"), _eq(), lead, terms(*(_sub("l", t + 1) for t in ring)))
-    numbers = _math(_i("φ"), _eq(), lead_number, terms(*map(_n, lengths)), _eq(), _eq().join(phi))
+    symbols = _math(_i("φ"), _EQ, lead, terms(*(_sub("l", t + 1) for t in ring)))
+    numbers = _math(_i("φ"), _EQ, lead_number, terms(*map(_n, lengths)), _EQ, _EQ.join(phi))
     return Equation("Eq. 2", "direction of bending", (symbols, numbers), note)
 
 
@@ -205,30 +205,30 @@ def _arc(study: Study, segment: FirstSegment, ring: NDArray[np.intp]) -> Equatio
     q = float(l1**2 + l2**2 + l3**2 - l1 * l2 - l1 * l3 - l2 * l3)
 
     def radicand(a: str, b: str, c: str) -> str:
-        squares = _plus().join(_sup(x, _n("2")) for x in (a, b, c))
-        return squares + "".join(_minus() + x + _dot() + y for x, y in ((a, b), (a, c), (b, c)))
+        squares = _PLUS.join(_sup(x, _n("2")) for x in (a, b, c))
+        return squares + "".join(_MINUS + x + _DOT + y for x, y in ((a, b), (a, c), (b, c)))
 
     names = [_sub("l", t + 1) for t in ring]
-    mean = _frac(_plus().join(names), _n("3"))
-    mean_number = _frac(_plus().join(map(_n, lengths)), _n("3"))
+    mean = _frac(_PLUS.join(names), _n("3"))
+    mean_number = _frac(_PLUS.join(map(_n, lengths)), _n("3"))
     size = _mm(segment.length)
     bend = _frac(_n("2") + _sqrt(_i("q")), _n("3") + _i("r"))
     r, root = _n(_mm(radius)), _sqrt(_n(f"{q:.6g}"))
-    bend_number = _frac(_n("2") + _dot() + root, _n("3") + _dot() + r)
+    bend_number = _frac(_n("2") + _DOT + root, _n("3") + _DOT + r)
     curve = _frac(_i("θ"), _i(_ELL))
     metres = _n(significant(segment.length, 6)) + _unit("m")
     curve_number = _frac(_n(_radians(segment.theta)), metres)
     kappa, radius_of_arc = segment.theta / segment.length, segment.length / segment.theta
     lines = (
-        _math(_i(_ELL), _eq(), mean, _eq(), mean_number, _eq(), _n(size), _unit("mm")),
-        _math(_i("q"), _eq(), radicand(*names)),
-        _math(_i("q"), _eq(), radicand(*map(_n, lengths)), _eq(), _n(f"{q:.6g}"), _unit("mm²")),
+        _math(_i(_ELL), _EQ, mean, _EQ, mean_number, _EQ, _n(size), _unit("mm")),
+        _math(_i("q"), _EQ, radicand(*names)),
+        _math(_i("q"), _EQ, radicand(*map(_n, lengths)), _EQ, _n(f"{q:.6g}"), _unit("mm²")),
         _math(
-            *(_i("θ"), _eq(), bend, _eq(), bend_number, _eq()),
-            *(_n(_radians(segment.theta)), _unit("rad"), _eq(), _n(_degrees(segment.theta))),
+            *(_i("θ"), _EQ, bend, _EQ, bend_number, _EQ),
+            *(_n(_radians(segment.theta)), _unit("rad"), _EQ, _n(_degrees(segment.theta))),
         ),
         _math(
-            *(_i("κ"), _eq(), curve, _eq(), curve_number, _eq()),
+            *(_i("κ"), _EQ, curve, _EQ, curve_number, _EQ),
             *(_n(significant(kappa, 6)), _unit("1/m")),
         ),
     )
@@ -240,19 +240,19 @@ def _least_squares(study: Study, segment: FirstSegment) -> Equation:
     """Equation of the lengths for tendons without a closed form."""
     tendons = study.robot.tendons
     symbols = _math(
-        *(_sub("l", "i"), _eq(), _i(_ELL), _minus(), _i("θ"), _sub("r", "i")),
-        _function("cos", _group(_i("φ"), _minus(), _sub(_ALPHA, "i"))),
+        *(_sub("l", "i"), _EQ, _i(_ELL), _MINUS, _i("θ"), _sub("r", "i")),
+        _function("cos", _group(_i("φ"), _MINUS, _sub(_ALPHA, "i"))),
     )
     lines = [symbols]
     for t in segment.tendons[:_MOST_TENDONS]:
         r, alpha = float(tendons.pitch_radius_m[t]), float(tendons.angle_rad[t])
         fitted = segment.length - segment.theta * r * math.cos(segment.phi - alpha)
-        angles = _group(_n(_degrees(segment.phi)), _minus(), _n(_degrees(alpha)))
+        angles = _group(_n(_degrees(segment.phi)), _MINUS, _n(_degrees(alpha)))
         lines.append(
             _math(
-                *(_n(_mm(segment.length)), _minus(), _n(_radians(segment.theta))),
-                *(_dot(), _n(_mm(r)), _function("cos", angles), _eq(), _n(_mm(fitted))),
-                *(_unit("mm"), _op("&#x2248;"), _sub("l", t + 1), _eq()),
+                *(_n(_mm(segment.length)), _MINUS, _n(_radians(segment.theta))),
+                *(_DOT, _n(_mm(r)), _function("cos", angles), _EQ, _n(_mm(fitted))),
+                *(_unit("mm"), _op("&#x2248;"), _sub("l", t + 1), _EQ),
                 *(_n(_mm(float(study.statics.tendon_lengths[segment.load, t]))), _unit("mm")),
             )
         )
@@ -282,14 +282,14 @@ def _tip_from_lengths(study: Study, segment: FirstSegment, ring: NDArray[np.intp
     root = _n(_mm(_root(study, segment)))
 
     def terms(r: str, lengths: list[str], q: str, dot: str) -> tuple[str, str]:
-        radius = _frac(r + dot + _group(_plus().join(lengths)), _n("2") + dot + q)
+        radius = _frac(r + dot + _group(_PLUS.join(lengths)), _n("2") + dot + q)
         return radius, _group(_n("2"), dot, q, _op("/"), _group(_n("3"), dot, r))
 
     names = [_sub("l", t + 1) for t in ring]
     lines = _components(
         segment,
         (*terms(_i("r"), names, _sqrt(_i("q")), ""), _i("φ")),
-        terms(r, [_n(v) for v in lengths], root, _dot()),
+        terms(r, [_n(v) for v in lengths], root, _DOT),
     )
     note = (
         "This is Eq. 1 with Eqs. 3 and 4 put in, and so the same point. As printed in the study, "
@@ -305,7 +305,7 @@ def _components(
     point = segment.arcs.disk_positions[len(segment.stations) - 1]
 
     def parts(radius: str, theta: str, phi: str) -> tuple[str, str, str]:
-        rise = radius + _group(_n("1"), _minus(), _function("cos", theta))
+        rise = radius + _group(_n("1"), _MINUS, _function("cos", theta))
         return (
             rise + _function("cos", phi),
             rise + _function("sin", phi),
@@ -317,7 +317,7 @@ def _components(
     )
     return tuple(
         _math(
-            *(_i(axis), _eq(), symbol, _eq(), number, _eq()),
+            *(_i(axis), _EQ, symbol, _EQ, number, _EQ),
             *(_n(_fixed(float(v) * 1e3, 3)), _unit("mm")),
         )
         for axis, symbol, number, v in rows
@@ -341,9 +341,9 @@ def _chords(study: Study, segment: FirstSegment, ring: NDArray[np.intp]) -> list
     radius = float(study.robot.tendons.pitch_radius_m[ring[0]])
     mean = float(study.statics.tendon_lengths[segment.load, ring].mean())
     share = _frac(_sqrt(_i("q")), _n("3") + _i("r n"))
-    below = _dot().join((_n("3"), _n(_mm(radius)), _n(str(n))))
+    below = _DOT.join((_n("3"), _n(_mm(radius)), _n(str(n))))
     share_number = _frac(_n(_mm(_root(study, segment))), below)
-    a, dot = theta / n, _dot()
+    a, dot = theta / n, _DOT
     half, half_number = _frac(_i("a"), _n("2")), _n(_radians(a / 2))
 
     def ratio(x: str) -> str:
@@ -351,16 +351,16 @@ def _chords(study: Study, segment: FirstSegment, ring: NDArray[np.intp]) -> list
 
     lines = (
         _math(
-            *(_i("a"), _eq(), _n("2"), _function("arcsin", share), _eq(), _n("2")),
-            *(_function("arcsin", share_number), _eq(), _n(_radians(a)), _unit("rad")),
+            *(_i("a"), _EQ, _n("2"), _function("arcsin", share), _EQ, _n("2")),
+            *(_function("arcsin", share_number), _EQ, _n(_radians(a)), _unit("rad")),
         ),
         _math(
-            *(_i("θ"), _eq(), _i("n a"), _eq(), _n(str(n)), dot, _n(_radians(a)), _eq()),
-            *(_n(_radians(theta)), _unit("rad"), _eq(), _n(_degrees(theta))),
+            *(_i("θ"), _EQ, _i("n a"), _EQ, _n(str(n)), dot, _n(_radians(a)), _EQ),
+            *(_n(_radians(theta)), _unit("rad"), _EQ, _n(_degrees(theta))),
         ),
         _math(
-            *(_i(_ELL), _eq(), _frac(_plus().join(_sub("l", t + 1) for t in ring), _n("3"))),
-            *(ratio(half), _eq(), _n(_mm(mean)), dot, ratio(half_number), _eq()),
+            *(_i(_ELL), _EQ, _frac(_PLUS.join(_sub("l", t + 1) for t in ring), _n("3"))),
+            *(ratio(half), _EQ, _n(_mm(mean)), dot, ratio(half_number), _EQ),
             *(_n(_mm(length)), _unit("mm")),
         ),
     )
@@ -378,7 +378,7 @@ def _forces(study: Study, segment: FirstSegment) -> list[Equation]:
     both = tensions @ (robot.tendons.mean_hole_m[0] - centre)  # all tendons pass segment 1
     moment = float(np.linalg.norm(both))
     force, stiffness = float(tensions.sum()), float(robot.bending_stiffness[0])
-    length, dot = float(robot.segments[0].length), _dot()
+    length, dot = float(robot.segments[0].length), _DOT
     if moment < 1e-9 * force * float(robot.tendons.pitch_radius_m.max()):
         return []  # the tensions balance each other
     if not robot.bends_alike:  # the stiffness in the direction of this moment
@@ -392,8 +392,8 @@ def _forces(study: Study, segment: FirstSegment) -> list[Equation]:
     symbols = _frac(arm + _i(_ELL), _i("E I"))
     values = (newton_metres, _n(significant(length, 6)), _n(significant(stiffness, 6)))
     line = _math(
-        *(_i("θ"), _eq(), symbols, _eq(), _frac(values[0] + dot + values[1], values[2])),
-        *(_eq(), _n(_radians(theta)), _unit("rad"), _eq(), _n(_degrees(theta))),
+        *(_i("θ"), _EQ, symbols, _EQ, _frac(values[0] + dot + values[1], values[2])),
+        *(_EQ, _n(_radians(theta)), _unit("rad"), _EQ, _n(_degrees(theta))),
     )
     by = (
         f"F r = {significant(force)} N times {in_mm(moment / force)}"
@@ -419,7 +419,7 @@ def _forces(study: Study, segment: FirstSegment) -> list[Equation]:
     def law(size: str, stiff: str, lever: str, total: str, module: str, x: str, times: str) -> str:
         second = total + times + module + times + _frac(x, _n("12"))
         third = _frac(lever + times + _sup(x, _n("2")), _n("8"))
-        return _frac(size, stiff) + _group(lever, _plus(), second, _minus(), third)
+        return _frac(size, stiff) + _group(lever, _PLUS, second, _MINUS, third)
 
     spans = _frac(_i(_ELL), _i("n"))
     one = law(_i(_ELL), _i("E I"), arm, _i("F"), spans, _i("a"), "")
@@ -428,9 +428,9 @@ def _forces(study: Study, segment: FirstSegment) -> list[Equation]:
         *(_n(significant(length / n, 6)), _n(_radians(a)), dot),
     )
     lines = (
-        _math(_i("θ"), _eq(), one, _op(","), _i("a"), _eq(), _frac(_i("θ"), _i("n"))),
+        _math(_i("θ"), _EQ, one, _op(","), _i("a"), _EQ, _frac(_i("θ"), _i("n"))),
         _math(
-            *(_i("θ"), _eq(), numbers, _eq(), _n(_radians(bent)), _unit("rad"), _eq()),
+            *(_i("θ"), _EQ, numbers, _EQ, _n(_radians(bent)), _unit("rad"), _EQ),
             _n(_degrees(bent)),
         ),
     )
@@ -475,6 +475,9 @@ def _lengths(study: Study, segment: FirstSegment, ring: NDArray[np.intp]) -> lis
 # -- MathML -------------------------------------------------------------------------------------
 
 
+_EQ, _PLUS, _DOT, _MINUS = "<mo>=</mo>", "<mo>+</mo>", "<mo>&#x22C5;</mo>", "<mo>&#x2212;</mo>"
+
+
 def _math(*parts: str) -> str:
     return f'<math display="block"><mrow>{"".join(parts)}</mrow></math>'
 
@@ -501,22 +504,6 @@ def _function(name: str, of: str) -> str:
 
 def _unit(text: str) -> str:
     return f'<mspace width="0.25em"></mspace><mtext>{text}</mtext>'
-
-
-def _eq() -> str:
-    return "<mo>=</mo>"
-
-
-def _plus() -> str:
-    return "<mo>+</mo>"
-
-
-def _dot() -> str:
-    return "<mo>&#x22C5;</mo>"
-
-
-def _minus() -> str:
-    return "<mo>&#x2212;</mo>"
 
 
 def _sub(name: str, index: object) -> str:
