@@ -231,7 +231,12 @@ class Fit(EndOfFit):
 
         With `robot` and `rod` they are the calibrated model.
         """
-        return self._unknowns.outside_file(self._values)
+        return self._unknowns.outside_file(self._values, drives=self.has_drives)
+
+    @property
+    def has_drives(self) -> bool:
+        """Whether `robot` has fitted gains, and offsets as zeros; not if any tension has a gain."""
+        return bool(self._commands.by_displacement.all())
 
     @property
     def rod(self) -> RodModel | None:
@@ -626,7 +631,9 @@ def _result(
     doubts = () if astray else _doubts(work, found, at)
     return Fit(
         model="arc" if work.model.rod is None else "rod",
-        robot=at.setting.robot,
+        robot=work.model.unknowns.in_file(
+            found.x * work.step, drives=bool(work.model.commands.by_displacement.all())
+        ),
         estimates=tuple(estimates),
         correlation=correlation,
         not_identifiable=tuple(not_identifiable),
