@@ -15,7 +15,7 @@ import numpy as np
 import bowstring as bs
 from benchmarks.cases import LOADED, Case, Solve, measure, median_ms, report
 from bowstring.robot.designs import Designs
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 
 ROBOT = bs.load_robot("amouri2019")
 SWEEP = 17

@@ -25,7 +25,7 @@ from typing import Any, Final
 import numpy as np
 
 import bowstring as bs
-from bowstring.blocks import Job, Variable, run, threads
+from bowstring.jobs import Job, Variable, run, threads
 
 BLOCK: Final = 10_000
 LIMIT: Final = "1 GB"  # memory of a worker, at which Dask ends it

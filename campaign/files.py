@@ -87,7 +87,6 @@ def compiled_kind(folder: Path, library: Path) -> dict[str, Kind]:
 def kinds(folder: Path) -> dict[str, Kind]:
     """All kinds; intact files that are not in the repository are written to a folder."""
     import bowstring as bs
-    from bowstring.blocks import Job, Store, Variable, run
     from bowstring.calibration import read_residual, table_fit
     from bowstring.cli.actuation import read_history
     from bowstring.data import synthetic
@@ -95,6 +94,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
     from bowstring.dynamics.load_table import read_actuation
     from bowstring.dynamics.run_file import read_run
     from bowstring.integrations import live
+    from bowstring.jobs import Job, Store, Variable, run
     from bowstring.result_folder import check_folder, write_listing
     from bowstring.robot.writer import to_yaml
     from bowstring.suite import running

@@ -13,7 +13,7 @@ import xarray as xr
 from distributed import LocalCluster
 
 import bowstring as bs
-from bowstring.blocks import Coordinate, Job, Variable, run, threads
+from bowstring.jobs import Coordinate, Job, Variable, run, threads
 
 FORCES = np.linspace(-0.5, 0.5, 250)  # transverse tip force, N
 TENSIONS = np.linspace(0, 60, 400)  # tension of tendon 1, N

@@ -9,7 +9,7 @@ import bowstring as bs
 from bowstring.calibration import Data, fit
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 
 HALF = 0.4e-3
 FIELD = "segments.*.tendons.backlash"

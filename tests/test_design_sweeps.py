@@ -8,7 +8,7 @@ import pytest
 import bowstring as bs
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 
 ROBOT = bs.load_robot("amouri2019")
 ELASTIC = ROBOT.with_(

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from bowstring.fem import sweep
-from bowstring.fem.comparison import BesideRod, beside_rod
+from bowstring.fem.comparison import RodComparison, compare_with_rod
 from fem_robots import COARSE, needs_ccx, small_robot
 
 
-def beside(middle: list[list[float]], rod: list[list[float]], edge: list[list[float]]) -> BesideRod:
+def beside(
+    middle: list[list[float]], rod: list[list[float]], edge: list[list[float]]
+) -> RodComparison:
     steps = len(middle)
     nothing = np.zeros((steps, 3)), np.zeros(steps)
-    return BesideRod(*nothing, *(np.array(v) for v in (middle, rod, edge)))
+    return RodComparison(*nothing, *(np.array(v) for v in (middle, rod, edge)))
 
 
 def test_a_module_without_load_has_no_concentration() -> None:
@@ -41,7 +43,7 @@ def test_where_the_rod_has_no_equilibrium_there_is_no_ratio() -> None:
 def test_tension_put_on_and_taken_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     run = sweep(small_robot(), [[20.0, 0, 0], [0, 0, 0]], settings=COARSE).raise_for_status()
-    found = beside_rod(run)
+    found = compare_with_rod(run)
     assert found.stress_ratio[0] == pytest.approx(1.0, abs=0.1)
     assert found.concentration[0] > 0.7  # 4 bricks around have too low stress at their nodes
     assert np.isnan([found.stress_ratio[1], found.concentration[1]]).all()

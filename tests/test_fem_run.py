@@ -34,7 +34,7 @@ from bowstring.fem import (
     steps,
     sweep,
 )
-from bowstring.fem.comparison import beside_rod
+from bowstring.fem.comparison import compare_with_rod
 from bowstring.fem.mesh import Fineness, brick_mesh
 from bowstring.robot.writer import to_yaml
 from bowstring.statics import rod
@@ -96,10 +96,10 @@ class TestSweep:
                     )
 
     def test_stress_in_the_middle_of_modules_is_the_rods(self, found: BrickRun) -> None:
-        beside = beside_rod(found)
-        np.testing.assert_allclose(beside.middle[1:], beside.rod_middle[1:], rtol=0.03)
-        assert np.isnan(beside.stress_ratio[0])  # no load, no stress
-        assert (beside.edge[1:] > 0.9 * beside.middle[1:]).all()
+        comparison = compare_with_rod(found)
+        np.testing.assert_allclose(comparison.middle[1:], comparison.rod_middle[1:], rtol=0.03)
+        assert np.isnan(comparison.stress_ratio[0])  # no load, no stress
+        assert (comparison.edge[1:] > 0.9 * comparison.middle[1:]).all()
 
     def test_energy_is_the_rods(self, found: BrickRun) -> None:
         theirs = float(rod.solve(found.robot, found.tensions[-1]).to_dataset().elastic_energy[0])
@@ -204,13 +204,13 @@ def test_motion_is_close_to_the_rods(
         load=bs.Load(gravity=gravity),
         settings=settings,
     )
-    beside = beside_rod(run.raise_for_status())
+    comparison = compare_with_rod(run.raise_for_status())
     np.testing.assert_allclose(run.time, [0.005, 0.010, 0.015, 0.020])
     np.testing.assert_allclose(run.tensions[:, 0], [20.0, 40.0, 60.0, 80.0])
-    moved = np.linalg.norm(beside.tip - [0, 0, 0.140], axis=1)
+    moved = np.linalg.norm(comparison.tip - [0, 0, 0.140], axis=1)
     assert moved[-1] > 0.008
     # a coarse mesh is stiffer by 1 %, and steps are a tenth of the second mode's period
-    assert beside.difference.max() < 0.03 * moved[-1]
+    assert comparison.difference.max() < 0.03 * moved[-1]
     velocity = run.to_dataset().disk_velocity.sel(axis="x").isel(disk=-1)
     assert 0.2 < float(velocity[1]) < 2.0
     theirs = (
@@ -447,9 +447,12 @@ def test_a_run_that_reached_nothing_has_fields_of_no_load(
     assert run.span_tensions.shape == (0, 2, 3)
     assert run.span_error == 0.0
     assert run.to_dataset().sizes["time"] == 0
-    beside = beside_rod(run)
+    comparison = compare_with_rod(run)
     assert (
-        beside.difference.shape == beside.stress_ratio.shape == beside.concentration.shape == (0,)
+        comparison.difference.shape
+        == comparison.stress_ratio.shape
+        == comparison.concentration.shape
+        == (0,)
     )
     # a study of a robot under gravity has no straight load before the first that fails
     heavy = small_robot(gravity="0 0 -9.8 m/s^2")

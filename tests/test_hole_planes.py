@@ -113,7 +113,7 @@ def test_friction_by_the_bends_between_spans() -> None:
 def test_the_error_budget_has_a_row(paper: bs.Study) -> None:
     row = next(row for row in paper.budget.rows if row.effect == "hole_planes")
     assert row.label == "holes of 3 mm, not points" and not row.acts_in_sweep
-    moved = row.in_sweep.tip_position - row.beside.tip_position
+    moved = row.in_sweep.tip_position - row.reference.tip_position
     assert 0.1e-3 < np.linalg.norm(moved[-1]) < 10e-3
     # no effect on a continuous tendon
     assert np.abs(row.added.tip_position - paper.budget.baseline.tip_position).max() == 0.0

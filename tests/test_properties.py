@@ -24,7 +24,7 @@ import bowstring as bs
 from bowstring.dynamics import ramp
 from bowstring.robot.designs import Designs
 from bowstring.robot.writer import to_yaml
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 from shell import Shell
 
 Floats = NDArray[np.float64]

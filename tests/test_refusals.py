@@ -21,7 +21,7 @@ from bowstring.errors import InputError
 from bowstring.fem import run as fem
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import check_round
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 from objects import refused
 from shell import Shell
 

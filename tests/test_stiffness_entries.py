@@ -18,7 +18,7 @@ from bowstring.robot.designs import Designs
 from bowstring.robot.paths import find, full_paths
 from bowstring.robot.sizes import sizes_of
 from bowstring.robot.writer import to_yaml
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.uncertainty import read_distributions
 from bowstring.validity.loading import Loading
 from bowstring.validity.maps import validity_map

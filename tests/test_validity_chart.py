@@ -20,7 +20,7 @@ from campaign.validity_chart import (
 
 import bowstring as bs
 from bowstring.errors import InputError
-from bowstring.validity.chart_errors import MODELS, chart_errors, reach
+from bowstring.validity.chart_errors import MODELS, chart_errors, largest_bend
 from bowstring.validity.chart_figure import force_limit, lengths_limit
 from bowstring.validity.chart_groups import Groups
 from bowstring.viz.style import figure_style
@@ -137,7 +137,7 @@ def test_outside_the_tested_ranges_it_says_so(amouri: bs.Robot) -> None:
     assert not limit.reliable
     assert "number of disks is 2 (tested 3 to 20)" in limit.text
     assert "the tolerance is 20 %" in bs.validity_chart(amouri, 0.2)["cc_from_force"].text
-    assert reach(Groups(disks=3, pitch=0.01)) == pytest.approx(0.36)
+    assert largest_bend(Groups(disks=3, pitch=0.01)) == pytest.approx(0.36)
 
 
 def test_bad_input(amouri: bs.Robot) -> None:

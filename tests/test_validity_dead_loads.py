@@ -14,7 +14,7 @@ from bowstring.errors import InputError
 from bowstring.validity.axes import axes_of
 from bowstring.validity.dead_loads import dead_loads, tilted
 from bowstring.validity.loading import Loading
-from bowstring.validity.question import space_of
+from bowstring.validity.map_settings import space_of
 
 ROBOT = bs.load_robot("amouri2019", {"gravity": "0 0 9.81 m/s^2"})  # hanging
 WITHOUT = bs.load_robot("amouri2019")

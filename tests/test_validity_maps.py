@@ -18,23 +18,23 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from tests.shell import Shell
 
 import bowstring as bs
-from bowstring import blocks
-from bowstring.blocks import Job
+from bowstring import jobs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
+from bowstring.jobs import Job
 from bowstring.robot.designs import Designs
 from bowstring.robot.paths import find, full_paths
 from bowstring.robot.writer import to_yaml
-from bowstring.statics.designs import DesignSweep, sweep_designs
-from bowstring.validity import limit_search, space, workspace
+from bowstring.statics.design_sweeps import DesignSweep, sweep_designs
+from bowstring.validity import design_space, limit_search, workspace
 from bowstring.validity.axes import Axis, axes_of, read_axis
 from bowstring.validity.contour import contours
 from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS, Ramps, displacement_per_bend
-from bowstring.validity.grids import compute_grid
-from bowstring.validity.jobs import map_job
 from bowstring.validity.loading import Loading
+from bowstring.validity.map_job import map_job
 from bowstring.validity.maps import STATES, validity_map
+from bowstring.validity.multi_axis_maps import compute_grid
 from bowstring.validity.sentences import described
 
 ROBOT = bs.load_robot("amouri2019")
@@ -347,7 +347,7 @@ def test_axes_without_a_robot_at_their_end_are_named_before_work(
     robot = (
         ROBOT if "100000" in over[0] else ROBOT.with_({"segments.0.disks.clamped_length": "10 mm"})
     )
-    monkeypatch.setattr(space, "follow", lambda *_: pytest.fail("work began"))
+    monkeypatch.setattr(design_space, "follow", lambda *_: pytest.fail("work began"))
     for function in (validity_map, bs.validity_grid):
         with pytest.raises(InputError, match=f"^{message}"):
             function(robot, over)
@@ -509,12 +509,12 @@ LOST = [
 SWEPT = ("largest_error", "mean_error", "valid_to")
 
 
-def solved_loads(space_: space.Space, points: np.ndarray) -> list[np.ndarray]:
+def solved_loads(space: design_space.DesignSpace, points: np.ndarray) -> list[np.ndarray]:
     """Tensions of each sweep up to its first load without equilibrium, by single robots."""
     out = []
     for point in points:
-        changes, top, loads = {}, space_.max_tension, {"gravity": np.zeros(3), "tip_force": None}
-        for axis, value in zip(space_.axes, point, strict=True):
+        changes, top, loads = {}, space.max_tension, {"gravity": np.zeros(3), "tip_force": None}
+        for axis, value in zip(space.axes, point, strict=True):
             name, _, along = axis.path.partition(".")
             if name == "tension":
                 top = value
@@ -522,9 +522,9 @@ def solved_loads(space_: space.Space, points: np.ndarray) -> list[np.ndarray]:
                 loads[name] = value * np.eye(3)["xyz".index(along)]
             else:
                 changes[axis.path] = value
-        tensions = np.linspace(0.0, top, space_.loads)
+        tensions = np.linspace(0.0, top, space.loads)
         found = bs.sweep(
-            ROBOT.with_(changes), tensions[:, None] * space_.shares, load=bs.Load(**loads)
+            ROBOT.with_(changes), tensions[:, None] * space.shares, load=bs.Load(**loads)
         )
         out.append(tensions[: np.argmin([*found.converged, False])])
     return out
@@ -544,7 +544,7 @@ def test_a_sweep_that_is_not_solved_to_its_end_never_holds(
     found = validity_map(ROBOT, over, metric=metric, tolerance=0.5, loading=Loading(top, 7))
     grid = np.meshgrid(*[axis.values for axis in found.axes], indexing="xy")
     points = np.stack([values.ravel() for values in grid], axis=1)
-    loads = solved_loads(found.question.space, points)
+    loads = solved_loads(found.settings.space, points)
     whole = np.reshape([len(one) == 7 for one in loads], found.shape)
     ends = np.reshape([one[-1] for one in loads], found.shape)
     np.testing.assert_allclose(found.solved_to, ends)
@@ -989,16 +989,16 @@ def test_poses_without_a_result_are_counted(tmp_path: Path) -> None:
 def test_the_workspace_has_the_causes_of_a_map() -> None:
     """In gravity; the causes at poses of one tendon are those of a map over its tension."""
     robot = ROBOT.with_({"gravity": [1.0, 0.0, 0.0], "segments.0.disks.clamped_length": "3 mm"})
-    space_ = bs.workspace_map(robot, 80.0, poses=64)
-    i = int(np.argmax(space_.tensions[:, 0] - 2.0 * space_.tensions[:, 1:].sum(axis=1)))
-    shares = {k + 1: float(t / space_.tensions[i].max()) for k, t in enumerate(space_.tensions[i])}
+    poses = bs.workspace_map(robot, 80.0, poses=64)
+    i = int(np.argmax(poses.tensions[:, 0] - 2.0 * poses.tensions[:, 1:].sum(axis=1)))
+    shares = {k + 1: float(t / poses.tensions[i].max()) for k, t in enumerate(poses.tensions[i])}
     loading = Loading(80.0, tendon={k: share for k, share in shares.items() if share})
-    end = space_.tensions[i].max()
+    end = poses.tensions[i].max()
     line = validity_map(robot, [f"tension={0.5 * end}:{end}:2"], loading=loading)
     for name in (LENGTHS, FORCE):
-        assert line.value[name][-1] * robot.length == pytest.approx(space_.error[name][i], rel=1e-6)
-        assert line.cause[name][-1] == space_.cause[name][i] != ""
-    assert "main cause of the error: gravity" in " ".join(space_.described())
+        assert line.value[name][-1] * robot.length == pytest.approx(poses.error[name][i], rel=1e-6)
+        assert line.cause[name][-1] == poses.cause[name][i] != ""
+    assert "main cause of the error: gravity" in " ".join(poses.described())
 
 
 def test_poses_without_an_equilibrium_are_not_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -1135,7 +1135,7 @@ def test_few_loads_without_equilibrium_are_tried(monkeypatch: pytest.MonkeyPatch
 def test_a_map_in_blocks_is_the_same_map(tmp_path: Path) -> None:
     axes = ["E=30:40 GPa:4", "pitch_radius=20:30 mm:5", "gravity.z=-2:2:3"]
     job = map_job(ROBOT, axes, loading=Loading(60.0), block=7)
-    store = blocks.run(job, tmp_path / "blocks")
+    store = jobs.run(job, tmp_path / "blocks")
     with xr.open_dataset(store.save(tmp_path / "map.nc")) as data:
         assert dict(data.sizes) == {"axis_1": 4, "axis_2": 5, "axis_3": 3}
         plane = validity_map(
@@ -1247,7 +1247,7 @@ def test_causes_need_no_rod_twice(
 ) -> None:
     """With friction, straight spans need the tips of the whole rods too, which maps leave out."""
     solved: Counter[tuple[object, ...]] = Counter()
-    follow = space.follow
+    follow = design_space.follow
 
     def counted(rods: Rods, ramp: np.ndarray, shares: np.ndarray) -> Ramps:
         if ramp.shape[1] > 1:  # no search of a second equilibrium
@@ -1256,7 +1256,7 @@ def test_causes_need_no_rod_twice(
             solved[rods.model, rods.load.gravity is None, bool(rubs), bool(clamps)] += len(ramp)
         return follow(rods, ramp, shares)
 
-    monkeypatch.setattr(space, "follow", counted)
+    monkeypatch.setattr(design_space, "follow", counted)
     robot = ROBOT.with_({"gravity": [0.0, 0.0, -1.0]})
     axis = "friction=0.1:0.2:2" if friction else "clamped_length=1:2 mm:2"
     make(robot, [axis], loading=Loading(20.0, 5), metric=metric, models=[FORCE])

@@ -66,9 +66,13 @@ if TYPE_CHECKING:
         displacement_jacobian,
         jacobians,
     )
-    from bowstring.statics.directions import Derivatives, derivatives, directional_derivatives
+    from bowstring.statics.differentiation import DirectionalDerivatives
+    from bowstring.statics.directional_derivatives import (
+        Derivatives,
+        derivatives,
+        directional_derivatives,
+    )
     from bowstring.statics.load import Load, PointLoad
-    from bowstring.statics.neighbourhood import DirectionalDerivatives
     from bowstring.statics.plane import Plane
     from bowstring.statics.rod import solve, solve_batch, sweep
     from bowstring.statics.solution import Solution, Sweep
@@ -77,9 +81,9 @@ if TYPE_CHECKING:
     from bowstring.study.study import Study
     from bowstring.validity.chart import ValidityChart, validity_chart
     from bowstring.validity.control import ControlErrors, control_errors
-    from bowstring.validity.grids import ValidityGrid, validity_grid
     from bowstring.validity.loading import Loading
     from bowstring.validity.maps import ValidityMap, validity_map
+    from bowstring.validity.multi_axis_maps import ValidityGrid, validity_grid
     from bowstring.validity.reach import Reach, reach
     from bowstring.validity.spread import Spread, validity_spread
     from bowstring.validity.workspace import WorkspaceMap, workspace_map
@@ -200,9 +204,9 @@ _HOME = {
         ),
         "statics.contact": "ContactSolution solve_contact sweep_contact",
         "statics.derivatives": "DisplacementJacobian Jacobians displacement_jacobian jacobians",
-        "statics.directions": "Derivatives derivatives directional_derivatives",
+        "statics.differentiation": "DirectionalDerivatives",
+        "statics.directional_derivatives": "Derivatives derivatives directional_derivatives",
         "statics.load": "Load PointLoad",
-        "statics.neighbourhood": "DirectionalDerivatives",
         "statics.plane": "Plane",
         "statics.rod": "solve solve_batch sweep",
         "statics.solution": "Solution Sweep",
@@ -211,7 +215,7 @@ _HOME = {
         "study.study": "Study",
         "validity.chart": "ValidityChart validity_chart",
         "validity.control": "ControlErrors control_errors",
-        "validity.grids": "ValidityGrid validity_grid",
+        "validity.multi_axis_maps": "ValidityGrid validity_grid",
         "validity.loading": "Loading",
         "validity.maps": "ValidityMap validity_map",
         "validity.reach": "Reach reach",

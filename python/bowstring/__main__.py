@@ -30,8 +30,8 @@ def _refused(sentence: str) -> int:
 def _leave_stopped() -> None:
     """Exit without the end of ``python -m``.
 
-    It sends SIGINT to itself instead of exiting with a code where Ctrl-C has interrupted code that
-    was compiled from a string, as that of dataclasses is.
+    Where Ctrl-C interrupted code compiled from a string, such as that of dataclasses, ``python -m``
+    sends SIGINT to itself instead of exiting with a code.
     """
     _set_handler(signal.SIG_IGN)
     atexit._run_exitfuncs()

@@ -459,7 +459,7 @@ def _folders_above(path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _netcdf_errors(new: Path) -> Iterator[None]:
-    """Context manager that makes an OSError of what the NetCDF library raises at a failed write.
+    """Context manager that raises an `OSError` where the NetCDF library fails to write.
 
     The library does not pass on the error of the system: on a full drive it says "HDF error" or
     "Permission denied".

@@ -1,4 +1,4 @@
-"""Exceptions and the warning of Bowstring."""
+"""Exceptions and warnings of Bowstring."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reader of the JSON files that Bowstring wrote: one parser, and a declared structure of each."""
+"""Reader of the JSON files that Bowstring wrote: one parser, and a declared structure for each."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _finite(value: Any, shape: tuple[int, ...]) -> Any:
 
 
 #: Arrays (n,) and (n, m) of finite numbers, from lists of any length; a table without rows is
-#: (0, 0). Of all wrong numbers one error is made.
+#: (0, 0). All wrong numbers together give one error.
 Row = Annotated[Any, PlainValidator(_row)]
 Table = Annotated[Any, PlainValidator(_table)]
 Triple = Annotated[list[float], Field(min_length=3, max_length=3)]

@@ -17,7 +17,7 @@ EXTRAS: Final = {
     "excel": ("openpyxl", "Excel tables", "measurements as .xlsx"),
     "download": ("requests", "downloads", "bowstring data get"),
     "uncertainty": ("SALib", "screening and second-order indices", "Morris screening"),
-    "cluster": ("distributed", "clusters and Zarr", "bowstring.blocks"),
+    "cluster": ("distributed", "clusters and Zarr", "bowstring.jobs"),
     "jax": ("jax", "equilibria in JAX", "bowstring.jax"),
     "gymnasium": ("gymnasium", "environments", "bowstring.gymnasium"),
     "view": ("viser", "live views", "bowstring view"),

@@ -26,7 +26,7 @@ from bowstring.formatting import plain
 
 __all__ = ["UNITS", "Key", "Result", "keys_of", "unit_of"]
 
-#: Units by the end of a key: in words, and their number in one of SI.
+#: Unit by the end of a key: in words, and how many make one SI unit.
 UNITS: Final[dict[str, tuple[str, float]]] = {
     **{name: (name, 1.0) for name in ("m", "rad", "N", "Pa", "kg", "s")},
     **{"mm": ("mm", 1e3), "deg": ("deg", math.degrees(1.0)), "MPa": ("MPa", 1e-6)},
@@ -76,7 +76,7 @@ def keys_of(kind: Any) -> dict[str, tuple[Key, float]]:
 
 
 def unit_of(key: str) -> tuple[str, float]:
-    """Unit that a key ends in, in words and its number in one of SI; empty and 1 without one."""
+    """Unit at the end of a key: in words, and how many make one SI unit; "" and 1 without one."""
     end = _END.search(key)
     return UNITS[end[1]] if end else ("", 1.0)
 

@@ -1,4 +1,4 @@
-"""Chi-square and F tests, and the significance level of each decision that rests on one."""
+"""Chi-square and F tests, and the significance level of each decision by one."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ __all__ = [
 NOISE: Final = 0.005
 """P-value below which residuals are not noise."""
 MIRROR: Final = 1e-4
-"""That noise alone looks like a mirror image: such a frame is refused, which ends the work."""
+"""P-value below which a mirror image fits better than by noise; low, as such a frame is refused."""
 EXTRA_LOAD: Final = 1e-6
-"""That gravity explains as much by chance: the errors of a model are not quite normal."""
+"""P-value below which gravity explains the data; low, as errors of a model are not normal."""
 
 
 def chi_square_p(square: float, dof: int) -> float:

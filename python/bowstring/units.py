@@ -201,7 +201,7 @@ def si_of(unit: str) -> str:
 
 
 def is_numbers(text: str) -> bool:
-    """Whether a text is nothing but numbers and units, as parts of a list torn apart by blanks."""
+    """Whether a text has numbers and units only, as the parts of a list that has blanks."""
     words = re.findall(r"[^\s,]+", text)
     units = {unit for usual in _UNITS.values() for unit in usual}
     number = re.compile(f"{NUMBER}(.*)", re.ASCII)

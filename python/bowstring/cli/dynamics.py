@@ -597,8 +597,8 @@ def _run_tables(run: Run, files: dict[str, Path | None]) -> Iterator[Table | str
         f"{run.robot.name}, {run.settings['theory']}: {run.status}, {run.end:.6g} s in "
         f"{counted(run.steps, 'step')}, about {rounded(run.real_time_factor)} times real time"
     )
-    if run.converged and run.worth:
-        yield f"{run.worth[0].upper()}{run.worth[1:]}."
+    if run.converged and run.error_text:
+        yield f"{run.error_text[0].upper()}{run.error_text[1:]}."
     if len(run.time) == 0:
         return
     table = new_table("", ">time s", ">tip x mm", ">y mm", ">z mm")

@@ -41,7 +41,7 @@ from bowstring.formatting import in_percent, plain
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from bowstring.fem.comparison import BesideRod
+    from bowstring.fem.comparison import RodComparison
     from bowstring.fem.convergence import Convergence
     from bowstring.fem.mesh import Fineness
     from bowstring.fem.run import BrickRun, FeStatus
@@ -155,23 +155,23 @@ def fe(
         again = "begins anew" if stopped.run.is_motion else "goes on from there"
         raise Stopped(f"{stopped.run.message}; the same command {again}.") from None
 
-    from bowstring.fem.comparison import beside_rod
+    from bowstring.fem.comparison import compare_with_rod
 
-    beside = beside_rod(run)
+    comparison = compare_with_rod(run)
     content: schema.Fe = {
-        **_content(run, beside, limit),
+        **_content(run, comparison, limit),
         **provenance_of(run.robot, **run.settings),
         "folder": None,
     }
     if out is not None and run.states:
         with progress_bar("figures") as notify:
             written = {key: value for key, value in content.items() if key != "folder"}
-            folder = report.write(run, beside, plain(written), out, progress=notify)
+            folder = report.write(run, comparison, plain(written), out, progress=notify)
         content["folder"] = str(folder)
     if as_json:
         write_json(content)
     elif run.states:
-        write_tables(*_tables(run, beside, limit, content["folder"]))
+        write_tables(*_tables(run, comparison, limit, content["folder"]))
     run.raise_for_status()
 
 
@@ -203,7 +203,7 @@ def _rows(last: Any, loads: str | None) -> Any:
     return np.outer(values / top, last)
 
 
-def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> schema.FeRun:
+def _content(run: BrickRun, comparison: RodComparison, limit: Convergence | None) -> schema.FeRun:
     import numpy as np
 
     from bowstring.fem.report import rows
@@ -211,10 +211,10 @@ def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> sch
     content: schema.FeRun = {
         "status": cast("FeStatus", run.status),
         "message": run.message,
-        "loads": rows(run, beside),
+        "loads": rows(run, comparison),
         "span_error": run.span_error if run.states else None,
-        "stress_ratio": beside.stress_ratio.tolist(),
-        "concentration": beside.concentration.tolist(),
+        "stress_ratio": comparison.stress_ratio.tolist(),
+        "concentration": comparison.concentration.tolist(),
         "nodes": len(run.mesh.nodes),
         "bricks": len(run.mesh.bricks),
         "cached": run.cached,
@@ -226,7 +226,7 @@ def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> sch
         content["limit"] = {
             "tip_position_m": limit.limit.tolist(),
             "error_mm": (1e3 * limit.error).tolist(),
-            "difference_mm": (1e3 * np.linalg.norm(limit.limit - beside.tip, axis=1)).tolist(),
+            "difference_mm": (1e3 * np.linalg.norm(limit.limit - comparison.tip, axis=1)).tolist(),
             "refinements": [
                 {
                     "name": r.name,
@@ -243,7 +243,7 @@ def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> sch
 
 
 def _tables(
-    run: BrickRun, beside: BesideRod, limit: Convergence | None, folder: str | None
+    run: BrickRun, comparison: RodComparison, limit: Convergence | None, folder: str | None
 ) -> Iterator[Table | str]:
     import numpy as np
 
@@ -263,23 +263,23 @@ def _tables(
         ">by rod's",
         ">at edges MPa",
     )
-    ratio = beside.stress_ratio
+    ratio = comparison.stress_ratio
     for i, tip in enumerate(run.tip_position):
         load_ = run.time[i] if run.is_motion else run.tensions[i].max()
         more = []
         if limit is not None:
             more = [
-                fixed(1e3 * float(np.linalg.norm(limit.limit[i] - beside.tip[i])), 2),
+                fixed(1e3 * float(np.linalg.norm(limit.limit[i] - comparison.tip[i])), 2),
                 fixed(1e3 * limit.error[i], 2),
             ]
         table.add_row(
             f"{load_:g}",
             *(fixed(1e3 * v, 2) for v in tip),
-            _known(1e3 * beside.difference[i], 2),
+            _known(1e3 * comparison.difference[i], 2),
             *more,
-            fixed(1e-6 * beside.middle[i].max(), 1),
+            fixed(1e-6 * comparison.middle[i].max(), 1),
             _known(ratio[i], 3),
-            fixed(1e-6 * beside.edge[i].max(), 1),
+            fixed(1e-6 * comparison.edge[i].max(), 1),
         )
     yield table
     yield f"span forces are the tensions to {in_percent(run.span_error, 1)}"

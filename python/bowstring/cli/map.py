@@ -38,10 +38,10 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import significant
 
 if TYPE_CHECKING:
-    from bowstring.blocks import Job
+    from bowstring.jobs import Job
     from bowstring.schemas import maps as schema
     from bowstring.schemas.basic import OfRobot
-    from bowstring.validity.grids import ValidityGrid
+    from bowstring.validity.multi_axis_maps import ValidityGrid
 
 
 _MANY: Final = 200_000  # points: minutes
@@ -149,10 +149,10 @@ def map_(
     shares = None if tendon is None else shares_of("--tendon", tendon, model)
 
     from bowstring.statics.load import Load
-    from bowstring.validity.jobs import map_job
     from bowstring.validity.loading import Loading
+    from bowstring.validity.map_job import map_job
+    from bowstring.validity.map_settings import end_of_ramp, reach_of_ramp, read_axes, space_of
     from bowstring.validity.maps import MOST_SOLVES, check_map_file, validity_map
-    from bowstring.validity.question import end_of_ramp, reach_of_ramp, read_axes, space_of
     from bowstring.validity.sentences import described
     from bowstring.validity.workspace import POSES, check_workspace_file, workspace_map
 
@@ -258,7 +258,7 @@ def map_(
 
 def _many(job: Job, out: Path, made: OfRobot, as_json: bool) -> None:
     """Map over more than two axes in memory."""
-    from bowstring.validity.grids import check_grid_file, compute_grid
+    from bowstring.validity.multi_axis_maps import check_grid_file, compute_grid
 
     file = of_flag("--out", check_grid_file, out)
     with progress_bar("errors") as notify:
@@ -273,8 +273,13 @@ def _many(job: Job, out: Path, made: OfRobot, as_json: bool) -> None:
 
 def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.StoredValues:
     """Compute a job, or what is missing of it, and write its data set or figure."""
-    from bowstring.blocks import RunInterrupted, Unfinished, run
-    from bowstring.validity.grids import MOST_DRAWN, check_drawn, check_grid_file, read_grid
+    from bowstring.jobs import RunInterrupted, Unfinished, run
+    from bowstring.validity.multi_axis_maps import (
+        MOST_DRAWN,
+        check_drawn,
+        check_grid_file,
+        read_grid,
+    )
 
     of_flag("--out", check_grid_file, out)
     drawn = out.suffix.lower() not in (".nc", ".zarr")

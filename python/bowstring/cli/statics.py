@@ -352,7 +352,7 @@ def arc_table(segments: Sequence[Arc], misfits: Sequence[float] = ()) -> Table:
     return table
 
 
-def _used_line(uses: Sequence[limits.Use], robot: Robot) -> str:
+def _used_line(uses: Sequence[limits.Utilisation], robot: Robot) -> str:
     several = len(robot.segments) > 1
     return "\n".join(f"backbone{f' of segment {u.segment}' * several}: {u}" for u in uses)
 

@@ -1,9 +1,9 @@
 """Polynomial curvature of a robot: fitted to its shape, or predicted from its loads.
 
-`fit_curvature` gives the polynomials whose disks are nearest to given ones: what the family of
-shapes can do at best. `curvature_from_loads` predicts them from tensions, weight and tip force, as
-the linear law predicts arcs from tensions; it knows nothing of straight spans, clamped lengths,
-shear, extension and torsion.
+`fit_curvature` gives the polynomials whose disks are nearest to given ones: the least error of
+this family of shapes. `curvature_from_loads` predicts them from tensions, weight and tip force, as
+the linear law predicts arcs from tensions; it ignores straight spans, clamped lengths, shear,
+extension and torsion.
 """
 
 from __future__ import annotations
@@ -38,11 +38,6 @@ _SHARES: Final = (0.3, 0.65, 1.0)  # of weight and tip force
 
 
 # -- fit -------------------------------------------------------------------------------------------
-
-
-def _fewest_disks(robot: Robot) -> int:
-    """Number of disks in the segment that has the fewest."""
-    return int(np.bincount(robot.disks.segment).min())
 
 
 def fit_curvature(robot: Robot, disks: ArrayLike, degree: int) -> VariableCurvature:
@@ -80,7 +75,7 @@ def fit_curvature(robot: Robot, disks: ArrayLike, degree: int) -> VariableCurvat
         raise InputError(f"disks has shape {rows.shape}, it must be (..., {count}, 3)")
     if not np.isfinite(rows).all():
         raise InputError("disks has a position that is not finite")
-    fewest = _fewest_disks(robot)
+    fewest = int(np.bincount(robot.disks.segment).min())
     if fewest < order + 2:
         raise InputError(
             f"a segment of {robot.name} has {fewest} disks; a curvature of degree {order} needs "

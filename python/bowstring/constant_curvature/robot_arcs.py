@@ -101,7 +101,7 @@ class RobotArcs:
 
         The arc of a segment follows from the tendons anchored to its end disk. Their lengths within
         the inner segments follow from the arcs of those and are subtracted first. A segment that no
-        tendon passes is as without load.
+        tendon passes has its arc without load.
 
         Parameters
         ----------
@@ -356,7 +356,7 @@ class RobotArcs:
 
 
 def _unactuated(robot: Robot, segment: _Segment, shape: tuple[int, ...]) -> Arc:
-    """Arc (...) of a segment that no tendon passes: that without load."""
+    """Arc (...) of a segment that no tendon passes: its arc without load."""
     if segment.further.size:
         raise InputError(
             f"segment {segment.index + 1} has no tendon that ends at it, so tendon lengths do not "
@@ -368,7 +368,7 @@ def _unactuated(robot: Robot, segment: _Segment, shape: tuple[int, ...]) -> Arc:
 
 
 def _general(robot: Robot, segment: _Segment, arc: Arc) -> Arc:
-    """Arc by the linear law, from that of a backbone that is straight and bends alike all round.
+    """Arc by the linear law of any backbone, from that of a straight isotropic one.
 
     The law adds to the curvature without load (theory Eq. 1.7).
     """

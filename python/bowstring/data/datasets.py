@@ -257,7 +257,7 @@ def path(name: str, *, progress: Progress | None = None) -> Path:
     name : str
         One of `available`.
     progress : callable, optional
-        Called with what is being done and the share that is done, from 0 to 1.
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
 
     Returns
     -------
@@ -323,7 +323,7 @@ def copy(name: str, folder: str | Path, *, progress: Progress | None = None) -> 
         Folder in which a folder NAME is created or, if it contains only files of this set,
         replaced; `BOWSTRING_DATA` may point to it afterwards.
     progress : callable, optional
-        Called with what is being done and the share that is done, from 0 to 1.
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
 
     Returns
     -------
@@ -454,7 +454,7 @@ def _download(found: DataSet, file: DataFile, url: str) -> Path:
 
 
 class _Refused(Exception):
-    """Refused answer of a server; the text has the reason."""
+    """A server's answer that is refused; the text has the reason."""
 
 
 def _fetch(found: DataSet, file: DataFile, url: str) -> bytes:

@@ -115,11 +115,11 @@ class Measurements:
     left_out: int = 0
     """Number of rows of the file that are not in the arrays."""
     filtered: int = 0
-    """Number of these that the mapping leaves out by ``keep``."""
+    """Number of rows that the mapping leaves out by ``keep``."""
     below_zero: int = 0
-    """Number of these that have a tension below zero."""
+    """Number of rows left out for a tension below zero."""
     least_tension: float = 0.0
-    """Least tension of these, N."""
+    """Least tension of these rows, N."""
     path: Path | None = None
     """File from which the data were read; None for other data."""
     sha256: str | None = None

@@ -38,7 +38,7 @@ _MOST_ROWS: Final = 400  # enough for a direction, and fast
 _FEWEST_ROWS: Final = 4
 _MOST_PAIRS: Final = 200
 _GAINS: Final = (0.35, 0.5, 0.7, 0.85, 1.0, 1.2)
-_NEAR: Final = (0.6, 0.8, 1.0, 1.2, 1.5)  # gains relative to the best one of the stated order
+_NEAR: Final = (0.6, 0.8, 1.0, 1.2, 1.5)  # gains over the best one of the stated order
 _CLEARLY: Final = 0.7  # residual of a better candidate over that of the stated order
 _GOOD: Final = 0.4  # residual over motion up to which a candidate is accepted
 _POOR: Final = 0.65  # residual over motion above which the stated order is doubtful
@@ -53,7 +53,7 @@ _FACTOR: Final = 6.0  # between errors of an uncalibrated stiffness and those of
 _LESS_BY_FAR: Final = 50.0
 _HARD: Final = 3.0  # tension over that of half a turn, beyond which tendons do not co-contract
 _ALL: Final = 0.05  # share of rows that may be without a common displacement
-_CONSTANT: Final = 0.5  # least common displacement over the largest that is a constant
+_CONSTANT: Final = 0.5  # least common displacement over the largest, above which it is constant
 _ALONE: Final = 0.1  # share of a common displacement that no bend has
 _UNMOVED: Final = 20.0  # ratio of motion to bend that no weight or load explains
 
@@ -241,7 +241,7 @@ def _doubted_commands(motion: _Motion) -> str:
 
 
 def _doubted_displacements(robot: Robot, m: Measurements) -> str:
-    """Warn likewise of displacements one by one, where other tendons have tensions."""
+    """Warn of displacements of a wrong size, one by one, where other tendons have tensions."""
     if m.tendon_count != len(robot.tendons.angle_rad) or np.isnan(m.displacements).all():
         return ""
     return _wound(robot, m, np.abs(m.displacements) / robot.tendons.pitch_radius_m)
@@ -261,7 +261,7 @@ def _shifted(motion: _Motion) -> str:
         own = tendons.segment == segment
         holes = np.concatenate(tendons.mean_hole_m[: segment + 1, own], axis=1)
         weight = 1.0 - holes @ np.linalg.pinv(holes, rcond=1e-9).sum(axis=1)
-        if weight.sum() < _ALONE * len(weight):  # bends have it too, as of one tendon
+        if weight.sum() < _ALONE * len(weight):  # bends by a single tendon have it too
             continue
         given = motion.commands[:, own]
         slack = given.max(axis=1)
@@ -282,7 +282,7 @@ def _shifted(motion: _Motion) -> str:
                 f"All tendons{where} are lengthened by {least} or more in all rows, which would "
                 f"leave them slack. {advice}"
             )
-        # where others are not let out as far as one is shortened, the shift is no constant
+        # no constant where the others lengthen less than one is shortened
         if common > max(_HARD * half_turn * give, _CONSTANT * most):
             force = f"{significant(common / give)} N in each"
             return (

@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 _MISFIT: Final = 1e-5  # of a cubic over the largest acceleration
 _LEAST_PART: Final = 1 / 64  # of the time between two poses that an interval is halved to
 _NODES: Final = np.array([0.0, 1.0, 2.0, 3.0]) / 3.0  # of an interval, through which its cubic goes
-_OWN: Final = np.array([0.12, 0.5, 0.88])  # of an interval, where its cubic is compared
+_OWN: Final = np.array([0.12, 0.5, 0.88])  # of an interval, where its cubic is checked
 _STILL: Final = np.array([1e-2, 1e-4, 1e-2])  # m/s^2, rad/s, rad/s^2: the least that counts
 _LARGEST_TURN: Final = 3.0  # rad between two poses, below the half turn that splines allow
 

@@ -30,16 +30,16 @@ Floats = NDArray[np.float64]
 
 
 class DiscreteModel(NamedTuple):
-    """Matrices of a linear model in steps; ``x[k + 1] = A x[k] + B u[k]``, ``y = C x + D u``."""
+    """Linear model in steps: ``x[k + 1] = A x[k] + B u[k]``, ``y = C x + D u``."""
 
     A: Floats
-    """(2 K, 2 K)."""
+    """State matrix (2 K, 2 K)."""
     B: Floats
-    """(2 K, T)."""
+    """Input matrix (2 K, T)."""
     C: Floats
-    """(3 + T, 2 K)."""
+    """Output matrix (3 + T, 2 K)."""
     D: Floats
-    """(3 + T, T)."""
+    """Feedthrough matrix (3 + T, T)."""
     dt: float
     """Step, s."""
 
@@ -69,17 +69,17 @@ class LinearModel:
     outputs: Floats
     """Tip position and tendon lengths in the equilibrium (3 + T,), m."""
     A: Floats
-    """(2 K, 2 K)."""
+    """State matrix (2 K, 2 K)."""
     B: Floats
-    """(2 K, T)."""
+    """Input matrix of the tensions (2 K, T)."""
     C: Floats
-    """(3 + T, 2 K)."""
+    """Output matrix (3 + T, 2 K)."""
     D: Floats
-    """(3 + T, T)."""
+    """Feedthrough matrix of the tensions (3 + T, T)."""
     B_force: Floats
-    """(2 K, 3)."""
+    """Input matrix of the force (2 K, 3)."""
     D_force: Floats
-    """(3 + T, 3)."""
+    """Feedthrough matrix of the force (3 + T, 3)."""
 
     def discrete(self, dt: float) -> DiscreteModel:
         """Model in steps with inputs that are constant in a step (zero-order hold).

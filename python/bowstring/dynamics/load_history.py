@@ -148,7 +148,7 @@ class Table:
 
     @property
     def is_sampled(self) -> bool:
-        """Whether it must be asked before each step."""
+        """Whether its values are computed before each step."""
         return False
 
     def to_dict(self) -> Any:

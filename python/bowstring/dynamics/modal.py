@@ -42,7 +42,7 @@ Floats = NDArray[np.float64]
 _NEUTRAL: Final = 1e8  # squared frequency ratio of bending to a mode that counts as neutral
 _ROUNDING: Final = 1e-12
 _DENSE: Final = 450  # degrees of freedom up to which all modes are computed at once
-_SHARE: Final = 0.2  # share of all modes above which that is faster as well
+_SHARE: Final = 0.2  # share of all modes above which this is faster as well
 _DEFLATIONS: Final = 20
 
 
@@ -127,7 +127,7 @@ class Modes(Result):
 
     @property
     def status(self) -> Annotated[StaticsStatus, Key()]:
-        """As of ``solve``; there are no modes unless it is ``converged``."""
+        """Status of the equilibrium, as in ``solve``: ``converged``, else there are no modes."""
         return "converged"
 
 
@@ -264,11 +264,11 @@ class Oscillation:
     speed: Floats
     """Angular frequencies (K,), rad/s."""
     kind: list[str]
-    """As of `Modes`."""
+    """Kinds of the modes (K,), as in `Modes`."""
     displacement: Floats
-    """Of the disks in base axes, by the modal coordinate (K, N, 3)."""
+    """Displacements of the disks in base axes per modal coordinate (K, N, 3)."""
     rotation: Floats
-    """Of the disks in their own axes, by the modal coordinate (K, N, 3), rad/m."""
+    """Rotations of the disks in their own axes per modal coordinate (K, N, 3), rad/m."""
     position: Floats
     """Positions of the disks in the equilibrium (N, 3), m."""
     orientation: Floats
@@ -286,7 +286,7 @@ def oscillation(
     *,
     count: int,
 ) -> Oscillation:
-    """Modes as of `about`, in modal coordinates of unit mass."""
+    """Compute the modes of `about` in modal coordinates of unit mass."""
     status: str
     if path is not None:
         solution = path.core.step(*commands, load)

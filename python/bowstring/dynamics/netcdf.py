@@ -188,7 +188,7 @@ class _Header:
             raise _Damaged(f"its header is damaged: {name} grows along another than its first axis")
         grows = bool(shape) and shape[0] == 0
         count = math.prod(shape[grows:]) * _BYTES[kind]
-        if stated not in (count, _padded(count), 2**32 - 1):  # the last for what is too large
+        if stated not in (count, _padded(count), 2**32 - 1):  # the last: above 32 bits
             raise _Damaged(f"its header is damaged: {name} has {count} bytes, not {stated}")
         return _Variable(name, grows, count, begin)
 

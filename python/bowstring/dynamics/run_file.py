@@ -166,10 +166,6 @@ class RunFile:
         times : int
             Expected number of output times, for the check of free space.
 
-        Returns
-        -------
-        RunFile
-
         Raises
         ------
         InputError

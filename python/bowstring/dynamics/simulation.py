@@ -71,7 +71,7 @@ _MOST_OUTPUTS: Final = 1_000_000
 _LONGEST_WHY: Final = 300  # characters of the error of a user's function
 _STILL: Final = 1e-11  # change of a displacement over length that is no jump
 _INCREMENTS: Final = 20  # load increments of the forces on disks
-_MARGIN: Final = 3.0  # of the error by the motion of the base, that of the core for the steps
+_MARGIN: Final = 3.0  # factor on the error by the motion of the base, as the core has for steps
 _COARSE: Final = 0.01  # error of the time steps over length that gets advice
 
 
@@ -183,13 +183,13 @@ class Run:
     def message(self) -> str:
         """Message on the end of the run, one sentence."""
         if self.converged:
-            worth = f"; {self.worth}" if self.worth else ""
+            error = f"; {self.error_text}" if self.error_text else ""
             steps = "1 step" if self.steps == 1 else f"{self.steps} steps"
-            return f"{self.end:g} s in {steps}{worth}"
+            return f"{self.end:g} s in {steps}{error}"
         return f"stopped at {self.end:.6g} s: {self.reason}"
 
     @property
-    def worth(self) -> str:
+    def error_text(self) -> str:
         """Estimated error of the time steps, with advice if large; without a full stop."""
         error = self.error_estimate
         if error is None:

@@ -21,7 +21,7 @@ _HALVINGS: Final = 10  # of the share of the load at which stability is lost
 
 
 class Judged(NamedTuple):
-    """Stability of the start: as `bowstring.Solution.stable`, and a sentence if it is not known."""
+    """Stability of the start, as `bowstring.Solution.stable`, and a sentence if not stable."""
 
     stable: bool | None
     sentence: str = ""

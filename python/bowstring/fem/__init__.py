@@ -1,6 +1,6 @@
 """3-D finite elements of a robot, solved by the separate program CalculiX."""
 
-from bowstring.fem.comparison import BesideRod, beside_rod
+from bowstring.fem.comparison import RodComparison, compare_with_rod
 from bowstring.fem.mesh import Fineness
 from bowstring.fem.run import (
     BrickRun,
@@ -14,15 +14,15 @@ from bowstring.fem.run import (
 )
 
 __all__ = [
-    "BesideRod",
     "BrickRun",
     "Fineness",
     "Motion",
+    "RodComparison",
     "RunInterrupted",
     "Settings",
-    "beside_rod",
     "cache_folder",
     "check",
+    "compare_with_rod",
     "ramp",
     "sweep",
 ]

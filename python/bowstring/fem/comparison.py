@@ -17,7 +17,7 @@ from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 
-__all__ = ["BesideRod", "beside_rod"]
+__all__ = ["RodComparison", "compare_with_rod"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -26,7 +26,7 @@ _NOTHING: Final = 1e-4  # stress over the largest of a run that counts as zero
 
 
 @dataclass(frozen=True)
-class BesideRod:
+class RodComparison:
     """Results of finite elements and rod at K loads or times in M modules, SI.
 
     Attributes
@@ -80,7 +80,7 @@ class BesideRod:
         return found
 
 
-def beside_rod(run: BrickRun) -> BesideRod:
+def compare_with_rod(run: BrickRun) -> RodComparison:
     """Solve the rod for the loads or times of a run by finite elements.
 
     Parameters
@@ -90,7 +90,7 @@ def beside_rod(run: BrickRun) -> BesideRod:
 
     Returns
     -------
-    BesideRod
+    RodComparison
         Tips and stresses of both at each output.
     """
     stress = [run.section_stress(i) for i in range(len(run.states))]
@@ -102,7 +102,7 @@ def beside_rod(run: BrickRun) -> BesideRod:
     else:
         tip, rod_middle = _at_rest(run, modules)
     difference = np.linalg.norm(run.tip_position - tip, axis=1) if run.states else np.zeros(0)
-    return BesideRod(tip, difference, middle, rod_middle, edge.reshape(-1, modules))
+    return RodComparison(tip, difference, middle, rod_middle, edge.reshape(-1, modules))
 
 
 def _middle(stress: SectionStress, modules: int) -> Floats:

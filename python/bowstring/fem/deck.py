@@ -139,7 +139,7 @@ def model(robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step])
     lines += _materials(robot, mesh, loading)
     if loading.damping > 0:  # for the whole model, although CalculiX expects it after a material
         lines += [f"*DAMPING, ALPHA={loading.damping:.10g}"]
-    lines += _courses(todo)
+    lines += _load_histories(todo)
     lines += [*_base(mesh, loading.bonded), "*BOUNDARY", "BASEHOLES,1,3"]
     lines += ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "NALL,0."]
     lines += ["*RESTART, WRITE, FREQUENCY=1"]
@@ -313,7 +313,7 @@ def _turned_sections(robot: Robot, mesh: BrickMesh, name: str, which: Ints) -> I
         yield f"*SOLID SECTION, ELSET={name}DISK{d}, MATERIAL={name}, ORIENTATION={name}AXES{d}"
 
 
-def _courses(todo: Sequence[Step]) -> Iterator[str]:
+def _load_histories(todo: Sequence[Step]) -> Iterator[str]:
     """Write tensions and outputs over CalculiX's total time; loads of a motion would jump."""
     if all(step.is_static for step in todo):
         return

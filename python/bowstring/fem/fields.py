@@ -29,10 +29,10 @@ __all__ = [
     "State",
     "at_nodes",
     "frames",
-    "none_of",
     "section_stress",
     "span_tension",
     "strain_in_base",
+    "without_times",
 ]
 
 Floats = NDArray[np.float64]
@@ -227,7 +227,7 @@ def frames(
     return Frames(time=np.asarray(time, float), station=station, module=module, **arrays)
 
 
-def none_of(found: Frames) -> Frames:
+def without_times(found: Frames) -> Frames:
     """Frames without any time, at the same stations."""
     values = vars(found)
     return Frames(**{n: v if n in ("station", "module") else v[:0] for n, v in values.items()})

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.fem.comparison import BesideRod
+from bowstring.fem.comparison import RodComparison
 from bowstring.fem.fields import VOIGT
 from bowstring.fem.run import BrickRun
 from bowstring.robot.rest_shape import rest_frames
@@ -31,14 +31,14 @@ Ints = NDArray[np.int64]
 _SIDES: Final = ((0, 8), (8, 1), (1, 9), (9, 2), (2, 10), (10, 3), (3, 11), (11, 0))
 
 
-def draw(run: BrickRun, beside: BesideRod) -> Iterator[tuple[str, Callable[[], Figure]]]:
+def draw(run: BrickRun, comparison: RodComparison) -> Iterator[tuple[str, Callable[[], Figure]]]:
     """Draw the figures one by one.
 
     Parameters
     ----------
     run : BrickRun
         Run with at least one step.
-    beside : BesideRod
+    comparison : RodComparison
 
     Yields
     ------
@@ -47,12 +47,12 @@ def draw(run: BrickRun, beside: BesideRod) -> Iterator[tuple[str, Callable[[], F
     draw : callable
         Makes the figure, to be called and saved within `bowstring.viz.style.figure_style`.
     """
-    yield "tip", partial(_tip, run, beside)
-    yield "stress", partial(stress_along, run, beside)
+    yield "tip", partial(_tip, run, comparison)
+    yield "stress", partial(stress_along, run, comparison)
     yield "field", partial(field, run)
 
 
-def _tip(run: BrickRun, beside: BesideRod) -> Figure:
+def _tip(run: BrickRun, comparison: RodComparison) -> Figure:
     from matplotlib.figure import Figure
 
     load = run.time if run.is_motion else run.tensions.max(axis=1)
@@ -61,7 +61,9 @@ def _tip(run: BrickRun, beside: BesideRod) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     unloaded = rest_frames(run.robot, run.robot.disks.station_m[-1:])[0]
     for axis, (name, colour, _) in enumerate(AXES):
-        rods, bricks = (1e3 * (tip - unloaded)[:, axis] for tip in (beside.tip, run.tip_position))
+        rods, bricks = (
+            1e3 * (tip - unloaded)[:, axis] for tip in (comparison.tip, run.tip_position)
+        )
         upper.plot(load, rods, color=LIGHT[colour], linewidth=1.2)
         upper.plot(load, bricks, "o", color=LIGHT[colour], markersize=4, fillstyle="none")
         upper.annotate(
@@ -72,7 +74,7 @@ def _tip(run: BrickRun, beside: BesideRod) -> Figure:
     upper.legend()
     title = "Tip, finite elements beside the rod (both simulated)"
     upper.set(title=title, ylabel="displacement in mm")
-    lower.plot(load, 1e3 * beside.difference, "o-", color=LIGHT["ink"], markersize=3)
+    lower.plot(load, 1e3 * comparison.difference, "o-", color=LIGHT["ink"], markersize=3)
     lower.set(xlabel=unit, ylabel="distance in mm")
     lower.set_ylim(bottom=0.0)
     return figure
@@ -82,7 +84,7 @@ def _last(run: BrickRun) -> str:
     return f"{run.time[-1]:g} s" if run.is_motion else f"{run.tensions[-1].max():g} N"
 
 
-def stress_along(run: BrickRun, beside: BesideRod) -> Figure:
+def stress_along(run: BrickRun, comparison: RodComparison) -> Figure:
     """Draw the largest axial stress along the backbone at the last step, bricks and rod."""
     from matplotlib.figure import Figure
 
@@ -102,7 +104,7 @@ def stress_along(run: BrickRun, beside: BesideRod) -> Figure:
     peak = (stress.peak, "finite elements, largest at a node", dots)
     largest = (stress.largest, "finite elements, bending and tension", line)
     by_module(stress.arc_length, stress.module, peak, largest)
-    if not run.is_motion and np.isfinite(beside.rod_middle[-1]).all():
+    if not run.is_motion and np.isfinite(comparison.rod_middle[-1]).all():
         solution = rod.solve(run.robot, run.tensions[-1], load=run.load, model=RodModel(elements=4))
         fields = solution.to_dataset(9)
         z, module = fields.arc_length.to_numpy(), fields.module.to_numpy()

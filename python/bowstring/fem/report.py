@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bowstring.atomic_io import write_whole
-from bowstring.fem.comparison import BesideRod
+from bowstring.fem.comparison import RodComparison
 from bowstring.fem.figures import draw
 from bowstring.fem.run import BrickRun
 from bowstring.fem.vtk import write_vtk
@@ -26,7 +26,7 @@ Progress = Callable[[str, float], None]
 
 def write(
     run: BrickRun,
-    beside: BesideRod,
+    comparison: RodComparison,
     content: Mapping[str, Any],
     out: str | Path,
     *,
@@ -37,7 +37,7 @@ def write(
     Parameters
     ----------
     run : BrickRun
-    beside : BesideRod
+    comparison : RodComparison
     content : dict
         Plain values for ``fe.json``, as ``bowstring fe --json`` prints.
     out : str or Path
@@ -58,7 +58,7 @@ def write(
         write_vtk(run, new / "vtk", progress=notify)
         with figure_style():
             save_figures(
-                draw(run, beside),
+                draw(run, comparison),
                 lambda stem, figure: save_figure(figure, new / stem),
                 lambda share: notify("figures", share),
             )
@@ -68,7 +68,7 @@ def write(
     return folder
 
 
-def rows(run: BrickRun, beside: BesideRod) -> list[schema.FeLoad]:
+def rows(run: BrickRun, comparison: RodComparison) -> list[schema.FeLoad]:
     """Make one entry for each load or time, for JSON; None where unknown."""
 
     def known(value: Any) -> Any:
@@ -84,12 +84,12 @@ def rows(run: BrickRun, beside: BesideRod) -> list[schema.FeLoad]:
                 "position_m": frames.disk_position[i, -1].tolist(),
                 "rotation": frames.disk_rotation[i, -1].tolist(),
             },
-            "rod_tip_position_m": known(beside.tip[i]),
-            "difference_mm": known(1e3 * beside.difference[i]),
+            "rod_tip_position_m": known(comparison.tip[i]),
+            "difference_mm": known(1e3 * comparison.difference[i]),
             "span_tensions_N": [[known(v) for v in span] for span in frames.span_tension[i]],
-            "middle_stress_Pa": beside.middle[i].tolist(),
-            "rod_middle_stress_Pa": known(beside.rod_middle[i]),
-            "edge_stress_Pa": beside.edge[i].tolist(),
+            "middle_stress_Pa": comparison.middle[i].tolist(),
+            "rod_middle_stress_Pa": known(comparison.rod_middle[i]),
+            "edge_stress_Pa": comparison.edge[i].tolist(),
         }
         if run.is_motion:
             row["t_s"] = float(run.time[i])

@@ -27,10 +27,10 @@ from bowstring.fem.fields import (
     State,
     at_nodes,
     frames,
-    none_of,
     section_stress,
     span_tension,
     strain_in_base,
+    without_times,
 )
 from bowstring.fem.mesh import BrickMesh, Fineness, brick_mesh, check_meshable
 from bowstring.fem.steps import Job, work
@@ -227,7 +227,7 @@ class BrickRun:
             return frames(self.robot, self.mesh, self.time, self.tensions, self.states, gravity)
         # frames without a time have the shapes of one
         rest, time, tensions = [_unloaded(self.mesh)], np.zeros(1), 0.0 * self.wanted_tensions[:1]
-        return none_of(frames(self.robot, self.mesh, time, tensions, rest, gravity))
+        return without_times(frames(self.robot, self.mesh, time, tensions, rest, gravity))
 
     @property
     def tip_position(self) -> Floats:

@@ -1,1 +1,1 @@
-"""Other libraries, programs and file formats that robots and runs are handed to."""
+"""Interfaces to other libraries, programs and file formats."""

@@ -1,4 +1,4 @@
-"""What the solvers of libraries with derivatives have in common."""
+"""Base of the differentiable solvers for JAX and PyTorch."""
 
 from __future__ import annotations
 

@@ -44,18 +44,7 @@ _FLOAT, _SHORT, _INT = 5126, 5123, 5125
 
 
 def check_glb(path: str | Path) -> Path:
-    """Check before any work that a glTF file may be written (`atomic_io.check_file`).
-
-    Parameters
-    ----------
-    path : str or Path
-        Ends in ``.glb``.
-
-    Returns
-    -------
-    Path
-        The same file, absolute.
-    """
+    """Check before any work that a ``.glb`` file may be written; return its path."""
     return check_file(Path(path), "glTF file", (".glb",), _MARK)
 
 

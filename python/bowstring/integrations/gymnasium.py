@@ -1,4 +1,4 @@
-"""Environments for Gymnasium: a robot in motion whose tip shall reach a point.
+"""Environments for Gymnasium: a robot in motion whose tip must reach a point.
 
 Needs the extra ``gymnasium`` (``pip install 'bowstring[gymnasium]'``). Importing this module
 registers ``bowstring/Reach-v0``. All values are in SI and in the base frame; T is the number of
@@ -251,32 +251,19 @@ class ReachEnv(Env[Observations, Observations], EzPickle):
     ) -> None:
         if render_mode is not None:
             raise InputError.of("render_mode", shown(render_mode), "None: there is no picture")
-        EzPickle.__init__(
-            self,
-            robot,
-            max_tension=max_tension,
-            period=period,
-            max_episode_steps=max_episode_steps,
-            dtype=dtype,
-            between=between,
-            integrator=integrator,
-            load=load,
-            model=model,
-        )  # a copy begins with reset
+        settings: dict[str, Any] = {
+            "max_tension": max_tension,
+            "period": period,
+            "max_episode_steps": max_episode_steps,
+            "dtype": dtype,
+            "between": between,
+            "integrator": integrator,
+            "load": load,
+            "model": model,
+        }
+        EzPickle.__init__(self, robot, **settings)  # a copy begins with reset
         self.render_mode = None
-        self._task = _Task(
-            1,
-            robot,
-            max_tension,
-            period,
-            max_episode_steps,
-            dtype,
-            between,
-            integrator,
-            load,
-            model,
-            threads=1,
-        )
+        self._task = _Task(1, robot, threads=1, **settings)
         self.action_space = self._task.action_space
         self.observation_space = self._task.observation_space
         self._ended = True
@@ -415,33 +402,19 @@ class ReachVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]], EzPick
     ) -> None:
         if render_mode is not None:
             raise InputError.of("render_mode", shown(render_mode), "None: there is no picture")
-        EzPickle.__init__(
-            self,
-            num_envs,
-            robot,
-            max_tension=max_tension,
-            period=period,
-            max_episode_steps=max_episode_steps,
-            dtype=dtype,
-            between=between,
-            integrator=integrator,
-            load=load,
-            model=model,
-            threads=threads,
-        )  # a copy begins with reset
-        self._task = _Task(
-            whole("num_envs", num_envs, 1, 1_000_000),
-            robot,
-            max_tension,
-            period,
-            max_episode_steps,
-            dtype,
-            between,
-            integrator,
-            load,
-            model,
-            threads=threads,
-        )
+        settings: dict[str, Any] = {
+            "max_tension": max_tension,
+            "period": period,
+            "max_episode_steps": max_episode_steps,
+            "dtype": dtype,
+            "between": between,
+            "integrator": integrator,
+            "load": load,
+            "model": model,
+            "threads": threads,
+        }
+        EzPickle.__init__(self, num_envs, robot, **settings)  # a copy begins with reset
+        self._task = _Task(whole("num_envs", num_envs, 1, 1_000_000), robot, **settings)
         self.render_mode = None
         self.num_envs = int(num_envs)
         self.single_action_space = self._task.action_space

@@ -196,7 +196,7 @@ def _array(about: Input, value: Any) -> Any:
 
 @cache
 def _register() -> None:
-    """Make the calls known to XLA."""
+    """Register the calls in XLA."""
     import jax
 
     for name, capsule in xla_targets().items():

@@ -1,4 +1,4 @@
-"""Robots in the browser beside Python: sliders for a robot, poses, and runs that play.
+"""Live view in the browser: robots with sliders, poses, and runs that play.
 
 The page is that of viser, served on this machine; Python solves and sends shapes.
 """
@@ -79,7 +79,7 @@ def view(
     tolerance : float
         Tolerated tip error of constant curvature over the length.
     host : str
-        Address to serve at; others than ``"127.0.0.1"`` let other machines look.
+        Address to serve at; others than ``"127.0.0.1"`` let other machines connect.
     port : int
         Port to serve at, 1 to 65535.
 
@@ -503,7 +503,7 @@ class LiveRobot:
 
     def _arc_tube(self, line: Floats) -> NDArray[np.float32]:
         ahead = np.gradient(line, axis=0)
-        # a side that is nowhere along the line
+        # a side that is never along the line
         side = np.where(
             abs(ahead[:, :1]) < 0.9 * np.linalg.norm(ahead, axis=1)[:, None],
             [1.0, 0, 0],

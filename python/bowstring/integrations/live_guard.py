@@ -1,4 +1,4 @@
-"""Who may see a live view: pages of its own address, which has a token.
+"""Access check of a live view: only pages of its own address, which has a token.
 
 A browser lets any page open a WebSocket to this machine and read what it sends. viser has no check
 of its own, so its server is started with one, for the page and for the WebSocket.
@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 __all__ = ["only_with", "refusal"]
 
 _ONE: Final = threading.Lock()
-# refused and broken connections are no concern of the user
+# the user need not know of refused and broken connections
 _SILENT: Final = logging.Logger("bowstring.view", logging.CRITICAL + 1)
 
 
@@ -34,7 +34,7 @@ def refusal(token: str, path: str, host: str | None, origin: str | None) -> str:
     path : str
         Path of the request, with its query.
     host, origin : str or None
-        Headers of the request. Only browsers send an origin: that of the page that asks.
+        Headers of the request. Only browsers send an origin: that of the page with the request.
     """
     given = path.partition("?")[0].strip("/").partition("/")[0]
     if not secrets.compare_digest(given.encode(), token.encode()):

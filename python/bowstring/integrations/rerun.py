@@ -26,18 +26,7 @@ _HUES: Final = ("red", "green", "purple", "amber")
 
 
 def check_rerun(path: str | Path) -> Path:
-    """Check before any work that a recording may be written (`atomic_io.check_file`).
-
-    Parameters
-    ----------
-    path : str or Path
-        Ends in ``.rrd``.
-
-    Returns
-    -------
-    Path
-        The same file, absolute.
-    """
+    """Check before any work that a recording may be written to a ``.rrd`` file; return its path."""
     return check_file(Path(path), _WHAT, (".rrd",), _MARK)
 
 

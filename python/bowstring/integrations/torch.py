@@ -19,7 +19,7 @@ from bowstring.interrupts import is_interrupt
 from bowstring.statics.equilibria import (
     GRAVITY,
     SECOND,
-    Function,
+    EquilibriumFunction,
     Input,
     columns,
     not_numbers,
@@ -178,7 +178,7 @@ def _tensor(about: Input, value: Any) -> Any:
 
 
 def _evaluate(
-    of: Function, arguments: Any, *, derivatives: bool, gravity: bool = False
+    of: EquilibriumFunction, arguments: Any, *, derivatives: bool, gravity: bool = False
 ) -> dict[str, Any]:
     """Results of the core as tensors with the leading dimensions of the arguments."""
     torch = _torch()
@@ -210,7 +210,7 @@ def _linearise() -> Any:
 
     class Linearise(torch.autograd.Function):  # type: ignore[misc, name-defined]
         @staticmethod
-        def forward(of: Function, gravity: bool, *arguments: Any) -> Any:
+        def forward(of: EquilibriumFunction, gravity: bool, *arguments: Any) -> Any:
             found = _evaluate(of, arguments, derivatives=True, gravity=gravity)
             return found["jacobians"], found["tip_rotation"]
 
@@ -223,7 +223,9 @@ def _linearise() -> Any:
             raise InputError(SECOND)
 
         @staticmethod
-        def vmap(info: Any, dims: Any, of: Function, gravity: bool, *arguments: Any) -> Any:
+        def vmap(
+            info: Any, dims: Any, of: EquilibriumFunction, gravity: bool, *arguments: Any
+        ) -> Any:
             arguments = _in_front(info.batch_size, dims[2:], arguments)
             return Linearise.apply(of, gravity, *arguments), (0, 0)
 
@@ -237,7 +239,7 @@ def _solve() -> Any:
 
     class Solve(torch.autograd.Function):  # type: ignore[misc, name-defined]
         @staticmethod
-        def forward(of: Function, *arguments: Any) -> Any:
+        def forward(of: EquilibriumFunction, *arguments: Any) -> Any:
             found = _evaluate(of, arguments, derivatives=False)
             return tuple(found[name] for name in Equilibrium._fields)
 
@@ -261,7 +263,7 @@ def _solve() -> Any:
             return (None, *found)
 
         @staticmethod
-        def vmap(info: Any, dims: Any, of: Function, *arguments: Any) -> Any:
+        def vmap(info: Any, dims: Any, of: EquilibriumFunction, *arguments: Any) -> Any:
             arguments = _in_front(info.batch_size, dims[1:], arguments)
             return Solve.apply(of, *arguments), (0,) * 5
 

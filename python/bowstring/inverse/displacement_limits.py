@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 BEYOND_DISPLACEMENT: Final = 2
 _TOLERANCE: Final = 1e-9  # of a displacement, over the length
 _MOST_ITERATIONS: Final = 200
-_KEPT: Final = 8  # equilibria, as the optimiser asks for values and derivatives one by one
+_KEPT: Final = 8  # equilibria: the optimiser asks for values and derivatives one by one
 
 
 @dataclass
@@ -49,7 +49,7 @@ class _Equilibrium:
 
 
 class _Row:
-    """Tensions of one target, scaled, with the equilibria that they lead to."""
+    """Equilibria of one target, as a function of its scaled tensions."""
 
     def __init__(
         self,
@@ -97,7 +97,7 @@ def keep_displacements(
     model: RodModel,
     reached: float,
 ) -> None:
-    """Replace rows whose displacements are beyond their limits by such as keep them.
+    """Replace rows whose displacements exceed their limits by rows within the limits.
 
     A row becomes the least tensions that reach the target within all limits or, where there are
     none, those with the nearest tip.

@@ -34,7 +34,7 @@ _RIDGE: Final = 1e-6  # of the largest derivative: keeps tensions that the tip d
 
 
 class _Landed(NamedTuple):
-    """Where tensions lead."""
+    """Tip under tensions, relative to its target."""
 
     tensions: Floats
     miss: Floats
@@ -48,7 +48,7 @@ class _Landed(NamedTuple):
 
 
 class _Row:
-    """Target of one row, and what the next step of a path from its present state gives."""
+    """Target of one row, and steps to tensions from the present state of its path."""
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class _Row:
             elif len(columns) == 1:
                 columns[-1.0] = self._derivatives(now, -side)
             step = self._step(now, side, columns, radius)
-            there = np.clip(now.tensions + step, self.least, self.most)  # but for rounding
+            there = np.clip(now.tensions + step, self.least, self.most)  # except for rounding
             (after,) = self.landed(there[None])
             if after is None or after.size >= now.size:
                 if both:
@@ -182,10 +182,6 @@ def follow_with_friction(
         Whether the rows are one path.
     reached : float
         Distance over length of a reached tip.
-
-    Returns
-    -------
-    dict
     """
     count, tendons = len(targets.positions), robot.core.tendon_count
     state = actuation.Path(robot, model)

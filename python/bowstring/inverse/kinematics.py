@@ -70,8 +70,8 @@ def inverse_kinematics(
     load : Load, optional
         Gravity and dead loads, without actuation. Rows as for `bowstring.sweep`.
     model : RodModel or "constant_curvature", optional
-        Physics as for `bowstring.solve`, which is the default; or arcs, which know neither loads
-        nor shortening: in closed form for one segment and a position, otherwise by iteration, of
+        Physics as for `bowstring.solve`, which is the default; or arcs, which ignore loads
+        and shortening: in closed form for one segment and a position, otherwise by iteration, of
         the arcs through the position those with the least squared bends; tensions follow from the
         linear law.
     min_tension, max_tension : array_like () or (T,), optional
@@ -369,7 +369,7 @@ def _margin(given: float | str) -> float:
 
 
 def _dead(load: Load | None) -> Load:
-    """Dead loads; the actuation is what is sought."""
+    """Dead loads without actuation, which is unknown."""
     if load is None:
         return Load()
     if not isinstance(load, Load):

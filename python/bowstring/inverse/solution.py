@@ -164,7 +164,7 @@ class InverseSolution:
         load: Load | None = None,
         model: RodModel | None = None,
     ) -> Sweep:
-        """Equilibria under the commands: where the robot goes by physics.
+        """Equilibria by physics under the commands.
 
         Parameters
         ----------

@@ -35,7 +35,7 @@ class Tips(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """Tensions (n, T) in N that another model commands, and where the tip goes (n, 3) in m."""
+    """Tensions (n, T) in N of another model, and the tips (n, 3) in m under them by physics."""
 
     tensions: Floats
     tip_position: Floats
@@ -130,18 +130,7 @@ def _columns(file: Path, header: list[str]) -> tuple[list[int], float]:
 
 
 def check_commands(path: str | Path) -> Path:
-    """Check before any work that a table may be written (`atomic_io.check_file`).
-
-    Parameters
-    ----------
-    path : str or Path
-        Ends in ``.csv``.
-
-    Returns
-    -------
-    Path
-        The same file, absolute.
-    """
+    """Check before any work that a table may be written to a ``.csv`` file; return its path."""
     return check_file(Path(path), "table of commands", (".csv",), _MARK)
 
 
@@ -165,7 +154,7 @@ def write_commands(
         Ends in ``.csv``. It is written whole or not at all; a former table of commands is replaced,
         no other file.
     landing : Landing, optional
-        Commands by another model, and where they lead.
+        Commands by another model, and the tips under them.
 
     Returns
     -------

@@ -31,7 +31,7 @@ class Targets(NamedTuple):
 
 
 def across(direction: Floats | None) -> Floats:
-    """Two directions (2, 3) across one; none (0, 3) without one."""
+    """Two directions (2, 3) perpendicular to one; (0, 3) without one."""
     if direction is None:
         return np.zeros((0, 3))
     return np.asarray(np.linalg.svd(direction[None])[2][1:])

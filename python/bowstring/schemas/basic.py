@@ -1,4 +1,4 @@
-"""What the schemas share: the object, numbers and vectors, poses, provenance."""
+"""Base of the schemas: objects, numbers, vectors, poses, provenance."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class MadeByRobot(MadeBy):
 
 
 class OfRobot(Object):
-    """What every command with a robot prints besides its results."""
+    """Addition of all commands with a robot."""
 
     robot: Annotated[str, about("Name of the robot.")]
     warnings: Annotated[list[str], about("Warnings, one sentence each.")]

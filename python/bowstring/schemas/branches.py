@@ -13,5 +13,5 @@ from bowstring.statics.branches import BranchDiagram
 class Branches(OfRobot):
     """Output of `bowstring branches`."""
 
-    text: Annotated[list[str], about("What the diagram says, in sentences.")]
+    text: Annotated[list[str], about("The diagram in sentences.")]
     file: Annotated[str | None, about("Figure; `null` if it could not be drawn.")]

@@ -176,7 +176,7 @@ class ControlDistance(Object):
 class Control(OfRobot):
     """Output of `bowstring control`."""
 
-    text: Annotated[list[str], about("What the result says, in sentences.")]
+    text: Annotated[list[str], about("The result in sentences.")]
     file: Annotated[str | None, about("File of the figure; `null` if it could not be drawn.")]
 
 
@@ -184,5 +184,5 @@ class Control(OfRobot):
 class ReachFound(OfRobot):
     """Output of `bowstring reach`."""
 
-    text: Annotated[list[str], about("What the result says, in sentences.")]
+    text: Annotated[list[str], about("The result in sentences.")]
     file: Annotated[str | None, about("File of the figure; `null` if it could not be drawn.")]

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from bowstring.schemas.basic import Object, OfRobot, about
 from bowstring.schemas.results import beside
-from bowstring.validity.grids import ValidityGrid
 from bowstring.validity.maps import ValidityMap
+from bowstring.validity.multi_axis_maps import ValidityGrid
 from bowstring.validity.spread import Spread
 from bowstring.validity.workspace import WorkspaceMap
 
@@ -16,7 +16,7 @@ from bowstring.validity.workspace import WorkspaceMap
 class Workspace(OfRobot):
     """Output of `bowstring map --workspace`."""
 
-    text: Annotated[list[str], about("What the map says, in sentences.")]
+    text: Annotated[list[str], about("The map in sentences.")]
     file: Annotated[str | None, about("File of the map; `null` if it could not be drawn.")]
 
 
@@ -24,7 +24,7 @@ class Workspace(OfRobot):
 class Map(OfRobot):
     """Output of `bowstring map` without `--workspace`."""
 
-    text: Annotated[list[str], about("What the map says, in sentences.")]
+    text: Annotated[list[str], about("The map in sentences.")]
     file: Annotated[str | None, about("File of the map; `null` if it could not be drawn.")]
 
 
@@ -32,7 +32,7 @@ class Map(OfRobot):
 class Grid(OfRobot):
     """Output of `bowstring map` with more than two `--over`."""
 
-    text: Annotated[list[str], about("What the map says, in sentences.")]
+    text: Annotated[list[str], about("The map in sentences.")]
     file: Annotated[str | None, about("File of the map; `null` if it could not be drawn.")]
 
 
@@ -42,7 +42,7 @@ class StoredValues(Object):
     points: Annotated[int, about("Number of points.")]
     blocks: Annotated[int, about("Number of blocks.")]
     folder: Annotated[str, about("Folder of the blocks.")]
-    text: Annotated[list[str], about("What the map says, in sentences; of up to 5 million points.")]
+    text: Annotated[list[str], about("The map in sentences; of up to 5 million points.")]
     file: Annotated[
         str | None,
         about("Data set of the map, NetCDF or Zarr, or its figure; `null` if it is not drawn."),

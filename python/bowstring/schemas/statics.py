@@ -7,7 +7,7 @@ from typing import Annotated
 from bowstring.schemas.basic import Object, OfRobot, Pose, Vector, about
 from bowstring.schemas.results import beside
 from bowstring.statics.contact_solution import ContactSolution
-from bowstring.statics.limits import Use
+from bowstring.statics.limits import Utilisation
 from bowstring.statics.solution import Solution
 
 __all__ = [
@@ -63,7 +63,9 @@ class Solve(OfRobot):
     ]
 
     message: Annotated[str, about("Status as a sentence, and what to try.")]
-    backbone_limits: Annotated[list[Use], about("Segments for which the robot file has limits.")]
+    backbone_limits: Annotated[
+        list[Utilisation], about("Segments for which the robot file has limits.")
+    ]
     contact: Annotated[
         ContactSolution | None,
         about(

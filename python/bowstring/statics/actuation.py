@@ -113,7 +113,7 @@ def slack(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:
 
 
 def is_by_tensions(robot: Robot, load: Load, history: Mapping[str, Any] | None = None) -> bool:
-    """Whether a load has tensions only, without laws and history, so that no path matters."""
+    """Whether a load has tensions only, without history or laws of tensions: no path matters."""
     if not load.is_tension_controlled or history is not None:
         return False
     return not robot.laws or {*robot.laws} <= {*OF_COMMANDS}

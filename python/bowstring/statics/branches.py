@@ -47,7 +47,7 @@ Kind = Literal["limit_point", "bifurcation"]
 End = Literal["range", "closed", "joined", "collision", "unstable", "points", "lost"]
 
 _SAME: Final = 1e-6  # distance between disks over length below which two equilibria are equal
-_MOST_CUT: Final = 3  # branches that end early, of which the text says where
+_MOST_CUT: Final = 3  # branches that end early and that the text names
 _ENDS: Final = {
     "range": "the end of the range of the load factor",
     "closed": "its first point",
@@ -238,7 +238,7 @@ class BranchDiagram(Result):
 
     @property
     def text(self) -> list[str]:
-        """What the diagram says, in sentences."""
+        """The diagram in sentences."""
         events = [e for _, e in self.events]
         limits = sum(e.kind == "limit_point" for e in events)
         counts = (
@@ -258,8 +258,8 @@ class BranchDiagram(Result):
         else:
             first = self.branches[0]
             most = int(np.argmax(first.factor))
-            what = next((_words(e.kind) for e in first.events if e.point == most), None)
-            reached = what or _ENDS[first.end]
+            kinds = [e.kind.replace("_", " ") for e in first.events if e.point == most]
+            reached = f"a {kinds[0]}" if kinds else _ENDS[first.end]
             out.append(
                 f"No equilibrium was found at load factor {self.max_factor:g}; the first branch "
                 f"reaches {first.factor[most]:.6g}: {reached}."
@@ -617,10 +617,6 @@ def _same_rows(first: Floats | None, last: Floats | None) -> tuple[Floats, Float
     if same_points(a, b):
         return a, b
     return np.concatenate([a, without_wrenches(b)]), np.concatenate([without_wrenches(a), b])
-
-
-def _words(kind: str) -> str:
-    return {"limit_point": "a limit point", "bifurcation": "a bifurcation"}[kind]
 
 
 def _counted(count: int, what: str) -> str:

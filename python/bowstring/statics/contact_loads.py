@@ -1,4 +1,4 @@
-"""Loads of a contact as arrays: of each row, and dead loads with and without their size."""
+"""Loads of a contact as arrays: those of each row, and dead loads."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def load_rows(robot: Robot, load: Load) -> list[Load]:
 
 
 def unloaded(dead: dict[str, Floats]) -> dict[str, Floats]:
-    """Return the gravity, and the other loads with the size zero, on the same points."""
+    """Return the gravity, with all other loads zero and on the same points."""
     none = {name: np.zeros_like(value) for name, value in dead.items()}
     none["gravity"] = dead["gravity"]
     if "point_loads" in dead:

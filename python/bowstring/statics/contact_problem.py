@@ -53,7 +53,7 @@ class _Contact(NamedTuple):
     tip: Floats
     """Tip position (3,) relative to the plane's point; its first component is the gap."""
     anchor: Floats | None
-    """Place (2,) at which a tip in contact sticks; None if separated."""
+    """Tangential position (2,) at which a tip in contact sticks; None if separated."""
     state: State
     residual: float
 
@@ -207,7 +207,7 @@ class ContactProblem:
                 self.restore(saved)
                 if factor == 0.0 and last.core is None:
                     # a frictionless path begins with the contact of the home pose
-                    home = self.press(0.0, 0.0)
+                    home = self.frictionless(0.0, 0.0)
                     if home is None:
                         return None
                     last = home
@@ -223,21 +223,21 @@ class ContactProblem:
     def advance(self, factor: float, target: float, last: _Contact) -> _Contact | None:
         """Contact at a load factor from that at a lower one."""
         if self.friction == 0:
-            return self.press(target, float(last.force[0]))
+            return self.frictionless(target, float(last.force[0]))
         anchor = last.anchor
         if anchor is None:
             saved = self.path.core.history()
             free = self.at(target, np.zeros(3))
             if free is not None and free.tip[0] >= -_TARGET * self.robot.length:
-                return self.proven(free, None)
+                return self.verified(free, None)
             self.restore(saved)
-            anchor = self.touch(factor, target)
+            anchor = self.first_contact(factor, target)
             if anchor is None:
                 return None
-        return self.hold(target, last.force, anchor)
+        return self.with_friction(target, last.force, anchor)
 
-    def touch(self, factor: float, target: float) -> Floats | None:
-        """Place (2,) at which the free tip first reaches the plane between two load factors."""
+    def first_contact(self, factor: float, target: float) -> Floats | None:
+        """Tangential position (2,) of the free tip where it first reaches the plane."""
         from scipy.optimize import brentq  # which a contact without friction does not need
 
         below, before = factor, self.at(factor, np.zeros(3))
@@ -273,7 +273,7 @@ class ContactProblem:
     # Contact conditions
     # ----------------------------------------------------------------------------------
 
-    def press(self, factor: float, normal_force: float) -> _Contact | None:
+    def frictionless(self, factor: float, normal_force: float) -> _Contact | None:
         """Contact without friction: the root of the gap in the normal force, theory Eq. 3.10.
 
         Newton's method from the compliance, then the secant, in a bracket.
@@ -294,7 +294,7 @@ class ContactProblem:
                 continue
             gap = here.tip[0]
             if abs(gap) <= _TARGET * length or (trial == 0 and gap > 0):
-                return self.proven(here, here.tip[1:])
+                return self.verified(here, here.tip[1:])
             if gap < 0:
                 low = trial
             else:
@@ -311,10 +311,10 @@ class ContactProblem:
             if not low < trial < high:
                 trial = 0.5 * (max(low, 0.0) + high)
             if abs(trial - last[0]) <= 1e-15 * (self.scale + trial):
-                return self.proven(here, here.tip[1:])  # below numerical resolution
+                return self.verified(here, here.tip[1:])  # below numerical resolution
         return None
 
-    def hold(self, factor: float, force: Floats, anchor: Floats) -> _Contact | None:
+    def with_friction(self, factor: float, force: Floats, anchor: Floats) -> _Contact | None:
         """Contact with friction: Newton's method on theory Eq. 3.9.
 
         The tip position is linearised in the force, Coulomb's law is not. The step is damped by the
@@ -324,22 +324,22 @@ class ContactProblem:
         if here is None:
             return None
         for _ in range(_MOST_ITERATIONS):
-            proven = self.proven(here, anchor)
-            if proven is not None and proven.residual <= _TARGET:
-                return proven
+            verified = self.verified(here, anchor)
+            if verified is not None and verified.residual <= _TARGET:
+                return verified
             compliance = self.compliance(here.core)
             if compliance is None:
-                return proven
-            target = self.local(compliance, here, anchor)
+                return verified
+            target = self.linear_force(compliance, here, anchor)
             if target is None:
-                return proven
-            following = self.damped(factor, here, target - here.force, compliance, anchor)
+                return verified
+            following = self.damped_step(factor, here, target - here.force, compliance, anchor)
             if following is None:
-                return proven  # below numerical resolution, or not converged
+                return verified  # below numerical resolution, or not converged
             here = following
         return None
 
-    def damped(
+    def damped_step(
         self, factor: float, here: _Equilibrium, step: Floats, compliance: Floats, anchor: Floats
     ) -> _Equilibrium | None:
         """Equilibrium after the longest of the halved steps that leads to a shorter next step."""
@@ -353,7 +353,7 @@ class ContactProblem:
         for _ in range(_MOST_HALVINGS):
             trial = self.at(factor, here.force + share * step)
             if trial is not None:
-                target = self.local(compliance, trial, anchor)
+                target = self.linear_force(compliance, trial, anchor)
                 if target is not None:
                     following = energy_norm(compliance, target - trial.force)
                     if following <= (1 - share / 4) * size:
@@ -362,7 +362,7 @@ class ContactProblem:
             share /= 2
         return None
 
-    def local(self, compliance: Floats, here: _Equilibrium, anchor: Floats) -> Floats | None:
+    def linear_force(self, compliance: Floats, here: _Equilibrium, anchor: Floats) -> Floats | None:
         """Contact force by theory Eq. 3.9 where the tip position is linear in the force."""
         free = here.tip - compliance @ here.force
         free[1:] -= anchor
@@ -377,7 +377,7 @@ class ContactProblem:
             return np.asarray(stuck, float)
         return sliding_force(compliance, free, self.friction, here.force[1:])
 
-    def proven(self, here: _Equilibrium, anchor: Floats | None) -> _Contact | None:
+    def verified(self, here: _Equilibrium, anchor: Floats | None) -> _Contact | None:
         """Contact with its state and residual; None if a condition is violated."""
         length, force, gap = self.robot.length, here.force, here.tip[0]
         if not force.any():
@@ -393,7 +393,7 @@ class ContactProblem:
         if self.friction == 0:
             law = size / scale
         elif slides and size > 0:
-            # no slip but against the friction force, which is then on the cone
+            # slip is against the friction force, which is then on the cone
             direction = -force[1:] / size
             along = float(direction @ slip)
             across = math.hypot(*(slip - along * direction))

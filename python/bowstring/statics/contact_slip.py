@@ -26,7 +26,7 @@ def sliding_force(
     """Contact force of a sliding tip whose position is `free` + `compliance` @ force.
 
     The direction of the slip is the root of one function of its angle, theory Eq. 3.12. Of
-    several roots that is taken whose friction force is the nearest to `tangential`.
+    several roots, takes the one with the friction force nearest to `tangential`.
     """
 
     from scipy.optimize import brentq

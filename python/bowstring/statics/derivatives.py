@@ -140,15 +140,15 @@ def jacobians(solution: Solution) -> Jacobians:
     return Jacobians(**{field.name: found[field.name] for field in fields(Jacobians)})
 
 
-def block_of_taut(answer: Floats, taut: NDArray[np.int64]) -> Floats:
-    """Displacement by tension (m/N) of taut tendons, given by index, out of that of all (T, T).
+def block_of_taut(displacement_by_tension: Floats, taut: NDArray[np.int64]) -> Floats:
+    """Block of the displacement by tension (T, T), m/N, of the taut tendons, given by index.
 
     Raises
     ------
     InputError
         If the matrix is singular.
     """
-    block = answer[np.ix_(taut, taut)]
+    block = displacement_by_tension[np.ix_(taut, taut)]
     if np.linalg.cond(block) > 1e10:
         raise InputError(
             "the taut tendons cannot be displaced one by one, as the backbone does not "
@@ -202,10 +202,10 @@ def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
     )
     held = np.flatnonzero(actuated & (tensions > 0))
     # theory Eq. 4.1, s = 0: displacement = home length - length + compliance * tension
-    answer = np.diag(actuation.compliances(solution.robot)) - by.lengths_by_tension
-    tensions_by_displacement = np.zeros_like(answer)
+    displacement_by_tension = np.diag(actuation.compliances(solution.robot)) - by.lengths_by_tension
+    tensions_by_displacement = np.zeros_like(displacement_by_tension)
     if held.size:
-        block = block_of_taut(answer, held)
+        block = block_of_taut(displacement_by_tension, held)
         tensions_by_displacement[np.ix_(held, held)] = np.linalg.inv(block)
     tensions_by_displacement[:, ~actuated] = np.nan
     return DisplacementJacobian(

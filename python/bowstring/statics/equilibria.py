@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = [
     "GRAVITY",
     "SECOND",
-    "Function",
+    "EquilibriumFunction",
     "Input",
     "columns",
     "differentiable",
@@ -60,7 +60,7 @@ class Input:
 
 
 @dataclass(frozen=True, eq=False)
-class Function:
+class EquilibriumFunction:
     """Equilibria of a robot under constant loads, with checked settings."""
 
     robot: Robot
@@ -121,7 +121,7 @@ class Function:
 
 def differentiable(
     robot: Robot, load: Load | None, model: RodModel | None, threads: int
-) -> Function:
+) -> EquilibriumFunction:
     """Check settings and make the function."""
     check_robot(robot)
     load, model = validation.instance("load", load, Load), as_model(model)
@@ -142,7 +142,8 @@ def differentiable(
 
     def vector(name: str, unit: str, otherwise: Any) -> Input:
         given = getattr(load, name)
-        return Input(name, 3, unit, validation.row(name, _or(given, otherwise), 3, unit))
+        value = otherwise if given is None else given
+        return Input(name, 3, unit, validation.row(name, value, 3, unit))
 
     core = robot.core
     inputs = (
@@ -154,7 +155,7 @@ def differentiable(
     )
     constant = load.replace(gravity=None, tip_force=None, tip_moment=None)
     made = Equilibria(core, with_arrays(constant), model)
-    return Function(robot, load, model, threads, made, inputs)
+    return EquilibriumFunction(robot, load, model, threads, made, inputs)
 
 
 def columns(tendons: int, segments: int) -> dict[int, slice]:
@@ -164,10 +165,6 @@ def columns(tendons: int, segments: int) -> dict[int, slice]:
         found[index] = slice(start, start + count)
         start += count
     return found
-
-
-def _or(value: Any, otherwise: Any) -> Any:
-    return otherwise if value is None else value
 
 
 def not_numbers(about: Input, what: str) -> InputError:

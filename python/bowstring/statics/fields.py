@@ -342,7 +342,7 @@ def derive(robot: Robot, frames: Frames, sec: Section) -> dict[str, Floats]:
 def _of_sections(
     sec: Section, station: Floats, found: Mapping[str, Floats], force: Floats, moment: Floats
 ) -> dict[str, Floats]:
-    """Fields that depend on more than the columns of `sec`, from what the core finds by these."""
+    """Fields that need more than the columns of `sec`, from the core's results by these."""
     curvature, strain = found["curvature"], found["strain"]
     if sec.coupled is not None:
         wrench = np.concatenate([moment, force], axis=-1)
@@ -523,10 +523,6 @@ def rows_to_dataset(
         Further variables.
     settings : mapping
         Settings of the solve, stored as an attribute.
-
-    Returns
-    -------
-    xarray.Dataset
     """
     import xarray as xr
 

@@ -25,18 +25,27 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.statics.fields import Frames, Section
 
-__all__ = ["POINTS", "Use", "below_base", "by_segment", "has_limits", "of_pose", "of_sweep", "used"]
+__all__ = [
+    "POINTS",
+    "Utilisation",
+    "below_base",
+    "by_segment",
+    "has_limits",
+    "of_pose",
+    "of_sweep",
+    "utilisations",
+]
 
 Floats = NDArray[np.float64]
 
 What = Literal["strain_limit", "yield_strength"]
 
 POINTS: Final = 5  # stations per module, as in fields
-_NOTHING: Final = 1e-6  # depth below the base over length that rounding may cause
+_NOTHING: Final = 1e-6  # depth below the base over length, below which it is rounding
 
 
 @dataclass(frozen=True)
-class Use(Result):
+class Utilisation(Result):
     """Utilisation of one limit of a segment's backbone."""
 
     segment: Annotated[int, Key()]
@@ -85,7 +94,7 @@ def by_segment(
     )
 
 
-def used(robot: Robot, von_mises: Floats, strain: Floats) -> list[Use]:
+def utilisations(robot: Robot, von_mises: Floats, strain: Floats) -> list[Utilisation]:
     """Utilisation of the segments' limits by the largest stress and strain (S,)."""
     out = []
     for k, segment in enumerate(robot.segments):
@@ -96,13 +105,13 @@ def used(robot: Robot, von_mises: Floats, strain: Floats) -> list[Use]:
         )
         for what, value, limit in found:
             if limit is not None and np.isfinite(value):
-                out.append(Use(k + 1, what, value, limit))
+                out.append(Utilisation(k + 1, what, value, limit))
     return out
 
 
 def of_pose(
     robot: Robot, disk_positions: Floats, frames_of: Callable[[], Frames], model: RodModel
-) -> tuple[tuple[str, ...], tuple[Use, ...]]:
+) -> tuple[tuple[str, ...], tuple[Utilisation, ...]]:
     """Warnings of an equilibrium, and utilisation of the limits of the robot file.
 
     Parameters
@@ -118,7 +127,7 @@ def of_pose(
     Returns
     -------
     warnings : tuple of str
-    uses : tuple of Use
+    uses : tuple of Utilisation
         Utilisation of each limit; empty if the robot file has none.
     """
     out = [f"{what}." for what in below_base(robot, disk_positions)]
@@ -131,7 +140,7 @@ def of_pose(
     section = fields.Section(robot, frames.station, frames.module, model, partly=True)
     found = fields.derive(robot, frames, section)
     von_mises, strain = by_segment(robot, frames, section, found)
-    uses = used(robot, von_mises[0], strain[0])
+    uses = utilisations(robot, von_mises[0], strain[0])
     several = len(robot.segments) > 1
     out += [
         f"the backbone{f' of segment {u.segment}' * several} exceeds its limit: {u}; "
@@ -188,7 +197,7 @@ def of_sweep(
             "Give a smaller largest tension if something is there."
         )
     known = np.flatnonzero(np.isfinite(surface).any(axis=(0, 2)))
-    each = {int(i): used(robot, surface[0, i], surface[1, i]) for i in known}
+    each = {int(i): utilisations(robot, surface[0, i], surface[1, i]) for i in known}
     for what, k in dict.fromkeys((u.what, u.segment) for some in each.values() for u in some):
         mine = {i: u for i, some in each.items() for u in some if (u.what, u.segment) == (what, k)}
         worst = max(mine, key=lambda i: mine[i].share)

@@ -135,7 +135,7 @@ class InstantLoad(NamedTuple):
 
 
 def least_elements(robot: Robot, load: Load) -> int:
-    """Count elements between two disks that suffice for all arc lengths at which a load acts."""
+    """Least number of elements between two disks for the arc lengths at which loads act."""
     places = (each.arc_length for each in point_loads(load.point_loads))
     count: int = robot.core.least_elements([place for place in places if place is not None])
     return count
@@ -147,7 +147,7 @@ def table_of(numbers: Floats) -> Floats:
 
 
 def same_points(a: Floats, b: Floats) -> bool:
-    """Whether two tables of point loads (P, 12) act on the same points, with any size."""
+    """Whether two tables of point loads (P, 12) act on the same points, whatever their sizes."""
     return a.shape == b.shape and bool(
         (np.delete(a, WRENCH, axis=1) == np.delete(b, WRENCH, axis=1)).all()
     )

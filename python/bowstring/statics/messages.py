@@ -30,7 +30,7 @@ NEEDED: Final = (
 )
 """Attributes of a solution that a message needs."""
 _CONVERGED: Final = 1e-10  # tolerance of the residual
-_ANOTHER_BRANCH: Final = 1e-2  # error of a tip, over the length
+_ANOTHER_BRANCH: Final = 1e-2  # error of a tip over the length, above which it is on another branch
 _MUCH_FRICTION: Final = 1.0  # a failed solve with a larger coefficient gets a hint
 
 
@@ -46,7 +46,7 @@ def discretisation(
     elements: int | None,
     path: bool = False,
 ) -> str:
-    """Warn if the discretisation error is above the tolerance of adaptive elements, else "".
+    """Warning of a discretisation error above the tolerance of adaptive elements, or "".
 
     ``error`` is that of the tip in m and of tensions in N; `path` says whether it is that of a
     path with a memory, which is followed with two numbers of elements.

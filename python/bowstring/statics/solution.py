@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.schemas import basic as schema
     from bowstring.statics.fields import Frames
-    from bowstring.statics.limits import Use
+    from bowstring.statics.limits import Utilisation
 
 __all__ = ["ErrorEstimate", "Pose", "Solution", "Sweep", "joined", "solution"]
 
@@ -183,7 +183,7 @@ class Solution(Result):
     def load(self) -> Load:
         """The load that was solved, with its actuation."""
         core = self.core
-        tensions, displacements = core.tensions, None
+        tensions, displacements, points = core.tensions, None, core.point_loads
         if core.by_displacement is not None and core.commands is not None:
             tensions = np.where(core.by_displacement, np.nan, core.commands)
             displacements = np.where(core.by_displacement, core.commands, np.nan)
@@ -195,7 +195,7 @@ class Solution(Result):
             tip_moment=core.tip_moment,
             disk_forces=core.disk_forces,
             disk_moments=core.disk_moments,
-            point_loads=_point_loads(core.point_loads),
+            point_loads=None if points is None else map(PointLoad.of_numbers, points.tolist()),
             line_forces=core.line_forces,
         )
 
@@ -387,7 +387,7 @@ class Solution(Result):
         points = whole("points", points, 2, 1000)
         self.raise_for_status()
         frames = self._frames(points)
-        core, model = self.core, self.model
+        core, model, loads = self.core, self.model, self.load.point_loads
         settings = {
             "tip_force": core.tip_force.tolist(),
             "tip_moment": core.tip_moment.tolist(),
@@ -396,7 +396,7 @@ class Solution(Result):
                 for name in ON_DISKS
                 if (value := getattr(core, name)) is not None
             },
-            **_settings_of(self.load.point_loads),
+            **({} if loads is None else {"point_loads": [load.to_dict() for load in loads]}),
             "gravity": core.gravity.tolist(),
             "theory": model.theory,
             "tendon": model.tendon_path,
@@ -414,14 +414,14 @@ class Solution(Result):
         load = self.load.replace(tensions=self.tensions)
         return simulator.at_rest(self.robot, load, self.model, path, points=points)
 
-    def limits(self) -> tuple[tuple[str, ...], tuple[Use, ...]]:
+    def limits(self) -> tuple[tuple[str, ...], tuple[Utilisation, ...]]:
         """Warnings of the pose, and utilisation of the limits of the robot file.
 
         Returns
         -------
         warnings : tuple of str
             Disks below the base, and segments beyond ``yield_strength`` or ``strain_limit``.
-        uses : tuple of `bowstring.statics.limits.Use`
+        uses : tuple of `bowstring.statics.limits.Utilisation`
             Utilisation of each limit; empty if the robot file has none or the solve failed.
         """
         from bowstring.statics import limits
@@ -672,14 +672,6 @@ def solution(
     return Solution(robot, path.core.step(given, commands, load), path, before)
 
 
-def _point_loads(numbers: Floats | None) -> tuple[PointLoad, ...] | None:
-    return None if numbers is None else tuple(map(PointLoad.of_numbers, numbers.tolist()))
-
-
-def _settings_of(loads: tuple[PointLoad, ...] | None) -> dict[str, Any]:
-    return {} if loads is None else {"point_loads": [load.to_dict() for load in loads]}
-
-
 def joined(parts: Sequence[tuple[NDArray[np.int64], Sweep]]) -> Sweep:
     """Join sweeps of parts of the rows; the result is no single path and has no history.
 
@@ -687,10 +679,6 @@ def joined(parts: Sequence[tuple[NDArray[np.int64], Sweep]]) -> Sweep:
     ----------
     parts : sequence of (ndarray of int, Sweep)
         Rows of each sweep in the whole; of one robot and the same options.
-
-    Returns
-    -------
-    Sweep
     """
     order = np.argsort(np.concatenate([rows for rows, _ in parts]), kind="stable")
 

@@ -65,7 +65,7 @@ _MATERIAL: Final = "steel"  # default of the robot file
 _SURPLUS: Final = 0.01  # slack of the other tendons over length
 _STEPS: Final = 40  # least number of steps for loading, and for unloading
 
-_HELD: Final = 1e6  # time of each load over that of the memory: at rest, within a millionth
+_HELD: Final = 1e6  # time of each load over that of the memory, for rest to within a millionth
 
 COMMANDED: Final = "cc_from_commanded_lengths"
 """Comparison: constant curvature from the commanded lengths, l0 - displacement."""
@@ -317,10 +317,6 @@ def actuation_budget(
         Main sweep at these loads.
     calibrated : Robot, optional
         Robot with calibrated friction.
-
-    Returns
-    -------
-    ActuationBudget
     """
     t = model.tendon
     given = model.given_robot.tendons
@@ -544,7 +540,7 @@ class _Commanded:
         self.displacements = straight - self.lengths - _SURPLUS * robot.length * slack
 
     def conflicts(self, branch: _Branch) -> bool:
-        """Whether a tendon that should be slack is taut at some command."""
+        """Whether a tendon that should be slack is taut at any command."""
         return bool(np.any(branch.slack[:, self._others] <= self._nothing))
 
 

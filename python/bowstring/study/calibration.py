@@ -189,10 +189,6 @@ def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) 
     frame : Rigid, optional
         Fixed motion from measuring frame to base frame; by default it is fitted with the gains.
 
-    Returns
-    -------
-    ArcCalibration
-
     Raises
     ------
     InputError, NoSolutionError

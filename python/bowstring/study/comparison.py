@@ -103,7 +103,7 @@ class Case:
     rods: Rods
     """The rod: robot, theory and loads."""
     problem: str | None
-    """Reason if numbers are missing at some or all loads."""
+    """Reason for missing numbers at some or all loads."""
     tip_position: Array
     """(n, 3), m."""
     comparisons: dict[str, Comparison]
@@ -155,7 +155,7 @@ def points_by_arcs(
 ) -> tuple[Array, str]:
     """Points (n, 3) by constant curvature, m: the tip, or `tool` in the tip's axes.
 
-    Rows without an arc are NaN; also returned is the reason of the last of them.
+    Rows without an arc are NaN; also returns the reason of the last such row.
     """
 
     def points(arcs: RobotArcs) -> Array:
@@ -178,7 +178,7 @@ def _by_arcs(
     of: Callable[[RobotArcs], Array],
     shape: tuple[int, ...],
 ) -> tuple[Array, str]:
-    """What arcs give (n, *shape), NaN in rows without one, and the reason of the last of them."""
+    """Values of arcs (n, *shape), NaN in rows without, and the reason of the last such row."""
     out, reason = np.full((len(commands), *shape), math.nan), ""
     good = np.flatnonzero(np.isfinite(commands).all(axis=1))
     try:
@@ -231,7 +231,7 @@ class Model:
 
     @cached_property
     def baseline(self) -> Rods:
-        """Rod without any effect; with straight spans, though, beside coupled strains."""
+        """Rod without any effect, except straight spans beside coupled strains."""
         return without(self.main, *acting(self.main))
 
     def tensions(self, tension: Array) -> Array:

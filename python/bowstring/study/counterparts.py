@@ -19,18 +19,18 @@ _DATA: Final = "run the study with --measurements FILE, measurements of this rob
 
 @dataclass(frozen=True)
 class Counterpart:
-    """A figure or table of the source study (Amouri 2019), and where this report has it."""
+    """A figure or table of the source study (Amouri 2019), and its counterpart in the report."""
 
     source: str
     """Number in the source study, such as ``"Fig. 1"``."""
     shows: str
     """Content in words."""
     anchor: str | None
-    """Of the figure or section in the report; None where there is none."""
+    """Anchor of the figure or section in the report; None without a counterpart."""
     title: str
-    """Of that figure or section."""
+    """Title of the figure or section."""
     missing: str
-    """Why there is none, or how to get it."""
+    """Why there is no counterpart, or how to get it."""
 
 
 _ALL: Final = (
@@ -53,7 +53,7 @@ _ALL: Final = (
 
 
 def counterparts(study: Study) -> tuple[Counterpart, ...]:
-    """List what the source study shows, and where the report of a study has the same.
+    """List the figures and tables of the source study with their counterparts in a report.
 
     Parameters
     ----------

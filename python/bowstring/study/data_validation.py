@@ -238,7 +238,7 @@ class AgainstData:
     comparisons: tuple[DataComparison, ...]
     """Comparisons by model in the order of `DATA_MODELS`, each in the frames of `FRAMES`."""
     own_frames: dict[str, Rigid]
-    """By model."""
+    """Best base frame of each model, by its name."""
     gains: dict[str, float]
     """Gains of calibrated constant curvature, fitted with its own base frame."""
     lengths_of: str
@@ -500,10 +500,6 @@ def judge_data(
         Progress callback, called with the finished share from 0 to 1.
     compare : bool
         Whether models with memories are compared on left-out rows too.
-
-    Returns
-    -------
-    AgainstData
 
     Raises
     ------
@@ -792,7 +788,7 @@ def _decomposition(
     without = [everything - {name} for name in names]
     sets = list(dict.fromkeys([*steps, *without]))
     differences = [difference(on) for on in sets]
-    # a change of the mean is over the rows that both have
+    # a change of the mean is over the rows with both errors
     known = np.all([np.isfinite(d).all(axis=1) for d in differences], axis=0)
     if not known.any():
         return math.nan, ()

@@ -12,9 +12,9 @@ from bowstring.errors import InputError
 from bowstring.robot.paths import find
 from bowstring.statics.model import RodModel
 from bowstring.validity.axes import Axis
+from bowstring.validity.design_space import DesignSpace
+from bowstring.validity.map_settings import MapSettings
 from bowstring.validity.maps import ValidityMap, compute_map
-from bowstring.validity.question import Question
-from bowstring.validity.space import Space
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -29,7 +29,7 @@ _RANGES: Final = ((0.5, 1.5), (0.5, 1.2), (0.5, 1.1), (0.9, 1.1))  # over the ro
 
 
 def design_map(robot: Robot, settings: Settings) -> ValidityMap | None:
-    """Map over the tension and a number of the design, around that of the robot.
+    """Map over the tension and a number of the design, around the robot's own.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ def design_map(robot: Robot, settings: Settings) -> ValidityMap | None:
         return None
     axes = (Axis("tension", 0.0, settings.max_tension, _LOADS), axis)
     model, shares = RodModel(settings.theory), np.array(settings.shares)
-    space = Space(robot, axes, shares, settings.max_tension, model)
-    return compute_map(Question.of(space, settings.tolerance))
+    space = DesignSpace(robot, axes, shares, settings.max_tension, model)
+    return compute_map(MapSettings.of(space, settings.tolerance))
 
 
 def has_too_many_disks(robot: Robot) -> bool:

@@ -73,10 +73,6 @@ class StudyEquations:
 def study_equations(study: Study) -> StudyEquations:
     """Evaluate the equations of the source study at the largest load of a study.
 
-    Parameters
-    ----------
-    study : Study
-
     Returns
     -------
     StudyEquations
@@ -329,7 +325,7 @@ def _components(
 
 
 def _root(study: Study, segment: FirstSegment) -> float:
-    """Root of the radicand of Eq. 4, m."""
+    """Square root of the radicand of Eq. 4, m."""
     return 1.5 * float(study.robot.tendons.pitch_radius_m[segment.tendons[0]]) * segment.theta
 
 

@@ -94,7 +94,7 @@ class BudgetRow:
     """`full` without the effect."""
     in_sweep: Case
     """Main sweep with this effect removed if it acts there, otherwise added."""
-    beside: Case
+    reference: Case
     """Reference of `in_sweep`, which differs in this effect only: the main sweep, or, for another
     kind of gravity, the main sweep without gravity."""
     acts_in_sweep: bool
@@ -129,7 +129,7 @@ class Budget(Result):
             return row.added, self.baseline
         if side == "removed":
             return row.full, row.removed
-        pair = (row.beside, row.in_sweep)
+        pair = (row.reference, row.in_sweep)
         return pair if row.acts_in_sweep else pair[::-1]
 
     def contribution(self, row: BudgetRow, side: Side, meaning: str) -> Contribution:
@@ -143,10 +143,6 @@ class Budget(Result):
             sweep.
         meaning : str
             Name of the comparison, one of `bowstring.study.comparison.MEANINGS`.
-
-        Returns
-        -------
-        Contribution
         """
         present, absent = (case.error(meaning) for case in self.cases(row, side))
         common = np.isfinite(present) & np.isfinite(absent)
@@ -249,10 +245,6 @@ def error_budget(
         Progress callback, called with the finished share up to 1.
     calibrated : Robot, optional
         Robot with calibrated friction.
-
-    Returns
-    -------
-    Budget
     """
     plain = model.baseline
     entries = [
@@ -294,7 +286,7 @@ def error_budget(
                 removed=case(entry.removed(whole)),
                 in_sweep=case(without if acts else entry.added(model.main)),
                 # gravity replaces that of the sweep
-                beside=case(without if in_place else model.main),
+                reference=case(without if in_place else model.main),
                 acts_in_sweep=acts,
             )
         )
@@ -356,7 +348,7 @@ def error_budget(
 
 @dataclass(frozen=True)
 class _Entry:
-    """An effect of a size that the budget examines."""
+    """An effect of the budget and its size."""
 
     key: str
     label: str
@@ -373,7 +365,7 @@ class _Entry:
         return with_values(rods, self.effect.part, self.effect.absent)
 
     def acts(self, rods: Rods) -> bool:
-        """Whether rods have the effect; gravity and tip force in this direction."""
+        """Whether rods have the effect, gravity and tip force in the same direction."""
         if self.effect.part == "load":
             return all(getattr(rods.load, name) == value for name, value in self.present.items())
         return self.effect.acts(rods)
@@ -440,7 +432,7 @@ def _stiffness_word(robot: Robot) -> str:
 
 
 def transverse_force(robot: Robot, share: float, unit: float = 1.0) -> float:
-    """Largest round force that moves the straight robot's tip by at most a share of its length.
+    """Largest force that moves the straight robot's tip by at most a share of its length, rounded.
 
     Parameters
     ----------
@@ -448,12 +440,12 @@ def transverse_force(robot: Robot, share: float, unit: float = 1.0) -> float:
     share : float
         Deflection over the length, by linear theory.
     unit : float
-        What is round is the force over this, such as a mass: the force over gravity.
+        Divisor of the force before it is rounded, such as gravity for a mass.
 
     Returns
     -------
     float
-        The force in N, over `unit`.
+        Force in N over `unit`, rounded down.
     """
     compliance, beyond = 0.0, robot.length
     for segment, stiffness in zip(robot.segments, robot.bending_stiffness, strict=True):

@@ -49,10 +49,6 @@ _MAGNIFIED: Final = 2.0  # an inset that magnifies less is not worth its place
 def draw(study: Study) -> Iterator[tuple[str, Callable[[], Figure]]]:
     """Draw the figures one by one.
 
-    Parameters
-    ----------
-    study : Study
-
     Yields
     ------
     stem : str
@@ -79,7 +75,7 @@ def _tip_against_force(study: Study) -> Figure:
     def draw_on(
         axes: Axes, name: str, look: tuple[str, str, str], static: Array, over: Array
     ) -> None:
-        """A line of dynamics and the markers of statics, or these joined where it is alone."""
+        """Draw dynamics as a line and statics as markers, joined where there is no dynamics."""
         colour, marker, line = LIGHT[look[0]], look[1], look[2]
         if motion:
             axes.plot(motion.tension[rising], over[rising], line, color=colour)
@@ -123,7 +119,7 @@ def _tip_against_force(study: Study) -> Figure:
     if study.bricks is not None:
         bent = np.linalg.norm(study.bricks.tip_position - straight, axis=-1)
         moved.plot(s.tension, bent * 1e3, **{**cross, "color": LIGHT["green"]})
-        largest = study.bricks.beside.middle.max(axis=1, initial=0.0) / 1e6
+        largest = study.bricks.comparison.middle.max(axis=1, initial=0.0) / 1e6
         name = "finite elements, mid-module"
         stress.plot(s.tension[: len(largest)], largest, label=name, **cross)
     stress.set(ylabel="largest stress\n(MPa)")
@@ -275,7 +271,7 @@ def _configurations(study: Study) -> Figure:
 
 
 def _label_tips(axes: Any, tips: Sequence[tuple[Array, Array, str]], drawn: Array) -> None:
-    """Put a text beyond each tip, where it covers least of what is drawn and lies on top of it."""
+    """Label each tip in front of all, at the place beyond it where the text covers least."""
     from mpl_toolkits.mplot3d import proj3d
 
     axes.figure.draw_without_rendering()  # puts the axes and their numbers into their places
@@ -372,7 +368,7 @@ def _magnify_end(
     ends: Array,
     draw_on: Callable[[Axes], None],
 ) -> None:
-    """Show the last loads large in a corner, if they are close together and a corner is free."""
+    """Magnify the last loads in a corner, if they are close together and a corner is free."""
     reach = float(np.ptp(ends, axis=1).max()) if ends.size else 0.0
     if reach == 0.0:
         return
@@ -417,7 +413,7 @@ def _magnify_end(
 
 
 def _backbones(study: Study) -> Figure:
-    """The shapes themselves at the largest load, and how far they part along the robot."""
+    """Draw shapes at the largest load, and their distance from statics along the robot."""
     found = backbones(study)
     figure, (shapes, apart) = subplots(2, 6.0, height_ratios=(2, 1))
     looks = {
@@ -514,7 +510,7 @@ _BY_MEANING: Final = (
 
 
 def _contributions(axes: Axes, budget: Budget, side: Side) -> None:
-    """One row by effect: the mean error without it (hollow) joined to that with it (filled)."""
+    """Draw a row for each effect: the mean error without it (hollow) and with it (filled)."""
     labels = [short(row.label) for row in budget.rows]
     places = np.arange(len(labels))[::-1]
     counted, means = [], []
@@ -549,7 +545,7 @@ def _contributions(axes: Axes, budget: Budget, side: Side) -> None:
 
 
 def _say_loads(axes: Axes, place: float, counts: Sequence[tuple[int, int]]) -> bool:
-    """Beside a row: over how many loads its means are, where these are not all."""
+    """Write the number of loads of a row's means beside it, unless all; return whether written."""
     if all(n == of for n, of in counts):
         return False
     text = "; ".join(dict.fromkeys(f"{n} of {of}" if n else "none" for n, of in counts))
@@ -559,7 +555,7 @@ def _say_loads(axes: Axes, place: float, counts: Sequence[tuple[int, int]]) -> b
 
 
 _NOTE_WIDTH: Final = 40
-"""Letters of a note below half a figure."""
+"""Width of a note below half a figure, in letters."""
 
 
 def _mean_axis(axes: Axes, notes: Sequence[str], counted: bool) -> None:
@@ -662,7 +658,7 @@ def _disk(study: Study) -> Figure:
 
 def _fe_stress(study: Study) -> Figure:
     assert study.bricks is not None
-    return stress_along(study.bricks.run, study.bricks.beside)
+    return stress_along(study.bricks.run, study.bricks.comparison)
 
 
 def _fe_field(study: Study) -> Figure:

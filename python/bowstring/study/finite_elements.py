@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.fem.comparison import BesideRod, beside_rod
+from bowstring.fem.comparison import RodComparison, compare_with_rod
 from bowstring.fem.run import BrickRun, Settings, sweep
 from bowstring.formatting import in_mm, in_percent, listed
 from bowstring.results import Key, Result
@@ -37,8 +37,8 @@ class FiniteElements(Result):
 
     run: BrickRun
     """The run of CalculiX."""
-    beside: BesideRod
-    """Its stress beside that of the rod."""
+    comparison: RodComparison
+    """Tips and stress of both, finite elements and rod."""
     tip_position: Annotated[Array, Key("tip_position_mm")]
     """Tip (n, 3), m; NaN at loads that were not reached."""
     tendon_lengths: Annotated[Array, Key("tendon_lengths_mm")]
@@ -58,22 +58,22 @@ class FiniteElements(Result):
 
     @property
     def status(self) -> Annotated[FeStatus, Key()]:
-        """As of ``fe``."""
+        """Status of the run, as in ``fe``."""
         return cast("FeStatus", self.run.status)
 
     @property
     def middle_stress_ratio(self) -> Annotated[Array, Key()]:
-        """As ``stress_ratio`` of ``fe`` (n,); NaN where it has none."""
-        return self.beside.stress_ratio
+        """Stress ratio (n,), ``stress_ratio`` of ``fe``; NaN where it has none."""
+        return self.comparison.stress_ratio
 
     @property
     def concentration(self) -> Annotated[Array, Key()]:
-        """As of ``fe`` (n,); NaN where it has none."""
-        return self.beside.concentration
+        """Stress concentration (n,), as in ``fe``; NaN where it has none."""
+        return self.comparison.concentration
 
     @property
     def span_error(self) -> Annotated[float, Key()]:
-        """As of ``fe``; NaN without a load."""
+        """Error of the spans, as in ``fe``; NaN without a load."""
         return self.run.span_error
 
     @property
@@ -99,7 +99,7 @@ class FiniteElements(Result):
     @property
     def text(self) -> Annotated[tuple[str, ...], Key()]:
         """Settings and results of the finite elements in sentences."""
-        run, beside = self.run, self.beside
+        run, comparison = self.run, self.comparison
         asked = run.settings
         how = (
             f"The robot as a solid of {len(run.mesh.bricks)} bricks (mesh {asked['mesh']}, "
@@ -122,13 +122,13 @@ class FiniteElements(Result):
                 "sliding removes it"
             )
         found += "."
-        ratio = beside.stress_ratio[np.isfinite(beside.stress_ratio)]
+        ratio = comparison.stress_ratio[np.isfinite(comparison.stress_ratio)]
         more = f"Span forces equal the tensions within {in_percent(run.span_error, 1)}."
         if ratio.size:
             more += (
                 " In the middle of the modules the largest axial stress is "
                 f"{ratio.min():.3f} to {ratio.max():.3f} times the rod's; at the disks' edges a "
-                f"node has up to {np.nanmax(beside.concentration):.2f} times that of the middle, "
+                f"node has up to {np.nanmax(self.concentration):.2f} times that of the middle, "
                 "which grows with the fineness of the mesh."
             )
         return (how, found, more, *self._text_of_data())
@@ -182,7 +182,7 @@ def solve(
         tip[: len(run.states)] = run.tip_position
         lengths[: len(run.states)] = run.frames.tendon_length
     apart = np.linalg.norm(tip - statics_tip, axis=1)
-    return FiniteElements(run, beside_rod(run), tip, lengths, apart)
+    return FiniteElements(run, compare_with_rod(run), tip, lengths, apart)
 
 
 def at_data(

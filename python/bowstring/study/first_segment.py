@@ -76,16 +76,7 @@ class FirstSegment:
 
 
 def first_segment(study: Study) -> FirstSegment:
-    """Find the first segment at the largest load of the sweep with an equilibrium.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    FirstSegment
-    """
+    """Find the first segment at the largest load of the sweep with an equilibrium."""
     robot, statics = study.model.robot, study.statics
     load = int(np.flatnonzero(statics.converged)[-1])
     tension = float(statics.tension[load])

@@ -32,11 +32,7 @@ _MOST: Final = 8  # tendons with their own line in the key
 
 
 def draw_arc(study: Study) -> Figure:
-    """The arc of the segment at the base in its bending plane, and the base from above.
-
-    Parameters
-    ----------
-    study : Study
+    """Draw the arc of the segment at the base in its bending plane, and the base from above.
 
     Returns
     -------
@@ -130,7 +126,7 @@ def _arc_from_the_side(axes: Axes, segment: FirstSegment) -> None:
 
 
 def _base_from_above(axes: Axes, study: Study, segment: FirstSegment) -> None:
-    """The x-y plane of the base frame with the holes, seen from the tip."""
+    """Draw the x-y plane of the base frame with the holes, seen from the tip."""
     from matplotlib.patches import Circle
 
     robot = study.robot
@@ -163,17 +159,13 @@ def _base_from_above(axes: Axes, study: Study, segment: FirstSegment) -> None:
 
 
 def draw_module(study: Study) -> Figure:
-    """One module of the segment at the base in its bending plane, with disks and straight spans.
-
-    Parameters
-    ----------
-    study : Study
+    """Draw one module of the segment at the base in its bending plane: disks and straight spans.
 
     Returns
     -------
     matplotlib.figure.Figure
-        To scale; the key has the numbers. The second module, as the first one has no disk at its
-        start; where there is one module, that one.
+        To scale; the key has the numbers. The second module, because the first one has no disk at
+        its start; of a single module, that one.
     """
     segment = first_segment(study)
     robot, theta = study.robot, segment.theta
@@ -263,7 +255,7 @@ def draw_module(study: Study) -> Figure:
 
 
 def _module_sizes(axes: Axes, at: Any, radius: float, high: float) -> None:
-    """Letters at the sizes of the key."""
+    """Write the letters of the key at the lengths that they name."""
     (start, across, _), (end, turned, onward) = at(0.0), at(1.0)
     middle, normal, _ = at(0.5)
     _write(axes, middle, "s", tuple(7 * normal))
@@ -357,12 +349,12 @@ def _write(
 
 
 def _key_height(rows: Sequence[tuple[str, str, str]]) -> float:
-    """Of the figure that holds a key, in inches."""
+    """Height of a figure that holds a key, inches."""
     return 0.35 + _LINE * sum(text.count("\n") + 1.35 for _, text, _ in rows)
 
 
 def _key(figure: Figure, rows: Sequence[tuple[str, str, str]]) -> None:
-    """Letters with what they are and their numbers, at the right."""
+    """Write the key at the right: letters, their meanings and values."""
     line = _LINE / figure.get_figheight()
     place = 1.0 - 0.15 / figure.get_figheight()
     for letter, text, colour in rows:

@@ -15,10 +15,10 @@ from bowstring.study.design_map import has_too_many_disks
 from bowstring.study.error_budget import transverse_force
 from bowstring.validity.axes import Axis, axes_of
 from bowstring.validity.dead_loads import check_dead_loads
+from bowstring.validity.design_space import DesignSpace
 from bowstring.validity.errors import LABELS
+from bowstring.validity.map_settings import MapSettings
 from bowstring.validity.maps import ValidityMap, compute_map
-from bowstring.validity.question import Question
-from bowstring.validity.space import Space
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -66,7 +66,7 @@ def check_load_axis(robot: Robot, model: Model, over: str | None) -> Axis:
     Raises
     ------
     InputError
-        If the axis is wrong, or no load.
+        If the axis is wrong, or is no load.
     """
     if over is not None:
         (axis,) = axes_of(robot, [over])
@@ -103,7 +103,7 @@ def load_map(model: Model, settings: Settings, axis: Axis) -> ValidityMap | None
     """
     if has_too_many_disks(model.robot):
         return None
-    space = Space(
+    space = DesignSpace(
         model.robot,
         (Axis("tension", 0.0, settings.max_tension, _TENSIONS), axis),
         np.array(settings.shares),
@@ -112,7 +112,7 @@ def load_map(model: Model, settings: Settings, axis: Axis) -> ValidityMap | None
         _load(model, axis),
         _RAMP,
     )
-    return compute_map(Question.of(space, settings.tolerance))
+    return compute_map(MapSettings.of(space, settings.tolerance))
 
 
 def _load(model: Model, axis: Axis) -> Load:
@@ -121,7 +121,7 @@ def _load(model: Model, axis: Axis) -> Load:
 
 
 def _assumption(found: ValidityMap) -> str:
-    """Which gravity or direction the load of a map has, in words."""
+    """Gravity or direction of the load of a map, in words."""
     axis = found.axes[1]
     if axis.path == "tip_force":
         return "dead, perpendicular to the bending plane"
@@ -165,7 +165,7 @@ def load_text(found: ValidityMap) -> tuple[str, str]:
 
 
 def load_sentence(found: ValidityMap) -> str:
-    """The same as one sentence with its gravity or direction."""
+    """`load_text` as one sentence, with the gravity or direction of the load."""
     (heading, sentence), why = load_text(found), _assumption(found)
     return f"{heading}{f' ({why})' if why else ''}, {sentence}."
 
@@ -194,7 +194,7 @@ def _ranges(found: ValidityMap, name: str, tension: float) -> str:
 
 
 def _crossing(y: Floats, values: Floats, inside: int, outside: int, level: float) -> float:
-    """Where the values reach a level between two neighbours; the inner one without the other."""
+    """Position at which values reach a level between two neighbours, or the inner one."""
     if not 0 <= outside < len(y) or not np.isfinite(values[outside]):
         return float(y[inside])
     share = (level - values[inside]) / (values[outside] - values[inside])

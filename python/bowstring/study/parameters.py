@@ -32,13 +32,13 @@ class Parameter:
     """One value of a robot."""
 
     field: str
-    """As in the robot file, from its segment on: ``"backbone.E"``; empty for what follows."""
+    """Field of the robot file, below its segment: ``"backbone.E"``; empty if derived."""
     meaning: str
     """Meaning in words, such as ``"Bending stiffness E I"``."""
     where: str
     """Which segments or tendons have it, counted from 1; empty where all have it."""
     value: str
-    """With its unit."""
+    """Value with its unit."""
     origin: str
     """`GIVEN`, `DEFAULT` or `DERIVED`."""
 
@@ -55,10 +55,6 @@ class AssumedValue:
 
 def parameters(robot: Robot) -> tuple[Parameter, ...]:
     """List every parameter of a robot; equal values of several segments or tendons once.
-
-    Parameters
-    ----------
-    robot : Robot
 
     Returns
     -------
@@ -79,16 +75,7 @@ def parameters(robot: Robot) -> tuple[Parameter, ...]:
 
 
 def assumed(study: Study) -> tuple[AssumedValue, ...]:
-    """List what the robot file does not give and the report assumes, and for what.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    tuple of AssumedValue
-    """
+    """List what the robot file does not give and the report assumes, and for what."""
     actuation = "the effects of friction and elastic tendons in the error budget"
     out = [AssumedValue(each, actuation) for each in study.budget.actuation.assumptions]
     try:

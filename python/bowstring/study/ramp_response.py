@@ -99,7 +99,7 @@ class Transient(Result):
     material_damping: Annotated[float, Key("material_damping_s")]
     """Kelvin-Voigt damping, s."""
     status: Annotated[Status, Key()]
-    """As of ``simulate``: ``"converged"``, or why the motion stopped early."""
+    """Status as in ``simulate``: ``"converged"``, or why the motion stopped early."""
     reason: Annotated[str, Key()]
     """Reason if it stopped early."""
     time: Annotated[Array, Key("time_s")]
@@ -160,7 +160,7 @@ class Transient(Result):
 
     @property
     def largest_difference_at(self) -> Annotated[float, Key("difference_from_statics_max_at_N")]:
-        """Tension there, N; NaN without an equilibrium."""
+        """Tension at the largest distance, N; NaN without an equilibrium."""
         return self.max_difference[1]
 
     @property
@@ -387,10 +387,6 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
     tip : ndarray (n, 3)
         Tips of the equilibria, m. Stress is NaN where the solver, from the straight robot, finds no
         or another equilibrium.
-
-    Returns
-    -------
-    Surface
     """
     found = np.full((3, len(tension)), math.nan)
     by_segment = np.full((2, len(tension), len(model.robot.segments)), math.nan)
@@ -449,10 +445,6 @@ def has_surface(robot: Robot) -> bool:
 
 def without_surface(robot: Robot) -> str:
     """Why stress and strain at the surface are not computed, in a sentence.
-
-    Parameters
-    ----------
-    robot : Robot
 
     Returns
     -------

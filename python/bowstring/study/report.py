@@ -42,10 +42,6 @@ Progress = Callable[[str, float], None]
 def default_folder(robot: Robot) -> Path:
     """Folder of a robot's study if none is asked for: ``bowstring-study/<robot name>``.
 
-    Parameters
-    ----------
-    robot : Robot
-
     Returns
     -------
     Path
@@ -64,7 +60,7 @@ def write(study: Study, out: str | Path | None = None, *, progress: Progress | N
         Folder; a former study in it is replaced whole, after success. `default_folder` if not
         given.
     progress : callable, optional
-        Is told what is being done and the share that is done, from 0 to 1.
+        Progress callback, called with the name of the work and its finished share from 0 to 1.
 
     Returns
     -------
@@ -114,12 +110,12 @@ def _fill(study: Study, folder: Path, notify: Progress) -> None:
 
 
 def written_figures(study: Study, folder: Path) -> list[dict[str, Any]]:
-    """Figures in the JSON of a study that its folder has: those that could be drawn."""
+    """Figures of a study whose files are in its folder: those that could be drawn."""
     return [f for f in study.to_dict()["figures"] if (folder / f["pdf"]).exists()]
 
 
 def _plain_text(value: Any) -> Any:
-    """What the page shows of a value: HTML has no control characters."""
+    """Value as text of the page, without control characters, which HTML cannot have."""
     from markupsafe import Markup
 
     return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
@@ -193,7 +189,7 @@ def _budget_page(study: Study, side: Side, title: str) -> dict[str, Any]:
 
 
 def _data_page(found: AgainstData) -> dict[str, Any]:
-    """What the page shows of the verdict on data."""
+    """Values of the page for the verdict on data."""
     from bowstring.study.data_validation import FRAMES
 
     return {

@@ -30,10 +30,6 @@ _LABELS: Final = {"cc_from_force": "CC from force", "cc_from_lengths": "CC from 
 def scene(study: Study) -> dict[str, Any] | None:
     """Shapes of rod and constant curvature at the loads of a study, and measured points.
 
-    Parameters
-    ----------
-    study : Study
-
     Returns
     -------
     dict or None
@@ -66,7 +62,7 @@ def scene(study: Study) -> dict[str, Any] | None:
 
 
 def _tendons(study: Study, position: Array, rotation: Array) -> list[Any]:
-    """Points of each tendon (mm) at each load; none of a robot with very many."""
+    """Points of each tendon (mm) at each load; empty for a robot with very many holes."""
     robot = study.robot
     if len(robot.tendons.segment) * position.shape[1] > _MOST_HOLES:
         return []

@@ -37,16 +37,7 @@ _PLACES: Final = 41  # points along a segment
 
 
 def draw_shapes(study: Study) -> Figure:
-    """Draw errors against the load, and the curvature along the robot at the largest one.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw errors against the load, and the curvature along the robot at the largest one."""
     figure, (tip, disks, along) = subplots(3, 8.2, height_ratios=(3, 3, 3))
     tension = study.statics.tension
     for model in study.shapes.models:

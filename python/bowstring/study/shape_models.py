@@ -1,8 +1,8 @@
-"""What to take instead: curvature that varies along the robot, beside constant curvature.
+"""Curvature that varies along the robot, compared with constant curvature.
 
 All models are compared with statics at the loads of the sweep, at the tip and over the disks. Fits
-(`bowstring.constant_curvature.fit_curvature`) know the shape by statics: they say what a family of
-shapes can do at best. Predictions (`bowstring.constant_curvature.curvature_from_loads`) know
+(`bowstring.constant_curvature.fit_curvature`) know the shape by statics: they show the least
+error of a family of shapes. Predictions (`bowstring.constant_curvature.curvature_from_loads`) know
 tensions and weight only.
 """
 
@@ -47,7 +47,7 @@ Kind = Literal["constant_curvature", "fit", "prediction"]
 
 _COMMON: Final[Kind] = "constant_curvature"
 _SAME: Final = 1e-9  # distance of two predictions over the length that is rounding
-_REDUCES: Final = 0.5  # ratio of two errors below which a model is worth naming
+_REDUCES: Final = 0.5  # ratio of two errors below which the text names a model
 _OF_BEND: Final = 0.2  # ratio of the fitted arc's error to that from force, likewise
 _POWERS: Final = {1: "linear in arc length", 2: "quadratic"}
 _EXACT: Final = 1e-4  # mean tip error over the length that needs no better model
@@ -155,10 +155,6 @@ def compare_shapes(
         Sweep.
     comparisons : mapping
         Constant curvature against statics, by name.
-
-    Returns
-    -------
-    ShapeModels
     """
     tensions, disks = model.tensions(statics.tension), statics.disk_positions
     out = []
@@ -208,7 +204,7 @@ def _fitted(model: Model, statics: Statics) -> tuple[dict[str, VariableCurvature
 
 
 def _predicted(model: Model, statics: Statics) -> tuple[dict[str, VariableCurvature], list[str]]:
-    """Predictions by name where they differ from the linear law, else a sentence."""
+    """Predictions by name where they differ from the linear law, else a sentence on why not."""
     robot, tensions = model.robot, model.tensions(statics.tension)
     found: dict[str, VariableCurvature] = {}
     last: VariableCurvature | None = None

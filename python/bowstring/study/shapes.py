@@ -43,16 +43,7 @@ class Backbones:
 
 
 def backbones(study: Study) -> Backbones:
-    """Compute the shapes of rod and constant curvature at the largest load of a study.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    Backbones
-    """
+    """Compute the shapes of rod and constant curvature at the largest load of a study."""
     statics = study.statics
     last = int(np.flatnonzero(statics.converged)[-1])
     tension = float(statics.tension[last])

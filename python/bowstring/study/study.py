@@ -180,7 +180,7 @@ class Study:
 
     @cached_property
     def without_disks(self) -> str:
-        """Why there is no drawing of the disks, where there is none."""
+        """Why there is no drawing of the disks; empty if there is one."""
         from bowstring.cad.drawing import check_drawing
 
         try:

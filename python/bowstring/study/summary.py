@@ -1,4 +1,4 @@
-"""The verdict as an engineer would report it: one table and a few sentences."""
+"""Summary of a study: one table and a few sentences."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["COLUMNS", "Summary", "summarise"]
 COLUMNS: Final = ("CC from", "valid to", "mean error", "mean, corrected", "largest error", "at")
 """Columns of the table; the corrected error is the mean with the correction in closed form."""
 
-_FEWEST: Final = 3  # loads of a mean, one of which is mostly that without tension
+_FEWEST: Final = 3  # least loads of a mean; one of them is mostly without tension
 _INPUTS: Final = {
     "cc_from_lengths": "tendon lengths",
     "cc_from_force": "force (linear law)",
@@ -38,7 +38,7 @@ class Summary:
     title: str
     """Robot, length, actuated tendons, range of tension and tolerance in one line."""
     reference: str
-    """What the errors are distances to, for the title of the table."""
+    """What the tips are compared with, for the title of the table."""
     rows: tuple[tuple[str, ...], ...]
     """Rows in the order of `COLUMNS`, one from lengths and one from force."""
     findings: tuple[tuple[str, str], ...]
@@ -85,12 +85,12 @@ def _row(study: Study, meaning: Meaning) -> tuple[str, ...]:
 
 
 def _enough(study: Study, n: int) -> bool:
-    """Whether a mean over so many loads is worth a reader's time."""
+    """Whether the table has a mean over so many loads."""
     return n >= min(_FEWEST, len(study.statics.tension))
 
 
 def _over(study: Study, n: int, before: str = "") -> str:
-    """Over how many loads a mean is, where it is not over all."""
+    """Number of loads of a mean in words; empty if they are all loads."""
     loads = len(study.statics.tension)
     return "" if n == loads else f"{before}{n} of {loads} loads"
 
@@ -110,7 +110,7 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         if m.shares:
             effect = m.largest_contribution
             found = (m.cause_label, effect.label) if effect else ("", "")
-            where = f"from {_INPUTS[m.name].split(' (')[0]}, at {significant(m.blamed_at)} N"
+            where = f"from {_INPUTS[m.name].split(' (')[0]}, at {significant(m.shares_at)} N"
             causes.setdefault(found, []).append(where)
     for (title, label), loads in causes.items():
         if not title:

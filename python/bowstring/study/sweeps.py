@@ -38,13 +38,13 @@ class GeometricSweep(Result):
     displacement: Annotated[Array, Key("displacement_mm")]
     """Displacement of the actuated tendon (n,), m."""
     tendon_lengths: Array
-    """(n, T), m."""
+    """Tendon lengths (n, T), m."""
     theta: Annotated[Array, Key("theta_deg")]
     """Bend angles by displacement and segment (n, S), rad."""
     tip_position: Annotated[Array, Key("tip_position_mm")]
     """Tip (n, 3), m."""
     disk_positions: Array
-    """(n, N, 3), m."""
+    """Positions of the disks (n, N, 3), m."""
     disk_rotations: Array
     """Rotations of the disks (n, N, 3, 3)."""
     backbone: Array
@@ -68,9 +68,9 @@ class Statics(Result):
     tip_position: Annotated[Array, Key("tip_position_mm")]
     """Tip (n, 3), m; NaN where not converged."""
     disk_positions: Array
-    """(n, N, 3), m."""
+    """Positions of the disks (n, N, 3), m."""
     disk_rotations: Array
-    """(n, N, 3, 3), disk frame to base frame."""
+    """Their rotations (n, N, 3, 3), disk frame to base frame."""
     tendon_lengths: Annotated[Array, Key("tendon_lengths_mm")]
     """Tendon lengths (n, T), m; NaN where not converged."""
     displacement: Annotated[Array, Key("displacement_mm")]

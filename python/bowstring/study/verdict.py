@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 _FINE_POINTS: Final = 401  # loads of the fine sweep
 _BISECTIONS: Final = 40
-_WORTH_NAMING: Final = 0.1  # least share of the error of an effect that is named as its cause
+_WORTH_NAMING: Final = 0.1  # least share of the error of an effect that the text names
 
 
 # -- what is computed --------------------------------------------------------------------------
@@ -70,7 +70,7 @@ class Meaning(Result):
     """Largest error on the fine sweep, m; NaN without any."""
     max_at: Annotated[float, Key("max_error_at_N")]
     """Tension of the largest error, N; 0 without any."""
-    blamed_at: Annotated[float, Key("shares_at_N")]
+    shares_at: Annotated[float, Key("shares_at_N")]
     """Tension of the shares, N: the first crossing, else that of the largest error."""
     shares: Annotated[tuple[Share, ...], Key()]
     """Shares, largest first; empty if rod and constant curvature agree there."""
@@ -85,7 +85,7 @@ class Meaning(Result):
 
     @property
     def cause_label(self) -> str:
-        """What the effect with the largest share is called: dominant with more than half of it."""
+        """Heading of the effect with the largest share, which is dominant above one half."""
         return "Dominant cause" if self.dominant_cause else "Largest contribution"
 
     @property
@@ -96,7 +96,7 @@ class Meaning(Result):
 
     @property
     def dominant_cause(self) -> Share | None:
-        """Effect with more than half of the error, at the load `blamed_at`."""
+        """Effect with more than half of the error, at the load `shares_at`."""
         largest = self.largest_contribution
         return largest if largest and largest.share > DOMINANT else None
 
@@ -146,10 +146,6 @@ def judge(
         Error budget, for the sentence on effects outside the sweep.
     on_shapes : sequence of str
         Sentences on curvature that varies along the robot.
-
-    Returns
-    -------
-    Verdict
     """
     fine = np.linspace(0.0, max_tension, _FINE_POINTS)
     case_tension = np.linspace(0.0, max_tension, len(budget.sweep.tip_position))
@@ -202,10 +198,10 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
         gaps = [a for a, _ in exceeded] + [float(tension[i - 1]) for i, _ in _runs(~known) if i]
         valid_to = min([*gaps, float(tension[-1])])
     peak = int(np.argmax(np.where(known, error, -1.0)))
-    blamed_at = exceeded[0][0] if exceeded else float(tension[peak])
+    shares_at = exceeded[0][0] if exceeded else float(tension[peak])
     shares: tuple[Share, ...] = ()
     if np.any(known):
-        shares = shares_of(model, name, blamed_at)
+        shares = shares_of(model, name, shares_at)
     meaning = Meaning(
         name=name,
         valid_throughout=not exceeded and not undecided,
@@ -214,7 +210,7 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
         undecided=undecided,
         max_error=known_max(error),
         max_at=float(tension[peak]),
-        blamed_at=blamed_at,
+        shares_at=shares_at,
         shares=shares,
         text="",
     )
@@ -304,12 +300,12 @@ def _in_words(
         words += f" It is above from {ranges}."
     if m.undecided:
         words += f" No comparison is possible at {listed(without)}."
-    words += _blame(m)
+    words += _cause_in_words(m)
     return words
 
 
-def _blame(m: Meaning) -> str:
-    where = f"at {significant(m.blamed_at)} N"
+def _cause_in_words(m: Meaning) -> str:
+    where = f"at {significant(m.shares_at)} N"
     if not m.shares:
         return " There the two agree."
     worst = m.shares[0]
@@ -337,7 +333,7 @@ class Correction:
     """A correction in closed form: means over the loads that have a tip with and without it."""
 
     name: str
-    """Of the comparison that it corrects."""
+    """Name of the comparison that it corrects."""
     what: str
     """Correction in words."""
     source: str
@@ -351,16 +347,12 @@ class Correction:
 
 
 def corrections(comparisons: Mapping[str, Comparison]) -> list[Correction]:
-    """The corrections that can be compared with what they correct.
+    """Corrections in closed form whose errors have loads in common with those they correct.
 
     Parameters
     ----------
     comparisons : mapping
         Against statics, by name.
-
-    Returns
-    -------
-    list of Correction
     """
     out = []
     for what, source, name, corrected in (

@@ -149,7 +149,7 @@ def fitted(given: SuiteSet, model: Model, table: Table, rows: Bools | None = Non
 
 
 def _corrected(model: Model, found: Fit, table: Table) -> Callable[[Table], Floats]:
-    """Tips of a table by a fitted model and what corrects it, learnt from the rows of training."""
+    """Tips of a table by a fitted model and its correction, learnt from the rows of training."""
     if model.correction == "residual":
         learnt = fit_residual(found, table.data)
         return lambda other: learnt.correct(other.data).point

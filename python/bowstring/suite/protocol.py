@@ -92,7 +92,7 @@ class Marker(Fields):
     at : float
         Arc length of the disk on which it is, m.
     offset : tuple of 3 floats
-        Its place in the frame of the disk, m.
+        Position of the marker in the frame of the disk, m.
     """
 
     at: Annotated[float, Quantity("m", "129.1 mm", "0 m", "1000 m")]
@@ -124,7 +124,7 @@ class Model(Fields):
     pieces : int
         Number of arcs of ``arcs``.
     correction : {"residual", "one_row_ahead"} or None
-        What corrects the fitted model: a residual that is learnt from the rows of training, or a
+        Correction of the fitted model: a residual that is learnt from the rows of training, or a
         filter, which predicts each row from the measured tips before it.
     """
 

@@ -114,7 +114,8 @@ def _of_fit(source: Mapping[str, Any], known: NumbersByPath) -> tuple[list[str],
         ) from None
     if not fit["converged"]:
         raise _error("has not converged, and its covariance cannot be used; fit again")
-    kept = [i for i, each in enumerate(fit["parameters"]) if _in_file(each["name"])]
+    owners = [each["name"].partition(".")[0] for each in fit["parameters"]]
+    kept = [i for i, owner in enumerate(owners) if owner in ("segments", "gravity", *LOADS)]
     rows = [fit["parameters"][i] for i in kept]
     names = [each["name"] for each in rows]
     value, deviation = (
@@ -125,10 +126,6 @@ def _of_fit(source: Mapping[str, Any], known: NumbersByPath) -> tuple[list[str],
     value, deviation = per_unit * value, per_unit * deviation
     covariance = correlation[np.ix_(kept, kept)] * np.outer(deviation, deviation)
     return names, np.where(np.isfinite(deviation), value, np.nan), covariance
-
-
-def _in_file(name: str) -> bool:
-    return name.partition(".")[0] in ("segments", "gravity", *LOADS)
 
 
 def _load(path: Path) -> Any:

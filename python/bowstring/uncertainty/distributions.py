@@ -34,7 +34,7 @@ _LEAST_SHARE: Final = 0.01
 
 
 class Distribution(Protocol):
-    """What every distribution of one number has."""
+    """Distribution of one number."""
 
     @property
     def mean(self) -> float:
@@ -102,7 +102,7 @@ class Normal:
 
     @property
     def support(self) -> tuple[float, float]:
-        """Least and largest value: none."""
+        """Least and largest value: infinite."""
         return -math.inf, math.inf
 
     def ppf(self, u: ArrayLike) -> Floats:

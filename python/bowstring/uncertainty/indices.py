@@ -36,7 +36,7 @@ _CHUNK: Final = 2**21
 #: Least number of base points, or trajectories, with all their results.
 _LEAST_POINTS: Final = 32
 _LEAST_TRAJECTORIES: Final = 4
-#: Standard deviation over mean of an output below which it does not vary but by rounding.
+#: Standard deviation over mean of an output, below which its variation is rounding.
 _ROUNDING: Final = 1e-12
 
 

@@ -95,7 +95,7 @@ class Distributions:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on distributions that hardly have, or exclude, the nominal value."""
+        """Sentences on distributions that exclude the nominal value, or nearly exclude it."""
         pairs = zip(self.numbers, self._marginals, strict=True)
         return tuple(text for number, each in pairs if (text := _far_from_nominal(number, each)))
 
@@ -362,7 +362,7 @@ def _check_support(number: NumberAtPath, distribution: Distribution, correlated:
 def _far_from_nominal(number: NumberAtPath, distribution: Distribution) -> str | None:
     """Warning of a distribution that excludes the nominal value; None if it has it."""
     low, high = distribution.support
-    if isinstance(distribution, Normal | LogNormal):  # their ends are hardly ever reached
+    if isinstance(distribution, Normal | LogNormal):  # samples hardly ever reach their ends
         low, high = distribution.ppf([_RARE, 1.0 - _RARE])
     out = [value for value in number.nominal if not low <= value <= high]
     if not out:

@@ -32,7 +32,7 @@ _LEVELS: Final = 4
 
 
 class Design(Protocol):
-    """What every design has."""
+    """Design of experiments, of one of the kinds below."""
 
     @property
     def distributions(self) -> Distributions:

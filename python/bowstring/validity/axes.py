@@ -142,7 +142,7 @@ class Axis:
 
     @property
     def words(self) -> str:
-        """The number in words."""
+        """Name of the number, without its unit."""
         if (entry := entry_of(self.path)) is not None:
             return f"stiffness in row {entry[0] + 1}, column {entry[1] + 1} (SI)"
         name = self.path.rpartition(".")[2]
@@ -150,7 +150,7 @@ class Axis:
 
     @property
     def label(self) -> str:
-        """Label with the usual unit, as of a figure."""
+        """Label of a figure, with the usual unit."""
         unit = self.units[1]
         return f"{self.words} ({unit})" if unit else self.words
 
@@ -178,10 +178,6 @@ def read_axis(text: str, robot: Robot) -> Axis:
         unit both are SI.
     robot : Robot
         Robot that has the number.
-
-    Returns
-    -------
-    Axis
 
     Raises
     ------
@@ -229,7 +225,7 @@ def read_axis(text: str, robot: Robot) -> Axis:
 
 
 def _means_usual_unit(axis: Axis, robot: Robot) -> bool:
-    """Whether numbers without a unit are far from the robot's own in SI, but not in usual units."""
+    """Whether numbers without a unit fit the robot's own value in usual units, but not in SI."""
     if axis.path in _ANGLES:
         return max(abs(axis.start), abs(axis.stop)) > 2.0 * np.pi
     own = axis.own_value(robot)
@@ -305,9 +301,9 @@ def _check_range(axis: Axis, robot: Robot, target: str) -> None:
 
 
 def _check_entry(axis: Axis, robot: Robot, target: str) -> None:
-    """Refuse an entry of a stiffness matrix with which it is not positive definite.
+    """Refuse an entry with which the stiffness matrix is not positive definite.
 
-    Between two values with which it is, it is so too.
+    Values with which it is positive definite form an interval: it suffices to try both ends.
     """
     for end in (axis.start, axis.stop):
         try:
@@ -319,7 +315,7 @@ def _check_entry(axis: Axis, robot: Robot, target: str) -> None:
 
 
 def _place(path: str, robot: Robot) -> tuple[str, tuple[str, ...]]:
-    """The usual form of an axis' path, and the numbers that it means."""
+    """Usual form of the path of an axis, and the full paths of its numbers."""
     try:
         name, targets = find(robot, path, LOADS)
     except InputError as error:

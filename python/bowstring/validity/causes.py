@@ -9,24 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.validity.effects import DOMINANT
-from bowstring.validity.question import Question
+from bowstring.validity.map_settings import MapSettings
 
 __all__ = ["causes_of", "coarse_step", "coarser", "main_cause"]
 
 Floats = NDArray[np.float64]
 
-_ROUNDING: Final = 1e-9  # metric that is below numerical resolution
+_ROUNDING: Final = 1e-9  # metric below numerical resolution
 _MOST_CAUSES: Final = 1681  # points at which the causes are computed: 41 x 41
 
 
 def causes_of(
-    question: Question, points: Floats, total: Mapping[str, Floats]
+    settings: MapSettings, points: Floats, total: Mapping[str, Floats]
 ) -> dict[str, NDArray[np.str_]]:
-    """Effect with more than half of the metric at points (P, A), by model.
+    """Main cause at points (P, A), by model: the effect with more than half of the metric.
 
     Parameters
     ----------
-    question : Question
+    settings : MapSettings
     points : ndarray (P, A)
         Values of the axes in SI.
     total : mapping from str to ndarray (P,)
@@ -43,8 +43,8 @@ def causes_of(
     if not some.size:
         return cause
     rest: dict[str, dict[str, Floats]] = {name: {} for name in total}
-    for effect, errors in question.space.errors_without(points[some], question.models).items():
-        for name, value in question.measure(errors).items():
+    for effect, errors in settings.space.errors_without(points[some], settings.models).items():
+        for name, value in settings.measure(errors).items():
             rest[name][effect] = value
     for name, value in total.items():
         cause[name][some] = main_cause(value[some], rest[name])
@@ -52,7 +52,7 @@ def causes_of(
 
 
 def main_cause(total: Floats, rest: Mapping[str, Floats]) -> NDArray[np.str_]:
-    """Effect with more than half of an error.
+    """Main cause of an error: the effect with more than half of it.
 
     Parameters
     ----------
@@ -77,12 +77,12 @@ def main_cause(total: Floats, rest: Mapping[str, Floats]) -> NDArray[np.str_]:
 
 
 def coarser(shape: tuple[int, ...], axes: int) -> NDArray[np.intp]:
-    """Indices of the points of a coarser grid, for causes and second equilibria."""
+    """Indices of the points at which causes and second equilibria are computed."""
     index = np.arange(int(np.prod(shape))).reshape(shape)
     step = coarse_step(shape, axes)
     return index[(slice(None, None, step),) * axes]
 
 
 def coarse_step(shape: tuple[int, ...], axes: int) -> int:
-    """Step along each axis between points for which causes are computed."""
+    """Step along each axis between the points of `coarser`."""
     return max(1, int(np.ceil((np.prod(shape) / _MOST_CAUSES) ** (1.0 / axes))))

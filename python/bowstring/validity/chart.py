@@ -187,10 +187,10 @@ def validity_chart(
 def _limit(
     model: int, errors: ChartErrors, tolerance: float, outside: str, per_tension: float | None
 ) -> Limit:
-    phi, error, doubt = errors.linear_bend, errors.error[model], errors.doubt[model]
+    phi, error, uncertainty = errors.linear_bend, errors.error[model], errors.uncertainty[model]
     at, throughout = _crossing(phi, error, tolerance)
-    low, _ = _crossing(phi, error + doubt, tolerance)
-    high, _ = _crossing(phi, error - doubt, tolerance)
+    low, _ = _crossing(phi, error + uncertainty, tolerance)
+    high, _ = _crossing(phi, error - uncertainty, tolerance)
     tension, interval = None, None
     if per_tension is not None:
         tension, interval = at / per_tension, (low / per_tension, high / per_tension)

@@ -20,7 +20,15 @@ from bowstring.validity.chart_groups import Groups
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-__all__ = ["MODELS", "TABLE", "ChartErrors", "Response", "chart_errors", "monomials", "reach"]
+__all__ = [
+    "MODELS",
+    "TABLE",
+    "ChartErrors",
+    "Response",
+    "chart_errors",
+    "largest_bend",
+    "monomials",
+]
 
 Array = NDArray[np.float64]
 
@@ -40,11 +48,11 @@ _LARGEST_LOAD: Final = 4.0
 _STEPS: Final = 160
 _TINY: Final = 1e-12
 
-# Doubt about the tip error, theory Eq. 9.13; `python -m campaign.validity_chart` tests it.
-_DOUBT_OF_ERROR: Final = 0.003
-_DOUBT_OF_LOADS: Final = 0.012
-_DOUBT_OF_LOADS_WITH_FRICTION: Final = 0.12
-_DOUBT_OF_BEND: Final = 0.0015
+# Uncertainty of the tip error, theory Eq. 9.13; `python -m campaign.validity_chart` tests it.
+_UNCERTAINTY_OF_ERROR: Final = 0.003
+_UNCERTAINTY_OF_LOADS: Final = 0.012
+_UNCERTAINTY_OF_LOADS_WITH_FRICTION: Final = 0.12
+_UNCERTAINTY_OF_BEND: Final = 0.0015
 
 
 @dataclass(frozen=True)
@@ -57,7 +65,7 @@ class ChartErrors:
     """Bend angle of the robot by the tendon alone (n,), rad."""
     error: Array
     """Tip errors (4, n) of `MODELS`."""
-    doubt: Array
+    uncertainty: Array
     """Stated uncertainty (4, n) of `error`."""
 
 
@@ -72,7 +80,7 @@ class _Chain:
     module_bend: Array
     """Bend angles (N, n)."""
     lengths_bend: Array
-    """Bend vectors (N, 2) that the tendon lengths show."""
+    """Bend vectors (N, 2) by constant curvature from the tendon lengths."""
     lengths_mean: Array
     """Mean tendon lengths (N,)."""
     compliance: Array
@@ -81,8 +89,8 @@ class _Chain:
     """The same of the first module (N,)."""
 
 
-def reach(groups: Groups) -> float:
-    """Largest bend of the linear law that the chart covers, rad."""
+def largest_bend(groups: Groups) -> float:
+    """Bend of the linear law at the end of the chart, rad."""
     return float(min(_LARGEST_BEND, _LARGEST_LOAD * groups.pitch * groups.disks**2))
 
 
@@ -99,7 +107,7 @@ def chart_errors(groups: Groups) -> ChartErrors:
     ChartErrors
         The ramp ends early where a load exceeds the table.
     """
-    phi = reach(groups) * np.linspace(0.0, 1.0, _STEPS + 1) ** 2
+    phi = largest_bend(groups) * np.linspace(0.0, 1.0, _STEPS + 1) ** 2
     chain = _chain(groups, phi)
     n, bend = groups.disks, chain.module_bend.sum(axis=1)
     tip, lengths_bend, lengths_mean = chain.tip, chain.lengths_bend, chain.lengths_mean
@@ -123,10 +131,12 @@ def chart_errors(groups: Groups) -> ChartErrors:
     error = np.linalg.norm(np.array(tips) - tip, axis=2)
     module_load = phi / (groups.pitch * n**2)
     of_bend = bend * np.max(chain.module_bend, axis=1) ** 2 * module_load
-    of_loads = (_DOUBT_OF_LOADS + _DOUBT_OF_LOADS_WITH_FRICTION * groups.friction * phi) * moved
-    doubt = _DOUBT_OF_ERROR * error + of_loads + _DOUBT_OF_BEND * of_bend
+    of_loads = (
+        _UNCERTAINTY_OF_LOADS + _UNCERTAINTY_OF_LOADS_WITH_FRICTION * groups.friction * phi
+    ) * moved
+    uncertainty = _UNCERTAINTY_OF_ERROR * error + of_loads + _UNCERTAINTY_OF_BEND * of_bend
     stop = len(phi) if known.all() else int(np.argmin(known))
-    return ChartErrors(phi[:stop], bend[:stop], error[:, :stop], doubt[:, :stop])
+    return ChartErrors(phi[:stop], bend[:stop], error[:, :stop], uncertainty[:, :stop])
 
 
 # -- the tendon alone --------------------------------------------------------------------------
@@ -178,9 +188,9 @@ class _Module:
     """Slope at the start, rad."""
     slope_end: Array
     along: Array
-    """Way from disk to disk along the span."""
+    """Distance from disk to disk along the span."""
     across: Array
-    """Way from disk to disk across the span, positive away from the tendon."""
+    """Distance from disk to disk across the span, positive away from the tendon."""
 
 
 def _module(tension: Array, r: float, flexible: Array, start: Array, end: float) -> _Module:
@@ -277,7 +287,7 @@ class Response:
         )
 
     def __call__(self, bend: Array, torsion: Array, loads: Array) -> Array:
-        """Move of the tip and of the bend vector from lengths (N, 5) under loads (N, 6)."""
+        """Changes (N, 5) of the tip and of the bend vector from lengths, by loads (N, 6)."""
         terms = monomials(loads, self.exponents)
         soft, stiff = np.einsum("nm,ngmk->gnk", terms, self.spline(bend))
         low, high = 1.0 / self.torsion
@@ -296,7 +306,7 @@ def monomials(loads: Array, exponents: NDArray[np.int64]) -> Array:
 def _response_to_loads(
     groups: Groups, phi: Array, chain: _Chain
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Move of the tip (N, 3) and of the bend vector (N, 2), and where the table reaches."""
+    """Changes of the tip (N, 3) and of the bend vector (N, 2), and where the table covers them."""
     table, n = Response.load(), groups.disks
     weight = np.array(groups.weight)
     force = np.array(groups.tip_force) + weight * (groups.disk_share / (2.0 * n))

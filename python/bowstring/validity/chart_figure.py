@@ -98,13 +98,13 @@ def lengths_limit(strength: float, clamped: float, adds: bool = False) -> float:
 
 
 def _lever(theta: Array) -> Array:
-    """Move of an arc's tip by its bend angle, over the length."""
+    """Derivative of an arc's tip by its bend angle, over the length."""
     half = np.sin(theta / 2.0) / (theta / 2.0)
     return np.sqrt(np.maximum(1.0 + half**2 - 2.0 * np.sin(theta) / theta, 0.0)) / theta
 
 
 def force_reading(groups: Groups, tolerance: float) -> tuple[float, float, bool]:
-    """Input of `force_limit` for a robot."""
+    """Arguments of `force_limit` for a robot."""
     size = groups.pitch * groups.disks**2
     friction = 1.0 - 4.0 * groups.friction * size
     strength = 12.0 * tolerance * size / max(abs(friction), 1e-9)
@@ -112,7 +112,7 @@ def force_reading(groups: Groups, tolerance: float) -> tuple[float, float, bool]
 
 
 def lengths_reading(groups: Groups, tolerance: float) -> tuple[float, float, bool]:
-    """Input of `lengths_limit` for a robot."""
+    """Arguments of `lengths_limit` for a robot."""
     friction = 2.0 * groups.friction * groups.disks**2
     whole = math.hypot(1.0, friction)
     return tolerance / whole, groups.clamped / (1.0 - groups.clamped) / whole, friction > 1.0

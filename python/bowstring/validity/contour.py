@@ -81,7 +81,7 @@ def contours(
         if not any(split):
             break
         x, y, grids, known = _halved(x, y, grids, known, split)
-        # a line leads from cell to cell, also where the coarse grid did not show it
+        # follow lines into cells in which the coarse grid showed none
         for _ in range(_ROUNDS):
             crossed = np.any([_crossed(grid, level) for grid in grids], axis=0)
             rows, columns = np.nonzero(_points_around(crossed) & ~known)
@@ -117,7 +117,7 @@ def halved(
     Returns
     -------
     x : ndarray (U,)
-        Points, with those of before.
+        Points, the given ones among them.
     values : list of ndarray (U,)
         Values of each function there.
     """
@@ -248,8 +248,7 @@ def _halved(
 ) -> tuple[Floats, Floats, list[Floats], NDArray[np.bool_]]:
     """The grid with half the spacing along the axes in `split`.
 
-    Returned are the axes, the values (linear between the points of before), and whether they are
-    known.
+    Returns the axes, the values (linear between known points), and which of them are known.
     """
     wide, tall = split
     new_x, new_y = (_between(axis) if one else axis for axis, one in ((x, wide), (y, tall)))

@@ -1,4 +1,4 @@
-"""Where a robot lands when constant curvature commands it, over its workspace and load."""
+"""Control errors of constant curvature: tips that its commands reach, over workspace and load."""
 
 from __future__ import annotations
 
@@ -21,7 +21,15 @@ from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve_batch
 from bowstring.validation import choice, floats, share_of_length, whole
-from bowstring.validity.control_commands import BY_ARCS, COMMANDS, SCALES, Commander, prepared
+from bowstring.validity.control_commands import (
+    BY_ARCS,
+    COMMANDS,
+    SCALES,
+    Commander,
+    prepared,
+    sobol_points,
+)
+from bowstring.validity.dead_loads import gravity_of
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -42,7 +50,7 @@ CommandName = Literal[
 ]
 
 _POSES: Final = 1024
-_LANDS: Final = 0.9  # least share of tips with an equilibrium, of commands that are compared
+_LANDS: Final = 0.9  # commands with a smaller share of tips with an equilibrium are not compared
 _SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the dead loads
 
 
@@ -147,7 +155,7 @@ class ControlErrors(Result):
         return out
 
     def described(self) -> list[str]:
-        """What the result says, in sentences."""
+        """The result in sentences."""
         lost, count = self.without_equilibrium, len(self.wanted)
         wanted = "1 tip of a stable equilibrium within the limits of tension is wanted"
         if count > 1:
@@ -274,17 +282,7 @@ class ControlErrors(Result):
 
 
 def check_control_file(path: str | Path) -> Path:
-    """Check before any work that a figure of the control error may be written.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Path
-        Absolute path.
-    """
+    """Check before any work that a figure of the control error may be written; return its path."""
     return check_figure_file(path, "figure of the control error", (".png", ".pdf", ".svg"))
 
 
@@ -420,12 +418,8 @@ def _landed(
     corrections: int,
     notify: Callable[[str, float], None],
 ) -> _Landed:
-    from scipy.stats import qmc
-
     robot, load, model = commander.robot, commander.load, commander.model
-    tendons = len(commander.most)
-    points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
-    tensions = commander.most * points[:poses]
+    tensions = commander.most * sobol_points(len(commander.most), poses)
     drawn = solve_batch(robot, tensions, load=load, model=model, disks=False)
     wanted = drawn.tip_position[drawn.converged]
     landed: dict[str, Floats] = {}
@@ -448,7 +442,7 @@ def _landed(
                 asked = commander.corrected(asked, wanted - rows[-1])
             rows.append(commander.land(name, commander.command(name, asked)))
         landed[name] = np.stack(rows)
-    if not _is_embedded(robot, model):
+    if not (robot.is_embedded or model.tendon_path == "continuous"):
         notify(COMMANDS["physics"], len(names) / steps)
         start = time.perf_counter()
         exact = inverse_kinematics(
@@ -458,10 +452,6 @@ def _landed(
         landed["physics"] = commander.land("physics", exact.tensions)[None]
     scale = commander.scale if "tensions_calibrated" in names else None
     return _Landed(wanted, landed, scale, seconds)
-
-
-def _is_embedded(robot: Robot, model: RodModel) -> bool:
-    return robot.is_embedded or model.tendon_path == "continuous"
 
 
 def _chosen(commander: Commander, names: Sequence[str] | None) -> tuple[str, ...]:
@@ -477,10 +467,6 @@ def _chosen(commander: Commander, names: Sequence[str] | None) -> tuple[str, ...
     return tuple(dict.fromkeys(names))
 
 
-def _gravity(robot: Robot, load: Load) -> Floats:
-    return floats(robot.gravity if load.gravity is None else load.gravity)
-
-
 _WRENCH: Final = slice(4, 10)  # force and moment in the numbers of a point load
 _SCALED: Final = ("tip_force", "tip_moment", "disk_forces", "disk_moments", "line_forces")
 
@@ -490,12 +476,12 @@ def _is_loaded(robot: Robot, load: Load) -> bool:
     dead = any(value is not None and floats(value).any() for value in given)
     if load.point_loads is not None and load.point_loads[:, _WRENCH].any():
         dead = True
-    return bool(dead or _gravity(robot, load).any())
+    return bool(dead or gravity_of(robot, load).any())
 
 
 def _scaled(robot: Robot, load: Load, share: float) -> Load:
-    """A share of the dead loads."""
-    values = {"gravity": share * _gravity(robot, load)}
+    """Dead loads times a share."""
+    values = {"gravity": share * gravity_of(robot, load)}
     for name in _SCALED:
         value = getattr(load, name, None)
         if value is not None:

@@ -19,7 +19,7 @@ from bowstring.inverse.arcs import arcs_to, tensions_of
 from bowstring.inverse.kinematics import default_max_tension
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, without_laws
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.rod import solve, solve_batch
@@ -33,6 +33,7 @@ __all__ = [
     "check_some_solved",
     "largest_tensions",
     "prepared",
+    "sobol_points",
 ]
 
 Floats = NDArray[np.float64]
@@ -46,7 +47,7 @@ COMMANDS: Final = {
     "physics": "tensions by physics",
 }
 """Labels of the commands; all but the last are those of constant curvature."""
-_TRIED: Final = 64  # poses that tell whether tensions are beyond all that a robot carries
+_TRIED: Final = 64  # poses of which one must have an equilibrium
 BY_ARCS: Final = tuple(name for name in COMMANDS if name != "physics")
 
 _ARM_ROUNDS: Final = 8
@@ -56,7 +57,7 @@ SCALES: Final = (0.1, 10.0)
 _FITTED: Final = 1e-6  # tolerance of the logarithm of the factor
 _AT_LIMIT: Final = 1e-4  # of the logarithm of the factor
 _SINGULAR: Final = 0.02  # singular value over the largest below which a direction is not corrected
-_LARGEST: Final = 0.5  # rad, of a correction of a bend
+_LARGEST: Final = 0.5  # correction of a bend, rad
 
 
 @dataclass
@@ -242,7 +243,7 @@ def largest_tensions(robot: Robot, given: ArrayLike | None) -> Floats:
 def prepared(
     robot: Robot, load: Load | None, model: RodModel | None, max_tension: ArrayLike | None
 ) -> tuple[Robot, Load, RodModel, Floats]:
-    """Check what poses are drawn with.
+    """Check robot, load, model and largest tensions of the poses to be drawn.
 
     Parameters
     ----------
@@ -275,6 +276,14 @@ def prepared(
     return robot, load, model, most
 
 
+def sobol_points(tendons: int, count: int) -> Floats:
+    """First points (count, T) of a Sobol' sequence in the unit cube; the first one is zero."""
+    from scipy.stats import qmc
+
+    points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (count - 1).bit_length()))
+    return np.asarray(points[:count])
+
+
 def check_some_solved(robot: Robot, most: Floats, load: Load, model: RodModel) -> None:
     """Refuse largest tensions up to which a few poses have no equilibrium, before many are solved.
 
@@ -295,9 +304,7 @@ def check_some_solved(robot: Robot, most: Floats, load: Load, model: RodModel) -
     InputError
         If they are too large: the pose without tension has an equilibrium, and no other.
     """
-    from scipy.stats import qmc
-
-    points = qmc.Sobol(len(most), scramble=False).random(_TRIED)  # the first is zero
+    points = sobol_points(len(most), _TRIED)
     found = solve_batch(robot, most * points, load=load, model=model, disks=False).converged
     if found[0] and not found[1:].any():
         half_turn = float(default_max_tension(robot).max())

@@ -1,4 +1,4 @@
-"""Figure of where a robot lands when constant curvature commands it."""
+"""Figure of the control errors of constant curvature."""
 
 from __future__ import annotations
 

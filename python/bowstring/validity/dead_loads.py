@@ -20,7 +20,7 @@ _ON_GRAVITY: Final = ("payload", "tilt", "tilt_towards")
 
 
 def gravity_of(robot: Robot, load: Load) -> Floats:
-    """Gravity (3,) that no axis changes, m/s^2."""
+    """Gravity (3,) of the load, or else of the robot, m/s^2."""
     return np.array(robot.gravity if load.gravity is None else load.gravity, dtype=float)
 
 
@@ -67,7 +67,7 @@ def check_dead_loads(robot: Robot, paths: Sequence[str], load: Load) -> None:
 def dead_loads(
     robot: Robot, load: Load, values: Mapping[str, Floats], count: int
 ) -> dict[str, Floats]:
-    """Gravity and tip force at the points of a map, as far as axes change them.
+    """Those of gravity and tip force at the points of a map that axes change.
 
     Parameters
     ----------

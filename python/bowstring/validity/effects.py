@@ -49,7 +49,7 @@ class Effect:
     absent: Mapping[str, Any]
     """Values of the fields of this part with which there is no such effect."""
     acts: Callable[[Rods], bool]
-    """Whether it acts in any of some rods."""
+    """Whether it acts in any of the rods."""
 
 
 def _spans(rods: Rods) -> bool:
@@ -142,11 +142,7 @@ def with_values(rods: Rods, part: Part, values: Mapping[str, Any]) -> Rods:
     part : {"model", "load", "disks", "backbone", "tendons"}
         Theory and tendon path, loads, or a part of all segments.
     values : mapping from str to object
-        Values by field; of a part of the segments a list has one for each.
-
-    Returns
-    -------
-    Rods
+        Values by field; for a part of the segments, a list has a value for each segment.
     """
     if part == "model":
         return replace(rods, model=rods.model.replace(**values))
@@ -158,6 +154,6 @@ def with_values(rods: Rods, part: Part, values: Mapping[str, Any]) -> Rods:
         for path, v in designs.values.items()
         if not (f".{part}." in path and path.rpartition(".")[2] in values)
     }
-    if designs.values and not kept:  # one number stands for all, so that there are as many robots
+    if designs.values and not kept:  # one array of numbers keeps the number of robots
         kept = {"segments.0.length": np.full(len(designs), designs.robot.segments[0].length)}
     return replace(rods, designs=Designs(with_fields(designs.robot, part, values), kept))

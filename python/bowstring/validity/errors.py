@@ -10,11 +10,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.blocks import threads
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.jobs import threads
 from bowstring.robot.designs import Designs
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.validity.effects import Rods
 from bowstring.validity.limit_search import gave_up, solve_ramps
 
@@ -60,8 +60,8 @@ INPUTS: Final = {
 }
 """Input and correction of the models, for titles."""
 
-_BALANCED: Final = 1e-9  # bend over the sum of those of each tendon that is rounding
-_TAUT: Final = 1e-9  # slack length over the robot's length that is rounding
+_BALANCED: Final = 1e-9  # bend over the sum of the tendons' bends, below which it is rounding
+_TAUT: Final = 1e-9  # slack length over the robot's length, below which it is rounding
 _GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
 _SCALES: Final = (0.3, 3.0)  # of the calibrated stiffness
 _ROUNDS: Final = 32  # of the golden section: to 1e-6 of the interval
@@ -103,10 +103,6 @@ def follow(rods: Rods, ramp: Floats, shares: Floats) -> Ramps:
         tendons, rad.
     shares : ndarray (T,)
         Share of the sweep's tension in each tendon; bends are in the direction of its moment.
-
-    Returns
-    -------
-    Ramps
     """
     if rods.by_displacement:
         return _follow_displacements(rods, ramp, shares)
@@ -229,7 +225,7 @@ def tip_offsets(designs: Designs, ramps: Ramps, names: Sequence[str]) -> dict[st
     """Tips by models of constant curvature less those by statics (D, L, 3), m.
 
     NaN without equilibrium or arc. ``cc_from_force_calibrated`` is the linear law with the bending
-    stiffness that makes its mean squared error over the ramp least, for each robot.
+    stiffness of the least mean squared error over the ramp, for each robot.
     """
     return {
         name: _calibrated(designs, ramps)

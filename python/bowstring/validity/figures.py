@@ -12,8 +12,8 @@ from bowstring.formatting import in_percent, listed, significant
 from bowstring.validity.causes import coarse_step
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import INPUTS, LABELS
+from bowstring.validity.map_settings import Metric
 from bowstring.validity.maps import STATES, UNSOLVED, ValidityMap
-from bowstring.validity.question import Metric
 from bowstring.validity.sentences import in_ranges
 from bowstring.viz.style import LIGHT, legend_above, subplots
 
@@ -52,7 +52,7 @@ CAUSES: Final = {
     "tendon_stretch": "blue",  # by displacement, where straight spans have no entry
 }
 HATCHES: Final = (((1,), "...."), (UNSOLVED, "////"), ((3,), "\\\\"))
-"""Indices in `STATES`, and their hatches; that without an arc is of each model."""
+"""Indices in `STATES`, and their hatches."""
 UNDEFINED: Final = "xxxx"
 """Hatch of a region where a model has no arc."""
 SHADE: Final = 0.35
@@ -62,7 +62,7 @@ _DASHES: Final = ("-", "-", (0, (5, 1.5)), "-.", (0, (1, 1)))
 _LABEL: Final = 0.05  # least distance of labels along x over the width
 _BINS: Final = 40
 _MOST_CROSSINGS: Final = 4  # of a curve in its legend
-_END: Final = "holds to the end"  # keys of areas beside those of the causes
+_END: Final = "holds to the end"  # keys of areas, beside the keys of the causes
 _NONE: Final = "no value"
 _NO_ARC: Final = "no arc"
 
@@ -173,7 +173,7 @@ def _crossings(found: ValidityMap, name: str) -> str:
 
 
 def _states_label(found: ValidityMap, states: Sequence[int]) -> str:
-    """Those of some states that a map has, in words."""
+    """Those of the given states that the map has, in words."""
     return ", or ".join(STATES[state] for state in states if np.any(found.state == state))
 
 
@@ -186,7 +186,7 @@ def _shade_states(panel: Axes, found: ValidityMap, x: Floats) -> None:
 def _shade(
     panel: Axes, x: Floats, where: NDArray[np.bool_], hatch: str, colour: str, label: str
 ) -> None:
-    """Hatch a curve around some of its points."""
+    """Hatch a curve around the points of `where`."""
     half = 0.5 * np.abs(np.diff(x)).mean()
     for i, at in enumerate(x[where]):
         panel.axvspan(
@@ -226,7 +226,7 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
 
     handles: list[Line2D | Patch] = []
     white: Any = {"fc": "white", "ec": LIGHT["muted"]}
-    space = found.question.space
+    space = found.settings.space
     if found.metric != "valid_to":
         tolerance = in_percent(found.tolerance)
         line = Line2D([], [], color=LIGHT["ink"], lw=2.0, label=f"error {tolerance} of length")
@@ -363,7 +363,7 @@ def _finish(panel: Axes, found: ValidityMap) -> None:
 
 
 def _hatch(panel: Axes, x: Floats, y: Floats, where: Floats, hatch: str) -> None:
-    """Hatch the region around the points of a grid that have 1."""
+    """Hatch the region of a grid in which `where` is 1."""
     if where.any():
         drawn = panel.contourf(x, y, where, levels=[0.5, 1.5], colors="none", hatches=[hatch])
         drawn.set_edgecolor(LIGHT["muted"])
@@ -373,8 +373,7 @@ def _hatch(panel: Axes, x: Floats, y: Floats, where: Floats, hatch: str) -> None
 def _without_arc(found: ValidityMap, name: str, x: Floats, y: Floats) -> NDArray[np.bool_]:
     """Points of the refined grid where a model has no arc, not those without equilibrium.
 
-    The refined grid has no states: its points without a value have that of the nearest point of
-    the map without a value.
+    A point of it without a value is as the nearest point of the map without a value.
     """
     from scipy.spatial import cKDTree
 

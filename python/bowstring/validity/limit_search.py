@@ -8,8 +8,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring.blocks import threads
-from bowstring.statics.designs import sweep_designs
+from bowstring.jobs import threads
+from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.validity.effects import Rods
 
 __all__ = ["Solved", "solve_ramps"]
@@ -17,8 +17,8 @@ __all__ = ["Solved", "solve_ramps"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
-_SAMPLE: Final = 16  # robots for each one whose end is tried before all others are
-_FEWEST: Final = 4  # loads of a ramp that is worth a search
+_SAMPLE: Final = 16  # robots for each one of the sample
+_FEWEST: Final = 4  # loads of a ramp that is searched
 
 
 class Solved(NamedTuple):
@@ -103,7 +103,7 @@ def solve_ramps(rods: Rods, tensions: Floats) -> Solved:
 
 
 def reach(rods: Rods, tensions: Floats) -> int:
-    """Find about how far a ramp of one robot is solved, by a few quick solves.
+    """Estimate how far a ramp of one robot is solved, by a few quick solves.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def reach(rods: Rods, tensions: Floats) -> int:
     Returns
     -------
     int
-        Index of about the last load with an equilibrium.
+        Index of the last load with an equilibrium, by these solves.
     """
     ramp, row = tensions[None], np.zeros(1, dtype=int)
     last = len(tensions) - 1
@@ -125,7 +125,7 @@ def reach(rods: Rods, tensions: Floats) -> int:
 
 
 def _start(rods: Rods, tensions: Floats, rows: Ints, count: Ints, *, end: bool = False) -> Solved:
-    """Solve the first loads of some ramps, `count` of each, and then their ends if asked.
+    """Solve the first `count` loads of some ramps, and with `end` their ends.
 
     The first load is repeated before ramps with fewer, so that all are one call.
     """
@@ -154,7 +154,7 @@ def _reached(rods: Rods, tensions: Floats, rows: Ints, load: Ints) -> NDArray[np
 
 
 def _some(rods: Rods, rows: Ints) -> Rods:
-    """Some of the rods, with their own gravity and tip force."""
+    """The rods of some rows, with their gravity and tip force."""
     wide: dict[str, Any] = {}
     for name in ("gravity", "tip_force"):
         value = getattr(rods.load, name)

@@ -111,10 +111,6 @@ def actuated(shares: Sequence[float] | Floats) -> str:
     ----------
     shares : sequence of float (T,)
         Share of the sweep's tension in each tendon.
-
-    Returns
-    -------
-    str
     """
     parts = [
         f"{i}" if share == 1.0 else f"{i} (at {significant(float(share))} of it)"
@@ -163,10 +159,6 @@ def largest_load(robot: Robot, shares: Floats, model: RodModel) -> float:
         Share of the sweep's tension in each tendon.
     model : RodModel
         Rod of the search in gravity.
-
-    Returns
-    -------
-    float
 
     Raises
     ------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, get_args
 
@@ -21,10 +21,10 @@ from bowstring.validation import instance
 from bowstring.validity.axes import RAMPS, Axis
 from bowstring.validity.causes import causes_of, coarser
 from bowstring.validity.contour import Line, Refined, contours, crossings, halved, holding
+from bowstring.validity.design_space import DesignSpace, RampErrors
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
-from bowstring.validity.question import METRICS, Metric, Question, read_axes, space_of
-from bowstring.validity.space import Errors, Space
+from bowstring.validity.map_settings import METRICS, MapSettings, Metric, read_axes, space_of
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class MapOfModel(Result):
     """Effect with more than half of the metric at the points of `cause_points`, (Y, X) or (X,); or
     empty."""
     defined: Annotated[NDArray[np.bool_], Key()]
-    """Whether the model has an error at all loads that the metric is of, as `values`, (Y, X) or
+    """Whether the model has an error at all loads that the metric covers, as `values`, (Y, X) or
     (X,): an equilibrium and an arc."""
 
 
@@ -101,8 +101,8 @@ class MapOfModel(Result):
 class ValidityMap(Result):
     """Validity of constant curvature over one or two axes; made by `validity_map`."""
 
-    question: Annotated[Question, Key(flat=True)]
-    """What the map asks."""
+    settings: Annotated[MapSettings, Key(flat=True)]
+    """Space, models, metric and tolerance."""
     value: dict[str, Floats]
     """Metric by model, (Y, X) or (X,); NaN without a value."""
     contour: dict[str, list[Line]]
@@ -127,9 +127,9 @@ class ValidityMap(Result):
     state: NDArray[np.int64]
     """Index in `STATES`, (Y, X) or (X,)."""
     undefined: dict[str, NDArray[np.bool_]]
-    """Where a model has no arc at some load that the metric is of, (Y, X) or (X,)."""
+    """Where a model has no arc at some load that the metric covers, (Y, X) or (X,)."""
     solved: dict[str, NDArray[np.bool_]]
-    """Where all loads that the metric of a model is of are solved, (Y, X) or (X,)."""
+    """Where all loads that the metric of a model covers are solved, (Y, X) or (X,)."""
     solved_to: Annotated[Floats, Key()]
     """Tension (N) or bend (rad) up to which the ramp of each point is solved, (Y, X) or (X,); NaN
     where its first load is not."""
@@ -141,56 +141,56 @@ class ValidityMap(Result):
     @property
     def robot(self) -> Robot:
         """Robot of all numbers that no axis changes."""
-        return self.question.space.robot
+        return self.settings.space.robot
 
     @property
     def axes(self) -> tuple[Axis, ...]:
         """One or two axes, the first along x."""
-        return self.question.space.axes
+        return self.settings.space.axes
 
     @property
     def fixed(self) -> tuple[tuple[Axis, float], ...]:
         """Of a slice: the other axes and their values, SI."""
-        return self.question.space.fixed
+        return self.settings.space.fixed
 
     @property
     def tolerance(self) -> float:
         """Tolerated tip error as a share of the length."""
-        return self.question.tolerance
+        return self.settings.tolerance
 
     @property
     def metric(self) -> Metric:
-        """What `value` is, one of `bowstring.validity.question.METRICS`."""
-        return self.question.metric
+        """What `value` is, one of `bowstring.validity.map_settings.METRICS`."""
+        return self.settings.metric
 
     @property
     def max_tension(self) -> float:
         """End of the ramp of tension where no axis is the tension, N; NaN with an axis bend."""
-        return self.question.space.max_tension
+        return self.settings.space.max_tension
 
     @property
     def shares(self) -> tuple[float, ...]:
         """Share (T,) of the ramp's tension in each tendon."""
-        return tuple(float(share) for share in self.question.space.shares)
+        return tuple(float(share) for share in self.settings.space.shares)
 
     @property
     def by_displacement(self) -> bool:
         """Whether motors command bends, so that there is no sweep of tension."""
-        return self.question.space.by_displacement
+        return self.settings.space.by_displacement
 
     @property
     def unsolved(self) -> NDArray[np.bool_]:
-        """Points with a load without equilibrium that the metric is of, (Y, X) or (X,)."""
+        """Points with a load without equilibrium that the metric covers, (Y, X) or (X,)."""
         return np.isin(self.state, UNSOLVED)
 
     @property
     def defined(self) -> dict[str, NDArray[np.bool_]]:
-        """Where each model has an error at all loads that its metric is of, (Y, X) or (X,)."""
+        """Where each model has an error at all loads that its metric covers, (Y, X) or (X,)."""
         return {name: self.solved[name] & ~self.undefined[name] for name in self.value}
 
     def label(self, axis: int) -> str:
         """Label of an axis with its unit; that of the tension names the tendon."""
-        return self.question.label(axis)
+        return self.settings.label(axis)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -204,7 +204,7 @@ class ValidityMap(Result):
         -------
         xarray.Dataset
             Variables for each model: its metric, with its name; ``NAME_defined``, 1 where all loads
-            that the metric is of have an equilibrium and an arc; and ``NAME_cause``, on axes of
+            that the metric covers have an equilibrium and an arc; and ``NAME_cause``, on axes of
             their own, which may have fewer points. Also ``state`` and ``solved_to``, the tension or
             bend up to which each sweep is solved. The attributes have the metric, the tolerance,
             the load and the sweep.
@@ -255,7 +255,7 @@ class ValidityMap(Result):
                 "robot": self.robot.name,
                 "robot_hash": self.robot.hash,
                 "source": _SOURCE,
-                **self.question.attributes,
+                **self.settings.attributes,
             },
         )
 
@@ -330,17 +330,7 @@ _SUFFIXES: Final = (".png", ".pdf", ".svg", _NUMBERS)
 
 
 def check_map_file(path: str | Path) -> Path:
-    """Check before any work that a map may be written (`atomic_io.check_file`).
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Path
-        Absolute path.
-    """
+    """Check before any work that a map may be written; return its path."""
     file = Path(path)
     if file.suffix.lower() == _NUMBERS:
         return check_file(file, "map", _SUFFIXES, _SOURCE.encode())
@@ -416,7 +406,7 @@ def validity_map(
     """
     axes = read_axes(robot, over, instance("loading", loading, Loading), load)
     space = space_of(robot, axes, loading, load)
-    found = compute_map(Question.of(space, tolerance, metric, models), progress)
+    found = compute_map(MapSettings.of(space, tolerance, metric, models), progress)
     notes = []
     if over is None and len(axes) == 1:
         notes.append(_LISTED)
@@ -431,30 +421,26 @@ def validity_map(
     return replace(found, notes=tuple(notes))
 
 
-def compute_map(question: Question, progress: Progress | None = None) -> ValidityMap:
-    """Compute a map over one or two axes; `validity_map` makes its question.
+def compute_map(settings: MapSettings, progress: Progress | None = None) -> ValidityMap:
+    """Compute a map over one or two axes; `validity_map` makes the settings.
 
     Parameters
     ----------
-    question : Question
+    settings : MapSettings
     progress : callable, optional
         As for `validity_map`.
-
-    Returns
-    -------
-    ValidityMap
     """
-    space, notify = question.space, progress or (lambda what, done: None)
+    space, notify = settings.space, progress or (lambda what, done: None)
     axes = space.axes
     grid = np.meshgrid(*[axis.values for axis in axes], indexing="xy")
     shape = grid[0].shape
     points = np.stack([values.ravel() for values in grid], axis=1)
     _check_size(points, space)
-    found = _in_parts(question, points, lambda share: notify("errors", 0.7 * share))
-    value = {name: v.reshape(shape) for name, v in question.measure(found).items()}
+    found = _in_parts(settings, points, lambda share: notify("errors", 0.7 * share))
+    value = {name: v.reshape(shape) for name, v in settings.measure(found).items()}
     notify("causes", 0.7)
-    defined = question.defined(found)
-    solved = {name: is_solved.reshape(shape) for name, is_solved in question.solved(found).items()}
+    defined = settings.defined(found)
+    solved = {name: is_solved.reshape(shape) for name, is_solved in settings.solved(found).items()}
     undefined = {name: solved[name] & ~is_.reshape(shape) for name, is_ in defined.items()}
     part = coarser(shape, len(axes))
     whole = np.all(list(solved.values()), axis=0)
@@ -466,23 +452,23 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
     no_arc = np.any(list(undefined.values()), axis=0)
     state = np.where(whole & no_arc, 4, state)
     total = {name: v.ravel()[part.ravel()] for name, v in value.items()}
-    cause = causes_of(question, points[part.ravel()], total)
+    cause = causes_of(settings, points[part.ravel()], total)
     notify("contour", 0.9)
     contour: dict[str, list[Line]] = {name: [] for name in value}
     fine_axes: tuple[Floats, ...] = ()
     fine: dict[str, Floats] = {}
     ranges: dict[str, Floats] = {}
     along = None
-    if question.metric != "valid_to" and len(axes) == 1:
+    if settings.metric != "valid_to" and len(axes) == 1:
         along = 0
-        contour, ranges, fine_axes, fine = _on_one_axis(question, value)
-    elif question.metric != "valid_to":
-        refined = _refined(question, list(value.values()))
+        contour, ranges, fine_axes, fine = _on_one_axis(settings, value)
+    elif settings.metric != "valid_to":
+        refined = _refined(settings, list(value.values()))
         contour = dict(zip(value, refined.lines, strict=True))
         fine_axes, fine = refined[:2], dict(zip(value, refined.values, strict=True))
         along, own = _own_ramp(space)
         if along is not None:
-            line = replace(question, space=space.at(own))
+            line = replace(settings, space=space.at(own))
             errors = line.errors(line.space.axes[0].values[:, None])
             ranges = _on_one_axis(line, line.measure(errors)).ranges
     notify("done", 1.0)
@@ -490,7 +476,7 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
         accuracy = found.tip_error / found.length[:, None]
     known = accuracy[np.isfinite(accuracy)]
     return ValidityMap(
-        question=question,
+        settings=settings,
         value=value,
         contour=contour,
         ranges=ranges,
@@ -507,7 +493,7 @@ def compute_map(question: Question, progress: Progress | None = None) -> Validit
     )
 
 
-def _check_size(points: Floats, space: Space) -> None:
+def _check_size(points: Floats, space: DesignSpace) -> None:
     solves = len(points) * space.loads
     if solves > MOST_SOLVES:
         raise InputError(
@@ -520,31 +506,23 @@ def _check_size(points: Floats, space: Space) -> None:
 _PART: Final = 4096  # points solved at a time, between two reports of progress
 
 
-def _in_parts(question: Question, points: Floats, notify: Callable[[float], None]) -> Errors:
+def _in_parts(settings: MapSettings, points: Floats, notify: Callable[[float], None]) -> RampErrors:
     parts = []
     for first in range(0, len(points), _PART):
-        parts.append(question.errors(points[first : first + _PART]))
+        parts.append(settings.errors(points[first : first + _PART]))
         notify(min(1.0, (first + _PART) / len(points)))
     if len(parts) == 1:
         return parts[0]
 
-    def joined(of: Callable[[Errors], NDArray[Any]]) -> Any:
-        return np.concatenate([of(part) for part in parts])
-
-    return Errors(
-        joined(lambda e: e.ramp),
-        joined(lambda e: e.length),
-        joined(lambda e: e.converged),
-        joined(lambda e: e.tip),
-        joined(lambda e: e.tip_error),
-        {name: joined(lambda e, name=name: e.error[name]) for name in parts[0].error},  # type: ignore[misc]
-        joined(lambda e: e.slack),
-        joined(lambda e: e.gave_up),
+    error = {name: np.concatenate([part.error[name] for part in parts]) for name in parts[0].error}
+    others = [each.name for each in fields(RampErrors) if each.name != "error"]
+    return RampErrors(
+        error=error, **{n: np.concatenate([getattr(part, n) for part in parts]) for n in others}
     )
 
 
 def _two_equilibria(
-    space: Space, points: Floats, errors: Errors, part: NDArray[np.intp]
+    space: DesignSpace, points: Floats, errors: RampErrors, part: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
     """Points whose robot has another stable equilibrium at the end of the ramp.
 
@@ -555,7 +533,7 @@ def _two_equilibria(
     known = rows[errors.converged[rows, -1]]  # the others have nothing to compare with
     apart = np.full(len(points), np.nan)
     if known.size:
-        away = space.cold_tip(points[known]) - errors.tip[known, -1]
+        away = space.tip_from_straight(points[known]) - errors.tip[known, -1]
         apart[known] = np.linalg.norm(away, axis=-1)
     with np.errstate(invalid="ignore"):
         two: NDArray[Any] = (apart[rows] > APART * errors.length[rows]).reshape(part.shape)
@@ -567,12 +545,12 @@ def _two_equilibria(
     return np.asarray(two)
 
 
-def _refined(question: Question, values: list[Floats]) -> Refined:
+def _refined(settings: MapSettings, values: list[Floats]) -> Refined:
     """Lines on which the values (Y, X) of each model have the tolerance."""
-    axes, level = question.space.axes, question.tolerance
+    axes, level = settings.space.axes, settings.tolerance
 
     def at(new: Floats) -> list[Floats]:
-        return list(question.measure(question.errors(new)).values())
+        return list(settings.measure(settings.errors(new)).values())
 
     x, y = (axis.values for axis in axes)
     order = [np.argsort(values) for values in (x, y)]
@@ -581,7 +559,7 @@ def _refined(question: Question, values: list[Floats]) -> Refined:
     return contours(x[order[0]], y[order[1]], grids, level, at, whole)
 
 
-def _own_ramp(space: Space) -> tuple[int | None, dict[int, float]]:
+def _own_ramp(space: DesignSpace) -> tuple[int | None, dict[int, float]]:
     """Index of the ramp among two axes, and the robot's own value on the other one, if it has."""
     ramps = [i for i, axis in enumerate(space.axes) if axis.path in RAMPS]
     if len(ramps) != 1:
@@ -607,12 +585,12 @@ class _OneAxis(NamedTuple):
     """Values there."""
 
 
-def _on_one_axis(question: Question, value: dict[str, Floats]) -> _OneAxis:
+def _on_one_axis(settings: MapSettings, value: dict[str, Floats]) -> _OneAxis:
     """Crossings of the tolerance on one axis, and ranges in which it holds, by model."""
-    (axis,), level = question.space.axes, question.tolerance
+    (axis,), level = settings.space.axes, settings.tolerance
 
     def at(new: Floats) -> list[Floats]:
-        return list(question.measure(question.errors(new[:, None])).values())
+        return list(settings.measure(settings.errors(new[:, None])).values())
 
     ahead = np.argsort(axis.values)
     x = axis.values[ahead]

@@ -21,7 +21,8 @@ from bowstring.statics.equilibria import columns, differentiable
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve_batch
 from bowstring.validation import floats, row, share_of_length, whole
-from bowstring.validity.control_commands import prepared
+from bowstring.validity.control_commands import prepared, sobol_points
+from bowstring.validity.dead_loads import gravity_of
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -34,12 +35,12 @@ Floats = NDArray[np.float64]
 
 _POSES: Final = 2048
 _THIRD: Final = 1.0 / 3.0
-_FIRST: Final = 0.25  # of the payload in the softest direction
+_FIRST: Final = 0.25  # of the payload by the largest compliance: where the search begins
 _GROWTH: Final = 1.5
-_MOST: Final = 10.0  # times the payload by the compliance
+_MOST: Final = 10.0  # times the payload by the compliance: where the search ends
 _HALVINGS: Final = 20
 _SHARES: Final = 0.03, 0.06, 0.3  # of the work before derivatives, payloads and their bisection
-_ROUNDING: Final = 1e-9  # value over the largest that is zero
+_ROUNDING: Final = 1e-9  # value over the largest, below which it is zero
 
 
 @short_repr
@@ -117,7 +118,7 @@ class Reach(Result):
         return out
 
     def described(self) -> list[str]:
-        """What the result says, in sentences."""
+        """The result in sentences."""
         solved = self.solved
         count = int(solved.sum())
         out = [
@@ -189,17 +190,7 @@ def _span(values: Floats) -> str:
 
 
 def check_reach_file(path: str | Path) -> Path:
-    """Check before any work that a figure of the reach may be written.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Path
-        Absolute path.
-    """
+    """Check before any work that a figure of the reach may be written; return its path."""
     return check_figure_file(path, "figure of the reach", (".png", ".pdf", ".svg"))
 
 
@@ -312,11 +303,8 @@ def reach(
 
 
 def _drawn(tendons: int, poses: int) -> Floats:
-    """Shares of the largest tensions (P, T); of every second pose most are at a limit."""
-    from scipy.stats import qmc
-
-    points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
-    points = np.asarray(points[:poses])
+    """Shares of the largest tensions (P, T); in every second pose most are at a limit."""
+    points = sobol_points(tendons, poses)
     points[1::2] = np.clip((points[1::2] - _THIRD) / _THIRD, 0.0, 1.0)
     return points
 
@@ -388,7 +376,7 @@ def _payload(
 
 def _direction(robot: Robot, load: Load, given: ArrayLike | None) -> Floats:
     if given is None:
-        found = floats(robot.gravity if load.gravity is None else load.gravity)
+        found = gravity_of(robot, load)
         if not found.any():
             found = np.array([0.0, 0.0, -1.0])
     else:

@@ -1,4 +1,4 @@
-"""What a map says, in sentences."""
+"""A map in sentences."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from bowstring.validity.causes import coarse_step
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import actuated
+from bowstring.validity.map_settings import MapSettings
 from bowstring.validity.maps import STATES, UNSOLVED, ValidityMap
-from bowstring.validity.question import Question
 
 __all__ = [
     "described",
@@ -40,7 +40,7 @@ _FINE = 0.01  # range of an axis over its numbers below which they have more dig
 
 
 def described(found: ValidityMap) -> list[str]:
-    """What a map says, in sentences."""
+    """A map in sentences."""
     out = list(found.notes)
     percent = f"{in_percent(found.tolerance, 3)} of length"
     for name, value in found.value.items():
@@ -51,7 +51,7 @@ def described(found: ValidityMap) -> list[str]:
             if not found.undefined[name].any():
                 continue
         elif found.metric == "valid_to":
-            limits = limits_in_words(found.question, value)
+            limits = limits_in_words(found.settings, value)
             out.append(f"Constant curvature {label} holds to {percent} up to {limits}.")
         else:
             step = coarse_step(value.shape, value.ndim)
@@ -60,9 +60,9 @@ def described(found: ValidityMap) -> list[str]:
             out.append(f"Constant curvature {label} holds to {percent} {where}{causes}.")
         if undefined.any():
             out.append(undefined_in_words(name, undefined, _at_points(found, undefined)))
-    out += sweep_in_words(found.question)
+    out += sweep_in_words(found.settings)
     if found.metric == "valid_to":
-        out += notes_on_limits(found.question, found.value, found.solved_to)
+        out += notes_on_limits(found.settings, found.value, found.solved_to)
     for i in (1, 3):
         where = found.state == i
         if where.any():
@@ -70,7 +70,7 @@ def described(found: ValidityMap) -> list[str]:
             out.append(f"{said}{_at_points(found, where)}.")
     unsolved = {i: found.state == i for i in UNSOLVED}
     places = {i: _at_points(found, where) for i, where in unsolved.items()}
-    out += unsolved_in_words(found.question, unsolved, found.solved_to, places)
+    out += unsolved_in_words(found.settings, unsolved, found.solved_to, places)
     if 2 * int(found.unsolved.sum()) > found.state.size:
         many = any(axis.path in RAMPS for axis in found.axes)
         out.append(
@@ -79,8 +79,8 @@ def described(found: ValidityMap) -> list[str]:
             else "Most sweeps are not solved to their end; give a smaller largest tension."
         )
     slack = found.state == 3
-    out += notes_on_slack(found.question, slack)
-    out += notes_on_causes(found.question, found.value, found.cause)
+    out += notes_on_slack(found.settings, slack)
+    out += notes_on_causes(found.settings, found.value, found.cause)
     return out
 
 
@@ -162,7 +162,7 @@ def _text(value: float, axis: Axis) -> str:
 
 
 def _at_points(found: ValidityMap, where: Mask) -> str:
-    """Part of a single axis that has some of its points, in brackets."""
+    """Ranges of a single axis that the points of `where` cover, in brackets."""
     if len(found.axes) != 1 or not where.any():
         return ""
     axis = found.axes[0]
@@ -181,12 +181,12 @@ def undefined_in_words(name: str, undefined: Mask, where: str = "", things: str 
     return f"Constant curvature {LABELS[name]} is not defined at {count}{where}: {why}."
 
 
-def sweep_in_words(question: Question) -> list[str]:
-    """Sentence on the sweep that the errors of a metric are of."""
-    what = {"largest_error": "largest", "mean_error": "mean"}.get(question.metric)
+def sweep_in_words(settings: MapSettings) -> list[str]:
+    """Sentence on the sweep that a metric covers."""
+    what = {"largest_error": "largest", "mean_error": "mean"}.get(settings.metric)
     if what is None:
         return []
-    space = question.space
+    space = settings.space
     end = significant(space.max_tension)
     return [
         f"The error is the {what} of {space.loads} loads from 0 to {end} N of "
@@ -195,7 +195,7 @@ def sweep_in_words(question: Question) -> list[str]:
 
 
 def unsolved_in_words(
-    question: Question,
+    settings: MapSettings,
     unsolved: Mapping[int, Mask],
     solved_to: Floats,
     places: Mapping[int, str] | None = None,
@@ -204,17 +204,13 @@ def unsolved_in_words(
 
     Parameters
     ----------
-    question : Question
+    settings : MapSettings
     unsolved : mapping from int to ndarray (N,)
         Points of each state.
     solved_to : ndarray (N,)
         Tension (N) or bend (rad) up to which each sweep is solved; NaN without any.
     places : mapping from int to str, optional
         Where these points are.
-
-    Returns
-    -------
-    list of str
     """
     out = []
     for state, where in unsolved.items():
@@ -222,25 +218,25 @@ def unsolved_in_words(
             continue
         said = f"{int(where.sum())} of {where.size} points: {STATES[state]}"
         said += "" if places is None else places[state]
-        beyond = _beyond(question, solved_to[where])
+        beyond = _beyond(settings, solved_to[where])
         if STATES[state] == "not solved":
             said += f": the solver gave up {beyond}, where the robot may have no equilibrium."
         else:
             said += f" {beyond}."
         out.append(said)
     part = np.any([where & (solved_to > 0.0) for where in unsolved.values()])
-    if part and question.metric == "valid_to":
+    if part and settings.metric == "valid_to":
         out.append("A sweep that holds as far as it is solved has its last solved load as limit.")
     return out
 
 
-def _beyond(question: Question, solved_to: Floats) -> str:
+def _beyond(settings: MapSettings, solved_to: Floats) -> str:
     """Loads of sweeps that are not solved, such as ``beyond 20 to 35 N``."""
     known = solved_to[np.isfinite(solved_to)]
     words = []
     if known.size:
         ends = float(known.min()), float(known.max())
-        if question.space.by_displacement:
+        if settings.space.by_displacement:
             shown = list(dict.fromkeys(significant(math.degrees(end)) for end in ends))
             words.append(f"beyond {' to '.join(shown)} deg")
         else:
@@ -250,11 +246,11 @@ def _beyond(question: Question, solved_to: Floats) -> str:
     return " or ".join(words)
 
 
-def limits_in_words(question: Question, limit: Floats) -> str:
-    """Range of the validity limits of a map (N), some of them known."""
+def limits_in_words(settings: MapSettings, limit: Floats) -> str:
+    """Range of the validity limits of a map (N), at least one of which is finite."""
     known = limit[np.isfinite(limit)]
     low, high = float(known.min()), float(known.max())
-    step, end = _first_load(question), significant(question.space.max_tension)
+    step, end = _first_load(settings), significant(settings.space.max_tension)
     words = in_newtons(low, high)
     if 0.0 < low < step:  # between loads it is not resolved
         words = f"less than {significant(step)} N"
@@ -262,15 +258,17 @@ def limits_in_words(question: Question, limit: Floats) -> str:
     return f"{words} on this map; the sweep ends at {end} N"
 
 
-def _first_load(question: Question) -> float:
-    return question.space.max_tension / (question.space.loads - 1)
+def _first_load(settings: MapSettings) -> float:
+    return settings.space.max_tension / (settings.space.loads - 1)
 
 
-def notes_on_limits(question: Question, value: dict[str, Floats], solved_to: Floats) -> list[str]:
+def notes_on_limits(
+    settings: MapSettings, value: dict[str, Floats], solved_to: Floats
+) -> list[str]:
     """Sentences on validity limits that the loads of the sweep do not resolve."""
-    step = _first_load(question)
+    step = _first_load(settings)
     first = f"{significant(step)} N, the first load of the sweep"
-    none = ~(solved_to > 0.0)  # not known where nothing is solved
+    none = ~(solved_to > 0.0)  # also where nothing is solved
     unresolved = none & np.any([np.isnan(limit) for limit in value.values()], axis=0)
     below = [np.isnan(limit) | ((limit > 0.0) & (limit < step)) for limit in value.values()]
     out = []
@@ -298,9 +296,9 @@ def in_causes(value: Floats, cause: NDArray[np.str_], step: int, tolerance: floa
     return f"; main cause of the error: {listed([EFFECTS[e].label for e in acting])}{many}"
 
 
-def notes_on_slack(question: Question, slack: Mask) -> list[str]:
+def notes_on_slack(settings: MapSettings, slack: Mask) -> list[str]:
     """What to change where tendons are slack at most points of a map of bends."""
-    paths = [axis.path for axis in question.space.all_axes]
+    paths = [axis.path for axis in settings.space.all_axes]
     if 2 * int(slack.sum()) <= slack.size or any("pretension" in path for path in paths):
         return []
     return [
@@ -310,22 +308,22 @@ def notes_on_slack(question: Question, slack: Mask) -> list[str]:
 
 
 def notes_on_causes(
-    question: Question, value: dict[str, Floats], cause: dict[str, NDArray[np.str_]]
+    settings: MapSettings, value: dict[str, Floats], cause: dict[str, NDArray[np.str_]]
 ) -> list[str]:
-    """Say which effect is not examined where no main cause was found."""
-    why = question.space.not_examined
-    if not why or question.metric == "valid_to":
+    """Sentence on effects that are not examined where a main cause is missing."""
+    why = settings.space.not_examined
+    if not why or settings.metric == "valid_to":
         return []
     for name, effects in cause.items():
         step = coarse_step(value[name].shape, value[name].ndim)
         coarse = value[name][(slice(None, None, step),) * value[name].ndim]
-        if (effects[coarse > question.tolerance] == "").any():
+        if (effects[coarse > settings.tolerance] == "").any():
             return [in_not_examined(why)]
     return []
 
 
 def in_not_examined(why: str) -> str:
-    """Sentence on straight spans where they are not among the causes."""
+    """Sentence on straight spans that are not among the causes."""
     return (
         "Where no main cause is found, it may be that tendons run straight between the disks: "
         f"{why}."

@@ -33,11 +33,11 @@ from bowstring.uncertainty import (
 )
 from bowstring.validation import choice, instance, share_of_length
 from bowstring.validity.axes import BY_DISPLACEMENT
+from bowstring.validity.design_space import RampErrors
 from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS, LAWS, Ramps, arc_tips, follow
 from bowstring.validity.loading import Loading
-from bowstring.validity.question import end_of_ramp
-from bowstring.validity.space import Errors
+from bowstring.validity.map_settings import end_of_ramp
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,7 +48,7 @@ __all__ = ["Spread", "assumed_distributions", "sampled", "validity_spread"]
 Floats = NDArray[np.float64]
 
 _BLOCK: Final = 4096  # samples solved at a time
-_NAMED: Final = 0.025  # share of the samples without any valid load that is named
+_NAMED: Final = 0.025  # share of the samples without any valid load, from which on the text has it
 _MARGIN: Final = 1.5  # end of the ramp over the nominal limit
 
 
@@ -164,7 +164,7 @@ class Spread(Result):
 
     @property
     def text(self) -> Annotated[tuple[str, ...], Key()]:
-        """What the samples say, in sentences."""
+        """Results of the samples in sentences."""
         percent, top = in_percent(self.tolerance, 3), f"{significant(self.max_tension)} N"
         at_end = spread_text(self.error_summary, self.error_indices, "%", 0.01)
         middle = math.isfinite(float(self.limit_summary.quantiles[0.5].value))
@@ -194,7 +194,7 @@ class Spread(Result):
 
     @property
     def _sampling_text(self) -> str:
-        """Sampling error of the median or of the share that is stated, by the samples."""
+        """Sampling error of the stated median or share."""
         n, middle = len(self.limit), self.limit_summary.quantiles[0.5]
         if self.share_exceeded >= 0.5:
             return f" There are {n} samples."
@@ -452,14 +452,6 @@ def assumed_distributions(robot: Robot) -> Distributions:
     A robot by stiffness matrices alone has no E, and its pitch radius only varies; that of each
     tendon alone where the radii differ.
 
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    Distributions
-
     Raises
     ------
     InputError
@@ -537,7 +529,7 @@ def _limit(
     The limit is infinite where it holds to the end of the ramp.
     """
     share = _known_errors(nominal, ramps, name)
-    errors = Errors(
+    errors = RampErrors(
         ramps.ramp,
         np.ones(len(share)),
         ramps.converged,

@@ -10,26 +10,26 @@ from typing import TYPE_CHECKING, Annotated, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.blocks import threads
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, significant
+from bowstring.jobs import threads
 from bowstring.results import Key, Result
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, check_robot, without_laws
 from bowstring.statics import rod
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, number, share_of_length, whole
 from bowstring.validity.causes import main_cause
-from bowstring.validity.control_commands import check_some_solved
+from bowstring.validity.control_commands import check_some_solved, sobol_points
+from bowstring.validity.design_space import COUPLED
 from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
 from bowstring.validity.limit_search import gave_up
 from bowstring.validity.maps import APART
 from bowstring.validity.sentences import in_causes, in_not_examined, undefined_in_words
-from bowstring.validity.space import COUPLED
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ class WorkspaceMap(Result):
         return float((error <= self.tolerance * self.robot.length).mean())
 
     def described(self) -> list[str]:
-        """What the map says, in sentences."""
+        """The map in sentences."""
         solved = int(self.solved.sum())
         end = f"{significant(self.max_tension)} N in each tendon"
         out = [
@@ -215,17 +215,7 @@ class WorkspaceMap(Result):
 
 
 def check_workspace_file(path: str | Path) -> Path:
-    """Check before any work that a figure of the workspace may be written.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Path
-        Absolute path.
-    """
+    """Check before any work that a figure of the workspace may be written; return its path."""
     return check_figure_file(path, "map of the workspace", (".png", ".pdf", ".svg"))
 
 
@@ -275,8 +265,6 @@ def workspace_map(
     >>> found.share_valid("cc_from_lengths")
     1.0
     """
-    from scipy.stats import qmc
-
     check_robot(robot)
     number("max_tension", max_tension, "N")
     whole("poses", poses, 1, 1_000_000)
@@ -287,8 +275,7 @@ def workspace_map(
     load = instance("load", load, Load)
     robot = without_laws(robot)
     tendons = len(robot.tendons.segment)
-    points = qmc.Sobol(tendons, scramble=False).random_base2(max(1, (poses - 1).bit_length()))
-    tensions = max_tension * points[:poses]
+    tensions = max_tension * sobol_points(tendons, poses)
     check_some_solved(robot, np.full(tendons, max_tension), with_arrays(load), RodModel())
     one = Designs(robot, {"segments.0.length": [robot.segments[0].length]})
     rods = Rods(one, RodModel(), load)

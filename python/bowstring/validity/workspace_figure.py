@@ -225,7 +225,7 @@ def _causes(panel: Axes, found: WorkspaceMap, name: str) -> set[str]:
 
 
 def _room_of_a_bar(panel: Axes, shown: Any) -> None:
-    """Leave the room of the bar of the errors, so that both panels have one scale."""
+    """Leave the room of a colour bar, so that both panels have one scale."""
     bar: Any = panel.figure.colorbar(shown, ax=panel, label="largest error", format="10.0")
     for part in (bar.outline, bar.solids):
         part.set_visible(False)

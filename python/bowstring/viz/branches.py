@@ -25,10 +25,6 @@ def draw_branches(diagram: BranchDiagram) -> Figure:
 
     Coordinates that stay within 1e-6 of the length are left out.
 
-    Parameters
-    ----------
-    diagram : BranchDiagram
-
     Returns
     -------
     matplotlib.figure.Figure

@@ -1,4 +1,4 @@
-"""Figure of a path of the tip: wanted, and where the commands of models lead."""
+"""Figure of a wanted path of the tip, and of the tips under the commands of models."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LOOKS = (("blue", "-"), ("red", "--"))
 
 
 def draw_path(wanted: Floats, landed: Mapping[str, Floats]) -> Figure:
-    """Draw a wanted path of the tip and where commands lead, from above and from the side.
+    """Draw a wanted path of the tip and the tips under commands, from above and from the side.
 
     Parameters
     ----------

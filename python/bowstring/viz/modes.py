@@ -32,10 +32,6 @@ _TURN: Final = {"bending": 0.6, "torsion": 1.2, "axial": 0.6}  # rad; largest dr
 def draw_modes(modes: Modes) -> Iterator[tuple[str, Callable[[], Figure]]]:
     """Draw mode shapes one by one, from the side and from the front.
 
-    Parameters
-    ----------
-    modes : Modes
-
     Yields
     ------
     stem : str

@@ -256,7 +256,7 @@ def _damaged(why: str) -> InputError:
 
 
 def check_stations(data: xr.Dataset) -> None:
-    """Raise `InputError` if a module of a run has a single station, between which nothing is."""
+    """Raise `InputError` if a module of a run has one station only, so no piece of backbone."""
     if np.bincount(data["module"].to_numpy())[1:].min() < 2:
         raise InputError("a surface needs 2 stations or more in a module; the run has 1")
 
@@ -422,11 +422,6 @@ def circle(count: int, *, closed: bool = False) -> Floats:
 
 def holes(robot: Robot, data: xr.Dataset) -> list[Floats]:
     """Holes of each tendon from the base to its end disk.
-
-    Parameters
-    ----------
-    robot : Robot
-    data : xarray.Dataset
 
     Returns
     -------

@@ -52,9 +52,9 @@ class Body(NamedTuple):
     """Rigid link in the axes of its joint, z along the straight backbone."""
 
     start: Floats
-    """Place of its joint (3,) in the body before, or in the base, m."""
+    """Position of its joint (3,) in the body before, or in the base, m."""
     length: float
-    """To the next joint, or to the tip, m."""
+    """Distance to the next joint, or to the tip, m."""
     mass: float
     centre: Floats
     """Centre of mass (3,), m."""
@@ -63,14 +63,14 @@ class Body(NamedTuple):
     disk: int | None
     """Disk that it carries, from 0."""
     disk_centre: float
-    """Place of that disk along z, m; NaN without one."""
+    """Position of that disk along z, m; NaN without one."""
 
 
 class ChainPose(NamedTuple):
     """Poses of the bodies of a chain, in the base frame; leading dimensions are those given."""
 
     joint: Floats
-    """Places of the joints (..., B, 3), m."""
+    """Positions of the joints (..., B, 3), m."""
     rotation: Floats
     """Rotations of the bodies (..., B, 3, 3)."""
     hinge: Floats
@@ -123,11 +123,11 @@ class LinkChain:
             robot, ", which rigid links with springs cannot express", but=OF_COMMANDS
         )
 
-    # -- what it consists of -----------------------------------------------------------------------
+    # -- bodies and hinges -------------------------------------------------------------------------
 
     @cached_property
     def _parts(self) -> list[tuple[float, float, float]]:
-        """Start and end of the backbone of each joint, and the joint's place, m."""
+        """Start and end of the backbone of each joint, and the joint's arc length, m."""
         disks = self.robot.disks
         end = disks.station_m - 0.5 * disks.clamped_length_m
         start = np.concatenate([[0.0], (disks.station_m + 0.5 * disks.clamped_length_m)[:-1]])
@@ -145,7 +145,7 @@ class LinkChain:
 
     @cached_property
     def stations(self) -> Floats:
-        """Places of the joints (B,) along the straight backbone, m."""
+        """Arc lengths of the joints (B,), m."""
         return np.array([place for *_, place in self._parts])
 
     @cached_property
@@ -153,7 +153,7 @@ class LinkChain:
         return [int(k) for k in np.repeat(self.robot.disks.segment, self.joints)]
 
     def _sections(self, segment: int, station: ArrayLike) -> Floats:
-        """Numbers of the section (..., 11) at places along the backbone."""
+        """Numbers of the sections (..., 11) at arc lengths."""
         rows = self.robot.sections[segment]
         if len(rows) == 1:
             return np.broadcast_to(rows[0], (*np.shape(station), rows.shape[1]))
@@ -246,7 +246,7 @@ class LinkChain:
 
     @cached_property
     def tendon_points(self) -> list[list[tuple[int, Floats]]]:
-        """Points of each tendon: its body (-1 the base) and its place (3,) there, m."""
+        """Points of each tendon: its body (-1 the base) and its position (3,) there, m."""
         disks = self.robot.disks
         straight = disks.station_m[:, None] * [0.0, 0.0, 1.0]
         turns = np.broadcast_to(np.eye(3), (len(straight), 3, 3))

@@ -38,18 +38,7 @@ _GREY, _DARK, _RED = "0.45 0.45 0.45 0.6", "0.15 0.15 0.15 1", "0.75 0.2 0.15 1"
 
 
 def check_mjcf(path: str | Path) -> Path:
-    """Check before any work that a model may be written (`atomic_io.check_file`).
-
-    Parameters
-    ----------
-    path : str or Path
-        Ends in ``.xml``.
-
-    Returns
-    -------
-    Path
-        The same file, absolute.
-    """
+    """Check before any work that a model may be written to a ``.xml`` file; return its path."""
     return check_file(Path(path), _WHAT, (".xml",), _MARK)
 
 
@@ -157,7 +146,7 @@ def _model(chain: LinkChain, load: Load | None, damping_time: float) -> ET.Eleme
 
 
 _Site = tuple[str, int, Floats]
-"""Name, body, and place in it."""
+"""Name, body, and position in it."""
 
 
 def _sites(chain: LinkChain) -> list[list[_Site]]:
@@ -188,7 +177,7 @@ def _add_inertial(parent: ET.Element, body: Body) -> None:
 
 
 def _add_shapes(parent: ET.Element, chain: LinkChain, body: Body) -> None:
-    """What is seen; it touches nothing."""
+    """Add the visible shapes, which do not collide."""
     seen: dict[str, Any] = {"contype": "0", "conaffinity": "0", "mass": "0"}
     ET.SubElement(
         parent,

@@ -33,18 +33,7 @@ _EFFORT, _VELOCITY = "1000", "100"
 
 
 def check_urdf(path: str | Path) -> Path:
-    """Check before any work that a model may be written (`atomic_io.check_file`).
-
-    Parameters
-    ----------
-    path : str or Path
-        Ends in ``.urdf``.
-
-    Returns
-    -------
-    Path
-        The same file, absolute.
-    """
+    """Check before any work that a model may be written to a ``.urdf`` file; return its path."""
     return check_file(Path(path), _WHAT, (".urdf",), _MARK)
 
 

@@ -1,4 +1,4 @@
-"""What the XML files of a chain have in common."""
+"""Names, sizes and writing of the XML files of a chain."""
 
 from __future__ import annotations
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bowstring import interrupts
-from bowstring.blocks import tasks
-from bowstring.blocks.job import Job
-from bowstring.blocks.store import Store
 from bowstring.errors import InputError
+from bowstring.jobs import tasks
+from bowstring.jobs.job import Job
+from bowstring.jobs.store import Store
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -106,7 +106,7 @@ def sweep_designs(
     >>> import numpy as np
     >>> import bowstring as bs
     >>> from bowstring.robot.designs import Designs
-    >>> from bowstring.statics.designs import sweep_designs
+    >>> from bowstring.statics.design_sweeps import sweep_designs
     >>> robots = Designs(bs.load_robot("amouri2019"), {"segments.*.backbone.E": [30e9, 35e9, 40e9]})
     >>> found = sweep_designs(robots, np.outer([0, 40, 80], [1, 0, 0]))
     >>> found.tip_position.shape
@@ -165,7 +165,7 @@ def _solved(
 def _by_stiffness(
     designs: Designs, rows: _Commands, dead: Load, model: RodModel, threads: int
 ) -> dict[str, NDArray[Any]]:
-    """The same of robots that differ in stiffness matrices, which the core has one of at a time."""
+    """`_solved` for robots that differ in stiffness matrices: the core takes one set at a time."""
     each = rows.values.shape[1]
     parts, places = [], []
     for index, same in designs.by_stiffness():

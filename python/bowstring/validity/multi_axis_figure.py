@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    from bowstring.validity.grids import ValidityGrid
     from bowstring.validity.maps import ValidityMap
+    from bowstring.validity.multi_axis_maps import ValidityGrid
 
 __all__ = ["draw_grid"]
 

@@ -200,7 +200,7 @@ class Job:
         """Bytes of the file of a block, rounded up."""
         return self.span(number)[1] * self._point_bytes + _HEAD
 
-    def called(self, number: int) -> str:
+    def block_name(self, number: int) -> str:
         """Block in a message, where blocks and points are counted from 1."""
         first, count = self.span(number)
         return f"block {number + 1} of {self.blocks} (points {first + 1} to {first + count})"
@@ -292,9 +292,9 @@ class Job:
             }
 
     def checksum(self, number: int, content: bytes) -> str:
-        """Checksum of the bytes of a block, which also tells blocks and jobs apart."""
+        """Checksum of the bytes of a block, different for each block and job."""
         return hashlib.sha256(f"{self.hash} {number} ".encode() + content).hexdigest()[:16]
 
 
-#: What the last bits of results depend on beside the job.
+#: Versions on which the last bits of results depend, beside the job.
 MADE_BY: Final = {"bowstring": __version__, "instructions": instructions()}

@@ -21,9 +21,9 @@ from bowstring.atomic_io import (
     resolved,
     write_whole_file,
 )
-from bowstring.blocks import dataset
-from bowstring.blocks.job import Arrays, Job
 from bowstring.errors import InputError
+from bowstring.jobs import dataset
+from bowstring.jobs.job import Arrays, Job
 from bowstring.json_files import Content, read_json, structured
 from bowstring.result_folder import write_json
 from bowstring.validation import instance, shown
@@ -196,16 +196,16 @@ class Store:
 
     def _block(self, number: int) -> Arrays:
         if self._last[0] != number:
-            called = self.job.called(number)
+            block = self.job.block_name(number)
             file = self._files.get(number)
             if file is None:
-                raise InputError(f"{called} is missing in {self.folder}; run the job to its end")
+                raise InputError(f"{block} is missing in {self.folder}; run the job to its end")
             try:
                 content = self._content(file, number)
             except OSError as error:
-                raise InputError(f"cannot read {called}, {file}: {error.strerror}") from None
+                raise InputError(f"cannot read {block}, {file}: {error.strerror}") from None
             if content is None:
-                raise InputError(f"{called} in {file} is damaged; run the job again")
+                raise InputError(f"{block} in {file} is damaged; run the job again")
             self._last = number, self.job.arrays(content)
         return self._last[1]
 
@@ -280,7 +280,7 @@ class Store:
         except OSError as error:
             full = error.errno in (errno.ENOSPC, errno.EDQUOT)
             fault = "the drive is full" if full else error.strerror
-            stopped = self.stopped(f"cannot write {self.job.called(number)}: {fault}")
+            stopped = self.stopped(f"cannot write {self.job.block_name(number)}: {fault}")
             advice = "; make room" if full else ""
             raise type(stopped)(f"{stopped}{advice}") from None
 

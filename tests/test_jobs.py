@@ -25,7 +25,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bowstring import interrupts
-from bowstring.blocks import (
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.jobs import (
     Coordinate,
     Job,
     RunInterrupted,
@@ -36,7 +37,6 @@ from bowstring.blocks import (
     tasks,
     threads,
 )
-from bowstring.errors import InputError, NoSolutionError
 
 SHAPE = (7, 11, 13)  # 1001 points: 10 blocks of 100 and one of 1
 
@@ -403,7 +403,7 @@ def slowly(first: int, count: int) -> dict[str, Any]:
 def test_a_run_killed_twice_goes_on(tmp_path: Path) -> None:
     """SIGKILL at any moment: every block is there once at the end, and the numbers are the same."""
     code = (
-        "import test_blocks as t, pathlib\n"
+        "import test_jobs as t, pathlib\n"
         f"t.run(t.made(evaluate=t.slowly, block=20), pathlib.Path({str(tmp_path / 'job')!r}))"
     )
     blocks = tmp_path / "job" / "blocks"

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.blocks import Job, Store
-from bowstring.blocks.dataset import check_data_set, save
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import in_percent, listed, significant
+from bowstring.jobs import Job, Store
+from bowstring.jobs.dataset import check_data_set, save
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
@@ -22,11 +22,12 @@ from bowstring.units import quote, read_number
 from bowstring.validation import numbers
 from bowstring.validity.axes import Axis
 from bowstring.validity.causes import causes_of, coarse_step, coarser
+from bowstring.validity.design_space import DesignSpace
 from bowstring.validity.errors import LABELS
-from bowstring.validity.jobs import Points, map_job
 from bowstring.validity.loading import Loading
+from bowstring.validity.map_job import Points, map_job
+from bowstring.validity.map_settings import MapSettings, Metric
 from bowstring.validity.maps import ValidityMap, compute_map
-from bowstring.validity.question import Metric, Question
 from bowstring.validity.sentences import (
     in_causes,
     limits_in_words,
@@ -37,7 +38,6 @@ from bowstring.validity.sentences import (
     undefined_in_words,
     unsolved_in_words,
 )
-from bowstring.validity.space import Space
 from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class GridOfModel(Result):
     """Metric (...) in percent of the length (``valid_to``: N), nested lists in the order of the
     axes; NaN without a value."""
     defined: Annotated[NDArray[np.bool_], Key()]
-    """Whether the model has an error at all loads that the metric is of (...), as `values`: an
+    """Whether the model has an error at all loads that the metric covers (...), as `values`: an
     equilibrium and an arc."""
 
 
@@ -92,7 +92,7 @@ class ValidityGrid(Result):
     value: dict[str, Floats]
     """Metric by model, a dimension for each axis in their order; NaN without a value."""
     solved: Annotated[NDArray[np.bool_], Key()]
-    """Whether all loads of a point that the metric is of have a stable equilibrium (...), with the
+    """Whether all loads of a point that the metric covers have a stable equilibrium (...), with the
     same dimensions."""
     gave_up: Annotated[NDArray[np.bool_], Key()]
     """Whether the solver gave up at the first load of a point that is not solved (...), with the
@@ -101,7 +101,7 @@ class ValidityGrid(Result):
     """Tension (N) or bend (rad) up to which the sweep of each point is solved (...), with the same
     dimensions; NaN where its first load is not."""
     defined: dict[str, NDArray[np.bool_]]
-    """Where a model has an error at all loads that the metric is of, with the same dimensions."""
+    """Where a model has an error at all loads that the metric covers, with the same dimensions."""
     cause: dict[str, NDArray[np.str_]]
     """Effect with more than half of the error, by model, on every `step`-th point of each axis;
     empty text where none has. Without entries for the metric ``valid_to``."""
@@ -112,18 +112,18 @@ class ValidityGrid(Result):
 
     @property
     def undefined(self) -> dict[str, NDArray[np.bool_]]:
-        """Where a model has no arc at some load that the metric is of, with the same dimensions."""
+        """Where a model has no arc at a load that the metric covers, with the same dimensions."""
         return {name: self.solved & ~defined for name, defined in self.defined.items()}
 
     @property
-    def question(self) -> Annotated[Question, Key(flat=True)]:
-        """What the map asks."""
-        return question_of(self.job)
+    def settings(self) -> Annotated[MapSettings, Key(flat=True)]:
+        """Space, models, metric and tolerance."""
+        return settings_of(self.job)
 
     @property
-    def space(self) -> Space:
+    def space(self) -> DesignSpace:
         """Robot, axes, loads and sweep."""
-        return self.question.space
+        return self.settings.space
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -133,16 +133,16 @@ class ValidityGrid(Result):
     @property
     def tolerance(self) -> float:
         """Tolerated tip error as a share of the length."""
-        return self.question.tolerance
+        return self.settings.tolerance
 
     @property
     def metric(self) -> Metric:
-        """What `value` is, one of `bowstring.validity.question.METRICS`."""
-        return self.question.metric
+        """What `value` is, one of `bowstring.validity.map_settings.METRICS`."""
+        return self.settings.metric
 
     def label(self, axis: int) -> str:
         """Label of an axis with its unit; that of the tension names the tendon."""
-        return self.question.label(axis)
+        return self.settings.label(axis)
 
     def slice(
         self, at: Mapping[str, float | str] | None = None, /, **values: float | str
@@ -155,7 +155,7 @@ class ValidityGrid(Result):
         Parameters
         ----------
         at : mapping of str to float or str, optional
-            Value of an axis by its path or the end of it, in SI or with a unit, such as
+            Value of an axis by its path or the end of the path, in SI or with a unit, such as
             ``{"tip_force.x": "0.5 N"}``.
         **values : float or str
             The same for paths without a dot, such as ``tension=40``.
@@ -190,7 +190,7 @@ class ValidityGrid(Result):
             raise InputError(
                 f"slice leaves {left} axes of {paths}; give values for all but one or two of them"
             )
-        return compute_map(replace(self.question, space=self.space.at(fixed)))
+        return compute_map(replace(self.settings, space=self.space.at(fixed)))
 
     def _index(self, path: str) -> int:
         paths = [axis.path for axis in self.axes]
@@ -209,7 +209,7 @@ class ValidityGrid(Result):
             two axes at values of the third. Further axes have the robot's own value there, or the
             middle of their range.
         """
-        from bowstring.validity.grid_figure import draw_grid
+        from bowstring.validity.multi_axis_figure import draw_grid
 
         return draw_grid(self)
 
@@ -251,13 +251,13 @@ class ValidityGrid(Result):
         return save(self.job, read, file)
 
     def described(self) -> list[str]:
-        """What the map says, in sentences."""
+        """The map in sentences."""
         out = []
         for name, value in self.value.items():
             first = f"Constant curvature {LABELS[name]} holds to {in_percent(self.tolerance, 3)}"
             undefined = self.undefined[name]
             if self.metric == "valid_to" and np.isfinite(value).any():
-                limits = limits_in_words(self.question, value)
+                limits = limits_in_words(self.settings, value)
                 out.append(f"{first} of length up to {limits}.")
             elif self.metric == "valid_to":
                 out.append(f"Constant curvature {LABELS[name]} has no validity limit on the map.")
@@ -268,18 +268,18 @@ class ValidityGrid(Result):
                 out.append(f"{words}{causes}.")
             if undefined.any():
                 out.append(undefined_in_words(name, undefined))
-        out += sweep_in_words(self.question)
+        out += sweep_in_words(self.settings)
         if self.metric == "valid_to":
-            out += notes_on_limits(self.question, self.value, self.solved_to)
+            out += notes_on_limits(self.settings, self.value, self.solved_to)
         out += unsolved_in_words(
-            self.question,
+            self.settings,
             {2: ~self.solved & ~self.gave_up, 5: ~self.solved & self.gave_up},
             self.solved_to,
         )
         if self.slack is not None and self.slack.any():
             out.append(f"{int(self.slack.sum())} of {self.slack.size} points: a tendon is slack.")
-            out += notes_on_slack(self.question, self.slack)
-        return out + notes_on_causes(self.question, self.value, self.cause)
+            out += notes_on_slack(self.settings, self.slack)
+        return out + notes_on_causes(self.settings, self.value, self.cause)
 
     @property
     def maps(self) -> Annotated[list[GridOfModel], Key()]:
@@ -289,11 +289,11 @@ class ValidityGrid(Result):
         return [GridOfModel(name, scale * value, self.defined[name]) for name, value in found]
 
 
-def question_of(job: Job) -> Question:
-    """What a job of `bowstring.validity.jobs.map_job` asks."""
+def settings_of(job: Job) -> MapSettings:
+    """Settings of the map of a job of `bowstring.validity.map_job.map_job`."""
     if not isinstance(job.evaluate, Points):
-        raise InputError("the job is no map; make it by bowstring.validity.jobs.map_job")
-    return job.evaluate.question
+        raise InputError("the job is no map; make it by bowstring.validity.map_job.map_job")
+    return job.evaluate.settings
 
 
 def _value_on(axis: Axis, value: float | str) -> float:
@@ -318,17 +318,7 @@ def _value_on(axis: Axis, value: float | str) -> float:
 
 
 def check_grid_file(path: str | Path) -> Path:
-    """Check before any work that a map over more than two axes may be written.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Path
-        Absolute path.
-    """
+    """Check before any work that a map over more than two axes may be written; return its path."""
     file = Path(path)
     if file.suffix.lower() in _NUMBERS:
         return check_data_set(file)
@@ -398,7 +388,7 @@ def validity_grid(
 
 
 def compute_grid(job: Job, progress: Progress | None = None) -> ValidityGrid:
-    """Compute a job of `bowstring.validity.jobs.map_job` in memory.
+    """Compute a job of `bowstring.validity.map_job.map_job` in memory.
 
     Parameters
     ----------
@@ -436,7 +426,7 @@ def read_grid(store: Store) -> ValidityGrid:
     Parameters
     ----------
     store : Store
-        Blocks of a job of `bowstring.validity.jobs.map_job`, all computed.
+        Blocks of a job of `bowstring.validity.map_job.map_job`, all computed.
 
     Returns
     -------
@@ -454,7 +444,7 @@ def read_grid(store: Store) -> ValidityGrid:
 
 def check_drawn(job: Job) -> None:
     """Refuse a map that is too large for a figure."""
-    question_of(job)
+    settings_of(job)
     if job.points > MOST_DRAWN:
         raise InputError(
             f"the map has {job.points:.3g} points, a figure has at most {MOST_DRAWN:.0e}; write a "
@@ -464,20 +454,20 @@ def check_drawn(job: Job) -> None:
 
 def _grid(job: Job, flat: Mapping[str, NDArray[Any]]) -> ValidityGrid:
     """Give flat arrays their dimensions, and find the causes."""
-    asked = question_of(job)
-    axes, shape = asked.space.axes, tuple(job.axes.values())
-    value = {name: np.asarray(flat[name]).reshape(shape) for name in asked.models}
+    settings = settings_of(job)
+    axes, shape = settings.space.axes, tuple(job.axes.values())
+    value = {name: np.asarray(flat[name]).reshape(shape) for name in settings.models}
     part = coarser(shape, len(shape))
     cause: dict[str, NDArray[np.str_]] = {}
-    if asked.metric != "valid_to":
+    if settings.metric != "valid_to":
         places = np.unravel_index(part.ravel(), shape)
         points = [axis.values[place] for axis, place in zip(axes, places, strict=True)]
         total = {name: v[places] for name, v in value.items()}
-        found = causes_of(asked, np.stack(points, axis=1), total)
+        found = causes_of(settings, np.stack(points, axis=1), total)
         cause = {name: effects.reshape(part.shape) for name, effects in found.items()}
     step = coarse_step(shape, len(shape))
     slack = flat["slack"].reshape(shape) == 1 if "slack" in flat else None
-    defined = {name: flat[f"{name}_defined"].reshape(shape) == 1 for name in asked.models}
+    defined = {name: flat[f"{name}_defined"].reshape(shape) == 1 for name in settings.models}
     solved, gave_up = (flat[name].reshape(shape) == 1 for name in ("solved", "gave_up"))
     solved_to = np.asarray(flat["solved_to"]).reshape(shape)
     return ValidityGrid(job, value, solved, gave_up, solved_to, defined, cause, step, slack)

@@ -25,19 +25,19 @@ from bowstring.validity.dead_loads import dead_loads
 from bowstring.validity.effects import EFFECTS, Rods, acting, without
 from bowstring.validity.errors import Ramps, follow, tip_offsets
 
-__all__ = ["COUPLED", "Errors", "Space"]
+__all__ = ["COUPLED", "DesignSpace", "RampErrors"]
 
 Floats = NDArray[np.float64]
 
 COUPLED: Final = "beside coupled strains of the backbone this effect is not examined"
 """Why straight spans of a backbone with coupled strains are not among the causes."""
-_MOST_DISKS: Final = 10_000  # of a robot; more take seconds between two places that hear Ctrl-C
+_MOST_DISKS: Final = 10_000  # of a robot; more would delay Ctrl-C by seconds
 _MOST_CORNERS: Final = 4  # axes whose ends are all tried with each other
 
 
 @short_repr
 @dataclass(frozen=True)
-class Errors:
+class RampErrors:
     """Errors of constant curvature at P points, along a ramp of L tensions or bends each."""
 
     ramp: Floats
@@ -58,8 +58,8 @@ class Errors:
     """Whether the solver gave up at each load (P, L)."""
 
     @classmethod
-    def empty(cls, points: int, loads: int, names: Sequence[str]) -> Errors:
-        """Errors of no point yet, for `put`."""
+    def empty(cls, points: int, loads: int, names: Sequence[str]) -> RampErrors:
+        """Arrays for `put` to fill."""
         shape = (points, loads)
         return cls(
             np.zeros(shape),
@@ -107,9 +107,9 @@ class Errors:
         return np.asarray(~self.solved & self.gave_up[np.arange(len(first)), first])
 
     def is_solved(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
-        """Whether all loads that a metric of a model is of have a stable equilibrium (P,).
+        """Whether all loads that a metric of a model covers have a stable equilibrium (P,).
 
-        Every metric is of the whole ramp, except that ``valid_to`` ends at the first crossing of
+        Every metric covers the whole ramp, except that ``valid_to`` ends at the first crossing of
         the tolerance.
         """
         if metric != "valid_to":
@@ -123,12 +123,12 @@ class Errors:
         return np.asarray(self.converged & ~np.isfinite(self.error[name]))
 
     def is_defined(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
-        """Whether a model has an error at all loads that a metric is of (P,)."""
+        """Whether a model has an error at all loads that a metric covers (P,)."""
         solved = self.is_solved(metric, name, tolerance)
         return np.asarray(solved & self._has_arc(metric, name, tolerance))
 
     def _has_arc(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
-        """Whether a model has an arc at all solved loads that a metric is of (P,).
+        """Whether a model has an arc at all solved loads that a metric covers (P,).
 
         For ``valid_to`` these are the loads up to the first crossing of the tolerance.
         """
@@ -143,10 +143,10 @@ class Errors:
         return np.asarray(~((first < undefined.shape[1]) & undefined[rows, ends]))
 
     def metric(self, metric: str, name: str, tolerance: float) -> Floats:
-        """A metric of a model (P,), one of `bowstring.validity.question.METRICS`.
+        """A metric of a model (P,), one of `bowstring.validity.map_settings.METRICS`.
 
         An error is NaN where some load of the ramp has no equilibrium, or the model has no arc at a
-        load that the metric is of. So a point without an error at the end of its ramp never holds.
+        load that the metric covers. Such a point never holds the tolerance.
         """
         if metric == "valid_to":
             return self.valid_to(name, tolerance)
@@ -242,7 +242,7 @@ def _crossing(x: Floats, y: Floats, k: NDArray[np.intp], level: float) -> Floats
 
 @short_repr
 @dataclass(frozen=True)
-class Space:
+class DesignSpace:
     """Space of designs and loads: every point has a robot, a load and a ramp of tension.
 
     A point is a row of values in SI, one for each axis. The ramp goes from zero to `max_tension`,
@@ -265,7 +265,7 @@ class Space:
     loads: int = 17
     """Loads of the ramp."""
     fixed: tuple[tuple[Axis, float], ...] = ()
-    """Axes of a larger space that have one value here, SI."""
+    """Further axes with one value each, SI."""
 
     @property
     def all_axes(self) -> tuple[Axis, ...]:
@@ -292,7 +292,7 @@ class Space:
             return COUPLED
         return ""
 
-    def at(self, values: Mapping[int, float]) -> Space:
+    def at(self, values: Mapping[int, float]) -> DesignSpace:
         """The space with one value for some axes, by their index, SI."""
         fixed = tuple((self.axes[i], value) for i, value in values.items())
         left = tuple(axis for i, axis in enumerate(self.axes) if i not in values)
@@ -321,7 +321,7 @@ class Space:
                 raise InputError(text, argument="over" if at else "")
 
     def _refused(self, at: Mapping[Axis, float]) -> str:
-        """Why there is no robot with these values of axes; empty if there is one."""
+        """Why no robot has these values of axes; empty if one has."""
         changes = {
             path: int(value) if axis.is_whole else value
             for axis, value in at.items()
@@ -336,7 +336,7 @@ class Space:
             return f"{self.robot.name} has {count} disks; a map takes at most {_MOST_DISKS}"
         return ""
 
-    def errors(self, points: Floats, names: Sequence[str]) -> Errors:
+    def errors(self, points: Floats, names: Sequence[str]) -> RampErrors:
         """Errors of constant curvature at points (P, A).
 
         Parameters
@@ -345,19 +345,15 @@ class Space:
             Values of the axes in SI.
         names : sequence of str
             Models of constant curvature, of `bowstring.validity.errors.LABELS`.
-
-        Returns
-        -------
-        Errors
         """
         points = np.asarray(points, dtype=float).reshape(-1, len(self.axes))
-        out = Errors.empty(len(points), self.loads, names)
+        out = RampErrors.empty(len(points), self.loads, names)
         for rows, rods, ramp in self._groups(points):
             ramps = follow(rods, ramp, self.shares)
             out.put(rows, rods.designs, ramps, tip_offsets(rods.designs, ramps, names))
         return out
 
-    def errors_without(self, points: Floats, names: Sequence[str]) -> dict[str, Errors]:
+    def errors_without(self, points: Floats, names: Sequence[str]) -> dict[str, RampErrors]:
         """Errors at points (P, A) with rods that lack one effect.
 
         Constant curvature keeps the robots as they are. With friction, the change that straight
@@ -370,11 +366,11 @@ class Space:
 
         Returns
         -------
-        dict from str to Errors
+        dict from str to RampErrors
             By effect that acts at some point, in the order of `bowstring.validity.effects.EFFECTS`;
             NaN at points where it does not act.
         """
-        out: dict[str, Errors] = {}
+        out: dict[str, RampErrors] = {}
         for rows, rods, ramp in self._groups(points):
             known, effects = rods.designs, acting(rods)
             rest = {effect: follow(without(rods, effect), ramp, self.shares) for effect in effects}
@@ -386,11 +382,11 @@ class Space:
                     name: whole[name] - free[name] + continuous[name] for name in names
                 }
             for effect in effects:
-                errors = out.setdefault(effect, Errors.empty(len(points), self.loads, names))
+                errors = out.setdefault(effect, RampErrors.empty(len(points), self.loads, names))
                 errors.put(rows, known, rest[effect], offsets[effect])
         return {effect: out[effect] for effect in EFFECTS if effect in out}
 
-    def cold_tip(self, points: Floats) -> Floats:
+    def tip_from_straight(self, points: Floats) -> Floats:
         """Tips (P, 3) at the ends of the ramps, solved from the straight robot at once, m."""
         out = np.full((len(points), 3), np.nan)
         for rows, rods, ramp in self._groups(points):
@@ -424,7 +420,7 @@ class Space:
                 loads[axis.path] = points[:, i]
             elif not axis.is_whole:
                 values[axis.path] = points[:, i]
-        if not values:  # one number stands for all, so that there is a robot for each point
+        if not values:  # one array of numbers keeps a robot for each point
             values = {"segments.0.length": np.full(len(points), robot.segments[0].length)}
         load = self.load.replace(**dead_loads(robot, self.load, loads, len(points)))
         rods = Rods(Designs(robot, values), self.model, load, self.by_displacement)

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from bowstring import interrupts
-from bowstring.blocks import Job, RunInterrupted, run, tasks, threads
 from bowstring.errors import InputError, NoSolutionError
-from test_blocks import content, evaluate, made, refused
+from bowstring.jobs import Job, RunInterrupted, run, tasks, threads
+from test_jobs import content, evaluate, made, refused
 
 distributed = pytest.importorskip("distributed", exc_type=ImportError)
 

@@ -11,15 +11,15 @@ import xarray as xr
 from tests.shell import Shell
 
 import bowstring as bs
-from bowstring import blocks
-from bowstring.blocks import Job, Variable
+from bowstring import jobs
 from bowstring.errors import InputError
-from bowstring.validity import grids
-from bowstring.validity.grid_figure import _kinds
-from bowstring.validity.grids import ValidityGrid, read_grid, validity_grid
-from bowstring.validity.jobs import map_job
+from bowstring.jobs import Job, Variable
+from bowstring.validity import multi_axis_maps
 from bowstring.validity.loading import Loading
+from bowstring.validity.map_job import map_job
 from bowstring.validity.maps import validity_map
+from bowstring.validity.multi_axis_figure import _kinds
+from bowstring.validity.multi_axis_maps import ValidityGrid, read_grid, validity_grid
 
 ROBOT = bs.load_robot("amouri2019")
 FORCE = "cc_from_force"
@@ -147,7 +147,7 @@ def test_a_region_without_equilibrium_is_drawn(tmp_path: Path) -> None:
 
 def test_a_stored_map_is_the_same(tmp_path: Path) -> None:
     axes = AXES[:3]
-    store = blocks.run(map_job(ROBOT, axes, block=17), tmp_path / "blocks")
+    store = jobs.run(map_job(ROBOT, axes, block=17), tmp_path / "blocks")
     stored, direct = read_grid(store), validity_grid(ROBOT, axes)
     for name, value in direct.value.items():
         np.testing.assert_allclose(stored.value[name], value, rtol=1e-9, atol=1e-12)
@@ -162,12 +162,12 @@ def test_what_is_no_map_or_too_large_is_refused(
 ) -> None:
     other = Job(lambda i, n: {"x": np.zeros(n)}, {"a": 3}, {"x": Variable("m", "x")}, {}, 3)
     with pytest.raises(InputError, match="is no map"):
-        read_grid(blocks.run(other, tmp_path / "other"))
+        read_grid(jobs.run(other, tmp_path / "other"))
     with pytest.raises(InputError, match=r"at most 20000 are computed at once.*--store"):
         validity_grid(ROBOT, ["tension=0:80 N:51", "E=30:40 GPa:20", "nu=0:0.4:20"])
-    monkeypatch.setattr(grids, "MOST_DRAWN", 10)
+    monkeypatch.setattr(multi_axis_maps, "MOST_DRAWN", 10)
     with pytest.raises(InputError, match="a figure has at most"):
-        grids.check_drawn(map_job(ROBOT, AXES[:3]))
+        multi_axis_maps.check_drawn(map_job(ROBOT, AXES[:3]))
 
 
 def test_the_command_maps_three_axes(shell: Shell, tmp_path: Path) -> None:
@@ -217,7 +217,7 @@ def test_an_undefined_error_is_counted_over_three_axes(tmp_path: Path) -> None:
     words = [text.get_text() for text in grid.figure().legends[0].get_texts()]
     assert "constant curvature not defined" in words
     assert grid.to_dict()["maps"][0]["defined"] == (~without).tolist()
-    store = blocks.run(map_job(robot, axes, tolerance=0.05, block=3), tmp_path / "blocks")
+    store = jobs.run(map_job(robot, axes, tolerance=0.05, block=3), tmp_path / "blocks")
     assert read_grid(store).described() == said
     for file in (store.save(tmp_path / "a.nc"), grid.save(tmp_path / "b.nc")):
         with xr.open_dataset(file) as data:

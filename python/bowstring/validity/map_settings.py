@@ -1,4 +1,4 @@
-"""What a map asks: its space, models, metric and tolerance."""
+"""Settings of a map: its space, models, metric and tolerance."""
 
 from __future__ import annotations
 
@@ -19,25 +19,33 @@ from bowstring.statics.model import RodModel
 from bowstring.validation import choice, instance, share_of_length
 from bowstring.validity.axes import BY_DISPLACEMENT, RAMPS, Axis, axes_of
 from bowstring.validity.dead_loads import check_dead_loads
+from bowstring.validity.design_space import DesignSpace, RampErrors
 from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS
 from bowstring.validity.limit_search import reach
 from bowstring.validity.loading import Loading, largest_load, named
-from bowstring.validity.space import Errors, Space
 
-__all__ = ["METRICS", "Metric", "Question", "end_of_ramp", "reach_of_ramp", "read_axes", "space_of"]
+__all__ = [
+    "METRICS",
+    "MapSettings",
+    "Metric",
+    "end_of_ramp",
+    "reach_of_ramp",
+    "read_axes",
+    "space_of",
+]
 
 Floats = NDArray[np.float64]
 Metric = Literal["largest_error", "mean_error", "error", "valid_to"]
 
-_TRIED: Final = 65  # loads of the search for the end of what is solved
+_TRIED: Final = 65  # loads of the search for the last solved one
 METRICS: Final[dict[str, str]] = {
     "largest_error": "largest tip error over the sweep, share of length",
     "mean_error": "mean tip error over the sweep, share of length",
     "error": "tip error at the tension or bend of the axis, share of length",
     "valid_to": "tension up to which the tolerance holds, N",
 }
-"""Metrics of a map, and what they are."""
+"""Metrics of a map, with their labels."""
 
 
 @dataclass(frozen=True)
@@ -56,37 +64,33 @@ class AxisPoints(Result):
 
 @short_repr
 @dataclass(frozen=True)
-class Question(Result):
-    """What a map asks, of two axes or of many; made by `Question.of`, which checks it."""
+class MapSettings(Result):
+    """Settings of a map over any number of axes; made by `MapSettings.of`, which checks them."""
 
-    space: Space
+    space: DesignSpace
     """Robot, axes, loads and sweep."""
     models: tuple[str, ...]
     """Models of constant curvature, of `bowstring.validity.errors.LABELS`."""
     metric: Annotated[Metric, Key()]
-    """What is mapped, one of `METRICS`."""
+    """Quantity of the map, one of `METRICS`."""
     tolerance: Annotated[float, Key("tolerance_percent")]
     """Tolerated tip error as a share of the length."""
 
     @classmethod
     def of(
         cls,
-        space: Space,
+        space: DesignSpace,
         tolerance: float | str,
         metric: Metric | None = None,
         models: Sequence[str] | None = None,
-    ) -> Question:
-        """Choose what is left out, and check all.
+    ) -> MapSettings:
+        """Choose the settings that are left out, and check all.
 
         Parameters
         ----------
-        space : Space
+        space : DesignSpace
         tolerance, metric, models
             As for `bowstring.validity_map`.
-
-        Returns
-        -------
-        Question
 
         Raises
         ------
@@ -107,25 +111,25 @@ class Question(Result):
         along = ", ".join(f"{v + 0.0:.3g}" for v in force / np.linalg.norm(force))
         return label.replace(axis.words, f"{axis.words} along ({along})")
 
-    def errors(self, points: Floats) -> Errors:
+    def errors(self, points: Floats) -> RampErrors:
         """Errors of its models at points (P, A)."""
         return self.space.errors(points, self.models)
 
-    def measure(self, errors: Errors) -> dict[str, Floats]:
+    def measure(self, errors: RampErrors) -> dict[str, Floats]:
         """Metric (P,) by model."""
         return {name: errors.metric(self.metric, name, self.tolerance) for name in self.models}
 
-    def defined(self, errors: Errors) -> dict[str, NDArray[np.bool_]]:
-        """Whether each model has an error at all loads that its metric is of (P,)."""
+    def defined(self, errors: RampErrors) -> dict[str, NDArray[np.bool_]]:
+        """Whether each model has an error at all loads that its metric covers (P,)."""
         return {name: errors.is_defined(self.metric, name, self.tolerance) for name in self.models}
 
-    def solved(self, errors: Errors) -> dict[str, NDArray[np.bool_]]:
-        """Whether all loads that the metric of each model is of have an equilibrium (P,)."""
+    def solved(self, errors: RampErrors) -> dict[str, NDArray[np.bool_]]:
+        """Whether all loads that the metric of each model covers have an equilibrium (P,)."""
         return {name: errors.is_solved(self.metric, name, self.tolerance) for name in self.models}
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """What it asks, as attributes of a data set: numbers in SI, text and lists."""
+        """The settings as attributes of a data set: numbers in SI, text and lists."""
         space = self.space
         gravity = space.robot.gravity if space.load.gravity is None else space.load.gravity
         force = (0.0, 0.0, 0.0) if space.load.tip_force is None else space.load.tip_force
@@ -172,10 +176,6 @@ def read_axes(
     load : Load, optional
         Gravity of that ramp, that of the robot if left out.
 
-    Returns
-    -------
-    tuple of Axis
-
     Raises
     ------
     InputError
@@ -199,20 +199,17 @@ def read_axes(
 
 def space_of(
     robot: Robot, axes: tuple[Axis, ...], loading: Loading | None, load: Load | None
-) -> Space:
+) -> DesignSpace:
     """Make the space of a map.
 
     Parameters
     ----------
     robot : Robot
-        Its friction is left out, except with an axis friction or ``bend``, and its other memories.
+        Its friction and other memories are left out; friction counts with an axis friction or
+        ``bend``.
     axes : tuple of Axis
     loading, load
         As for `validity_map`.
-
-    Returns
-    -------
-    Space
 
     Raises
     ------
@@ -247,7 +244,7 @@ def space_of(
     check_dead_loads(robot, paths, load)
     shares = np.array(loading.shares(robot))
     top = float("nan") if "bend" in paths else end_of_ramp(robot, loading, load)
-    space = Space(robot, axes, shares, top, RodModel(), load, loading.points)
+    space = DesignSpace(robot, axes, shares, top, RodModel(), load, loading.points)
     space.check()
     return space
 
@@ -261,8 +258,8 @@ def end_of_ramp(robot: Robot, loading: Loading, load: Load | None = None) -> flo
     return largest_load(robot, np.array(loading.shares(robot)), RodModel())
 
 
-def reach_of_ramp(space: Space) -> tuple[float, float]:
-    """Largest tension of a map, and about how far the robot as it is is solved to it, N.
+def reach_of_ramp(space: DesignSpace) -> tuple[float, float]:
+    """Largest tension of a map, and that up to which the robot as it is is solved by a search, N.
 
     Both are infinite with an axis ``bend``.
     """
@@ -276,7 +273,7 @@ def reach_of_ramp(space: Space) -> tuple[float, float]:
     return top, float(ramp[at])
 
 
-def _metric(space: Space, metric: Metric | None) -> Metric:
+def _metric(space: DesignSpace, metric: Metric | None) -> Metric:
     """Metric of a map, as given or chosen for its axes."""
     ramp = next((axis.path for axis in space.all_axes if axis.path in RAMPS), None)
     chosen: Metric = metric or ("largest_error" if ramp is None else "error")
@@ -293,7 +290,7 @@ def _metric(space: Space, metric: Metric | None) -> Metric:
     return chosen
 
 
-def _models(space: Space, models: Sequence[str] | None) -> tuple[str, ...]:
+def _models(space: DesignSpace, models: Sequence[str] | None) -> tuple[str, ...]:
     """Models of a map, as given or chosen for its axes."""
     commanded = "cc_from_displacements"
     if models is None:

@@ -4,10 +4,10 @@ A `Job` says what to compute, `run` computes its blocks into a folder, and the `
 folder reads them or writes them as one labelled data set.
 """
 
-from bowstring.blocks.job import Coordinate, Job, Variable
-from bowstring.blocks.running import RunInterrupted, run
-from bowstring.blocks.store import Store, Unfinished
-from bowstring.blocks.tasks import threads
+from bowstring.jobs.job import Coordinate, Job, Variable
+from bowstring.jobs.running import RunInterrupted, run
+from bowstring.jobs.store import Store, Unfinished
+from bowstring.jobs.tasks import threads
 
 __all__ = [
     "Coordinate",

@@ -20,7 +20,7 @@ from bowstring.atomic_io import (
     write_whole,
     write_whole_file,
 )
-from bowstring.blocks.job import Arrays, Job
+from bowstring.jobs.job import Arrays, Job
 from bowstring.optional import load_extra
 
 __all__ = ["check_data_set", "save"]
@@ -33,7 +33,7 @@ Index = tuple[Any, ...]
 
 
 def save(job: Job, read: Read, path: Path) -> Path:
-    """Write a data set; see `bowstring.blocks.Store.save`."""
+    """Write a data set; see `bowstring.jobs.Store.save`."""
     place = check_data_set(path)
     check_room(place.parent, job.total_bytes, f"cannot write the {_WHAT} to {place}")
     if path.suffix.lower() == ".zarr":

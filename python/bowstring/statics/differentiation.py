@@ -1,4 +1,4 @@
-"""Equilibria near a solution, to second order: along a line of loads and robots.
+"""Differentiation of an equilibrium, to second order, along lines of loads and robots.
 
 Theory: docs/theory/statics.md (Derivatives along a direction).
 """
@@ -35,9 +35,9 @@ __all__ = [
     "ON_DISKS",
     "QUANTITIES",
     "VECTORS",
+    "Differentiator",
     "Direction",
     "DirectionalDerivatives",
-    "Neighbourhood",
     "Rates",
 ]
 
@@ -55,7 +55,7 @@ _LARGEST: Final = 0.01
 _INEXACT: Final = 1e-6
 _SHORTER: Final = 0.3
 _ATTEMPTS: Final = 6
-#: Motion of the tip in a step, over the natural one, that counts as none.
+#: Motion of the tip in a step, over the natural one, below which it counts as zero.
 _RESTING: Final = 1e-3
 #: Largest number of just taut tendons whose combinations are tried.
 _MOST_SWITCHING: Final = 10
@@ -160,8 +160,8 @@ class _Lines(NamedTuple):
     compliance: Floats
 
 
-class Neighbourhood:
-    """Equilibria near a solution, to second order."""
+class Differentiator:
+    """Differentiates an equilibrium along lines of loads and robots, to second order."""
 
     def __init__(self, solution: Solution) -> None:
         check_smooth(solution)
@@ -264,9 +264,9 @@ class Neighbourhood:
                     for s in stencil.offsets.tolist()
                 ]
             except InputError as error:
-                # that of an increase: others may be those of a limit
+                # keep the error of an increase: the others may come from a limit
                 refused = error if refused is None or side == 1 else refused
-        said = str(refused).partition("\n")[0].rstrip(".")  # without advice for a user's own text
+        said = str(refused).partition("\n")[0].rstrip(".")  # its advice is on values of a user
         raise InputError(f"no derivative by {', '.join(direction.numbers)}: {said}")
 
     def _robot(self, direction: Direction, place: float) -> Robot:
@@ -363,7 +363,7 @@ class Neighbourhood:
         return 7 + len(self.tensions) + 3 * len(self.robot.disks.station_m)
 
     @cached_property
-    def _answer(self) -> Floats:
+    def _displacement_by_tension(self) -> Floats:
         """Displacement by tension (T, T) of tendons that keep their length, m/N."""
         # theory Eq. 4.1: displacement = home length - length + compliance * tension - slack
         own = np.diag(actuation.compliances(self.robot))
@@ -374,7 +374,7 @@ class Neighbourhood:
         """Tensions that change the displacements of taut tendons as wanted; zero for others."""
         rates = np.zeros(len(wanted))
         if held.any():
-            block = block_of_taut(self._answer, np.flatnonzero(held))
+            block = block_of_taut(self._displacement_by_tension, np.flatnonzero(held))
             rates[held] = np.linalg.solve(block, wanted[held])
         return rates
 
@@ -382,7 +382,7 @@ class Neighbourhood:
         """First derivatives of the tensions, and which tendons are taut along the line.
 
         `wanted` are the changes of displacement that the tensions have to make. A tendon at the
-        limit of slack becomes taut or slack, whichever agrees with itself.
+        limit of slack becomes taut or slack, whichever is consistent.
         """
         least = 1e-9 * max(1.0, float(np.abs(wanted).max(initial=0.0)))
         for size in range(len(self.switching) + 1):
@@ -390,7 +390,7 @@ class Neighbourhood:
                 held = self.held.copy()
                 held[list(taut)] = True
                 rates = self._tension_rates(wanted, held)
-                slack = self._answer @ rates - wanted
+                slack = self._displacement_by_tension @ rates - wanted
                 free = [i for i in self.switching.tolist() if i not in taut]
                 if (rates[list(taut)] >= 0.0).all() and (slack[free] >= -least).all():
                     return rates, held

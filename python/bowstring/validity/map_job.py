@@ -10,15 +10,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.blocks import Coordinate, Job, Variable
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.jobs import Coordinate, Job, Variable
 from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.load import Load
 from bowstring.validity.axes import Axis, axes_of
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
-from bowstring.validity.question import METRICS, Metric, Question, space_of
+from bowstring.validity.map_settings import METRICS, MapSettings, Metric, space_of
 
 __all__ = ["Points", "map_job"]
 
@@ -34,19 +34,19 @@ _SLACK: Final = Variable("1", "1 where a tendon is slack at the bend", dtype="in
 class Points:
     """What a worker calls: the metric at some points of the grid of the axes."""
 
-    question: Question
-    """What is mapped."""
+    settings: MapSettings
+    """Settings of the map."""
 
     def __call__(self, first: int, count: int) -> dict[str, NDArray[Any]]:
-        space = self.question.space
+        space = self.settings.space
         values = [axis.values for axis in space.axes]
         places = np.unravel_index(np.arange(first, first + count), [len(v) for v in values])
         points = np.stack([v[place] for v, place in zip(values, places, strict=True)], axis=1)
-        errors = self.question.errors(points)
-        out: dict[str, NDArray[Any]] = {**self.question.measure(errors)}
-        for name, is_defined in self.question.defined(errors).items():
+        errors = self.settings.errors(points)
+        out: dict[str, NDArray[Any]] = {**self.settings.measure(errors)}
+        for name, is_defined in self.settings.defined(errors).items():
             out[f"{name}_defined"] = is_defined.astype(np.int8)
-        solved = np.all(list(self.question.solved(errors).values()), axis=0)
+        solved = np.all(list(self.settings.solved(errors).values()), axis=0)
         out["solved"] = solved.astype(np.int8)
         out["gave_up"] = np.asarray(~solved & errors.unknown, dtype=np.int8)
         out["solved_to"] = errors.solved_to
@@ -66,7 +66,7 @@ def map_job(
     load: Load | None = None,
     block: int | None = None,
 ) -> Job:
-    """Make the job of a large map, for `bowstring.blocks.run`.
+    """Make the job of a large map, for `bowstring.jobs.run`.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def map_job(
     -------
     Job
         Its variables are the metric by model; ``NAME_defined``, 1 where a model has an error at all
-        loads that the metric is of; ``solved``, 1 where these loads have a stable equilibrium;
+        loads that the metric covers; ``solved``, 1 where these loads have a stable equilibrium;
         ``gave_up``, 1 where the solver gave up at the first one without; ``solved_to``, the tension
         or bend up to which a sweep is solved; and with an axis bend ``slack``, 1 where a tendon is
         slack at that bend. Its axes are ``axis_1`` and so on, in SI.
@@ -104,7 +104,7 @@ def map_job(
     Examples
     --------
     >>> import bowstring as bs
-    >>> from bowstring.validity.jobs import map_job
+    >>> from bowstring.validity.map_job import map_job
     >>> axes = ["tension=0:80 N:9", "E=30:40 GPa:3", "pitch_radius=20:30 mm:3"]
     >>> map_job(bs.load_robot("amouri2019"), axes).points
     81
@@ -114,19 +114,19 @@ def map_job(
     if not axes:
         raise InputError("over has no axis; a job has one or more")
     space = space_of(robot, axes, loading, load)
-    question = Question.of(space, tolerance, metric, models)
+    settings = MapSettings.of(space, tolerance, metric, models)
     count = math.prod(len(axis.values) for axis in axes)
-    unit = "N" if question.metric == "valid_to" else "1"
+    unit = "N" if settings.metric == "valid_to" else "1"
     shown = {"gravity": space.load.gravity, "tip_force": space.load.tip_force}
     return Job(
-        Points(question),
+        Points(settings),
         {f"axis_{i}": len(axis.values) for i, axis in enumerate(axes, 1)},
         {
             **{
                 name: Variable(
-                    unit, f"{METRICS[question.metric]}: constant curvature {LABELS[name]}"
+                    unit, f"{METRICS[settings.metric]}: constant curvature {LABELS[name]}"
                 )
-                for name in question.models
+                for name in settings.models
             },
             **{
                 f"{name}_defined": Variable(
@@ -134,7 +134,7 @@ def map_job(
                     f"1 where constant curvature {LABELS[name]} has an error at all loads",
                     dtype="int8",
                 )
-                for name in question.models
+                for name in settings.models
             },
             "solved": Variable("1", "1 where all loads have a stable equilibrium", dtype="int8"),
             "gave_up": Variable(
@@ -149,8 +149,8 @@ def map_job(
             "robot": robot.name,
             "robot_hash": robot.hash,
             "source": "simulated: constant curvature against statics of the rod",
-            "metric": question.metric,
-            "tolerance": question.tolerance,
+            "metric": settings.metric,
+            "tolerance": settings.tolerance,
             **({} if space.by_displacement else {"max_tension_N": space.max_tension}),
             "loads": space.loads,
             "shares": space.shares.tolist(),

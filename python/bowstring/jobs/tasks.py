@@ -17,8 +17,8 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
-from bowstring.blocks.job import MADE_BY, Job
 from bowstring.errors import BowstringError, InputError, NoSolutionError
+from bowstring.jobs.job import MADE_BY, Job
 from bowstring.optional import load_extra
 from bowstring.validation import shown
 
@@ -98,7 +98,7 @@ def _check_address(distributed: Any, address: str) -> None:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Context manager without the messages of Dask, whose errors `compute` raises in its words."""
+    """Context manager that hides the messages of Dask; `compute` raises its errors."""
     loggers = [
         logging.getLogger(name)
         for name in list(logging.root.manager.loggerDict)
@@ -217,7 +217,7 @@ def _fault(job: Job, number: int, future: Future) -> Failure | None:
     if not isinstance(error, distributed.KilledWorker):
         return failed(job, number, error)
     return Failure(
-        f"{job.called(number)} was lost each time with the worker that computed it; see the "
+        f"{job.block_name(number)} was lost each time with the worker that computed it; see the "
         "worker's log, it may need more memory"
     )
 
@@ -234,7 +234,7 @@ def _result(future: Future) -> bytes:
 def failed(job: Job, number: int, error: BaseException) -> Failure:
     """Failure of a block whose evaluation raised."""
     kind = InputError if isinstance(error, InputError) else NoSolutionError
-    failure = Failure(f"{job.called(number)} failed: {_said(error)}", kind)
+    failure = Failure(f"{job.block_name(number)} failed: {_said(error)}", kind)
     failure.__cause__ = error
     return failure
 

@@ -14,14 +14,14 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.laws import LAWS
 from bowstring.robot.paths import find
-from bowstring.statics.neighbourhood import (
+from bowstring.statics.differentiation import (
     ACTUATION,
     ON_DISKS,
     QUANTITIES,
     VECTORS,
+    Differentiator,
     Direction,
     DirectionalDerivatives,
-    Neighbourhood,
 )
 from bowstring.statics.solution import Solution
 from bowstring.validation import shown
@@ -75,7 +75,7 @@ class Derivatives:
 
 
 def _paths(robot: Robot, name: str) -> tuple[str, ...]:
-    """Numbers of the robot file that a name means."""
+    """Full paths of the numbers of the robot file that a variable changes."""
     _, paths = find(robot, name, _LOADS)
     if paths[0].startswith("gravity"):
         raise InputError("gravity is a vector of the load: write gravity, not its components")
@@ -96,9 +96,9 @@ def _shape(solution: Solution, name: str) -> tuple[int, ...]:
     return ()
 
 
-def _direction(near: Neighbourhood, given: Mapping[str, Any]) -> Direction:
-    """Check a direction."""
-    solution, count = near.solution, len(near.tensions)
+def _direction(differentiator: Differentiator, given: Mapping[str, Any]) -> Direction:
+    """Make a direction of a mapping, checked."""
+    solution, count = differentiator.solution, len(differentiator.tensions)
     zero = np.zeros(count)
     parts: dict[str, Floats] = {"tensions": zero, "displacements": zero}
     vectors: dict[str, Floats] = {}
@@ -115,7 +115,11 @@ def _direction(near: Neighbourhood, given: Mapping[str, Any]) -> Direction:
                 f"{name} is {shown(value)}, it must be finite numbers of shape {shape}"
             )
         if name in ACTUATION:
-            other = near.by_displacement if name == "tensions" else ~near.by_displacement
+            other = (
+                differentiator.by_displacement
+                if name == "tensions"
+                else ~differentiator.by_displacement
+            )
             if (wrong := np.flatnonzero(other & (rate != 0.0))).size:
                 kind = "displacement" if name == "tensions" else "tension"
                 raise InputError(
@@ -176,13 +180,13 @@ def directional_derivatives(
     >>> (1e3 * by.first.tip_position).round(3), (1e3 * by.second.tip_position).round(4)
     (array([ 5.027,  0.   , -2.549]), array([-0.0304,  0.    , -0.0599]))
     """
-    near = Neighbourhood(solution)
+    differentiator = Differentiator(solution)
     if not isinstance(direction, Mapping) or not all(isinstance(name, str) for name in direction):
         raise InputError(
             f"direction is {shown(direction)}, it must be a mapping such as "
             "{'tensions': [1, 0, 0]}"
         )
-    return near.differentiate(_direction(near, direction))
+    return differentiator.differentiate(_direction(differentiator, direction))
 
 
 def derivatives(
@@ -205,7 +209,7 @@ def derivatives(
         The actuation, tip force, tip moment and gravity if left out.
     functions : mapping from str to callable, optional
         Further results: functions of a `Solution` that return a number or an array, such as the
-        largest stress or the natural frequencies. They are evaluated at seven equilibria near by.
+        largest stress or the natural frequencies. They are evaluated at seven nearby equilibria.
 
     Returns
     -------
@@ -242,7 +246,7 @@ def derivatives(
     >>> by["frequency", "tensions"][:, 0].round(4)
     array([0.0003, 0.0009])
     """
-    near = Neighbourhood(solution)
+    differentiator = Differentiator(solution)
     functions = {} if functions is None else functions
     if not isinstance(functions, Mapping) or not all(map(callable, functions.values())):
         raise InputError(
@@ -252,7 +256,7 @@ def derivatives(
     if taken := sorted(set(functions) & set(QUANTITIES)):
         raise InputError(f"functions has {taken[0]}, which is a result of every equilibrium")
     if by is None:
-        controls = (~near.by_displacement).any(), near.by_displacement.any()
+        controls = (~differentiator.by_displacement).any(), differentiator.by_displacement.any()
         kinds = [name for name, some in zip(ACTUATION, controls, strict=True) if some]
         by = [*kinds, "tip_force", "tip_moment", "gravity"]
     if (
@@ -262,18 +266,20 @@ def derivatives(
     ):
         raise InputError(f"by is {shown(by)}, it must be a list of variables such as 'tensions'")
     values: dict[tuple[str, str], Floats] = {}
-    error, taut = 0.0, tuple((near.switching + 1).tolist())
+    error, taut = 0.0, tuple((differentiator.switching + 1).tolist())
     for name in dict.fromkeys(by):
         shape = _shape(solution, name)
         columns: list[dict[str, Any] | None] = []
         for unit in np.eye(int(np.prod(shape))).reshape(-1, *shape):
-            if name in ACTUATION and near.by_displacement[unit.argmax()] == (name == "tensions"):
+            if name in ACTUATION and differentiator.by_displacement[unit.argmax()] == (
+                name == "tensions"
+            ):
                 columns.append(None)
                 continue
-            direction = _direction(near, {name: unit})
-            found = near.differentiate(direction)
+            direction = _direction(differentiator, {name: unit})
+            found = differentiator.differentiate(direction)
             error = max(error, found.relative_error)
-            own = near.of_functions(direction, functions) if functions else {}
+            own = differentiator.of_functions(direction, functions) if functions else {}
             columns.append({**{of: getattr(found.first, of) for of in QUANTITIES}, **own})
         known = next((column for column in columns if column is not None), None)
         if known is None:

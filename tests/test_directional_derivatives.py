@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import bowstring as bs
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.paths import full_paths, numbers_of
-from bowstring.statics.neighbourhood import QUANTITIES, DirectionalDerivatives, Rates
+from bowstring.statics.differentiation import QUANTITIES, DirectionalDerivatives, Rates
 
 Floats = NDArray[np.float64]
 
