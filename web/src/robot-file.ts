@@ -91,6 +91,9 @@ const WITHOUT_EFFECT = new Set([
   "wrap_angle",
 ]);
 
+/** Lengths along the robot; all others are across it, and less than 0.1 where they are in metres. */
+const ALONG = new Set(["length", "positions", "free_length", "centre"]);
+
 /** Whether a value is zero, with or without a unit. */
 function isZero(value: unknown): boolean {
   return /^[+-]?(?:0+\.?0*|\.0+)(?:e[+-]?\d+)?\s*[a-z/*^]*$/i.test(String(value).trim());
@@ -137,7 +140,7 @@ class Fields {
       return otherwise ?? this.fail(name, "missing");
     }
     try {
-      const found = readQuantities(value, si);
+      const found = readQuantities(value, si, ALONG.has(name) ? 3 : 0.1);
       if (found.every(Number.isFinite)) return found;
       this.fail(name, `got ${quote(value)}; must be finite`);
     } catch (error) {
