@@ -130,8 +130,9 @@ pub(super) fn wide<T: Real>(v: Vec3) -> Vec3<T> {
 }
 
 impl<L: Layout, const A: usize> LumpedMass<L, A> {
-    /// Lumps the mass by Simpson's rule over each pair of arcs. The mass of a clamp, per length the
-    /// mean of the flexible part as its weight in statics, and of the node where it begins, is added to the clamp's disk, to which it is rigidly connected; its
+    /// Lumps the mass by Simpson's rule over each pair of arcs. A clamp has the mean mass per length of
+    /// the flexible part, as its weight in statics. Its mass, and that of the node where it begins, is
+    /// added to the clamp's disk, to which it is rigidly connected; its
     /// second moment is added to the director along the axis. Its first moment is zero where both
     /// sides of a disk are equal. Elsewhere, as at the last disk, it is neglected: it would couple
     /// points with directors, and `M` is diagonal.
