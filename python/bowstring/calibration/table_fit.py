@@ -472,16 +472,7 @@ def calibrate(
     validated = None
     if folds is not None:
         notify("validation", 1 / (1 + folds))
-        validated = cross_validate(
-            robot,
-            data,
-            parameters,
-            folds=folds,
-            model=model,
-            loss=loss,
-            start=start,
-            priors=priors,
-        )
+        validated = cross_validate(found, data, folds=folds)
     other = predicted = None
     if validate is not None:
         notify("validation", 0.9)
