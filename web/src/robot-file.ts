@@ -78,9 +78,9 @@ export const MOST_DISKS = 300;
 export const MOST_TENDONS = 100;
 const COMPILE = "write it with \"bowstring compile ROBOT --out robot.json\" and drop that file here";
 
-/** Fields of laws that no compiled robot has either: memories, losses of displacement, and drives. */
+/** Fields of laws that no compiled robot has either: memories, and losses of displacement. */
 const LAWS = new Set(["friction", "backlash", "hysteresis", "relaxation", "second_relaxation",
-  "creep_compliance", "second_creep_compliance", "hole_clearance", "mount_compliance", "gain", "zero"]);
+  "creep_compliance", "second_creep_compliance", "hole_clearance", "mount_compliance"]);
 /** Fields of robots that come compiled; zero is as if they were left out. */
 const COMPILED_ONLY = new Set(["rest_bend", "rest_twist", "turns"]);
 /** Fields without an effect on the page. */
@@ -89,6 +89,7 @@ const WITHOUT_EFFECT = new Set([
   "yield_strength", "strain_limit", "spool_radius", "diameter", "material", "hole_diameter",
   "hysteresis_play", "relaxation_time", "second_relaxation_time", "creep_time", "second_creep_time",
   "wrap_angle",
+  "gain", "zero", // displacements on the page are the tendons' own, not the drives'
 ]);
 
 /** Lengths along the robot; all others are across it, and less than 0.1 where they are in metres. */
@@ -171,7 +172,6 @@ class Fields {
   /** Refuses what was not read. */
   end(): void {
     for (const [name, value] of this.left) {
-      if (name === "gain" && Number(value) === 1) continue;
       if ((LAWS.has(name) || COMPILED_ONLY.has(name)) && isZero(value)) continue;
       if (name === "tendons_in" && value === "disks") continue;
       if (LAWS.has(name)) {
