@@ -10,7 +10,7 @@ from bowstring.calibration import Data, fit
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import with_drives, without_laws
-from bowstring.statics.designs import sweep_designs
+from bowstring.statics.design_sweeps import sweep_designs
 
 GAIN = np.array([1.03, 0.98, 1.01])
 ZERO = np.array([3e-4, -2e-4, 1e-4])
@@ -121,6 +121,19 @@ def test_a_fit_puts_them_into_the_robot() -> None:
     assert again["gain"].value == pytest.approx(1.0, abs=1e-6)
     np.testing.assert_allclose(again.robot.tendons.gain, GAIN, atol=1e-6)
     np.testing.assert_allclose(again.robot.tendons.zero_m, ZERO, atol=1e-8)
+
+
+def test_tendons_without_tension_have_no_gain_of_their_own() -> None:
+    ramp = np.linspace(0.0, 0.02, 9)
+    given = np.column_stack([ramp, np.full((9, 2), np.nan)])
+    loose = np.column_stack([np.full(9, np.nan), np.zeros((9, 2))])
+    robot = PLAIN.with_({"segments.0.tendons.gain": 1.03})
+    load = bs.Load(tensions=loose, displacements=given)
+    tips = bs.solve_batch(robot, load=load).tip_position
+    data = Data(points=tips, tensions=loose, displacements=given)
+    found = fit(PLAIN, data, ["gain"], loss="linear")
+    assert found.outside_robot == {}
+    np.testing.assert_allclose(found.robot.tendons.gain, 1.03, atol=1e-6)
 
 
 def test_a_gain_of_tensions_stays_outside() -> None:

@@ -238,8 +238,8 @@ class Fit(EndOfFit):
 
     @property
     def has_drives(self) -> bool:
-        """Whether `robot` has fitted gains, and offsets as zeros; not if any tension has a gain."""
-        return bool(self._commands.by_displacement.all())
+        """Whether `robot` has fitted gains, and offsets as zeros: the gain is of no tension."""
+        return self._commands.are_displacements
 
     @property
     def rod(self) -> RodModel | None:
@@ -643,7 +643,7 @@ def _result(
     return Fit(
         model="arc" if work.model.rod is None else "rod",
         robot=work.model.unknowns.in_file(
-            found.x * work.step, drives=bool(work.model.commands.by_displacement.all())
+            found.x * work.step, drives=work.model.commands.are_displacements
         ),
         estimates=tuple(estimates),
         correlation=correlation,

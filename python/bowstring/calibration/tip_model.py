@@ -100,6 +100,11 @@ class Commands:
         return all(map(_same, mine, others))
 
     @property
+    def are_displacements(self) -> bool:
+        """Whether drives are commanded by displacement alone, beside tendons without tension."""
+        return bool(self.by_displacement.any() and not self.values[~self.by_displacement].any())
+
+    @property
     def paths(self) -> list[NDArray[np.int64]]:
         """Rows of each path, in order."""
         return paths_of(self.recording, len(self))
