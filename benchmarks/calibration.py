@@ -143,7 +143,8 @@ def ablation(train: Data) -> None:
     for name, parameters in ABLATION.items():
         began = time.perf_counter()
         robot = ROBOT if parameters is FRAMES else ELASTIC
-        found = cross_validate(robot, train, parameters, folds=5, start=START, loss="linear")
+        whole = fit(robot, train, parameters, start=START, loss="linear")
+        found = cross_validate(whole, train, folds=5)
         error = MM * np.linalg.norm(found.residuals, axis=1)
         taut = np.asarray(train.group) != "one tendon"
         print(

@@ -363,7 +363,7 @@ def test_validation_and_filter_are_of_the_tip(drifting: Data) -> None:
     robot = one_segment()
     found = fit(robot, drifting, [E, "marker.0"], start={"tool.z": 0.01})
     assert found.used.all() and found.used_tips.sum() == 57
-    checked = cross_validate(robot, drifting, [E], folds=3, start=OFFSETS)
+    checked = cross_validate(fit(robot, drifting, [E], start=OFFSETS), drifting, folds=3)
     assert checked.score.count == 57 and checked.residuals.shape == (60, 3)
     assert np.isnan(checked.residuals[5:8]).all()
     assert checked.score.rmse < 0.02

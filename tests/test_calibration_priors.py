@@ -239,7 +239,7 @@ def test_cross_validation_and_calibration_take_priors_synthetic():
     """With an offset error of the data, only a narrow prior keeps the gain."""
     data = synthetic(single(), ["gain"], {"gain": 1.05}, LOADS, noise=2e-5)
     held, free = (
-        cross_validate(single(), data, ["gain"], folds=2, priors=priors).score.rmse
+        cross_validate(fit(single(), data, ["gain"], priors=priors), data, folds=2).score.rmse
         for priors in ({"gain": 1e-7}, None)
     )
     assert held > 10 * free

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -288,6 +289,22 @@ def test_folders_that_cannot_be_used(tmp_path: Path) -> None:
     (tmp_path / "job").mkdir()
     (tmp_path / "job" / "job.json").write_text("{}")
     assert "job.json in it is damaged" in refused(lambda: run(made(), tmp_path / "job"))
+
+
+def test_enormous_files_of_a_folder_are_not_loaded(tmp_path: Path) -> None:
+    store = run(made(), tmp_path / "job")
+    before = content(store)
+    file = min((store.folder / "blocks").iterdir())
+    os.truncate(file, 2_000_000_000)  # it takes no room on the disk
+    tracemalloc.start()
+    assert Store(store.folder, made()).damaged == (0,)
+    assert content(run(made(), store.folder)) == before
+    os.truncate(store.folder / "job.json", 2_000_000_000)
+    said = refused(lambda: run(made(), store.folder))
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert "job.json in it is damaged: it is larger than 10" in said
+    assert most < 150_000_000
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs locks of files")

@@ -89,7 +89,11 @@ const WITHOUT_EFFECT = new Set([
   "yield_strength", "strain_limit", "spool_radius", "diameter", "material", "hole_diameter",
   "hysteresis_play", "relaxation_time", "second_relaxation_time", "creep_time", "second_creep_time",
   "wrap_angle",
+  "gain", "zero", // displacements on the page are the tendons' own, not the drives'
 ]);
+
+/** Lengths along the robot; all others are across it, and less than 0.1 where they are in metres. */
+const ALONG = new Set(["length", "positions", "free_length", "centre"]);
 
 /** Whether a value is zero, with or without a unit. */
 function isZero(value: unknown): boolean {
@@ -137,7 +141,7 @@ class Fields {
       return otherwise ?? this.fail(name, "missing");
     }
     try {
-      const found = readQuantities(value, si);
+      const found = readQuantities(value, si, ALONG.has(name) ? 3 : 0.1);
       if (found.every(Number.isFinite)) return found;
       this.fail(name, `got ${quote(value)}; must be finite`);
     } catch (error) {

@@ -12,12 +12,12 @@ const UNITS: Record<string, Record<string, number>> = {
   "m/N": { "m/N": 1, "mm/N": 1e-3, "um/N": 1e-6 },
   "kg*m^2": { "kg*m^2": 1, "kg*mm^2": 1e-6, "g*mm^2": 1e-9 },
 };
-/** Unit that a number without one probably has. */
-function likelyUnit(x: number, si: string): string {
+/** Unit that a number without one probably has; a length below `metres` is probably in metres. */
+function likelyUnit(x: number, si: string, metres: number): string {
   const size = Math.abs(x);
-  if (si === "m") return size < 3 ? "m" : "mm";
+  if (si === "m") return size < metres ? "m" : "mm";
   if (si === "kg") return size < 1 ? "kg" : "g";
-  if (si === "Pa") return size < 1e4 ? "GPa" : "Pa";
+  if (si === "Pa") return size < 1e4 ? "GPa" : size < 1e7 ? "MPa" : "Pa";
   if (si === "rad") return size <= 2 * Math.PI ? "rad" : "deg";
   if (si === "kg/m^3") return size < 100 ? "g/cm^3" : si;
   if (si === "m/N") return size < 0.01 ? si : "mm/N";
@@ -43,11 +43,12 @@ export function quote(value: unknown): string {
  *
  * @param value text with a unit, or a plain number where `si` is "".
  * @param si SI unit of the quantity.
+ * @param metres length below which a number without a unit is probably in metres.
  * @throws Error whose message continues the name of the field.
  */
-export function readQuantities(value: unknown, si: string): number[] {
+export function readQuantities(value: unknown, si: string, metres: number): number[] {
   if (typeof value === "number" && si === "") return [value];
-  if (typeof value === "number") throw new Error(`got ${value} without a unit; write for example "${value} ${likelyUnit(value, si)}"`);
+  if (typeof value === "number") throw new Error(`got ${value} without a unit; write for example "${value} ${likelyUnit(value, si, metres)}"`);
   if (typeof value !== "string") throw new Error(`got ${quote(value)}, which is not a number with a unit`);
   const words = value.trim().split(/\s+/);
   const numbers: number[] = [];
@@ -67,7 +68,7 @@ export function readQuantities(value: unknown, si: string): number[] {
   }
   if (numbers.length === 0) throw new Error(`got ${quote(value)}, which is not a number with a unit`);
   const largest = Math.max(...numbers.map(Math.abs));
-  if (unit === "" && si !== "") throw new Error(`got ${quote(value)} without a unit; write for example "${words.join(" ")} ${likelyUnit(largest, si)}"`);
+  if (unit === "" && si !== "") throw new Error(`got ${quote(value)} without a unit; write for example "${words.join(" ")} ${likelyUnit(largest, si, metres)}"`);
   const plain = [...unit].map((c) => SAME[c] ?? c).join("").replaceAll("**", "^");
   if (unit !== "" && !Object.hasOwn(UNITS[si], plain)) {
     const known = Object.keys(UNITS[si]).join(", ");

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Literal
 
 import numpy as np
@@ -11,15 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from bowstring.calibration import observations
 from bowstring.calibration.blocks import part_of_rows
-from bowstring.calibration.fitting import fit
+from bowstring.calibration.fitting import Fit
 from bowstring.calibration.observations import Measured, Score, score
-from bowstring.calibration.pieces import Loss
-from bowstring.calibration.priors import PriorChoice
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
-from bowstring.statics.model import RodModel
 from bowstring.validation import shown
 
 __all__ = ["CrossValidation", "cross_validate", "hold_out"]
@@ -65,19 +63,15 @@ class CrossValidation(Result):
 
 
 def cross_validate(
-    robot: Robot,
+    found: Fit,
     data: Measured,
-    parameters: Sequence[str],
     *,
     folds: int = 5,
-    model: RodModel | Literal["arc"] | None = None,
-    start: Mapping[str, float] | None = None,
     rows: ArrayLike | None = None,
-    loss: Loss = "soft_l1",
-    priors: PriorChoice = None,
+    start: Mapping[str, float] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> CrossValidation:
-    """Fit without a part of the rows and predict the tips of that part, for each part.
+    """Repeat a fit without a part of the rows and predict the tips of that part, for each part.
 
     Parts are blocks of neighbouring rows that do not split a group, because single left-out rows
     would be predicted by their neighbours. Where loads repeat, or recur in unloading without
@@ -86,24 +80,16 @@ def cross_validate(
 
     Parameters
     ----------
-    robot : Robot
-        As for `fit`.
+    found : Fit
+        Fit to the measurements, or to some of their rows.
     data : Measurements or Data
-        As for `fit`.
-    parameters : sequence of str
-        As for `fit`.
+        The measurements.
     folds : int
         Number of parts.
-    model : RodModel or "arc", optional
-        As for `fit`.
-    start : mapping of str to float, optional
-        As for `fit`.
     rows : array_like, optional
-        As for `fit`.
-    loss : {"linear", "soft_l1", "huber"}
-        As for `fit`.
-    priors : "default" or mapping of str to float, optional
-        As for `fit`.
+        Rows to divide into parts, as for `fit`; all by default.
+    start : mapping of str to float, optional
+        Initial values of the fits, as for `fit`; by default those of `found`.
     progress : callable, optional
         Progress callback, called before each fit with the finished share from 0 to 1.
 
@@ -112,6 +98,9 @@ def cross_validate(
     CrossValidation
         Errors of the predicted rows, by part and in total.
     """
+    robot, again = found.robot, found.again
+    if start is not None:
+        again = partial(again, start=start)
     commands = observations.commands(data, robot)
     measured = observations.tips(data, len(commands))
     points = observations.measured_points(data, robot, len(commands)).measured
@@ -125,17 +114,8 @@ def cross_validate(
             progress(k / folds)
         out = used & (part == k)
         others = fitted & (part != k)
-        found = fit(
-            robot,
-            data,
-            parameters,
-            model=model,
-            start=start,
-            rows=others,
-            loss=loss,
-            priors=priors,
-        )
-        predicted[out] = found.predict(data)[out]
+        alone = again(data, rows=others)
+        predicted[out] = alone.predict(data)[out]
         scores.append(score(predicted[out], measured[out]))
         names = list(dict.fromkeys(group[out].tolist()))
         first, last = 1 + np.flatnonzero(out)[[0, -1]]
@@ -145,7 +125,7 @@ def cross_validate(
             labels.append(f"rows {first} to {last}")
         else:
             labels.append(names[0])
-        converged &= found.converged
+        converged &= alone.converged
     return CrossValidation(
         folds=tuple(scores),
         labels=tuple(labels),

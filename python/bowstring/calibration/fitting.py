@@ -175,6 +175,9 @@ class Fit(EndOfFit):
     """Number of selected rows without an equilibrium, which are not fitted."""
     linear: Linear
     """Linearised fit at its minimum, for `bowstring.calibration.bootstrap.refitted`."""
+    again: Callable[..., Fit]
+    """Fits the same to other measurements: ``again(data, rows=...)`` is `fit` with all other
+    arguments as they were given, unless they are given anew."""
     _unknowns: Unknowns
     _commands: Commands
     _values: Floats
@@ -231,7 +234,12 @@ class Fit(EndOfFit):
 
         With `robot` and `rod` they are the calibrated model.
         """
-        return self._unknowns.outside_file(self._values)
+        return self._unknowns.outside_file(self._values, drives=self.has_drives)
+
+    @property
+    def has_drives(self) -> bool:
+        """Whether `robot` has fitted gains, and offsets as zeros: the gain is of no tension."""
+        return self._commands.are_displacements
 
     @property
     def rod(self) -> RodModel | None:
@@ -462,7 +470,10 @@ def fit(
     own = {*unknowns.names, *(start or {})}
     tool_said = np.array([not own & {"tool", f"tool.{axis}"} for axis in "xyz"])
     part = parts(data, commands.values, used, _BLOCKS)
-    return _result(search, found, tool_said, points, part)
+    same = partial(
+        fit, robot, parameters=parameters, model=model, start=start, loss=loss, priors=priors
+    )
+    return _result(search, found, tool_said, points, part, same)
 
 
 def _check_markers(unknowns: Unknowns, points: Points) -> None:
@@ -562,7 +573,12 @@ def _from_frictionless(
 
 
 def _result(
-    search: Search, found: Any, tool_said: Bools, points: Points, part: NDArray[np.int64]
+    search: Search,
+    found: Any,
+    tool_said: Bools,
+    points: Points,
+    part: NDArray[np.int64],
+    again: Callable[..., Fit],
 ) -> Fit:
     work, items = search.work, search.work.items
     residuals, jacobian = work.residuals(found.x), work.jacobian(found.x)
@@ -626,7 +642,9 @@ def _result(
     doubts = () if astray else _doubts(work, found, at)
     return Fit(
         model="arc" if work.model.rod is None else "rod",
-        robot=at.setting.robot,
+        robot=work.model.unknowns.in_file(
+            found.x * work.step, drives=work.model.commands.are_displacements
+        ),
         estimates=tuple(estimates),
         correlation=correlation,
         not_identifiable=tuple(not_identifiable),
@@ -657,6 +675,7 @@ def _result(
             tip=dependence.point == len(points.disks) - 1,
             block=observations.numbered(part[used]) if dependence.is_significant else None,
         ),
+        again=again,
         _unknowns=work.model.unknowns,
         _commands=work.model.commands,
         _values=found.x * work.step,

@@ -559,12 +559,10 @@ class _Work:
         if model.added and (why := why or self._no_effect(found, model)):
             return JudgedModel(model.name, model.parameters, found, reason=why)
         crossed = cross_validate(
-            self.robot,
+            found,
             self.data,
-            model.parameters,
             folds=self.folds,
             start={**_without_frames(found.values), **model.fixed},
-            **options,
             progress=lambda share: self._step(model, (1 + share * self.folds) / (1 + self.folds)),
         )
         notes = [why] if why else []

@@ -247,7 +247,7 @@ def commands(data: Measured, robot: Robot) -> Commands:
     if len({table.shape for table in given.values()}) > 1:
         raise InputError("tensions and displacements must have one row each for each measurement")
     load = Load(given.get("tensions"), given.get("displacements"))
-    by_displacement, values = actuation.commands(robot, load, rows=True)
+    by_displacement, values = actuation.given(robot, load, rows=True)
     if not np.isfinite(values).all():
         k, t = np.argwhere(~np.isfinite(values))[0]
         raise InputError(f"row {k + 1}: the command of tendon {t + 1} is {values[k, t]}")

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 from bowstring.formatting import significant
 from bowstring.robot.fields import number_fields, quantity_of
-from bowstring.robot.laws import LAWS, MEMORIES
-from bowstring.robot.model import Robot
+from bowstring.robot.laws import LAWS, MEMORIES, OF_COMMANDS
+from bowstring.robot.model import Robot, with_drives, without_laws
 from bowstring.robot.overrides import expand
 from bowstring.robot.parts import TendonRing
 from bowstring.robot.paths import example_path
@@ -58,6 +58,8 @@ _MARKER: Final = re.compile(r"marker\.(0|[1-9][0-9]{0,5})(?:\.([xyz]))?")
 _INITIAL: Final = re.compile(
     r"initial_(displacement|tension)(?:\.(0|[1-9][0-9]{0,5})(?:\.(0|[1-9][0-9]{0,5}))?)?"
 )
+#: Ends of paths in the robot file that are fitted by names of their own.
+_OF_DRIVES: Final = (".gain", ".zero")
 #: Short names of fields of all tendons.
 _SHORT: Final = ("hole_clearance", "mount_compliance")
 #: Whether a parameter may be common to all, one per segment, or one per tendon.
@@ -233,13 +235,17 @@ class Unknowns:
     def __init__(
         self, robot: Robot, names: Sequence[str], start: Mapping[str, float] | None = None
     ) -> None:
+        #: Gain and zero (m) of each drive in the robot file; fitted ones are beside these.
+        self._drives = robot.tendons.gain, robot.tendons.zero_m
+        robot = without_laws(robot, *(key for key in robot.laws if key not in OF_COMMANDS))
         self.robot = robot
         if isinstance(names, str) or not all(isinstance(name, str) for name in names):
             raise InputError(
                 f"parameters is {shown(names)}, it must be a list of names of parameters"
             )
         self._tree = robot.model_dump(mode="json", exclude_none=True)
-        self._leaves = dict(number_fields(self._tree))
+        fields = number_fields(self._tree)
+        self._leaves = {path: value for path, value in fields if not path.endswith(_OF_DRIVES)}
         self._count = {"segments": len(robot.segments), "tendons": len(robot.tendons.segment)}
         self._held: dict[str, float] = {}
         self._robots: dict[object, Robot] = {}
@@ -343,14 +349,15 @@ class Unknowns:
             return np.asarray(found)
 
         angle, radius = each("hole_angle", "segments"), each("pitch_radius", "segments")
+        gain, (own_gain, own_zero) = each("gain", "tendons"), self._drives
         base, tool = (
             np.array([extra.get(f"{name}.{member}", 0.0) for member in members])
             for name, members in _FRAMES.items()
         )
         return Setting(
             robot=self._made(overrides, angle, radius),
-            gain=each("gain", "tendons"),
-            offset=each("offset", "tendons"),
+            gain=gain * own_gain,
+            offset=gain * own_zero + each("offset", "tendons"),
             backlash=each("backlash", "tendons"),
             delay=extra.get("delay", 0.0),
             position=base[:3],
@@ -410,14 +417,20 @@ class Unknowns:
             self._robots[key] = robot
         return self._robots[key]
 
-    def outside_file(self, values: Floats) -> dict[str, float]:
-        """Return fitted and fixed values that `setting` does not put into the robot, in SI.
+    def in_file(self, values: Floats, *, drives: bool) -> Robot:
+        """Return the robot of values (P,) in SI, and with `drives` their gain and zero."""
+        setting = self.setting(values)
+        found = (setting.gain, setting.offset) if drives else self._drives
+        return with_drives(setting.robot, *found)
+
+    def outside_file(self, values: Floats, *, drives: bool) -> dict[str, float]:
+        """Return fitted and fixed values that `in_file` does not put into the robot, in SI.
 
         Those of the initial state belong to a recording, and are left out.
         """
         fitted = zip(self.items, values.tolist(), strict=True)
         extra = {**self._held, **{item.name: value for item, value in fitted if not item.paths}}
-        others = ("hole_angle", "pitch_radius", "initial_")
+        others = ("hole_angle", "pitch_radius", "initial_", *(("gain", "offset") if drives else ()))
         return {name: value for name, value in extra.items() if not name.startswith(others)}
 
     # -- names -----------------------------------------------------------------------------

@@ -54,6 +54,7 @@ _NOTHING: Final = 1e-8  # m; smaller residuals mean data without noise
 BESIDE: Final = "calibration.json"
 #: Parameters that are in the calibrated robot file.
 _IN_FILE: Final = ("segments", "gravity", "hole_angle", "pitch_radius")
+_OF_DRIVES: Final = ("gain", "offset")
 _MOST_BYTES: Final = 1_000_000
 _MOST_VALUES: Final = 1_000
 
@@ -271,12 +272,17 @@ class Calibration(Result):
     @property
     def elsewhere(self) -> list[str]:
         """Estimates that are not part of a robot file, as text."""
-        return [str(e) for e in self.fit.estimates if not _in_file(e.name)]
+        return [str(e) for e in self.fit.estimates if not self._is_in_file(e.name)]
 
     @property
     def beside(self) -> dict[str, float]:
         """Fitted and fixed parameters outside the robot file, in SI by name."""
-        return {k: v for k, v in {**self.start, **self.fit.values}.items() if not _in_file(k)}
+        known = {**self.start, **self.fit.values}
+        return {name: value for name, value in known.items() if not self._is_in_file(name)}
+
+    def _is_in_file(self, name: str) -> bool:
+        first = name.partition(".")[0]
+        return first in _IN_FILE or (self.fit.has_drives and first in _OF_DRIVES)
 
     def beside_to_dict(self) -> dict[str, Any]:
         """Return `beside` in the form of `read_start`, ready for `json.dumps`."""
@@ -339,10 +345,6 @@ class Calibration(Result):
     def residuals(self) -> Annotated[NDArray[np.float64], Key("residuals_mm")]:
         """Predicted minus measured tip of each row (K, 3), m; NaN where nothing was measured."""
         return self.fit.residuals
-
-
-def _in_file(name: str) -> bool:
-    return name.partition(".")[0] in _IN_FILE
 
 
 @dataclass(frozen=True, eq=False)
@@ -470,16 +472,7 @@ def calibrate(
     validated = None
     if folds is not None:
         notify("validation", 1 / (1 + folds))
-        validated = cross_validate(
-            robot,
-            data,
-            parameters,
-            folds=folds,
-            model=model,
-            loss=loss,
-            start=start,
-            priors=priors,
-        )
+        validated = cross_validate(found, data, folds=folds)
     other = predicted = None
     if validate is not None:
         notify("validation", 0.9)

@@ -44,6 +44,8 @@ _AT_REST: Final = 1e15
 _FRAMES: Final = ("base.", "tool.", "marker.")
 #: Moment on a disk for a derivative, over bending stiffness and length.
 _PROBE: Final = 1e-4
+#: Parts of the work of each core, so that all end at the same time.
+_PARTS: Final = 8
 #: Number of neighbours from which the solution of a failed row is continued.
 _NEIGHBOURS: Final = 2
 
@@ -96,6 +98,11 @@ class Commands:
             (each.by_displacement, each.values, each.time, each.recording) for each in (self, other)
         )
         return all(map(_same, mine, others))
+
+    @property
+    def are_displacements(self) -> bool:
+        """Whether drives are commanded by displacement alone, beside tendons without tension."""
+        return bool(self.by_displacement.any() and not self.values[~self.by_displacement].any())
 
     @property
     def paths(self) -> list[NDArray[np.int64]]:
@@ -563,8 +570,12 @@ class TipModel:
 
 def _on_threads(task: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
     """Results of a task of the core for each item, in order."""
-    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
-        return list(pool.map(task, items))
+    cores = os.cpu_count() or 1
+    share = -(-len(items) // (_PARTS * cores))  # a thread's start takes as long as a small task
+    starts = range(0, len(items), max(share, 1))
+    with ThreadPoolExecutor(max_workers=cores) as pool:
+        parts = pool.map(lambda k: [task(each) for each in items[k : k + share]], starts)
+        return [each for part in parts for each in part]
 
 
 def _continue_from_neighbours(

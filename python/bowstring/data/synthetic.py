@@ -529,9 +529,7 @@ def _loads(robot: Robot, given: Loads) -> tuple[Floats, Floats, dict[str, Any]]:
                 "there is no load: give tensions or displacements (K, T), or masses (K,) on a "
                 "tendon"
             )
-        by_displacement, values = actuation.commands(
-            robot, Load(tensions, displacements), rows=True
-        )
+        by_displacement, values = actuation.given(robot, Load(tensions, displacements), rows=True)
         if not len(values):
             raise InputError("there is no load: the table has no row")
         return (

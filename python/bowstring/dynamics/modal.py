@@ -18,6 +18,7 @@ from bowstring._core import check_memory, flexibility, flexibility_at
 from bowstring.display import html_table, sampled_rows, short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.results import Key, Result
+from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.statics import actuation
 from bowstring.statics.actuation import Given
@@ -186,7 +187,7 @@ def checked(
 ) -> tuple[tuple[NDArray[np.bool_], Floats], Load, actuation.Path | None]:
     """Commands, dead loads and path of an equilibrium to oscillate about."""
     check_robot(robot)
-    check_without_laws(robot, ", which dynamics does not model", but=("friction",))
+    check_without_laws(robot, ", which dynamics does not model", but=("friction", *OF_COMMANDS))
     load = as_load(tensions, load)
     if not load.is_actuated:
         load = load.replace(tensions=np.zeros(robot.core.tendon_count))

@@ -35,6 +35,7 @@ from bowstring.dynamics.modal import about
 from bowstring.dynamics.start_stability import judged_start
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.formatting import in_mm, in_percent
+from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.robot.picture import picture
 from bowstring.statics import actuation
@@ -426,7 +427,7 @@ def simulate(
     True
     """
     check_robot(robot)
-    check_without_laws(robot, ", which dynamics does not model", but=("friction",))
+    check_without_laws(robot, ", which dynamics does not model", but=("friction", *OF_COMMANDS))
     if duration is None:
         raise InputError("simulate needs a duration, in s")
     duration = _check_time("duration", validation.number("duration", duration, "s", zero=True))

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.fem.elements import MASS_POINTS, POINTS, brick_shape, quad_shape
+from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.model import Robot, check_disks, check_round, check_without_laws
 from bowstring.robot.rest_shape import check_rest_bend, rest_frames
 from bowstring.validation import is_whole, shown
@@ -188,7 +189,7 @@ def check_meshable(robot: Robot) -> None:
                 f"{here}.backbone.inner_diameter: some pieces are tubes and others solid; "
                 "finite elements need all of one kind"
             )
-    check_without_laws(robot, ", which the finite elements do not model")
+    check_without_laws(robot, ", which the finite elements do not model", but=OF_COMMANDS)
 
 
 def _hold(robot: Robot, segment: int) -> float:

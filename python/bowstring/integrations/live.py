@@ -29,6 +29,7 @@ from bowstring.inverse.kinematics import default_max_tension
 from bowstring.json_files import parsed
 from bowstring.optional import load_extra
 from bowstring.robot.model import Robot
+from bowstring.statics.actuation import commanded
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve
 from bowstring.statics.solution import Solution
@@ -474,7 +475,7 @@ class LiveRobot:
         pulled = self._control.value == "tensions"
         return Load(
             tensions=[s.value for s in self._tensions] if pulled else None,
-            displacements=None if pulled else self._displacements(),
+            displacements=None if pulled else commanded(self.robot, self._displacements()),
             gravity=gravity if self._weight.value else (0.0, 0.0, 0.0),
             tip_force=[s.value for s in self._force],
         )

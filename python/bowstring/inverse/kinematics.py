@@ -18,7 +18,9 @@ from bowstring.inverse.displacement_limits import keep_displacements
 from bowstring.inverse.friction import follow_with_friction
 from bowstring.inverse.solution import InverseSolution
 from bowstring.inverse.targets import Targets, angle_between
-from bowstring.robot.model import check_robot, check_without_laws
+from bowstring.robot.laws import OF_COMMANDS
+from bowstring.robot.model import check_robot, check_without_laws, without_laws
+from bowstring.statics.actuation import driven
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
 from bowstring.units import number_with_unit, read_share
@@ -139,9 +141,9 @@ def inverse_kinematics(
                     f"displacement_limits are for tendons without friction, and {robot.name} has "
                     "some; leave them out, or set friction to 0"
                 )
-            keep_displacements(
-                robot, wanted, (least, most), displacements, found, load, rod, _REACHED
-            )
+            lowest, highest = (driven(robot, each) for each in displacements)
+            limits = (least, most), (lowest, highest)
+            keep_displacements(without_laws(robot), wanted, *limits, found, load, rod, _REACHED)
     if single:
         found = {name: value[0] for name, value in found.items()}
         found |= {name: v.item() for name, v in found.items() if isinstance(v, np.generic)}
@@ -195,7 +197,9 @@ def _by_physics(
             "inverse kinematics needs derivatives, which continuous and embedded tendons do not "
             'have; use tendon_path="straight" or model="constant_curvature"'
         )
-    check_without_laws(robot, ", with which there is no inverse by physics", but=("friction",))
+    check_without_laws(
+        robot, ", with which there is no inverse by physics", but=("friction", *OF_COMMANDS)
+    )
     if robot.has_friction:
         return follow_with_friction(
             robot, targets, limits, load, model, path=path, reached=_REACHED

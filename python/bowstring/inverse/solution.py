@@ -139,22 +139,23 @@ class InverseSolution:
         return Pose(self.tip_position, self.tip_rotation)
 
     def displacements(self) -> Floats | None:
-        """Tendon displacements since the home pose in m, positive where shortened.
+        """Tendon displacements to command, since the home pose in m, positive where shortened.
 
         By physics with the compliance of the tendons. By constant curvature from the lengths of the
-        arcs alone.
+        arcs alone. Gain and zero of the drives are taken out.
 
         Returns
         -------
         ndarray (T,), or (n, T), or None
             None if the robot's pretension has no home pose.
         """
-        if self.held_displacements is not None:
-            return self.held_displacements
-        if isinstance(self.model, str):
-            disks = self.robot.disks.station_m
-            return np.asarray(disks[self.robot.tendons.end_disk] - self.tendon_lengths)
-        return actuation.displacements(self.robot, self.model, self.tendon_lengths, self.tensions)
+        robot, lengths = self.robot, self.tendon_lengths
+        found = self.held_displacements
+        if found is None and isinstance(self.model, str):
+            found = np.asarray(robot.disks.station_m[robot.tendons.end_disk] - lengths)
+        elif found is None and not isinstance(self.model, str):
+            found = actuation.displacements(robot, self.model, lengths, self.tensions)
+        return None if found is None else actuation.commanded(robot, found)
 
     def land(
         self,

@@ -28,7 +28,7 @@ __all__ = ["Coordinate", "Job", "Variable"]
 
 _MOST_POINTS: Final = 10**9
 _MOST_BLOCKS: Final = 100_000  # files in a folder
-_LARGEST_BLOCK: Final = 50_000_000  # bytes: a worker holds several blocks, and should need 1 GB
+LARGEST_BLOCK: Final = 50_000_000  # bytes: a worker holds several blocks, and should need 1 GB
 _HEAD: Final = 4096  # bytes of a block beside its numbers, at most as a rule
 _POINT: Final = "point"  # outer dimension in the file of a block
 _TYPES: Final = ("float64", "float32", "int32", "int16", "int8")  # types of classic NetCDF
@@ -159,10 +159,10 @@ class Job:
                 f"the job has {self.points:.3g} points ({size}), at most {_MOST_POINTS:.0e} are "
                 "allowed; take fewer points on an axis, or fewer axes"
             )
-        least, most = -(-self.points // _MOST_BLOCKS), _LARGEST_BLOCK // self._point_bytes
+        least, most = -(-self.points // _MOST_BLOCKS), LARGEST_BLOCK // self._point_bytes
         if most < least:
             raise InputError(
-                f"the job has {size}, at most {_LARGEST_BLOCK * _MOST_BLOCKS / 1e9:.0f} GB are "
+                f"the job has {size}, at most {LARGEST_BLOCK * _MOST_BLOCKS / 1e9:.0f} GB are "
                 "allowed; take fewer points on an axis, or fewer variables"
             )
         whole("block", self.block, least, most)
@@ -293,7 +293,9 @@ class Job:
 
     def checksum(self, number: int, content: bytes) -> str:
         """Checksum of the bytes of a block, different for each block and job."""
-        return hashlib.sha256(f"{self.hash} {number} ".encode() + content).hexdigest()[:16]
+        digest = hashlib.sha256(f"{self.hash} {number} ".encode())
+        digest.update(content)
+        return digest.hexdigest()[:16]
 
 
 #: Versions on which the last bits of results depend, beside the job.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -23,7 +24,7 @@ from bowstring.atomic_io import (
 )
 from bowstring.errors import InputError
 from bowstring.jobs import dataset
-from bowstring.jobs.job import Arrays, Job
+from bowstring.jobs.job import LARGEST_BLOCK, Arrays, Job
 from bowstring.json_files import Content, read_json, structured
 from bowstring.result_folder import write_json
 from bowstring.validation import instance, shown
@@ -36,7 +37,9 @@ except ImportError:  # Windows
 __all__ = ["Store", "Unfinished"]
 
 _JOB: Final = "job.json"
-_MOST_JOB: Final = 1_000_000_000  # bytes; coordinates are in it
+_MOST_JOB: Final = 10_000_000  # bytes beside those of this job; coordinates are in it
+_INDENTED: Final = 5  # times the text without spaces, at most
+_MOST_BLOCK: Final = 2 * LARGEST_BLOCK  # bytes of a file; its header is small
 _BLOCK: Final = re.compile(r"block-(\d{6})-[0-9a-f]{16}\.nc")  # number from 1, checksum
 
 Put = Callable[[int, bytes], None]
@@ -107,16 +110,17 @@ class Store:
             raise InputError(f"{why}: it is a file; name a folder")
         remove_leftovers(self.folder)
         try:
-            former = structured(read_json(self.folder / _JOB, _MOST_JOB), _Job)["job"]
+            most = _MOST_JOB + _INDENTED * len(json.dumps(self.job.identity))
+            former = structured(read_json(self.folder / _JOB, most), _Job)["job"]
         except FileNotFoundError:
             if next(self.folder.iterdir(), None) is None:
                 return
             raise InputError(
                 f"{why}: it holds files but no blocks of Bowstring; name a new or an empty folder"
             ) from None
-        except ValueError:
+        except ValueError as error:
             raise InputError(
-                f"{why}: {_JOB} in it is damaged, so that its blocks cannot be used; name another "
+                f"{why}: {_JOB} in it is damaged: {error}; its blocks cannot be used, name another "
                 "folder"
             ) from None
         difference = _difference(former, self.job.identity)
@@ -143,7 +147,8 @@ class Store:
 
     def _content(self, file: Path, number: int) -> bytes | None:
         """Bytes of the file of a block; None if they do not fit the checksum in its name."""
-        content = file.read_bytes()
+        with file.open("rb") as opened:
+            content = opened.read(_MOST_BLOCK)  # of a longer file, whose checksum then differs
         return content if file.stem.endswith(self.job.checksum(number, content)) else None
 
     # -- reading -------------------------------------------------------------------------------

@@ -115,6 +115,10 @@ class RobotTendons:
     """Differences (T,) of the radii of hole and tendon, m."""
     mount_compliance_m_per_N: Floats
     """Displacements (T,) that the mount of the drives takes by the sum of all tensions, m/N."""
+    gain: Floats
+    """Displacements (T,) of the tendons over those commanded."""
+    zero_m: Floats
+    """Displacements (T,) of the tendons where 0 is commanded, m."""
     pretension_N: Floats
     """Tensions (T,) in the home pose, where the tendon displacements are zero, N."""
     spool_radius_m: Floats
@@ -386,6 +390,8 @@ class RobotArrays(Part):
             backlash_m=each("backlash"),
             hole_clearance_m=each("hole_clearance"),
             mount_compliance_m_per_N=each("mount_compliance"),
+            gain=each("gain"),
+            zero_m=each("zero"),
             pretension_N=each("pretension"),
             spool_radius_m=each("spool_radius"),
             diameter_m=each("diameter"),
@@ -495,7 +501,7 @@ class RobotArrays(Part):
             law.key
             for law in LAWS.values()
             for parts in [tendons if law.part == "tendons" else backbones]
-            if any(np.any(getattr(part, size)) for part in parts for size in law.sizes)
+            if any(np.any(getattr(p, size) != law.none) for p in parts for size in law.sizes)
         )
 
     @property

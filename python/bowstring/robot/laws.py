@@ -7,7 +7,7 @@ from typing import Final, Literal
 
 from bowstring.formatting import listed
 
-__all__ = ["LAWS", "MEMORIES", "Law"]
+__all__ = ["LAWS", "MEMORIES", "OF_COMMANDS", "Law"]
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,8 @@ class Law:
     part: Literal["tendons", "backbone"]
     """Part of a segment with its fields."""
     terms: tuple[tuple[str, ...], ...]
-    """Fields of each term of the law: its size, with which the term is absent where it is zero, and
-    then what describes it further."""
+    """Fields of each term of the law: its size, which is `none` without the term, and then what
+    describes it further."""
     step: float
     """Natural step of a size in fits, SI."""
     left_out: str
@@ -31,20 +31,25 @@ class Law:
     """Whether an equilibrium depends on the path to it."""
     timed: bool = False
     """Whether it depends on time, not on the path alone."""
+    none: float = 0.0
+    """Size without it."""
+    of_commands: bool = False
+    """Whether it acts on displacements as they are commanded, before all mechanics."""
 
     @property
     def sizes(self) -> tuple[str, ...]:
-        """Fields that are all zero without the law."""
+        """Fields that are all `none` without the law."""
         return tuple(term[0] for term in self.terms)
 
     def refusal(self, robot: str, consequence: str) -> str:
         """Message that a robot of this name has it, with a consequence, and how to do without."""
         have = "has" if self.owner == "backbone" else "have"
-        switch = f"set {listed(self.sizes)} to 0"
+        switch = f"set {listed(self.sizes)} to {self.none:g}"
         return f"the {self.owner} of {robot} {have} {self.key}{consequence}; {switch}"
 
 
 _TOGETHER: Final = "Relaxation of the backbone and creep of the tendons are left out."
+_COMMANDS: Final = "Gain and zero of the drives are left out: displacements are the tendons'."
 _RELAXATION: Final = (
     ("relaxation", "relaxation_time"),
     ("second_relaxation", "second_relaxation_time"),
@@ -98,8 +103,22 @@ _LAWS: Final = (
         "The compliance of the drives' mount is left out.",
         memory=False,
     ),
+    Law(
+        "gain",
+        "drives",
+        "tendons",
+        (("gain",),),
+        0.02,
+        _COMMANDS,
+        memory=False,
+        none=1.0,
+        of_commands=True,
+    ),
+    Law("zero", "drives", "tendons", (("zero",),), 1e-4, _COMMANDS, memory=False, of_commands=True),
 )
 LAWS: Final = {law.key: law for law in _LAWS}
 """The laws by their keys."""
 MEMORIES: Final = {key: law for key, law in LAWS.items() if law.memory}
 """Those with a memory."""
+OF_COMMANDS: Final = tuple(key for key, law in LAWS.items() if law.of_commands)
+"""Those that act on commanded displacements alone."""

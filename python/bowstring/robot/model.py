@@ -11,6 +11,9 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bowstring.display import html_table
 from bowstring.errors import InputError
 from bowstring.robot.arrays import RobotArrays
@@ -258,6 +261,29 @@ def with_tendons(robot: Robot, values: Mapping[str, float | None], missing: bool
     return with_fields(robot, "tendons", values, missing=missing)
 
 
+def with_drives(robot: Robot, gain: NDArray[np.float64], zero: NDArray[np.float64]) -> Robot:
+    """Set gain and zero (m) of the drive of each tendon (T,); a ring whose drives differ is a list.
+
+    The robot itself where nothing changes.
+    """
+    changes: dict[str, Any] = {}
+    now = robot.tendons
+    for k, segment in enumerate(robot.segments):
+        own = np.flatnonzero(now.segment == k)
+        if (gain[own] == now.gain[own]).all() and (zero[own] == now.zero_m[own]).all():
+            continue
+        where = f"segments.{k}.tendons"
+        drives = [{"gain": float(gain[i]), "zero": float(zero[i])} for i in own]
+        if isinstance(segment.tendons, TendonRing) and all(each == drives[0] for each in drives):
+            changes |= {f"{where}.{name}": value for name, value in drives[0].items()}
+        else:
+            tendons = (
+                t.model_dump(mode="json", exclude_defaults=True) for t in segment.tendon_list
+            )
+            changes[where] = [{**t, **each} for t, each in zip(tendons, drives, strict=True)]
+    return robot.with_(changes) if changes else robot
+
+
 def check_parallel(robot: Robot, what: str) -> None:
     """Refuse a robot whose tendons are not parallel to the backbone."""
     if not robot.is_parallel:
@@ -328,7 +354,7 @@ def without_laws(robot: Robot, *but: str) -> Robot:
     for key in robot.laws:
         if key not in but:
             law = LAWS[key]
-            robot = with_fields(robot, law.part, dict.fromkeys(law.sizes, 0.0))
+            robot = with_fields(robot, law.part, dict.fromkeys(law.sizes, law.none))
     return robot
 
 

@@ -618,6 +618,12 @@ class TendonProperties(Part):
         description="Displacement that the mount of the drives takes for each newton of the sum of "
         "all tensions; 0 if left out.",
     )
+    gain: Annotated[float, Quantity("", "1.02", "0.001", "1000")] = Field(
+        1.0, description="Displacement of the tendon over that commanded; 1 if left out."
+    )
+    zero: Annotated[float, Quantity("m", "0.2 mm", "-1 km", "1 km")] = Field(
+        0.0, description="Displacement of the tendon where 0 is commanded; 0 if left out."
+    )
     pretension: Annotated[float, Quantity("N", "2 N", "0 N", "1e9 N")] = Field(
         0.0, description="Tension in the home pose, where its displacement is zero; 0 if left out."
     )
@@ -661,7 +667,7 @@ class TendonRing(TendonProperties):
         Values of each tendon, as in `Tendon`.
     second_creep_compliance, second_creep_time, wrap_angle : float
         Values of each tendon, as in `Tendon`.
-    hole_clearance, mount_compliance : float
+    hole_clearance, mount_compliance, gain, zero : float
         Values of each tendon, as in `Tendon`.
     material : str or None
         Material of each tendon.
@@ -708,6 +714,10 @@ class Tendon(TendonProperties):
         Difference of the radii of hole and tendon in m.
     mount_compliance : float
         Displacement that the mount of the drives takes by the sum of all tensions, in m/N.
+    gain : float
+        Displacement of the tendon over that commanded.
+    zero : float
+        Displacement of the tendon where 0 is commanded, in m.
     pretension : float
         Tension in the home pose, where its displacement is zero, in N.
     spool_radius : float or None

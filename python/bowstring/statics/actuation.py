@@ -18,6 +18,7 @@ from bowstring import validation
 from bowstring._core import PathSolver, check_memory
 from bowstring.errors import InputError
 from bowstring.json_files import Content, Row, Table, Triple, structured
+from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.parts import MAX_TENDONS
 from bowstring.statics.load import Load, PointLoad
 from bowstring.statics.load_tables import table_of
@@ -31,9 +32,13 @@ __all__ = [
     "KINDS",
     "Given",
     "Path",
+    "commanded",
+    "commands",
     "compliances",
     "displacements",
+    "driven",
     "durations",
+    "given",
     "home_lengths",
 ]
 
@@ -108,8 +113,10 @@ def slack(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:
 
 
 def is_by_tensions(robot: Robot, load: Load, history: Mapping[str, Any] | None = None) -> bool:
-    """Whether a load has tensions only, without laws and history: the pose depends on no path."""
-    return load.is_tension_controlled and history is None and not robot.laws
+    """Whether a load has tensions only, without history or laws of tensions: no path matters."""
+    if not load.is_tension_controlled or history is not None:
+        return False
+    return not robot.laws or {*robot.laws} <= {*OF_COMMANDS}
 
 
 # --------------------------------------------------------------------------------------
@@ -117,7 +124,29 @@ def is_by_tensions(robot: Robot, load: Load, history: Mapping[str, Any] | None =
 # --------------------------------------------------------------------------------------
 
 
+def driven(robot: Robot, displacements: Floats) -> Floats:
+    """Displacements of the tendons at commanded ones (..., T), m (theory Eq. 4.11)."""
+    tendons = robot.tendons
+    found: Floats = tendons.gain * displacements + tendons.zero_m
+    return found
+
+
+def commanded(robot: Robot, displacements: Floats) -> Floats:
+    """Commands that give displacements of the tendons (..., T), m (theory Eq. 4.11)."""
+    tendons = robot.tendons
+    found: Floats = (displacements - tendons.zero_m) / tendons.gain
+    return found
+
+
 def commands(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Floats]:
+    """Commands of a load as they reach the tendons; otherwise as `given`."""
+    by_displacement, values = given(robot, load, rows=rows)
+    if robot.laws and by_displacement.any():
+        values = np.where(by_displacement, driven(robot, values), values)
+    return by_displacement, values
+
+
+def given(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Floats]:
     """Commands of a load: which are displacements, and their values, each (T,) or (n, T).
 
     Each tendon has exactly one of tension, displacement and angle, None or NaN in the others.

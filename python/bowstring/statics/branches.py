@@ -17,6 +17,7 @@ from bowstring._core import follow_branches
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.results import Key, Result
+from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.statics.load import Load, as_load
 from bowstring.statics.load_tables import (
@@ -518,7 +519,7 @@ def _complete(robot: Robot, load: Load, name: str) -> Load:
         raise InputError(
             f"{name} has displacements or angles; branches are followed in tensions and loads"
         )
-    check_without_laws(robot, ", with which branches are not followed")
+    check_without_laws(robot, ", with which branches are not followed", but=OF_COMMANDS)
     count = robot.core.tendon_count
     tensions = np.zeros(count) if load.tensions is None else validation.floats(load.tensions)
     gravity = robot.gravity if load.gravity is None else load.gravity

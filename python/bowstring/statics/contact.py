@@ -11,6 +11,7 @@ import numpy as np
 
 from bowstring import validation
 from bowstring.errors import InputError
+from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.statics import actuation
 from bowstring.statics.contact_loads import load_rows
@@ -160,7 +161,9 @@ def _solve(
 def _check(robot: Robot, model: RodModel, plane: Plane, previous: ContactSolution | None) -> None:
     if not isinstance(plane, Plane):
         raise InputError(f"plane is {validation.shown(plane)}, it must be a bowstring.Plane")
-    check_without_laws(robot, ", with which a contact is not solved", argument="plane")
+    check_without_laws(
+        robot, ", with which a contact is not solved", argument="plane", but=OF_COMMANDS
+    )
     if model.tendon_path == "continuous":
         raise InputError(
             'a contact is not solved with tendon_path="continuous"; use tendon_path="straight"'

@@ -213,12 +213,22 @@ def _commands(
         (name, values), by_displacement = next(iter(wide.items())), np.zeros(shape, bool)
         if name == "displacements":
             by_displacement[...] = True
-        return _Commands(np.ascontiguousarray(values), by_displacement)
+        return _driven(designs, values, by_displacement)
     by_displacement = ~np.isnan(wide["displacements"])
     if (by_displacement == ~np.isnan(wide["tensions"])).any():
         raise InputError("each tendon must have a tension or a displacement, NaN in the other")
     values = np.where(by_displacement, wide["displacements"], wide["tensions"])
-    return _Commands(values, by_displacement)
+    return _driven(designs, values, by_displacement)
+
+
+def _driven(designs: Designs, values: Floats, by_displacement: NDArray[np.bool_]) -> _Commands:
+    """Commands as they reach the tendons (theory Eq. 4.11)."""
+    gain, zero = (
+        np.broadcast_to(each, (len(designs), values.shape[-1]))[:, None]
+        for each in (designs.arrays.tendons.gain, designs.arrays.tendons.zero_m)
+    )
+    reached = np.where(by_displacement, gain * values + zero, values)
+    return _Commands(np.ascontiguousarray(reached), by_displacement)
 
 
 def _on_disks(designs: Designs, load: Load) -> dict[str, Floats]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bowstring import validation
 from bowstring._core import Equilibria
 from bowstring.errors import InputError
+from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
@@ -131,6 +132,7 @@ def differentiable(
     check_without_laws(
         robot,
         ", which derivatives do not model",
+        but=OF_COMMANDS,
     )
     if robot.is_embedded or model.tendon_path == "continuous":
         raise InputError(

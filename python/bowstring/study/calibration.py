@@ -76,7 +76,7 @@ class StudyCalibration(Result):
         return np.array(self.robot.gravity) + 0.0
 
 
-def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.0) -> Sweep:
+def predicted(robot: Robot, data: Measurements, theory: Theory) -> Sweep:
     """Solve the commands of all rows; with friction each recording is a path.
 
     Parameters
@@ -84,11 +84,9 @@ def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.
     robot : Robot
     data : Measurements
     theory : {"cosserat", "kirchhoff"}
-    gain : float
-        Gain of the commands.
     """
     tables = (data.tensions, data.displacements)
-    given = [None if np.isnan(values).all() else gain * values for values in tables]
+    given = [None if np.isnan(values).all() else values for values in tables]
     model = RodModel(theory)
     timed = robot.is_viscoelastic
     if not robot.has_memory:

@@ -47,7 +47,8 @@ from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import in_mm, in_percent, listed, significant, with_error
 from bowstring.results import Key, Result
-from bowstring.robot.model import Robot, with_tendons
+from bowstring.robot.model import Robot, with_drives, with_tendons
+from bowstring.statics import actuation
 from bowstring.study.calibration import (
     ArcCalibration,
     StudyCalibration,
@@ -669,12 +670,13 @@ def _points(
         out["rod_calibrated"] = calibration.point
     if not np.isnan(data.displacements).any():
         lengths_of = "measurement"
-        lengths = robot.disks.station_m[robot.tendons.end_disk] - data.displacements
+        moved = actuation.driven(robot, data.displacements)
+        lengths = robot.disks.station_m[robot.tendons.end_disk] - moved
     else:
         lengths_of, whose, sweep = "rod", "the rod as the robot file has it", file
         if calibration is not None:
             lengths_of, whose = "rod_calibrated", "the calibrated rod"
-            sweep = predicted(calibration.robot, data, theory, calibration.gain)
+            sweep = predicted(calibration.robot, data, theory)
         lengths = sweep.tendon_lengths
         why.append(
             "Tendon lengths were not measured: constant curvature from lengths gets those that "
@@ -774,8 +776,9 @@ def _decomposition(
                     if s.backbone.E is not None
                 }
             )
-        gain = calibration.gain if "gain" in on else 1.0
-        sweep = predicted(made, data, theory, gain)
+        if "gain" not in on:
+            made = with_drives(made, robot.tendons.gain, robot.tendons.zero_m)
+        sweep = predicted(made, data, theory)
         point = sweep.tip_position + sweep.tip_rotation @ data.tool
         frame = calibration.frame if "registration" in on else Rigid.identity()
         return np.asarray(point - frame.apply(data.tip))

@@ -37,7 +37,7 @@ LOADS: Final = {
 
 BY_DISPLACEMENT: Final = (
     *("axial_stiffness", "compliance", "free_length", "pretension"),
-    *("backlash", "hole_clearance", "mount_compliance"),
+    *("backlash", "hole_clearance", "mount_compliance", "gain", "zero"),
 )
 """Numbers of tendons that act under displacement control only."""
 RAMPS: Final = ("tension", "bend")

@@ -130,8 +130,9 @@ pub(super) fn wide<T: Real>(v: Vec3) -> Vec3<T> {
 }
 
 impl<L: Layout, const A: usize> LumpedMass<L, A> {
-    /// Lumps the mass by Simpson's rule over each pair of arcs. The mass of a clamp, and of the
-    /// node where it begins, is added to the clamp's disk, to which it is rigidly connected; its
+    /// Lumps the mass by Simpson's rule over each pair of arcs. A clamp has the mean mass per length of
+    /// the flexible part, as its weight in statics. Its mass, and that of the node where it begins, is
+    /// added to the clamp's disk, to which it is rigidly connected; its
     /// second moment is added to the director along the axis. Its first moment is zero where both
     /// sides of a disk are equal. Elsewhere, as at the last disk, it is neglected: it would couple
     /// points with directors, and `M` is diagonal.
@@ -153,16 +154,16 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
             let [across, along] = disk.inertia;
             let rotary = section(A).rotary_inertia * held;
             directors[k][0] += along / 2.0 + rotary;
-            let second = |a: usize, clamp: f64| {
-                section(a).mass_per_length * clamp.powi(3) / 3.0 + lump(a) * clamp.powi(2)
-            };
+            let clamped = robot.mass_per_length(k);
+            let second =
+                |a: usize, clamp: f64| clamped * clamp.powi(3) / 3.0 + lump(a) * clamp.powi(2);
             directors[k][1] += f64::max(across - along / 2.0, 0.0) + second(A, module.clamp[1]);
-            points[k * A + A - 1] += disk.mass + section(A).mass_per_length * module.clamp[1];
+            points[k * A + A - 1] += disk.mass + clamped * module.clamp[1];
             if k > 0 {
                 let held = module.flexible / 2.0 + module.clamp[0];
                 directors[k - 1][0] += section(0).rotary_inertia * held;
                 directors[k - 1][1] += second(0, module.clamp[0]);
-                points[k * A - 1] += lump(0) + section(0).mass_per_length * module.clamp[0];
+                points[k * A - 1] += lump(0) + clamped * module.clamp[0];
             }
         }
         let mut lanes = vec![[L::Module::zero(); A]; n.div_ceil(L::WIDTH)];

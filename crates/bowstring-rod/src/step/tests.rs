@@ -5,7 +5,7 @@ use super::{Damping, Motion, Moving};
 use crate::math::linalg::Vec3;
 use crate::math::real::Scalar;
 use crate::model::load::{Load, Model};
-use crate::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+use crate::model::robot::{Disk, Profile, Robot, RobotSpec, Section, Tendon};
 use crate::rod::chain::in_group;
 
 const SECTION: Section = Section {
@@ -28,6 +28,46 @@ fn robot(disks: Vec<Disk>, tendons: Vec<Tendon>) -> Robot {
         gravity: [0.0; 3],
     })
     .unwrap()
+}
+
+/// Clamps on a tapered backbone have the mass that weighs in statics.
+#[test]
+fn tapered_clamps_have_the_mass_of_their_weight() {
+    let at = |fraction: f64| {
+        let diameter: f64 = 1.0 - 0.6 * fraction;
+        Section {
+            mass_per_length: 0.035 * diameter.powi(2),
+            ..SECTION
+        }
+    };
+    let disks = (1..=3).map(|k| Disk {
+        hole_length: 0.0,
+        station: 0.07 * k as f64,
+        clamped_length: 0.03,
+        mass: 0.002,
+        inertia: [5.1e-6, 1.0e-5],
+        segment: 0,
+    });
+    let robot = Robot::new(RobotSpec {
+        payloads: vec![],
+        backbone: vec![Profile::Tapered(Box::new(
+            [0.0, 0.25, 0.5, 0.75, 1.0].map(at),
+        ))],
+        disks: disks.collect(),
+        tendons: vec![Tendon::parallel([0.02, 0.0], 2)],
+        gravity: [0.0; 3],
+    })
+    .unwrap();
+    let still = Damping {
+        mass: 0.0,
+        material: 0.0,
+    };
+    let model = Model::default();
+    let motion = Motion::<Scalar, 2>::new(Scalar, &robot, model, [0.0; 3], still);
+    // the node at the base does not move; Simpson's rule gives it a sixth
+    let at_base = at(0.0).mass_per_length * robot.flexible_length(0) / 6.0;
+    let total = motion.body.mass.total + at_base;
+    assert!((total / robot.mass() - 1.0).abs() < 1e-12);
 }
 
 /// Rotated as a rigid body, the straight robot has the inertia of its disks and of the whole rod,

@@ -27,6 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.model import Robot, check_robot, check_without_laws
 from bowstring.statics.load import Load
 from bowstring.statics.solution import Solution
@@ -118,7 +119,9 @@ class LinkChain:
             raise InputError(f"{what}its section has couplings, or a stiffness matrix")
         if robot.rest_curvature.any():
             raise InputError(f"{what}its backbone is bent without load")
-        check_without_laws(robot, ", which rigid links with springs cannot express")
+        check_without_laws(
+            robot, ", which rigid links with springs cannot express", but=OF_COMMANDS
+        )
 
     # -- bodies and hinges -------------------------------------------------------------------------
 
