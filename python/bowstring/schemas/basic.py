@@ -9,6 +9,7 @@ from typing_extensions import TypedDict
 
 __all__ = [
     "STRICT",
+    "BaseEstimate",
     "InFolder",
     "Interval",
     "MadeBy",
@@ -53,6 +54,14 @@ class Pose(Object):
 
     position_m: Annotated[Vector, about("Position.")]
     rotation: Annotated[Rotation, about("Rotation matrix by rows; it maps body axes to base axes.")]
+
+
+class BaseEstimate(Object):
+    """A coordinate of the base by calibration."""
+
+    value: Annotated[float, about("Estimate.", "`unit`")]
+    standard_error: Annotated[OrNull, about("Standard error.", "`unit`")]
+    unit: Annotated[str, about("Unit.")]
 
 
 class MadeBy(Object):

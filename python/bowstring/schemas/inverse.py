@@ -5,21 +5,16 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, Vector, VectorOrNull, about
-from bowstring.schemas.results import beside
 from bowstring.schemas.statics import Arc
-from bowstring.validity.control import ControlErrors
-from bowstring.validity.reach import Reach
 
 __all__ = [
     "BindingLimit",
-    "Control",
     "ControlDistance",
     "Ik",
     "IkPath",
     "IkResidual",
     "InverseRow",
     "InverseRows",
-    "ReachFound",
 ]
 
 InverseStatus = Literal["reached", "unreachable", "max_iterations", "no_equilibrium"]
@@ -170,19 +165,3 @@ class ControlDistance(Object):
     without_equilibrium: Annotated[
         int, about("Commands without a stable equilibrium, which are not in the distances.")
     ]
-
-
-@beside(ControlErrors)
-class Control(OfRobot):
-    """Output of `bowstring control`."""
-
-    text: Annotated[list[str], about("The result in sentences.")]
-    file: Annotated[str | None, about("File of the figure; `null` if it could not be drawn.")]
-
-
-@beside(Reach)
-class ReachFound(OfRobot):
-    """Output of `bowstring reach`."""
-
-    text: Annotated[list[str], about("The result in sentences.")]
-    file: Annotated[str | None, about("File of the figure; `null` if it could not be drawn.")]

@@ -40,7 +40,7 @@ from bowstring.statics.solution import Sweep
 from bowstring.study.comparison import MEANINGS, Case, Model
 
 if TYPE_CHECKING:
-    from bowstring.schemas import study as schema
+    from bowstring.schemas import budget as schema
 
 __all__ = [
     "ASSUMED_FRICTION",

@@ -59,7 +59,7 @@ from bowstring.study.calibration import (
 from bowstring.study.comparison import FROM_FORCE, Theory, points_by_arcs
 
 if TYPE_CHECKING:
-    from bowstring.schemas import study as schema
+    from bowstring.schemas import basic as schema
 
 __all__ = [
     "DATA_MODELS",
