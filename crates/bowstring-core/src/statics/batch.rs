@@ -13,7 +13,9 @@ use crate::lanes::MOST_LANES;
 use crate::math::linalg::Vec3;
 use crate::memory::{filled, unknown};
 use crate::model::error::InputError;
-use crate::model::load::{Load, RodModel};
+#[cfg(target_arch = "x86_64")]
+use crate::model::load::Load;
+use crate::model::load::RodModel;
 use crate::model::robot::Robot;
 #[cfg(target_arch = "x86_64")]
 use crate::statics::adaptive::refine_to;
