@@ -84,7 +84,7 @@ class ContributionError(CaseError):
             "the effect increases the error."
         ),
     ]
-    contribution_percent: Annotated[OrNull, about("The same in percent of the length.")]
+    contribution_percent: Annotated[OrNull, about("Contribution in percent of the length.")]
 
 
 class TipMoved(Object):
@@ -126,7 +126,7 @@ class ChangeError(CaseError):
 
     change_n: Annotated[int, about("Number of loads with and without the effect.")]
     change_of_mean_mm: Annotated[OrNull, about("Change of the mean error over these loads.")]
-    change_of_mean_percent: Annotated[OrNull, about("The same in percent of the length.")]
+    change_of_mean_percent: Annotated[OrNull, about("Change in percent of the length.")]
 
 
 class ActuationEffect(Problem, TipMoved):
@@ -135,7 +135,7 @@ class ActuationEffect(Problem, TipMoved):
     effect: Annotated[str, about("Name of the effect.")]
     label: Annotated[str, about("The effect in words.")]
     assumed: Annotated[
-        list[Literal["friction", "elasticity"]], about("What the robot file does not give.")
+        list[Literal["friction", "elasticity"]], about("Properties not in the robot file.")
     ]
     more_than_constant_curvature: Annotated[
         bool,
@@ -214,7 +214,7 @@ class Bootstrap(Object):
 
     resamples: Annotated[int, about("Number of resamples.")]
     level: Annotated[float, about("Confidence level.")]
-    unit: Annotated[str, about("What is resampled together.")]
+    unit: Annotated[str, about("Unit of resampling.")]
     units: Annotated[int, about("Number of these.")]
     calibrated_rod_at_other_rows: Annotated[
         Expected | None, about("Expected error; `null` without calibration or with few rows.")
@@ -240,7 +240,7 @@ class StudyMeasurements(Object):
     rows: Annotated[int, about("Number of rows, without those left out.")]
     left_out: Annotated[int, about("Rows left out; `issues` has the reasons.")]
     without_tip: Annotated[int, about("Rows without a measured tip.")]
-    issues: Annotated[list[MeasurementIssue], about("What is wrong with the table.")]
+    issues: Annotated[list[MeasurementIssue], about("Faults of the table.")]
     loads: Annotated[int, about("Number of different loads.")]
     repeats: Annotated[int, about("Number of repeats.")]
     unloading_rows: Annotated[
