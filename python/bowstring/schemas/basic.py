@@ -93,7 +93,7 @@ class MeasurementIssue(Object):
     """A line of a table of measurements that has something wrong."""
 
     line: Annotated[int, about("Line of the file, from 1.")]
-    text: Annotated[str, about("What is wrong, and whether the row is left out.")]
+    text: Annotated[str, about("Fault, and whether the row is left out.")]
 
 
 class InFolder(Object):

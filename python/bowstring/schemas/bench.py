@@ -75,7 +75,7 @@ class TableOfMeasurements(Object):
     repeats: Annotated[int, about("Number of repeats.")]
     recordings: Annotated[int, about("Number of recordings; each is a load path of its own.")]
     time_s: Annotated[Pair | None, about("First and last time; `null` without times.")]
-    issues: Annotated[list[MeasurementIssue], about("What is wrong with the table.")]
+    issues: Annotated[list[MeasurementIssue], about("Faults of the table.")]
     tendon_check: Annotated[
         TendonCheck | None, about("Check of the order of the tendons; `null` without a robot.")
     ]
@@ -151,7 +151,7 @@ class Truth(Object):
     tilt_rad: Annotated[float, about("Tilt of the base.")]
     tilt_towards_rad: Annotated[float, about("Direction of the tilt from x, counter-clockwise.")]
     tool_m: Annotated[Vector, about("Measured point in the frame of the end disk, as stated.")]
-    actual_tool_m: Annotated[Vector, about("The same, as it is.")]
+    actual_tool_m: Annotated[Vector, about("Actual point in the frame of the end disk.")]
     noise_m: Annotated[float, about("Standard deviation of the noise of a coordinate.")]
     noise_description: Annotated[str, about("Meaning of `noise_m`.")]
     seed: Annotated[int, about("Seed of the noise.")]

@@ -54,7 +54,7 @@ class ContributionError(CaseError):
             "the effect increases the error."
         ),
     ]
-    contribution_percent: Annotated[OrNull, about("The same in percent of the length.")]
+    contribution_percent: Annotated[OrNull, about("Contribution in percent of the length.")]
 
 
 class TipMoved(Object):
@@ -96,7 +96,7 @@ class ChangeError(CaseError):
 
     change_n: Annotated[int, about("Number of loads with and without the effect.")]
     change_of_mean_mm: Annotated[OrNull, about("Change of the mean error over these loads.")]
-    change_of_mean_percent: Annotated[OrNull, about("The same in percent of the length.")]
+    change_of_mean_percent: Annotated[OrNull, about("Change in percent of the length.")]
 
 
 class ActuationEffect(Problem, TipMoved):
@@ -105,7 +105,7 @@ class ActuationEffect(Problem, TipMoved):
     effect: Annotated[str, about("Name of the effect.")]
     label: Annotated[str, about("The effect in words.")]
     assumed: Annotated[
-        list[Literal["friction", "elasticity"]], about("What the robot file does not give.")
+        list[Literal["friction", "elasticity"]], about("Properties not in the robot file.")
     ]
     more_than_constant_curvature: Annotated[
         bool,

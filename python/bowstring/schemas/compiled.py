@@ -58,7 +58,7 @@ class TendonNumbers(Object):
         list[Pair],
         about("x and y of its holes in base and disks up to its end disk; one stands for all."),
     ]
-    end_disk: Annotated[int, about("Its end disk, from 0.")]
+    end_disk: Annotated[int, about("Index of the end disk, from 0.")]
     compliance_m_per_N: Annotated[float, about("Compliance from motor to end disk.")]
     pretension_N: Annotated[float, about("Tension in the home pose.")]
     max_tension_N: Annotated[float, about("Default of its largest tension in inverse kinematics.")]
@@ -67,7 +67,7 @@ class TendonNumbers(Object):
 class PayloadNumbers(Object):
     """A body fixed to a disk."""
 
-    disk: Annotated[int, about("Its disk, from 0.")]
+    disk: Annotated[int, about("Index of the disk, from 0.")]
     mass_kg: Annotated[float, about("Mass.")]
     centre_m: Annotated[Vector, about("Centre of mass from the centre of the disk, disk frame.")]
     inertia_kg_m2: Annotated[
@@ -80,7 +80,7 @@ class RobotDescription(Object):
 
     format: Annotated[Literal["bowstring compiled robot"], about("Marks such a description.")]
     format_version: Annotated[
-        Literal[1], about("Version of its layout; the library reads its own only.")
+        Literal[1], about("Version of the layout; the library reads one version only.")
     ]
     tendon_path: Annotated[
         Literal["straight", "embedded"],

@@ -25,7 +25,7 @@ class BindingLimit(Object):
 
     tendon: Annotated[int, about("Tendon, from 1.")]
     limit: Annotated[Literal["least", "largest"], about("Which of its limits.")]
-    of: Annotated[Literal["tension", "displacement"], about("What is limited.")]
+    of: Annotated[Literal["tension", "displacement"], about("Limited quantity.")]
 
 
 class _Inverse(Object):
@@ -106,7 +106,7 @@ class IkPath(OfRobot):
         Literal["cc", "physics"], about("Model of the commands: constant curvature or physics.")
     ]
     count: Annotated[int, about("Number of positions.")]
-    reached: Annotated[int, about("Number of those that the model reaches.")]
+    reached: Annotated[int, about("Number of positions that the model reaches.")]
     restarted: Annotated[
         int, about("Rows found from another start than the row before, where tensions may jump.")
     ]
@@ -120,9 +120,9 @@ class IkPath(OfRobot):
     ]
     constant_curvature_mean_miss_m: Annotated[
         OrNull,
-        about("Mean distance from the path at which the commands of constant curvature land."),
+        about("Mean distance of the tips from the path under the commands of constant curvature."),
     ]
-    constant_curvature_max_miss_m: Annotated[OrNull, about("Largest such distance.")]
+    constant_curvature_max_miss_m: Annotated[OrNull, about("Largest of these distances.")]
     files: Annotated[list[str], about("Table of the commands and figure.")]
 
 
@@ -132,7 +132,7 @@ class CorrectedCommand(Object):
     position_m: Annotated[Vector, about("Wanted position, measuring frame.")]
     status: Annotated[
         InverseStatus,
-        about("As for a tip; `reached` within 1e-5 of the length."),
+        about("Status as for a tip; `reached` within 1e-5 of the length."),
     ]
     tensions_N: Annotated[
         list[OrNull], about("Tension of each tendon; `null` where a displacement is commanded.")
@@ -141,7 +141,7 @@ class CorrectedCommand(Object):
         list[OrNull], about("Displacement of each tendon; `null` where a tension is commanded.")
     ]
     point_m: Annotated[VectorOrNull, about("Measured point by model and residual.")]
-    distance_m: Annotated[OrNull, about("Its distance from the position.")]
+    distance_m: Annotated[OrNull, about("Distance of the point from the position.")]
     share_kept: Annotated[OrNull, about("Share of the variance that the fitted rows explain.")]
     beyond_data: Annotated[bool, about("Whether that share is below one half: physics answers.")]
 

@@ -28,7 +28,7 @@ class Export(OfRobot):
     """Output of `bowstring export`."""
 
     file: Annotated[str, about("The model.")]
-    format: Annotated[Literal["MJCF", "URDF"], about("Its format.")]
+    format: Annotated[Literal["MJCF", "URDF"], about("Format of the model.")]
     joints: Annotated[int, about("Number of joints, of three hinges each.")]
     tensions_N: Annotated[list[float], about("Tensions at which the tip error is stated.")]
     tip_error_m: Annotated[
@@ -44,9 +44,9 @@ class OptionalPart(Object):
     """An optional package or program."""
 
     name: Annotated[str, about("Name.")]
-    needed_for: Annotated[str, about("What needs it.")]
+    needed_for: Annotated[str, about("Features that need it.")]
     version: Annotated[str | None, about("Version or path; `null` if the part is missing.")]
-    problem: Annotated[str | None, about("What is wrong; `null` if it can be used.")]
+    problem: Annotated[str | None, about("Fault; `null` if it can be used.")]
     cure: Annotated[str | None, about("Command that adds it; `null` if it can be used.")]
 
 

@@ -81,7 +81,7 @@ class FeLoad(Object):
         list[float],
         about("Largest axial stress at the surface in the middle of each module."),
     ]
-    rod_middle_stress_Pa: Annotated[list[float] | None, about("The same by the rod.")]
+    rod_middle_stress_Pa: Annotated[list[float] | None, about("Stress there by the rod.")]
     edge_stress_Pa: Annotated[
         list[float],
         about("Largest axial stress at the surface at the edges of the disks of each module."),
@@ -91,7 +91,7 @@ class FeLoad(Object):
 class FeRefinement(Object):
     """Refinement of the mesh in one direction."""
 
-    name: Annotated[str, about("What is refined.")]
+    name: Annotated[str, about("Refined size.")]
     of: Annotated[list[str], about("Meshes, coarse to fine.")]
     tip_position_m: Annotated[list[list[Vector]], about("Position of the tip by mesh and load.")]
     order: Annotated[OrNull, about("Observed order of convergence; `null` if there is none.")]
@@ -103,7 +103,7 @@ class FeLimit(Object):
     """Convergence study of the mesh."""
 
     tip_position_m: Annotated[list[Vector], about("Extrapolated position of the tip by load.")]
-    error_mm: Annotated[list[float], about("Its error bar.")]
+    error_mm: Annotated[list[float], about("Uncertainty of the extrapolated position.")]
     difference_mm: Annotated[list[OrNull], about("Its distance from the tip of the rod.")]
     refinements: Annotated[list[FeRefinement], about("Refinements.")]
 
@@ -139,7 +139,7 @@ class FeRun(Object):
     cached: Annotated[int, about("Loads or times taken from the cache.")]
     iterations: Annotated[int, about("Iterations of CalculiX.")]
     wall_s: Annotated[float, about("Time that CalculiX took.")]
-    limit: Annotated[FeLimit | None, about("Limit of fine meshes; `null` without `--study`.")]
+    limit: Annotated[FeLimit | None, about("Limit for fine meshes; `null` without `--study`.")]
 
 
 class Fe(FeRun, OfRobot, InFolder):

@@ -65,7 +65,7 @@ class Bootstrap(Object):
 
     resamples: Annotated[int, about("Number of resamples.")]
     level: Annotated[float, about("Confidence level.")]
-    unit: Annotated[str, about("What is resampled together.")]
+    unit: Annotated[str, about("Unit of resampling.")]
     units: Annotated[int, about("Number of these.")]
     calibrated_rod_at_other_rows: Annotated[
         Expected | None, about("Expected error; `null` without calibration or with few rows.")
@@ -91,7 +91,7 @@ class StudyMeasurements(Object):
     rows: Annotated[int, about("Number of rows, without those left out.")]
     left_out: Annotated[int, about("Rows left out; `issues` has the reasons.")]
     without_tip: Annotated[int, about("Rows without a measured tip.")]
-    issues: Annotated[list[MeasurementIssue], about("What is wrong with the table.")]
+    issues: Annotated[list[MeasurementIssue], about("Faults of the table.")]
     loads: Annotated[int, about("Number of different loads.")]
     repeats: Annotated[int, about("Number of repeats.")]
     unloading_rows: Annotated[

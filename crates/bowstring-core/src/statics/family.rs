@@ -1,5 +1,5 @@
-//! Branches that leave a family of equal equilibria, as those of a round robot that has buckled in
-//! any plane, where a load begins that is not the same for all of them.
+//! Branches that leave a family of equal equilibria, such as those of a round robot that has buckled
+//! in any plane, when a load begins that acts on its members differently.
 //!
 //! Theory: docs/theory/statics.md (Search for all equilibria).
 
