@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 import typer
 
 from bowstring.cli import completion
+from bowstring.cli.flags import check_bare, of_flag, tendon_count
+from bowstring.cli.groups import option
 from bowstring.cli.options import (
     AsJson,
     Gravity,
@@ -19,17 +21,13 @@ from bowstring.cli.options import (
     RobotSource,
     Theory,
     changes_of,
-    check_bare,
     check_bare_changes,
     load,
     mapping_of,
     not_negative,
     numbers_of,
-    of_flag,
-    option,
     positive,
     range_of,
-    tendon_count,
     vector,
 )
 from bowstring.cli.output import (

@@ -6,7 +6,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag, option
+from bowstring.cli.flags import of_flag
+from bowstring.cli.groups import option
+from bowstring.cli.options import AsJson, Overrides, RobotSource, load
 from bowstring.cli.output import provenance_of, write, write_json
 from bowstring.formatting import plain
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from bowstring.cli.flags import of_flag
+from bowstring.cli.groups import option
 from bowstring.cli.options import (
     AsJson,
     AutomaticElements,
@@ -15,11 +17,8 @@ from bowstring.cli.options import (
     RobotSource,
     Theory,
     TipForce,
-    check_elements,
     default_file,
     load,
-    of_flag,
-    option,
     per_tendon,
     positive,
     share_of,
@@ -207,7 +206,6 @@ def _read(
         "a share of the length above 0 and below 1",
         lambda value: 0 < value < 1,
     )
-    check_elements(elements)
     model = load(robot, overrides)
     most = None if max_tension is None else _tensions(max_tension, model)
     acting = None if gravity is None else vector("--gravity", gravity, "m/s^2")

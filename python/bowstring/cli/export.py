@@ -6,18 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from bowstring.cli import completion
-from bowstring.cli.options import (
-    AsJson,
-    Gravity,
-    Overrides,
-    RobotSource,
-    load,
-    of_flag,
-    option,
-    per_tendon,
-    tendon_count,
-    vector,
-)
+from bowstring.cli.flags import of_flag, tendon_count
+from bowstring.cli.groups import option
+from bowstring.cli.options import AsJson, Gravity, Overrides, RobotSource, load, per_tendon, vector
 from bowstring.cli.output import provenance_of, write, write_json
 from bowstring.errors import InputError
 from bowstring.formatting import significant

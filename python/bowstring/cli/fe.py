@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import typer
 
+from bowstring.cli.flags import of_flag
+from bowstring.cli.groups import option
 from bowstring.cli.options import (
     AsJson,
     Gravity,
@@ -17,8 +19,6 @@ from bowstring.cli.options import (
     TipForce,
     load,
     not_negative,
-    of_flag,
-    option,
     out_folder,
     per_tendon,
     positive,

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 import typer
 
 from bowstring.cli import completion
+from bowstring.cli.flags import of_flag
+from bowstring.cli.groups import option
 from bowstring.cli.options import (
     AsJson,
     MappingFile,
@@ -22,8 +24,6 @@ from bowstring.cli.options import (
     changes_of,
     load,
     measurements_of,
-    of_flag,
-    option,
     out_folder,
     positive,
     share_of,

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
+from bowstring.cli.flags import check_bare, of_flag
+from bowstring.cli.groups import option
 from bowstring.cli.options import (
     AsJson,
     AutomaticElements,
@@ -16,13 +18,9 @@ from bowstring.cli.options import (
     Overrides,
     RobotSource,
     Theory,
-    check_bare,
-    check_elements,
     load,
     not_negative,
     numbers_of,
-    of_flag,
-    option,
     per_tendon,
     vector,
 )
@@ -189,7 +187,6 @@ def ik(
     for flag, file in (("--out", out), ("--figure", figure)):
         if file is not None and path is None:
             raise InputError(f"{flag}: it is for --path; a single tip is printed.")
-    check_elements(elements)
     options = _Options(
         robot_,
         model,

@@ -10,9 +10,7 @@ import re
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Sequence
-from functools import wraps
-from inspect import Parameter, signature
+from collections.abc import Sequence
 from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, Final, TextIO
@@ -40,6 +38,7 @@ from bowstring.cli import (
     uncertainty,
     view,
 )
+from bowstring.cli.groups import Command, Quiet, spread
 from bowstring.cli.output import Stopped, be_quiet, coloured, say, write
 from bowstring.errors import FigureWarning, InputError, NoSolutionError, StabilityWarning
 
@@ -58,28 +57,6 @@ bench_app = typer.Typer(help="Data of a test bench.", rich_markup_mode=None)
 data_app = typer.Typer(help="Public data sets.", rich_markup_mode=None)
 app.add_typer(bench_app, name="bench")
 app.add_typer(data_app, name="data")
-
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="No progress and no warnings on stderr, errors only.")
-]
-
-
-def _with_quiet(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the flag --quiet to a command."""
-
-    @wraps(command)
-    def run(*, quiet: bool, **values: Any) -> None:
-        if quiet:
-            be_quiet(True)
-        command(**values)
-
-    flag = Parameter("quiet", Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
-    own = signature(command, eval_str=True)
-    run.__signature__ = own.replace(  # type: ignore[attr-defined]
-        parameters=[*own.parameters.values(), flag]
-    )
-    return run
-
 
 for _command in (
     statics.robots,
@@ -101,14 +78,14 @@ for _command in (
     view.view,
     doctor.doctor,
 ):
-    app.command()(_with_quiet(_command))
-app.command("compile")(_with_quiet(compiled.compile_))
-app.command("map")(_with_quiet(map.map_))
-app.command()(_with_quiet(uncertainty.uncertainty))
-bench_app.command("check")(_with_quiet(bench.check))
-bench_app.command("simulate")(_with_quiet(bench.simulate))
-data_app.command("list")(_with_quiet(data.list_sets))
-data_app.command("get")(_with_quiet(data.get))
+    app.command(cls=Command)(spread(_command))
+app.command("compile", cls=Command)(spread(compiled.compile_))
+app.command("map", cls=Command)(spread(map.map_))
+app.command(cls=Command)(spread(uncertainty.uncertainty))
+bench_app.command("check", cls=Command)(spread(bench.check))
+bench_app.command("simulate", cls=Command)(spread(bench.simulate))
+data_app.command("list", cls=Command)(spread(data.list_sets))
+data_app.command("get", cls=Command)(spread(data.get))
 
 
 @bench_app.callback()

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
+from bowstring.cli.flags import of_flag
+from bowstring.cli.groups import option
 from bowstring.cli.options import (
     AsJson,
     Gravity,
@@ -18,8 +20,6 @@ from bowstring.cli.options import (
     default_file,
     load,
     number_of,
-    of_flag,
-    option,
     share_of,
     shares_of,
     vector,

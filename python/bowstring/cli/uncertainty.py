@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from bowstring.cli.flags import of_flag
+from bowstring.cli.groups import option
 from bowstring.cli.options import (
     AsJson,
     Gravity,
@@ -16,8 +18,6 @@ from bowstring.cli.options import (
     default_file,
     load,
     number_of,
-    of_flag,
-    option,
     share_of,
     shares_of,
     vector,

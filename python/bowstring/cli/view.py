@@ -8,7 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from bowstring.cli import completion
-from bowstring.cli.options import Overrides, load, measurements_of, of_flag, option, share_of
+from bowstring.cli.flags import of_flag
+from bowstring.cli.groups import option
+from bowstring.cli.options import Overrides, load, measurements_of, share_of
 from bowstring.cli.output import write
 from bowstring.errors import InputError
 
