@@ -195,6 +195,21 @@ class PerTendon(Numbers):
         return values
 
 
+class OneOrEach(PerTendon):
+    """A number for all tendons, which follows the rule ``one``, or one for each, 0 or more."""
+
+    form = "T or T1,T2,..."
+
+    def __init__(self, si: str, *texts: str, one: str = "0 or more", **more: Any) -> None:
+        super().__init__(si, *texts, **more)
+        self.one = one
+
+    def read(self, flag: str, text: str, robot: Robot) -> Any:
+        if "," in text:
+            return self.entries(flag, text, robot, dashes=False)
+        return Number(self.si, self.example, "", must_be=self.one).number(flag, text)
+
+
 class OnDisks(Numbers):
     """Vectors N:x,y,z of a repeatable flag: rows for all disks, or None."""
 
