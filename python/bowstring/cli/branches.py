@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bowstring.cli.flags import Number, PerTendon, Vector
+from bowstring.cli.flags import Number, PerTendon, Vector, ZeroVector
 from bowstring.cli.groups import Group, option
 from bowstring.cli.options import (
     AsJson,
@@ -41,7 +41,7 @@ def _start(
     ],
     from_tip_force: Annotated[
         list[float],
-        Vector("N", "0,0,-4", "Force at the tip at load factor 0, base axes.", default="0,0,0"),
+        ZeroVector("N", "0,0,-4", "Force at the tip at load factor 0, base axes."),
     ],
     from_gravity: Annotated[
         list[float] | None,

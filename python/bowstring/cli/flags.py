@@ -123,6 +123,13 @@ class Vector(Numbers):
         return value
 
 
+class ZeroVector(Vector):
+    """A vector x,y,z that is zero if it is not given."""
+
+    def __init__(self, *texts: str, **more: Any) -> None:
+        super().__init__(*texts, default="0,0,0", **more)
+
+
 class Share(Flag):
     """A share such as "0.01" or "1 %"; ``rule`` has its meaning and range for the error."""
 
@@ -149,6 +156,71 @@ class Share(Flag):
                 f"write for example {flag} {self.example}."
             )
         return value
+
+
+class TendonShares(Flag):
+    """Numbers of tendons and their shares of the sweep's tension."""
+
+    def read(self, flag: str, text: str, robot: Robot) -> dict[int, float]:
+        out: dict[int, float] = {}
+        count = tendon_count(robot)
+        rule = "a tendon and, after a colon, its share of the sweep's tension"
+        kind = Share(rule, math.isfinite, "1,2:0.5", "")
+        for item in text.split(","):
+            number, colon, share = item.strip().partition(":")
+            if not (number.isdecimal() and 1 <= int(number) <= count):
+                raise InputError(
+                    f"{flag}: got {quote(item.strip())}; must be a tendon of {robot.name} from 1 "
+                    f"to {count}, and its share after a colon, for example {flag} "
+                    f"1,{min(count, 2)}:0.5."
+                )
+            if int(number) in out:
+                raise InputError(f"{flag}: tendon {number} is there twice; name each one once.")
+            out[int(number)] = kind.read(flag, share, robot) if colon else 1.0
+        return out
+
+
+class Range(Numbers):
+    """A list of numbers, or first:step:last; ``rule`` is that of values below 0, for the error."""
+
+    form = "FIRST:STEP:LAST"
+
+    def __init__(self, si: str, *texts: str, rule: str = "", **more: Any) -> None:
+        super().__init__(si, *texts, **more)
+        self.rule = rule
+
+    def read(self, flag: str, text: str, robot: Robot) -> list[float]:
+        values = self._values(flag, text)
+        for value in values:
+            if self.rule and value < 0:
+                raise InputError(f"{flag}: got {value:g} {self.si}; must be {self.rule}.")
+        return values
+
+    def _values(self, flag: str, text: str) -> list[float]:
+        parts = text.split(":")
+        if len(parts) == 1:
+            return self.numbers(flag, text)
+        if len(parts) != 3:
+            raise InputError(
+                f"{flag}: got {quote(text)}; write first:step:last, for example {flag} "
+                f"{self.example}."
+            )
+        first, step, last = (self.number(flag, part) for part in parts)
+        if step == 0 or (last - first) / step < 0:
+            raise InputError(
+                f"{flag}: steps of {step:g} {self.si} do not lead from {first:g} to {last:g}."
+            )
+        steps = (last - first) / step
+        if steps > MOST_LOADS:
+            raise InputError(f"{flag}: got {steps:.3g} steps; up to {MOST_LOADS} are possible.")
+        if abs(steps - round(steps)) > 1e-6:
+            end = first + math.floor(steps) * step
+            raise InputError(
+                f"{flag}: steps of {step:g} {self.si} from {first:g} do not meet {last:g}; end for "
+                f"example at {end:g}."
+            )
+        # 3 * 0.1 is 0.3
+        return [float(f"{first + i * step:.12g}") for i in range(round(steps) + 1)]
 
 
 class PerTendon(Numbers):

@@ -105,13 +105,18 @@ def _steps(group: Group, flags: dict[str, Parameter], above: set[str]) -> dict[s
     steps: dict[str, _Step] = {}
     place = sys.modules[group.make.__module__].__dict__
     for name, given in signature(group.make).parameters.items():
-        if name in above:
+        if group.only and name not in (*group.only, "robot"):
+            continue
+        try:
+            kind = eval(given.annotation, place)
+        except NameError:  # a class that is imported for type checks alone
+            if name not in above:
+                raise
+            kind = None
+        mark = getattr(kind, "__metadata__", (None,))[0]
+        if mark is None and name in above:
             steps[name] = partial(lambda name, texts, made: made[name], name)
             continue
-        if group.only and name not in group.only:
-            continue
-        kind = eval(given.annotation, place)
-        mark = getattr(kind, "__metadata__", (None,))[0]
         if isinstance(mark, Group):
             steps[name] = _maker(mark, flags, above | set(steps))
             continue

@@ -17,14 +17,16 @@ import typer
 from bowstring._core import RodModel
 from bowstring.cli import completion
 from bowstring.cli.flags import (
-    MOST_LOADS,
     AtPoints,
+    Number,
     Numbers,
     OnDisks,
     PerTendon,
+    Share,
+    TendonShares,
     Vector,
+    ZeroVector,
     of_flag,
-    tendon_count,
     without_unit,
 )
 from bowstring.cli.groups import Flag, Group, option
@@ -64,7 +66,10 @@ Theory = Annotated[
     Literal["cosserat", "kirchhoff"],
     typer.Option(help="Rod theory: with shear and extension, or without."),
 ]
-Gravity = Annotated[str | None, option("x,y,z", "Gravity, in place of that of the robot file.")]
+Gravity = Annotated[
+    list[float] | None,
+    Vector("m/s^2", "0,0,-9.81", "Gravity, in place of that of the robot file."),
+]
 
 
 class _Elements(Flag):
@@ -137,26 +142,61 @@ HistoryFile = Annotated[
     Path | None,
     option("FILE", "Continue the load path that solve --save-history wrote.", "--history"),
 ]
-OfMasses = Annotated[str, option("g", "Gravity that turns masses into tensions.", "--g")]
+OfMasses = Annotated[
+    float,
+    Number(
+        "m/s^2",
+        "9.81",
+        "Gravity that turns masses into tensions.",
+        form="g",
+        default="9.80665",
+        must_be="positive",
+    ),
+]
 
 
+def tolerated(text: str) -> Share:
+    """Make the flag of a tolerance."""
+    return Share(
+        "a share of the length above 0 and below 1",
+        lambda value: 0 < value < 1,
+        '"1 %"',
+        f'{text}, a share of the length: 0.01 or "1 %".',
+        default="1 %",
+    )
+
+
+Tolerance = Annotated[float, tolerated("Tolerated tip error")]
+MaxTension = Annotated[
+    float | None,
+    Number(
+        "N",
+        '"80 N"',
+        "Largest tension of the sweep.  [default: chosen for the robot]",
+        form="T",
+    ),
+]
+Tendons = Annotated[
+    dict[int, float] | None,
+    TendonShares(
+        "N[:SHARE],...",
+        "The actuated tendon, or several: 1,4:0.5 gives tendon 4 half the tension.  "
+        "[default: the first of the outermost segment]",
+        "--tendon",
+    ),
+]
 Vectors = list[list[float]]
 
 
 def dead_loads(
-    gravity: Annotated[
-        list[float] | None,
-        Vector("m/s^2", "0,0,-9.81", "Gravity, in place of that of the robot file."),
-    ] = None,
+    gravity: Gravity = None,
     tip_force: Annotated[
         list[float] | None,
         Vector("N", "0,1,0", "Dead load: constant force at the tip, base axes.", default="0,0,0"),
     ] = None,
     tip_moment: Annotated[
         list[float] | None,
-        Vector(
-            "N*m", "0,0.1,0", "Dead load: constant moment at the tip, base axes.", default="0,0,0"
-        ),
+        ZeroVector("N*m", "0,0.1,0", "Dead load: constant moment at the tip, base axes."),
     ] = None,
     disk_force: Annotated[
         Vectors | None,
@@ -327,7 +367,12 @@ def load(robot: RobotSource, overrides: Overrides = None) -> Robot:
     return found
 
 
+def _of_study(robot: RobotSource = "amouri2019", overrides: Overrides = None) -> Robot:
+    return load(robot, overrides)
+
+
 RobotArgument = Annotated["Robot", Group("", load)]
+RobotOfStudy = Annotated["Robot", Group("", _of_study)]
 
 
 def _whole_paths(source: str, changes: Mapping[str, str]) -> dict[str, str]:
@@ -386,24 +431,6 @@ def share_of(flag: str, text: str, rule: str, accepts: Callable[[float], bool]) 
             f"write for example {flag} {_EXAMPLES[flag]}."
         )
     return value
-
-
-def shares_of(flag: str, text: str, robot: Robot) -> dict[int, float]:
-    """Parse numbers of tendons and their shares of the sweep's tension."""
-    out: dict[int, float] = {}
-    count = tendon_count(robot)
-    rule = "a tendon and, after a colon, its share of the sweep's tension"
-    for item in text.split(","):
-        number, colon, share = item.strip().partition(":")
-        if not (number.isdecimal() and 1 <= int(number) <= count):
-            raise InputError(
-                f"{flag}: got {quote(item.strip())}; must be a tendon of {robot.name} from 1 to "
-                f"{count}, and its share after a colon, for example {flag} 1,{min(count, 2)}:0.5."
-            )
-        if int(number) in out:
-            raise InputError(f"{flag}: tendon {number} is there twice; name each one once.")
-        out[int(number)] = share_of(flag, share, rule, math.isfinite) if colon else 1.0
-    return out
 
 
 def positive(flag: str, text: str, si: str) -> float:
@@ -482,32 +509,6 @@ def per_tendon(
     rule = "positive" if above_zero else ""
     kind = PerTendon(si, _EXAMPLES[flag], "", signed=signed, must_be=rule)
     return kind.entries(flag, text, robot, dashes=dashes)
-
-
-def range_of(flag: str, text: str, si: str) -> list[float]:
-    """Read a list of numbers, or first:step:last."""
-    parts = text.split(":")
-    if len(parts) == 1:
-        return numbers_of(flag, text, si)
-    if len(parts) != 3:
-        raise InputError(
-            f"{flag}: got {quote(text)}; write first:step:last, for example {flag} "
-            f"{_EXAMPLES[flag]}."
-        )
-    first, step, last = (number_of(flag, part, si) for part in parts)
-    if step == 0 or (last - first) / step < 0:
-        raise InputError(f"{flag}: steps of {step:g} {si} do not lead from {first:g} to {last:g}.")
-    steps = (last - first) / step
-    if steps > MOST_LOADS:
-        raise InputError(f"{flag}: got {steps:.3g} steps; up to {MOST_LOADS} are possible.")
-    if abs(steps - round(steps)) > 1e-6:
-        end = first + math.floor(steps) * step
-        raise InputError(
-            f"{flag}: steps of {step:g} {si} from {first:g} do not meet {last:g}; end for example "
-            f"at {end:g}."
-        )
-    # 3 * 0.1 is 0.3
-    return [float(f"{first + i * step:.12g}") for i in range(round(steps) + 1)]
 
 
 def default_file(robot: Robot, what: str) -> Path:
