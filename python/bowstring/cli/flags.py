@@ -191,9 +191,8 @@ class Range(Numbers):
 
     def read(self, flag: str, text: str, robot: Robot) -> list[float]:
         values = self._values(flag, text)
-        for value in values:
-            if self.rule and value < 0:
-                raise InputError(f"{flag}: got {value:g} {self.si}; must be {self.rule}.")
+        if self.rule and min(values) < 0:
+            raise InputError(f"{flag}: got {min(values):g} {self.si}; must be {self.rule}.")
         return values
 
     def _values(self, flag: str, text: str) -> list[float]:

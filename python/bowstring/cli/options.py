@@ -1,4 +1,4 @@
-"""Common flags of commands, and conversion of their texts to numbers; errors name the flag.
+"""Common flags of commands, and groups that make the robot, its loads and the rod model.
 
 The flags of the actuation are in `actuation`.
 """
@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -19,9 +19,7 @@ from bowstring.cli import completion
 from bowstring.cli.flags import (
     AtPoints,
     Number,
-    Numbers,
     OnDisks,
-    PerTendon,
     Share,
     TendonShares,
     Vector,
@@ -32,12 +30,12 @@ from bowstring.cli.flags import (
 from bowstring.cli.groups import Flag, Group, option
 from bowstring.cli.output import figure_file, say
 from bowstring.errors import InputError
-from bowstring.units import has_no_unit, quote, read_share
+from bowstring.units import has_no_unit, quote
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
-    from bowstring.statics.load import Load, PointLoad
+    from bowstring.statics.load import Load
 
 
 RobotSource = Annotated[
@@ -89,47 +87,6 @@ class _Elements(Flag):
 
 Elements = Annotated[int | None, _Elements("1, or as many as loads between disks need")]
 AutomaticElements = Annotated[int | None, _Elements("chosen for accuracy")]
-TipForce = Annotated[str, option("x,y,z", "Dead load: constant force at the tip, base axes.")]
-DiskForces = Annotated[
-    list[str] | None,
-    option(
-        "N:x,y,z",
-        "Dead load: force on disk N, counted from 1 at the base, base axes. Repeatable.",
-        "--disk-force",
-    ),
-]
-DiskMoments = Annotated[
-    list[str] | None,
-    option(
-        "N:x,y,z",
-        "Dead load: moment on disk N, counted from 1 at the base, base axes. Repeatable.",
-        "--disk-moment",
-    ),
-]
-PointForces = Annotated[
-    list[str] | None,
-    option(
-        "N:x,y,z@px,py,pz",
-        "Dead load: force at a point of disk N, counted from 1 at the base; the point is given in "
-        "the disk's axes from its centre; or force "
-        'on the backbone at an arc length with its unit in place of N, as "137 mm:0,1,0". '
-        "Repeatable.",
-        "--point-force",
-    ),
-]
-FollowerForces = Annotated[
-    list[str] | None,
-    option(
-        "N:x,y,z[@px,py,pz]",
-        "Follower load: force on disk N, counted from 1 at the base, or at a point of it, in the "
-        "disk's axes; or at an arc length as for --point-force. Repeatable.",
-        "--follower-force",
-    ),
-]
-LineForce = Annotated[
-    str | None,
-    option("x,y,z", "Dead load: force per length of backbone in N/m, base axes.", "--line-force"),
-]
 MappingFile = Annotated[
     str | None,
     option(
@@ -292,61 +249,6 @@ def rod_model(theory: Theory = "cosserat", elements: AutomaticElements = None) -
 Rod = Annotated[RodModel, Group("Rod", rod_model)]
 
 
-_EXAMPLES: Final = {
-    "--lengths": '"641 mm",0.65,0.65',
-    "--tension": '"80 N",0,0',
-    "--displacement": '"10 mm",-0.005,-0.005',
-    "--angle": '"90 deg",-0.5,-0.5',
-    "--tip": "0.1,0,0.6",
-    "--direction": "0.5,0,0.9",
-    "--min-tension": '"1 N"',
-    "--displacement-limits": '"-30 mm,30 mm"',
-    "--gravity": "0,0,-9.81",
-    "--tip-force": "0,1,0",
-    "--tip-moment": "0,0.1,0",
-    "--disk-force": "4:0,1,0",
-    "--disk-moment": "4:0,0.1,0",
-    "--plane": "0.2,0,0:-1,0,0",
-    "--plane-friction": "0.2",
-    "--payload-direction": "0,0,-1",
-    "--tolerance": '"1 %"',
-    "--max-tension": '"80 N"',
-    "--from": '"40 N",0,0',
-    "--from-tension": '"40 N",0,0',
-    "--from-tip-force": "0,0,-4",
-    "--from-gravity": "0,0,-9.81",
-    "--max-factor": "2",
-    "--period": '"5 s"',
-    "--step": "0.05",
-    "--from-displacement": '"10 mm",-0.005,-0.005',
-    "--rise": '"500 ms"',
-    "--hold": '"2 s"',
-    "--dt": '"1 ms"',
-    "--every": '"10 ms"',
-    "--mass-damping": "0.5",
-    "--material-damping": '"1 ms"',
-    "--modal-damping": '"1 %"',
-    "--point-force": '4:0,1,0@0,0,"20 mm"',
-    "--follower-force": "4:0,1,0",
-    "--line-force": "0,0,-2",
-    "--tendon": "1,2:0.5",
-    "--g": "9.81",
-    "--masses": '0:"500 g":8',
-    "--tensions": "0:5:80",
-    "--loads": "10:10:80",
-    "--displacements": '0:"2 mm":0.03',
-    "--noise": '"0.02 mm"',
-    "--friction": "0.1",
-    "--tilt": '"0.3 deg"',
-    "--shift": '"1 mm",0,0',
-    "--tool": '0,0,"8 mm"',
-    "--tool-error": '"1 mm",0,0',
-    "--drift": '0,"0.2 mm",0',
-    "--holdout": '"20 %"',
-    "--prior": 'offset="0.5 mm"',
-}
-
-
 def load(robot: RobotSource, overrides: Overrides = None) -> Robot:
     from bowstring.robot.reader import load_robot
 
@@ -406,70 +308,6 @@ def changes_of(flag: str, texts: Sequence[str] | None, example: str) -> dict[str
     return changes
 
 
-def numbers_of(flag: str, text: str, si: str, example: str = "") -> list[float]:
-    return _kind(flag, si, example).numbers(flag, text)
-
-
-def number_of(flag: str, text: str, si: str) -> float:
-    return _kind(flag, si).number(flag, text)
-
-
-def _kind(flag: str, si: str, example: str = "", **more: Any) -> Numbers:
-    if not example:  # --tolerance of simulate is a length, that of the study a share
-        example = '"1 um"' if (flag, si) == ("--tolerance", "m") else _EXAMPLES[flag]
-    return Numbers(si, example, "", **more)
-
-
-def share_of(flag: str, text: str, rule: str, accepts: Callable[[float], bool]) -> float:
-    """Read a share such as "0.01" or "1 %"; ``rule`` has its meaning and range for the error."""
-    value = math.nan
-    with suppress(ValueError):
-        value = read_share(text)
-    if not accepts(value):
-        raise InputError(
-            f"{flag}: got {quote(text.strip())}; must be {rule}, "
-            f"write for example {flag} {_EXAMPLES[flag]}."
-        )
-    return value
-
-
-def positive(flag: str, text: str, si: str) -> float:
-    return _kind(flag, si, must_be="positive").number(flag, text)
-
-
-def not_negative(flag: str, text: str, si: str) -> float:
-    return _kind(flag, si, must_be="0 or more").number(flag, text)
-
-
-def ratio(flag: str, text: str | None) -> float | None:
-    if text is None:
-        return None
-    rule = "a share of critical damping from 0 to 1"
-    return share_of(flag, text, rule, lambda value: 0 <= value <= 1)
-
-
-def vector(flag: str, text: str, si: str) -> list[float]:
-    return _kind(flag, si).vector(flag, text)
-
-
-_AT_POINTS: Final = ("--point-force", "--follower-force")
-
-
-def on_disks(flag: str, texts: Sequence[str] | None, si: str, robot: Robot) -> Any:
-    return OnDisks(si, _EXAMPLES[flag], "").value(flag, texts, robot)
-
-
-def at_points(
-    dead: Sequence[str] | None, followers: Sequence[str] | None, robot: Robot
-) -> tuple[PointLoad, ...] | None:
-    """Parse --point-force and --follower-force; None without any."""
-    loads: list[PointLoad] = []
-    for flag, texts in zip(_AT_POINTS, (dead, followers), strict=True):
-        kind = AtPoints(_EXAMPLES[flag], "", follower=flag != _AT_POINTS[0])
-        loads += kind.value(flag, texts, robot) or ()
-    return tuple(loads) or None
-
-
 def check_bare_changes(
     flag: str, make: Callable[[dict[str, str]], Robot], changes: Mapping[str, str]
 ) -> None:
@@ -493,29 +331,6 @@ def check_bare_changes(
         si, usual = units
         if doubts(path, f"{text} {si}") > doubts(path, f"{text} {usual}"):
             raise without_unit(f"{flag} {path}", text.strip(), si, usual)
-
-
-def per_tendon(
-    flag: str,
-    text: str,
-    si: str,
-    robot: Robot,
-    *,
-    above_zero: bool = False,
-    signed: bool = False,
-    dashes: bool = False,
-) -> list[Any]:
-    """Read a number for each tendon; with `dashes`, a dash or a blank gives None."""
-    rule = "positive" if above_zero else ""
-    kind = PerTendon(si, _EXAMPLES[flag], "", signed=signed, must_be=rule)
-    return kind.entries(flag, text, robot, dashes=dashes)
-
-
-def default_file(robot: Robot, what: str) -> Path:
-    """File in the working folder that has a result if no other is named, such as NAME-map.png."""
-    from bowstring.atomic_io import file_stem
-
-    return Path(f"{file_stem(robot.name)}-{what}")
 
 
 class Figure(Flag):
@@ -547,6 +362,13 @@ def save_figure(draw: Callable[[], Any], file: Path) -> str | None:
     from bowstring.viz.style import write_figure
 
     return figure_file(lambda: write_figure(draw, file, "figure", 160, check_figure))
+
+
+def default_file(robot: Robot, what: str) -> Path:
+    """File in the working folder that has a result if no other is named, such as NAME-map.png."""
+    from bowstring.atomic_io import file_stem
+
+    return Path(f"{file_stem(robot.name)}-{what}")
 
 
 def out_folder(out: Path | None, what: str) -> Path | None:
