@@ -174,12 +174,13 @@ def _plane(
         ),
     ],
 ) -> Plane | None:
-    from bowstring.statics.plane import Plane
-
     if plane is None and plane_friction is not None:
         raise InputError("--plane-friction: there is no plane; add --plane.")
     if plane is None:
         return None
+
+    from bowstring.statics.plane import Plane
+
     try:
         return Plane(*plane, plane_friction or 0.0)
     except InputError as error:
