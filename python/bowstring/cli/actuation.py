@@ -103,10 +103,13 @@ def no_command() -> InputError:
     )
 
 
-def slack(robot: Robot) -> Load:
+def at_rest(robot: Robot, actuation: Load | None, loads: Load) -> Load:
+    """Load of an equilibrium: slack tendons without an actuation, gravity of the robot file."""
     from bowstring.statics.load import Load
 
-    return Load(tensions=[0.0] * tendon_count(robot))
+    slack = Load(tensions=[0.0] * tendon_count(robot))
+    gravity = robot.gravity if loads.gravity is None else loads.gravity
+    return acting(actuation or slack, loads).replace(gravity=gravity)
 
 
 _MOST_HISTORY: Final = 100_000_000  # bytes

@@ -14,8 +14,8 @@ from bowstring.cli.actuation import (
     Motion,
     OverTime,
     acting,
+    at_rest,
     read_history,
-    slack,
 )
 from bowstring.cli.flags import Number, Share, of_flag
 from bowstring.cli.groups import Group, option
@@ -443,8 +443,7 @@ def modes(
 
     Tensions, displacements and angles keep their values while the robot oscillates.
     """
-    load = acting(actuation or slack(robot), loads)
-    load = load if loads.gravity is not None else load.replace(gravity=robot.gravity)
+    load = at_rest(robot, actuation, loads)
     path = None if history is None else read_history(history)
     if not 1 <= count <= 1000:
         raise InputError(f"--count: got {count}; must be from 1 to 1000.")

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from bowstring.cli import completion
 from bowstring.cli.actuation import (
     Actuation,
-    acting,
+    at_rest,
     check_history_file,
     no_command,
     read_history,
-    slack,
     write_history,
 )
 from bowstring.cli.flags import FAR, Number, Numbers, PerTendon, of_flag, tendon_count
@@ -218,8 +217,7 @@ def solve(
 
     if actuation is None and (history is not None or residual is not None):
         raise no_command()
-    load = acting(actuation or slack(robot), loads)
-    load = load if loads.gravity is not None else load.replace(gravity=robot.gravity)
+    load = at_rest(robot, actuation, loads)
     if plane is not None and (history is not None or save_history is not None):
         flag = "--history" if history is not None else "--save-history"
         raise InputError(f"{flag}: a contact is not continued; leave it or --plane out.")
