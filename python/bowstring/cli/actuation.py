@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from bowstring.atomic_io import check_file, not_overwritten, write_whole_file
-from bowstring.cli.options import (
-    not_negative,
-    of_flag,
-    option,
-    per_tendon,
-    tendon_count,
-)
+from bowstring.cli.flags import Number, PerTendon, of_flag, tendon_count
+from bowstring.cli.groups import Group, option
 from bowstring.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,38 +22,57 @@ LONGEST_RUN: Final = 10_000.0  # s
 SHORTEST_STEP: Final = 1e-6  # s
 TOO_SHORT: Final = f"{SHORTEST_STEP:g} s is the shortest, as less is below numerical resolution."
 Commands = list[float | None]
-Tension = Annotated[str | None, option("T1,T2,...", "Tendon tensions.")]
-Displacement = Annotated[
-    str | None,
-    option(
-        "P1,P2,...",
-        "Tendon displacements from the home pose; negative where lengthened. A - leaves a tendon "
-        "to another list: --tension 5,-,- --displacement -,2mm,2mm.",
-    ),
-]
-Angle = Annotated[str | None, option("A1,A2,...", "Motor angles, in rad or with a unit.")]
 
 
-def actuated_by(
-    robot: Robot, tension: str | None, displacement: str | None, angle: str | None
-) -> Load:
+class _Texts(PerTendon):
+    """Values of the tendons that are read together with other lists, which have the dashes."""
+
+    def read(self, flag: str, text: str, robot: Robot) -> Any:
+        return text
+
+
+_TENSION: Final = _Texts("N", '"80 N",0,0', "Tendon tensions.", "--tension")
+_DISPLACEMENT: Final = _Texts(
+    "m",
+    '"10 mm",-0.005,-0.005',
+    "Tendon displacements from the home pose; negative where lengthened. A - leaves a tendon "
+    "to another list: --tension 5,-,- --displacement -,2mm,2mm.",
+    "--displacement",
+    form="P1,P2,...",
+    signed=True,
+)
+_ANGLE: Final = _Texts(
+    "rad",
+    '"90 deg",-0.5,-0.5',
+    "Motor angles, in rad or with a unit.",
+    "--angle",
+    form="A1,A2,...",
+    signed=True,
+)
+Tension = Annotated[str | None, _TENSION]
+Displacement = Annotated[str | None, _DISPLACEMENT]
+Angle = Annotated[str | None, _ANGLE]
+
+
+def actuation_or_none(
+    robot: Robot, tension: Tension, displacement: Displacement, angle: Angle
+) -> Load | None:
     """Make a load from tensions, displacements and angles; each tendon has one of them."""
     from bowstring.statics.load import Load
 
-    flags = (
-        ("--tension", tension, "N"),
-        ("--displacement", displacement, "m"),
-        ("--angle", angle, "rad"),
-    )
-    given = [text for _, text, _ in flags if text is not None]
+    given = [
+        (flag, text)
+        for flag, text in ((_TENSION, tension), (_DISPLACEMENT, displacement), (_ANGLE, angle))
+        if text is not None
+    ]
     if not given:
-        raise InputError(
-            "no tendon has a command: give --tension T1,T2,..., --displacement "
-            "P1,P2,... or --angle A1,A2,..."
-        )
-    lists = _lists(robot, flags, dashes=len(given) > 1)
+        return None
+    lists = {
+        flag.name: flag.entries(flag.name, text, robot, dashes=len(given) > 1)
+        for flag, text in given
+    }
     for i in range(tendon_count(robot)):
-        said = [flag for flag, values in lists.items() if values and values[i] is not None]
+        said = [flag for flag, values in lists.items() if values[i] is not None]
         if len(said) > 1:
             raise InputError(
                 f"tendon {i + 1} has {' and '.join(said)}; write - for it in all but one of them."
@@ -66,19 +81,35 @@ def actuated_by(
             raise InputError(
                 f"tendon {i + 1} has no command; write a number for it in one of the lists."
             )
-    return Load(*lists.values())
+    return Load(*(lists.get(flag.name) for flag in (_TENSION, _DISPLACEMENT, _ANGLE)))
 
 
-def _lists(
-    robot: Robot, flags: Iterable[tuple[str, str | None, str]], *, dashes: bool
-) -> dict[str, Commands | None]:
-    """Numbers by flag, None for a flag that is not given."""
-    return {
-        flag: None
-        if text is None
-        else per_tendon(flag, text, si, robot, signed=si != "N", dashes=dashes)
-        for flag, text, si in flags
-    }
+Actuation = Annotated["Load | None", Group("Actuation", actuation_or_none)]
+
+
+def acting(actuation: Load, loads: Load) -> Load:
+    """Load of an actuation and of loads beside the tendons."""
+    return loads.replace(
+        tensions=actuation.tensions,
+        displacements=actuation.displacements,
+        angles=actuation.angles,
+    )
+
+
+def no_command() -> InputError:
+    return InputError(
+        "no tendon has a command: give --tension T1,T2,..., --displacement P1,P2,... or "
+        "--angle A1,A2,..."
+    )
+
+
+def at_rest(robot: Robot, actuation: Load | None, loads: Load) -> Load:
+    """Load of an equilibrium: slack tendons without an actuation, gravity of the robot file."""
+    from bowstring.statics.load import Load
+
+    slack = Load(tensions=[0.0] * tendon_count(robot))
+    gravity = robot.gravity if loads.gravity is None else loads.gravity
+    return acting(actuation or slack, loads).replace(gravity=gravity)
 
 
 _MOST_HISTORY: Final = 100_000_000  # bytes
@@ -129,57 +160,90 @@ def write_history(file: Path, history: dict[str, Any] | None) -> None:
         raise InputError(f"--save-history: {error}") from None
 
 
+@dataclass(frozen=True)
+class OverTime:
+    """Actuation over time, actuation at the start if it differs, and duration in s."""
+
+    load: Load
+    start: Load | None
+    duration: float
+
+
 def actuated_over_time(
     robot: Robot,
-    wanted: tuple[str | None, str | None, str | None],
-    rise: str | None,
-    hold: str | None,
-    before: tuple[str | None, str | None],
-    table: Path | None,
-) -> tuple[Load, Load | None, float]:
-    """Actuation from the flags of `simulate`: over time, at the start, and duration."""
+    tension: Tension,
+    displacement: Displacement,
+    angle: Angle,
+    rise: Annotated[
+        float | None,
+        Number(
+            "s",
+            '"500 ms"',
+            "Time of the rise to --tension, --displacement, --angle; 0 is a jump.  [default: 1]",
+            must_be="0 or more",
+        ),
+    ],
+    hold: Annotated[
+        float | None,
+        Number("s", '"2 s"', "Time after the rise.  [default: 1]", must_be="0 or more"),
+    ],
+    before: Annotated[
+        Commands | None,
+        PerTendon(
+            "N",
+            '"40 N",0,0',
+            "Tensions at the start, where the robot is in equilibrium; they change to "
+            "--tension within --rise.  [default: none]",
+            "--from",
+            dashes=True,
+        ),
+    ],
+    from_displacement: Annotated[
+        Commands | None,
+        PerTendon(
+            "m",
+            '"10 mm",-0.005,-0.005',
+            "Displacements of that equilibrium.  [default: those of home, 0]",
+            form="P1,P2,...",
+            signed=True,
+            dashes=True,
+        ),
+    ],
+    table: Annotated[
+        Path | None,
+        option(
+            "FILE",
+            "CSV over time, columns t_s and for each tendon tension_1_N, displacement_1_mm or "
+            "angle_1_deg; instead of --tension, --displacement, --angle, --rise and --hold.",
+        ),
+    ] = None,
+) -> OverTime:
+    """Make the actuation of a motion: a table, or a rise from the start to given values."""
     from bowstring.dynamics.load_history import CLOSEST, Table
     from bowstring.statics.load import Load
 
-    begin_at = ("--from", before[0], "N"), ("--from-displacement", before[1], "m")
-    starts = _lists(robot, begin_at, dashes=True)
+    starts = {"--from": before, "--from-displacement": from_displacement}
+    wanted = {"--tension": tension, "--displacement": displacement, "--angle": angle}
     if table is not None:
-        from bowstring.dynamics.load_table import read_actuation
-
-        flags = zip(("--tension", "--displacement", "--angle"), wanted, strict=True)
-        for flag, given in (*flags, ("--rise", rise), ("--hold", hold)):
+        for flag, given in {**wanted, "--rise": rise, "--hold": hold}.items():
             if given is not None:
                 raise InputError(
                     f"--table already gives the actuation: leave {flag} out, or --table."
                 )
-        actuation: dict[str, Any] = of_flag(
-            "--table", lambda path: read_actuation(path, robot), table
-        )
-        duration = float(next(iter(actuation.values())).times[-1])
-        if duration < SHORTEST_STEP:
-            raise InputError(f"--table: it takes {duration:g} s; {TOO_SHORT}")
-        if duration > LONGEST_RUN:
-            raise InputError(
-                f"--table: it takes {duration:g} s; a run of up to {LONGEST_RUN:g} s is possible."
-            )
-        at_zero = {
-            name: history.at(0.0, before=True).tolist() for name, history in actuation.items()
-        }
-        begin = _starts(robot, starts, at_zero)
-        return Load(**actuation), Load(**begin) if begin else None, duration
-    if wanted == (None, None, None):
+        return _of_table(robot, table, starts)
+    load = actuation_or_none(robot, tension, displacement, angle)
+    if load is None:
         raise InputError(
             "no tendon has a command: give --tension T1,T2,..., --displacement "
             "P1,P2,..., --angle A1,A2,... or --table FILE."
         )
-    load = actuated_by(robot, *wanted)
-    rising = not_negative("--rise", "1" if rise is None else rise, "s")
+    rising = 1.0 if rise is None else rise
     if 0 < rising < CLOSEST:
         raise InputError(
             f"--rise: got {rising:g} s; must be 0, which is a jump, or {CLOSEST:g} s or more: less "
             "is below numerical resolution."
         )
-    holding = not_negative("--hold", "1" if hold is None else hold, "s")
+    holding = 1.0 if hold is None else hold
     duration = float(f"{rising + holding:.12g}")  # 0.1 + 0.2 is 0.3
     if duration == 0:
         raise InputError("--rise and --hold are both 0 s: there is no time to simulate.")
@@ -199,7 +263,27 @@ def actuated_over_time(
     at_zero = {name: [0.0 * v for v in row] for name, row in rows.items()}
     begin = at_zero | _starts(robot, starts, at_zero)
     over_time = {name: Table([0.0, rising], [begin[name], row]) for name, row in rows.items()}
-    return Load(**over_time), None, duration
+    return OverTime(Load(**over_time), None, duration)
+
+
+def _of_table(robot: Robot, table: Path, starts: Mapping[str, Commands | None]) -> OverTime:
+    from bowstring.dynamics.load_table import read_actuation
+    from bowstring.statics.load import Load
+
+    actuation = of_flag("--table", lambda path: read_actuation(path, robot), table)
+    duration = float(next(iter(actuation.values())).times[-1])
+    if duration < SHORTEST_STEP:
+        raise InputError(f"--table: it takes {duration:g} s; {TOO_SHORT}")
+    if duration > LONGEST_RUN:
+        raise InputError(
+            f"--table: it takes {duration:g} s; a run of up to {LONGEST_RUN:g} s is possible."
+        )
+    at_zero = {name: values.at(0.0, before=True).tolist() for name, values in actuation.items()}
+    begin = _starts(robot, starts, at_zero)
+    return OverTime(Load(**actuation), Load(**begin) if begin else None, duration)
+
+
+Motion = Annotated[OverTime, Group("Actuation", actuated_over_time)]
 
 
 def _starts(

@@ -10,27 +10,20 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 import typer
 
 from bowstring.cli import completion
+from bowstring.cli.flags import Number, Numbers, Range, ZeroVector, of_flag, tendon_count
+from bowstring.cli.groups import Group, option
 from bowstring.cli.options import (
     AsJson,
     Gravity,
     MappingFile,
     OfMasses,
     Overrides,
-    RobotSource,
+    RobotArgument,
     Theory,
     changes_of,
-    check_bare,
     check_bare_changes,
     load,
     mapping_of,
-    not_negative,
-    numbers_of,
-    of_flag,
-    option,
-    positive,
-    range_of,
-    tendon_count,
-    vector,
 )
 from bowstring.cli.output import (
     counted,
@@ -48,6 +41,7 @@ from bowstring.units import rounded
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from bowstring.data import synthetic
     from bowstring.data.measurements import Measurements
     from bowstring.data.synthetic import Bench
     from bowstring.data.tendon_check import TendonCheck
@@ -61,6 +55,7 @@ def check(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="Table of measurements: CSV, TSV or .xlsx.")
     ],
+    g: OfMasses,
     robot: Annotated[
         str | None,
         option(
@@ -70,7 +65,6 @@ def check(
         ),
     ] = None,
     mapping: MappingFile = None,
-    g: OfMasses = "9.80665",
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -78,16 +72,15 @@ def check(
     from bowstring.data.measurements import read_measurements
     from bowstring.data.tendon_check import check_tendons
 
-    gravity = positive("--g", g, "m/s^2")
     model = None if robot is None else load(robot, overrides)
     if model is None and overrides:
         raise InputError("--set changes a robot; name it by --robot.")
     with progress_bar("table") as notify:
-        found = read_measurements(file, model, mapping_of(mapping), g=gravity)
+        found = read_measurements(file, model, mapping_of(mapping), g=g)
         notify("tendons", 0.0)
         check = None if model is None else check_tendons(model, found)
     if as_json:
-        settings = {"file": file, "mapping": mapping, "g_m_per_s2": gravity}
+        settings = {"file": file, "mapping": mapping, "g_m_per_s2": g}
         doubts = [found.doubt] if found.doubt else []
         doubts += [check.sentence] if check is not None and check.alarm else []
         made: dict[str, object] = {"provenance": made_by(**settings), "warnings": doubts}
@@ -98,11 +91,85 @@ def check(
 
 
 # Fields of a bench's objects with another name in its settings, or left out there.
-_NOT_SETTINGS: Final = {"tensions", "displacements", "masses", "changes", "base"}
+_NOT_SETTINGS: Final = {"changes", "base"}
+_NO_PUSH: Final = "0 or more, a tendon cannot push"
+
+
+def _loads(
+    robot: Robot,
+    masses: Annotated[
+        list[float] | None,
+        Range("kg", '0:"500 g":8', "Masses on one tendon; a list M1,M2,... too.", rule=_NO_PUSH),
+    ],
+    tensions: Annotated[
+        list[float] | None,
+        Range("N", "0:5:80", "Tensions of that tendon instead.", rule=_NO_PUSH),
+    ],
+    displacements: Annotated[
+        list[float] | None, Range("m", '0:"2 mm":0.03', "Its displacements instead.")
+    ],
+    g: OfMasses,
+    period: Annotated[
+        float | None,
+        Number(
+            "s",
+            '"5 s"',
+            "Time from row to row, for a column of times; relaxation and creep need it.",
+            must_be="positive",
+        ),
+    ],
+    tendon: Annotated[int, option("N", "The tendon; the others have no load.")] = 1,
+    repeats: Annotated[int, option("N", "Number of runs through the loads.")] = 1,
+    unload: Annotated[
+        bool,
+        typer.Option("--unload/--no-unload", help="Whether each run returns to the first load."),
+    ] = True,
+) -> synthetic.Loads:
+    """Make the loads of one tendon."""
+    import numpy as np
+
+    from bowstring.data.synthetic import Loads
+
+    lists = {"--masses": masses, "--tensions": tensions, "--displacements": displacements}
+    given = {flag: values for flag, values in lists.items() if values is not None}
+    if not given:
+        raise InputError(
+            "loads are missing: give for example --masses 0:0.5:8 (kg), --tensions 0:5:80 (N) or "
+            '--displacements 0:"2 mm":0.03.'
+        )
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)} are the loads; give either.")
+    count = tendon_count(robot)
+    if not 1 <= tendon <= count:
+        raise InputError(f"--tendon: got {tendon}; {robot.name} has {counted(count, 'tendon')}.")
+    (values,) = given.values()
+    rows: dict[str, Any] = {}
+    if tensions is not None or (displacements is not None and count > 1):
+        rows["tensions"] = np.zeros((len(values), count))
+        rows["tensions"][:, tendon - 1] = np.nan if tensions is None else tensions
+    if displacements is not None:
+        rows["displacements"] = np.full((len(values), count), np.nan)
+        rows["displacements"][:, tendon - 1] = displacements
+    return Loads(
+        **rows, masses=masses, tendon=tendon, g=g, repeats=repeats, unload=unload, period=period
+    )
+
+
+_Loads = Annotated["synthetic.Loads", Group("Loads", _loads)]
+
+
+class _Tilt(Numbers):
+    form = "ANGLE[,TOWARDS]"
+
+    def read(self, flag: str, text: str, robot: Robot) -> list[float]:
+        angles = self.numbers(flag, text)
+        if len(angles) > 2:
+            raise InputError(f"{flag}: got {len(angles)} numbers; write an angle, and where to.")
+        return angles
 
 
 def simulate(
-    robot: RobotSource,
+    robot: RobotArgument,
     out: Annotated[
         Path,
         option(
@@ -111,33 +178,70 @@ def simulate(
             values=completion.formats(".csv"),
         ),
     ],
-    masses: Annotated[
-        str | None,
-        option("FIRST:STEP:LAST", "Masses on one tendon; a list M1,M2,... too."),
-    ] = None,
-    tensions: Annotated[
-        str | None, option("FIRST:STEP:LAST", "Tensions of that tendon instead.")
-    ] = None,
-    displacements: Annotated[
-        str | None, option("FIRST:STEP:LAST", "Its displacements instead.")
-    ] = None,
-    tendon: Annotated[int, option("N", "The tendon; the others have no load.")] = 1,
-    g: OfMasses = "9.80665",
-    repeats: Annotated[int, option("N", "Number of runs through the loads.")] = 1,
-    unload: Annotated[
-        bool,
-        typer.Option("--unload/--no-unload", help="Whether each run returns to the first load."),
-    ] = True,
-    period: Annotated[
-        str | None,
-        option("s", "Time from row to row, for a column of times; relaxation and creep need it."),
-    ] = None,
-    noise: Annotated[
-        str, option("m", "Standard deviation of each measured coordinate.")
-    ] = "0.02 mm",
+    loads: _Loads,
+    gravity: Gravity,
+    tip_force: Annotated[
+        list[float],
+        ZeroVector("N", "0,1,0", "Disturbance: constant force at the tip, base axes."),
+    ],
     friction: Annotated[
-        str | None, option("mu", "Actual friction coefficient, in place of the file's.")
-    ] = None,
+        float | None,
+        Number(
+            "",
+            "0.1",
+            "Actual friction coefficient, in place of the file's.",
+            form="mu",
+            must_be="0 or more",
+        ),
+    ],
+    tilt: Annotated[
+        list[float],
+        _Tilt(
+            "rad",
+            '"0.3 deg"',
+            "Tilt of the base, and its direction as an angle from x.",
+            default="0",
+        ),
+    ],
+    shift: Annotated[
+        list[float],
+        ZeroVector("m", '"1 mm",0,0', "Position of the base in the measuring frame.", far=50.0),
+    ],
+    drift: Annotated[
+        list[float],
+        ZeroVector(
+            "m", '0,"0.2 mm",0', "Disturbance: displacement of the base by the last row.", far=5.0
+        ),
+    ],
+    noise: Annotated[
+        float,
+        Number(
+            "m",
+            '"0.02 mm"',
+            "Standard deviation of each measured coordinate.",
+            default="0.02 mm",
+            must_be="0 or more",
+            far=1.0,
+        ),
+    ],
+    tool: Annotated[
+        list[float],
+        ZeroVector(
+            "m",
+            '0,0,"8 mm"',
+            "Measured point relative to the tip, as the table states it.",
+            far=5.0,
+        ),
+    ],
+    tool_error: Annotated[
+        list[float],
+        ZeroVector(
+            "m",
+            '"1 mm",0,0',
+            "Offset of the measured point that the table does not state.",
+            far=1.0,
+        ),
+    ],
     actual: Annotated[
         list[str] | None,
         option(
@@ -145,92 +249,33 @@ def simulate(
             'Field that differs from ROBOT in fact: segments.0.backbone.E="+5 %". Repeatable.',
         ),
     ] = None,
-    gravity: Gravity = None,
     gravity_frame: Annotated[
         Literal["base", "measuring"],
         typer.Option(help="Frame of --gravity: it tilts with the base, or stays vertical."),
     ] = "base",
-    tilt: Annotated[
-        str, option("ANGLE[,TOWARDS]", "Tilt of the base, and its direction as an angle from x.")
-    ] = "0",
-    shift: Annotated[
-        str, option("x,y,z", "Position of the base in the measuring frame.")
-    ] = "0,0,0",
-    tool: Annotated[
-        str, option("x,y,z", "Measured point relative to the tip, as the table states it.")
-    ] = "0,0,0",
-    tool_error: Annotated[
-        str, option("x,y,z", "Offset of the measured point that the table does not state.")
-    ] = "0,0,0",
-    tip_force: Annotated[
-        str, option("x,y,z", "Disturbance: constant force at the tip, base axes.")
-    ] = "0,0,0",
-    drift: Annotated[
-        str, option("x,y,z", "Disturbance: displacement of the base by the last row.")
-    ] = "0,0,0",
     theory: Theory = "cosserat",
     seed: Annotated[int, option("N", "Seed of the noise.")] = 0,
-    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Make synthetic measurements of a robot, with known truth."""
     from bowstring.data import synthetic
     from bowstring.robot.model import with_tendons
 
-    model = load(robot, overrides)
-    given = {"--masses": masses, "--tensions": tensions, "--displacements": displacements}
-    angles = numbers_of("--tilt", tilt, "rad")
-    if len(angles) > 2:
-        raise InputError(f"--tilt: got {len(angles)} numbers; write an angle, and where to.")
-    for flag, text, most in (
-        ("--noise", noise, 1.0),
-        ("--tool", tool, 5.0),
-        ("--tool-error", tool_error, 1.0),
-        ("--drift", drift, 5.0),
-        ("--shift", shift, 50.0),
-    ):
-        check_bare(flag, text, "m", model, most * model.length, "mm")
-    lean, towards = angles[0], angles[1] if len(angles) == 2 else 0.0
     if seed < 0:
         raise InputError(f"--seed: got {seed}; must be 0 or more.")
-    values = _loads_of_one(model, given, tendon)
-    loads = synthetic.Loads(
-        *values,
-        tendon=tendon,
-        g=positive("--g", g, "m/s^2"),
-        repeats=repeats,
-        unload=unload,
-        period=None if period is None else positive("--period", period, "s"),
-    )
-    mu = None if friction is None else not_negative("--friction", friction, "")
-    if mu is not None:
-        of_flag("--friction", lambda value: with_tendons(model, {"friction": value}), mu)
+    if friction is not None:
+        of_flag("--friction", lambda value: with_tendons(robot, {"friction": value}), friction)
     changes = changes_of("--actual", actual, 'segments.0.backbone.E="+5 %"')
-    check_bare_changes("--actual", model.with_, changes)
-    really = synthetic.Actual(
-        friction=mu,
-        changes=changes,
-        gravity=None if gravity is None else vector("--gravity", gravity, "m/s^2"),
-        gravity_frame=gravity_frame,
-        tip_force=vector("--tip-force", tip_force, "N"),
-        theory=theory,
-    )
-    mounting = synthetic.Mounting(
-        tilt=lean,
-        tilt_towards=towards,
-        shift=vector("--shift", shift, "m"),
-        drift=vector("--drift", drift, "m"),
-    )
-    instrument = synthetic.Instrument(
-        not_negative("--noise", noise, "m"),
-        vector("--tool", tool, "m"),
-        vector("--tool-error", tool_error, "m"),
-    )
+    check_bare_changes("--actual", robot.with_, changes)
+    really = synthetic.Actual(friction, changes, gravity, gravity_frame, tip_force, theory)
+    lean, towards = (*tilt, 0.0)[:2]
+    mounting = synthetic.Mounting(tilt=lean, tilt_towards=towards, shift=shift, drift=drift)
+    instrument = synthetic.Instrument(noise, tool, tool_error)
     of_flag("--out", synthetic.check_table, out)
     with progress_bar("equilibria") as notify:
         try:
             made = synthetic.set_up(
-                model,
+                robot,
                 loads,
                 actual=really,
                 mounting=mounting,
@@ -245,14 +290,15 @@ def simulate(
         notify("table", 0.95)
         table, truth = synthetic.write(found, out)
     if as_json:
-        names = ("tensions", "displacements", "masses")
-        settings = {k: v for k, v in zip(names, values, strict=True) if v is not None}
+        settings = {"actual": changes, "seed": seed}
         for part in (loads, really, mounting, instrument):
             settings |= {k: v for k, v in vars(part).items() if k not in _NOT_SETTINGS}
-        settings |= {"actual": really.changes, "seed": seed}
+        for name in ("tensions", "displacements", "masses"):
+            if settings[name] is None:
+                del settings[name]
         content: dict[str, Any] = {
             **_measurements_json(found, None),
-            **provenance_of(model, **settings),
+            **provenance_of(robot, **settings),
             "hysteresis_m": made.hysteresis,
             "truth": found.truth,
             "files": {"table": str(table), "truth": str(truth)},
@@ -263,41 +309,6 @@ def simulate(
         _truth_table(made),
         f"Synthetic: not measured.\nTable: {out}\nTruth: {synthetic.truth_file(out)}",
     )
-
-
-def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> tuple[Any, Any, Any]:
-    """Tensions, displacements and masses of one tendon for `synthetic.Loads`."""
-    import numpy as np
-
-    given = [(flag, text) for flag, text in texts.items() if text is not None]
-    if not given:
-        raise InputError(
-            "loads are missing: give for example --masses 0:0.5:8 (kg), --tensions 0:5:80 (N) or "
-            '--displacements 0:"2 mm":0.03.'
-        )
-    if len(given) > 1:
-        raise InputError(f"{' and '.join(flag for flag, _ in given)} are the loads; give either.")
-    count = tendon_count(robot)
-    if not 1 <= tendon <= count:
-        raise InputError(f"--tendon: got {tendon}; {robot.name} has {counted(count, 'tendon')}.")
-    ((flag, text),) = given
-    si = {"--masses": "kg", "--tensions": "N", "--displacements": "m"}[flag]
-    values = range_of(flag, text, si)
-    for value in values:
-        if flag != "--displacements" and value < 0:
-            raise InputError(
-                f"{flag}: got {value:g} {si}; must be 0 or more, a tendon cannot push."
-            )
-    if flag == "--masses":
-        return None, None, values
-    tensions = np.zeros((len(values), count))
-    if flag == "--tensions":
-        tensions[:, tendon - 1] = values
-        return tensions, None, None
-    displacements = np.full_like(tensions, np.nan)
-    tensions[:, tendon - 1] = np.nan
-    displacements[:, tendon - 1] = values
-    return tensions if count > 1 else None, displacements, None
 
 
 def _measurements_json(found: Measurements, check: TendonCheck | None) -> dict[str, Any]:

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from bowstring.atomic_io import resolved
 from bowstring.cli import completion
-from bowstring.cli.actuation import Angle, Displacement, Tension, actuated_by
-from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag, option
+from bowstring.cli.actuation import Actuation
+from bowstring.cli.flags import of_flag
+from bowstring.cli.groups import option
+from bowstring.cli.options import AsJson, RobotArgument
 from bowstring.cli.output import (
     fixed,
     frame,
@@ -34,7 +36,8 @@ _Disks: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.float64]]"
 
 
 def cad(
-    robot: RobotSource,
+    robot: RobotArgument,
+    actuation: Actuation,
     out: Annotated[
         str | None,
         option(
@@ -43,9 +46,6 @@ def cad(
             values=completion.formats(".step", ".stp", ".stl", ".glb", ".gltf"),
         ),
     ] = None,
-    tension: Tension = None,
-    displacement: Displacement = None,
-    angle: Angle = None,
     picture: Annotated[
         str | None,
         option(
@@ -62,7 +62,6 @@ def cad(
             values=completion.formats(".svg", ".pdf", ".png"),
         ),
     ] = None,
-    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """The robot as a solid: CAD file, picture, drawing of its disks.
@@ -80,9 +79,6 @@ def cad(
 
     if out is None and picture is None and drawing is None:
         raise InputError("nothing to write: give --out FILE, --picture FILE or --drawing FILE.")
-    model = load(robot, overrides)
-    wanted = (tension, displacement, angle)
-    acting = None if wanted == (None, None, None) else actuated_by(model, *wanted)
     for flag, check, file in (
         ("--out", export.check_solid_file, out),
         ("--picture", check_picture_file, picture),
@@ -91,17 +87,17 @@ def cad(
         if file is not None:
             of_flag(flag, check, file)
     _all_different(out, picture, drawing)
-    sizes = sizes_of(model)
+    sizes = sizes_of(robot)
     pose, solid = None, None
     files: schema.SolidFiles = {}
     with naming(files), progress_bar("CAD kernel" if out or picture else "drawing") as notify:
         if out is not None or picture is not None:
             check_cad()
-        if acting is not None:
-            pose = rod.solve(model, load=acting).raise_for_status()
+        if actuation is not None:
+            pose = rod.solve(robot, load=actuation).raise_for_status()
         if out is not None or picture is not None:
             notify("solid", 0.6)
-            solid = make_solid(model, pose)
+            solid = make_solid(robot, pose)
             if out is not None:
                 notify("file", 0.7)
                 files["solid"] = str(export.write_solid(solid, out))
@@ -110,14 +106,14 @@ def cad(
                 files["picture"] = str(write_picture(solid, picture))
         if drawing is not None:
             notify("drawing", 0.95 if out or picture else 0.0)
-            files["drawing"] = str(write_drawing(model, drawing))
-    kind = unloaded_pose(model) if pose is None else "simulated"
+            files["drawing"] = str(write_drawing(robot, drawing))
+    kind = unloaded_pose(robot) if pose is None else "simulated"
     disks: _Disks | None = None
     if pose is not None:
         assert pose.disk_positions is not None and pose.disk_rotations is not None
         disks = pose.disk_positions, pose.disk_rotations
     elif kind == "unloaded":
-        disks = rest_frames(model, model.disks.station_m)
+        disks = rest_frames(robot, robot.disks.station_m)
     if as_json:
         content: schema.Cad = {
             "pose": kind,
@@ -129,15 +125,15 @@ def cad(
             ],
             "files": files,
             **provenance_of(
-                model,
-                tensions_N=acting and acting.tensions,
-                displacements_m=acting and acting.displacements,
-                angles_rad=acting and acting.angles,
+                robot,
+                tensions_N=actuation and actuation.tensions,
+                displacements_m=actuation and actuation.displacements,
+                angles_rad=actuation and actuation.angles,
             ),
         }
         return write_json(content)
     lines: list[Table | str] = [
-        f"{model.name}, " + (f"{kind}, as built" if pose is None else "simulated pose")
+        f"{robot.name}, " + (f"{kind}, as built" if pose is None else "simulated pose")
     ]
     if disks is not None:
         lines.append(tip_line(disks[0][-1], disks[1][-1]))

@@ -6,7 +6,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag, option
+from bowstring.cli.flags import of_flag
+from bowstring.cli.groups import option
+from bowstring.cli.options import AsJson, RobotOfStudy
 from bowstring.cli.output import provenance_of, write, write_json
 from bowstring.formatting import plain
 
@@ -18,11 +20,10 @@ _MARK: Final = b'"format": "bowstring compiled robot"'
 
 
 def compile_(
-    robot: RobotSource = "amouri2019",
+    robot: RobotOfStudy,
     out: Annotated[
         Path | None, option("FILE", "File to write (.json), in place of stdout.")
     ] = None,
-    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Write a robot as plain numbers in SI for the C library (bowstring.h).
@@ -33,13 +34,11 @@ def compile_(
     from bowstring.atomic_io import check_file, write_whole_file
     from bowstring.inverse.compiled import compile_robot
 
-    robot_ = load(robot, overrides)
-
     def check(path: Path) -> Path:
         return check_file(path, _WHAT, (".json",), _MARK)
 
     file = None if out is None else of_flag("--out", check, out)
-    content: Compiled = {**compile_robot(robot_), **provenance_of(robot_)}
+    content: Compiled = {**compile_robot(robot), **provenance_of(robot)}
     text = json.dumps(plain(dict(content)), allow_nan=False, indent=1) + "\n"
     if file is not None:
         write_whole_file(file, _WHAT, lambda new: _fill(new, text), lambda: check(file))

@@ -3,28 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from bowstring.cli.options import (
-    AsJson,
-    AutomaticElements,
-    Gravity,
-    Overrides,
-    RobotSource,
-    Theory,
-    TipForce,
-    check_elements,
-    default_file,
-    load,
-    of_flag,
-    option,
-    per_tendon,
-    positive,
-    share_of,
-    vector,
-)
+from bowstring.cli.flags import OneOrEach, Vector
+from bowstring.cli.groups import option
+from bowstring.cli.options import AsJson, Figure, RobotOfStudy, Rod, Weight, tolerated
 from bowstring.cli.output import (
     NOT_DRAWN,
     figure_file,
@@ -39,7 +22,6 @@ from bowstring.cli.output import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from bowstring.robot.model import Robot
     from bowstring.validity.control import ControlErrors
 
 
@@ -47,15 +29,21 @@ _COLUMNS = 3  # corrections in the table, beside the last one
 
 
 def control(
-    robot: RobotSource = "amouri2019",
+    robot: RobotOfStudy,
     max_tension: Annotated[
-        str | None,
-        option(
-            "T or T1,T2,...",
+        Any,
+        OneOrEach(
+            "N",
+            '"80 N"',
             "Largest tension of all tendons, or of each, of the wanted tips and of all commands.  "
             "[default: a quarter turn of its segment by the linear law]",
+            one="positive",
         ),
-    ] = None,
+    ],
+    tolerance: Annotated[float, tolerated("Tolerated distance")],
+    loads: Weight,
+    rod: Rod,
+    out: Annotated[Path, Figure("control.png", "figure of the control error", "NAME")],
     poses: Annotated[int, option("N", "Number of wanted tips to draw.")] = 1024,
     corrections: Annotated[
         int, option("N", "Number of corrections by the measured tip, 0 to 20.")
@@ -68,18 +56,6 @@ def control(
             "displacements, displacements_chord.  [default: all that the robot takes]",
         ),
     ] = None,
-    tolerance: Annotated[
-        str, typer.Option(help='Tolerated distance, a share of the length: 0.01 or "1 %".')
-    ] = "1 %",
-    gravity: Gravity = None,
-    tip_force: TipForce = "0,0,0",
-    theory: Theory = "cosserat",
-    elements: AutomaticElements = None,
-    out: Annotated[
-        Path | None,
-        option("FILE", "Figure (.png, .pdf, .svg).  [default: NAME-control.png]"),
-    ] = None,
-    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Where the robot lands when the inverse of constant curvature commands it.
@@ -88,30 +64,35 @@ def control(
     curvature, the equilibrium is solved, and the command is corrected by the tip that the robot
     reached. The exact inverse stands beside it.
     """
-    model, given, settings = _read(
-        robot, overrides, max_tension, tolerance, gravity, tip_force, theory, elements
-    )
 
-    from bowstring.validity.control import check_control_file, control_errors
+    from bowstring.validity.control import control_errors
 
-    file = of_flag("--out", check_control_file, out or default_file(model, "control.png"))
     names = None if commands is None else [name.strip() for name in commands.split(",")]
     with progress_bar("poses") as notify:
         found = control_errors(
-            model,
+            robot,
             poses=poses,
             corrections=corrections,
             commands=names,
-            **given,
+            max_tension=max_tension,
+            tolerance=tolerance,
+            load=loads,
+            model=rod,
             progress=notify,
         )
-        written = figure_file(lambda: found.save(file))
+        written = figure_file(lambda: found.save(out))
     if not as_json:
         return write_tables(
             _table(found), "\n".join([*found.described(), f"Figure: {written or NOT_DRAWN}"])
         )
     content: dict[str, Any] = {
-        **provenance_of(model, **settings, poses=poses, corrections=corrections),
+        **provenance_of(
+            robot,
+            gravity_m_per_s2=loads.gravity,
+            tip_force_N=loads.tip_force,
+            poses=poses,
+            corrections=corrections,
+        ),
         **found.to_dict(),
         "text": found.described(),
         "file": written,
@@ -120,38 +101,30 @@ def control(
 
 
 def reach(
-    robot: RobotSource = "amouri2019",
+    robot: RobotOfStudy,
     max_tension: Annotated[
-        str | None,
-        option(
-            "T or T1,T2,...",
+        Any,
+        OneOrEach(
+            "N",
+            '"80 N"',
             "Largest tension of all tendons, or of each.  [default: a quarter turn of its segment "
             "by the linear law]",
+            one="positive",
         ),
-    ] = None,
-    poses: Annotated[int, option("N", "Number of poses to draw.")] = 2048,
+    ],
     payload_direction: Annotated[
-        str | None,
-        option(
-            "x,y,z",
+        list[float] | None,
+        Vector(
+            "",
+            "0,0,-1",
             "Direction of the payload's force, base axes.  [default: that of gravity, else -z]",
         ),
-    ] = None,
-    tolerance: Annotated[
-        str,
-        typer.Option(
-            help='Displacement that a payload may cause, a share of the length: 0.01 or "1 %".'
-        ),
-    ] = "1 %",
-    gravity: Gravity = None,
-    tip_force: TipForce = "0,0,0",
-    theory: Theory = "cosserat",
-    elements: AutomaticElements = None,
-    out: Annotated[
-        Path | None,
-        option("FILE", "Figure (.png, .pdf, .svg).  [default: NAME-reach.png]"),
-    ] = None,
-    overrides: Overrides = None,
+    ],
+    tolerance: Annotated[float, tolerated("Displacement that a payload may cause")],
+    loads: Weight,
+    rod: Rod,
+    out: Annotated[Path, Figure("reach.png", "figure of the reach", "NAME")],
+    poses: Annotated[int, option("N", "Number of poses to draw.")] = 2048,
     as_json: AsJson = False,
 ) -> None:
     """What the robot reaches under tension limits, by physics and by constant curvature.
@@ -159,76 +132,31 @@ def reach(
     With the dexterity, the compliance of the tip, and the largest payload for a displacement
     allowed, over the workspace.
     """
-    model, given, settings = _read(
-        robot, overrides, max_tension, tolerance, gravity, tip_force, theory, elements
-    )
-    along = None
-    if payload_direction is not None:
-        along = vector("--payload-direction", payload_direction, "")
-
-    from bowstring.validity.reach import check_reach_file
     from bowstring.validity.reach import reach as find_reach
 
-    file = of_flag("--out", check_reach_file, out or default_file(model, "reach.png"))
     with progress_bar("poses") as notify:
         found = find_reach(
-            model,
+            robot,
             poses=poses,
-            payload_direction=along,
-            **given,
+            payload_direction=payload_direction,
+            max_tension=max_tension,
+            tolerance=tolerance,
+            load=loads,
+            model=rod,
             progress=notify,
         )
-        written = figure_file(lambda: found.save(file))
+        written = figure_file(lambda: found.save(out))
     if not as_json:
         return write_tables("\n".join([*found.described(), f"Figure: {written or NOT_DRAWN}"]))
     content: dict[str, Any] = {
-        **provenance_of(model, **settings, poses=poses),
+        **provenance_of(
+            robot, gravity_m_per_s2=loads.gravity, tip_force_N=loads.tip_force, poses=poses
+        ),
         **found.to_dict(),
         "text": found.described(),
         "file": written,
     }
     return write_json(content)
-
-
-def _read(
-    robot: str,
-    overrides: list[str] | None,
-    max_tension: str | None,
-    tolerance: str,
-    gravity: str | None,
-    tip_force: str,
-    theory: Literal["cosserat", "kirchhoff"],
-    elements: int | None,
-) -> tuple[Robot, dict[str, Any], dict[str, Any]]:
-    """Robot, arguments that both functions take, and settings for the provenance."""
-    tolerated = share_of(
-        "--tolerance",
-        tolerance,
-        "a share of the length above 0 and below 1",
-        lambda value: 0 < value < 1,
-    )
-    check_elements(elements)
-    model = load(robot, overrides)
-    most = None if max_tension is None else _tensions(max_tension, model)
-    acting = None if gravity is None else vector("--gravity", gravity, "m/s^2")
-    force = vector("--tip-force", tip_force, "N")
-
-    from bowstring._core import RodModel
-    from bowstring.statics.load import Load
-
-    given = {
-        "max_tension": most,
-        "tolerance": tolerated,
-        "load": Load(gravity=acting, tip_force=force),
-        "model": RodModel(theory, elements=elements),
-    }
-    return model, given, {"gravity_m_per_s2": acting, "tip_force_N": force}
-
-
-def _tensions(text: str, robot: Robot) -> float | list[float]:
-    if "," in text:
-        return per_tendon("--max-tension", text, "N", robot)
-    return positive("--max-tension", text, "N")
 
 
 def _table(found: ControlErrors) -> Table:

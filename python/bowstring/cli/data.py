@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bowstring.cli import completion
-from bowstring.cli.options import AsJson, of_flag, option
+from bowstring.cli.flags import of_flag
+from bowstring.cli.groups import option
+from bowstring.cli.options import AsJson
 from bowstring.cli.output import new_table, progress_bar, write, write_json, write_tables
 from bowstring.units import printable
 

@@ -6,43 +6,30 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
+from bowstring._core import RodModel
 from bowstring.cli import completion
 from bowstring.cli.actuation import (
     SHORTEST_STEP,
-    Angle,
-    Displacement,
-    Tension,
-    actuated_by,
-    actuated_over_time,
+    Actuation,
+    Motion,
+    OverTime,
+    acting,
+    at_rest,
     read_history,
 )
+from bowstring.cli.flags import Number, Share, of_flag
+from bowstring.cli.groups import Group, option
 from bowstring.cli.options import (
     AsJson,
-    AutomaticElements,
-    DiskForces,
-    DiskMoments,
+    DeadForces,
     Elements,
-    FollowerForces,
-    Gravity,
     HistoryFile,
-    LineForce,
-    Overrides,
-    PointForces,
-    RobotSource,
+    Loads,
+    RobotArgument,
+    Rod,
     Theory,
-    TipForce,
-    at_points,
-    check_elements,
-    load,
-    not_negative,
-    of_flag,
-    on_disks,
-    option,
     out_folder,
-    positive,
-    ratio,
-    tendon_count,
-    vector,
+    settings_of,
 )
 from bowstring.cli.output import (
     Stopped,
@@ -63,140 +50,103 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.dynamics.base_motion import BaseMotion
+    from bowstring.dynamics.integrator import Integrator
     from bowstring.dynamics.simulation import Run
     from bowstring.robot.model import Robot
     from bowstring.schemas import dynamics as schema
+    from bowstring.statics.load import Load
 
 TIP_INTERVAL: Final = 0.01  # s between tips in the JSON of simulate, at least
 MOST_OUTPUTS: Final = 1_000_000
 
 
-def simulate(
-    robot: RobotSource,
-    tension: Tension = None,
-    displacement: Displacement = None,
-    angle: Angle = None,
-    rise: Annotated[
-        str | None,
-        option(
-            "s",
-            "Time of the rise to --tension, --displacement, --angle; 0 is a jump.  [default: 1]",
-        ),
-    ] = None,
-    hold: Annotated[str | None, option("s", "Time after the rise.  [default: 1]")] = None,
-    before: Annotated[
-        str | None,
-        option(
-            "T1,T2,...",
-            "Tensions at the start, where the robot is in equilibrium; they change to "
-            "--tension within --rise.  [default: none]",
-            "--from",
-        ),
-    ] = None,
-    from_displacement: Annotated[
-        str | None,
-        option("P1,P2,...", "Displacements of that equilibrium.  [default: those of home, 0]"),
-    ] = None,
-    history: HistoryFile = None,
-    table: Annotated[
-        Path | None,
-        option(
-            "FILE",
-            "CSV over time, columns t_s and for each tendon tension_1_N, displacement_1_mm or "
-            "angle_1_deg; instead of --tension, --displacement, --angle, --rise and --hold.",
-        ),
-    ] = None,
-    theory: Theory = "cosserat",
-    gravity: Gravity = None,
-    tip_force: TipForce = "0,0,0",
-    tip_moment: Annotated[
-        str, option("x,y,z", "Dead load: constant moment at the tip, base axes.")
-    ] = "0,0,0",
-    disk_force: DiskForces = None,
-    disk_moment: DiskMoments = None,
-    point_force: PointForces = None,
-    follower_force: FollowerForces = None,
-    line_force: LineForce = None,
+def _loads_in_motion(
+    actuation: OverTime,
+    loads: Loads,
     base_motion: Annotated[
         Path | None,
         option(
             "FILE",
             "CSV of poses of the base over time, columns t_s, position_x_mm, ..., rotation_x_deg, "
             "... (rotation vector); position or rotation may be left out.",
-            "--base-motion",
         ),
     ] = None,
+) -> Load:
+    """Make all loads over time."""
+    base = None if base_motion is None else _base_motion(base_motion, actuation.duration)
+    return acting(actuation.load, loads).replace(base=base)
+
+
+class _TimeStep(Number):
+    def read(self, flag: str, text: str, robot: Robot) -> float:
+        value = super().read(flag, text, robot)
+        if value < SHORTEST_STEP:
+            raise InputError(
+                f"{flag}: got {value:g} s; must be {SHORTEST_STEP:g} s or more, shorter steps are "
+                "below numerical resolution."
+            )
+        return value
+
+
+def _integrator(
+    load: Load,
     mass_damping: Annotated[
-        str, option("1/s", "Mass-proportional damping: force per mass and velocity.")
-    ] = "0",
-    material_damping: Annotated[
-        str, option("s", "Kelvin-Voigt damping of the backbone: its time constant.")
-    ] = "0",
-    modal_damping: Annotated[
-        str | None,
-        option(
-            "RATIO", 'Damping ratio of the slowest modes, 0.01 or "1 %"; in place of the two above.'
+        float,
+        Number(
+            "1/s",
+            "0.5",
+            "Mass-proportional damping: force per mass and velocity.",
+            default="0",
+            must_be="0 or more",
         ),
-    ] = None,
+    ],
+    material_damping: Annotated[
+        float,
+        Number(
+            "s",
+            '"1 ms"',
+            "Kelvin-Voigt damping of the backbone: its time constant.",
+            default="0",
+            must_be="0 or more",
+        ),
+    ],
+    modal_damping: Annotated[
+        float | None,
+        Share(
+            "a share of critical damping from 0 to 1",
+            lambda value: 0 <= value <= 1,
+            '"1 %"',
+            'Damping ratio of the slowest modes, 0.01 or "1 %"; in place of the two above.',
+            form="RATIO",
+        ),
+    ],
+    dt: Annotated[
+        float | None,
+        _TimeStep("s", '"1 ms"', "Fixed time step.  [default: adaptive steps]", must_be="positive"),
+    ],
+    tolerance: Annotated[
+        float | None,
+        Number(
+            "m",
+            '"1 um"',
+            "Tolerated error of one adaptive step.  [default: 2e-6 of the length]",
+            must_be="positive",
+        ),
+    ],
     spectral_radius: Annotated[
         float, option("0...1", "Spectral radius at infinity: 1 no numerical damping, 0 most.")
     ] = 0.8,
-    dt: Annotated[str | None, option("s", "Fixed time step.  [default: adaptive steps]")] = None,
-    tolerance: Annotated[
-        str | None,
-        option("m", "Tolerated error of one adaptive step.  [default: 2e-6 of the length]"),
-    ] = None,
-    every: Annotated[str, option("s", "Time between outputs.")] = "0.01",
-    elements: Elements = None,
-    out: Annotated[
-        Path | None,
-        option(
-            "FILE",
-            "All fields as NetCDF, .nc, or tip and tendons over time as CSV, .csv.",
-            values=completion.formats(".nc", ".csv"),
-        ),
-    ] = None,
-    vtk: Annotated[Path | None, option("DIR", "Folder of a VTK series for ParaView.")] = None,
-    animation: Annotated[
-        Path | None,
-        option("FILE", "Animation, .gif or .mp4.", values=completion.formats(".gif", ".mp4")),
-    ] = None,
-    glb: Annotated[
-        Path | None,
-        option(
-            "FILE",
-            "Moving solid as binary glTF, .glb, for browsers and Blender.",
-            values=completion.formats(".glb"),
-        ),
-    ] = None,
-    rerun: Annotated[
-        Path | None,
-        option("FILE", "Recording for Rerun, .rrd.", values=completion.formats(".rrd")),
-    ] = None,
-    overrides: Overrides = None,
-    as_json: AsJson = False,
-) -> None:
-    """Dynamics: the motion under tensions and displacements over time, from equilibrium."""
-    model = load(robot, overrides)
-    wanted = (tension, displacement, angle)
-    acting, start, duration = actuated_over_time(
-        model, wanted, rise, hold, (before, from_displacement), table
-    )
-    path = None if history is None else read_history(history)
-    check_elements(elements)
-    mass = not_negative("--mass-damping", mass_damping, "1/s")
-    material = not_negative("--material-damping", material_damping, "s")
-    if modal_damping is not None and (mass or material):
+) -> Integrator:
+    from bowstring.dynamics.integrator import Integrator
+
+    if modal_damping is not None and (mass_damping or material_damping):
         raise InputError(
             "--modal-damping is instead of --mass-damping and --material-damping; give either."
         )
-    moment = vector("--tip-moment", tip_moment, "N*m")
-    disk_moments = on_disks("--disk-moment", disk_moment, "N*m", model)
-    at_disks = at_points(point_force, follower_force, model)
     moments = {
-        "--tip-moment": [moment],
-        "--disk-moment": disk_moments or [],
-        "--follower-force": [load.force for load in at_disks or () if load.follower],
+        "--tip-moment": [load.tip_moment],
+        "--disk-moment": load.disk_moments or [],
+        "--follower-force": [each.force for each in load.point_loads or () if each.follower],
     }
     for flag, vectors in moments.items():
         if modal_damping is not None and any(map(any, vectors)):
@@ -208,219 +158,31 @@ def simulate(
         raise InputError("--tolerance is for steps that adapt and --dt fixes them; give either.")
     if not 0 <= spectral_radius <= 1:
         raise InputError(f"--spectral-radius: got {spectral_radius:g}; must be from 0 to 1.")
-    fixed = None if dt is None else _step("--dt", dt)
-    interval = _step("--every", every)
-    if duration / interval > MOST_OUTPUTS:
+    return Integrator(dt, tolerance, spectral_radius, mass_damping, material_damping, modal_damping)
+
+
+def _rod_in_motion(theory: Theory = "cosserat", elements: Elements = None) -> RodModel:
+    return RodModel(theory, elements=elements)
+
+
+def _interval(
+    robot: Robot,
+    actuation: OverTime,
+    every: Annotated[str, option("s", "Time between outputs.")] = "0.01",
+) -> float:
+    interval = _TimeStep("s", '"10 ms"', "", must_be="positive").read("--every", every, robot)
+    outputs = actuation.duration / interval
+    if outputs > MOST_OUTPUTS:
         raise InputError(
-            f"--every: {every} gives {duration / interval:.3g} outputs; up to {MOST_OUTPUTS} are "
-            "possible."
+            f"--every: {every} gives {outputs:.3g} outputs; up to {MOST_OUTPUTS} are possible."
         )
-    acting = acting.replace(
-        tip_force=vector("--tip-force", tip_force, "N"),
-        tip_moment=moment,
-        disk_forces=on_disks("--disk-force", disk_force, "N", model),
-        disk_moments=disk_moments,
-        point_loads=at_disks,
-        line_forces=None if line_force is None else vector("--line-force", line_force, "N/m"),
-        gravity=None if gravity is None else vector("--gravity", gravity, "m/s^2"),
-        base=None if base_motion is None else _base_motion(base_motion, duration),
-    )
-    modal = ratio("--modal-damping", modal_damping)
-    error = None if tolerance is None else positive("--tolerance", tolerance, "m")
-    targets = _Targets(model, out, vtk, animation, glb, rerun, duration)
-
-    from bowstring._core import RodModel
-    from bowstring.dynamics import simulation
-    from bowstring.dynamics.integrator import Integrator
-
-    integrator = Integrator(fixed, error, spectral_radius, mass, material, modal)
-    points = simulation.DEFAULT_POINTS
-    if not (
-        targets.out or vtk or animation or glb or rerun
-    ):  # no output needs fields of the backbone
-        points = 2 if targets.table else 0
-    share = 0.1 if vtk or animation or glb or rerun else 1.0  # of the progress
-    run: Run | None = None
-    files: dict[str, Path | None] | None = None
-    try:
-        with progress_bar("motion") as notify:
-            try:
-                run = simulation.simulate(
-                    model,
-                    duration=duration,
-                    load=acting,
-                    start=simulation.Start(start, history=path),
-                    model=RodModel(theory, elements=elements),
-                    integrator=integrator,
-                    output=simulation.Output(
-                        interval, points, targets.out, lambda done: notify("motion", share * done)
-                    ),
-                )
-            except simulation.RunInterrupted as stopped:
-                run = stopped.run
-            except simulation.NoStart as error:
-                if as_json:
-                    content = _run_json(error.run, interval, targets.write(error.run))
-                    content["status"], content["message"] = "no_equilibrium", str(error)
-                    write_json(content)
-                raise
-            try:
-                files = targets.write(
-                    run, lambda what, done: notify(what, share + (1 - share) * done)
-                )
-            except ImportError as error:
-                if not is_interrupt(error):
-                    raise
-                raise KeyboardInterrupt from None
-            except InputError as error:  # such as a full drive
-                kept, left = targets.state(run)
-                raise InputError(f"{error}; {kept}, {left}") if kept else error from None
-        if as_json:
-            write_json(_run_json(run, interval, files))
-        else:
-            write_tables(*_run_tables(run, files))
-    except KeyboardInterrupt:
-        if run is None:
-            raise
-        if files is not None:
-            kept, _ = targets.state(run)
-            raise Stopped(
-                f"the result is not printed whole; {kept or 'nothing is kept'}."
-            ) from None
-        done = "was stopped" if run.status == "interrupted" else "was complete"
-        state = ", ".join(filter(None, targets.state(run))) or "nothing is kept"
-        raise Stopped(f"the motion {done}; {state}.") from None
-    if run.status == "interrupted":
-        kept = f"; {files['run']} holds the run up to there" if files["run"] else ""
-        raise Stopped(f"at {run.end:.6g} s of {duration:g} s{kept}.")
-    run.raise_for_status()
+    return interval
 
 
-def _base_motion(file: Path, duration: float) -> BaseMotion:
-    from bowstring.dynamics.load_table import read_base_motion
-
-    base: BaseMotion = of_flag("--base-motion", read_base_motion, file)
-    if duration > base.duration * (1.0 + 1e-9):
-        raise InputError(
-            f"--base-motion: {file} ends at {base.duration:g} s and the run lasts {duration:g} s; "
-            "give poses up to its end."
-        )
-    return base
-
-
-def _step(flag: str, text: str) -> float:
-    value = positive(flag, text, "s")
-    if value < SHORTEST_STEP:
-        raise InputError(
-            f"{flag}: got {value:g} s; must be {SHORTEST_STEP:g} s or more, shorter steps are "
-            "below numerical resolution."
-        )
-    return value
-
-
-def modes(
-    robot: RobotSource,
-    tension: Tension = None,
-    displacement: Displacement = None,
-    angle: Angle = None,
-    count: Annotated[int, option("N", "Number of modes, slowest first.")] = 6,
-    theory: Theory = "cosserat",
-    gravity: Gravity = None,
-    tip_force: TipForce = "0,0,0",
-    disk_force: DiskForces = None,
-    point_force: PointForces = None,
-    line_force: LineForce = None,
-    elements: AutomaticElements = None,
-    history: HistoryFile = None,
-    out: Annotated[Path | None, option("DIR", "Folder for pictures of the mode shapes.")] = None,
-    overrides: Overrides = None,
-    as_json: AsJson = False,
-) -> None:
-    """Natural frequencies and mode shapes about an equilibrium.
-
-    Without actuation it is that of zero tension.
-
-    Tensions, displacements and angles keep their values while the robot oscillates.
-    """
-    model = load(robot, overrides)
-    if tension is None and displacement is None and angle is None:
-        tension = ",".join("0" for _ in range(tendon_count(model)))
-    acting = actuated_by(model, tension, displacement, angle)
-    check_elements(elements)
-    path = None if history is None else read_history(history)
-    if not 1 <= count <= 1000:
-        raise InputError(f"--count: got {count}; must be from 1 to 1000.")
-    weight = vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
-    force = vector("--tip-force", tip_force, "N")
-    disk_forces = on_disks("--disk-force", disk_force, "N", model)
-    points = at_points(point_force, None, model)
-    line = None if line_force is None else vector("--line-force", line_force, "N/m")
-
-    from bowstring._core import RodModel
-    from bowstring.dynamics import modal
-
-    out = out_folder(out, "modes")
-    actuation = {
-        "displacements_m": acting.displacements,
-        "angles_rad": acting.angles,
-        "history": history,
-    }
-    provenance = provenance_of(
-        model,
-        count=count,
-        theory=theory,
-        gravity_m_per_s2=weight,
-        tip_force_N=force,
-        disk_forces_N=disk_forces,
-        point_loads=None if points is None else [each.to_dict() for each in points],
-        line_force_N_per_m=line,
-        elements=elements,
-        **{name: given for name, given in actuation.items() if given is not None},
-    )
-    try:
-        with progress_bar("modes"):
-            found = modal.modes(
-                model,
-                load=acting.replace(
-                    tip_force=force,
-                    disk_forces=disk_forces,
-                    point_loads=points,
-                    line_forces=line,
-                    gravity=weight,
-                ),
-                model=RodModel(theory, elements=elements),
-                history=path,
-                count=count,
-            )
-    except NoSolutionError as error:
-        if as_json:
-            nothing: dict[str, Any] = {
-                "status": error.status,
-                "tensions_N": plain(acting.tensions),
-                "modes": [],
-                "disks": [],
-                **provenance,
-                "folder": None,
-            }
-            write_json(nothing)
-        raise
-    content: dict[str, Any] = {**found.to_dict(), **provenance, "folder": None}
-    if out is not None:
-        with progress_bar("pictures") as notify:
-            from bowstring.viz.modes_folder import write_modes
-
-            written = {key: value for key, value in content.items() if key != "folder"}
-            content["folder"] = str(write_modes(found, plain(written), out, progress=notify))
-    if as_json:
-        return write_json(content)
-    found_modes = new_table(">mode", ">frequency Hz", "kind")
-    for i, (frequency, kind) in enumerate(zip(found.frequency_hz, found.kind, strict=True), 1):
-        found_modes.add_row(str(i), f"{frequency:.5g}", kind)
-    write_tables(
-        f"{model.name}, {theory}: {counted(len(found), 'mode')} about the equilibrium",
-        found_modes,
-        *([f"Pictures: {content['folder']}"] if content["folder"] else []),
-    )
+_Load = Annotated["Load", Group("Loads", _loads_in_motion)]
+_Rod = Annotated[RodModel, Group("Rod", _rod_in_motion)]
+_Integrator = Annotated["Integrator", Group("Time integration", _integrator)]
+_Interval = Annotated[float, Group("Outputs", _interval)]
 
 
 class _Targets:
@@ -429,15 +191,36 @@ class _Targets:
     def __init__(
         self,
         robot: Robot,
-        out: Path | None,
-        vtk: Path | None,
-        animation: Path | None,
-        glb: Path | None,
-        rerun: Path | None,
-        duration: float,
+        actuation: OverTime,
+        out: Annotated[
+            Path | None,
+            option(
+                "FILE",
+                "All fields as NetCDF, .nc, or tip and tendons over time as CSV, .csv.",
+                values=completion.formats(".nc", ".csv"),
+            ),
+        ] = None,
+        vtk: Annotated[Path | None, option("DIR", "Folder of a VTK series for ParaView.")] = None,
+        animation: Annotated[
+            Path | None,
+            option("FILE", "Animation, .gif or .mp4.", values=completion.formats(".gif", ".mp4")),
+        ] = None,
+        glb: Annotated[
+            Path | None,
+            option(
+                "FILE",
+                "Moving solid as binary glTF, .glb, for browsers and Blender.",
+                values=completion.formats(".glb"),
+            ),
+        ] = None,
+        rerun: Annotated[
+            Path | None,
+            option("FILE", "Recording for Rerun, .rrd.", values=completion.formats(".rrd")),
+        ] = None,
     ) -> None:
-        self.vtk, self.animation, self.glb = vtk, animation, glb
-        self.rerun = rerun
+        self.vtk, self.animation, self.glb, self.rerun = vtk, animation, glb, rerun
+        #: Whether anything but the run itself and its table is written.
+        self.pictures = bool(vtk or animation or glb or rerun)
         #: Of --out: the run as it goes on, or its table, which is written at its end.
         self.out: Path | None = None
         self.table: Path | None = None
@@ -467,7 +250,7 @@ class _Targets:
             from bowstring.viz.animation import check_length, check_picture
 
             self.animation = of_flag("--animation", check_picture, animation)
-            of_flag("--animation", check_length, duration)
+            of_flag("--animation", check_length, actuation.duration)
         if glb is not None:
             from bowstring.integrations.gltf import check_glb, check_solid
 
@@ -506,7 +289,7 @@ class _Targets:
         files["run"] = run.path
         if run.status == "interrupted" or len(run.time) == 0:
             return files
-        if not (self.vtk or self.animation or self.table or self.glb or self.rerun):
+        if not (self.pictures or self.table):
             return files
         share = 0.5 if self.vtk and self.animation else 1.0  # of the progress, each
         data = run.to_dataset()
@@ -553,6 +336,164 @@ class _Targets:
         written = f"{listed(kept)} {'is' if len(kept) == 1 else 'are'} written" if kept else ""
         left = f"{listed(missing)} {'is' if len(missing) == 1 else 'are'} not" if missing else ""
         return written, f"{left}{'' if kept else ' written'}" if left else ""
+
+
+def simulate(
+    robot: RobotArgument,
+    actuation: Motion,
+    load: _Load,
+    rod: _Rod,
+    integrator: _Integrator,
+    every: _Interval,
+    targets: Annotated[_Targets, Group("Outputs", _Targets)],
+    history: HistoryFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Dynamics: the motion under tensions and displacements over time, from equilibrium."""
+    path = None if history is None else read_history(history)
+
+    from bowstring.dynamics import simulation
+
+    duration = actuation.duration
+    points = simulation.DEFAULT_POINTS
+    if not (targets.out or targets.pictures):  # no output needs fields of the backbone
+        points = 2 if targets.table else 0
+    share = 0.1 if targets.pictures else 1.0  # of the progress
+    run: Run | None = None
+    files: dict[str, Path | None] | None = None
+    try:
+        with progress_bar("motion") as notify:
+            try:
+                run = simulation.simulate(
+                    robot,
+                    duration=duration,
+                    load=load,
+                    start=simulation.Start(actuation.start, history=path),
+                    model=rod,
+                    integrator=integrator,
+                    output=simulation.Output(
+                        every, points, targets.out, lambda done: notify("motion", share * done)
+                    ),
+                )
+            except simulation.RunInterrupted as stopped:
+                run = stopped.run
+            except simulation.NoStart as error:
+                if as_json:
+                    content = _run_json(error.run, every, targets.write(error.run))
+                    content["status"], content["message"] = "no_equilibrium", str(error)
+                    write_json(content)
+                raise
+            try:
+                files = targets.write(
+                    run, lambda what, done: notify(what, share + (1 - share) * done)
+                )
+            except ImportError as error:
+                if not is_interrupt(error):
+                    raise
+                raise KeyboardInterrupt from None
+            except InputError as error:  # such as a full drive
+                kept, left = targets.state(run)
+                raise InputError(f"{error}; {kept}, {left}") if kept else error from None
+        if as_json:
+            write_json(_run_json(run, every, files))
+        else:
+            write_tables(*_run_tables(run, files))
+    except KeyboardInterrupt:
+        if run is None:
+            raise
+        if files is not None:
+            kept, _ = targets.state(run)
+            raise Stopped(
+                f"the result is not printed whole; {kept or 'nothing is kept'}."
+            ) from None
+        done = "was stopped" if run.status == "interrupted" else "was complete"
+        state = ", ".join(filter(None, targets.state(run))) or "nothing is kept"
+        raise Stopped(f"the motion {done}; {state}.") from None
+    if run.status == "interrupted":
+        kept = f"; {files['run']} holds the run up to there" if files["run"] else ""
+        raise Stopped(f"at {run.end:.6g} s of {duration:g} s{kept}.")
+    run.raise_for_status()
+
+
+def _base_motion(file: Path, duration: float) -> BaseMotion:
+    from bowstring.dynamics.load_table import read_base_motion
+
+    base: BaseMotion = of_flag("--base-motion", read_base_motion, file)
+    if duration > base.duration * (1.0 + 1e-9):
+        raise InputError(
+            f"--base-motion: {file} ends at {base.duration:g} s and the run lasts {duration:g} s; "
+            "give poses up to its end."
+        )
+    return base
+
+
+def modes(
+    robot: RobotArgument,
+    actuation: Actuation,
+    loads: DeadForces,
+    rod: Rod,
+    count: Annotated[int, option("N", "Number of modes, slowest first.")] = 6,
+    history: HistoryFile = None,
+    out: Annotated[Path | None, option("DIR", "Folder for pictures of the mode shapes.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Natural frequencies and mode shapes about an equilibrium.
+
+    Without actuation it is that of zero tension.
+
+    Tensions, displacements and angles keep their values while the robot oscillates.
+    """
+    load = at_rest(robot, actuation, loads)
+    path = None if history is None else read_history(history)
+    if not 1 <= count <= 1000:
+        raise InputError(f"--count: got {count}; must be from 1 to 1000.")
+
+    from bowstring.dynamics import modal
+
+    out = out_folder(out, "modes")
+    given = {
+        "displacements_m": load.displacements,
+        "angles_rad": load.angles,
+        "history": history,
+    }
+    provenance = provenance_of(
+        robot,
+        count=count,
+        **settings_of(load, rod, "tip_moment_Nm", "disk_moments_Nm"),
+        **{name: value for name, value in given.items() if value is not None},
+    )
+    try:
+        with progress_bar("modes"):
+            found = modal.modes(robot, load=load, model=rod, history=path, count=count)
+    except NoSolutionError as error:
+        if as_json:
+            nothing: dict[str, Any] = {
+                "status": error.status,
+                "tensions_N": plain(load.tensions),
+                "modes": [],
+                "disks": [],
+                **provenance,
+                "folder": None,
+            }
+            write_json(nothing)
+        raise
+    content: dict[str, Any] = {**found.to_dict(), **provenance, "folder": None}
+    if out is not None:
+        with progress_bar("pictures") as notify:
+            from bowstring.viz.modes_folder import write_modes
+
+            written = {key: value for key, value in content.items() if key != "folder"}
+            content["folder"] = str(write_modes(found, plain(written), out, progress=notify))
+    if as_json:
+        return write_json(content)
+    found_modes = new_table(">mode", ">frequency Hz", "kind")
+    for i, (frequency, kind) in enumerate(zip(found.frequency_hz, found.kind, strict=True), 1):
+        found_modes.add_row(str(i), f"{frequency:.5g}", kind)
+    write_tables(
+        f"{robot.name}, {rod.theory}: {counted(len(found), 'mode')} about the equilibrium",
+        found_modes,
+        *([f"Pictures: {content['folder']}"] if content["folder"] else []),
+    )
 
 
 def _run_json(run: Run, every: float, files: Mapping[str, Path | None]) -> schema.Simulate:

@@ -6,18 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from bowstring.cli import completion
-from bowstring.cli.options import (
-    AsJson,
-    Gravity,
-    Overrides,
-    RobotSource,
-    load,
-    of_flag,
-    option,
-    per_tendon,
-    tendon_count,
-    vector,
-)
+from bowstring.cli.flags import PerTendon, of_flag, tendon_count
+from bowstring.cli.groups import option
+from bowstring.cli.options import AsJson, Gravity, RobotArgument
 from bowstring.cli.output import provenance_of, write, write_json
 from bowstring.errors import InputError
 from bowstring.formatting import significant
@@ -27,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def export(
-    robot: RobotSource,
+    robot: RobotArgument,
     out: Annotated[
         str,
         option(
@@ -36,19 +27,19 @@ def export(
             values=completion.formats(".xml", ".urdf"),
         ),
     ],
-    joints: Annotated[
-        int, option("N", "Joints between two disks: 1, or an even number up to 32.")
-    ] = 2,
     tension: Annotated[
-        str | None,
-        option(
-            "T1,T2,...",
+        list[float] | None,
+        PerTendon(
+            "N",
+            '"80 N",0,0',
             "Tendon tensions at which the tip error is stated; if left out, half of the most of ik "
             "on the first tendon.",
         ),
-    ] = None,
-    gravity: Gravity = None,
-    overrides: Overrides = None,
+    ],
+    gravity: Gravity,
+    joints: Annotated[
+        int, option("N", "Joints between two disks: 1, or an even number up to 32.")
+    ] = 2,
     as_json: AsJson = False,
 ) -> None:
     """A robot as rigid links with springs, for MuJoCo and robotics tools.
@@ -64,20 +55,16 @@ def export(
     from bowstring.statics.load import Load
     from bowstring.statics.rod import solve
 
-    model = load(robot, overrides)
     ending = Path(out).suffix.lower()
     if ending not in (".xml", ".urdf"):
         raise InputError(f"--out: got {out}; end it in .xml (MJCF for MuJoCo) or .urdf.")
     file = of_flag("--out", check_urdf if ending == ".urdf" else check_mjcf, out)
     if tension is None:
-        tensions = [0.0] * tendon_count(model)
-        tensions[0] = float(f"{0.5 * default_max_tension(model)[0]:.3g}")
-    else:
-        tensions = per_tendon("--tension", tension, "N", model)
-    pull = None if gravity is None else vector("--gravity", gravity, "m/s^2")
-    acting = Load(tensions, gravity=pull)
-    chain = LinkChain(model, joints)
-    rod = solve(model, load=acting).raise_for_status()
+        tension = [0.0] * tendon_count(robot)
+        tension[0] = float(f"{0.5 * default_max_tension(robot)[0]:.3g}")
+    acting = Load(tension, gravity=gravity)
+    chain = LinkChain(robot, joints)
+    rod = solve(robot, load=acting).raise_for_status()
     assert rod.tip is not None
     if ending == ".xml":
         angles = chain.solve(acting)
@@ -92,12 +79,12 @@ def export(
             "file": str(written),
             "format": "MJCF" if ending == ".xml" else "URDF",
             "joints": count,
-            "tensions_N": tensions,
+            "tensions_N": tension,
             "tip_error_m": error,
-            **provenance_of(model, joints=joints, tensions_N=tensions, gravity_m_per_s2=pull),
+            **provenance_of(robot, joints=joints, tensions_N=tension, gravity_m_per_s2=gravity),
         }
         return write_json(content)
-    share = significant(100.0 * error / model.length, 2)
+    share = significant(100.0 * error / robot.length, 2)
     against = (
         "in its equilibrium"
         if ending == ".xml"
@@ -107,5 +94,5 @@ def export(
         f"{'MJCF' if ending == '.xml' else 'URDF'} model: {written}\n"
         f"{count} joints of three hinges; tip error against the rod "
         f"{significant(1e3 * error, 2)} mm, {share} % of the length,\n"
-        f"under {', '.join(f'{t:g}' for t in tensions)} N, {against} (simulated)\n"
+        f"under {', '.join(f'{t:g}' for t in tension)} N, {against} (simulated)\n"
     )

@@ -9,22 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import typer
 
-from bowstring.cli.options import (
-    AsJson,
-    Gravity,
-    Overrides,
-    RobotSource,
-    TipForce,
-    load,
-    not_negative,
-    of_flag,
-    option,
-    out_folder,
-    per_tendon,
-    positive,
-    range_of,
-    vector,
-)
+from bowstring.cli.flags import Number, PerTendon, Range, of_flag
+from bowstring.cli.groups import option
+from bowstring.cli.options import AsJson, RobotArgument, Weight, out_folder
 from bowstring.cli.output import (
     Stopped,
     counted,
@@ -51,28 +38,49 @@ _STEPS = 8  # default number of loads of a sweep
 
 
 def fe(
-    robot: RobotSource,
-    tension: Annotated[str, option("T1,T2,...", "Tendon tensions of the last load.")],
+    robot: RobotArgument,
+    tension: Annotated[
+        list[float],
+        PerTendon("N", '"80 N",0,0', "Tendon tensions of the last load.", default=...),
+    ],
     loads: Annotated[
-        str | None,
-        option(
-            "FIRST:STEP:LAST",
+        list[float] | None,
+        Range(
+            "N",
+            "10:10:80",
             "Loads to solve, as the largest tension; the others keep their ratio to it.  "
             "[default: 8 equal steps]",
+            rule="0 or more",
         ),
-    ] = None,
+    ],
+    rise: Annotated[
+        float | None,
+        Number(
+            "s",
+            '"500 ms"',
+            "With --dynamic: rise time of the tensions.  [default: 1]",
+            must_be="positive",
+        ),
+    ],
+    hold: Annotated[
+        float | None,
+        Number(
+            "s", '"2 s"', "With --dynamic: time after the rise.  [default: 0]", must_be="0 or more"
+        ),
+    ],
+    mass_damping: Annotated[
+        float | None,
+        Number(
+            "1/s",
+            "0.5",
+            "With --dynamic: mass-proportional damping.  [default: 0]",
+            must_be="0 or more",
+        ),
+    ],
+    weight: Weight,
     dynamic: Annotated[
         bool, typer.Option("--dynamic", help="Simulate a motion from rest, not a static sweep.")
     ] = False,
-    rise: Annotated[
-        str | None, option("s", "With --dynamic: rise time of the tensions.  [default: 1]")
-    ] = None,
-    hold: Annotated[
-        str | None, option("s", "With --dynamic: time after the rise.  [default: 0]")
-    ] = None,
-    mass_damping: Annotated[
-        str | None, option("1/s", "With --dynamic: mass-proportional damping.  [default: 0]")
-    ] = None,
     mesh: Annotated[
         str,
         option(
@@ -95,22 +103,17 @@ def fe(
             "takes about ten times as long.",
         ),
     ] = False,
-    gravity: Gravity = None,
-    tip_force: TipForce = "0,0,0",
     out: Annotated[Path | None, option("DIR", "Folder for fields, figures and numbers.")] = None,
     keep: Annotated[Path | None, option("DIR", "Folder for CalculiX's own files.")] = None,
-    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Independent verification by 3-D finite elements (CalculiX)."""
     import numpy as np
 
-    model = load(robot, overrides)
-    last = np.array(per_tendon("--tension", tension, "N", model))
+    last = np.array(tension)
     if not last.any():
         raise InputError("--tension: got no tension at all; give one above 0.")
-    force = vector("--tip-force", tip_force, "N")
-    weight = list(model.gravity) if gravity is None else vector("--gravity", gravity, "m/s^2")
+    force, gravity = weight.tip_force, weight.gravity
     for flag, given in (("--rise", rise), ("--hold", hold), ("--mass-damping", mass_damping)):
         if given is not None and not dynamic:
             raise InputError(f"{flag} is of --dynamic; give that too.")
@@ -131,12 +134,9 @@ def fe(
     if keep is not None:
         of_flag("--keep", check_keep, keep)
     rows = _rows(last, loads)
-    load_ = Load(gravity=weight, tip_force=None if dynamic else force)
-    motion = Motion(
-        positive("--rise", rise or "1", "s"),
-        not_negative("--hold", hold or "0", "s"),
-        mass_damping=not_negative("--mass-damping", mass_damping or "0", "1/s"),
-    )
+    gravity = list(robot.gravity) if gravity is None else gravity
+    load_ = Load(gravity=gravity, tip_force=None if dynamic else force)
+    motion = Motion(rise or 1.0, hold or 0.0, mass_damping=mass_damping or 0.0)
     limit: Convergence | None = None
     try:
         with progress_bar("mesh") as notify:
@@ -145,12 +145,12 @@ def fe(
                 from bowstring.fem import convergence
 
                 ends, moved = (last, motion) if dynamic else (rows, None)
-                limit = convergence.study(model, ends, motion=moved, **common)
+                limit = convergence.study(robot, ends, motion=moved, **common)
                 run = limit.run
             elif dynamic:
-                run = ramp(model, last, motion, load=load_, keep=keep, **common)
+                run = ramp(robot, last, motion, load=load_, keep=keep, **common)
             else:
-                run = sweep(model, rows, load=load_, keep=keep, **common)
+                run = sweep(robot, rows, load=load_, keep=keep, **common)
     except RunInterrupted as stopped:
         again = "begins anew" if stopped.run.is_motion else "goes on from there"
         raise Stopped(f"{stopped.run.message}; the same command {again}.") from None
@@ -190,16 +190,11 @@ def _fineness(mesh: str) -> Fineness:
     return fineness
 
 
-def _rows(last: Any, loads: str | None) -> Any:
+def _rows(last: Any, loads: list[float] | None) -> Any:
     import numpy as np
 
     top = float(last.max())
-    if loads is None:
-        values = np.linspace(0.0, top, _STEPS + 1)[1:]
-    else:
-        values = np.array(range_of("--loads", loads, "N"))
-        if (values < 0).any():
-            raise InputError(f"--loads: got {values.min():g} N; must be 0 or more.")
+    values = np.linspace(0.0, top, _STEPS + 1)[1:] if loads is None else np.array(loads)
     return np.outer(values / top, last)
 
 

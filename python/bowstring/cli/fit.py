@@ -13,20 +13,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 import typer
 
 from bowstring.cli import completion
+from bowstring.cli.flags import Number, Share, of_flag
+from bowstring.cli.groups import Group, option
 from bowstring.cli.options import (
     AsJson,
     MappingFile,
     OfMasses,
-    Overrides,
-    RobotSource,
+    RobotArgument,
     changes_of,
-    load,
     measurements_of,
-    of_flag,
-    option,
     out_folder,
-    positive,
-    share_of,
 )
 from bowstring.cli.output import (
     Stopped,
@@ -64,8 +60,53 @@ _LONG: Final = 10.0  # s of a comparison after which the rest is estimated
 _EXACT: Final = 1e-8  # m: data without noise
 
 
+def _priors(
+    robot: Robot,
+    parameter: list[str],
+    prior: Annotated[
+        list[str] | None,
+        option(
+            "NAME=SD",
+            "Standard deviation of a fitted parameter about its nominal value, or none: "
+            'gain="2 %", offset="0.5 mm". A name stands for its group. Repeatable.',
+        ),
+    ] = None,
+    priors: Annotated[
+        bool,
+        typer.Option(
+            "--priors", help="Default priors of gains, offsets, backlash, delay and holes."
+        ),
+    ] = False,
+) -> dict[str, float] | None:
+    """Read the standard deviations of --prior, beside the defaults of --priors; None without."""
+    from bowstring.calibration.parameters import Unknowns
+    from bowstring.calibration.priors import default_priors, matching
+
+    given = changes_of("--prior", prior, 'gain="2 %"')
+    if not (given or priors):
+        return None
+    example = 'offset="0.5 mm"'
+    unknowns = Unknowns(robot, parameter)
+    found = default_priors(robot, parameter) if priors else {}
+    for name, text in given.items():
+        items = of_flag("--prior", partial(matching, unknowns), name)
+        if text.strip() == "none":
+            found |= {item.name: math.inf for item in items}
+            continue
+        if si := si_of(items[0].unit):
+            value = Number(si, example, "", must_be="positive").number("--prior", text)
+        else:
+            kind = Share("a positive number", lambda share: share > 0, example, "")
+            value = kind.read("--prior", text, robot)
+        found |= {item.name: value for item in items}
+    return {name: value for name, value in found.items() if math.isfinite(value)}
+
+
+_Priors = Annotated[dict[str, float] | None, Group("Priors", _priors)]
+
+
 def fit(
-    robot: RobotSource,
+    robot: RobotArgument,
     parameter: Annotated[
         list[str],
         option(
@@ -81,6 +122,18 @@ def fit(
             ),
         ),
     ],
+    priors: _Priors,
+    g: OfMasses,
+    holdout: Annotated[
+        float | None,
+        Share(
+            "a share of the rows above 0 and below 1",
+            lambda value: 0 < value < 1,
+            '"20 %"',
+            "Leave this share of the rows, the last, out of the fit and predict it.",
+            form="SHARE",
+        ),
+    ],
     measurements: Annotated[
         Path | None, option("FILE", "Table of measurements: CSV, TSV or .xlsx.")
     ] = None,
@@ -93,7 +146,6 @@ def fit(
         str | None,
         option("PART", "Which of its tables, if it has several.", values=completion.parts),
     ] = None,
-    g: OfMasses = "9.80665",
     model: Annotated[
         Literal["rod", "arc"],
         typer.Option(help="Model to fit: rod statics, or arcs of constant curvature."),
@@ -102,24 +154,6 @@ def fit(
         Literal["linear", "soft_l1", "huber"],
         typer.Option(help="Least squares (linear), or robust against outliers."),
     ] = "soft_l1",
-    prior: Annotated[
-        list[str] | None,
-        option(
-            "NAME=SD",
-            "Standard deviation of a fitted parameter about its nominal value, or none: "
-            'gain="2 %", offset="0.5 mm". A name stands for its group. Repeatable.',
-        ),
-    ] = None,
-    priors: Annotated[
-        bool,
-        typer.Option(
-            "--priors", help="Default priors of gains, offsets, backlash, delay and holes."
-        ),
-    ] = False,
-    holdout: Annotated[
-        str | None,
-        option("SHARE", "Leave this share of the rows, the last, out of the fit and predict it."),
-    ] = None,
     folds: Annotated[
         int | None,
         option("K", "Cross-validation: predict each of K parts from a fit to the others."),
@@ -174,7 +208,6 @@ def fit(
             "Files of others are not overwritten.",
         ),
     ] = False,
-    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a robot: fit parameters to measured tips and points along the body."""
@@ -182,7 +215,6 @@ def fit(
     from bowstring.data import datasets
     from bowstring.data.measurements import read_measurements
 
-    gravity = positive("--g", g, "m/s^2")
     if model == "rod" and any(name.startswith("bend_gain") for name in parameter):
         raise InputError("--parameter bend_gain is of constant curvature; give --model arc.")
     if (measurements is None) == (data is None):
@@ -205,25 +237,19 @@ def fit(
             "--residual is judged on rows that are not fitted; give --validate FILE or --holdout "
             "SHARE."
         )
-    share = None
-    if holdout is not None:
-        rule = "a share of the rows above 0 and below 1"
-        share = share_of("--holdout", holdout, rule, lambda value: 0 < value < 1)
     if folds is not None and folds < 2:
         raise InputError(f"--folds: got {folds}; must be 2 or more.")
     if data is not None and data not in datasets.available() and Path(data).is_file():
         raise InputError(f"--data: {data} is a file, not a public data set; give --measurements.")
-    known = load(robot, overrides)
-    deviations = _priors_of(known, parameter, prior or (), priors)
     out_folder(out, "fit")
     begin = None if start is None else of_flag("--start", table_fit.read_start, start)
 
     def read(flag: str, file: str | Path | None, part: str | None) -> Measurements:
         if data is None:
-            return measurements_of(flag, file, known, mapping, g=gravity)
+            return measurements_of(flag, file, robot, mapping, g=g)
         of_flag("--data", datasets.describe, data)
         place = of_flag(flag, lambda name: datasets.table(data, name), part)
-        found = read_measurements(place, known, data, g=gravity)
+        found = read_measurements(place, robot, data, g=g)
         return replace(found, name=data if part is None else f"{data}, {part}")
 
     flag = "--measurements" if data is None else "--data" if part is None else "--part"
@@ -231,17 +257,17 @@ def fit(
         table = read(flag, measurements, part)
         other = None if validate is None else read("--validate", validate, validate)
     origin = provenance_of(
-        known,
+        robot,
         measurements=measurements,
         mapping=mapping if data is None else data,
         data=data,
         part=part,
-        g_m_per_s2=gravity,
+        g_m_per_s2=g,
         parameters=parameter,
         model=model,
         loss=loss,
-        priors=deviations,
-        holdout=share,
+        priors=priors,
+        holdout=holdout,
         folds=folds,
         validate=validate,
         filter=filter_,
@@ -256,39 +282,41 @@ def fit(
 
             with progress_bar("comparison") as notify:
                 compared = compare_models(
-                    known,
+                    robot,
                     table,
                     parameter,
                     folds=folds or 5,
                     validation=other,
-                    priors=deviations,
+                    priors=priors,
                     loss=loss,
                     progress=_with_estimate(notify),
                 )
         with progress_bar("fit") as notify:
             found = table_fit.calibrate(
-                known,
+                robot,
                 table,
                 parameter,
                 model="arc" if model == "arc" else None,
                 loss=loss,
                 start=begin,
-                priors=deviations,
-                validation=table_fit.Validation(share, None if compare else folds, other, filter_),
+                priors=priors,
+                validation=table_fit.Validation(
+                    holdout, None if compare else folds, other, filter_
+                ),
                 progress=notify,
             )
     except KeyboardInterrupt as error:
         stopped = _stopped(error, compared)
         if stopped is None:
             raise
-        warned = [*known.warnings, *([table.doubt] if table.doubt else [])]
+        warned = [*robot.warnings, *([table.doubt] if table.doubt else [])]
         raise Stopped(_write_stopped(stopped, origin, warned, out, as_json)) from None
     learnt = None
     if residual and found.fit.converged:
         from bowstring.calibration.residual_comparison import study_residual
 
         with progress_bar("residual") as notify:
-            learnt = study_residual(found, known, progress=notify)
+            learnt = study_residual(found, robot, progress=notify)
     doubts = [found.tendons.sentence] if found.tendons.alarm else []
     doubts += [found.broken_path] if found.broken_path else []
     of_table = [*([table.doubt] if table.doubt else []), *found.fit.doubts]
@@ -299,7 +327,7 @@ def fit(
         **origin,
         "residual": None if learnt is None else learnt.to_dict(),
         "comparison": None if compared is None else compared.to_dict(),
-        "warnings": [*known.warnings, *of_table, *doubts],
+        "warnings": [*robot.warnings, *of_table, *doubts],
         "folder": None,
     }
     refused = out is not None and bool(found.doubts) and not force
@@ -327,10 +355,10 @@ def fit(
         models = [] if compared is None else _comparison_tables(compared, folder)
         write_tables(*_fit_tables(found, folder), *parts, *models)
     if not found.fit.converged:
-        raise NoSolutionError(f"{known.name}: {found.fit.whole_message}")
+        raise NoSolutionError(f"{robot.name}: {found.fit.whole_message}")
     if refused:
         raise NoSolutionError(
-            f"{known.name}: nothing is written, because the result is in doubt; --force writes it "
+            f"{robot.name}: nothing is written, because the result is in doubt; --force writes it "
             f"nevertheless. {found.doubts[0]}"
         )
 
@@ -407,7 +435,7 @@ def _write_stopped(
     return f"{done}{where}."
 
 
-def _check_comparison(model: str, holdout: str | None, start: Path | None) -> None:
+def _check_comparison(model: str, holdout: float | None, start: Path | None) -> None:
     """Refuse flags that a comparison of models cannot use."""
     if model == "arc":
         raise InputError("--compare has constant curvature and the rod; leave --model out.")
@@ -415,31 +443,6 @@ def _check_comparison(model: str, holdout: str | None, start: Path | None) -> No
         raise InputError("--compare leaves rows out by folds; give --folds in place of --holdout.")
     if start is not None:
         raise InputError("--compare begins at the values of ROBOT; leave --start out.")
-
-
-def _priors_of(
-    robot: Robot, parameters: Sequence[str], texts: Sequence[str], defaults: bool
-) -> dict[str, float] | None:
-    """Read the standard deviations of --prior, beside the defaults of --priors; None without."""
-    from bowstring.calibration.parameters import Unknowns
-    from bowstring.calibration.priors import default_priors, matching
-
-    given = changes_of("--prior", texts, 'gain="2 %"')
-    if not (given or defaults):
-        return None
-    unknowns = Unknowns(robot, parameters)
-    found = default_priors(robot, parameters) if defaults else {}
-    for name, text in given.items():
-        items = of_flag("--prior", partial(matching, unknowns), name)
-        if text.strip() == "none":
-            found |= {item.name: math.inf for item in items}
-            continue
-        if si := si_of(items[0].unit):
-            value = positive("--prior", text, si)
-        else:
-            value = share_of("--prior", text, "a positive number", lambda share: share > 0)
-        found |= {item.name: value for item in items}
-    return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
 def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str]:

@@ -3,32 +3,25 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
+from bowstring.cli.flags import FAR, Numbers, OneOrEach, Vector, of_flag
+from bowstring.cli.groups import Group, option
 from bowstring.cli.options import (
     AsJson,
-    AutomaticElements,
     Chord,
-    Gravity,
-    Overrides,
-    RobotSource,
-    Theory,
-    check_bare,
-    check_elements,
-    load,
-    not_negative,
-    numbers_of,
-    of_flag,
-    option,
-    per_tendon,
-    vector,
+    RobotArgument,
+    Rod,
+    Weight,
+    check_figure,
+    save_figure,
 )
 from bowstring.cli.output import (
     NOT_DRAWN,
-    figure_file,
     fixed,
     frame,
     naming,
@@ -54,8 +47,6 @@ if TYPE_CHECKING:
     from bowstring.schemas.inverse import Ik, IkPath, IkResidual
     from bowstring.statics.load import Load
 
-#: Coordinate over the robot's length above which a number without a unit is hardly in m.
-_FAR: Final = 10.0
 #: Distance from the base over the robot's length below which a tip is hardly meant.
 _NEAR: Final = 0.01
 #: Distance between two rows of a path over the length from which it is a jump.
@@ -64,42 +55,60 @@ _JUMP: Final = 0.1
 _JUMP_RATE: Final = 10.0
 #: if it is also larger than this share of the largest tension.
 _JUMP_SHARE: Final = 0.05
-_SUFFIXES: Final = (".png", ".pdf", ".svg")
 
 
-def ik(
-    robot: RobotSource,
-    tip: Annotated[str | None, option("x,y,z", "Desired tip position, base axes.", "--tip")] = None,
-    direction: Annotated[
-        str | None,
-        option("x,y,z", "Desired direction of the tangent at the tip, base axes.", "--direction"),
-    ] = None,
-    path: Annotated[
-        Path | None,
-        option("FILE", "CSV of tip positions, in place of --tip: tip_x_mm, tip_y_mm, tip_z_mm."),
-    ] = None,
+class _Limits(Numbers):
+    """Least and largest value, such as "-30 mm,30 mm"."""
+
+    form = "LEAST,LARGEST"
+
+    def read(self, flag: str, text: str, robot: Robot) -> list[float]:
+        found = self.numbers(flag, text)
+        if len(found) != 2 or found[0] >= found[1]:
+            raise InputError(
+                f"{flag}: got {quote(text)}; write the least and the largest displacement, such as "
+                f"{self.example}."
+            )
+        return found
+
+
+class _Direction(Vector):
+    def read(self, flag: str, text: str, robot: Robot) -> list[float]:
+        value = super().read(flag, text, robot)
+        if not any(value):
+            raise InputError(f"{flag}: got 0,0,0; a direction must not be zero.")
+        return value
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Options:
+    """Model and limits."""
+
+    robot: Robot
     model: Annotated[
         Literal["cc", "physics"],
         typer.Option(help="Constant curvature, or the equilibrium of the rod."),
-    ] = "cc",
+    ] = "cc"
     min_tension: Annotated[
-        str | None,
-        option("T or T1,T2,...", "Least tension of all tendons, or of each.  [default: 0 N]"),
-    ] = None,
+        Any,
+        OneOrEach("N", '"1 N"', "Least tension of all tendons, or of each.  [default: 0 N]"),
+    ]
     max_tension: Annotated[
-        str | None,
-        option(
-            "T or T1,T2,...",
+        Any,
+        OneOrEach(
+            "N",
+            '"80 N"',
             "Largest tension of all tendons, or of each.  [default: half a turn of its segment]",
         ),
-    ] = None,
+    ]
     displacement_limits: Annotated[
-        str | None,
-        option(
-            "LEAST,LARGEST",
+        list[float] | None,
+        _Limits(
+            "m",
+            '"-30 mm,30 mm"',
             "Physics: least and largest displacement of each tendon, from the home pose.",
         ),
-    ] = None,
+    ]
     distance_margin: Annotated[
         str | None,
         option(
@@ -107,18 +116,97 @@ def ik(
             "Physics, point out of reach: how much farther from it than the nearest tip the tip "
             "may be for smaller tensions, over the length; 0: the nearest tip.  [default: 0.1 %]",
         ),
+    ] = None
+    loads: Weight
+    rod: Rod
+
+    def of_physics(self) -> dict[str, bool]:
+        """Flags that constant curvature does not use, and whether they are given."""
+        return {
+            "--theory": self.rod.theory != "cosserat",
+            "--gravity": self.loads.gravity is not None,
+            "--tip-force": any(self.loads.tip_force),
+            "--elements": self.rod.elements is not None,
+            "--displacement-limits": self.displacement_limits is not None,
+            "--distance-margin": self.distance_margin is not None,
+        }
+
+    @property
+    def margin(self) -> float | str:
+        return 1e-3 if self.distance_margin is None else self.distance_margin
+
+    @property
+    def load(self) -> Load:
+        if self.loads.gravity is not None:
+            return self.loads
+        return self.loads.replace(gravity=self.robot.gravity)
+
+    def solve(
+        self, point: Any, tangent: Any, model: Literal["cc", "physics"] | None = None
+    ) -> InverseSolution:
+        from bowstring.inverse.kinematics import inverse_kinematics
+
+        least = 0.0 if self.min_tension is None else self.min_tension
+        limits: dict[str, Any] = {"min_tension": least, "max_tension": self.max_tension}
+        try:
+            if (model or self.model) == "cc":
+                return inverse_kinematics(
+                    self.robot, point, direction=tangent, model="constant_curvature", **limits
+                )
+            return inverse_kinematics(
+                self.robot,
+                point,
+                direction=tangent,
+                load=self.load,
+                model=self.rod,
+                displacement_limits=self.displacement_limits,
+                distance_margin=self.margin,
+                **limits,
+            )
+        except InputError as error:
+            for name in ("min_tension", "displacement_limits", "distance_margin"):
+                if name in str(error):
+                    raise InputError(f"--{name.replace('_', '-')}: {error}") from None
+            raise
+
+    def settings(self) -> dict[str, Any]:
+        physics = self.model == "physics"
+        return {
+            "model": self.model,
+            "min_tension_N": self.min_tension,
+            "max_tension_N": self.max_tension,
+            "displacement_limits_m": self.displacement_limits,
+            "distance_margin": self.margin if physics else None,
+            "theory": self.rod.theory if physics else None,
+            "gravity_m_per_s2": self.load.gravity if physics else None,
+            "tip_force_N": self.load.tip_force if physics else None,
+            "elements": self.rod.elements,
+        }
+
+
+_Given = Annotated[_Options, Group("Model and limits", _Options)]
+
+
+def ik(
+    robot: RobotArgument,
+    tip: Annotated[
+        list[float] | None,
+        Vector("m", "0.1,0,0.6", "Desired tip position, base axes.", far=FAR),
+    ],
+    direction: Annotated[
+        list[float] | None,
+        _Direction("1", "0.5,0,0.9", "Desired direction of the tangent at the tip, base axes."),
+    ],
+    options: _Given,
+    path: Annotated[
+        Path | None,
+        option("FILE", "CSV of tip positions, in place of --tip: tip_x_mm, tip_y_mm, tip_z_mm."),
     ] = None,
     free_length: Annotated[
         bool,
         typer.Option("--free-length", help="Let the length of the arc change to meet the point."),
     ] = False,
     chord: Chord = False,
-    theory: Theory = "cosserat",
-    gravity: Gravity = None,
-    tip_force: Annotated[
-        str | None, option("x,y,z", "Dead load: force at the tip, base axes.")
-    ] = None,
-    elements: AutomaticElements = None,
     residual: Annotated[
         Path | None,
         option(
@@ -135,7 +223,6 @@ def ik(
         Path | None,
         option("FILE", "Figure for --path (.png, .pdf, .svg).  [default: beside the table]"),
     ] = None,
-    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Inverse kinematics: tip to tensions and tendon displacements.
@@ -144,103 +231,66 @@ def ik(
     equilibrium. Where the point is not reached, the nearest tip is given. With --path the figure
     shows where the commands of both models lead by physics.
     """
-    robot_ = load(robot, overrides)
     if (tip is None) == (path is None):
         raise InputError("--tip: give either --tip or --path.")
     if residual is not None:
-        others = (
-            ("--model", model != "cc"),
-            ("--theory", theory != "cosserat"),
-            ("--gravity", gravity is not None),
-            ("--tip-force", tip_force is not None),
-            ("--elements", elements is not None),
-            ("--displacement-limits", displacement_limits is not None),
-            ("--distance-margin", distance_margin is not None),
-            ("--direction", direction is not None),
-            ("--free-length", free_length),
-            ("--chord", chord),
-            ("--figure", figure is not None),
-        )
-        for flag, there in others:
+        others = {
+            "--model": options.model != "cc",
+            **options.of_physics(),
+            "--direction": direction is not None,
+            "--free-length": free_length,
+            "--chord": chord,
+            "--figure": figure is not None,
+        }
+        for flag, there in others.items():
             if there:
                 raise InputError(f"{flag}: not with --residual, which has the model of its fit.")
         if out is not None and path is None:
             raise InputError("--out: it is for --path; a single tip is printed.")
-        least = _limit("--min-tension", min_tension, robot_)
-        limits = 0.0 if least is None else least, _limit("--max-tension", max_tension, robot_)
-        return _with_residual(robot_, residual, tip, path, limits, out, as_json)
-    if model == "cc":
-        given = (
-            ("--theory", theory != "cosserat"),
-            ("--gravity", gravity is not None),
-            ("--tip-force", tip_force is not None),
-            ("--elements", elements is not None),
-            ("--displacement-limits", displacement_limits is not None),
-            ("--distance-margin", distance_margin is not None),
-        )
-        for flag, there in given:
-            if there and path is None:
-                raise InputError(
-                    f"{flag}: constant curvature does not use it; add --model physics."
-                )
+        return _with_residual(options, residual, tip, path, out, as_json)
+    for flag, there in options.of_physics().items():
+        if there and options.model == "cc" and path is None:
+            raise InputError(f"{flag}: constant curvature does not use it; add --model physics.")
     for flag, there in (("--free-length", free_length), ("--chord", chord)):
-        if there and (model == "physics" or path is not None):
+        if there and (options.model == "physics" or path is not None):
             raise InputError(f"{flag}: it is for --tip with --model cc.")
     for flag, file in (("--out", out), ("--figure", figure)):
         if file is not None and path is None:
             raise InputError(f"{flag}: it is for --path; a single tip is printed.")
-    check_elements(elements)
-    options = _Options(
-        robot_,
-        model,
-        min_tension,
-        max_tension,
-        theory,
-        elements,
-        gravity,
-        tip_force,
-        displacement_limits,
-        distance_margin,
-    )
     if path is not None:
         if direction is not None:
             raise InputError("--direction: a path has its directions as columns; leave it out.")
         return _path(options, path, out, figure, as_json)
     assert tip is not None
-    point = vector("--tip", tip, "m")
-    check_bare("--tip", tip, "m", robot_, _FAR * robot_.length, "mm")
-    distance, reach = math.hypot(*point), robot_.length
-    _check_near("--tip", robot_, [point])
+    distance, reach = math.hypot(*tip), robot.length
+    _check_near("--tip", robot, [tip])
     if distance > reach and not free_length:
         raise InputError(
             f"--tip: got a point {number_with_unit(distance, 'm')} from the base, out of "
-            f"reach: {robot_.name} is {number_with_unit(reach, 'm')} long."
+            f"reach: {robot.name} is {number_with_unit(reach, 'm')} long."
         )
-    tangent = None if direction is None else vector("--direction", direction, "1")
-    if tangent is not None and not any(tangent):
-        raise InputError("--direction: got 0,0,0; a direction must not be zero.")
     if free_length or chord:
-        if tangent is not None or min_tension is not None or max_tension is not None:
+        if (direction, options.min_tension, options.max_tension) != (None, None, None):
             raise InputError(
                 f"{'--free-length' if free_length else '--chord'}: it gives tendon lengths without "
                 "tensions; leave --direction and limits of tensions out."
             )
-        return _arc(robot_, point, free_length, chord, as_json)
-    found = options.solve(point, tangent)
+        return _arc(robot, tip, free_length, chord, as_json)
+    found = options.solve(tip, direction)
     if found.status == "no_equilibrium":
-        raise NoSolutionError(f"{robot_.name}: {found.message()}", status="no_equilibrium")
+        raise NoSolutionError(f"{robot.name}: {found.message()}", status="no_equilibrium")
     row: Any = found.to_dict()
     segments = None if found.arcs is None else arc_rows(found.arcs)
     if as_json:
-        about = provenance_of(robot_, tip_m=point, direction=tangent, **options.settings())
-        return write_json({**row, "model": model, "segments": segments, **about})
+        about = provenance_of(robot, tip_m=tip, direction=direction, **options.settings())
+        return write_json({**row, "model": options.model, "segments": segments, **about})
     if found.stable is False:
         say("Warning", "the equilibrium is unstable.")
     where = f"\nmisses the point by {1e3 * found.distance:.3f} mm"
-    if tangent is not None:
+    if direction is not None:
         where += f" and the direction by {math.degrees(found.direction_error):.3f} deg"
     write_tables(
-        f"{robot_.name}, {_name(model)}: {found.message()}",
+        f"{robot.name}, {_name(options.model)}: {found.message()}",
         *([] if segments is None else [arc_table(segments)]),
         tip_line(found.tip_position, found.tip_rotation) + where,
         _tendon_table(found),
@@ -263,11 +313,10 @@ def _check_near(flag: str, robot: Robot, points: ArrayLike) -> None:
 
 
 def _with_residual(
-    robot: Robot,
+    options: _Options,
     file: Path,
-    tip: str | None,
+    tip: list[float] | None,
     path: Path | None,
-    limits: tuple[Any, Any],
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -277,12 +326,13 @@ def _with_residual(
     from bowstring.calibration import inverse_with_residual, read_residual
     from bowstring.inverse.table import check_commands, read_tips, write_rows
 
+    robot = options.robot
+    least = 0.0 if options.min_tension is None else options.min_tension
     residual = of_flag("--residual", lambda name: read_residual(name, robot), file)
     table = None
     if path is None:
         assert tip is not None
-        positions = np.array([vector("--tip", tip, "m")])
-        check_bare("--tip", tip, "m", robot, _FAR * robot.length, "mm")
+        positions = np.array([tip])
         _check_near("--tip", robot, positions)
     else:
         tips = of_flag("--path", read_tips, path)
@@ -295,8 +345,8 @@ def _with_residual(
         found = inverse_with_residual(
             residual,
             positions,
-            min_tension=limits[0],
-            max_tension=limits[1],
+            min_tension=least,
+            max_tension=options.max_tension,
             progress=lambda share: notify("inverse kinematics", share),
         )
     kinds = found.by_displacement
@@ -339,8 +389,8 @@ def _with_residual(
                 tip_m=None if path is not None else positions[0].tolist(),
                 path=None if path is None else str(path),
                 residual=str(file),
-                min_tension_N=limits[0],
-                max_tension_N=limits[1],
+                min_tension_N=least,
+                max_tension_N=options.max_tension,
             ),
         }
         return write_json(result)
@@ -364,98 +414,6 @@ def _with_residual(
     for i, (by, value) in enumerate(zip(kinds, found.commands[0], strict=True), 1):
         commands.add_row(str(i), f"{fixed(1e3 * value, 3)} mm" if by else f"{fixed(value, 4)} N")
     write_tables("\n".join(lines), commands)
-
-
-class _Options:
-    """Flags of both forms of the command."""
-
-    def __init__(
-        self,
-        robot: Robot,
-        model: Literal["cc", "physics"],
-        *texts: Any,
-    ) -> None:
-        min_tension, max_tension, theory, elements, gravity, tip_force, travel, margin = texts
-        self.robot, self.model, self.theory, self.elements = robot, model, theory, elements
-        self.least = _limit("--min-tension", min_tension, robot)
-        self.most = _limit("--max-tension", max_tension, robot)
-        self.gravity = robot.gravity if gravity is None else vector("--gravity", gravity, "m/s^2")
-        self.displacements = _displacements(travel)
-        self.margin: float | str = 1e-3 if margin is None else margin
-        self.force = [0.0] * 3 if tip_force is None else vector("--tip-force", tip_force, "N")
-
-    @property
-    def load(self) -> Load:
-        from bowstring.statics.load import Load
-
-        return Load(gravity=self.gravity, tip_force=self.force)
-
-    def solve(
-        self, point: Any, tangent: Any, model: Literal["cc", "physics"] | None = None
-    ) -> InverseSolution:
-        from bowstring._core import RodModel
-        from bowstring.inverse.kinematics import inverse_kinematics
-
-        limits: dict[str, Any] = {"min_tension": 0.0 if self.least is None else self.least}
-        limits["max_tension"] = self.most
-        try:
-            if (model or self.model) == "cc":
-                return inverse_kinematics(
-                    self.robot, point, direction=tangent, model="constant_curvature", **limits
-                )
-            rod = RodModel(self.theory, elements=self.elements)
-            return inverse_kinematics(
-                self.robot,
-                point,
-                direction=tangent,
-                load=self.load,
-                model=rod,
-                displacement_limits=self.displacements,
-                distance_margin=self.margin,
-                **limits,
-            )
-        except InputError as error:
-            for name in ("min_tension", "displacement_limits", "distance_margin"):
-                if name in str(error):
-                    raise InputError(f"--{name.replace('_', '-')}: {error}") from None
-            raise
-
-    def settings(self) -> dict[str, Any]:
-        physics = self.model == "physics"
-        return {
-            "model": self.model,
-            "min_tension_N": self.least,
-            "max_tension_N": self.most,
-            "displacement_limits_m": self.displacements,
-            "distance_margin": self.margin if physics else None,
-            "theory": self.theory if physics else None,
-            "gravity_m_per_s2": self.gravity if physics else None,
-            "tip_force_N": self.force if physics else None,
-            "elements": self.elements,
-        }
-
-
-def _limit(flag: str, text: str | None, robot: Robot) -> Any:
-    """Read one tension, or one for each tendon."""
-    if text is None:
-        return None
-    if "," in text:
-        return per_tendon(flag, text, "N", robot)
-    return not_negative(flag, text, "N")
-
-
-def _displacements(text: str | None) -> list[float] | None:
-    """Read the least and the largest displacement."""
-    flag = "--displacement-limits"
-    if text is None:
-        return None
-    found = numbers_of(flag, text, "m")
-    if len(found) != 2 or found[0] >= found[1]:
-        raise InputError(
-            f"{flag}: got {quote(text)}; write the least and the largest displacement, such as "
-            '"-30 mm,30 mm".'
-        )
-    return found
 
 
 def _name(model: str) -> str:
@@ -553,21 +511,15 @@ def _path(
     """Commands for a path, and where they and those of constant curvature lead by physics."""
     import numpy as np
 
-    from bowstring._core import RodModel
     from bowstring.inverse.table import Landing, check_commands, read_tips, write_commands
     from bowstring.viz.inverse import draw_path
-    from bowstring.viz.style import check_figure_file, write_figure
 
     robot = options.robot
     tips = of_flag("--path", read_tips, path)
     _check_near("--path", robot, tips.positions)
     table = of_flag("--out", check_commands, out or Path("commands.csv"))
 
-    def check(name: str | Path) -> Path:
-        return check_figure_file(name, "figure", _SUFFIXES)
-
-    drawing = of_flag("--figure", check, figure or table.with_suffix(".png"))
-    rod = RodModel(options.theory, elements=options.elements)
+    drawing = of_flag("--figure", check_figure, figure or table.with_suffix(".png"))
     with progress_bar("inverse kinematics") as notify:
         try:
             found = options.solve(tips.positions, tips.directions)
@@ -578,18 +530,14 @@ def _path(
             found if options.model == "cc" else options.solve(tips.positions, tips.directions, "cc")
         )
         notify("landing of constant curvature", 0.6)
-        landed = arcs.land(load=options.load, model=rod).tip_position
+        landed = arcs.land(load=options.load, model=options.rod).tip_position
         notify("figure", 0.8)
         models = {"constant curvature": landed}
         if options.model == "physics":
             models = {"physics": found.tip_position, **models}
         write_commands(found, table, Landing(arcs.tensions, landed))
         with naming({"table": table}):
-            drawn = figure_file(
-                lambda: write_figure(
-                    lambda: draw_path(tips.positions, models), drawing, "figure", 160, check
-                )
-            )
+            drawn = save_figure(lambda: draw_path(tips.positions, models), drawing)
     steps = np.linalg.norm(np.diff(tips.positions, axis=0), axis=1)
     for row in np.flatnonzero(steps > _JUMP * robot.length)[:1]:
         say(

@@ -11,8 +11,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
-from functools import wraps
-from inspect import Parameter, signature
+from importlib import import_module
 from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, Final, TextIO
@@ -20,26 +19,7 @@ from typing import Annotated, Any, Final, TextIO
 import typer
 
 from bowstring import interrupts
-from bowstring.cli import (
-    bench,
-    branches,
-    cad,
-    compiled,
-    control,
-    data,
-    doctor,
-    dynamics,
-    export,
-    fe,
-    fit,
-    inverse,
-    map,
-    statics,
-    study,
-    suite,
-    uncertainty,
-    view,
-)
+from bowstring.cli.groups import Command, Quiet, spread
 from bowstring.cli.output import Stopped, be_quiet, coloured, say, write
 from bowstring.errors import FigureWarning, InputError, NoSolutionError, StabilityWarning
 
@@ -47,72 +27,37 @@ BAD_INPUT: Final = 2
 NO_SOLUTION: Final = 1
 STOPPED: Final = 130  # as a shell reports Ctrl-C
 BUG: Final = 70  # EX_SOFTWARE
-app = typer.Typer(
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+#: Module and function of each command.
+_COMMANDS: Final = {
+    "robots": "statics.robots",
+    "schema": "statics.schema",
+    "fk": "statics.fk",
+    "ik": "inverse.ik",
+    "control": "control.control",
+    "reach": "control.reach",
+    "solve": "statics.solve",
+    "branches": "branches.branches",
+    "study": "study.study",
+    "suite": "suite.suite",
+    "simulate": "dynamics.simulate",
+    "modes": "dynamics.modes",
+    "fit": "fit.fit",
+    "cad": "cad.cad",
+    "fe": "fe.fe",
+    "export": "export.export",
+    "view": "view.view",
+    "doctor": "doctor.doctor",
+    "compile": "compiled.compile_",
+    "map": "map.map_",
+    "uncertainty": "uncertainty.uncertainty",
+    "bench check": "bench.check",
+    "bench simulate": "bench.simulate",
+    "data list": "data.list_sets",
+    "data get": "data.get",
+}
+_GROUPS: Final = {"bench": "Data of a test bench.", "data": "Public data sets."}
 
 
-bench_app = typer.Typer(help="Data of a test bench.", rich_markup_mode=None)
-data_app = typer.Typer(help="Public data sets.", rich_markup_mode=None)
-app.add_typer(bench_app, name="bench")
-app.add_typer(data_app, name="data")
-
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="No progress and no warnings on stderr, errors only.")
-]
-
-
-def _with_quiet(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the flag --quiet to a command."""
-
-    @wraps(command)
-    def run(*, quiet: bool, **values: Any) -> None:
-        if quiet:
-            be_quiet(True)
-        command(**values)
-
-    flag = Parameter("quiet", Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
-    own = signature(command, eval_str=True)
-    run.__signature__ = own.replace(  # type: ignore[attr-defined]
-        parameters=[*own.parameters.values(), flag]
-    )
-    return run
-
-
-for _command in (
-    statics.robots,
-    statics.schema,
-    statics.fk,
-    inverse.ik,
-    control.control,
-    control.reach,
-    statics.solve,
-    branches.branches,
-    study.study,
-    suite.suite,
-    dynamics.simulate,
-    dynamics.modes,
-    fit.fit,
-    cad.cad,
-    fe.fe,
-    export.export,
-    view.view,
-    doctor.doctor,
-):
-    app.command()(_with_quiet(_command))
-app.command("compile")(_with_quiet(compiled.compile_))
-app.command("map")(_with_quiet(map.map_))
-app.command()(_with_quiet(uncertainty.uncertainty))
-bench_app.command("check")(_with_quiet(bench.check))
-bench_app.command("simulate")(_with_quiet(bench.simulate))
-data_app.command("list")(_with_quiet(data.list_sets))
-data_app.command("get")(_with_quiet(data.get))
-
-
-@bench_app.callback()
-@data_app.callback()
 def _group(quiet: Quiet = False) -> None:
     if quiet:
         be_quiet(True)
@@ -120,6 +65,8 @@ def _group(quiet: Quiet = False) -> None:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
+        from bowstring.cli import doctor
+
         here = doctor.facts()
         write(
             f"bowstring {here['bowstring']} (Python {here['python']}, {here['platform']}, "
@@ -128,7 +75,6 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit()
 
 
-@app.callback(invoke_without_command=True)
 def _main(
     context: typer.Context,
     version: Annotated[
@@ -145,6 +91,53 @@ def _main(
         be_quiet(True)
     if context.invoked_subcommand is None:
         write(context.get_help() + "\n")
+
+
+def _app(only: str = "", *, flags: bool = True) -> typer.Typer:
+    """Make the parser of all commands, or of one command or group alone, which takes less time.
+
+    Without flags, the commands are there for the help of the program.
+    """
+    app = typer.Typer(
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback(invoke_without_command=True)(_main)
+    groups = {"": app}
+    for name, text in _GROUPS.items():
+        groups[name] = typer.Typer(help=text, rich_markup_mode=None)
+        groups[name].callback()(_group)
+        app.add_typer(groups[name], name=name)
+    for name, place in _COMMANDS.items():
+        if only not in ("", name.split()[0]):
+            continue
+        module, function = place.split(".")
+        command = getattr(import_module(f"bowstring.cli.{module}"), function)
+        group, _, own = name.rpartition(" ")
+        groups[group].command(own, cls=Command)(spread(command) if flags else _named(command))
+    return app
+
+
+def _named(command: Callable[..., None]) -> Callable[[], None]:
+    def run() -> None: ...
+
+    run.__doc__ = command.__doc__
+    return run
+
+
+def _app_of(arguments: Sequence[str]) -> typer.Typer:
+    """Make the parser that these arguments need."""
+    first = next((text for text in arguments if text not in ("-q", "--quiet")), "")
+    if first in ("-h", "--help", "--version"):
+        return _app(flags=False)
+    return _app(first if first in {name.split()[0] for name in _COMMANDS} else "")
+
+
+def __getattr__(name: str) -> typer.Typer:
+    if name == "app":  # all commands, for documentation and tests
+        return _app()
+    raise AttributeError(name)
 
 
 # Flags whose name differs from that of their argument.
@@ -246,6 +239,7 @@ def run(arguments: Sequence[str]) -> int:
     try:
         # None: typer detects a terminal itself
         style = None if coloured(sys.stdout) else False
+        app = _app_of(arguments)
         code = app(list(arguments), prog_name="bowstring", standalone_mode=False, color=style)
         late = interrupts.pending() and code != STOPPED
         interrupts.acknowledge()

@@ -9,20 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
+from bowstring.cli.flags import of_flag
+from bowstring.cli.groups import option
 from bowstring.cli.options import (
     AsJson,
-    Gravity,
-    Overrides,
-    RobotSource,
-    TipForce,
+    MaxTension,
+    RobotOfStudy,
+    Tendons,
+    Tolerance,
+    Weight,
     default_file,
-    load,
-    number_of,
-    of_flag,
-    option,
-    share_of,
-    shares_of,
-    vector,
 )
 from bowstring.cli.output import (
     NOT_DRAWN,
@@ -48,7 +44,11 @@ _MANY: Final = 200_000  # points: minutes
 
 
 def map_(
-    robot: RobotSource = "amouri2019",
+    robot: RobotOfStudy,
+    tolerance: Tolerance,
+    max_tension: MaxTension,
+    tendon: Tendons,
+    loads: Weight,
     over: Annotated[
         list[str] | None,
         option(
@@ -58,9 +58,6 @@ def map_(
             "gravity.z.  [default: tension and number of disks]",
         ),
     ] = None,
-    tolerance: Annotated[
-        str, typer.Option(help='Tolerated tip error, a share of the length: 0.01 or "1 %".')
-    ] = "1 %",
     metric: Annotated[
         Literal["largest_error", "mean_error", "error", "valid_to"] | None,
         typer.Option(
@@ -78,9 +75,6 @@ def map_(
             "cc_from_displacements.  [default: cc_from_lengths,cc_from_force]",
         ),
     ] = None,
-    max_tension: Annotated[
-        str | None, option("T", "Largest tension of the sweep.  [default: chosen for the robot]")
-    ] = None,
     points: Annotated[
         int | None,
         option(
@@ -89,16 +83,6 @@ def map_(
             "--workspace 4096]",
         ),
     ] = None,
-    tendon: Annotated[
-        str | None,
-        option(
-            "N[:SHARE],...",
-            "The actuated tendon, or several: 1,4:0.5 gives tendon 4 half the tension.  "
-            "[default: the first of the outermost segment]",
-        ),
-    ] = None,
-    gravity: Gravity = None,
-    tip_force: TipForce = "0,0,0",
     out: Annotated[
         Path | None,
         option(
@@ -127,7 +111,6 @@ def map_(
         str | None,
         option("ADDRESS", "With --store: scheduler of a Dask cluster that computes the blocks."),
     ] = None,
-    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Map where constant curvature holds, over numbers of the robot, its load or actuation.
@@ -136,19 +119,6 @@ def map_(
     by statics, compared with constant curvature.
     Outside the line at the tolerance, colours tell the effect that makes most of the error.
     """
-    tolerated = share_of(
-        "--tolerance",
-        tolerance,
-        "a share of the length above 0 and below 1",
-        lambda value: 0 < value < 1,
-    )
-    limit = None if max_tension is None else number_of("--max-tension", max_tension, "N")
-    acting = None if gravity is None else vector("--gravity", gravity, "m/s^2")
-    force = vector("--tip-force", tip_force, "N")
-    model = load(robot, overrides)
-    shares = None if tendon is None else shares_of("--tendon", tendon, model)
-
-    from bowstring.statics.load import Load
     from bowstring.validity.loading import Loading
     from bowstring.validity.map_job import map_job
     from bowstring.validity.map_settings import end_of_ramp, reach_of_ramp, read_axes, space_of
@@ -164,20 +134,21 @@ def map_(
         raise InputError("--tendon is of a sweep; with --workspace all tendons are actuated.")
     if points is None:
         points = POSES if workspace else Loading.points
-    loading = Loading(limit) if workspace else Loading(limit, points, shares)
-    dead = Load(gravity=acting, tip_force=force)
+    loading = Loading(max_tension) if workspace else Loading(max_tension, points, tendon)
     names = None
     if models is not None:
         names = list(dict.fromkeys(name.strip() for name in models.split(",")))
-    made = provenance_of(model, gravity_m_per_s2=acting, tip_force_N=force, points=points)
+    made = provenance_of(
+        robot, gravity_m_per_s2=loads.gravity, tip_force_N=loads.tip_force, points=points
+    )
     jobs = partial(
         map_job,
-        model,
-        tolerance=tolerated,
+        robot,
+        tolerance=tolerance,
         metric=metric,
         models=names,
         loading=loading,
-        load=dead,
+        load=loads,
     )
     if dask is not None and store is None:
         raise InputError("--dask computes blocks; name their folder by --store.")
@@ -185,7 +156,7 @@ def map_(
         if workspace or not over:
             raise InputError("--store is of a map over axes; give --over and not --workspace.")
         job = of_flag("--over", jobs, over)
-        kept = _in_blocks(job, store, out or default_file(model, "map.nc"), dask)
+        kept = _in_blocks(job, store, out or default_file(robot, "map.nc"), dask)
         if as_json:
             result: schema.StoredMap = {**made, **kept}
             return write_json(result)
@@ -195,13 +166,13 @@ def map_(
         return write("\n".join([*kept["text"], counts]) + "\n")
     if over and len(over) > 2:
         return _many(
-            of_flag("--over", jobs, over), out or default_file(model, "map.png"), made, as_json
+            of_flag("--over", jobs, over), out or default_file(robot, "map.png"), made, as_json
         )
     check = check_workspace_file if workspace else check_map_file
-    file = of_flag("--out", check, out or default_file(model, "map.png"))
+    file = of_flag("--out", check, out or default_file(robot, "map.png"))
     axes = None
     if over:
-        axes = of_flag("--over", lambda texts: read_axes(model, texts, loading, dead), over)
+        axes = of_flag("--over", lambda texts: read_axes(robot, texts, loading, loads), over)
         count = math.prod(len(axis.values) for axis in axes)
         if count > _MANY and count * points <= MOST_SOLVES:
             say(
@@ -209,7 +180,7 @@ def map_(
                 f"{count} points are computed in memory, and a stop loses them; --store DIR keeps "
                 "what is done.",
             )
-        space = space_of(model, axes, loading, dead)
+        space = space_of(robot, axes, loading, loads)
         top, reached = reach_of_ramp(space)
         if reached < top:
             say(
@@ -221,24 +192,24 @@ def map_(
     with progress_bar("errors") as notify:
         if workspace:
             poses = workspace_map(
-                model,
-                end_of_ramp(model, loading, dead),
+                robot,
+                end_of_ramp(robot, loading, loads),
                 poses=points,
-                tolerance=tolerated,
+                tolerance=tolerance,
                 models=names,
-                load=dead,
+                load=loads,
                 progress=notify,
             )
             written, sentences = figure_file(lambda: poses.save(file)), poses.described()
         else:
             found = validity_map(
-                model,
+                robot,
                 axes,
-                tolerance=tolerated,
+                tolerance=tolerance,
                 metric=metric,
                 models=names,
                 loading=loading,
-                load=dead,
+                load=loads,
                 progress=notify,
             )
             written, sentences = figure_file(lambda: found.save(file)), described(found)

@@ -6,44 +6,28 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any
 
+from bowstring.cli import completion
 from bowstring.cli.actuation import (
-    Angle,
-    Displacement,
-    Tension,
-    actuated_by,
+    Actuation,
+    at_rest,
     check_history_file,
+    no_command,
     read_history,
     write_history,
 )
+from bowstring.cli.flags import FAR, Number, Numbers, PerTendon, of_flag, tendon_count
+from bowstring.cli.groups import Group, option
 from bowstring.cli.options import (
     AsJson,
-    AutomaticElements,
     Chord,
-    DiskForces,
-    DiskMoments,
-    FollowerForces,
-    Gravity,
     HistoryFile,
-    LineForce,
-    Overrides,
-    PlaneFriction,
-    PlaneText,
-    PointForces,
-    RobotSource,
-    Theory,
-    at_points,
-    check_bare,
-    check_elements,
-    load,
-    of_flag,
-    on_disks,
-    option,
-    per_tendon,
-    plane_of,
-    tendon_count,
-    vector,
+    Loads,
+    RobotArgument,
+    Rod,
+    is_loaded,
+    settings_of,
 )
 from bowstring.cli.output import (
     fixed,
@@ -57,6 +41,7 @@ from bowstring.cli.output import (
     write_tables,
 )
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.units import quote
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -67,11 +52,8 @@ if TYPE_CHECKING:
     from bowstring.schemas.statics import Arc, CorrectedPoint, FittedArc, Fk
     from bowstring.statics import limits
     from bowstring.statics.load import Load
+    from bowstring.statics.plane import Plane
     from bowstring.statics.solution import Solution
-
-
-#: Coordinate over the robot's length above which a number without a unit is hardly in m.
-_FAR: Final = 10.0
 
 
 def robots(as_json: AsJson = False) -> None:
@@ -113,22 +95,30 @@ def schema(as_json: AsJson = False) -> None:
 
 
 def fk(
-    robot: RobotSource,
-    lengths: Annotated[str, option("L1,L2,...", "Tendon lengths, from the base to the end disk.")],
+    robot: RobotArgument,
+    lengths: Annotated[
+        list[float],
+        PerTendon(
+            "m",
+            '"641 mm",0.65,0.65',
+            "Tendon lengths, from the base to the end disk.",
+            form="L1,L2,...",
+            default=...,
+            must_be="positive",
+            far=FAR,
+        ),
+    ],
     chord: Chord = False,
-    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Forward kinematics, constant curvature: lengths to arcs and tip."""
     from bowstring.constant_curvature import RobotArcs
 
-    model = load(robot, overrides)
-    values = per_tendon("--lengths", lengths, "m", model, above_zero=True)
-    check_bare("--lengths", lengths, "m", model, _FAR * model.length, "mm")
-    try:
-        arcs = RobotArcs.from_lengths(model, values, "chord" if chord else None)
-    except InputError as error:
-        raise InputError(f"--lengths: {error}") from None
+    arcs: RobotArcs = of_flag(
+        "--lengths",
+        lambda each: RobotArcs.from_lengths(robot, each, "chord" if chord else None),
+        lengths,
+    )
     segments: list[FittedArc] = [
         {**segment, "misfit_m": float(misfit)}
         for segment, misfit in zip(arc_rows(arcs), arcs.misfit, strict=True)
@@ -136,7 +126,7 @@ def fk(
     result: Fk = {
         "segments": segments,
         "tip": frame(arcs.tip.position, arcs.tip.rotation),
-        **provenance_of(model, lengths_m=values, chord=chord),
+        **provenance_of(robot, lengths_m=lengths, chord=chord),
     }
     if as_json:
         return write_json(result)
@@ -144,11 +134,67 @@ def fk(
     write_tables(arc_table(segments, misfits), tip_line(arcs.tip.position, arcs.tip.rotation))
 
 
+class _PointAndNormal(Numbers):
+    """A plane x,y,z:nx,ny,nz."""
+
+    def read(self, flag: str, text: str, robot: Robot) -> tuple[list[float], list[float]]:
+        point, colon, normal = text.partition(":")
+        if not colon or ":" in normal:
+            raise InputError(
+                f"{flag}: got {quote(text)}; must be a point and, after a colon, the normal, for "
+                f"example {flag} {self.example}."
+            )
+        values = self.vector(flag, point), Numbers("1", self.example, "").vector(flag, normal)
+        self.check_far(flag, point, robot)
+        return values
+
+
+def _plane(
+    plane: Annotated[
+        tuple[list[float], list[float]] | None,
+        _PointAndNormal(
+            "m",
+            "0.2,0,0:-1,0,0",
+            "Rigid plane that the tip may touch: a point and the normal, which points to the "
+            "robot, base axes.",
+            form="x,y,z:nx,ny,nz",
+            far=FAR,
+        ),
+    ],
+    plane_friction: Annotated[
+        float | None,
+        Number(
+            "",
+            "0.2",
+            "Coefficient of Coulomb friction between tip and plane.  [default: 0]",
+            form="MU",
+            must_be="0 or more",
+            values=completion.words("0.1", "0.2", "0.3"),
+        ),
+    ],
+) -> Plane | None:
+    if plane is None and plane_friction is not None:
+        raise InputError("--plane-friction: there is no plane; add --plane.")
+    if plane is None:
+        return None
+
+    from bowstring.statics.plane import Plane
+
+    try:
+        return Plane(*plane, plane_friction or 0.0)
+    except InputError as error:
+        raise InputError(f"--plane: {error}") from None
+
+
+_Plane = Annotated["Plane | None", Group("Loads", _plane)]
+
+
 def solve(
-    robot: RobotSource,
-    tension: Tension = None,
-    displacement: Displacement = None,
-    angle: Angle = None,
+    robot: RobotArgument,
+    actuation: Actuation,
+    loads: Loads,
+    plane: _Plane,
+    rod: Rod,
     history: HistoryFile = None,
     save_history: Annotated[
         Path | None, option("FILE", "JSON file for the state of the load path, to continue from.")
@@ -161,85 +207,41 @@ def solve(
             "without history.",
         ),
     ] = None,
-    theory: Theory = "cosserat",
-    gravity: Gravity = None,
-    tip_force: Annotated[str, option("x,y,z", "Dead load: force at the tip, base axes.")] = "0,0,0",
-    tip_moment: Annotated[
-        str, option("x,y,z", "Dead load: moment at the tip, base axes.")
-    ] = "0,0,0",
-    disk_force: DiskForces = None,
-    disk_moment: DiskMoments = None,
-    point_force: PointForces = None,
-    follower_force: FollowerForces = None,
-    line_force: LineForce = None,
-    plane: PlaneText = None,
-    plane_friction: PlaneFriction = None,
-    elements: AutomaticElements = None,
-    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Statics: tendon tensions, displacements and loads to the robot's equilibrium.
 
     Without tensions, displacements and angles all tendons are slack.
     """
-    from bowstring._core import RodModel
-    from bowstring.statics import rod
-    from bowstring.statics.load import Load
+    from bowstring.statics import rod as statics
 
-    model = load(robot, overrides)
-    wanted = (tension, displacement, angle)
-    if wanted == (None, None, None) and history is None and residual is None:
-        load_ = Load(tensions=[0.0] * len(model.tendons.segment))
-    else:
-        load_ = actuated_by(model, *wanted)
-    check_elements(elements)
-    weight = vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
-    force = vector("--tip-force", tip_force, "N")
-    moment = vector("--tip-moment", tip_moment, "N*m")
-    disk_forces = on_disks("--disk-force", disk_force, "N", model)
-    disk_moments = on_disks("--disk-moment", disk_moment, "N*m", model)
-    points = at_points(point_force, follower_force, model)
-    line = None if line_force is None else vector("--line-force", line_force, "N/m")
-    rigid = plane_of("--plane", plane, plane_friction)
-    if rigid is not None:
-        if history is not None or save_history is not None:
-            flag = "--history" if history is not None else "--save-history"
-            raise InputError(f"{flag}: a contact is not continued; leave it or --plane out.")
-        check_bare(
-            "--plane", (plane or "").partition(":")[0], "m", model, _FAR * model.length, "mm"
-        )
+    if actuation is None and (history is not None or residual is not None):
+        raise no_command()
+    load = at_rest(robot, actuation, loads)
+    if plane is not None and (history is not None or save_history is not None):
+        flag = "--history" if history is not None else "--save-history"
+        raise InputError(f"{flag}: a contact is not continued; leave it or --plane out.")
     before = None if history is None else read_history(history)
     if save_history is not None:
         save_history = of_flag("--save-history", check_history_file, save_history)
-    all_loads = load_.replace(
-        gravity=weight,
-        tip_force=force,
-        tip_moment=moment,
-        disk_forces=disk_forces,
-        disk_moments=disk_moments,
-        point_loads=points,
-        line_forces=line,
-    )
-    rod_model = RodModel(theory, elements=elements)
     corrected = None
     if residual is not None:
-        loads = (gravity, disk_force, disk_moment, point_force, follower_force, line_force, plane)
-        if elements is not None or theory != "cosserat":
+        if rod.elements is not None or rod.theory != "cosserat":
             raise InputError(
                 "--residual has the rod model of its fit; leave out --elements and --theory."
             )
-        if any(force) or any(moment) or any(each is not None for each in (*loads, history)):
+        if is_loaded(loads) or plane is not None or history is not None:
             raise InputError(
                 "--residual knows tendon commands only; leave out loads, plane and history."
             )
-        corrected = of_flag("--residual", lambda file: _corrected(file, model, load_), residual)
+        corrected = of_flag("--residual", lambda file: _corrected(file, robot, load), residual)
     contact = None
-    if rigid is None:
-        solution = rod.solve(model, load=all_loads, model=rod_model, history=before)
+    if plane is None:
+        solution = statics.solve(robot, load=load, model=rod, history=before)
     else:
         from bowstring.statics.contact import solve_contact
 
-        contact = solve_contact(model, load=all_loads, model=rod_model, plane=rigid)
+        contact = solve_contact(robot, load=load, model=rod, plane=plane)
         touching = contact.raise_for_status().solution
         assert touching is not None
         solution = touching
@@ -258,26 +260,18 @@ def solve(
             "stable": stable,
             "message": message,
             **provenance_of(
-                model,
-                tensions_N=load_.tensions,
-                displacements_m=load_.displacements,
-                angles_rad=load_.angles,
+                robot,
+                tensions_N=load.tensions,
+                displacements_m=load.displacements,
+                angles_rad=load.angles,
                 history=history,
                 residual=residual,
-                theory=theory,
-                gravity_m_per_s2=weight,
-                tip_force_N=force,
-                tip_moment_Nm=moment,
-                disk_forces_N=disk_forces,
-                disk_moments_Nm=disk_moments,
-                point_loads=None if points is None else [each.to_dict() for each in points],
-                line_force_N_per_m=line,
-                plane_point_m=None if rigid is None else rigid.point,
-                plane_normal=None if rigid is None else rigid.normal,
-                plane_friction=None if rigid is None else rigid.friction,
-                elements=solution.model.elements,
+                **settings_of(load, solution.model),
+                plane_point_m=None if plane is None else plane.point,
+                plane_normal=None if plane is None else plane.normal,
+                plane_friction=None if plane is None else plane.friction,
             ),
-            "warnings": [*model.warnings, *warnings],
+            "warnings": [*robot.warnings, *warnings],
             "backbone_limits": [use.to_dict() for use in uses],
             "contact": None if contact is None else contact.to_dict(),
             "corrected": corrected,
@@ -291,11 +285,11 @@ def solve(
     assert tip is not None
     if not as_json:
         write_tables(
-            f"{model.name}, {theory}: {message} "
+            f"{robot.name}, {rod.theory}: {message} "
             f"({solution.iterations} iterations, residual {solution.residual:.1e})",
             tip_line(tip.position, tip.rotation)
             + ("" if contact is None else f"\n{contact.message}"),
-            *([_used_line(uses, model)] if uses else []),
+            *([_used_line(uses, robot)] if uses else []),
             *([_corrected_line(corrected)] if corrected else []),
             _actuation_table(solution),
         )

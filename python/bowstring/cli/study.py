@@ -7,19 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from bowstring.cli.flags import Number, Share, of_flag
+from bowstring.cli.groups import option
 from bowstring.cli.options import (
     AsJson,
     MappingFile,
-    Overrides,
-    RobotSource,
+    MaxTension,
+    RobotOfStudy,
+    Tendons,
     Theory,
-    load,
+    Tolerance,
     measurements_of,
-    number_of,
-    of_flag,
-    option,
-    share_of,
-    shares_of,
 )
 from bowstring.cli.output import Stopped, progress_bar, say, write_json, write_rich
 from bowstring.errors import InputError
@@ -29,7 +27,28 @@ if TYPE_CHECKING:
 
 
 def study(
-    robot: RobotSource = "amouri2019",
+    robot: RobotOfStudy,
+    tolerance: Tolerance,
+    max_tension: MaxTension,
+    tendon: Tendons,
+    rise: Annotated[
+        float | None,
+        Number(
+            "s",
+            '"500 ms"',
+            "Rise time of the tension in dynamics.  [default: chosen for the robot]",
+        ),
+    ],
+    modal_damping: Annotated[
+        float,
+        Share(
+            "a share of critical damping from 0 to below 1",
+            lambda value: 0 <= value < 1,
+            '"1 %"',
+            'Modal damping ratio in dynamics, a share of critical damping: 0.05 or "5 %".',
+            default="5 %",
+        ),
+    ],
     measurements: Annotated[
         Path | None,
         option("FILE", "Table of measurements; each model is compared with it."),
@@ -47,32 +66,8 @@ def study(
         Path | None,
         option("DIR", "Folder of the report.  [default: bowstring-study/NAME OF ROBOT]"),
     ] = None,
-    tolerance: Annotated[
-        str, typer.Option(help='Tolerated tip error, a share of the length: 0.01 or "1 %".')
-    ] = "1 %",
-    max_tension: Annotated[
-        str | None, option("T", "Largest tension of the sweep.  [default: chosen for the robot]")
-    ] = None,
     points: Annotated[int, option("N", "Number of loads in the sweep.")] = 17,
-    tendon: Annotated[
-        str | None,
-        option(
-            "N[:SHARE],...",
-            "The actuated tendon, or several: 1,4:0.5 gives tendon 4 half the tension.  "
-            "[default: the first of the outermost segment]",
-        ),
-    ] = None,
     theory: Theory = "cosserat",
-    rise: Annotated[
-        str | None,
-        option("s", "Rise time of the tension in dynamics.  [default: chosen for the robot]"),
-    ] = None,
-    modal_damping: Annotated[
-        str,
-        typer.Option(
-            help='Modal damping ratio in dynamics, a share of critical damping: 0.05 or "5 %".'
-        ),
-    ] = "5 %",
     solid: Annotated[
         bool, typer.Option("--solid", help="Show the robot as a solid in the report (extra cad).")
     ] = False,
@@ -106,7 +101,6 @@ def study(
             "tip_force=0:1 N, gravity.z.  [default: payload, or tip_force without gravity]",
         ),
     ] = None,
-    overrides: Overrides = None,
     verbose: Annotated[
         bool, typer.Option("--verbose", help="Print all tables and the whole verdict as well.")
     ] = False,
@@ -124,23 +118,6 @@ def study(
         raise InputError("--compare has the Cosserat rod; leave --theory out.")
     if grip is not None and not fe:
         raise InputError("--grip is of finite elements; give --fe too.")
-    tolerated = share_of(
-        "--tolerance",
-        tolerance,
-        "a share of the length above 0 and below 1",
-        lambda value: 0 < value < 1,
-    )
-    limit = None if max_tension is None else number_of("--max-tension", max_tension, "N")
-    seconds = None if rise is None else number_of("--rise", rise, "s")
-    damping = share_of(
-        "--modal-damping",
-        modal_damping,
-        "a share of critical damping from 0 to below 1",
-        lambda value: 0 <= value < 1,
-    )
-    model = load(robot, overrides)
-    shares = None if tendon is None else shares_of("--tendon", tendon, model)
-
     from bowstring.fem.run import RunInterrupted, Settings
     from bowstring.result_folder import check_folder
     from bowstring.study import report
@@ -148,28 +125,28 @@ def study(
     from bowstring.study.settings import Extras, Ramp
     from bowstring.validity.loading import Loading
 
-    loading, ramp = Loading(limit, points, shares), Ramp(seconds, damping)
+    loading, ramp = Loading(max_tension, points, tendon), Ramp(rise, modal_damping)
     joint = None
     if uncertainty is not None:
         from bowstring.uncertainty import read_distributions
 
-        joint = of_flag("--uncertainty", lambda file: read_distributions(file, model), uncertainty)
+        joint = of_flag("--uncertainty", lambda file: read_distributions(file, robot), uncertainty)
         for sentence in joint.warnings:
             say("Warning", sentence)
     extras = Extras(
         solid, Settings(grip=grip or Settings.grip) if fe else None, joint, over, compare
     )
-    folder = of_flag("--out", check_folder, report.default_folder(model) if out is None else out)
+    folder = of_flag("--out", check_folder, report.default_folder(robot) if out is None else out)
     try:
         with progress_bar("CAD kernel" if solid else "geometric sweep") as notify:
             data = None
             if measurements is not None:
                 notify("measurements", 0.0)
-                data = measurements_of("--measurements", measurements, model, mapping)
+                data = measurements_of("--measurements", measurements, robot, mapping)
             solving = 0.9 if fe else 0.2  # share of the time; the report takes the rest
             found = run_study(
-                model,
-                tolerance=tolerated,
+                robot,
+                tolerance=tolerance,
                 theory=theory,
                 loading=loading,
                 ramp=ramp,
@@ -187,7 +164,7 @@ def study(
         raise Stopped(
             f"finite elements {stopped.run.message}; the same command goes on from there."
         ) from None
-    told = [*model.warnings, *(found.data.doubts if found.data is not None and not as_json else ())]
+    told = [*robot.warnings, *(found.data.doubts if found.data is not None and not as_json else ())]
     for sentence in found.warnings[len(told) :]:  # the others were or will be printed
         say("Warning", sentence)
     if as_json:

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from bowstring.cli import completion
-from bowstring.cli.options import AsJson, option, out_folder
+from bowstring.cli.groups import option
+from bowstring.cli.options import AsJson, out_folder
 from bowstring.cli.output import Stopped, made_by, progress_bar, say, write_json, write_rich
 
 MISSING = 1  # exit code where files of a set are missing

@@ -8,7 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from bowstring.cli import completion
-from bowstring.cli.options import Overrides, load, measurements_of, of_flag, option, share_of
+from bowstring.cli.flags import of_flag
+from bowstring.cli.groups import option
+from bowstring.cli.options import Overrides, Tolerance, load, measurements_of
 from bowstring.cli.output import write
 from bowstring.errors import InputError
 
@@ -23,6 +25,7 @@ Robots = Annotated[
 
 
 def view(
+    tolerance: Tolerance,
     robots: Robots = None,
     run: Annotated[
         list[Path] | None, option("FILE", "Run of simulate --out (.nc), which plays. Repeatable.")
@@ -31,9 +34,6 @@ def view(
         Path | None,
         option("FILE", "Table of measurements in the base frame of the first robot, as points."),
     ] = None,
-    tolerance: Annotated[
-        str, typer.Option(help='Tolerated tip error, a share of the length: 0.01 or "1 %".')
-    ] = "1 %",
     port: Annotated[int, option("N", "Port of this machine to serve at.")] = 8080,
     overrides: Overrides = None,
 ) -> None:
@@ -45,12 +45,6 @@ def view(
     from bowstring.dynamics.run_file import read_run
     from bowstring.integrations.live import view as live_view
 
-    tolerated = share_of(
-        "--tolerance",
-        tolerance,
-        "a share of the length above 0 and below 1",
-        lambda value: 0 < value < 1,
-    )
     names = robots or ([] if run else ["amouri2019"])
     subjects: list[Any] = [load(name, overrides) for name in names]
     points = None
@@ -59,7 +53,7 @@ def view(
             raise InputError("--measurements needs a ROBOT whose points they are.")
         points = measurements_of("--measurements", measurements, subjects[0], None).tip
     subjects += [of_flag("--run", read_run, file) for file in run or ()]
-    shown = live_view(subjects, measured=points, tolerance=tolerated, port=port)
+    shown = live_view(subjects, measured=points, tolerance=tolerance, port=port)
     try:
         write(f"{shown.url} shows {len(subjects)} in the browser; Ctrl-C ends it.\n")
         shown.wait()
