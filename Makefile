@@ -54,11 +54,15 @@ checks: build $(VENV)/.installed-test
 UNIT_TESTS := cargo test -p bowstring-rod -p bowstring-core --lib --locked
 CORE_TESTS := cargo test --release -p bowstring-core --test '*' --locked
 FACE_TESTS := cargo test --release -p bowstring-c -p bowstring-wasm --locked
+# Criterion runs each benchmark once as a test.
+BENCHES_ONCE := cargo test --release -p bowstring-core --bench '*' --locked
+CAMPAIGN := cargo run --release --locked -p bowstring-core --example campaign --
 
 core-tests: ## compiles the tests of the core
 	$(UNIT_TESTS) --no-run --quiet
 	$(CORE_TESTS) --no-run --quiet
 	$(FACE_TESTS) --no-run --quiet
+	$(BENCHES_ONCE) --no-run --quiet
 
 test: checks ## lints, types, and the tests that are quick
 	$(UNIT_TESTS)
@@ -67,8 +71,11 @@ test: checks ## lints, types, and the tests that are quick
 	cargo test --release -p bowstring-core --doc --locked
 	$(PYTEST) -m "not slow and not fem and not cad and not data"
 
-test-slow: checks $(VENV)/.installed-all ## the others: statistics, finite elements, solids, kills, data of others
+test-slow: checks $(VENV)/.installed-all ## the others: statistics, finite elements, solids, kills, data of others, small benchmarks of the core
 	$(CORE_TESTS) -- --ignored
+	$(BENCHES_ONCE)
+	rm -f target/campaign-small.txt
+	$(CAMPAIGN) 500 target/campaign-small.txt
 	$(PYTEST) -m "slow or fem or cad or data"
 
 test-all: test test-slow
@@ -99,7 +106,7 @@ suite: build $(VENV)/.installed-test ## constant curvature and the rod on all pu
 
 N ?= 100000
 campaign: ## random solves by the million, each checked from the outside: make campaign N=1000000
-	cargo run --release --locked -p bowstring-core --example campaign -- $(N)
+	$(CAMPAIGN) $(N)
 
 campaign-files: build $(VENV)/.installed-test ## N more damaged files, then 100 killed commands; slow, resumable
 	nice -n 10 $(BIN)/python -m campaign.files $(N)

@@ -27,6 +27,7 @@ from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Data, commands, score
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import TipModel
+from bowstring.errors import InputError
 from bowstring.statics import actuation
 from bowstring.suite import built_in_sets, read_set
 
@@ -309,7 +310,7 @@ def few_rows(train: Data, every: Data, val: np.ndarray) -> None:
                 found = fit(
                     ELASTIC, train, names, start=START, loss="linear", rows=rows, priors=priors
                 )
-            except bs.InputError as error:  # fewer rows than parameters
+            except InputError as error:  # fewer rows than parameters
                 print(said, error)
                 continue
             reached = score(found.predict(every)[val], np.asarray(every.points)[val])

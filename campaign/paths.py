@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bowstring as bs
+from bowstring.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -125,7 +126,7 @@ def follow(law: str, number: int) -> Path | str:
         times = 5.0 * np.arange(STEPS) if law in _TIMED else None
         found = bs.sweep(robot, load=load, times=times)
         best = bs.sweep(robot, load=load, times=times, model=bs.RodModel(elements=8))
-    except bs.InputError as error:
+    except InputError as error:
         return str(error)
     both = found.converged & best.converged
     last = STEPS if both.all() else int(np.argmin(both))

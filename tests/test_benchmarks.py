@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import sys
@@ -11,13 +12,36 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from benchmarks import cases, displacement, model_choice, ramp, run
+from benchmarks import calibration, cases, displacement, model_choice, ramp, run
 
+import bowstring as bs
+from bowstring.calibration.observations import Data, commands
+from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.tip_model import TipModel
 from bowstring.data.synthetic import STUDY
 
 ROOT = Path(__file__).parents[1]
 Small = Callable[..., str]
+
+
+def made_recording(name: str) -> Data:
+    """Rows that stand in for the measured ones of `benchmarks.calibration`: train, val or both."""
+    time = np.arange(32.0)[{"train": slice(24), "val": slice(24, 32), "keypoints": slice(32)}[name]]
+    there_and_back = np.abs((time + 8.0) % 16.0 - 8.0)
+    phase = 2.0 * np.pi * (there_and_back[:, None] / 8.0 + np.arange(9) / 3.0)
+    displacements = 2e-3 * np.sin(phase) + 1e-3
+    group = np.array([f"pair{i}_same" for i in range(4)])[(time // 2 % 4).astype(int)]
+    group[(time < 4) | (time > 28)] = "all3_same"
+    one = time % 8 >= 6
+    displacements[one, 1:], group[one] = -1e-3, "one tendon"
+    data = Data(np.zeros((len(time), 3)), displacements=displacements, group=group, time=time)
+    of = Unknowns(calibration.ELASTIC, calibration.EIGHT, calibration.START)
+    tips = TipModel(of, commands(data, calibration.ELASTIC), calibration.ROD).predict(of.start)
+    noise = np.random.default_rng(5).normal(0.0, 1e-3, (32, 3))[time.astype(int)]
+    return replace(data, points=tips.point + noise)
+
 
 _FEW = {**STUDY, "loads": replace(STUDY["loads"], masses=(0.0, 2.0, 4.0, 6.0), repeats=2)}
 #: Module, arguments, smaller values of its constants, and a pattern of what it prints.
@@ -30,6 +54,21 @@ SMALL: dict[str, tuple[str, tuple[str, ...], dict[str, Any], str]] = {
 }
 #: The same, with fits that take seconds.
 SLOW: dict[str, tuple[str, tuple[str, ...], dict[str, Any], str]] = {
+    "calibration": (
+        "calibration",
+        (),
+        {
+            "read": made_recording,
+            "ABLATION": {"+ compliance": calibration.ABLATION["+ compliance"]},
+            "WITHOUT": calibration.EIGHT,
+            "CHOSEN": calibration.EIGHT,
+            "FINALS": {
+                name: calibration.FINALS[name]
+                for name in ("PCC with gains", "physics, eight parameters")
+            },
+        },
+        r"Fitted on all of train.*(?s:.*)one tendon +\d+ rows",
+    ),
     "coverage, slack": ("coverage", ("2", "slack"), {}, "one tendon: 2 synthetic tables"),
     "validity chart": ("campaign.validity_chart", ("collapse", "40"), {}, "of all .*40 robots"),
     "memories, begun": ("memories", ("1", "--begun"), {}, "initial state fitted: "),
@@ -61,6 +100,20 @@ PAGES = [
 def test_figures_on_pages_carry_their_commit(page: str) -> None:
     text = (ROOT / "docs" / "verification" / f"{page}.md").read_text("utf-8")
     assert re.search(r"[Ff]igures? (?:are|is) of commits? `[0-9a-f]{8}`", text)
+
+
+def test_scripts_use_what_the_package_has() -> None:
+    """Names in branches that no small form reaches, such as those of exceptions."""
+    folders = ("benchmarks", "campaign", "examples", "packaging", "paper")
+    missing = [
+        f"{path.relative_to(ROOT)}: bs.{node.attr}"
+        for folder in folders
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
+        if node.value.id == "bs" and not hasattr(bs, node.attr)
+    ]
+    assert not missing
 
 
 @pytest.fixture

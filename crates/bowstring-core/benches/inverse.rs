@@ -4,7 +4,8 @@
 //! linear law. The tensions of the path are splines through random ones, so that targets move
 //! steadily. The third case is a path whose targets lie beyond reach, with the default margin.
 //!
-//! Arguments: names of robots, and `rows=N` for the length of the path (10000 by default).
+//! Arguments: names of robots, and `rows=N` for the length of the path (10000 by default). Without
+//! `--bench`, which `cargo bench` adds, it is a test and takes few targets and rows.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -151,7 +152,9 @@ fn measure(name: &str, case: &str, robot: &Robot, targets: &[[f64; 3]], most: &[
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let rows = arguments.iter().find_map(|a| a.strip_prefix("rows="));
-    let rows = rows.map_or(10_000, |n| n.parse().expect("rows=N needs a number"));
+    let as_test = !arguments.iter().any(|a| a == "--bench");
+    let (targets, most_rows) = if as_test { (5, 10) } else { (TARGETS, 10_000) };
+    let rows = rows.map_or(most_rows, |n| n.parse().expect("rows=N needs a number"));
     let chosen: Vec<_> = arguments
         .iter()
         .filter(|a| !a.contains(['=', '-']))
@@ -170,7 +173,7 @@ fn main() {
         }
         let most = largest_tensions(&robot, section.bending[0]);
         let mut draw = Draw(1);
-        let random = (0..TARGETS).map(|_| most.iter().map(|m| draw.within(0.0, *m)).collect());
+        let random = (0..targets).map(|_| most.iter().map(|m| draw.within(0.0, *m)).collect());
         let cold = tips(&robot, random);
         measure(name, "cold", &robot, &cold, &most, false);
         let path = tips(&robot, smooth_tensions(&most, rows));

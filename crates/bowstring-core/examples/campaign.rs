@@ -11,8 +11,8 @@
 //! - the poses of these satisfy the rod's differential equations, integrated under the wrench
 //!   that tendons and loads exert on the backbone, independently of the solver's residual.
 //!
-//! Counts are saved in STATE (default `target/campaign.txt`) after every thousand robots; a further
-//! run continues from there.
+//! Counts are saved in STATE (default `target/campaign.txt`) after every thousand robots and at the
+//! end; a further run continues from there.
 
 #[path = "../tests/common/cases.rs"]
 mod cases;
@@ -35,7 +35,7 @@ const LOADS: usize = 64;
 const HOSTILE_LOADS: usize = 2;
 /// Fraction of hostile robots.
 const HOSTILE: f64 = 0.1;
-/// Robots between two saves of the state.
+/// Most robots between two saves of the state.
 const CHUNK: usize = 1000;
 /// Loads of a robot that are also solved with eight elements.
 const COMPARED: usize = 2;
@@ -104,6 +104,8 @@ fn main() {
     let begun = Instant::now();
     let before = total.solves;
     while total.solves < target {
+        let missing = (target - total.solves).div_ceil(LOADS as u64);
+        let chunk = CHUNK.min(missing.try_into().unwrap_or(CHUNK));
         let next = AtomicUsize::new(first);
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
         let parts: Vec<Counts> = std::thread::scope(|scope| {
@@ -113,7 +115,7 @@ fn main() {
                         let mut counts = Counts::default();
                         loop {
                             let number = next.fetch_add(1, Ordering::Relaxed);
-                            if number >= first + CHUNK {
+                            if number >= first + chunk {
                                 return counts;
                             }
                             counts.add(&robot(number));
@@ -126,7 +128,7 @@ fn main() {
         for part in &parts {
             total.add(part);
         }
-        first += CHUNK;
+        first += chunk;
         write(&path, &total, first);
         let rate = (total.solves - before) as f64 / begun.elapsed().as_secs_f64();
         eprint!(
