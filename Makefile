@@ -62,7 +62,6 @@ core-tests: ## compiles the tests of the core
 	$(UNIT_TESTS) --no-run --quiet
 	$(CORE_TESTS) --no-run --quiet
 	$(FACE_TESTS) --no-run --quiet
-	$(BENCHES_ONCE) --no-run --quiet
 
 test: checks ## lints, types, and the tests that are quick
 	$(UNIT_TESTS)
