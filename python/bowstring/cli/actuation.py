@@ -25,7 +25,7 @@ Commands = list[float | None]
 
 
 class _Texts(PerTendon):
-    """Values of the tendons that are read together with other lists, which have the dashes."""
+    """Values of the tendons as text: lists are read together, as several of them have dashes."""
 
     def read(self, flag: str, text: str, robot: Robot) -> Any:
         return text
