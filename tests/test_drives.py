@@ -144,6 +144,14 @@ def test_a_gain_of_tensions_stays_outside() -> None:
     assert found.robot.laws == ()
 
 
+def test_a_fit_to_tensions_leaves_the_drives_out() -> None:
+    tensions = np.random.default_rng(6).uniform(0.0, 30.0, (20, 3))
+    tips = bs.solve_batch(ROBOT, tensions).tip_position
+    found = fit(ROBOT, Data(points=tips, tensions=tensions), ["gain"], loss="linear")
+    assert found["gain"].value == pytest.approx(1.0, abs=1e-6)
+    assert found.robot.tendons.gain.tolist() == GAIN.tolist()
+
+
 @pytest.mark.parametrize("name", ["segments.0.tendons.0.gain", "segments.*.tendons.*.zero"])
 def test_fits_have_one_name_for_each(name: str) -> None:
     data = Data(points=np.zeros((8, 3)), displacements=np.zeros((8, 3)))
