@@ -152,6 +152,17 @@ def test_a_fit_to_tensions_leaves_the_drives_out() -> None:
     assert found.robot.tendons.gain.tolist() == GAIN.tolist()
 
 
+@pytest.mark.parametrize(("factor", "start"), [(-1.0, 1.0), (1e-4, 9000.0)])
+def test_a_gain_that_no_robot_file_has_stays_outside(factor: float, start: float) -> None:
+    given = np.random.default_rng(5).uniform(-4e-3, 6e-3, (20, 3))
+    tips = bs.solve_batch(PLAIN, load=rows(given)).tip_position
+    data = Data(points=tips, displacements=factor * given)
+    found = fit(PLAIN, data, ["gain"], loss="linear", start={"gain": start})
+    assert not 1e-3 <= found["gain"].value <= 1e3
+    assert found.outside_robot == {"gain": found["gain"].value}
+    assert found.robot.laws == ()
+
+
 @pytest.mark.parametrize("name", ["segments.0.tendons.0.gain", "segments.*.tendons.*.zero"])
 def test_fits_have_one_name_for_each(name: str) -> None:
     data = Data(points=np.zeros((8, 3)), displacements=np.zeros((8, 3)))

@@ -422,6 +422,14 @@ class Unknowns:
             self._robots[key] = robot
         return self._robots[key]
 
+    def has_drives(self, values: Floats) -> bool:
+        """Whether gain and zero of values (P,) in SI are in the ranges of a robot file."""
+        try:
+            self.in_file(values, drives=True)
+        except InputError:
+            return False
+        return True
+
     def in_file(self, values: Floats, *, drives: bool) -> Robot:
         """Return the robot of values (P,) in SI, and with `drives` their gain and zero."""
         setting = self.setting(values)
