@@ -7,10 +7,12 @@ import pytest
 
 import bowstring as bs
 from bowstring.calibration import Data, fit
+from bowstring.data import synthetic
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import with_drives, without_laws
 from bowstring.statics.design_sweeps import sweep_designs
+from bowstring.study.calibration import calibrate, predicted
 
 GAIN = np.array([1.03, 0.98, 1.01])
 ZERO = np.array([3e-4, -2e-4, 1e-4])
@@ -175,3 +177,19 @@ def test_who_does_not_know_them_says_so() -> None:
         bs.compile_robot(ROBOT)
     with pytest.raises(InputError, match="derivatives do not model"):
         bs.displacement_jacobian(bs.solve(ROBOT, load=rows(COMMANDS[0])))
+
+
+def test_a_study_keeps_a_gain_of_both_kinds_of_commands() -> None:
+    count, none = 8, np.nan
+    given = np.column_stack([np.linspace(0.0, 8e-3, count), np.full((count, 2), none)])
+    held = np.column_stack([np.full(count, none), np.full((count, 2), 3.0)])
+    data = synthetic.simulate(
+        PLAIN,
+        synthetic.Loads(tensions=held, displacements=given),
+        actual=synthetic.Actual(changes={"segments.0.tendons.gain": 1.1}),
+    )
+    data = data.select(np.arange(count))  # loading alone
+    found = calibrate(PLAIN, data, "cosserat")
+    assert not found.fit.has_drives and found.gain > 1.05
+    again = predicted(found.robot, data, "cosserat", found.gain_outside)
+    np.testing.assert_allclose(again.tip_position, found.point, atol=1e-6)
