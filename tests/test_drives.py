@@ -66,6 +66,12 @@ def test_tensions_have_neither() -> None:
     assert one.tolist() == other.tolist()
 
 
+def test_a_linear_model_of_tensions_has_neither() -> None:
+    one, other = (bs.linearise(robot, [20.0, 1.0, 5.0], modes=2) for robot in (ROBOT, PLAIN))
+    assert one.frequency_hz.tolist() == other.frequency_hz.tolist()
+    assert one.D.tolist() == other.D.tolist()
+
+
 def test_backlash_is_of_the_tendon() -> None:
     robot = with_drives(PLAIN.with_({"segments.0.tendons.backlash": 2e-4}), GAIN, ZERO)
     found = bs.sweep(robot, load=rows(COMMANDS)).displacements()
