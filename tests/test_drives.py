@@ -7,10 +7,12 @@ import pytest
 
 import bowstring as bs
 from bowstring.calibration import Data, fit
+from bowstring.data import synthetic
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import with_drives, without_laws
 from bowstring.statics.design_sweeps import sweep_designs
+from bowstring.study.calibration import calibrate, predicted
 
 GAIN = np.array([1.03, 0.98, 1.01])
 ZERO = np.array([3e-4, -2e-4, 1e-4])
@@ -62,6 +64,12 @@ def test_tensions_have_neither() -> None:
     tensions = [20.0, 0.0, 5.0]
     one, other = (bs.solve(robot, tensions).tip.position for robot in (ROBOT, PLAIN))
     assert one.tolist() == other.tolist()
+
+
+def test_a_linear_model_of_tensions_has_neither() -> None:
+    one, other = (bs.linearise(robot, [20.0, 1.0, 5.0], modes=2) for robot in (ROBOT, PLAIN))
+    assert one.frequency_hz.tolist() == other.frequency_hz.tolist()
+    assert one.D.tolist() == other.D.tolist()
 
 
 def test_backlash_is_of_the_tendon() -> None:
@@ -144,6 +152,25 @@ def test_a_gain_of_tensions_stays_outside() -> None:
     assert found.robot.laws == ()
 
 
+def test_a_fit_to_tensions_leaves_the_drives_out() -> None:
+    tensions = np.random.default_rng(6).uniform(0.0, 30.0, (20, 3))
+    tips = bs.solve_batch(ROBOT, tensions).tip_position
+    found = fit(ROBOT, Data(points=tips, tensions=tensions), ["gain"], loss="linear")
+    assert found["gain"].value == pytest.approx(1.0, abs=1e-6)
+    assert found.robot.tendons.gain.tolist() == GAIN.tolist()
+
+
+@pytest.mark.parametrize(("factor", "start"), [(-1.0, 1.0), (1e-4, 9000.0)])
+def test_a_gain_that_no_robot_file_has_stays_outside(factor: float, start: float) -> None:
+    given = np.random.default_rng(5).uniform(-4e-3, 6e-3, (20, 3))
+    tips = bs.solve_batch(PLAIN, load=rows(given)).tip_position
+    data = Data(points=tips, displacements=factor * given)
+    found = fit(PLAIN, data, ["gain"], loss="linear", start={"gain": start})
+    assert not 1e-3 <= found["gain"].value <= 1e3
+    assert found.outside_robot == {"gain": found["gain"].value}
+    assert found.robot.laws == ()
+
+
 @pytest.mark.parametrize("name", ["segments.0.tendons.0.gain", "segments.*.tendons.*.zero"])
 def test_fits_have_one_name_for_each(name: str) -> None:
     data = Data(points=np.zeros((8, 3)), displacements=np.zeros((8, 3)))
@@ -156,3 +183,19 @@ def test_who_does_not_know_them_says_so() -> None:
         bs.compile_robot(ROBOT)
     with pytest.raises(InputError, match="derivatives do not model"):
         bs.displacement_jacobian(bs.solve(ROBOT, load=rows(COMMANDS[0])))
+
+
+def test_a_study_keeps_a_gain_of_both_kinds_of_commands() -> None:
+    count, none = 8, np.nan
+    given = np.column_stack([np.linspace(0.0, 8e-3, count), np.full((count, 2), none)])
+    held = np.column_stack([np.full(count, none), np.full((count, 2), 3.0)])
+    data = synthetic.simulate(
+        PLAIN,
+        synthetic.Loads(tensions=held, displacements=given),
+        actual=synthetic.Actual(changes={"segments.0.tendons.gain": 1.1}),
+    )
+    data = data.select(np.arange(count))  # loading alone
+    found = calibrate(PLAIN, data, "cosserat")
+    assert not found.fit.has_drives and found.gain > 1.05
+    again = predicted(found.robot, data, "cosserat", found.gain_outside)
+    np.testing.assert_allclose(again.tip_position, found.point, atol=1e-6)

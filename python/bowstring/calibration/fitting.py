@@ -173,6 +173,9 @@ class Fit(EndOfFit):
     """Passes over all rows."""
     unsolved: Annotated[int, Key("rows_without_equilibrium")]
     """Number of selected rows without an equilibrium, which are not fitted."""
+    has_drives: bool
+    """Whether `robot` has fitted gains, and offsets as zeros: the gain is of no tension, and a
+    robot file can have them."""
     linear: Linear
     """Linearised fit at its minimum, for `bowstring.calibration.bootstrap.refitted`."""
     again: Callable[..., Fit]
@@ -235,11 +238,6 @@ class Fit(EndOfFit):
         With `robot` and `rod` they are the calibrated model.
         """
         return self._unknowns.outside_file(self._values, drives=self.has_drives)
-
-    @property
-    def has_drives(self) -> bool:
-        """Whether `robot` has fitted gains, and offsets as zeros: the gain is of no tension."""
-        return self._commands.are_displacements
 
     @property
     def rod(self) -> RodModel | None:
@@ -640,11 +638,11 @@ def _result(
     )
     converged = found.status > 0 and not (lost or stuck or astray)
     doubts = () if astray else _doubts(work, found, at)
+    unknowns, values = work.model.unknowns, found.x * work.step
+    has_drives = work.model.commands.are_displacements and unknowns.has_drives(values)
     return Fit(
         model="arc" if work.model.rod is None else "rod",
-        robot=work.model.unknowns.in_file(
-            found.x * work.step, drives=work.model.commands.are_displacements
-        ),
+        robot=unknowns.in_file(values, drives=has_drives),
         estimates=tuple(estimates),
         correlation=correlation,
         not_identifiable=tuple(not_identifiable),
@@ -675,10 +673,11 @@ def _result(
             tip=dependence.point == len(points.disks) - 1,
             block=observations.numbered(part[used]) if dependence.is_significant else None,
         ),
+        has_drives=has_drives,
         again=again,
-        _unknowns=work.model.unknowns,
+        _unknowns=unknowns,
         _commands=work.model.commands,
-        _values=found.x * work.step,
+        _values=values,
         _rod=work.model.rod,
         _tool_said=tool_said,
     )

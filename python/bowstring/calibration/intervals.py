@@ -169,7 +169,7 @@ class Uncertainty:
         seen, lost = direction[is_seen], direction[~is_seen]
 
         force, slope = (each.reshape(-1, 3) for each in by)
-        of_axis = (rows @ seen.T).reshape(-1, 3, len(seen))
+        of_axis = (rows @ seen.T).reshape(len(force), 3, len(seen))
         own = own @ seen.T
         points = [dependence.point == m for m in np.unique(dependence.point)]
         square = np.stack([_square(of_axis[own_rows]) for own_rows in points])

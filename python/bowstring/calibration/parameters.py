@@ -161,8 +161,9 @@ class Setting:
     ----------
     robot : Robot
     gain, offset, backlash : ndarray (T,)
-        The effective displacement is gain x (displacement after delay and backlash) + offset in m;
-        a tension has the gain only.
+        The effective displacement is gain x (displacement after delay and backlash) + offset in m.
+    tension_gain : ndarray (T,)
+        Gain of a tension, without that of the drives in the robot file.
     delay : float
         Delay of the tip behind the commands, s.
     position, turn : ndarray (3,)
@@ -183,6 +184,7 @@ class Setting:
     gain: Floats
     offset: Floats
     backlash: Floats
+    tension_gain: Floats
     delay: float
     position: Floats
     turn: Floats
@@ -203,7 +205,9 @@ class Setting:
             return None
         displacement, tension = np.nan_to_num(given)
         displacement = displacement - np.clip(displacement, -self.backlash, self.backlash)
-        values = first + self.gain * np.where(by_displacement, displacement, tension)
+        values = first + np.where(
+            by_displacement, self.gain * displacement, self.tension_gain * tension
+        )
         at_tension = by_displacement & np.isfinite(given[1])
         held = by_displacement & ~at_tension
         return held, np.where(held, values, np.maximum(np.where(at_tension, tension, values), 0.0))
@@ -359,6 +363,7 @@ class Unknowns:
             gain=gain * own_gain,
             offset=gain * own_zero + each("offset", "tendons"),
             backlash=each("backlash", "tendons"),
+            tension_gain=gain,
             delay=extra.get("delay", 0.0),
             position=base[:3],
             turn=base[3:],
@@ -416,6 +421,14 @@ class Unknowns:
                 self._robots.clear()
             self._robots[key] = robot
         return self._robots[key]
+
+    def has_drives(self, values: Floats) -> bool:
+        """Whether gain and zero of values (P,) in SI are in the ranges of a robot file."""
+        try:
+            self.in_file(values, drives=True)
+        except InputError:
+            return False
+        return True
 
     def in_file(self, values: Floats, *, drives: bool) -> Robot:
         """Return the robot of values (P,) in SI, and with `drives` their gain and zero."""

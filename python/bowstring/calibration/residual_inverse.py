@@ -169,8 +169,8 @@ def _commands(found: InverseSolution, setting: Setting, by_displacement: Bools) 
     displacements = found.displacements()
     if displacements is None:
         displacements = np.full_like(found.tensions, np.nan)
-    effective = np.where(by_displacement, displacements - setting.offset, found.tensions)
-    return np.asarray(effective / setting.gain)
+    moved = (displacements - setting.offset) / setting.gain
+    return np.where(by_displacement, moved, found.tensions / setting.tension_gain)
 
 
 def _corrected(residual: Residual, commands: Floats, solved: Bools) -> Corrected:

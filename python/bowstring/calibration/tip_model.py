@@ -89,7 +89,8 @@ class Commands:
                 first = values[rows[0]] + np.nan_to_num(before)
                 followed[rows] = _play(values[rows], setting.backlash, first)
             values = np.where(self.by_displacement, followed, values)
-        out: Floats = values * setting.gain + np.where(self.by_displacement, setting.offset, 0.0)
+        moved = values * setting.gain + setting.offset
+        out: Floats = np.where(self.by_displacement, moved, values * setting.tension_gain)
         return out
 
     def is_same(self, other: Commands) -> bool:

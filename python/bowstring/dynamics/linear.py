@@ -12,7 +12,7 @@ from bowstring.display import short_repr
 from bowstring.dynamics.modal import Oscillation, checked, oscillation
 from bowstring.errors import InputError
 from bowstring.robot.laws import OF_COMMANDS
-from bowstring.robot.model import check_without_laws
+from bowstring.robot.model import check_without_laws, without_laws
 from bowstring.statics.derivatives import jacobians
 from bowstring.statics.load import Load, as_load
 from bowstring.statics.model import as_model
@@ -173,7 +173,7 @@ def linearise(
     check_without_laws(robot, ", which no linear model has", but=OF_COMMANDS)
     found = oscillation(robot, commands, dead, model, path, count=modes)
     ratios = _damping(damping, len(found.speed), modes)
-    by = jacobians(solve(robot, commands[1], load=dead, model=model))
+    by = jacobians(solve(without_laws(robot), commands[1], load=dead, model=model))
     shapes = found.displacement[:, -1].T
     lengths, stretched = _lengths(robot, found)
     # a tension does work as its tendon becomes shorter

@@ -71,12 +71,17 @@ class StudyCalibration(Result):
         return EndOfFit(**{each.name: getattr(self.fit, each.name) for each in fields(EndOfFit)})
 
     @property
+    def gain_outside(self) -> float:
+        """Gain of the commands that is not in `robot`."""
+        return 1.0 if self.fit.has_drives else self.gain
+
+    @property
     def gravity_in_base(self) -> Annotated[Array, Key("gravity_m_per_s2")]:
         """Gravity in base axes (3,), m/s^2."""
         return np.array(self.robot.gravity) + 0.0
 
 
-def predicted(robot: Robot, data: Measurements, theory: Theory) -> Sweep:
+def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.0) -> Sweep:
     """Solve the commands of all rows; with friction each recording is a path.
 
     Parameters
@@ -84,9 +89,11 @@ def predicted(robot: Robot, data: Measurements, theory: Theory) -> Sweep:
     robot : Robot
     data : Measurements
     theory : {"cosserat", "kirchhoff"}
+    gain : float
+        Gain of the commands beside those of the robot's drives.
     """
     tables = (data.tensions, data.displacements)
-    given = [None if np.isnan(values).all() else values for values in tables]
+    given = [None if np.isnan(values).all() else gain * values for values in tables]
     model = RodModel(theory)
     timed = robot.is_viscoelastic
     if not robot.has_memory:

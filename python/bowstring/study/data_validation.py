@@ -676,7 +676,7 @@ def _points(
         lengths_of, whose, sweep = "rod", "the rod as the robot file has it", file
         if calibration is not None:
             lengths_of, whose = "rod_calibrated", "the calibrated rod"
-            sweep = predicted(calibration.robot, data, theory)
+            sweep = predicted(calibration.robot, data, theory, calibration.gain_outside)
         lengths = sweep.tendon_lengths
         why.append(
             "Tendon lengths were not measured: constant curvature from lengths gets those that "
@@ -776,9 +776,10 @@ def _decomposition(
                     if s.backbone.E is not None
                 }
             )
+        gain = calibration.gain_outside
         if "gain" not in on:
-            made = with_drives(made, robot.tendons.gain, robot.tendons.zero_m)
-        sweep = predicted(made, data, theory)
+            made, gain = with_drives(made, robot.tendons.gain, robot.tendons.zero_m), 1.0
+        sweep = predicted(made, data, theory, gain)
         point = sweep.tip_position + sweep.tip_rotation @ data.tool
         frame = calibration.frame if "registration" in on else Rigid.identity()
         return np.asarray(point - frame.apply(data.tip))
