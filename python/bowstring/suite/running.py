@@ -14,7 +14,6 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-import bowstring
 from bowstring import _core
 from bowstring.atomic_io import file_stem, user_cache, write_whole_file
 from bowstring.calibration.observations import numbered
@@ -285,7 +284,7 @@ def _score(given: SuiteSet, predicted: Floats, table: Table) -> SuiteScore:
 def _code() -> str:
     """SHA-256 of the package itself: its sources and its compiled core."""
     digest = hashlib.sha256()
-    root = Path(bowstring.__file__).parent
+    root = Path(_core.__file__).parent
     for file in (*sorted(root.rglob("*.py")), Path(_core.__file__)):
         digest.update(file.read_bytes())
     return digest.hexdigest()
