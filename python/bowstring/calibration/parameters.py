@@ -361,7 +361,7 @@ class Unknowns:
         return Setting(
             robot=self._made(overrides, angle, radius),
             gain=gain * own_gain,
-            offset=gain * own_zero + each("offset", "tendons"),
+            offset=own_zero + each("offset", "tendons"),
             backlash=each("backlash", "tendons"),
             tension_gain=gain,
             delay=extra.get("delay", 0.0),
