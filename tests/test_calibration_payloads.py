@@ -51,6 +51,7 @@ def test_a_mass_synthetic() -> None:
     mass = found["payloads.0.mass"]
     assert mass.unit == "g" and mass.start == pytest.approx(30)
     assert contains(found, "payloads.0.mass", 50.0)
+    assert found.is_in_robot("payloads.0.mass") and not found.is_in_robot("base")
     assert mass.standard_error < 0.03
     assert found.noise == pytest.approx(NOISE, rel=0.3)
     assert found.robot.payloads[0].mass == pytest.approx(1e-3 * mass.value)

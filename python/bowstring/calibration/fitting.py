@@ -239,6 +239,10 @@ class Fit(EndOfFit):
         """
         return self._unknowns.outside_file(self._values, drives=self.has_drives)
 
+    def is_in_robot(self, name: str) -> bool:
+        """Whether `robot` has a parameter, or a group of them."""
+        return self._unknowns.is_in_file(name, drives=self.has_drives)
+
     @property
     def rod(self) -> RodModel | None:
         """Model of the rod; None for constant curvature."""
@@ -639,10 +643,11 @@ def _result(
     converged = found.status > 0 and not (lost or stuck or astray)
     doubts = () if astray else _doubts(work, found, at)
     unknowns, values = work.model.unknowns, found.x * work.step
-    has_drives = work.model.commands.are_displacements and unknowns.has_drives(values)
+    by_displacement = work.model.commands.are_displacements
+    robot, has_drives = unknowns.calibrated(values, by_displacement=by_displacement)
     return Fit(
         model="arc" if work.model.rod is None else "rod",
-        robot=unknowns.in_file(values, drives=has_drives),
+        robot=robot,
         estimates=tuple(estimates),
         correlation=correlation,
         not_identifiable=tuple(not_identifiable),

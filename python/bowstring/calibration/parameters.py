@@ -12,6 +12,7 @@ import difflib
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -58,8 +59,9 @@ _MARKER: Final = re.compile(r"marker\.(0|[1-9][0-9]{0,5})(?:\.([xyz]))?")
 _INITIAL: Final = re.compile(
     r"initial_(displacement|tension)(?:\.(0|[1-9][0-9]{0,5})(?:\.(0|[1-9][0-9]{0,5}))?)?"
 )
-#: Ends of paths in the robot file that are fitted by names of their own.
-_OF_DRIVES: Final = (".gain", ".zero")
+#: Parameters of drives and of holes, which are fields of the robot file by other names.
+_OF_DRIVES: Final = ("gain", "offset")
+_OF_HOLES: Final = ("hole_angle", "pitch_radius")
 #: Short names of fields of all tendons.
 _SHORT: Final = ("hole_clearance", "mount_compliance")
 #: Whether a parameter may be common to all, one per segment, or one per tendon.
@@ -249,7 +251,8 @@ class Unknowns:
             )
         self._tree = robot.model_dump(mode="json", exclude_none=True)
         fields = number_fields(self._tree)
-        self._leaves = {path: value for path, value in fields if not path.endswith(_OF_DRIVES)}
+        drives = (".gain", ".zero")  # which are fitted by names of their own
+        self._leaves = {path: value for path, value in fields if not path.endswith(drives)}
         self._count = {"segments": len(robot.segments), "tendons": len(robot.tendons.segment)}
         self._held: dict[str, float] = {}
         self._robots: dict[object, Robot] = {}
@@ -422,29 +425,34 @@ class Unknowns:
             self._robots[key] = robot
         return self._robots[key]
 
-    def has_drives(self, values: Floats) -> bool:
-        """Whether gain and zero of values (P,) in SI are in the ranges of a robot file."""
-        try:
-            self.in_file(values, drives=True)
-        except InputError:
-            return False
-        return True
+    def calibrated(self, values: Floats, *, by_displacement: bool) -> tuple[Robot, bool]:
+        """Return the robot of values (P,) in SI, and whether its drives have gain and offset.
 
-    def in_file(self, values: Floats, *, drives: bool) -> Robot:
-        """Return the robot of values (P,) in SI, and with `drives` their gain and zero."""
+        They have where drives are commanded by displacement alone, if a robot file can have them.
+        """
         setting = self.setting(values)
-        found = (setting.gain, setting.offset) if drives else self._drives
-        return with_drives(setting.robot, *found)
+        if by_displacement:
+            with suppress(InputError):
+                return with_drives(setting.robot, setting.gain, setting.offset), True
+        return with_drives(setting.robot, *self._drives), False
+
+    def is_in_file(self, name: str, *, drives: bool) -> bool:
+        """Whether the robot of `calibrated` has a parameter or group; `drives` is its answer."""
+        if name.partition(".")[0] in (*_OF_HOLES, *(_OF_DRIVES if drives else ())):
+            return True
+        return any(self._paths(each) for each in self._expand(name))
 
     def outside_file(self, values: Floats, *, drives: bool) -> dict[str, float]:
-        """Return fitted and fixed values that `in_file` does not put into the robot, in SI.
+        """Return fitted and fixed values that the robot of `calibrated` does not have, in SI.
 
         Those of the initial state belong to a recording, and are left out.
         """
-        fitted = zip(self.items, values.tolist(), strict=True)
-        extra = {**self._held, **{item.name: value for item, value in fitted if not item.paths}}
-        others = ("hole_angle", "pitch_radius", "initial_", *(("gain", "offset") if drives else ()))
-        return {name: value for name, value in extra.items() if not name.startswith(others)}
+        known = {**self._held, **dict(zip(self.names, values.tolist(), strict=True))}
+        return {
+            name: value
+            for name, value in known.items()
+            if initial_of(name) is None and not self.is_in_file(name, drives=drives)
+        }
 
     # -- names -----------------------------------------------------------------------------
 

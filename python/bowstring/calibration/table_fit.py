@@ -52,9 +52,6 @@ _FEW_ROWS: Final = 0.05  # largest share of outliers
 _NOTHING: Final = 1e-8  # m; smaller residuals mean data without noise
 #: File beside the calibrated robot file with parameters outside the robot file.
 BESIDE: Final = "calibration.json"
-#: Parameters that are in the calibrated robot file.
-_IN_FILE: Final = ("segments", "gravity", "hole_angle", "pitch_radius")
-_OF_DRIVES: Final = ("gain", "offset")
 _MOST_BYTES: Final = 1_000_000
 _MOST_VALUES: Final = 1_000
 
@@ -272,17 +269,13 @@ class Calibration(Result):
     @property
     def elsewhere(self) -> list[str]:
         """Estimates that are not part of a robot file, as text."""
-        return [str(e) for e in self.fit.estimates if not self._is_in_file(e.name)]
+        return [str(e) for e in self.fit.estimates if not self.fit.is_in_robot(e.name)]
 
     @property
     def beside(self) -> dict[str, float]:
         """Fitted and fixed parameters outside the robot file, in SI by name."""
         known = {**self.start, **self.fit.values}
-        return {name: value for name, value in known.items() if not self._is_in_file(name)}
-
-    def _is_in_file(self, name: str) -> bool:
-        first = name.partition(".")[0]
-        return first in _IN_FILE or (self.fit.has_drives and first in _OF_DRIVES)
+        return {name: value for name, value in known.items() if not self.fit.is_in_robot(name)}
 
     def beside_to_dict(self) -> dict[str, Any]:
         """Return `beside` in the form of `read_start`, ready for `json.dumps`."""

@@ -46,7 +46,8 @@ class Flag:
     name : str
         Such as ``--tip``; that of the parameter if left out.
     default : str, optional
-        Text if the flag is not given; without it the value is None. ``...`` if it must be given.
+        Text that is read where the flag is left out; None for a value of None, ``...`` for a
+        required flag.
     values : callable, optional
         Values for completion.
     """

@@ -150,10 +150,12 @@ class InverseSolution:
             None if the robot's pretension has no home pose.
         """
         robot, lengths = self.robot, self.tendon_lengths
-        found = self.held_displacements
-        if found is None and isinstance(self.model, str):
-            found = np.asarray(robot.disks.station_m[robot.tendons.end_disk] - lengths)
-        elif found is None and not isinstance(self.model, str):
+        found: Floats | None
+        if self.held_displacements is not None:
+            found = self.held_displacements
+        elif isinstance(self.model, str):
+            found = robot.disks.station_m[robot.tendons.end_disk] - lengths
+        else:
             found = actuation.displacements(robot, self.model, lengths, self.tensions)
         return None if found is None else actuation.commanded(robot, found)
 

@@ -25,6 +25,7 @@ from bowstring.statics.load_tables import table_of
 
 if TYPE_CHECKING:
     from bowstring._core import RodModel
+    from bowstring.robot.arrays import RobotArrays
     from bowstring.robot.model import Robot
 
 __all__ = [
@@ -124,7 +125,7 @@ def is_by_tensions(robot: Robot, load: Load, history: Mapping[str, Any] | None =
 # --------------------------------------------------------------------------------------
 
 
-def driven(robot: Robot, displacements: Floats) -> Floats:
+def driven(robot: RobotArrays, displacements: Floats) -> Floats:
     """Displacements of the tendons at commanded ones (..., T), m (theory Eq. 4.11)."""
     tendons = robot.tendons
     found: Floats = tendons.gain * displacements + tendons.zero_m

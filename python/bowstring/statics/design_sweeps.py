@@ -14,6 +14,7 @@ from bowstring.errors import InputError
 from bowstring.formatting import listed
 from bowstring.robot.designs import Designs
 from bowstring.robot.laws import MEMORIES
+from bowstring.statics.actuation import driven
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import ON_DISKS, disk_shape, per_disk, with_arrays
 from bowstring.statics.model import RodModel, as_model
@@ -223,11 +224,9 @@ def _commands(
 
 def _driven(designs: Designs, values: Floats, by_displacement: NDArray[np.bool_]) -> _Commands:
     """Commands as they reach the tendons (theory Eq. 4.11)."""
-    gain, zero = (
-        np.broadcast_to(each, (len(designs), values.shape[-1]))[:, None]
-        for each in (designs.arrays.tendons.gain, designs.arrays.tendons.zero_m)
-    )
-    reached = np.where(by_displacement, gain * values + zero, values)
+    # loads first: arrays of tendons are (T,) or (D, T)
+    moved = driven(designs.arrays, values.swapaxes(0, 1)).swapaxes(0, 1)
+    reached = np.where(by_displacement, moved, values)
     return _Commands(np.ascontiguousarray(reached), by_displacement)
 
 
