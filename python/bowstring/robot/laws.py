@@ -49,7 +49,9 @@ class Law:
 
 
 _TOGETHER: Final = "Relaxation of the backbone and creep of the tendons are left out."
-_COMMANDS: Final = "Gain and zero of the drives are left out: displacements are the tendons'."
+_COMMANDS: Final = (
+    "Gain and zero of the drives are left out: displacements are those of the tendons themselves."
+)
 _RELAXATION: Final = (
     ("relaxation", "relaxation_time"),
     ("second_relaxation", "second_relaxation_time"),
