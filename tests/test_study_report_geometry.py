@@ -143,7 +143,8 @@ def test_the_equations_are_those_of_the_comparisons(paper: Study) -> None:
 def test_a_segment_with_too_few_tendons_has_the_arc_of_the_linear_law(paper: Study) -> None:
     found = study_equations(studied(str(TWO_TUBES), paper))
     assert "give no arc (segment 1:" in " ".join(found.intro)
-    assert [e.name for e in found.equations] == ["Eq. 1", "Linear law", "Second correction"]
+    # its disks clamp the backbone, so that no equation is that of all modules
+    assert [e.name for e in found.equations] == ["Eq. 1", "Linear law"]
     assert len(found.arcs) == 2
 
 

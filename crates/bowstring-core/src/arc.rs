@@ -14,7 +14,7 @@
 
 use crate::math::linalg::dot;
 use crate::math::series::stumpff;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::fmt;
 
 /// Why an arc could not be computed; the text is one sentence.
@@ -36,7 +36,7 @@ impl fmt::Display for Error {
 
 impl std::error::Error for Error {}
 
-fn input<T>(text: String) -> Result<T, Error> {
+pub(crate) fn input<T>(text: String) -> Result<T, Error> {
     Err(Error::Input(text))
 }
 
@@ -221,9 +221,8 @@ impl Arc {
         ])
     }
 
-    /// Length of the tendon through `hole` (m): theory Eq. 1.3 for curved spans, theory Eq. 1.5 for
-    /// straight spans between disks.
-    pub fn tendon_length(&self, hole: Hole, spans: &Spans) -> Result<f64, Error> {
+    /// Length of the tendon through `hole` (m), parallel to the backbone: theory Eq. 1.3.
+    pub fn tendon_length(&self, hole: Hole) -> Result<f64, Error> {
         let parallel = self.parallel_length(hole);
         if parallel.is_nan() || parallel <= 0.0 {
             return input(format!(
@@ -231,18 +230,12 @@ impl Arc {
                 hole[0], hole[1]
             ));
         }
-        Ok(spans.factor(self.theta()).0 * parallel)
+        Ok(parallel)
     }
 
     /// Derivative of [`Arc::tendon_length`] with respect to (bend x, bend y, length).
-    pub fn tendon_length_jacobian(&self, hole: Hole, spans: &Spans) -> [f64; 3] {
-        let (q, w) = spans.factor(self.theta());
-        let lw = self.parallel_length(hole) * w;
-        [
-            lw * self.bend[0] - q * hole[0],
-            lw * self.bend[1] - q * hole[1],
-            q,
-        ]
+    pub fn tendon_length_jacobian(&self, hole: Hole) -> [f64; 3] {
+        [-hole[0], -hole[1], 1.0]
     }
 
     fn parallel_length(&self, hole: Hole) -> f64 {
@@ -349,7 +342,7 @@ impl Arc {
 
 /// Zero in [low, high] of a function that is negative below and positive above it, by Newton's
 /// method safeguarded by bisection.
-fn root(f: impl Fn(f64) -> (f64, f64), mut low: f64, mut high: f64) -> f64 {
+pub(crate) fn root(f: impl Fn(f64) -> (f64, f64), mut low: f64, mut high: f64) -> f64 {
     let mut t = 0.5 * (low + high);
     for _ in 0..100 {
         let (value, derivative) = f(t);
@@ -381,108 +374,22 @@ pub fn bend_jacobian(kappa: f64, phi: f64, length: f64) -> [[f64; 3]; 3] {
     ]
 }
 
-/// Path of a tendon along a segment: parallel to the backbone, or straight from disk to disk.
-///
-/// Over a module of bend angle a and backbone length h the straight span is 2 sin(a/2) (h/a - r
-/// cos(phi - alpha)), theory Eq. 1.5. Summed over modules with shares f of the segment, every
-/// tendon is shorter than its parallel curve by one factor, Q(theta) = sum of 2 sin(f
-/// theta/2)/theta.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Spans(Vec<f64>);
-
-impl Spans {
-    /// Tendons that follow a curve parallel to the backbone (Amouri 2019, Eq. 2-4).
-    pub fn curved() -> Self {
-        Spans(Vec::new())
-    }
-
-    /// Straight spans over modules with these shares of the segment's length (they add up to 1;
-    /// equal shares are Amouri 2019, Fig. 4).
-    pub fn straight(shares: Vec<f64>) -> Result<Self, Error> {
-        if shares.is_empty() {
-            return input("a segment with straight spans needs at least one module, got 0".into());
-        }
-        for &share in &shares {
-            positive("a module's share of the segment", share, "lengths")?;
-        }
-        let sum: f64 = shares.iter().sum();
-        if (sum - 1.0).abs() > 1e-9 {
-            return input(format!(
-                "the modules' shares of the segment must add up to 1, got {sum}"
-            ));
-        }
-        Ok(Spans(shares))
-    }
-
-    /// Straight spans over `n` equal modules.
-    pub fn equal(n: usize) -> Result<Self, Error> {
-        if n > 100_000 {
-            return input(format!(
-                "a segment may have at most 100000 modules, got {n}"
-            ));
-        }
-        Spans::straight(vec![1.0 / n as f64; n])
-    }
-
-    /// Q(theta) and Q'(theta)/theta.
-    fn factor(&self, theta: f64) -> (f64, f64) {
-        if self.0.is_empty() {
-            return (1.0, 0.0);
-        }
-        let (mut q, mut w) = (0.0, 0.0);
-        for &share in &self.0 {
-            let f = Smooth::at(0.5 * share * theta);
-            q += share * f.a;
-            w += 0.25 * share * share * share * f.da;
-        }
-        (q, w)
-    }
-
-    /// Solves Q(theta) theta = `chord` for theta, up to a bend angle of pi in a module.
-    fn theta(&self, chord: f64) -> Option<f64> {
-        if self.0.is_empty() || chord == 0.0 {
-            return Some(chord);
-        }
-        let widest = self.0.iter().copied().fold(0.0, f64::max);
-        let limit = PI / widest;
-        let (q, _) = self.factor(limit);
-        if chord > q * limit {
-            return None;
-        }
-        // Q theta is concave up to the limit, so Newton's method converges to the root from below
-        let mut theta = chord;
-        for _ in 0..100 {
-            let (q, w) = self.factor(theta);
-            let step = (chord - q * theta) / (q + w * theta * theta);
-            // also ends where only rounding is left, or at the limit, where the slope vanishes
-            if step.is_nan() || step <= 2.0 * f64::EPSILON * theta {
-                break;
-            }
-            theta = (theta + step).min(limit);
-        }
-        Some(theta)
-    }
-}
-
 /// Least-squares map from tendon lengths to an arc, for three or more tendons at any holes.
 ///
-/// Minimises the sum of squares of l_i - Q (length - hole_i . bend) (theory Eq. 1.3, with straight
-/// spans Eq. 1.5). For three tendons the residual is zero; at 120 degrees the solution is
-/// theory Eq. 1.4 (Amouri 2019, Eq. 2-4), with straight spans theory Eq. 1.6.
+/// Minimises the sum of squares of l_i - (length - hole_i . bend) (theory Eq. 1.3). For three tendons
+/// the residual is zero; at 120 degrees the solution is theory Eq. 1.4 (Amouri 2019, Eq. 2-4).
 #[derive(Debug, Clone)]
 pub struct TendonFit {
     holes: Vec<Hole>,
-    spans: Spans,
     hold_length: bool,
     mean_hole: Hole,
-    /// Derivative of the bend vector with respect to length differences, before the factor Q.
+    /// Derivative of the bend vector with respect to length differences.
     weights: Vec<[f64; 2]>,
 }
 
 impl TendonFit {
-    /// Prepares the fit. With `hold_length` the arc's length is given and only the bend is fitted
-    /// (curved spans only).
-    pub fn new(holes: &[Hole], spans: Spans, hold_length: bool) -> Result<Self, Error> {
+    /// Prepares the fit. With `hold_length` the arc's length is given and only the bend is fitted.
+    pub fn new(holes: &[Hole], hold_length: bool) -> Result<Self, Error> {
         let count = holes.len();
         if count < 3 {
             return input(format!(
@@ -490,11 +397,6 @@ impl TendonFit {
             ));
         }
         finite("a tendon's hole position", holes.as_flattened(), "m")?;
-        if hold_length && !spans.0.is_empty() {
-            return input(
-                "the length can be held only for tendons parallel to the backbone, not with straight spans".into(),
-            );
-        }
         let mean = |k: usize| holes.iter().map(|h| h[k]).sum::<f64>() / count as f64;
         let mean_hole = [mean(0), mean(1)];
         let centre = if hold_length { [0.0; 2] } else { mean_hole };
@@ -530,16 +432,20 @@ impl TendonFit {
             .collect();
         Ok(TendonFit {
             holes: holes.to_vec(),
-            spans,
             hold_length,
             mean_hole,
             weights,
         })
     }
 
+    /// `length` if the fit holds it.
+    pub fn held(&self, length: f64) -> Option<f64> {
+        self.hold_length.then_some(length)
+    }
+
     /// The arc for these tendon `lengths` (m), and the misfit: the root mean square residual of the
     /// lengths (m; zero for three tendons with free length). `length` is the held length of the
-    /// arc.
+    /// arc. Whether a backbone can have the arc, [`TendonFit::check`] says.
     pub fn fit(&self, lengths: &[f64], length: Option<f64>) -> Result<(Arc, f64), Error> {
         let count = self.holes.len();
         one_a_hole("tendon lengths", lengths, &self.holes)?;
@@ -559,8 +465,7 @@ impl TendonFit {
             mean += (l - reference) / count as f64;
         }
         let free = reference + mean + self.mean_hole[0] * bend[0] + self.mean_hole[1] * bend[1];
-        // lengths of parallel curves; straight spans are shorter by the factor Q
-        let parallel = Arc {
+        let arc = Arc {
             bend,
             length: length.unwrap_or(free),
         };
@@ -571,28 +476,17 @@ impl TendonFit {
                 .holes
                 .iter()
                 .zip(lengths)
-                .map(|(hole, l)| (l - parallel.parallel_length(*hole)).powi(2))
+                .map(|(hole, l)| (l - arc.parallel_length(*hole)).powi(2))
                 .sum();
             (sum / count as f64).sqrt()
         };
         finite("the misfit of the tendon lengths", &[misfit], "m")?;
-        finite("the arc's length", &[parallel.length], "m")?;
-        let chord = parallel.theta();
-        let Some(theta) = self.spans.theta(chord) else {
-            return input(
-                "no arc has these tendon lengths: straight spans would bend a module by more than half a turn".into(),
-            );
-        };
-        let (q, _) = self.spans.factor(theta);
-        let arc = Arc {
-            bend: parallel.bend.map(|c| c / q),
-            length: parallel.length / q,
-        };
-        self.check(&arc)?;
+        finite("the arc's length", &[arc.length], "m")?;
         Ok((arc, misfit))
     }
 
-    fn check(&self, arc: &Arc) -> Result<(), Error> {
+    /// Checks that the arc bends less than a full turn and not inside the pitch radius.
+    pub fn check(&self, arc: &Arc) -> Result<(), Error> {
         let theta = arc.theta();
         let reach = self
             .holes
@@ -613,26 +507,18 @@ impl TendonFit {
         Ok(())
     }
 
-    /// Derivative of (bend x, bend y, length) with respect to the tendon lengths, at a fitted
-    /// `arc`: three rows, one column for each tendon.
-    pub fn jacobian(&self, arc: &Arc) -> [Vec<f64>; 3] {
+    /// Derivative of (bend x, bend y, length) with respect to the tendon lengths: three rows, one
+    /// column for each tendon.
+    pub fn jacobian(&self) -> [Vec<f64>; 3] {
         let count = self.holes.len() as f64;
-        let (q, w) = self.spans.factor(arc.theta());
-        let [x, y] = arc.bend;
-        let theta = arc.theta();
-        // inverse of the map (bend, length) -> Q (bend, length)
-        let slope = q + w * theta * theta;
         let mut rows = [Vec::new(), Vec::new(), Vec::new()];
         for weight in &self.weights {
-            let along = x * weight[0] + y * weight[1];
-            rows[0].push((weight[0] - w / slope * x * along) / q);
-            rows[1].push((weight[1] - w / slope * y * along) / q);
+            rows[0].push(weight[0]);
+            rows[1].push(weight[1]);
             rows[2].push(if self.hold_length {
                 0.0
             } else {
-                let mean =
-                    1.0 / count + self.mean_hole[0] * weight[0] + self.mean_hole[1] * weight[1];
-                (mean - arc.length * w / slope * along) / q
+                1.0 / count + self.mean_hole[0] * weight[0] + self.mean_hole[1] * weight[1]
             });
         }
         rows
@@ -640,7 +526,7 @@ impl TendonFit {
 }
 
 /// Sum of the tensions (N), and sum of tension times hole (N m).
-fn tendon_load(tensions: &[f64], holes: &[Hole]) -> Result<(f64, [f64; 2]), Error> {
+pub(crate) fn tendon_load(tensions: &[f64], holes: &[Hole]) -> Result<(f64, [f64; 2]), Error> {
     one_a_hole("tensions", tensions, holes)?;
     let mut force = 0.0;
     let mut moment = [0.0; 2];
@@ -673,51 +559,4 @@ pub fn linear_law(
     let bend = moment.map(|m| m * length / bending_stiffness);
     angle(bend[0].hypot(bend[1]))?;
     Ok(Arc { bend, length })
-}
-
-/// The arc under `tensions` (N) by the linear law with the mean lever arm of straight spans over
-/// `modules` equal modules; the length is unchanged.
-///
-/// The energy of a module with h = length/modules and a = theta/modules (theory Eq. 1.8),
-///
-/// EI a^2/(2 h) + sum of T_i 2 sin(a/2) (h/a - r_i cos(phi - alpha_i)),
-///
-/// is stationary along the moment m = sum T_i hole_i, where to second order in a (theory Eq. 1.9)
-///
-/// theta = (length/EI) (|m| + F h a/12 - |m| a^2/8),   F = sum T_i.
-///
-/// For one tendon this is theta = (F l/EI) (r + (l/n) a/12 - r a^2/8). It is a quadratic with one
-/// positive root, computed in the form without cancellation near the straight pose.
-///
-/// At and above Euler's load F = pi^2 EI/h^2 the backbone buckles between two disks and there is no
-/// equilibrium. The quadratic alone would have a root up to 12 EI/h^2, the load that buckles a
-/// backbone constrained to an arc.
-pub fn lever_arm_law(
-    tensions: &[f64],
-    holes: &[Hole],
-    length: f64,
-    bending_stiffness: f64,
-    modules: usize,
-) -> Result<Arc, Error> {
-    if modules == 0 {
-        return input("the mean lever arm needs at least one module, got 0".into());
-    }
-    let linear = linear_law(tensions, holes, length, bending_stiffness)?;
-    let (force, _) = tendon_load(tensions, holes)?;
-    let n2 = (modules as f64).powi(2);
-    let unit = n2 * bending_stiffness / (length * length); // EI/h^2
-    let buckling = PI * PI * unit; // Euler's column of length h, hinged at both ends
-    if force >= buckling {
-        return Err(Error::NoSolution(format!(
-            "a total tension of {force:?} N buckles the backbone between its disks (limit {buckling:.4} N), the limit of the lever-arm law; lower the tensions"
-        )));
-    }
-    // EI a - F h^2 a/12: remaining bending stiffness of the straight module, over EI
-    let stiffness = 1.0 - force / (12.0 * unit);
-    let root = stiffness.hypot(linear.theta() / (2.0 * n2).sqrt());
-    let gain = 2.0 / (stiffness + root);
-    Ok(Arc {
-        bend: linear.bend.map(|c| c * gain),
-        length,
-    })
 }

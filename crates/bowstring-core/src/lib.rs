@@ -23,6 +23,7 @@ pub mod rod {
 }
 
 pub mod arc;
+mod arc_modules;
 pub mod stress;
 
 pub mod robot_arcs;

@@ -2,7 +2,8 @@
 //!
 //! Theory: docs/theory/constant-curvature.md.
 
-use crate::arc::{lever_arm_law, linear_law, Arc, Error, Hole, Spans, TendonFit};
+use crate::arc::{linear_law, tendon_load, Arc, Error, Hole, Pose, TendonFit};
+use crate::arc_modules::{least_thrust, Modules};
 use crate::math::linalg::{Mat3, Vec3};
 use crate::model::error::InputError;
 use crate::model::robot::{Robot, RobotSpec, Tendon};
@@ -13,11 +14,13 @@ use crate::statics::batch::for_each;
 pub enum Law {
     /// Tendon lengths (m), tendons parallel to the backbone (theory Eq. 1.3).
     Lengths,
-    /// Tendon lengths (m), tendons straight between disks (theory Eq. 1.5).
+    /// As [`Law::Lengths`], for arcs that keep the lengths of the segments.
+    HeldLengths,
+    /// Tendon lengths (m), tendons straight between disks, clamped lengths straight (theory Eq. 1.5).
     Chords,
     /// Tensions (N), linear law (theory Eq. 1.7).
     Linear,
-    /// Tensions (N), mean lever arm of straight spans.
+    /// Tensions (N), mean lever arm of straight spans, clamped lengths straight (theory Eq. 1.10).
     LeverArm,
 }
 
@@ -26,8 +29,20 @@ const ALIKE: f64 = 1e-12;
 
 /// The segments of a robot as constant curvature sees them.
 pub struct RobotArcs {
+    law: Law,
     segments: Vec<Segment>,
     tendons: usize,
+}
+
+/// Arc of a segment, in the frame of its start.
+#[derive(Clone, Debug)]
+pub struct SegmentArc {
+    /// The arc; with bends of modules, their sum and the length of the backbone.
+    pub arc: Arc,
+    /// Residual of the fit to tendon lengths, root mean square (m).
+    pub misfit: f64,
+    /// Bend of each module (rad); none where the segment is one arc.
+    pub bends: Vec<f64>,
 }
 
 struct Segment {
@@ -36,14 +51,16 @@ struct Segment {
     flexibility: [f64; 3],
     /// Bend of the unloaded segment along x and y (rad).
     rest: [f64; 2],
-    modules: usize,
+    /// Stations of the disks from its start over its length.
+    disks: Vec<f64>,
+    /// Under a law of straight spans.
+    modules: Option<Modules>,
     /// First tendon anchored to its end disk; it and all later ones pass the segment.
     first: usize,
     /// First tendon beyond those anchored to its end disk.
     next: usize,
     /// Holes of the tendons from `first` on; under a law of tensions from the tension centre.
     holes: Vec<Hole>,
-    spans: Spans,
     /// Fit to tendon lengths; an error if they do not determine an arc.
     fit: Result<TendonFit, Error>,
 }
@@ -71,9 +88,8 @@ fn mean_hole(tendon: &Tendon, spec: &RobotSpec, disks: &[usize]) -> Hole {
 }
 
 impl RobotArcs {
-    /// # Errors
-    /// If the chord correction is not defined.
-    pub fn new(robot: &Robot, law: Law) -> Result<Self, Error> {
+    /// Lays out the segments of a robot.
+    pub fn new(robot: &Robot, law: Law) -> Self {
         let spec = robot.spec();
         let mut start = 0.0;
         let mut segments = Vec::with_capacity(spec.backbone.len());
@@ -91,43 +107,79 @@ impl RobotArcs {
             // tensions bend by their moments about the tension centre
             let centre = match law {
                 Law::Linear | Law::LeverArm => profile.tension_centre(),
-                Law::Lengths | Law::Chords => [0.0; 2],
+                Law::Lengths | Law::HeldLengths | Law::Chords => [0.0; 2],
             };
             let hole = |t| {
                 let [x, y] = mean_hole(t, spec, &disks);
                 [x - centre[0], y - centre[1]]
             };
             let holes: Vec<_> = tendons.map(hole).collect();
-            let spans = match law {
-                Law::Chords => {
-                    let mut before = start;
-                    let share = |k: &usize| {
-                        let share = (spec.disks[*k].station - before) / length;
-                        before = spec.disks[*k].station;
-                        share
-                    };
-                    Spans::straight(disks.iter().map(share).collect())?
-                }
-                _ => Spans::curved(),
-            };
-            let fit = TendonFit::new(&holes[..next - first], spans.clone(), false);
+            let straight_spans = matches!(law, Law::Chords | Law::LeverArm);
+            let modules = &robot.modules()[disks[0]..=last];
+            let fit = TendonFit::new(&holes[..next - first], law == Law::HeldLengths);
+            let station = |&k: &usize| (spec.disks[k].station - start) / length;
             segments.push(Segment {
                 length,
                 flexibility: profile.bending_flexibility(),
                 rest: [rest[1], -rest[0]].map(|u| u * length),
-                modules: disks.len(),
+                disks: disks.iter().map(station).collect(),
+                modules: straight_spans.then(|| Modules::new(modules)),
                 first,
                 next,
                 holes,
-                spans,
                 fit,
             });
             start = end;
         }
-        Ok(RobotArcs {
+        RobotArcs {
+            law,
             segments,
             tendons: spec.tendons.len(),
-        })
+        }
+    }
+
+    /// Number of segments.
+    pub fn segment_count(&self) -> usize {
+        self.segments.len()
+    }
+
+    /// Number of tendons.
+    pub fn tendon_count(&self) -> usize {
+        self.tendons
+    }
+
+    /// Number of disks.
+    pub fn disk_count(&self) -> usize {
+        self.segments
+            .iter()
+            .map(|segment| segment.disks.len())
+            .sum()
+    }
+
+    /// Number of modules that bend each by their own arc.
+    pub fn bend_count(&self) -> usize {
+        match self.law {
+            Law::Chords | Law::LeverArm => self.disk_count(),
+            Law::Lengths | Law::HeldLengths | Law::Linear => 0,
+        }
+    }
+
+    /// Arcs of the segments with given bends of all modules (rad).
+    pub fn with_bends(&self, arcs: &[Arc], bends: &[f64]) -> Vec<SegmentArc> {
+        let mut start = 0;
+        let segments = self.segments.iter().zip(arcs);
+        segments
+            .map(|(segment, &arc)| {
+                let count = segment.modules.as_ref().map_or(0, |_| segment.disks.len());
+                let bends = bends[start..start + count].to_vec();
+                start += count;
+                SegmentArc {
+                    arc,
+                    misfit: 0.0,
+                    bends,
+                }
+            })
+            .collect()
     }
 
     /// Length (m), bend without tensions (rad) and bend by each tension (rad/N) of each segment under
@@ -146,29 +198,157 @@ impl RobotArcs {
     /// Position of the tip (m).
     ///
     /// # Errors
-    /// If no arc has these tendon lengths, or the law has no equilibrium at these tensions.
-    pub fn tip(&self, law: Law, commands: &[f64]) -> Result<[f64; 3], Error> {
-        let mut position = Vec3::zero();
-        let mut frame = Mat3::<f64>::identity();
-        let mut rest = commands.to_vec();
-        for segment in &self.segments {
-            let pose = segment.arc(law, &mut rest)?.pose();
-            position += frame * Vec3(pose.position);
-            frame = frame * Mat3(pose.rotation);
+    /// As for [`RobotArcs::arcs`].
+    pub fn tip(&self, commands: &[f64]) -> Result<[f64; 3], Error> {
+        let arcs = self.arcs(commands)?;
+        let mut frame = Frame::base();
+        for piece in self.pieces(&arcs) {
+            frame = frame.beyond(&piece);
         }
-        Ok(position.0)
+        Ok(frame.position.0)
     }
 
-    /// The arc of each segment, in the frame of its start.
+    /// The arc of each segment.
     ///
     /// # Errors
-    /// As for [`RobotArcs::tip`].
-    pub fn arcs(&self, law: Law, commands: &[f64]) -> Result<Vec<Arc>, Error> {
+    /// If no arc has these tendon lengths, or the law has no equilibrium at these tensions.
+    pub fn arcs(&self, commands: &[f64]) -> Result<Vec<SegmentArc>, Error> {
         let mut rest = commands.to_vec();
-        let segments = self.segments.iter();
-        segments
-            .map(|segment| segment.arc(law, &mut rest))
+        let arcs = self.segments.iter().enumerate();
+        arcs.map(|(i, segment)| named(i, segment.arc(self.law, &mut rest)))
             .collect()
+    }
+
+    /// Given arcs of the segments with the bends of their modules.
+    ///
+    /// # Errors
+    /// If a module bends by more than half a turn.
+    pub fn of_arcs(&self, arcs: &[Arc]) -> Result<Vec<SegmentArc>, Error> {
+        let segments = self.segments.iter().zip(arcs).enumerate();
+        segments
+            .map(|(i, (segment, &arc))| {
+                let bends = match &segment.modules {
+                    None => Some(Vec::new()),
+                    Some(modules) => {
+                        modules.of_total(arc.theta(), least_thrust(segment.own(), arc.bend))
+                    }
+                };
+                let problem = "the arc bends a module by more than half a turn";
+                let bends = named(i, bends.ok_or(Error::Input(problem.into())))?;
+                Ok(SegmentArc {
+                    arc,
+                    misfit: 0.0,
+                    bends,
+                })
+            })
+            .collect()
+    }
+
+    /// Tendon lengths (m) from the base to each tendon's end disk.
+    ///
+    /// # Errors
+    /// If an arc bends tighter than a tendon's distance from the backbone.
+    pub fn tendon_lengths(&self, arcs: &[SegmentArc]) -> Result<Vec<f64>, Error> {
+        let mut lengths = vec![0.0; self.tendons];
+        for (i, (segment, found)) in self.segments.iter().zip(arcs).enumerate() {
+            for (length, hole) in lengths[segment.first..].iter_mut().zip(&segment.holes) {
+                *length += named(i, segment.tendon_length(found, *hole))?;
+            }
+        }
+        Ok(lengths)
+    }
+
+    /// Poses at arc lengths (m) from the base.
+    pub fn poses(&self, arcs: &[SegmentArc], arc_lengths: &[f64]) -> Vec<Pose> {
+        let (mut start, mut frame) = (0.0, Frame::base());
+        let mut starts = Vec::new();
+        for piece in self.pieces(arcs).filter(|piece| piece.length > 0.0) {
+            starts.push((start, frame, piece));
+            start += piece.length;
+            frame = frame.beyond(&piece);
+        }
+        let at = |&s: &f64| {
+            let (start, frame, piece) =
+                starts[starts.partition_point(|piece| piece.0 < s).max(1) - 1];
+            let share = ((s - start) / piece.length).clamp(0.0, 1.0);
+            let part = Arc {
+                bend: piece.bend.map(|c| c * share),
+                length: share * piece.length,
+            };
+            let end = frame.beyond(&part);
+            Pose {
+                position: end.position.0,
+                rotation: end.axes.0,
+            }
+        };
+        arc_lengths.iter().map(at).collect()
+    }
+
+    /// Arc lengths (m) of the disks.
+    pub fn disks(&self, arcs: &[SegmentArc]) -> Vec<f64> {
+        let mut start = 0.0;
+        let mut stations = Vec::new();
+        for (segment, found) in self.segments.iter().zip(arcs) {
+            match &segment.modules {
+                None => stations.extend(segment.disks.iter().map(|s| start + s * found.arc.length)),
+                Some(modules) => {
+                    let mut station = start;
+                    let pieces: Vec<_> = modules.pieces(&found.arc, &found.bends).collect();
+                    stations.extend(pieces.chunks_exact(3).map(|module| {
+                        station += module.iter().map(|piece| piece.length).sum::<f64>();
+                        station
+                    }));
+                }
+            }
+            start += found.arc.length;
+        }
+        stations
+    }
+
+    /// The backbone as arcs in series.
+    fn pieces<'a>(&'a self, arcs: &'a [SegmentArc]) -> impl Iterator<Item = Arc> + 'a {
+        self.segments.iter().zip(arcs).flat_map(|(segment, found)| {
+            let whole = segment.modules.is_none().then_some(found.arc);
+            let pieces = segment.modules.iter();
+            let pieces = pieces.flat_map(|modules| modules.pieces(&found.arc, &found.bends));
+            whole.into_iter().chain(pieces)
+        })
+    }
+}
+
+/// Names the segment in an error.
+fn named<T>(segment: usize, found: Result<T, Error>) -> Result<T, Error> {
+    let text = |text| format!("segment {}: {text}", segment + 1);
+    found.map_err(|error| match error {
+        Error::Input(problem) => Error::Input(text(problem)),
+        Error::NoSolution(problem) => Error::NoSolution(text(problem)),
+    })
+}
+
+#[derive(Clone, Copy)]
+struct Frame {
+    position: Vec3,
+    axes: Mat3<f64>,
+}
+
+impl Frame {
+    fn base() -> Self {
+        Frame {
+            position: Vec3::zero(),
+            axes: Mat3::identity(),
+        }
+    }
+
+    /// Frame at the end of an arc that starts here.
+    fn beyond(self, arc: &Arc) -> Self {
+        let pose = arc.pose();
+        Frame {
+            position: self.position + self.axes * Vec3(pose.position),
+            axes: match arc.bend {
+                [0.0, 0.0] => self.axes,
+                _ => self.axes * Mat3(pose.rotation),
+            },
+        }
     }
 }
 
@@ -180,43 +360,124 @@ impl Segment {
         [about_y * x - product * y, about_x * y - product * x]
     }
 
+    /// Holes of the tendons anchored to its end disk.
+    fn own(&self) -> &[Hole] {
+        &self.holes[..self.next - self.first]
+    }
+
+    fn tendon_length(&self, found: &SegmentArc, hole: Hole) -> Result<f64, Error> {
+        match &self.modules {
+            None => found.arc.tendon_length(hole),
+            Some(modules) => modules.tendon_length(&found.arc, &found.bends, hole),
+        }
+    }
+
     /// The arc; of tendon lengths, what the tendons beyond have used of theirs is taken away.
-    fn arc(&self, law: Law, rest: &mut [f64]) -> Result<Arc, Error> {
+    fn arc(&self, law: Law, rest: &mut [f64]) -> Result<SegmentArc, Error> {
         let length = self.length;
-        let [about_x, about_y, product] = self.flexibility;
-        match law {
-            Law::Linear => {
+        let one = |arc| SegmentArc {
+            arc,
+            misfit: 0.0,
+            bends: Vec::new(),
+        };
+        match (law, &self.modules) {
+            (Law::Linear, _) => {
                 let mut arc = linear_law(&rest[self.first..], &self.holes, length, 1.0)?;
                 let [x, y] = self.bend(arc.bend);
                 arc.bend = [x + self.rest[0], y + self.rest[1]];
-                Ok(arc)
+                Ok(one(arc))
             }
-            Law::LeverArm if self.rest != [0.0; 2] => Err(Error::NoSolution(
-                "the lever-arm law is for a backbone that is straight without load".into(),
-            )),
-            Law::LeverArm if product.hypot(about_x - about_y) > ALIKE * about_x => Err(Error::NoSolution(
-                "the lever-arm law is for a backbone with equal bending stiffness about all axes"
-                    .into(),
-            )),
-            Law::LeverArm => {
-                let (tensions, stiffness) = (&rest[self.first..], 1.0 / about_x);
-                lever_arm_law(tensions, &self.holes, length, stiffness, self.modules)
-            }
-            // no tendon passes: as without load
-            Law::Lengths | Law::Chords if self.holes.is_empty() => Ok(Arc {
-                bend: self.rest,
-                length,
-            }),
-            Law::Lengths | Law::Chords => {
-                let fit = self.fit.as_ref().map_err(Clone::clone)?;
-                let (arc, _) = fit.fit(&rest[self.first..self.next], None)?;
-                let own = self.next - self.first;
-                for (left, hole) in rest[self.next..].iter_mut().zip(&self.holes[own..]) {
-                    *left -= arc.tendon_length(*hole, &self.spans)?;
-                }
-                Ok(arc)
-            }
+            (Law::LeverArm, Some(modules)) => self.lever_arm(modules, &rest[self.first..]),
+            _ => self.fitted(rest),
         }
+    }
+
+    /// Arc by the law with the mean lever arm of straight spans.
+    fn lever_arm(&self, modules: &Modules, tensions: &[f64]) -> Result<SegmentArc, Error> {
+        let refuse = |text: &str| {
+            Err(Error::Input(format!(
+                "the lever-arm law is for a backbone {text}; use linear"
+            )))
+        };
+        let [about_x, about_y, product] = self.flexibility;
+        if self.rest != [0.0; 2] {
+            return refuse("that is straight without load");
+        }
+        if product.hypot(about_x - about_y) > ALIKE * about_x {
+            return refuse("with equal bending stiffness about all axes");
+        }
+        let (force, [x, y]) = tendon_load(tensions, &self.holes)?;
+        let moment = x.hypot(y);
+        let limit = modules.buckling() / about_x;
+        if force >= limit {
+            return Err(Error::NoSolution(format!(
+                "a total tension of {force:?} N buckles the backbone between its disks (limit {limit:.4} N), the limit of the lever-arm law; lower the tensions"
+            )));
+        }
+        let bends = modules.under(moment * about_x, force * about_x);
+        let theta: f64 = bends.iter().sum();
+        let towards = match moment > 0.0 {
+            true => [x / moment, y / moment],
+            false => [0.0; 2],
+        };
+        let arc = Arc {
+            bend: towards.map(|c| c * theta),
+            length: self.length,
+        };
+        Ok(SegmentArc {
+            arc,
+            misfit: 0.0,
+            bends,
+        })
+    }
+
+    /// Arc from tendon lengths.
+    fn fitted(&self, rest: &mut [f64]) -> Result<SegmentArc, Error> {
+        let own = self.next - self.first;
+        if own == 0 && !self.holes.is_empty() {
+            return Err(Error::Input(
+                "no tendon ends at it, so tendon lengths do not determine its arc; use tensions, or make it one segment with the next one".into(),
+            ));
+        }
+        let found = if own == 0 {
+            // no tendon passes: as without load
+            let arc = Arc {
+                bend: self.rest,
+                length: self.length,
+            };
+            let bends = match &self.modules {
+                None => Some(Vec::new()),
+                Some(modules) => modules.of_total(arc.theta(), 0.0),
+            };
+            SegmentArc {
+                arc,
+                misfit: 0.0,
+                bends: bends.unwrap_or_default(),
+            }
+        } else {
+            let lengths = &rest[self.first..self.next];
+            let spent = lengths.iter().position(|&l| l <= 0.0);
+            if let Some(tendon) = spent.filter(|_| self.first > 0) {
+                return Err(Error::Input(format!(
+                    "tendon {} is shorter than the bent segments before it, so nothing is left of it for its own",
+                    self.first + tendon + 1
+                )));
+            }
+            let fit = self.fit.as_ref().map_err(Clone::clone)?;
+            let (parallel, misfit) = fit.fit(lengths, fit.held(self.length))?;
+            let (arc, bends) = match &self.modules {
+                None => (parallel, Vec::new()),
+                Some(modules) => {
+                    modules.of_lengths(&parallel, least_thrust(self.own(), parallel.bend))?
+                }
+            };
+            fit.check(&arc)?;
+            SegmentArc { arc, misfit, bends }
+        };
+        for (left, hole) in rest[self.next..].iter_mut().zip(&self.holes[own..]) {
+            *left -= self.tendon_length(&found, *hole)?;
+        }
+        Ok(found)
     }
 }
 
@@ -253,12 +514,10 @@ pub fn tips(
         threads,
         || (),
         |(), (i, tips)| {
-            let Ok(arcs) = RobotArcs::new(&robots[*i], law) else {
-                return;
-            };
+            let arcs = RobotArcs::new(&robots[*i], law);
             let rows = commands[*i * each * arcs.tendons..].chunks_exact(arcs.tendons);
             for (tip, row) in tips.chunks_exact_mut(3).zip(rows) {
-                if let Ok(found) = arcs.tip(law, row) {
+                if let Ok(found) = arcs.tip(row) {
                     tip.copy_from_slice(&found);
                 }
             }

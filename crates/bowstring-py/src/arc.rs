@@ -2,7 +2,7 @@
 
 use crate::input::{array, Array, Rows};
 use crate::interrupt::interruptible;
-use bowstring_core::arc::{bend_jacobian, lever_arm_law, linear_law, Arc, Error, Spans, TendonFit};
+use bowstring_core::arc::{bend_jacobian, linear_law, Arc, Error, TendonFit};
 use bowstring_core::interrupt;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -12,7 +12,7 @@ pyo3::import_exception!(bowstring.errors, NoSolutionError);
 
 type Column<'py> = PyReadonlyArray1<'py, f64>;
 
-fn raise(error: Error) -> PyErr {
+pub(crate) fn raise(error: Error) -> PyErr {
     match error {
         Error::Input(text) => InputError::new_err(text),
         Error::NoSolution(text) => NoSolutionError::new_err(text),
@@ -21,7 +21,7 @@ fn raise(error: Error) -> PyErr {
 
 /// Runs `f` for every row without the interpreter lock; an error names the row if there are
 /// several.
-fn each<T: Send>(
+pub(crate) fn each<T: Send>(
     py: Python<'_>,
     rows: usize,
     f: impl Fn(usize) -> Result<T, Error> + Send + Sync,
@@ -72,24 +72,15 @@ fn arcs_and_numbers<'py>(
     Ok((array(py, arcs, &[rows, 3]), array(py, numbers, &[rows])))
 }
 
-fn arc([x, y, length]: [f64; 3]) -> Arc {
+pub(crate) fn arc([x, y, length]: [f64; 3]) -> Arc {
     Arc {
         bend: [x, y],
         length,
     }
 }
 
-fn row(arc: Arc) -> [f64; 3] {
+pub(crate) fn row(arc: Arc) -> [f64; 3] {
     [arc.bend[0], arc.bend[1], arc.length]
-}
-
-/// Spans with these shares; without shares, curved spans.
-fn spans(shares: &Column) -> PyResult<Spans> {
-    let shares = shares.as_array().to_vec();
-    if shares.is_empty() {
-        return Ok(Spans::curved());
-    }
-    Spans::straight(shares).map_err(raise)
 }
 
 #[pyfunction]
@@ -166,15 +157,9 @@ pub fn arc_pose_jacobian(py: Python<'_>, arcs: Rows<3>) -> PyResult<Array<'_>> {
 }
 
 #[pyfunction]
-pub fn arc_lengths<'py>(
-    py: Python<'py>,
-    arcs: Rows<3>,
-    hole: Rows<2>,
-    shares: Column<'py>,
-) -> PyResult<Array<'py>> {
-    let spans = spans(&shares)?;
+pub fn arc_lengths<'py>(py: Python<'py>, arcs: Rows<3>, hole: Rows<2>) -> PyResult<Array<'py>> {
     table(py, arcs.len(), &[hole.len()], |i| {
-        let lengths = hole.iter().map(|h| arc(arcs[i]).tendon_length(*h, &spans));
+        let lengths = hole.iter().map(|h| arc(arcs[i]).tendon_length(*h));
         lengths.collect::<Result<Vec<f64>, Error>>()
     })
 }
@@ -184,11 +169,9 @@ pub fn arc_lengths_jacobian<'py>(
     py: Python<'py>,
     arcs: Rows<3>,
     hole: Rows<2>,
-    shares: Column<'py>,
 ) -> PyResult<Array<'py>> {
-    let spans = spans(&shares)?;
     table(py, arcs.len(), &[hole.len(), 3], |i| {
-        let by_hole = |h: &[f64; 2]| arc(arcs[i]).tendon_length_jacobian(*h, &spans);
+        let by_hole = |h: &[f64; 2]| arc(arcs[i]).tendon_length_jacobian(*h);
         Ok(hole.iter().flat_map(by_hole).collect::<Vec<f64>>())
     })
 }
@@ -199,33 +182,30 @@ pub fn arc_fit<'py>(
     py: Python<'py>,
     lengths: PyReadonlyArray2<'py, f64>,
     hole: Rows<2>,
-    shares: Column<'py>,
     length: Option<Column<'py>>,
 ) -> PyResult<(Array<'py>, Array<'py>)> {
-    let fit = TendonFit::new(&hole, spans(&shares)?, length.is_some()).map_err(raise)?;
+    let fit = TendonFit::new(&hole, length.is_some()).map_err(raise)?;
     let held = length.as_ref().map(|l| l.as_array());
     let lengths = lengths.as_array();
     arcs_and_numbers(py, lengths.nrows(), |i| {
-        fit.fit(&lengths.row(i).to_vec(), held.map(|l| l[i]))
+        let (arc, misfit) = fit.fit(&lengths.row(i).to_vec(), held.map(|l| l[i]))?;
+        fit.check(&arc)?;
+        Ok((arc, misfit))
     })
 }
 
-/// Derivative of the fitted arcs with respect to the tendon lengths, at arcs from [`arc_fit`].
+/// Derivative (3, T) of the fitted arcs with respect to the tendon lengths.
 #[pyfunction]
 pub fn arc_fit_jacobian<'py>(
     py: Python<'py>,
-    arcs: Rows<3>,
     hole: Rows<2>,
-    shares: Column<'py>,
     hold_length: bool,
 ) -> PyResult<Array<'py>> {
-    let fit = TendonFit::new(&hole, spans(&shares)?, hold_length).map_err(raise)?;
-    table(py, arcs.len(), &[3, hole.len()], |i| {
-        Ok(fit.jacobian(&arc(arcs[i])).concat())
-    })
+    let fit = TendonFit::new(&hole, hold_length).map_err(raise)?;
+    Ok(array(py, fit.jacobian().concat(), &[3, hole.len()]))
 }
 
-/// Arcs by the linear law, or with the mean lever arm if `modules` is given.
+/// Arcs by the linear law.
 #[pyfunction]
 pub fn arc_from_tensions<'py>(
     py: Python<'py>,
@@ -233,17 +213,11 @@ pub fn arc_from_tensions<'py>(
     hole: Rows<2>,
     length: Column<'py>,
     bending_stiffness: Column<'py>,
-    modules: Option<usize>,
 ) -> PyResult<Array<'py>> {
     let (tensions, length) = (tensions.as_array(), length.as_array());
     let stiffness = bending_stiffness.as_array();
     table(py, tensions.nrows(), &[3], |i| {
-        let t = tensions.row(i).to_vec();
-        let arc = match modules {
-            None => linear_law(&t, &hole, length[i], stiffness[i]),
-            Some(m) => lever_arm_law(&t, &hole, length[i], stiffness[i], m),
-        };
-        arc.map(row)
+        linear_law(&tensions.row(i).to_vec(), &hole, length[i], stiffness[i]).map(row)
     })
 }
 

@@ -16,6 +16,7 @@ mod inverse;
 mod model;
 mod motions;
 mod path;
+mod robot_arcs;
 mod rod;
 mod xla;
 
@@ -49,6 +50,8 @@ mod _core {
     use crate::motions::Motions;
     #[pymodule_export]
     use crate::path::{follow_designs, PathSolver};
+    #[pymodule_export]
+    use crate::robot_arcs::RobotArcs;
     #[pymodule_export]
     use crate::rod::{Robot, Solution};
     #[pymodule_export]

@@ -4,11 +4,12 @@ use crate::input::{array, copied, input_error, numbers, refused, Array};
 use crate::interrupt::interruptible;
 use crate::model::{numbers_of_points, POINT_LOAD};
 use crate::model::{DeadLoad, DesignArrays, OwnLoads, RobotArrays, RodModel};
+use crate::robot_arcs::law_of;
 use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
 use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::model::load::{Load, OwnedLoad, PointLoad, TendonPath};
-use bowstring_core::robot_arcs::{self, Law};
+use bowstring_core::robot_arcs;
 use bowstring_core::rod::sensitivity::Derivative;
 use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{self, write_pose, Solutions};
@@ -176,13 +177,7 @@ impl Robot {
         law: &str,
         commands: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Array<'py>> {
-        let law = match law {
-            "lengths" => Law::Lengths,
-            "chords" => Law::Chords,
-            "linear" => Law::Linear,
-            "arm" => Law::LeverArm,
-            _ => return Err(refused(format!("law is {law}, it must be a law of arcs"))),
-        };
+        let law = law_of(law)?;
         let robots = designs.robots(&self.inner)?;
         let rows = commands.shape()[0];
         let commands: Vec<f64> = commands.as_array().iter().copied().collect();

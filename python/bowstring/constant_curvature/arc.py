@@ -54,20 +54,15 @@ Coordinates = Literal["bend", "curvature"]
 @short_repr
 @dataclass(frozen=True, eq=False, init=False)
 class Routing:
-    """Routing of the tendons of one segment: holes, and tendon path between disks.
+    """Routing of the tendons of one segment, parallel to the backbone.
 
     ``routing[index]`` selects tendons.
     """
 
     holes: Array
     """Positions x, y of the holes (T, 2), m."""
-    shares: Array
-    """Length of each module over that of the segment (n,); empty for tendons parallel to the
-    backbone."""
 
-    def __init__(
-        self, angles: ArrayLike, radii: ArrayLike, modules: int | ArrayLike | None = None
-    ) -> None:
+    def __init__(self, angles: ArrayLike, radii: ArrayLike) -> None:
         """Make a routing from angles and pitch radii.
 
         Parameters
@@ -76,9 +71,6 @@ class Routing:
             Tendon angles alpha, rad from x towards y.
         radii : array_like (T,) or float
             Pitch radii, m.
-        modules : int or array_like (n,), optional
-            If given, tendons run straight from disk to disk: number of equal modules, or their
-            lengths in any unit. Otherwise they run parallel to the backbone.
         """
         alpha, r = to_array("angles", angles), to_array("radii", radii)
         if alpha.ndim != 1:
@@ -91,26 +83,23 @@ class Routing:
             raise InputError(f"angles must be finite, got {alpha.tolist()} rad")
         if not np.all((r >= 0) & np.isfinite(r)):
             raise InputError(f"radii must be finite and not negative, got {r.tolist()} m")
-        self._set(np.stack([r * np.cos(alpha), r * np.sin(alpha)], axis=-1), _shares(modules))
+        self._set(np.stack([r * np.cos(alpha), r * np.sin(alpha)], axis=-1))
 
     @classmethod
-    def from_holes(cls, holes: ArrayLike, modules: int | ArrayLike | None = None) -> Routing:
-        """Make a routing from hole positions (T, 2), m; modules as in the constructor."""
+    def from_holes(cls, holes: ArrayLike) -> Routing:
+        """Make a routing from hole positions (T, 2), m."""
         routing = cls.__new__(cls)
-        routing._set(to_array("holes", holes, 2), _shares(modules))
+        routing._set(to_array("holes", holes, 2))
         return routing
 
-    def _set(self, holes: Array, shares: Array) -> None:
+    def _set(self, holes: Array) -> None:
         object.__setattr__(self, "holes", frozen(holes))
-        object.__setattr__(self, "shares", frozen(shares))
 
     def __len__(self) -> int:
         return len(self.holes)
 
     def __getitem__(self, index: Any) -> Routing:
-        routing = Routing.__new__(Routing)
-        routing._set(self.holes[index], self.shares)
-        return routing
+        return Routing.from_holes(self.holes[index])
 
 
 @short_repr
@@ -191,19 +180,17 @@ class Arc:
         lengths : array_like (..., T)
             Tendon lengths, m; three tendons or more, two if `length` is given.
         routing : Routing
-            Holes and spans of the tendons.
+            Holes of the tendons.
         length : array_like (...), optional
-            Fixed length of the arc, m, so that only the bend is fitted; for tendons parallel to
-            the backbone. By default the length is free.
+            Fixed length of the arc, m, so that only the bend is fitted. By default the length is
+            free.
 
         Returns
         -------
         Arc
             Least-squares fit of l_i = length - theta r_i cos(phi - alpha_i), theory Eq. 1.3. For
             three tendons at 0, 120 and 240 degrees it is theory Eq. 1.4 (Amouri 2019, Eq. 2-4, with
-            phi in all four quadrants), without misfit. On straight spans with n equal modules and
-            the radicand q of theory Eq. 1.4, the bend of a module is a = 2 asin(sqrt(q)/(3 r n))
-            and the length (mean tendon length) (a/2)/sin(a/2), theory Eq. 1.6.
+            phi in all four quadrants), without misfit.
 
         Raises
         ------
@@ -213,7 +200,7 @@ class Arc:
         """
         tendons = to_array("lengths", lengths, len(routing))
         shape, (*held, rows) = broadcast({} if length is None else {"length": length}, tendons)
-        bend, misfit = _core.arc_fit(rows, routing.holes, routing.shares, held[0] if held else None)
+        bend, misfit = _core.arc_fit(rows, routing.holes, held[0] if held else None)
         return cls._of(bend, shape, misfit)
 
     @classmethod
@@ -224,15 +211,14 @@ class Arc:
         length: ArrayLike,
         bending_stiffness: ArrayLike,
     ) -> Arc:
-        """Make arcs from tensions, by the linear law or with the mean lever arm of straight spans.
+        """Make arcs from tensions by the linear law.
 
         Parameters
         ----------
         tensions : array_like (..., T)
             Tensions, N, not negative.
         routing : Routing
-            Tendons parallel to the backbone use the linear law, straight spans the law with the
-            mean lever arm, which needs equal modules.
+            Holes of the tendons.
         length : array_like (...)
             Length of the backbone, m; the arc keeps it.
         bending_stiffness : array_like (...)
@@ -241,32 +227,14 @@ class Arc:
         Returns
         -------
         Arc
-            Arcs that bend along the moment m = sum of T_i r_i (cos alpha_i, sin alpha_i). Linear
-            law: theta is ``|m| l/(E I)``, for one tendon ``F r l/(E I)`` (theory Eq. 1.7),
-            without an upper limit. With n modules, a = theta/n and F = sum of T_i:
-            ``theta = (l/EI) (|m| + F (l/n) a/12 - |m| a^2/8)`` (theory Eq. 1.9).
-
-        Raises
-        ------
-        NoSolutionError
-            With modules, if the total tension reaches Euler's buckling load of the backbone between
-            two disks, pi^2 E I n^2/l^2.
-
-        Notes
-        -----
-        The law with the mean lever arm makes the energy of a module stationary, to second order in
-        a: E I a^2/(2 h) plus tensions times the straight spans 2 sin(a/2) (h/a - r cos(phi -
-        alpha)), h = l/n (theory Eq. 1.8). The quadratic equation is solved exactly.
+            Arcs that bend along the moment m = sum of T_i r_i (cos alpha_i, sin alpha_i) by
+            ``|m| l/(E I)``, for one tendon ``F r l/(E I)`` (theory Eq. 1.7), without an upper
+            limit.
         """
         given = to_array("tensions", tensions, len(routing))
         scalars = {"length": length, "bending_stiffness": bending_stiffness}
         shape, (length_, stiffness, rows) = broadcast(scalars, given)
-        count = routing.shares.size
-        if count and np.ptp(routing.shares) > 1e-9 / count:
-            raise InputError("the law with the mean lever arm needs equal modules: give a number")
-        return cls._of(
-            _core.arc_from_tensions(rows, routing.holes, length_, stiffness, count or None), shape
-        )
+        return cls._of(_core.arc_from_tensions(rows, routing.holes, length_, stiffness), shape)
 
     @classmethod
     def ik(cls, position: ArrayLike, length: ArrayLike | None = None) -> Arc:
@@ -346,11 +314,9 @@ class Arc:
     def lengths(self, routing: Routing) -> Array:
         """Tendon lengths (..., T), m.
 
-        Parallel to the backbone: length - theta r cos(phi - alpha), theory Eq. 1.3. On
-        straight spans: the sum of 2 sin(a/2) (h/a - r cos(phi - alpha)) with bend a and length h
-        of each module, theory Eq. 1.5 (Amouri 2019, Fig. 4).
+        Parallel to the backbone: length - theta r cos(phi - alpha), theory Eq. 1.3.
         """
-        out = _core.arc_lengths(self.bend.reshape(-1, 3), routing.holes, routing.shares)
+        out = _core.arc_lengths(self.bend.reshape(-1, 3), routing.holes)
         return out.reshape(*self.kappa.shape, len(routing))
 
     def jacobian(self, coordinates: Coordinates = "bend") -> Array:
@@ -374,7 +340,7 @@ class Arc:
     def lengths_jacobian(self, routing: Routing, coordinates: Coordinates = "bend") -> Array:
         """Derivative (..., T, 3) of `lengths` by the arc; coordinates as in `jacobian`."""
         rows = self.bend.reshape(-1, 3)
-        out = _core.arc_lengths_jacobian(rows, routing.holes, routing.shares)
+        out = _core.arc_lengths_jacobian(rows, routing.holes)
         return self._by(coordinates, out)
 
     def from_lengths_jacobian(
@@ -402,11 +368,11 @@ class Arc:
             With coordinates "curvature" at a straight arc, where phi has no derivative.
         """
         check_option("coordinates", coordinates, ("bend", "curvature"))
-        rows = self.bend.reshape(-1, 3)
-        out = _core.arc_fit_jacobian(rows, routing.holes, routing.shares, hold_length)
+        out = _core.arc_fit_jacobian(routing.holes, hold_length)
         if coordinates == "curvature":
-            out = _core.arc_curvature_jacobian(rows) @ out
-        return out.reshape(*self.kappa.shape, 3, len(routing))
+            out = _core.arc_curvature_jacobian(self.bend.reshape(-1, 3)) @ out
+            return out.reshape(*self.kappa.shape, 3, len(routing))
+        return np.broadcast_to(out, (*self.kappa.shape, 3, len(routing)))
 
     def _by(self, coordinates: Coordinates, by_bend: Array) -> Array:
         """Convert derivatives (n, k, 3) by bend coordinates to (..., k, 3) by `coordinates`."""
@@ -453,20 +419,3 @@ def check_option(name: str, value: object, options: Sequence[object]) -> None:
     if value not in options:
         names = ", ".join(repr(o) for o in options)
         raise InputError(f"{name} must be one of {names}, got {shown(value)}")
-
-
-def _shares(modules: int | ArrayLike | None) -> Array:
-    """Length of each module over that of the segment; empty for parallel tendons."""
-    if modules is None:
-        return np.empty(0)
-    if isinstance(modules, int | np.integer):
-        if not 1 <= modules <= 100_000:
-            raise InputError(f"modules must be from 1 to 100000, got {modules}")
-        return np.full(int(modules), 1.0 / int(modules))
-    parts = to_array("modules", modules)
-    if parts.ndim != 1 or parts.size == 0 or not np.all((parts > 0) & np.isfinite(parts)):
-        raise InputError(
-            "modules must be a whole number or a list of positive module lengths, "
-            f"got {modules!r:.60}"
-        )
-    return np.asarray(parts / parts.sum())

@@ -212,7 +212,7 @@ def curvature_from_loads(
     """Predict polynomial curvatures from tensions, weight and tip force.
 
     The coefficients make the potential energy stationary, and a minimum: bending, tendons at the
-    distance of their holes from the backbone, dead loads (Ritz method, theory Eq. 1.11). Without
+    distance of their holes from the backbone, dead loads (Ritz method, theory Eq. 1.13). Without
     dead loads, and with parallel tendons on a uniform backbone without rest twist, the result is
     the arc of the linear law.
 
@@ -267,7 +267,7 @@ def curvature_from_loads(
 def _stiffness(robot: Robot, degree: int) -> Array:
     """Stiffness (S, n, n) of each segment against its n coefficients, N m.
 
-    Theory Eq. 1.11: the integral of E I times two polynomials, over the length; E I (2, 2) is that
+    Theory Eq. 1.13: the integral of E I times two polynomials, over the length; E I (2, 2) is that
     against a bend towards x and y.
     """
     nodes, weights = np.polynomial.legendre.leggauss(degree + 4)

@@ -1,13 +1,13 @@
 """Constant curvature of a robot: one arc per segment, in series, with tendon lengths.
 
 Frames, units and terms are those of `bowstring.constant_curvature.arc`; poses are in the robot's
-base frame.
+base frame. With the correction "chord" the tendons run straight between the holes of the disks,
+and each module bends by an arc of its own between clamped lengths that stay straight: theory Eq.
+1.5 to 1.11.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import bowstring._core as _core
 from bowstring.constant_curvature.arc import Arc, Routing, broadcast, check_option, to_array
-from bowstring.constant_curvature.series import Pose, series_jacobian, series_pose
+from bowstring.constant_curvature.series import Pose, series_jacobian
 from bowstring.display import short_repr
-from bowstring.errors import BowstringError, InputError
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.arrays import frozen
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -30,6 +32,9 @@ Correction = Literal["chord"]
 Law = Literal["linear", "arm"]
 
 _FAR: Final = 10.0  # factor from a straight tendon's length beyond which the unit is wrong
+_STEP: Final = 1e-6  # of central differences, over a straight tendon's length
+_ROUNDS: Final = 30  # most Newton steps of the inverse
+_NONE: Final = np.empty(0)
 
 
 @short_repr
@@ -42,12 +47,16 @@ class RobotArcs:
 
     robot: Robot = field(repr=False)
     arc: Arc
-    """Arcs (..., S), each in the frame of its segment's start."""
+    """Arcs (..., S), each in the frame of its segment's start. With a correction the bend of the
+    segment and the length of its backbone."""
     correction: Correction | None = None
     """Tendon path. None: parallel to the backbone, theory Eq. 1.3 (Amouri 2019, Eq. 2-5).
-    "chord": straight between disks at the robot's disk positions, theory Eq. 1.5."""
+    "chord": straight between the holes of the disks, theory Eq. 1.5."""
     hold_length: bool = False
     """Whether segments keep their lengths where arcs are fitted to tendon lengths."""
+    module_bends: Array = field(default_factory=lambda: _NONE, repr=False)
+    """Bends of the modules (..., N), rad, with a correction; by default in the proportion of theory
+    Eq. 1.11. Without a correction N is 0."""
 
     def __post_init__(self) -> None:
         check_option("correction", self.correction, (None, "chord"))
@@ -56,6 +65,22 @@ class RobotArcs:
             raise InputError(
                 f"arc has shape {shape}, its last dimension must be the {count} segments of robot"
             )
+        if self.module_bends is _NONE:
+            bends = self._core.bends(self.arc.bend.reshape(-1, 3))
+            bends = frozen(bends).reshape(*shape[:-1], bends.shape[1])
+            object.__setattr__(self, "module_bends", bends)
+
+    @cached_property
+    def _core(self) -> _core.RobotArcs:
+        law = "held" if self.hold_length else "lengths"
+        return _core.RobotArcs(self.robot.core, "chords" if self.correction else law)
+
+    def _rows(self, shape: tuple[int, ...]) -> tuple[Array, Array]:
+        """Arcs (n S, 3) and bends of the modules (n, N), with leading dimensions broadcast."""
+        arcs = np.broadcast_to(self.arc.bend, (*shape, *self.arc.bend.shape[-2:]))
+        bends = np.broadcast_to(self.module_bends, (*shape, self.module_bends.shape[-1]))
+        count = int(np.prod(shape, dtype=int))
+        return arcs.reshape(-1, 3), np.ascontiguousarray(bends.reshape(count, bends.shape[-1]))
 
     @property
     def kappa(self) -> Array:
@@ -84,7 +109,24 @@ class RobotArcs:
 
     def __getitem__(self, index: Any) -> RobotArcs:
         index = (*index, slice(None)) if isinstance(index, tuple) else (index, slice(None))
-        return RobotArcs(self.robot, self.arc[index], self.correction, self.hold_length)
+        bends = self.module_bends[index]
+        return RobotArcs(self.robot, self.arc[index], self.correction, self.hold_length, bends)
+
+    @classmethod
+    def _of(
+        cls,
+        robot: Robot,
+        law: str,
+        commands: Array,
+        correction: Correction | None,
+        hold_length: bool = False,
+    ) -> RobotArcs:
+        """Make arcs from commands (..., T) by a law of the core."""
+        shape, rows = commands.shape[:-1], commands.reshape(-1, commands.shape[-1])
+        arcs, misfit, bends = _core.RobotArcs(robot.core, law).arcs(rows)
+        arc = Arc._of(arcs.reshape(-1, 3), (*shape, arcs.shape[1]), misfit)
+        bends = frozen(bends).reshape(*shape, bends.shape[1])
+        return cls(robot, arc, correction, hold_length, bends)
 
     # -- constructors --------------------------------------------------------------------------
 
@@ -110,7 +152,9 @@ class RobotArcs:
         lengths : array_like (..., T)
             Tendon lengths from the base to each tendon's end disk, m.
         correction : {None, "chord"}
-            None: tendons parallel to the backbone. "chord": straight between disks.
+            None: tendons parallel to the backbone. "chord": straight between the holes of the
+            disks, with the clamped lengths straight. The modules then bend as under the least
+            tensions that bend the segment in this direction.
         hold_length : bool
             Whether segments keep their lengths, so that only the bends are fitted; not with a
             correction.
@@ -125,9 +169,13 @@ class RobotArcs:
             For lengths that no arcs can have, and for lengths below a tenth or above ten times the
             straight tendon's.
         """
-        segments = _segments(robot, correction)
-        rest = np.array(to_array("lengths", lengths, len(robot.tendons.segment)))
-        straight = np.cumsum([s.length for s in segments])[robot.tendons.segment]
+        rest = to_array("lengths", lengths, len(_check_robot(robot).tendons.segment))
+        if correction and hold_length:
+            raise InputError(
+                "the length can be held only for tendons parallel to the backbone, not with "
+                "straight spans"
+            )
+        straight = np.cumsum([s.length for s in robot.segments])[robot.tendons.segment]
         bad = ~((rest >= straight / _FAR) & (rest <= straight * _FAR))
         if bad.any():
             at = tuple(np.argwhere(bad)[0])
@@ -136,23 +184,9 @@ class RobotArcs:
                 f"tendon {at[-1] + 1} is {rest[at]:g} m long, its straight length is {whole:g} m; "
                 f"lengths must be {whole / _FAR:g} m to {whole * _FAR:g} m: check their unit"
             )
-        arcs = []
-        for segment in segments:
-            if not segment.own.size:
-                arcs.append(_unactuated(robot, segment, rest.shape[:-1]))
-                continue
-            own = rest[..., segment.own]
-            if np.any(own <= 0):
-                t = segment.own[np.argwhere(own <= 0)[0, -1]]
-                raise InputError(
-                    f"segment {segment.index + 1}: tendon {t + 1} is shorter than the bent "
-                    "segments before it, so nothing is left of it for its own"
-                )
-            with segment.named():
-                held = segment.length if hold_length else None
-                arcs.append(Arc.from_lengths(own, segment.routing[segment.own], held))
-                rest[..., segment.further] -= arcs[-1].lengths(segment.routing[segment.further])
-        return cls(robot, _stacked(arcs), correction, hold_length)
+        check_option("correction", correction, (None, "chord"))
+        law = "chords" if correction else "held" if hold_length else "lengths"
+        return cls._of(robot, law, rest, correction, hold_length)
 
     @classmethod
     def from_tensions(cls, robot: Robot, tensions: ArrayLike, law: Law = "linear") -> RobotArcs:
@@ -167,49 +201,31 @@ class RobotArcs:
         tensions : array_like (..., T)
             Tensions, N, not negative.
         law : {"linear", "arm"}
-            Linear law of tendons parallel to the backbone, or law with the mean lever arm of
-            straight spans, see `Arc.from_tensions`; the latter assumes equally spaced disks and
-            sets `correction` to "chord".
+            "linear": theta = ``|m| l/(E I)`` with the moment m of the tensions about the tension
+            centre (theory Eq. 1.7), added to the bend without load. "arm": the mean lever arm of
+            straight spans with clamped lengths straight, theory Eq. 1.10; sets `correction` to
+            "chord".
 
         Returns
         -------
         RobotArcs
+
+        Raises
+        ------
+        InputError
+            By the lever arm, for a backbone that is bent without load or that has two bending
+            stiffnesses.
+        NoSolutionError
+            By the lever arm, if the tensions buckle the backbone between two disks: without clamped
+            lengths at Euler's load, pi^2 E I n^2/l^2.
         """
         check_option("law", law, ("linear", "arm"))
-        segments = _segments(robot)
-        given = to_array("tensions", tensions, len(robot.tendons.segment))
+        given = to_array("tensions", tensions, len(_check_robot(robot).tendons.segment))
         bad = ~((given >= 0) & np.isfinite(given))
         if bad.any():
             at = tuple(np.argwhere(bad)[0])
             raise InputError(f"tension {at[-1] + 1} is {given[at]:g} N; tensions must be >= 0 N")
-        rest = robot.rest_curvature
-        if law == "arm" and rest[:, :2].any():
-            raise InputError(
-                "the lever-arm law is for a backbone that is straight without load; use linear"
-            )
-        if law == "arm" and not robot.bends_alike:
-            raise InputError(
-                "the lever-arm law is for backbones with equal bending stiffness about all axes; "
-                "use linear"
-            )
-        arcs = []
-        for segment in segments:
-            passing = np.union1d(segment.own, segment.further)
-            modules = segment.places.size if law == "arm" else None
-            if not passing.size:
-                arcs.append(_unactuated(robot, segment, given.shape[:-1]))
-                continue
-            # tensions bend by their moments about the tension centre
-            holes = robot.tendons.mean_hole_m[segment.index, passing]
-            routing = Routing.from_holes(holes - robot.tension_centre_m[segment.index], modules)
-            with segment.named():
-                arc = Arc.from_tensions(
-                    given[..., passing], routing, segment.length, segment.bending_stiffness
-                )
-            if law == "linear":
-                arc = _general(robot, segment, arc)
-            arcs.append(arc)
-        return cls(robot, _stacked(arcs), "chord" if law == "arm" else None)
+        return cls._of(robot, law, given, "chord" if law == "arm" else None)
 
     @classmethod
     def ik(
@@ -247,7 +263,50 @@ class RobotArcs:
                 "iterate with RobotArcs.jacobian"
             )
         points = to_array("position", position, 3)[..., None, :]
-        return cls(robot, Arc.ik(points, None if free_length else lengths), correction)
+        arc = Arc.ik(points, None if free_length else lengths)
+        if correction is None:
+            return cls(robot, arc)
+        return cls._corrected_ik(robot, points, arc, free_length)
+
+    @classmethod
+    def _corrected_ik(cls, robot: Robot, points: Array, start: Arc, free_length: bool) -> RobotArcs:
+        """Newton's iteration from the arcs without correction, in the plane of the bend."""
+        phi = np.arctan2(points[..., 1], points[..., 0])
+        target = np.stack([np.hypot(points[..., 0], points[..., 1]), points[..., 2]], axis=-1)
+
+        def arcs(theta: Array, length: Array) -> RobotArcs:
+            return cls(robot, Arc(theta / length, phi, length), "chord")
+
+        def tip(theta: Array, length: Array) -> Array:
+            x, y, z = np.moveaxis(arcs(theta, length).tip.position[..., None, :], -1, 0)
+            return np.stack([np.cos(phi) * x + np.sin(phi) * y, z], axis=-1)
+
+        theta, length, step = start.theta, start.length, 1e-4
+        for _ in range(_ROUNDS):
+            here, low, high = (tip(theta + k * step, length) for k in (0.0, -1.0, 1.0))
+            away, by_theta = target - here, (high - low) / (2.0 * step)
+            if free_length:
+                longer, shorter = (tip(theta, length * (1.0 + k * step)) for k in (1.0, -1.0))
+                by_length = (longer - shorter) / (2.0 * step * length[..., None])
+                both = np.stack([by_theta, by_length], axis=-1)
+                turn, stretch = np.moveaxis(np.linalg.solve(both, away[..., None])[..., 0], -1, 0)
+                theta, length = theta + turn, length + stretch
+            else:
+                squares = (by_theta**2).sum(axis=-1)
+                second = squares - (away * (high - 2.0 * here + low)).sum(axis=-1) / step**2
+                bottom = np.where(second > 0.1 * squares, second, squares)
+                turn = (away * by_theta).sum(axis=-1) / bottom
+                theta = theta + turn
+            if np.all(np.abs(turn) < 1e-12):
+                break
+        found = arcs(theta, length)
+        misfit = np.linalg.norm(target - tip(theta, length), axis=-1)
+        if free_length:
+            if np.any(misfit > 1e-9 * robot.length):
+                raise NoSolutionError("no corrected arc was found that ends at the point")
+            misfit = np.zeros_like(misfit)
+        arc = Arc._of(found.arc.bend, found.arc.kappa.shape, misfit)
+        return cls(robot, arc, "chord", False, found.module_bends)
 
     # -- maps ----------------------------------------------------------------------------------
 
@@ -266,15 +325,20 @@ class RobotArcs:
         Pose
             Position (..., 3), m, and rotation (..., 3, 3), base frame.
         """
-        if s is None:
-            return series_pose(self.arc.bend, np.ones(self.length.shape))
-        shape, (place, ends) = broadcast({"s": s}, np.cumsum(self.length, axis=-1))
+        ends = np.cumsum(self.length, axis=-1)
+        whole = ends[..., -1]
+        shape, (place, ends) = broadcast({"s": whole if s is None else s}, ends)
         bad = ~((place >= 0) & (place <= ends[:, -1] * (1 + 1e-14)))
         if bad.any():
             raise InputError(f"s is {place[bad][0]:g} m; it must be 0 to {ends[bad][0, -1]:g} m")
-        place, ends = place.reshape(shape), ends.reshape(*shape, -1)
-        share = (place[..., None] - (ends - self.length)) / self.length
-        return series_pose(self.arc.bend, np.clip(share, 0.0, 1.0))
+        return self._poses(shape, place[:, None], shape)
+
+    def _poses(
+        self, lead: tuple[int, ...], arc_lengths: Array | None, shape: tuple[int, ...]
+    ) -> Pose:
+        """Poses of the given shape at arc lengths (n, k), by default at the disks."""
+        position, rotation = self._core.poses(*self._rows(lead), arc_lengths)
+        return Pose(position.reshape(*shape, 3), rotation.reshape(*shape, 3, 3))
 
     @cached_property
     def tip(self) -> Pose:
@@ -283,7 +347,8 @@ class RobotArcs:
 
     @cached_property
     def _disks(self) -> Pose:
-        return self._at(np.concatenate([s.index + s.places for s in _segments(self.robot)]))
+        lead = self.kappa.shape[:-1]
+        return self._poses(lead, None, (*lead, len(self.robot.disks.station_m)))
 
     @property
     def disk_positions(self) -> Array:
@@ -310,24 +375,17 @@ class RobotArcs:
         """
         if points_per_segment < 2:
             raise InputError(f"points_per_segment must be at least 2, got {points_per_segment}")
-        count = self.kappa.shape[-1]
-        return self._at(np.linspace(0.0, count, count * (points_per_segment - 1) + 1)).position
-
-    def _at(self, places: Array) -> Pose:
-        """Poses (..., n) at coordinates (n,) that grow by 1 in each segment."""
-        share = np.clip(places[:, None] - np.arange(self.kappa.shape[-1]), 0.0, 1.0)
-        return series_pose(self.arc.bend[..., None, :, :], share)
+        lead, length = self.kappa.shape[:-1], self.length[..., None]
+        share = np.linspace(0.0, 1.0, points_per_segment)[1:]
+        starts = np.cumsum(length, axis=-2) - length
+        inner = (starts + length * share).reshape(*lead, -1)
+        at = np.concatenate([np.zeros((*lead, 1)), inner], axis=-1)
+        return self._poses(lead, at.reshape(-1, at.shape[-1]), at.shape).position
 
     def lengths(self) -> Array:
         """Tendon lengths (..., T) from the base to each tendon's end disk, m."""
-        out = np.zeros((*self.kappa.shape[:-1], len(self.robot.tendons.segment)))
-        for segment in _segments(self.robot, self.correction):
-            passing = np.union1d(segment.own, segment.further)
-            if not passing.size:
-                continue
-            with segment.named():
-                out[..., passing] += self.arc[..., segment.index].lengths(segment.routing[passing])
-        return out
+        lead = self.kappa.shape[:-1]
+        return self._core.tendon_lengths(*self._rows(lead)).reshape(*lead, -1)
 
     def jacobian(self) -> Array:
         """Derivative of the tip pose by the tendon lengths through `from_lengths`.
@@ -335,99 +393,42 @@ class RobotArcs:
         Returns
         -------
         ndarray (..., 6, T)
-            Rows 0 to 2: tip position, m. Rows 3 to 5: rotation vector in base axes, rad.
+            Rows 0 to 2: tip position, m. Rows 3 to 5: rotation vector in base axes, rad. With a
+            correction by central differences, to about 1e-9.
         """
+        if self.correction is not None:
+            return self._differences()
         shape, count = self.kappa.shape, len(self.robot.tendons.segment)
         # derivative of the tendon lengths within a segment by all tendon lengths
         rest = np.broadcast_to(np.eye(count), (*shape[:-1], count, count)).copy()
         by_length = np.zeros((*shape, 3, count))
-        for segment in _segments(self.robot, self.correction):
-            arc, routing = self.arc[..., segment.index], segment.routing
-            if not segment.own.size:
+        ends = self.robot.tendons.segment
+        for j in range(shape[-1]):
+            own, further = np.flatnonzero(ends == j), np.flatnonzero(ends > j)
+            if not own.size:
                 continue
-            with segment.named():
-                own = routing[segment.own]
-                fitted = arc.from_lengths_jacobian(own, hold_length=self.hold_length)
-            by_length[..., segment.index, :, :] = fitted @ rest[..., segment.own, :]
-            spent = arc.lengths_jacobian(routing[segment.further])
-            rest[..., segment.further, :] -= spent @ by_length[..., segment.index, :, :]
+            arc, holes = self.arc[..., j], self.robot.tendons.mean_hole_m[j]
+            fitted = arc.from_lengths_jacobian(
+                Routing.from_holes(holes[own]), hold_length=self.hold_length
+            )
+            by_length[..., j, :, :] = fitted @ rest[..., own, :]
+            spent = arc.lengths_jacobian(Routing.from_holes(holes[further]))
+            rest[..., further, :] -= spent @ by_length[..., j, :, :]
         _, by_arcs = series_jacobian(self.arc.bend, np.ones(shape))
         return np.asarray(by_arcs @ by_length.reshape(*shape[:-1], 3 * shape[-1], count))
 
-
-def _unactuated(robot: Robot, segment: _Segment, shape: tuple[int, ...]) -> Arc:
-    """Arc (...) of a segment that no tendon passes: its arc without load."""
-    if segment.further.size:
-        raise InputError(
-            f"segment {segment.index + 1} has no tendon that ends at it, so tendon lengths do not "
-            "determine its arc; use tensions, or make it one segment with the next one"
+    def _differences(self) -> Array:
+        lengths = self.lengths()
+        step = _STEP * self.robot.length
+        moved = lengths[..., None, :] + step * np.eye(lengths.shape[-1])
+        back = 2.0 * lengths[..., None, :] - moved
+        high, low = (
+            RobotArcs.from_lengths(self.robot, each, self.correction).tip for each in (moved, back)
         )
-    x, y = robot.rest_curvature[segment.index, 1], -robot.rest_curvature[segment.index, 0]
-    every = np.ones(shape)
-    return Arc(np.hypot(x, y) * every, np.arctan2(y, x) * every, segment.length * every)
-
-
-def _general(robot: Robot, segment: _Segment, arc: Arc) -> Arc:
-    """Arc by the linear law of any backbone, from that of a straight isotropic one.
-
-    The law adds to the curvature without load (theory Eq. 1.7).
-    """
-    rest = robot.rest_curvature[segment.index, 1::-1] * (1.0, -1.0)
-    x, y = arc.kappa * np.cos(arc.phi), arc.kappa * np.sin(arc.phi)
-    if not robot.is_round:
-        by_moment = robot.bend_by_moment[segment.index]
-        bend = np.stack([x, y], axis=-1) @ by_moment * (segment.bending_stiffness / segment.length)
-        x, y = bend[..., 0], bend[..., 1]
-    elif not rest.any():
-        return arc
-    x, y = x + rest[0], y + rest[1]
-    return Arc(np.hypot(x, y), np.arctan2(y, x), arc.length)
-
-
-@dataclass(frozen=True)
-class _Segment:
-    """One segment and its tendons."""
-
-    index: int
-    length: float
-    bending_stiffness: float
-    routing: Routing
-    """Routing of all tendons of the robot in this segment."""
-    own: NDArray[np.intp]
-    """Indices of the tendons anchored to its end disk."""
-    further: NDArray[np.intp]
-    """Indices of the tendons that pass it."""
-    places: Array
-    """Disk positions over the length."""
-
-    @contextmanager
-    def named(self) -> Iterator[None]:
-        """Context manager that names the segment in errors."""
-        try:
-            yield
-        except BowstringError as error:
-            raise type(error)(f"segment {self.index + 1}: {error}") from None
-
-
-def _segments(robot: Robot, correction: Correction | None = None) -> list[_Segment]:
-    check_option("correction", correction, (None, "chord"))
-    out, start = [], 0.0
-    stations, ends = np.asarray(_check_robot(robot).disks.station_m), robot.tendons.segment
-    for j, segment in enumerate(robot.segments):
-        # The stations are sums of lengths with rounding errors.
-        here = (stations[robot.disks.segment == j] - start) / segment.length
-        places = np.clip(here, 0.0, 1.0)
-        if correction is not None and abs(places[-1] - 1.0) > 1e-9:
-            raise InputError(
-                f"segment {j + 1}: the chord correction needs a disk at the segment's end"
-            )
-        modules = None if correction is None else np.diff(places, prepend=0.0)
-        routing = Routing.from_holes(robot.tendons.mean_hole_m[j], modules)
-        own, further = np.flatnonzero(ends == j), np.flatnonzero(ends > j)
-        stiffness = float(robot.bending_stiffness[j])
-        out.append(_Segment(j, segment.length, stiffness, routing, own, further, places))
-        start += segment.length
-    return out
+        turn = high.rotation @ np.swapaxes(low.rotation, -1, -2)
+        skew = 0.5 * (turn - np.swapaxes(turn, -1, -2))
+        moved_by = high.position - low.position, skew[..., [2, 0, 1], [1, 2, 0]]
+        return np.asarray(np.swapaxes(np.concatenate(moved_by, axis=-1), -1, -2) / (2.0 * step))
 
 
 def _check_robot(robot: Robot) -> Robot:
@@ -436,9 +437,3 @@ def _check_robot(robot: Robot) -> Robot:
             f"robot is {robot!r:.60}, it must be a Robot, as bowstring.load_robot gives it"
         )
     return robot
-
-
-def _stacked(arcs: list[Arc]) -> Arc:
-    """Stack the arcs (...) of each segment to arcs (..., S)."""
-    bend = np.stack([arc.bend for arc in arcs], axis=-2)
-    return Arc._of(bend, bend.shape[:-1], np.stack([arc.misfit for arc in arcs], axis=-1))

@@ -2,7 +2,7 @@
 
 The curvature vector of a segment is a polynomial of its arc length, without torsion, as in
 `bowstring.constant_curvature.arc`: of degree 0 it is an arc, of degree 1 in a plane a clothoid. Its
-coefficients are those of shifted Legendre polynomials, theory Eq. 1.10: the first is the mean
+coefficients are those of shifted Legendre polynomials, theory Eq. 1.12: the first is the mean
 curvature, which the others do not change.
 
 The frame is integrated by a commutator-free method of fourth order [1]_: two arcs in each step, so

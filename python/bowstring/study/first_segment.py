@@ -70,9 +70,11 @@ class FirstSegment:
 
     @property
     def equal_modules(self) -> bool:
-        """Whether its disks are evenly spaced."""
-        steps = np.diff(self.stations, prepend=0.0)
-        return bool(np.ptp(steps) < 1e-9 * self.stations[-1])
+        """Whether its disks are evenly spaced, clamp nothing, and have holes without a length."""
+        steps, count = np.diff(self.stations, prepend=0.0), len(self.stations)
+        disks = self.arcs.robot.disks
+        thick = disks.clamped_length_m[:count].any() or disks.hole_length_m[:count].any()
+        return bool(np.ptp(steps) < 1e-9 * self.stations[-1]) and not thick
 
 
 def first_segment(study: Study) -> FirstSegment:

@@ -52,7 +52,7 @@ _TINY: Final = 1e-12
 _UNCERTAINTY_OF_ERROR: Final = 0.003
 _UNCERTAINTY_OF_LOADS: Final = 0.012
 _UNCERTAINTY_OF_LOADS_WITH_FRICTION: Final = 0.12
-_UNCERTAINTY_OF_BEND: Final = 0.0015
+_UNCERTAINTY_OF_BEND: Final = 0.002
 
 
 @dataclass(frozen=True)
@@ -110,6 +110,7 @@ def chart_errors(groups: Groups) -> ChartErrors:
     phi = largest_bend(groups) * np.linspace(0.0, 1.0, _STEPS + 1) ** 2
     chain = _chain(groups, phi)
     n, bend = groups.disks, chain.module_bend.sum(axis=1)
+    modules = _Modules.of(groups)
     tip, lengths_bend, lengths_mean = chain.tip, chain.lengths_bend, chain.lengths_mean
     moved = np.zeros(len(phi))
     known = np.full(len(phi), True)
@@ -120,13 +121,12 @@ def chart_errors(groups: Groups) -> ChartErrors:
         lengths_mean = lengths_mean * (1.0 - more / (24.0 * n**2))
         lengths_bend = lengths_bend + shift_bend
         moved = np.linalg.norm(shift, axis=1) + np.linalg.norm(shift_bend, axis=1)
-    towards = np.array([1.0, 0.0])
-    arm = _arm_law(groups, phi)
+    towards = np.tile([1.0, 0.0], (len(phi), 1))
     tips = (
         _arc_tip(lengths_bend, lengths_mean),
         _arc_tip(phi[:, None] * towards, np.ones(len(phi))),
-        _arc_tip(*_chords(lengths_bend, lengths_mean, n)),
-        _arc_tip(arm[:, None] * towards, np.ones(len(phi))),
+        modules.tip_by_lengths(lengths_bend, lengths_mean),
+        modules.tip(modules.under(phi), towards),
     )
     error = np.linalg.norm(np.array(tips) - tip, axis=2)
     module_load = phi / (groups.pitch * n**2)
@@ -144,10 +144,8 @@ def chart_errors(groups: Groups) -> ChartErrors:
 
 def _chain(groups: Groups, phi: Array) -> _Chain:
     n, r = groups.disks, groups.pitch
-    half = groups.clamped / (2.0 * n)
-    start = np.full(n, half)
-    start[0] = 0.0  # the base clamps nothing
-    flexible = 1.0 / n - start - half
+    modules = _Modules.of(groups)
+    flexible, start, half = modules.flexible, modules.start, modules.end
     pulled = np.maximum(phi, _TINY) / r
     tension = np.repeat(pulled[:, None], n, axis=1)
     for _ in range(8 if groups.friction else 1):  # fixed point of Eq. 9.9
@@ -237,18 +235,71 @@ def _arc_tip(bend: Array, length: Array) -> Array:
     return np.asarray(length[:, None] * np.stack([x, y, np.sin(theta) / theta], axis=1))
 
 
-def _chords(bend: Array, length: Array, n: int) -> tuple[Array, Array]:
-    """Correct arcs from lengths for straight spans: theory Eq. 1.6."""
-    half_chord = np.maximum(np.linalg.norm(bend, axis=1) / (2.0 * n), 1e-9)
-    stretch = np.arcsin(np.minimum(half_chord, 1.0)) / half_chord
-    return bend * stretch[:, None], length * stretch
+@dataclass(frozen=True)
+class _Modules:
+    """Modules (n,), each an arc between clamped lengths: corrected constant curvature."""
 
+    pitch: float
+    flexible: Array
+    start: Array
+    """Clamped length at the start."""
+    end: float
 
-def _arm_law(groups: Groups, phi: Array) -> Array:
-    """Bend angle of the law with the mean lever arm: theory Eq. 1.9, a quadratic equation."""
-    n2 = groups.disks**2
-    linear = 1.0 - phi / (12.0 * groups.pitch * n2)
-    return np.asarray(2.0 * phi / (linear + np.sqrt(linear**2 + phi**2 / (2.0 * n2))))
+    @classmethod
+    def of(cls, groups: Groups) -> _Modules:
+        n = groups.disks
+        half = groups.clamped / (2.0 * n)
+        start = np.full(n, half)
+        start[0] = 0.0  # the base clamps nothing
+        return cls(groups.pitch, 1.0 / n - start - half, start, half)
+
+    @property
+    def _skew(self) -> Array:
+        length = self.flexible + self.start + self.end
+        return np.asarray((self.end - self.start) ** 2 / (2.0 * length))
+
+    @property
+    def _softening(self) -> Array:
+        """f h of theory Eq. 1.10."""
+        bow = self.flexible / 12.0 + (self.start + self.end) / 4.0 - self._skew / 2.0
+        return np.asarray(self.flexible * bow)
+
+    def under(self, phi: Array) -> Array:
+        """Bends (N, n) by the law with the mean lever arm: theory Eq. 1.10."""
+        linear = phi[:, None] * self.flexible
+        stiffness = 1.0 - phi[:, None] / self.pitch * self._softening
+        return np.asarray(2.0 * linear / (stiffness + np.sqrt(stiffness**2 + linear**2 / 2.0)))
+
+    def tip_by_lengths(self, bend: Array, mean: Array) -> Array:
+        """Tips (N, 3) from bend vectors (N, 2) and mean of the tendon lengths: theory Eq. 1.5."""
+        chord = np.linalg.norm(bend, axis=1)
+        stiffer = (self._softening.max() - self._softening) / self.pitch
+        curvature = chord / self.flexible.sum()
+        for _ in range(8):
+            share = 1.0 / (1.0 + curvature[:, None] * stiffer)
+            bends = curvature[:, None] * self.flexible * share
+            away = chord - 2.0 * np.sin(bends / 2.0).sum(axis=1)
+            slope = (np.cos(bends / 2.0) * self.flexible * share**2).sum(axis=1)
+            curvature = curvature + away / slope
+        sine, cosine = np.sin(bends / 2.0), np.cos(bends / 2.0)
+        rigid = ((self.start + self.end) * cosine + self._skew * sine**2).sum(axis=1)
+        stretch = (mean - rigid) / (self.flexible * np.sinc(bends / (2.0 * np.pi))).sum(axis=1)
+        return self.tip(bends, bend / np.maximum(chord, _TINY)[:, None], stretch)
+
+    def tip(self, bends: Array, towards: Array, stretch: Array | float = 1.0) -> Array:
+        """Tips (N, 3) of modules with bends (N, n) in directions (N, 2)."""
+        before = np.cumsum(bends, axis=1) - bends
+        stretch = np.reshape(stretch, (-1, 1))
+        chord = stretch * self.flexible * np.sinc(bends / (2.0 * np.pi))
+        x, z = (
+            (
+                self.start * of(before)
+                + chord * of(before + bends / 2)
+                + self.end * of(before + bends)
+            ).sum(axis=1)
+            for of in (np.sin, np.cos)
+        )
+        return np.concatenate([x[:, None] * towards, z[:, None]], axis=1)
 
 
 # -- gravity and tip force ---------------------------------------------------------------------

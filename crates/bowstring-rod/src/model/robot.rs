@@ -455,6 +455,10 @@ impl Robot {
     pub fn length(&self) -> f64 {
         self.spec.disks[self.spec.disks.len() - 1].station
     }
+    /// The backbone between neighbouring disks, from base to tip.
+    pub fn modules(&self) -> &[Module] {
+        &self.modules
+    }
     /// Lengths of the clamp at the start, the flexible part and the clamp at the end of every
     /// module (m).
     pub fn lengths(&self) -> impl Iterator<Item = [f64; 3]> + '_ {

@@ -31,9 +31,8 @@ struct Segment {
 }
 
 impl Arcs {
-    /// `None` where the law is not defined.
-    pub fn new(robot: &Robot, unit: f64) -> Option<Self> {
-        let arcs = RobotArcs::new(robot, Law::Linear).ok()?;
+    pub fn new(robot: &Robot, unit: f64) -> Self {
+        let arcs = RobotArcs::new(robot, Law::Linear);
         let turn = |[x, y]: [f64; 2]| Vec3([-y, x, 0.0]);
         let segments = arcs.linear_bends().into_iter();
         let segments = segments.map(|(length, rest, bends)| Segment {
@@ -41,9 +40,9 @@ impl Arcs {
             rest: turn(rest),
             turns: bends.into_iter().map(|b| turn(b) * unit).collect(),
         });
-        Some(Arcs {
+        Arcs {
             segments: segments.collect(),
-        })
+        }
     }
 
     /// Tip under tensions, and its derivatives of position and rotation by each.
@@ -166,14 +165,14 @@ mod tests {
     #[test]
     fn tip_and_derivatives_are_those_of_constant_curvature() {
         let (robot, unit) = (robot(), 30.0);
-        let arcs = Arcs::new(&robot, unit).unwrap();
-        let reference = RobotArcs::new(&robot, Law::Linear).unwrap();
+        let arcs = Arcs::new(&robot, unit);
+        let reference = RobotArcs::new(&robot, Law::Linear);
         let tensions = [0.4, 0.1, 0.9, 0.2, 0.6];
         let mut columns = vec![[Vec3::zero(); 2]; 5];
         let mut unused = columns.clone();
         let tip = arcs.tip(&tensions, &mut columns);
         let newtons = tensions.map(|t| unit * t);
-        let expected = Vec3(reference.tip(Law::Linear, &newtons).unwrap());
+        let expected = Vec3(reference.tip(&newtons).unwrap());
         assert!((tip.position - expected).max_abs() < 1e-14);
         let h = 1e-5;
         for (i, [position, rotation]) in columns.iter().enumerate() {

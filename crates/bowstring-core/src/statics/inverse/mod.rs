@@ -167,7 +167,7 @@ impl InverseSolver {
             tensions: vec![f64::NAN; tendons],
             binding: vec![0; tendons],
         };
-        made.arcs = Arcs::new(robot, made.unit);
+        made.arcs = Some(Arcs::new(robot, made.unit));
         made.at(LEVELS[made.first_level(&Load::default())])?;
         Ok(made)
     }
