@@ -14,6 +14,7 @@ from bowstring.formatting import in_mm
 from bowstring.robot.reader import load_robot
 from bowstring.statics import rod
 from bowstring.study import verdict
+from bowstring.study.combinations import combinations, worst_combination
 from bowstring.study.study import Study
 from stages import Stages
 
@@ -82,13 +83,46 @@ def test_the_json_has_the_cause_that_the_text_calls_dominant(paper: Study) -> No
     assert lengths["exceeded_N"] == [] and lengths["dominant_cause"] == "straight_spans"
 
 
-def test_a_harmful_correction_is_not_recommended(paper: Study) -> None:
+def test_corrections_hold_beside_clamped_lengths(paper: Study) -> None:
     clamped = {"segments.0.disks.clamped_length": "3 mm"}
     got = Stages(load_robot("amouri2019").with_(clamped))
     (words,) = [
         t for t in got.judged(paper.budget).text if t.startswith("Corrections in closed form")
     ]
-    assert "from lengths, lowers" in words and "from force, raises" in words
+    assert "from lengths, lowers" in words and "from force, lowers" in words
+    for meaning in got.judged(paper.budget).meanings:
+        assert meaning.corrected.max_error < 0.03 * meaning.max_error
+
+
+def test_the_answer_is_one_sentence(paper: Study) -> None:
+    lengths, force = paper.verdict.meanings
+    assert lengths.answer == "From tendon lengths: yes, up to 80 N (largest error 0.67 mm)."
+    assert force.answer == (
+        "From force: up to 56.1 N, because the tendons run straight between the disks; "
+        "corrected: yes, up to 80 N (largest error 0.125 mm)."
+    )
+    tight = Stages(load_robot("amouri2019"), tolerance=1e-5).judged(paper.budget).meanings[1]
+    assert tight.answer.startswith("From force: up to 1.69 N, because")
+    assert "; corrected: up to " in tight.answer
+
+
+def test_the_worst_combination_of_tendons_is_judged(paper: Study) -> None:
+    robot = load_robot("rao2021")
+    tried = combinations(robot)
+    assert len(tried) == 3 + 3 + 9 and tried[0] == (0, 0, 0, 1, 0, 0)
+    inner = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    both = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+    limits = {}
+    for shares in (inner, both, tried[0]):
+        tendon = {i: 1.0 for i, share in enumerate(shares, 1) if share}
+        got = Stages(robot, tolerance=0.001, max_tension=3.0, tendon=tendon)
+        limits[shares] = got.judged(paper.budget).meanings[1].valid_to
+    worst = worst_combination(robot, [inner, both, tried[0]], "cosserat", 0.001, 3.0)
+    assert limits[worst] == min(limits.values()) < max(limits.values())
+    # with all tendons alike the first one counts, and a given tendon is kept
+    assert paper.settings.shares == (1.0, 0.0, 0.0) and paper.settings.tried == 3
+    given = Stages(robot, tendon=2).settings
+    assert given.tried == 0 and given.shares[1] == 1.0
 
 
 def test_the_verdict_compares_only_effects_with_all_loads(paper: Study) -> None:

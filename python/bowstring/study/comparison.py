@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COMPARISONS",
+    "CORRECTED",
     "FITS",
     "FROM_FORCE",
     "LABELS",
@@ -90,6 +91,12 @@ FROM_FORCE: Final = ("cc_from_force", "cc_from_force_arm")
 
 MEANINGS: Final = ("cc_from_lengths", "cc_from_force")
 """Comparisons of budget and verdict: constant curvature without correction."""
+
+CORRECTED: Final = {
+    "cc_from_lengths": "cc_from_lengths_chord",
+    "cc_from_force": "cc_from_force_arm",
+}
+"""Comparison with the correction in closed form, by that without."""
 
 
 # -- what is computed --------------------------------------------------------------------------
@@ -304,14 +311,14 @@ class Model:
             out[name] = Comparison(name, against, self.length, ours, ours - tip)
         return out
 
-    def case(self, rods: Rods, tension: Array) -> Case:
-        """Compare constant curvature, from lengths and from force, with a rod."""
+    def case(self, rods: Rods, tension: Array, names: Sequence[str] = MEANINGS) -> Case:
+        """Compare constant curvature, by default from lengths and from force, with a rod."""
         try:
             sweep = self.solve(rods, tension)
         except BowstringError as error:
             gap = np.full((len(tension), 3), math.nan)
             lengths = np.full((len(tension), len(self.robot.tendons.segment)), math.nan)
-            return Case(rods, str(error), gap, self.compare(tension, gap, lengths, MEANINGS))
+            return Case(rods, str(error), gap, self.compare(tension, gap, lengths, names))
         bad = np.flatnonzero(~np.asarray(sweep.converged))
         problem = None
         if len(bad) == len(tension):
@@ -322,5 +329,5 @@ class Model:
                 f"({sweep.status[bad[0]]} at {tension[bad[0]]:.4g} N); means are over the others"
             )
         tip = sweep.tip_position
-        comparisons = self.compare(tension, tip, sweep.tendon_lengths, MEANINGS)
+        comparisons = self.compare(tension, tip, sweep.tendon_lengths, names)
         return Case(rods, problem, tip, comparisons)

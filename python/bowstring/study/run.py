@@ -34,6 +34,7 @@ import numpy as np
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.robot.model import Robot, check_disks, check_robot, without_laws
 from bowstring.statics.model import RodModel
+from bowstring.study.combinations import combinations, worst_combination
 from bowstring.study.comparison import MEANINGS, Model, Theory
 from bowstring.study.design_map import design_map, without_map
 from bowstring.study.error_budget import error_budget
@@ -298,7 +299,10 @@ def settings_of(
     """Check the settings of a study and choose those that are left out."""
     tolerance = share_of_length("tolerance", tolerance)
     choice("theory", theory, ("cosserat", "kirchhoff"))
+    tried = combinations(robot) if loading.tendon is None else []
     shares = loading.shares(robot)
+    if len(tried) > 1:
+        shares = worst_combination(robot, tried, theory, tolerance, loading.max_tension)
     leading = int(np.argmax(shares))
     limit = loading.max_tension
     if limit is None:
@@ -310,6 +314,7 @@ def settings_of(
         theory=theory,
         tendon=leading,
         shares=shares,
+        tried=len(tried),
         range_chosen=loading.max_tension is None,
         rise=ramp.rise,
         modal_damping=ramp.modal_damping,

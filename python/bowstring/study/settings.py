@@ -99,6 +99,8 @@ class Settings:
     """Index of the actuated tendon, from 0; of several, the first with the whole tension."""
     shares: tuple[float, ...]
     """Share of the sweep's tension in each tendon, from 0 to 1."""
+    tried: int
+    """Number of combinations of tendons of which `shares` is the worst; 0 if they were given."""
     range_chosen: bool
     """Whether the program chose `max_tension`."""
     rise: float | None
@@ -110,6 +112,16 @@ class Settings:
     def actuated(self) -> str:
         """Actuated tendons in words: ``tendon 1``, ``tendons 1 and 4 (at 0.5 of it)``."""
         return actuated(self.shares)
+
+    @property
+    def judged(self) -> str:
+        """Actuated tendons, and of how many combinations they are the worst."""
+        if self.tried < 2:
+            return self.actuated
+        alone = self.tried == len(self.shares)
+        return (
+            f"{self.actuated} (worst of {self.tried} {'' if alone else 'combinations of '}tendons)"
+        )
 
     @property
     def actuated_alone(self) -> bool:

@@ -103,7 +103,7 @@ class Study:
             (c.name, c.against, f"{1e3 * c.mean:.3f}", f"{1e3 * c.maximum:.3f}")
             for c in self.comparisons
         ]
-        title = repr(self).strip("<>")
+        title = " ".join([repr(self).strip("<>"), *(m.answer for m in self.verdict.meanings)])
         return html_table(title, rows, ("comparison", "against", "mean, mm", "max, mm"))
 
     @property

@@ -12,7 +12,8 @@ import numpy as np
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, number, significant
 from bowstring.robot.laws import MEMORIES
-from bowstring.study.comparison import FITS, MEANINGS
+from bowstring.robot.model import Robot
+from bowstring.study.comparison import MEANINGS
 from bowstring.study.load_map import load_text
 from bowstring.study.study import Study
 from bowstring.study.verdict import Meaning, corrections
@@ -24,6 +25,7 @@ COLUMNS: Final = ("CC from", "valid to", "mean error", "mean, corrected", "large
 """Columns of the table; the corrected error is the mean with the correction in closed form."""
 
 _FEWEST: Final = 3  # least loads of a mean; one of them is mostly without tension
+_SOURCES: Final = {"cc_from_lengths": "from lengths", "cc_from_force": "from force"}
 _INPUTS: Final = {
     "cc_from_lengths": "tendon lengths",
     "cc_from_force": "force (linear law)",
@@ -41,6 +43,8 @@ class Summary:
     """What the tips are compared with, for the title of the table."""
     rows: tuple[tuple[str, ...], ...]
     """Rows in the order of `COLUMNS`, one from lengths and one from force."""
+    answers: tuple[str, ...]
+    """Whether constant curvature is good enough, a sentence from lengths and one from force."""
     findings: tuple[tuple[str, str], ...]
     """Headings and sentences."""
 
@@ -51,11 +55,12 @@ def summarise(study: Study) -> Summary:
     tolerance = f"{in_mm(verdict.tolerance_length)} ({in_percent(verdict.tolerance, 3)} of length)"
     return Summary(
         title=(
-            f"{robot.name}: {study.length * 1e3:g} mm, {study.settings.actuated} from 0 to "
+            f"{robot.name}: {study.length * 1e3:g} mm, {study.settings.judged} from 0 to "
             f"{study.settings.max_tension:g} N, tolerance {tolerance}"
         ),
         reference="Tip error of constant curvature (CC) against the rod model, simulated",
         rows=tuple(_row(study, meaning) for meaning in verdict.meanings),
+        answers=tuple(meaning.answer for meaning in verdict.meanings),
         findings=tuple(_findings(study)),
     )
 
@@ -98,37 +103,14 @@ def _over(study: Study, n: int, before: str = "") -> str:
 def _findings(study: Study) -> Iterator[tuple[str, str]]:
     if study.without_equilibrium:
         yield "Left out", study.without_equilibrium.rstrip(".")
-    over = [
-        f"from {_INPUTS[name]} over {part}"
-        for name in MEANINGS
-        if _enough(study, n := study.comparison(name).n) and (part := _over(study, n))
-    ]
-    if over:
-        yield "Mean errors", "; ".join(over)
-    causes: dict[tuple[str, str], list[str]] = {}
-    for m in study.verdict.meanings:
-        if m.shares:
-            effect = m.largest_contribution
-            found = (m.cause_label, effect.label) if effect else ("", "")
-            where = f"from {_INPUTS[m.name].split(' (')[0]}, at {significant(m.shares_at)} N"
-            causes.setdefault(found, []).append(where)
-    for (title, label), loads in causes.items():
-        if not title:
-            yield "No single effect dominates the error", "; ".join(loads)
-            continue
-        link = "of" if title == "Dominant cause" else "to"
-        yield f"{title} {link} the error", f"{label} ({'; '.join(loads)})"
+    yield from _correction(study)
     if study.spreads:
         how = "assumed" if study.uncertainty_assumed else "standard deviations"
         known = [s for s in study.spreads if s.limit_indices is not None] or study.spreads
         limits = [f"{LABELS[s.name]} to {s.limit_text}" for s in known]
         count = f"{len(known[0].limit)} samples"
-        title = f"Valid with {study.uncertain_numbers} ({how}), {count}"
-        yield title, "; ".join(limits)
-    fits = [model for model in study.shapes.models if model.kind == "fit"]
-    if fits:
-        means = [f"{FITS[m.name].partition(' ')[0]} {in_mm(m.comparison.mean)}" for m in fits]
-        yield "Fitted curvature", ", ".join(means)
+        numbers = f"with {study.uncertain_numbers} ({how}, {count})"
+        yield "How sure", f"{numbers}, valid {'; '.join(limits)}"
     if study.load_map is not None:
         yield load_text(study.load_map)
     yield from _largest_effect(study)
@@ -150,6 +132,50 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         yield "Measurements", " ".join(study.data.text[:2]).rstrip(".")
         if study.data.models_compared is not None:
             yield "Rows left out of the fits", study.data.models_compared.verdict.rstrip(".")
+
+
+def _correction(study: Study) -> Iterator[tuple[str, str]]:
+    """Formula of the correction with the numbers of the robot, or the call that has it."""
+    for meaning in study.verdict.meanings:
+        if not meaning.corrected.max_error < 0.9 * meaning.max_error:
+            continue
+        from_force = meaning.name == "cc_from_force"
+        formula = _formula(study.robot, from_force)
+        if formula is None:
+            law = ', "arm"' if from_force else ', "chord"'
+            call = "from_tensions(robot, tensions" if from_force else "from_lengths(robot, lengths"
+            formula = (
+                "each module bends by an arc of its own between the disks, in Python "
+                f"RobotArcs.{call}{law})"
+            )
+        error = in_mm(meaning.corrected.max_error)
+        yield f"Corrected {_SOURCES[meaning.name]}", f"{formula}; largest error then {error}"
+
+
+def _formula(robot: Robot, from_force: bool) -> str | None:
+    """Closed form for one segment of equal modules, theory Eq. 1.6 and 1.10."""
+    disks, spacing = robot.disks, np.diff(robot.disks.station_m, prepend=0.0)
+    radii, centre = robot.tendons.pitch_radius_m, robot.tension_centre_m
+    thick = disks.clamped_length_m.any() or disks.hole_length_m.any()
+    if len(robot.segments) > 1 or thick or np.ptp(spacing) > 1e-9 * robot.length:
+        return None
+    if not robot.is_parallel or np.ptp(radii) > 1e-9 * radii[0] or centre.any():
+        return None
+    n, radius = len(spacing), float(radii[0])
+    if from_force:
+        by_newton = robot.length / n / float(robot.bending_stiffness[0])
+        linear, softer = radius * by_newton, robot.length / n * by_newton / 12.0
+        return (
+            f"bend = {2 * n} x/(y + sqrt(y^2 + x^2/2)) rad with x = {linear:.4g} F, "
+            f"y = 1 - {softer:.4g} F for one tendon of F newtons"
+        )
+    angles = np.sort(np.mod(robot.tendons.angle_rad, math.tau))
+    if len(angles) != 3 or np.ptp(np.diff(angles, append=angles[0] + math.tau)) > 1e-9:
+        return None
+    return (
+        f"bend = {2 * n} asin(sqrt(q)/{in_mm(3 * n * radius)}) rad with q of Amouri 2019, Eq. 4, "
+        f"and length = mean length times (a/2)/sin(a/2), a = bend/{n}"
+    )
 
 
 def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:

@@ -47,10 +47,9 @@ def print_study(
         console.print(Text.assemble(("Check the measurements. ", "bold"), sentence))
     summary = summarise(study)
     console.print(Text(summary.title, style="bold"))
-    table = _table(summary.reference, COLUMNS)
-    for row in summary.rows:
-        table.add_row(*row)
-    console.print(table)
+    console.print("Is constant curvature good enough? Simulated by the rod model:")
+    for answer in summary.answers:
+        console.print(Padding(Text(answer, style="bold"), (0, 0, 0, 2)))
     for heading, sentence in summary.findings:
         console.print(Text.assemble((f"{heading}: ", "bold"), sentence))
     if verbose:
@@ -66,6 +65,11 @@ def print_study(
 
 def _print_details(study: Study, console: Console) -> None:
     """Print all tables, and the whole verdict."""
+    summary = summarise(study)
+    table = _table(summary.reference, COLUMNS)
+    for cells in summary.rows:
+        table.add_row(*cells)
+    console.print(table)
     loads = len(study.statics.tension)
     errors = _table(
         "Tip error of constant curvature (CC); all simulated",
@@ -115,17 +119,17 @@ def _print_details(study: Study, console: Console) -> None:
     partial = any(" of " in cell for cell in first)
     problems: dict[str, None] = {}
     for row in b.rows:
-        cells = []
+        values = []
         mark = ""
         for side in _SIDES:
             for name in MEANINGS:
                 found = b.contribution(row, side, name)
-                cells.append(counted(signed(found.mean * 1e3), found.n))
+                values.append(counted(signed(found.mean * 1e3), found.n))
             for problem in b.problems(row, side):
                 problems[f"* {short(row.label)}, {_SIDES[side]}, {problem}"] = None
                 mark = " *"
-        budget.add_row(short(row.label) + mark, *cells)
-        partial = partial or any(" of " in cell for cell in cells)
+        budget.add_row(short(row.label) + mark, *values)
+        partial = partial or any(" of " in cell for cell in values)
     console.print(budget)
     note = f"(n of {loads}): over these loads only, not comparable with the other numbers"
     _print_notes(console, [*[note] * partial, *problems])

@@ -18,11 +18,20 @@ from bowstring.data.tip_errors import Comparison, known_max
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_newtons, in_percent, listed, significant
 from bowstring.results import Key, Result
-from bowstring.study.comparison import MEANINGS, Case, Model
+from bowstring.study.comparison import COMPARISONS, CORRECTED, MEANINGS, Case, Model
 from bowstring.study.error_budget import Budget
 from bowstring.validity.effects import DOMINANT, EFFECTS, Rods, acting, without
 
-__all__ = ["Correction", "Meaning", "Share", "Verdict", "corrections", "judge", "shares_of"]
+__all__ = [
+    "Correction",
+    "Meaning",
+    "Range",
+    "Share",
+    "Verdict",
+    "corrections",
+    "judge",
+    "shares_of",
+]
 
 Array = NDArray[np.float64]
 
@@ -52,11 +61,11 @@ class Share(Result):
 
 @short_repr
 @dataclass(frozen=True)
-class Meaning(Result):
-    """Verdict on constant curvature from lengths or from force."""
+class Range(Result):
+    """Where the error of a comparison is within the tolerance."""
 
     name: Annotated[str, Key()]
-    """Name of the comparison: ``cc_from_lengths`` or ``cc_from_force``."""
+    """Name of the comparison, such as ``cc_from_force``."""
     valid_throughout: Annotated[bool, Key()]
     """Whether all loads have an error, and none is above the tolerance."""
     valid_to: Annotated[float | None, Key("valid_to_N")]
@@ -70,10 +79,21 @@ class Meaning(Result):
     """Largest error on the fine sweep, m; NaN without any."""
     max_at: Annotated[float, Key("max_error_at_N")]
     """Tension of the largest error, N; 0 without any."""
+
+
+@short_repr
+@dataclass(frozen=True)
+class Meaning(Range):
+    """Verdict on constant curvature from lengths or from force."""
+
     shares_at: Annotated[float, Key("shares_at_N")]
     """Tension of the shares, N: the first crossing, else that of the largest error."""
     shares: Annotated[tuple[Share, ...], Key()]
     """Shares, largest first; empty if rod and constant curvature agree there."""
+    corrected: Annotated[Range, Key()]
+    """The same with the correction in closed form."""
+    answer: Annotated[str, Key()]
+    """Whether constant curvature is good enough, in one sentence."""
     text: Annotated[str, Key()]
     """Verdict in sentences."""
 
@@ -149,7 +169,7 @@ def judge(
     """
     fine = np.linspace(0.0, max_tension, _FINE_POINTS)
     case_tension = np.linspace(0.0, max_tension, len(budget.sweep.tip_position))
-    case = model.case(model.main, fine)
+    case = model.case(model.main, fine, tuple(COMPARISONS))
     meanings = tuple(_meaning(model, name, case, fine, tolerance) for name in MEANINGS)
     return Verdict(
         tolerance=tolerance,
@@ -169,8 +189,8 @@ def judge(
     )
 
 
-def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: float) -> Meaning:
-    limit = tolerance * model.length
+def _range(model: Model, name: str, case: Case, tension: Array, limit: float) -> Range:
+    """Search where the error of a comparison is at most `limit`, m."""
     error = case.error(name)
     known = np.isfinite(error)
     above = known & (np.nan_to_num(error) > limit)
@@ -197,21 +217,32 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
     if known[0] and not above[0]:
         gaps = [a for a, _ in exceeded] + [float(tension[i - 1]) for i, _ in _runs(~known) if i]
         valid_to = min([*gaps, float(tension[-1])])
-    peak = int(np.argmax(np.where(known, error, -1.0)))
-    shares_at = exceeded[0][0] if exceeded else float(tension[peak])
-    shares: tuple[Share, ...] = ()
-    if np.any(known):
-        shares = shares_of(model, name, shares_at)
-    meaning = Meaning(
+    return Range(
         name=name,
         valid_throughout=not exceeded and not undecided,
         valid_to=valid_to,
         exceeded=tuple(exceeded),
         undecided=undecided,
         max_error=known_max(error),
-        max_at=float(tension[peak]),
+        max_at=float(tension[int(np.argmax(np.where(known, error, -1.0)))]),
+    )
+
+
+def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: float) -> Meaning:
+    limit = tolerance * model.length
+    found = _range(model, name, case, tension, limit)
+    error = case.error(name)
+    known = np.isfinite(error)
+    shares_at = found.exceeded[0][0] if found.exceeded else found.max_at
+    shares: tuple[Share, ...] = ()
+    if np.any(known):
+        shares = shares_of(model, name, shares_at)
+    meaning = Meaning(
+        **vars(found),
         shares_at=shares_at,
         shares=shares,
+        corrected=_range(model, CORRECTED[name], case, tension, limit),
+        answer="",
         text="",
     )
     solved = np.all(np.isfinite(case.tip_position), axis=-1)
@@ -223,12 +254,13 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
     for where, why in reasons:
         if ranges := [in_newtons(float(tension[i]), float(tension[j])) for i, j in _runs(where)]:
             without.append(f"{listed(ranges)} ({why})")
-    return replace(meaning, text=_in_words(meaning, tolerance, model.length, tension[-1], without))
+    text = _in_words(meaning, tolerance, model.length, tension[-1], without)
+    return replace(meaning, answer=_answer(meaning, tension[-1]), text=text)
 
 
 def _error_at(model: Model, name: str, tension: float, rods: Rods) -> float:
     """Error of constant curvature at one load, m."""
-    return float(model.case(rods, np.array([tension])).error(name)[0])
+    return float(model.case(rods, np.array([tension]), (name,)).error(name)[0])
 
 
 def shares_of(model: Model, name: str, tension: float) -> tuple[Share, ...]:
@@ -266,6 +298,35 @@ def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 # -- in words ----------------------------------------------------------------------------------
+
+
+def _answer(m: Meaning, top: float) -> str:
+    """Whether constant curvature is good enough, in one sentence."""
+    source = {"cc_from_lengths": "From tendon lengths", "cc_from_force": "From force"}[m.name]
+    if not math.isfinite(m.max_error):
+        return f"{source}: no arc has the lengths of these tendons."
+    words = f"{source}: {_how_far(m, top)}"
+    if not m.exceeded:
+        return f"{words}."
+    cause = m.largest_contribution
+    if cause is not None:
+        part = "because" if m.dominant_cause else "in part because"
+        words += f", {part} {EFFECTS[cause.effect].because}"
+    better = (m.corrected.valid_to or 0.0) > (m.valid_to or 0.0)
+    if better:
+        words += f"; corrected: {_how_far(m.corrected, top)}"
+    elif m.corrected.max_error < 0.9 * m.max_error:
+        words += f"; corrected, the largest error is {in_mm(m.corrected.max_error)}"
+    return f"{words}."
+
+
+def _how_far(found: Range, top: float) -> str:
+    if found.valid_throughout:
+        return f"yes, up to {significant(top)} N (largest error {in_mm(found.max_error)})"
+    if not found.valid_to:
+        return f"no (largest error {in_mm(found.max_error)} at {significant(found.max_at)} N)"
+    beyond = "" if found.exceeded else ", with no comparison beyond"
+    return f"up to {significant(found.valid_to)} N{beyond}"
 
 
 def _in_words(

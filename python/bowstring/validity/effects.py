@@ -50,6 +50,8 @@ class Effect:
     """Values of the fields of this part with which there is no such effect."""
     acts: Callable[[Rods], bool]
     """Whether it acts in any of the rods."""
+    because: str = ""
+    """Clause that says why constant curvature errs by it."""
 
 
 def _spans(rods: Rods) -> bool:
@@ -71,45 +73,67 @@ def _stretch(rods: Rods) -> bool:
 
 EFFECTS: Final = {
     "straight_spans": Effect(
-        "tendons straight between the disks", "model", {"tendon_path": "continuous"}, _spans
+        "tendons straight between the disks",
+        "model",
+        {"tendon_path": "continuous"},
+        _spans,
+        "the tendons run straight between the disks",
     ),
     "clamps": Effect(
         "clamped lengths at the disks",
         "disks",
         {"clamped_length": 0.0},
         lambda rods: bool(np.any(rods.designs.arrays.disks.clamped_length_m)),
+        "the disks clamp parts of the backbone",
     ),
     "hole_planes": Effect(
         "entry and exit planes of the holes",
         "disks",
         {"hole_length": 0.0},
         lambda rods: bool(np.any(rods.designs.arrays.disks.hole_length_m)),
+        "the tendons bend at the planes of the holes",
     ),
     "shear_extension": Effect(
         "shear and extension",
         "model",
         {"theory": "kirchhoff"},
         lambda rods: rods.model.theory == "cosserat",
+        "the backbone shears and shortens",
     ),
-    "torsion": Effect("torsion", "model", {"twist": False}, lambda rods: rods.model.twist),
-    "gravity": Effect("gravity", "load", {"gravity": _NONE}, _gravity),
+    "torsion": Effect(
+        "torsion",
+        "model",
+        {"twist": False},
+        lambda rods: rods.model.twist,
+        "the backbone twists",
+    ),
+    "gravity": Effect(
+        "gravity",
+        "load",
+        {"gravity": _NONE},
+        _gravity,
+        "gravity bends the robot",
+    ),
     "tip_force": Effect(
         "tip force",
         "load",
         {"tip_force": _NONE},
         lambda rods: rods.load.tip_force is not None and bool(np.any(rods.load.tip_force)),
+        "the tip force bends the robot",
     ),
     "friction": Effect(
         "friction",
         "tendons",
         {"friction": 0.0},
         lambda rods: bool(np.any(rods.designs.arrays.tendons.friction)),
+        "friction at the holes lowers the tension",
     ),
     "tendon_stretch": Effect(
         "stretch of tendons and transmission",
         "tendons",
         {"axial_stiffness": None, "free_length": 0.0, "compliance": 0.0},
         _stretch,
+        "tendons and transmission stretch",
     ),
 }
 """The effects by their keys."""

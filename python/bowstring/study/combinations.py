@@ -1,0 +1,118 @@
+"""Tendons that a study judges a robot by: the worst of each alone and of one a segment together."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from bowstring.errors import BowstringError
+from bowstring.robot.model import Robot
+from bowstring.statics.model import RodModel
+from bowstring.study.comparison import MEANINGS, Model, Theory
+from bowstring.validity.loading import largest_load
+
+__all__ = ["combinations", "worst_combination"]
+
+_MOST: Final = 128  # combinations that are tried
+_POINTS: Final = 17  # loads of each
+_ALIKE: Final = 1e-6  # relative difference of errors that is rounding
+
+Shares = tuple[float, ...]
+
+
+def combinations(robot: Robot) -> list[Shares]:
+    """Combinations of actuated tendons: none or one of each segment, at the same tension.
+
+    Parameters
+    ----------
+    robot : Robot
+        Where there are more than 128, each tendon alone and each pair with one of the outermost
+        segment, up to that number.
+
+    Returns
+    -------
+    list of tuple of float (T,)
+        Share of the tension in each tendon. Combinations of fewer tendons come first, those of
+        outer segments before those of inner ones.
+    """
+    of = robot.tendons.segment
+    groups = [np.flatnonzero(of == k).tolist() for k in range(len(robot.segments) - 1, -1, -1)]
+    groups = [group for group in groups if group]
+    alone = [(t,) for group in groups for t in group]
+    found = alone
+    for size in range(2, len(groups) + 1):
+        several = [
+            chosen
+            for some in itertools.combinations(groups, size)
+            for chosen in itertools.product(*some)
+        ]
+        found = [*found, *several]
+        if len(found) > _MOST:
+            break
+    return [tuple(float(t in chosen) for t in range(len(of))) for chosen in found[:_MOST]]
+
+
+def worst_combination(
+    robot: Robot,
+    tried: Sequence[Shares],
+    theory: Theory,
+    tolerance: float,
+    max_tension: float | None,
+) -> Shares:
+    """Find the combination in which constant curvature leaves the tolerance earliest.
+
+    Parameters
+    ----------
+    robot : Robot
+    tried : sequence of tuple of float (T,)
+        Combinations; of those that are alike the first one counts.
+    theory : {"cosserat", "kirchhoff"}
+    tolerance : float
+        Tolerated tip error as a share of the robot's length.
+    max_tension : float or None
+        End of the sweeps, N; by default that of a study of each combination.
+
+    Returns
+    -------
+    tuple of float (T,)
+        The combination that leaves the tolerance at the smallest share of its range of tension,
+        from lengths or from force; if none does, that of the largest error.
+    """
+    worst, shares = (0.0, 0.0), tried[0]
+    for each in tried:
+        try:
+            found = _severity(robot, each, theory, tolerance * robot.length, max_tension)
+        except BowstringError:  # no range of tension
+            continue
+        sooner, larger = (a > b * (1.0 + _ALIKE) for a, b in zip(found, worst, strict=True))
+        if sooner or (larger and found[0] >= worst[0] * (1.0 - _ALIKE)):
+            worst, shares = found, each
+    return shares
+
+
+def _severity(
+    robot: Robot, shares: Shares, theory: Theory, limit: float, top: float | None
+) -> tuple[float, float]:
+    """Share of the range of tension beyond the tolerance's first crossing, and largest error, m."""
+    if top is None:
+        top = largest_load(robot, np.array(shares), RodModel(theory))
+    model = Model(robot, int(np.argmax(shares)), theory, shares)
+    tension = np.linspace(0.0, top, _POINTS)
+    case = model.case(model.main, tension)
+    beyond, largest = 0.0, 0.0
+    for name in MEANINGS:
+        error = case.error(name)
+        known = np.flatnonzero(np.isfinite(error))
+        if not known.size:
+            continue
+        largest = max(largest, float(error[known].max()))
+        above = known[error[known] > limit]
+        if above.size:
+            i = int(above[0])
+            low = error[i - 1] if i and np.isfinite(error[i - 1]) else limit
+            part = (limit - low) / (error[i] - low) if error[i] > low else 0.0
+            beyond = max(beyond, 1.0 - max(i - 1 + part, 0.0) / (_POINTS - 1))
+    return beyond, largest
