@@ -238,6 +238,11 @@ def test_messages_of_the_troubleshooting_page_are_those_of_the_program() -> None
             assert words in text, f"no message of the program contains {words!r}"
 
 
+def labelled(page: str) -> int:
+    """Number of equations with a label, by which Sphinx numbers them."""
+    return len(re.findall(r"^(?::label: \S+|\$\$ \(\S+\))$", page, re.MULTILINE))
+
+
 def test_equations_cited_in_the_code_exist() -> None:
     theory = DOCS / "theory"
     pages = re.search(
@@ -247,7 +252,7 @@ def test_equations_cited_in_the_code_exist() -> None:
     equations = {
         f"{number}.{equation}"
         for number, page in enumerate(re.findall(r"^[\w-]+$", pages[1], re.MULTILINE), start=1)
-        for equation in range(1, 1 + (theory / f"{page}.md").read_text("utf-8").count("\n:label:"))
+        for equation in range(1, 1 + labelled((theory / f"{page}.md").read_text("utf-8")))
     }
     sources = [
         *(ROOT / "crates" / "bowstring-rod" / "src").rglob("*.rs"),
@@ -261,6 +266,16 @@ def test_equations_cited_in_the_code_exist() -> None:
         for page in re.findall(r"docs/theory/([\w-]+)\.md", text):
             assert (theory / f"{page}.md").exists(), source
     assert len(cited) > 25 and cited - {""} <= equations
+
+
+def test_pages_read_on_a_forge() -> None:
+    """Pages have no part that only the built site shows, and the robot of the start is the file."""
+    only_built = r"\{(?:literalinclude|include|grid|glossary|term|download)\}"
+    for page in PAGES:
+        text = page.read_text("utf-8")
+        assert not re.search(only_built, text), _name(page)
+    start = (DOCS / "start" / "robot.md").read_text("utf-8")
+    assert (ROOT / "examples" / "small.yaml").read_text("utf-8") in start
 
 
 def test_readme_locates_the_command_before_its_first_use() -> None:

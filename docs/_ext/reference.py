@@ -1,6 +1,6 @@
 """Directives that write reference tables from the program itself.
 
-``{command} solve`` lists the arguments and flags of a command as the parser has them;
+``{command} solve`` has what a command does, its arguments and its flags, as its help has them;
 ``{robot-fields} Backbone`` the fields of a part of the robot file as its JSON Schema has them;
 ``{json} solve`` the keys of a command's JSON, and of the objects in it, as `bowstring.schemas` has
 them; ``{json} shared`` those of the objects that several commands have;
@@ -54,27 +54,40 @@ def _cell(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|")
 
 
-class CommandTable(_Table):
-    """Arguments and flags of a command."""
+class Command(SphinxDirective):
+    """What a command does, its arguments and its flags, in the groups of its help."""
 
-    def rows(self, name: str) -> list[list[str]]:
+    required_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list[nodes.Node]:
+        """Write the help in Markdown and parse it."""
         command: Any = typer.main.get_command(main.app)
-        for word in name.split():
+        for word in self.arguments[0].split():
             command = command.commands[word]
-        found = [["flag", "value", "meaning"]]
+        groups: dict[str, list[list[str]]] = {"": []}
         for parameter in command.params:
-            if parameter.hidden or parameter.name == "help":
-                continue
-            text = (parameter.help or "").strip()
-            if parameter.default not in (None, False, (), []) and not callable(parameter.default):
-                text += f" Default: `{parameter.default}`."
-            if parameter.opts[0].startswith("-"):
-                names = [*parameter.opts, *parameter.secondary_opts]
-                value = "" if parameter.is_flag else _value(parameter)
-            else:
-                names, value = [parameter.metavar or parameter.name.upper()], ""
-            found.append([", ".join(f"`{n}`" for n in names), f"`{value}`" if value else "", text])
-        return found
+            if not parameter.hidden and parameter.name != "help":
+                group = getattr(parameter, "rich_help_panel", None) or ""
+                groups.setdefault(group, []).append(_flag(parameter))
+        lines = [inspect.cleandoc(command.help or "")]
+        for group, rows in groups.items():
+            lines += ["", f"**{group}**"] * bool(group)
+            lines += ["", *_table([["flag", "value", "meaning"], *rows])]
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
+def _flag(parameter: Any) -> list[str]:
+    """Names of a flag or an argument, the value behind it, and what it means."""
+    text = (parameter.help or "").strip()
+    if parameter.default not in (None, False, (), []) and not callable(parameter.default):
+        text += f" Default: `{parameter.default}`."
+    if parameter.opts[0].startswith("-"):
+        names = [*parameter.opts, *parameter.secondary_opts]
+        value = "" if parameter.is_flag else _value(parameter)
+    else:
+        names, value = [parameter.metavar or parameter.name.upper()], ""
+    return [", ".join(f"`{n}`" for n in names), f"`{value}`" if value else "", text]
 
 
 def _value(parameter: Any) -> str:
@@ -221,7 +234,7 @@ class Api(SphinxDirective):
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
-    app.add_directive("command", CommandTable)
+    app.add_directive("command", Command)
     app.add_directive("robot-fields", RobotFields)
     app.add_directive("json", JsonObjects)
     app.add_directive("api", Api)
