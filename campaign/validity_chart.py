@@ -295,12 +295,16 @@ def summary(found: list[Trial]) -> str:
     inside = np.mean([t.within for t in found])
     if not len(error):
         return f"{len(found):6d} robots, none with a limit within the chart"
+    of_reliable = ""
+    if len(reliable):
+        of_reliable = (
+            f" with median {np.median(reliable):7.3%}, 95 % below "
+            f"{np.quantile(reliable, 0.95):6.2%}, largest {reliable.max():6.2%}"
+        )
     return (
         f"{len(found):6d} robots, {len(error):5d} with a limit: median "
         f"{np.median(error):7.3%}, 95 % below {np.quantile(error, 0.95):6.2%}; reliable "
-        f"{len(reliable) / len(error):6.1%} with median {np.median(reliable):7.3%}, 95 % below "
-        f"{np.quantile(reliable, 0.95):6.2%}, largest {reliable.max():6.2%}; "
-        f"inside the interval {inside:6.2%}"
+        f"{len(reliable) / len(error):6.1%}{of_reliable}; inside the interval {inside:6.2%}"
     )
 
 
