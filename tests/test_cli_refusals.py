@@ -125,7 +125,7 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         ((*FIT, "--parameter", E, "--filter"), "--filter is of the table that is predicted"),
         ((*FIT, "--parameter", E, "--validate", str(TABLE)), "is the table that is fitted"),
         ((*FIT, "--parameter", E, "--start", "no.json"), "cannot read no.json"),
-        ((*FIT, "--parameter", E, "--g", "-1"), "--g: got -1"),
+        ((*FIT, "--parameter", E, "--gravity-on-masses", "-1"), "--gravity-on-masses: got -1"),
         ((*FIT, "--parameter", E, "--out", "mine"), "existing files are not overwritten"),
         (("fit", "rao2021", "--measurements", str(TABLE), "--parameter", E), "rao2021 has 6"),
         (of("--measurements", "no.csv", "--parameter", E), "no.csv"),

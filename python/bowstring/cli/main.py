@@ -148,6 +148,7 @@ _FLAGS: Final = {
     "parameters": ("--parameter",),
     "count": ("--samples",),
     "poses": ("--points", "--poses"),
+    "g": ("--gravity-on-masses",),
 }
 # Flags from which an argument is made.
 _MADE_OF: Final = {

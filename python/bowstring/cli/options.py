@@ -104,7 +104,8 @@ OfMasses = Annotated[
     Number(
         "m/s^2",
         "9.81",
-        "Gravity that turns masses into tensions.",
+        "Gravity that makes tensions of masses; that of the robot is another.",
+        "--gravity-on-masses",
         form="g",
         default="9.80665",
         must_be="positive",
