@@ -68,8 +68,14 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["fk", "amouri2019", "--lengths", "0.1,0.9,0.9"], "more than a full turn"),
         (["ik", "amouri2019", "--tip", "0,0,5"], "out of reach"),
         (["ik", "amouri2019", "--tip", "0,0,1e155"], "out of reach"),
-        (["ik", "amouri2019", "--tip", "0,0,-0.1", "--free-length"], "cannot be reached"),
-        (["ik", "rao2021", "--tip", "0,0,0.3", "--free-length"], "for robots of one segment"),
+        (
+            ["ik", "amouri2019", "--tip", "0,0,-0.1", "--model", "cc", "--free-length"],
+            "cannot be reached",
+        ),
+        (
+            ["ik", "rao2021", "--tip", "0,0,0.3", "--model", "cc", "--free-length"],
+            "for robots of one segment",
+        ),
         # robots
         (["solve", "amouri", "--tension", "1,2,3"], "did you mean amouri2019?"),
         (["solve", "no/such.yaml", "--tension", "1,2,3"], "neither a file nor a built-in robot"),
@@ -293,8 +299,8 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["--tip", "0,0,0.3", "--path", "x.csv"], "give either --tip or --path"),
         (["--path", "none.csv"], "cannot be read"),
         (["--tip", "0,0,0.3", "--out", "c.csv"], "--out: it is for --path"),
-        (["--tip", "0,0,0.3", "--theory", "kirchhoff"], "add --model physics"),
-        (["--tip", "0,0,0.3", "--chord", "--model", "physics"], "--chord: it is for"),
+        (["--tip", "0,0,0.3", "--theory", "kirchhoff", "--model", "cc"], "leave --model cc out"),
+        (["--tip", "0,0,0.3", "--chord"], "--chord: it is for --tip with --model cc"),
         (["--tip", "0,0,0.3", "--direction", "0,0,0"], "must not be zero"),
         (["--tip", "0,0,0.3", "--direction", "0,1"], "write x, y and z"),
         (["--tip", "0.05 mm,0 mm,0.3 mm"], "the point is no farther than 0.3041 mm from the base"),
