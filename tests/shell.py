@@ -44,6 +44,10 @@ class Shell:
                 command += f" {flag}"
         if arguments[0] == "map" and arguments.count("--over") > 2 and "--store" not in arguments:
             command += 3 * " --over"
+        if command == "export":
+            out_file = arguments[arguments.index("--out") + 1] if "--out" in arguments else ""
+            ending = Path(out_file).suffix.replace("urdf", "xml")
+            command += " --out " + (ending if ending in (".xml", ".json") else ".step")
         if command in COMMANDS:
             adapter(command).validate_json(out, strict=True)
         return json.loads(out, parse_constant=pytest.fail)  # NaN and Infinity are not JSON

@@ -240,7 +240,7 @@ def test_solids_name_what_they_need(shell: Shell, tmp_path: Path) -> None:
         sizes_of(ROBOT)
     (tmp_path / "coupled.yaml").write_text(to_yaml(ROBOT))
     drawing = ("--drawing", str(tmp_path / "disks.svg"))
-    says = shell.error("cad", str(tmp_path / "coupled.yaml"), *drawing)
+    says = shell.error("export", str(tmp_path / "coupled.yaml"), *drawing)
     assert "needs shape and material" in says and "nan" not in says.lower()
 
 
