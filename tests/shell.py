@@ -39,7 +39,7 @@ class Shell:
         assert out.count("\n") == 1
         command = " ".join(arguments[: 2 if arguments[0] in ("bench", "data") else 1])
         of_ik = ["--residual" if "--residual" in arguments else "--path"]
-        for flag in ("--workspace", "--store", *(of_ik if arguments[0] == "ik" else [])):
+        for flag in ("--errors", "--store", *(of_ik if arguments[0] == "ik" else [])):
             if flag in arguments:
                 command += f" {flag}"
         if arguments[0] == "map" and arguments.count("--over") > 2 and "--store" not in arguments:

@@ -200,7 +200,7 @@ def test_a_stem_of_a_name_is_one_file_name(name: str, stem: str) -> None:
         (("map", *OVER), "up-map.png"),
         (("map", *OVER, "--over", "disks.count=5:9:3", "--over", "nu=0:0.3:2"), "up-map.png"),
         (("map", *OVER, "--store", "kept"), "up-map.nc"),
-        (("map", "--workspace", "--points", "64"), "up-map.png"),
+        (("reach", "--errors", "--poses", "64"), "up-reach.png"),
         (("branches", "--tension", "1,0,0"), "up-branches.png"),
         (("control", "--poses", "8"), "up-control.png"),
         (("reach", "--poses", "8"), "up-reach.png"),

@@ -145,7 +145,6 @@ _FLAGS: Final = {
     "angles": ("--angle",),
     "parameters": ("--parameter",),
     "count": ("--samples",),
-    "poses": ("--points", "--poses"),
     "g": ("--gravity-on-masses",),
 }
 # Flags from which an argument is made.

@@ -143,7 +143,21 @@ Tendons = Annotated[
         "--tendon",
     ),
 ]
+Models = Annotated[
+    str | None,
+    option(
+        "NAME,...",
+        "Models of constant curvature: cc_from_lengths, cc_from_force, cc_from_lengths_chord, "
+        "cc_from_force_arm, cc_from_force_calibrated; with an axis bend of a map "
+        "cc_from_displacements.  [default: cc_from_lengths,cc_from_force]",
+    ),
+]
 Vectors = list[list[float]]
+
+
+def named(names: str | None) -> list[str] | None:
+    """Names that commas separate, each once."""
+    return None if names is None else list(dict.fromkeys(n.strip() for n in names.split(",")))
 
 
 def dead_loads(
