@@ -206,8 +206,8 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["--tension", "80,0,0", "--dt", "0"], "--dt: got 0 s; must be positive"),
         (["--tension", "80,0,0", "--dt", "10 ns"], "--dt: got 1e-08 s; must be 1e-06 s or more"),
         (["--tension", "80,0,0", "--dt", "1", "--tolerance", "1"], "give either"),
-        (["--tension", "80,0,0", "--tolerance", "0"], "--tolerance: got 0 m"),
-        (["--tension", "80,0,0", "--tolerance", "1 %"], 'for example --tolerance "1 um"'),
+        (["--tension", "80,0,0", "--tolerance", "0"], "--tolerance: got 0; must be a length"),
+        (["--tension", "80,0,0", "--tolerance", "0.5 N"], "or a share of that of the robot"),
         (["--tension", "80,0,0", "--every", "0"], "--every: got 0 s"),
         (["--tension", "80,0,0", "--every", "1 us"], "--every: 1 us gives 2e+06 outputs"),
         (["--tension", "80,0,0", "--every", "0.1 ns"], "--every: got 1e-10 s; must be 1e-06 s or"),
@@ -347,12 +347,12 @@ NAMED: list[tuple[Sequence[str], str | tuple[str, ...]]] = [
         ["solve", "amouri2019", "--tension", "10 mm,0,0"],
         '--tension: got "10 mm", but "mm" is not a unit of force; write',
     ),
-    (["study", "--tolerance", "0"], "--tolerance: got 0"),
+    (["study", "--tolerance", "0"], "--tolerance: got 0; must be a share"),
     (
-        ["study", "--tolerance", "2 mm"],
+        ["study", "--tolerance", "0.5 N"],
         (
-            '--tolerance: got "2 mm"; must be a share of the length above 0 and below 1, write '
-            'for example --tolerance "1 %".',
+            '--tolerance: got "0.5 N"; must be a share of the length above 0 and below 1, such as '
+            '0.01 or "1 %", or a length such as "0.5 mm".',
         ),
     ),
     (
@@ -360,8 +360,8 @@ NAMED: list[tuple[Sequence[str], str | tuple[str, ...]]] = [
         '--modal-damping: got "5 N"; must be a share of critical damping',
     ),
     (
-        ["simulate", "amouri2019", "--tension", "1,0,0", "--tolerance", "1 %"],
-        '--tolerance: got "1 %", but "%" is not a unit of length',
+        ["simulate", "amouri2019", "--tension", "1,0,0", "--tolerance", "0 %"],
+        '--tolerance: got "0 %"; must be a length above 0, such as "1 um"',
     ),
     (["study", "--max-tension", "-5"], "--max-tension: got -5 N"),
     (["study", "--points", "1"], ("--points: got 1", "from 2 to 1000")),

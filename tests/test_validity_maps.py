@@ -302,7 +302,7 @@ def test_a_dataset_has_labels_and_units() -> None:
         ("nothing=0:1", "has no number"),
         ("tension", "write PATH=from:to:n"),
         ("tension=0:80 N:1", "must be 2 to"),
-        ("tension=5:5 N", "is no range"),
+        ("tension=5:5 N", "axis tension: its ends must be two different"),
         ("tension=-5:5 N", "can only pull"),
         ("tension=0:80 m", "not a unit of force"),
         ("tension=0:80 N:many", "whole number"),

@@ -52,7 +52,7 @@ def control(
             one="positive",
         ),
     ],
-    tolerance: Annotated[float, tolerated("Tolerated distance")],
+    tolerance: Annotated[str, tolerated("Tolerated distance")],
     loads: Weight,
     rod: Rod,
     out: Annotated[Path, Figure("control.png", "figure of the control error", "NAME")],
@@ -132,7 +132,7 @@ def reach(
         ),
     ],
     tolerance: Annotated[
-        float, tolerated("Displacement that a payload may cause; with --errors the tip error")
+        str, tolerated("Displacement that a payload may cause; with --errors the tip error")
     ],
     loads: Weight,
     rod: Rod,

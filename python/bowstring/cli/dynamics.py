@@ -18,7 +18,7 @@ from bowstring.cli.actuation import (
     read_history,
 )
 from bowstring.cli.flags import Number, Share, of_flag
-from bowstring.cli.groups import Group, option
+from bowstring.cli.groups import Flag, Group, option
 from bowstring.cli.options import (
     AsJson,
     DeadForces,
@@ -125,12 +125,11 @@ def _integrator(
         _TimeStep("s", '"1 ms"', "Fixed time step.  [default: adaptive steps]", must_be="positive"),
     ],
     tolerance: Annotated[
-        float | None,
-        Number(
+        str | None,
+        Flag(
             "m",
-            '"1 um"',
-            "Tolerated error of one adaptive step.  [default: 2e-6 of the length]",
-            must_be="positive",
+            "Tolerated error of one adaptive step, in m or with a unit, or a share of the length: "
+            '"1 um" or "1e-4 %".  [default: 2e-6 of the length]',
         ),
     ],
     spectral_radius: Annotated[

@@ -20,7 +20,6 @@ from bowstring.cli.flags import (
     AtPoints,
     Number,
     OnDisks,
-    Share,
     TendonShares,
     Vector,
     ZeroVector,
@@ -113,18 +112,13 @@ OfMasses = Annotated[
 ]
 
 
-def tolerated(text: str) -> Share:
-    """Make the flag of a tolerance."""
-    return Share(
-        "a share of the length above 0 and below 1",
-        lambda value: 0 < value < 1,
-        '"1 %"',
-        f'{text}, a share of the length: 0.01 or "1 %".',
-        default="1 %",
-    )
+def tolerated(text: str) -> Flag:
+    """Make the flag of a tolerance, which the function of the command reads."""
+    more = 'a share of the length, 0.01 or "1 %", or a length, "0.5 mm".'
+    return Flag(None, f"{text}: {more}", default="1 %")
 
 
-Tolerance = Annotated[float, tolerated("Tolerated tip error")]
+Tolerance = Annotated[str, tolerated("Tolerated tip error")]
 MaxTension = Annotated[
     float | None,
     Number(

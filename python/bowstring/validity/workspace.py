@@ -246,7 +246,7 @@ def workspace_map(
     poses : int
         Number of poses: points of a Sobol' sequence over the tensions of all tendons.
     tolerance : float or str
-        Tolerated tip error as a share of the length: 0.01 or "1 %".
+        Tolerated tip error: a share of the length, 0.01 or "1 %", or a length, "0.5 mm".
     models : sequence of str
         Models of constant curvature, of `bowstring.validity.errors.LAWS`.
     load : Load, optional
@@ -275,7 +275,7 @@ def workspace_map(
     """
     check_robot(robot)
     whole("poses", poses, 1, 1_000_000)
-    tolerance = share_of_length("tolerance", tolerance)
+    tolerance = share_of_length("tolerance", tolerance, robot.length)
     models = ("cc_from_lengths", "cc_from_force") if models is None else tuple(models)
     for name in models:
         choice("models", name, list(LAWS))
