@@ -293,6 +293,7 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["--gravity", "0,0,x"], '--gravity: got "x"'),
         (["--out", "mine"], ("--out: cannot write the modes", "no modes of Bowstring")),
         (["--out", "mine/notes.txt"], "is a file"),
+        (["--out", "modes.png"], "--out: cannot write the modes to modes.png: it is a folder"),
     ],
     ("ik", "rao2021"): [
         ([], "give either --tip or --path"),
