@@ -66,7 +66,7 @@ def foreign(path: Path) -> bytes:
         (("export", "amouri2019", "--out"), "mine.glb"),
         (("export", "amouri2019", "--out"), "mine.gltf"),
         ((*MOTION, "--out"), "mine.nc"),
-        ((*MOTION, "--animation"), "mine.gif"),
+        ((*MOTION, "--out"), "mine.gif"),
         ((*BENCH, "--out"), "mine.csv"),
     ],
 )
@@ -87,7 +87,7 @@ def test_a_foreign_file_is_kept(
         (("export", "amouri2019", "--drawing"), "disk.pdf"),
         (("export", "amouri2019", "--drawing"), "disk.png"),
         ((*MOTION, "--out"), "run.nc"),
-        ((*MOTION, "--animation"), "run.gif"),
+        ((*MOTION, "--out"), "run.gif"),
         ((*MOTION, "--vtk"), "series"),
         ((*BENCH, "--out"), "table.csv"),
     ],

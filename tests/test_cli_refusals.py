@@ -237,17 +237,18 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["--table", "none.csv", "--hold", "1"], "leave --hold out"),
         # files
         (["--tension", "80,0,0", "--out", "no/run.nc"], "--out: cannot write the run"),
-        (["--tension", "80,0,0", "--out", "."], "it is a folder; name a file"),
+        (["--tension", "80,0,0", "--out", "."], "--out: got .; end it in .nc"),
+        (["--tension", "80,0,0", "--out", "a.gif", "--out", "b.mp4"], "are of the same kind"),
         (
             ["--tension", "80,0,0", "--out", "mine/notes.txt"],
-            "must end in .nc (all fields) or .csv",
+            "end it in .nc (all fields), .csv (tip and tendons)",
         ),
         (["--tension", "80,0,0", "--vtk", "mine"], "--vtk: cannot write the VTK series"),
-        (["--tension", "80,0,0", "--animation", "run.png"], "must end in .gif or .mp4"),
-        (["--tension", "80,0,0", "--animation", "run.gif", "--hold", "1000"], "5000 are possible"),
+        (["--tension", "80,0,0", "--out", "run.png"], "--out: got run.png; end it in .nc"),
+        (["--tension", "80,0,0", "--out", "run.gif", "--hold", "1000"], "5000 are possible"),
         (["--tension", "80,0,0", "--out", "e/a.nc", "--vtk", "e"], "lies in the folder of --vtk"),
         (["--tension", "80,0,0", "--out", "f.nc", "--vtk", "f.nc"], "--vtk needs a folder there"),
-        (["--tension", "80,0,0", "--animation", "f.gif", "--vtk", "f.gif/g"], "a folder there"),
+        (["--tension", "80,0,0", "--out", "f.gif", "--vtk", "f.gif/g"], "a folder there"),
     ],
     (*SIMULATE, "--out", "run.nc"): [
         (["--displacement", "0.01,-,0"], 'got "-", which is not a number'),

@@ -71,7 +71,7 @@ def complete(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], l
         ("bowstring bench check table.csv --mapping tamm", ["tamm-spring"]),
         ("bowstring export amouri2019 --out arm.g", ["arm.glb", "arm.gltf"]),
         ("bowstring export amouri2019 --out ../arm.g", ["../arm.glb", "../arm.gltf"]),
-        ("bowstring simulate amouri2019 --animation arm.", ["arm.gif", "arm.mp4"]),
+        ("bowstring simulate amouri2019 --out arm.g", ["arm.gif", "arm.glb"]),
         # names of files, which the shell completes
         ("bowstring export amouri2019 --out arm", []),
         ("bowstring export amouri2019 --out ../", []),

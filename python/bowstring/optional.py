@@ -21,7 +21,7 @@ EXTRAS: Final = {
     "jax": ("jax", "equilibria in JAX", "bowstring.jax"),
     "gymnasium": ("gymnasium", "environments", "bowstring.gymnasium"),
     "view": ("viser", "live views", "bowstring view"),
-    "rerun": ("rerun", "recordings", "simulate --rerun"),
+    "rerun": ("rerun", "recordings", "simulate --out run.rrd"),
 }
 
 
