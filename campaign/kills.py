@@ -102,7 +102,7 @@ COMMANDS: Final = (
     Command(("modes", "amouri2019", "--count", "2", "--out"), "md", _folder("modes.json")),
     Command((*_MOTION, "--out"), "run.nc", _run),
     Command((*_MOTION, "--vtk"), "series", _series),
-    Command(("cad", "amouri2019", "--drawing"), "disk.svg", _drawing),
+    Command(("export", "amouri2019", "--drawing"), "disk.svg", _drawing),
     Command(("solve", "amouri2019", "--tension", "5,0,0", "--save-history"), "path.json", _history),
     Command(_STORED, "map.zarr", _zarr, resumes=True),
     Command(("bench", "simulate", "amouri2019", "--masses", "0:1:4", "--out"), "table.csv", _table),

@@ -39,11 +39,15 @@ class Shell:
         assert out.count("\n") == 1
         command = " ".join(arguments[: 2 if arguments[0] in ("bench", "data") else 1])
         of_ik = ["--residual" if "--residual" in arguments else "--path"]
-        for flag in ("--workspace", "--store", *(of_ik if arguments[0] == "ik" else [])):
+        for flag in ("--errors", "--store", *(of_ik if arguments[0] == "ik" else [])):
             if flag in arguments:
                 command += f" {flag}"
         if arguments[0] == "map" and arguments.count("--over") > 2 and "--store" not in arguments:
             command += 3 * " --over"
+        if command == "export":
+            out_file = arguments[arguments.index("--out") + 1] if "--out" in arguments else ""
+            ending = Path(out_file).suffix.replace("urdf", "xml")
+            command += " --out " + (ending if ending in (".xml", ".json") else ".step")
         if command in COMMANDS:
             adapter(command).validate_json(out, strict=True)
         return json.loads(out, parse_constant=pytest.fail)  # NaN and Infinity are not JSON

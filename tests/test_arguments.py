@@ -18,7 +18,7 @@ from objects import objects, refused
 
 ROBOT = bs.load_robot("amouri2019")
 NAN, INF = float("nan"), float("inf")
-NUMBERS = ("duration", "dt", "tolerance", "every", "mass_damping", "material_damping")
+NUMBERS = ("duration", "dt", "every", "mass_damping", "material_damping")
 NUMBERS += ("modal_damping", "spectral_radius")
 OTHER = bs.solve(ROBOT.with_({"segments.0.tendons.friction": 0.2}), [10, 0, 0]).history()
 
@@ -177,6 +177,8 @@ ARGUMENTS: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"dt": 1e-300}, "time step is 1e-300 s, it must be at least"),
         ({"duration": 1e12}, "more than 1000000 outputs"),
         ({"tolerance": 0.0}, "tolerance is 0 m"),
+        ({"tolerance": True}, "tolerance is True"),
+        ({"tolerance": "0.5 N"}, "tolerance is .0.5 N., it must be a length above 0"),
         ({"spectral_radius": None}, "spectral_radius is None"),
         ({"disk_forces": "x"}, "disk_forces must be numbers"),
         ({"theory": "timoshenko"}, "theory is"),

@@ -232,7 +232,7 @@ def test_the_example_refuses_wrong_files(program: Path, tmp_path: Path) -> None:
     for arguments, words in (
         ((), "give a robot"),
         ((tmp_path / "none.json", ROOT / "examples" / "tip_path.csv"), "cannot be read"),
-        ((yaml, ROOT / "examples" / "tip_path.csv"), "bowstring compile"),
+        ((yaml, ROOT / "examples" / "tip_path.csv"), "bowstring export"),
         ((yaml, yaml), "the columns must be"),
     ):
         run = subprocess.run([program, *arguments], capture_output=True, text=True, check=False)

@@ -133,7 +133,7 @@ def test_the_command_line(robot: Robot, residual: Residual, shell: Shell, tmp_pa
     assert again == pytest.approx(wanted, abs=2e-5 * robot.length)
 
     for flags, said in (
-        (("--model", "physics"), "--model: not with --residual, which has the model of its fit"),
+        (("--model", "cc"), "--model: not with --residual, which has the model of its fit"),
         (("--direction", "0,0,1"), "--direction: not with --residual"),
         (("--out", "x.csv"), "--out: it is for --path"),
     ):

@@ -1,4 +1,4 @@
-"""`bowstring cad`: its contract and its files."""
+"""Solids of `bowstring export`: their contract and their files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from bowstring.study.study import Study
 from shell import Shell, refuses
 from stages import Stages, by_name
 
-CAD = ("cad", "amouri2019")
+CAD = ("export", "amouri2019")
 
 
 @pytest.fixture
@@ -136,7 +136,7 @@ def test_progress_begins_with_the_slow_import(
 ) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.cad import solid
-    from bowstring.cli import cad
+    from bowstring.cli import solids
 
     reported: list[str] = []
 
@@ -148,7 +148,7 @@ def test_progress_begins_with_the_slow_import(
     def kernel() -> None:
         reported.append("loaded")
 
-    monkeypatch.setattr(cad, "progress_bar", bar)
+    monkeypatch.setattr(solids, "progress_bar", bar)
     monkeypatch.setattr(solid, "check_cad", kernel)
     code, _, err = shell(*CAD, "--out", "robot.glb", "--tension", "1e6,0,0")
     assert code == 1 and err.startswith("Error: ")

@@ -107,7 +107,7 @@ def test_files(shell: Shell, tmp_path: Path, robot: bs.Robot) -> None:
     """The terminal names the files, which have the numbers of the JSON."""
     out, vtk, gif = tmp_path / "run.nc", tmp_path / "series", tmp_path / "run.gif"
     glb = tmp_path / "run.glb"
-    flags = ["--out", str(out), "--vtk", str(vtk), "--animation", str(gif), "--glb", str(glb)]
+    flags = ["--out", str(out), "--vtk", str(vtk), "--out", str(gif), "--out", str(glb)]
     arguments = (*DISPLACED, "--rise", "0.05", "--hold", "0.05", *flags)
     code, text, err = shell(*arguments)
     assert code == 0 and not err
@@ -134,7 +134,7 @@ def test_a_run_that_is_written_is_named_where_another_file_fails(
 
     monkeypatch.setattr("bowstring.integrations.gltf.write_glb", full)
     out = tmp_path / "run.nc"
-    files = ("--out", str(out), "--glb", str(tmp_path / "run.glb"))
+    files = ("--out", str(out), "--out", str(tmp_path / "run.glb"))
     said = shell.error(*DISPLACED, "--rise", "0.02", "--hold", "0.02", *files)
     assert said.endswith(f"No space left on device; {out} is written, the glTF file is not")
     assert out.exists()
@@ -345,14 +345,14 @@ def test_stopped_while_pictures_are_drawn(
 
     monkeypatch.setattr("bowstring.viz.animation.animate", stopped)
     out = tmp_path / "run.nc"
-    code, text, err = shell(*SHORT, "--out", str(out), "--animation", str(tmp_path / "run.gif"))
+    code, text, err = shell(*SHORT, "--out", str(out), "--out", str(tmp_path / "run.gif"))
     assert (code, text) == (130, "")
     says = "Stopped: the motion was complete; "
     assert err == f"{says}{out} is written, the animation is not.\n"
     assert read_run(out).attrs["status"] == "converged"
     assert list(tmp_path.iterdir()) == [out]
     out.unlink()
-    flags = ["--animation", str(tmp_path / "run.gif")]
+    flags = ["--out", str(tmp_path / "run.gif")]
     assert shell(*SHORT, *flags) == (130, "", f"{says}the animation is not written.\n")
     table = tmp_path / "run.csv"
     written = f"{says}{table} is written, the animation is not.\n"

@@ -28,7 +28,8 @@ def circle(count: int) -> np.ndarray:
 
 
 def test_a_tip_by_physics(shell: Shell) -> None:
-    found = shell.json("ik", "rao2021", "--tip", "120 mm,0.05,0.36", "--model", "physics")
+    found = shell.json("ik", "rao2021", "--tip", "120 mm,0.05,0.36")
+    assert found["model"] == "physics"
     assert found["status"] == "reached" and found["stable"] is True
     tension = ",".join(map(repr, found["tensions_N"]))
     tip = shell.json("solve", "rao2021", "--tension", tension)["tip"]["position_m"]
@@ -40,21 +41,22 @@ def test_a_tip_by_physics(shell: Shell) -> None:
 def test_a_tip_with_a_load_and_limits(shell: Shell) -> None:
     options = ["--gravity", "0,0,-9.81", "--tip-force", "0.05,0,0", "--max-tension", "12 N"]
     options += ["--min-tension", "0.5,0.5,0.5,1,1,1", "--theory", "kirchhoff", "--elements", "2"]
-    found = shell.json("ik", "rao2021", "--tip", "0.1,0,0.37", "--model", "physics", *options)
+    found = shell.json("ik", "rao2021", "--tip", "0.1,0,0.37", *options)
     assert found["status"] == "reached" and found["elements"] == 2
     assert min(found["tensions_N"]) >= 0.5 and max(found["tensions_N"]) <= 12.0
 
 
 def test_an_unreachable_tip_names_the_limit(shell: Shell) -> None:
     code, out, _ = shell(
-        *("ik", "amouri2019", "--tip", "0.31,0,0.527", "--model", "physics"),
+        *("ik", "amouri2019", "--tip", "0.31,0,0.527"),
         *("--max-tension", "30 N"),
     )
     assert code == 0 and "the largest tension of tendon 1 (30 N) and" in " ".join(out.split())
 
 
 def test_a_direction_by_constant_curvature(shell: Shell) -> None:
-    found = shell.json("ik", "crl-ftdcr-v4", "--tip", "0.04,0.02,0.17", "--direction", "0,0,1")
+    wanted = ("--tip", "0.04,0.02,0.17", "--direction", "0,0,1")
+    found = shell.json("ik", "crl-ftdcr-v4", *wanted, "--model", "cc")
     assert found["status"] == "reached" and found["direction_error_rad"] < 1e-5
     assert len(found["segments"]) == 3
 
@@ -122,7 +124,7 @@ def test_a_path_with_directions_in_metres(shell: Shell, tmp_path: Path) -> None:
     file = tmp_path / "tips.csv"
     file.write_text("# wanted\n" + "\n".join([names, *rows]))
     out = str(tmp_path / "c.csv")
-    found = shell.json("ik", robot.name, "--path", str(file), "--out", out, "--model", "physics")
+    found = shell.json("ik", robot.name, "--path", str(file), "--out", out)
     assert found["reached"] == 12
 
 
@@ -133,7 +135,7 @@ def test_the_table_has_the_distance_of_the_nearest_tip(shell: Shell, tmp_path: P
     below = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.01], [0.0, 0.0, -0.02]])
     tips = on + below
     file, out = write_tips(tmp_path / "tips.csv", tips), tmp_path / "c.csv"
-    arguments = ("ik", robot.name, "--path", str(file), "--out", str(out), "--model", "physics")
+    arguments = ("ik", robot.name, "--path", str(file), "--out", str(out))
     found = shell.json(*arguments)
     with out.open() as stream:
         stream.readline()
@@ -162,22 +164,22 @@ def test_jumps_are_pointed_out(shell: Shell, tmp_path: Path) -> None:
 
 
 def test_limits_of_displacement(shell: Shell) -> None:
-    arguments = ["ik", "amouri2019", "--tip", "0.3,0,0.53", "--model", "physics"]
+    arguments = ["ik", "amouri2019", "--tip", "0.3,0,0.53"]
     found = shell.json(*arguments, "--displacement-limits", "-50 mm,20 mm")
     assert found["status"] == "unreachable"
     assert {"tendon": 1, "limit": "largest", "of": "displacement"} in found["binding"]
     assert found["displacements_m"][0] == pytest.approx(0.02, abs=1e-7)
     said = shell.error(*arguments, "--displacement-limits", "20 mm,-20 mm")
     assert "write the least and the largest displacement" in said
-    said = shell.error("ik", "amouri2019", "--tip", "0.3,0,0.53", "--displacement-limits", "0,1 mm")
-    assert "add --model physics" in said
+    said = shell.error(*arguments, "--displacement-limits", "0,1 mm", "--model", "cc")
+    assert "leave --model cc out" in said
 
 
 def test_jumps_of_tensions_are_pointed_out(shell: Shell, tmp_path: Path) -> None:
     """A circle on which the least tensions change from one set of tendons to another."""
     path = Path(__file__).parents[1] / "examples" / "tip_path.csv"
     out = tmp_path / "c.csv"
-    arguments = ("--model", "physics", "--out", str(out))
+    arguments = ("--out", str(out))
     _, said, err = shell("ik", "rao2021", "--path", str(path), *arguments)
     assert not err and "Largest change of a tension from row to row: 0.0" in said
     file = write_tips(tmp_path / "tips.csv", circle(1000))

@@ -57,16 +57,16 @@ def foreign(path: Path) -> bytes:
     [
         (("solve", "mine.yaml", "--tension", "1,0,0", "--save-history"), "mine.yaml"),
         ((*SOLVE, "--save-history"), "notes.json"),
-        (("cad", "amouri2019", "--drawing"), "mine.svg"),
-        (("cad", "amouri2019", "--drawing"), "mine.pdf"),
-        (("cad", "amouri2019", "--drawing"), "mine.png"),
-        (("cad", "amouri2019", "--picture"), "mine.png"),
-        (("cad", "amouri2019", "--out"), "mine.step"),
-        (("cad", "amouri2019", "--out"), "mine.stl"),
-        (("cad", "amouri2019", "--out"), "mine.glb"),
-        (("cad", "amouri2019", "--out"), "mine.gltf"),
+        (("export", "amouri2019", "--drawing"), "mine.svg"),
+        (("export", "amouri2019", "--drawing"), "mine.pdf"),
+        (("export", "amouri2019", "--drawing"), "mine.png"),
+        (("export", "amouri2019", "--picture"), "mine.png"),
+        (("export", "amouri2019", "--out"), "mine.step"),
+        (("export", "amouri2019", "--out"), "mine.stl"),
+        (("export", "amouri2019", "--out"), "mine.glb"),
+        (("export", "amouri2019", "--out"), "mine.gltf"),
         ((*MOTION, "--out"), "mine.nc"),
-        ((*MOTION, "--animation"), "mine.gif"),
+        ((*MOTION, "--out"), "mine.gif"),
         ((*BENCH, "--out"), "mine.csv"),
     ],
 )
@@ -83,11 +83,11 @@ def test_a_foreign_file_is_kept(
     ("arguments", "name"),
     [
         ((*SOLVE, "--save-history"), "path"),
-        (("cad", "amouri2019", "--drawing"), "disk.svg"),
-        (("cad", "amouri2019", "--drawing"), "disk.pdf"),
-        (("cad", "amouri2019", "--drawing"), "disk.png"),
+        (("export", "amouri2019", "--drawing"), "disk.svg"),
+        (("export", "amouri2019", "--drawing"), "disk.pdf"),
+        (("export", "amouri2019", "--drawing"), "disk.png"),
         ((*MOTION, "--out"), "run.nc"),
-        ((*MOTION, "--animation"), "run.gif"),
+        ((*MOTION, "--out"), "run.gif"),
         ((*MOTION, "--vtk"), "series"),
         ((*BENCH, "--out"), "table.csv"),
     ],
@@ -108,7 +108,7 @@ def test_solids_that_bowstring_wrote_are_replaced(shell: Shell, here: Path) -> N
     pytest.importorskip("build123d", exc_type=ImportError)
     for name in ("a.step", "a.stl", "a.glb", "a.gltf"):
         for _ in range(2):
-            code, _, err = shell("cad", "amouri2019", "--out", name)
+            code, _, err = shell("export", "amouri2019", "--out", name)
             assert (code, err) == (0, "")
 
 
@@ -168,7 +168,7 @@ def test_a_file_created_during_the_work_is_kept(
         return draw(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(drawing, "draw_disks", meanwhile)
-    said = shell.error("cad", "amouri2019", "--drawing", "disk.svg")
+    said = shell.error("export", "amouri2019", "--drawing", "disk.svg")
     assert "not written by Bowstring" in said
     assert (here / "disk.svg").read_text() == "mine"
 
@@ -200,7 +200,7 @@ def test_a_stem_of_a_name_is_one_file_name(name: str, stem: str) -> None:
         (("map", *OVER), "up-map.png"),
         (("map", *OVER, "--over", "disks.count=5:9:3", "--over", "nu=0:0.3:2"), "up-map.png"),
         (("map", *OVER, "--store", "kept"), "up-map.nc"),
-        (("map", "--workspace", "--points", "64"), "up-map.png"),
+        (("reach", "--errors", "--poses", "64"), "up-reach.png"),
         (("branches", "--tension", "1,0,0"), "up-branches.png"),
         (("control", "--poses", "8"), "up-control.png"),
         (("reach", "--poses", "8"), "up-reach.png"),

@@ -69,12 +69,12 @@ def complete(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], l
         ("bowstring suite --only tamm", ["tamm-spring"]),
         ("bowstring bench check table.csv --robot rao", ["rao2021"]),
         ("bowstring bench check table.csv --mapping tamm", ["tamm-spring"]),
-        ("bowstring cad amouri2019 --out arm.g", ["arm.glb", "arm.gltf"]),
-        ("bowstring cad amouri2019 --out ../arm.g", ["../arm.glb", "../arm.gltf"]),
-        ("bowstring simulate amouri2019 --animation arm.", ["arm.gif", "arm.mp4"]),
+        ("bowstring export amouri2019 --out arm.g", ["arm.glb", "arm.gltf"]),
+        ("bowstring export amouri2019 --out ../arm.g", ["../arm.glb", "../arm.gltf"]),
+        ("bowstring simulate amouri2019 --out arm.g", ["arm.gif", "arm.glb"]),
         # names of files, which the shell completes
-        ("bowstring cad amouri2019 --out arm", []),
-        ("bowstring cad amouri2019 --out ../", []),
+        ("bowstring export amouri2019 --out arm", []),
+        ("bowstring export amouri2019 --out ../", []),
         ("bowstring study --measurements ", []),
     ],
 )
@@ -215,7 +215,7 @@ def test_every_command_can_be_quiet(shell: Shell) -> None:
     for listed in shell("--help")[1].partition("Commands:\n")[2].splitlines():
         if (name := listed.split()[0]) not in ("bench", "data") and listed[2] != " ":
             commands.append([name])
-    assert len(commands) == 25
+    assert len(commands) == 23
     for command in commands:
         assert "-q, --quiet" in shell(*command, "--help")[1], command
 

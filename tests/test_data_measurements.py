@@ -852,7 +852,7 @@ def test_check_summarises_a_table(shell: Shell, monkeypatch: pytest.MonkeyPatch)
     assert found["tendons"][0]["largest_N"] == pytest.approx(8 * STANDARD_GRAVITY)
     assert found["tendon_check"]["found"] == "as_stated" and found["issues"] == []
     assert found["provenance"]["settings"]["g_m_per_s2"] == STANDARD_GRAVITY
-    moon = shell.json("bench", "check", "examples/bench.csv", "--g", "162 cm/s^2")
+    moon = shell.json("bench", "check", "examples/bench.csv", "--gravity-on-masses", "162 cm/s^2")
     assert moon["tendons"][0]["largest_N"] == pytest.approx(8 * 1.62)
     assert moon["tendon_check"] is None and "robot" not in moon
     code, out, err = shell("bench", "check", "examples/bench.csv", "--robot", "amouri2019")
@@ -879,7 +879,10 @@ def test_check_lists_bad_rows(shell: Shell, file: Write) -> None:
         (("bench.csv", "--robot", "rao2021"), "has 3 tendons, rao2021 has 6"),
         (("bench.csv", "--mapping", "tamm-sprin"), "did you mean tamm-spring?"),
         (("bench.csv", "--mapping", "tamm-spring"), 'there is no column "l1_mm"'),
-        (("bench.csv", "--g", "0"), "--g: got 0 m/s^2; must be positive"),
+        (
+            ("bench.csv", "--gravity-on-masses", "0"),
+            "on-masses: got 0 m/s^2; must be positive",
+        ),
         (("bench.csv", "--set", "segments.0.length=1"), "name it by --robot"),
     ],
 )

@@ -867,7 +867,7 @@ def test_command_with_units(shell: Shell, tmp_path: Path, monkeypatch: pytest.Mo
         (("--masses", "1", "--gravity-frame", "world"), "--gravity-frame"),
         (("--masses", "1", "--out", "bench.xlsx"), "a table ends in .csv"),
         (("--masses", "1", "--out", "no/bench.csv"), "the folder"),
-        (("--masses", "1", "--g", "0"), "--g: got 0 m/s^2; must be positive"),
+        (("--masses", "1", "--gravity-on-masses", "0"), "got 0 m/s^2; must be positive"),
     ],
 )  # fmt: skip
 def test_command_refuses(

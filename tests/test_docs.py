@@ -27,11 +27,12 @@ TUTORIALS = [page for page in PAGES if "{code-cell}" in page.read_text("utf-8")]
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
 
 
+_SOLID = r"bowstring export [^\n]*(--picture|\.(step|stl|glb))"
 #: Words of slow examples, and their marker.
 _LONG = (
     (r"bowstring study|make study|run_study|judge_data|bowstring fit", pytest.mark.slow),
     (r"bowstring fe|import fem", pytest.mark.fem),
-    (r"bowstring cad|make_solid|bowstring\.cad", pytest.mark.cad),
+    (_SOLID + r"|make_solid|bowstring\.cad", pytest.mark.cad),
 )
 
 
@@ -95,7 +96,7 @@ def test_commands(
             arguments = ["study", "amouri2019"]
         elif program != "bowstring":
             continue  # make test, pip, cp
-        if arguments[0] == "cad":
+        if re.search(_SOLID, command):
             pytest.importorskip("build123d", exc_type=ImportError)
         if arguments[0] == "fe":
             finite_elements_at(tmp_path, monkeypatch)

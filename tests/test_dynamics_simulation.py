@@ -854,3 +854,9 @@ def test_a_failed_jump_keeps_the_records_before_it(jump: float, tmp_path: Path) 
         np.testing.assert_allclose(run.tip_at(run.end), [[0.0, 0.0, 0.641]], atol=1e-12)
         assert run.to_dataset().time.values.tolist() == times
         assert run.to_dataset().attrs["status"] == "step_failed"
+
+
+def test_a_tolerance_of_steps_may_be_a_length_or_a_share() -> None:
+    given = [1e-5, "0.01 mm", "1e-5", f"{1e-3 / 0.641} %"]
+    schemes = [bs.Integrator(tolerance=each).scheme(0.641, 1.0) for each in given]
+    assert [scheme.tolerance for scheme in schemes] == pytest.approx(4 * [1e-5], rel=1e-12)

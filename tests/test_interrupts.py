@@ -64,12 +64,12 @@ time.sleep(20)
 
 
 def stop(folder: Path, library: str, signals: list[signal.Signals]) -> tuple[int, str]:
-    """Exit code and output of `bowstring cad` when stopped while it imports a library."""
+    """Exit code and output of `bowstring export` when stopped while it imports a library."""
     marker = folder / "ready"
     begin = f"import time\ndef ready():\n    open({str(marker)!r}, 'w').close()\n"
     (folder / "build123d.py").write_text(begin + textwrap.dedent(library))
     with subprocess.Popen(
-        [sys.executable, "-m", "bowstring", "cad", "amouri2019", "--out", "a.step"],
+        [sys.executable, "-m", "bowstring", "export", "amouri2019", "--out", "a.step"],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": str(folder)},
         stdout=subprocess.PIPE,

@@ -678,6 +678,13 @@ def test_positions_forms(load):
         ),
         (
             "pitch_radius: 12 mm",
+            "pitch_radius: {normal: {sd: 1 %}}",
+            "segments[0].tendons.pitch_radius: got a set of fields; write one number, for example "
+            '"29 mm"; a distribution, such as {normal: {sd: 5 %}}, goes into the file of '
+            "uncertainty --distributions.",
+        ),
+        (
+            "pitch_radius: 12 mm",
             "pitch_radius: 12 mm, mu: 0.1",
             "segments[0].tendons.mu: unknown field; did you mean friction? Known here: "
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "

@@ -96,8 +96,8 @@ def test_the_workspace_of_coupled_sections_is_mapped(shell: Shell, tmp_path: Pat
     says = "beside coupled strains of the backbone this effect is not examined"
     assert says in " ".join(found.described())
     (tmp_path / "coupled.yaml").write_text(to_yaml(ROBOT))
-    flags = ("--workspace", "--points", "16", "--out", str(tmp_path / "map.svg"))
-    assert len(shell.json("map", str(tmp_path / "coupled.yaml"), *flags)["tip_position_m"]) == 16
+    flags = ("--errors", "--poses", "16", "--out", str(tmp_path / "map.svg"))
+    assert len(shell.json("reach", str(tmp_path / "coupled.yaml"), *flags)["tip_position_m"]) == 16
     flags = ("--over", "tension=0:8 N:3", "--out", str(tmp_path / "map.svg"))
     assert shell.json("map", str(tmp_path / "coupled.yaml"), *flags)["axes"][0]["path"] == "tension"
 
@@ -240,7 +240,7 @@ def test_solids_name_what_they_need(shell: Shell, tmp_path: Path) -> None:
         sizes_of(ROBOT)
     (tmp_path / "coupled.yaml").write_text(to_yaml(ROBOT))
     drawing = ("--drawing", str(tmp_path / "disks.svg"))
-    says = shell.error("cad", str(tmp_path / "coupled.yaml"), *drawing)
+    says = shell.error("export", str(tmp_path / "coupled.yaml"), *drawing)
     assert "needs shape and material" in says and "nan" not in says.lower()
 
 

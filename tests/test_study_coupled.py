@@ -360,7 +360,7 @@ def test_what_needs_a_surface_is_refused(shell: Shell, tmp_path: Path) -> None:
         ("fe", file, "--tension", "1,0,0"),
         ("study", file, "--fe"),
         ("study", file, "--solid"),
-        ("cad", file, "--out", str(tmp_path / "a.step")),
+        ("export", file, "--out", str(tmp_path / "a.step")),
     ):
         says = shell.error(*command)
         assert needs in says and says.count("\n") <= 1, command

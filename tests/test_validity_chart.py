@@ -184,7 +184,7 @@ FUNCTIONS: dict[str, Callable[[Any], object]] = {
 
 
 @pytest.mark.parametrize("function", FUNCTIONS)
-@pytest.mark.parametrize("value", [0.0, 1, 1.5, np.float64(2.0), "100 %", "2 mm", "", True, None])
+@pytest.mark.parametrize("value", [0.0, 1, 1.5, np.float64(2.0), "100 %", "2 N", "", True, None])
 def test_a_tolerance_beyond_the_length_is_refused(function: str, value: object) -> None:
     with pytest.raises(InputError, match=r"^tolerance is .*, it must be [^;:]*$"):
         FUNCTIONS[function](value)
@@ -194,6 +194,16 @@ def test_a_tolerance_beyond_the_length_is_refused(function: str, value: object) 
 def test_maps_take_a_tolerance_in_percent(function: str) -> None:
     found: Any = FUNCTIONS[function]("2 %")
     assert found.tolerance == 0.02
+
+
+@pytest.mark.parametrize("function", [*FUNCTIONS][:5])
+def test_a_tolerance_may_be_a_length(function: str) -> None:
+    if function == "chart without a robot":
+        with pytest.raises(InputError, match='tolerance is "2 mm", it must be a share'):
+            FUNCTIONS[function]("2 mm")
+        return
+    found: Any = FUNCTIONS[function]("2 mm")
+    assert found.tolerance == pytest.approx(0.002 / 0.641, rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["plain", "friction"])

@@ -302,7 +302,7 @@ def test_a_dataset_has_labels_and_units() -> None:
         ("nothing=0:1", "has no number"),
         ("tension", "write PATH=from:to:n"),
         ("tension=0:80 N:1", "must be 2 to"),
-        ("tension=5:5 N", "is no range"),
+        ("tension=5:5 N", "axis tension: its ends must be two different"),
         ("tension=-5:5 N", "can only pull"),
         ("tension=0:80 m", "not a unit of force"),
         ("tension=0:80 N:many", "whole number"),
@@ -919,24 +919,34 @@ def test_the_workspace_has_the_errors_of_each_pose(tmp_path: Path) -> None:
 
 
 def test_the_command_maps_the_workspace(shell: Shell, tmp_path: Path) -> None:
-    args = ("--workspace", "--max-tension", "4", "--out", str(tmp_path / "map.png"))
-    content = shell.json("map", "crl-ftdcr-v4", *args)
-    assert len(content["tip_position_m"]) == 4096 and (tmp_path / "map.png").exists()
-    assert "two kinds" in shell.error("map", "amouri2019", "--workspace", "--over", "E=1:2 GPa")
-    wrong = ("map", "amouri2019", "--workspace")
+    args = ("--errors", "--max-tension", "4", "--out", str(tmp_path / "map.png"))
+    content = shell.json("reach", "crl-ftdcr-v4", *args)
+    assert len(content["tip_position_m"]) == 2048 and (tmp_path / "map.png").exists()
+    wrong = ("reach", "amouri2019", "--errors")
     assert ".png" in shell.error(*wrong, "--out", str(tmp_path / "map.nc"))
-    assert "--metric" in shell.error(*wrong, "--metric", "valid_to")
-    assert "all tendons" in shell.error(*wrong, "--tendon", "2")
+    assert "no payloads" in shell.error(*wrong, "--payload-direction", "0,0,1")
+    assert "add --errors" in shell.error("reach", "amouri2019", "--models", "cc_from_force")
 
 
-def test_the_command_has_as_many_poses_as_points(shell: Shell, tmp_path: Path) -> None:
-    args = ("map", "amouri2019", "--workspace", "--max-tension", "40", "--points")
+def test_the_workspace_has_tensions_and_theory_of_its_own() -> None:
+    model = bs.RodModel("kirchhoff")
+    most = [40.0, 20.0, 10.0]
+    found = bs.workspace_map(ROBOT, most, poses=64, models=[FORCE], model=model)
+    assert (found.tensions.max(axis=0) > 0.9 * np.array(most)).all()
+    assert (found.tensions <= most).all() and "10 to 40 N in each" in found.described()[0]
+    tip = bs.solve(ROBOT, found.tensions[17], model=model).tip.position
+    np.testing.assert_allclose(found.tip[17], tip, atol=1e-9)
+    assert "shear" not in found.cause[FORCE]
+
+
+def test_the_command_has_as_many_poses_as_asked_for(shell: Shell, tmp_path: Path) -> None:
+    args = ("reach", "amouri2019", "--errors", "--max-tension", "40", "--poses")
     content = shell.json(*args, "33", "--out", str(tmp_path / "map.svg"))
     assert len(content["tip_position_m"]) == len(content["tensions_N"]) == 33
-    assert content["provenance"]["settings"]["points"] == 33
+    assert content["provenance"]["settings"]["poses"] == 33
     (one,) = shell.json(*args, "1", "--out", str(tmp_path / "map.svg"))["tip_position_m"]
     assert one == pytest.approx([0.0, 0.0, 0.641])
-    says = "--points: got 0; must be a whole number from 1 to 1000000."
+    says = "--poses: got 0; must be a whole number from 1 to 1000000."
     assert shell.error(*args, "0") == says
 
 

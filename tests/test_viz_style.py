@@ -64,7 +64,7 @@ def test_powers_of_ten_are_no_formulas() -> None:
         ("control", "--poses", "4"),
         ("reach", "--poses", "4"),
         ("branches", "--tension", "1,0,0"),
-        ("cad", "--drawing", "disk.svg"),
+        ("export", "--drawing", "disk.svg"),
     ],
 )
 def test_commands_draw_such_names(

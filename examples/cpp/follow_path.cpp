@@ -2,7 +2,7 @@
 //
 //   follow_path ROBOT.json TIPS.csv [--rate HZ] [--max-tension N] [--out COMMANDS.csv]
 //
-// ROBOT.json is from `bowstring compile ROBOT --out ROBOT.json`. TIPS.csv has the columns tip_x_mm,
+// ROBOT.json is from `bowstring export ROBOT --out ROBOT.json`. TIPS.csv has the columns tip_x_mm,
 // tip_y_mm, tip_z_mm; lines that begin with # are skipped. Where a controller would hand the
 // commands to its motors, this program keeps them and writes them at the end.
 

@@ -13,7 +13,7 @@ __all__ = ["EXTRAS", "load_extra"]
 
 #: Module of each extra, its purpose, and the feature that needs it.
 EXTRAS: Final = {
-    "cad": ("build123d", "solids", "bowstring cad"),
+    "cad": ("build123d", "solids", "solids of bowstring export"),
     "excel": ("openpyxl", "Excel tables", "measurements as .xlsx"),
     "download": ("requests", "downloads", "bowstring data get"),
     "uncertainty": ("SALib", "screening and second-order indices", "Morris screening"),
@@ -21,7 +21,7 @@ EXTRAS: Final = {
     "jax": ("jax", "equilibria in JAX", "bowstring.jax"),
     "gymnasium": ("gymnasium", "environments", "bowstring.gymnasium"),
     "view": ("viser", "live views", "bowstring view"),
-    "rerun": ("rerun", "recordings", "simulate --rerun"),
+    "rerun": ("rerun", "recordings", "simulate --out run.rrd"),
 }
 
 

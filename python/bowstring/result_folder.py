@@ -22,6 +22,17 @@ __all__ = ["check_folder", "write_json", "write_listing"]
 _MOST_FILES: Final = 1_000_000
 _MOST_BYTES: Final = 1_000_000_000
 _CALLED: Final = {"fe": "finite elements"}  # name in messages, if not its own
+_ENDINGS_OF_FILES: Final = [
+    ".csv",
+    ".html",
+    ".json",
+    ".nc",
+    ".pdf",
+    ".png",
+    ".svg",
+    ".yaml",
+    ".yml",
+]
 
 
 class _Folder(Content):
@@ -54,6 +65,11 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
         write, or cannot be written.
     """
     called = _CALLED.get(what, what)
+    if Path(out).suffix.lower() in _ENDINGS_OF_FILES and not Path(out).is_dir():
+        raise InputError(
+            f"cannot write the {called} to {out}: it is a folder, and this name has the ending of "
+            "a file; leave the ending out"
+        )
 
     def check_content(folder: Path, why: str) -> None:
         if next(_files_in(folder), None) is None:

@@ -329,6 +329,11 @@ class Quantity(Marker):
             if len(values) != 1:
                 raise self._refuse(value, "; must be one number")
             return values[0]
+        if isinstance(value, Mapping):
+            raise wrong(
+                f"got a set of fields; write one number, {self._advice}; a distribution, such as "
+                "{normal: {sd: 5 %}}, goes into the file of uncertainty --distributions"
+            )
         if isinstance(value, bool) or not isinstance(value, Real):
             raise self._refuse(value, "")
         try:

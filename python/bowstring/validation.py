@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
-from bowstring.units import read_share
+from bowstring.units import has_no_unit, quote, read_number, read_share
 
 __all__ = [
     "check_is_read",
@@ -108,17 +108,26 @@ def number(name: str, value: Any, unit: str = "", *, zero: bool = False) -> floa
     return found
 
 
-def share_of_length(name: str, value: Any) -> float:
-    """Check a share of the length: a number above 0 and below 1, or text such as "1 %"."""
+def share_of_length(name: str, value: Any, length: float | None) -> float:
+    """Check a share of a length in m: a number above 0 and below 1, or text such as "1 %".
+
+    Text may also be a length such as "0.5 mm", unless the length is None.
+    """
     found, text = math.nan, shown(value)
     if isinstance(value, str):
+        text = quote(value)
         with suppress(ValueError):
-            found = read_share(value)
+            if length is None or has_no_unit(value) or value.strip().endswith("%"):
+                found = read_share(value)
+            else:
+                found = read_number(value, "m") / length
     else:
         found = number(name, value)
         text = f"{found:g}"
     if not 0.0 < found < 1.0:
         rule = 'a share of the length above 0 and below 1, such as 0.01 or "1 %"'
+        if length is not None:
+            rule += ', or a length such as "0.5 mm"'
         raise InputError.of(name, text, rule)
     return found
 

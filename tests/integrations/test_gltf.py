@@ -140,9 +140,8 @@ def test_only_a_former_file_is_replaced(file, data, tmp_path):
 def test_the_command_writes_it(shell: Shell, tmp_path: Path) -> None:
     out = tmp_path / "run.glb"
     call = ("simulate", "amouri2019", "--tension", "40,0,0", "--rise", "0.02", "--hold", "0")
-    found = shell.json(*call, "--glb", str(out))
+    found = shell.json(*call, "--out", str(out))
     assert found["files"]["glb"] == str(out)
     tips = [read(out, t)[0].reshape(-1, AROUND, 3).mean(axis=1)[-1] for t in (0.0, 0.02)]
     assert tips[0] == pytest.approx(found["tip_position_m"][0], abs=1e-6)
     assert tips[1] == pytest.approx(found["tip_position_m"][-1], abs=1e-6)
-    assert "must end in .glb" in shell.error(*call, "--glb", str(tmp_path / "run.stl"))

@@ -218,7 +218,10 @@ def test_export_refuses(shell: Shell, tmp_path: Path) -> None:
     mine = tmp_path / "mine.xml"
     mine.write_text("<mine/>")
     for words, message in (
-        (["--out", str(tmp_path / "robot.sdf")], "end it in .xml (MJCF for MuJoCo) or .urdf"),
+        (
+            ["--out", str(tmp_path / "robot.sdf")],
+            ".xml or .urdf (rigid links for MuJoCo, for viewers)",
+        ),
         (["--out", str(mine)], "mine.xml"),
         (["--out", str(tmp_path / "none" / "robot.xml")], "does not exist"),
         (["--out", str(tmp_path / "a.xml"), "--joints", "3"], "it must be 1 or an even number"),

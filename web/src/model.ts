@@ -102,6 +102,6 @@ export function readModel(text: string, fileName: string): Model {
     const geometry = geometryOf(content as CompiledContent);
     return { name: plain, file: null, text, geometry, gravity: content.gravity_m_per_s2 ?? [0, 0, 0] };
   } catch {
-    throw new RobotFileError("the compiled robot is damaged; write it again with bowstring compile");
+    throw new RobotFileError("the compiled robot is damaged; write it again with bowstring export");
   }
 }

@@ -2,7 +2,7 @@
  * Robot files in the page: what they may contain here, and the numbers that the core takes.
  *
  * The page reads robots with straight round segments and tendons parallel to the backbone. All other
- * robots come compiled, by `bowstring compile`.
+ * robots come compiled, by `bowstring export`.
  */
 
 import { parseDocument, stringify } from "yaml";
@@ -76,7 +76,7 @@ const MOST_BYTES = 2_000_000;
 /** Bounds of the work on a robot, of whatever file or link. */
 export const MOST_DISKS = 300;
 export const MOST_TENDONS = 100;
-const COMPILE = "write it with \"bowstring compile ROBOT --out robot.json\" and drop that file here";
+const COMPILE = "write it with \"bowstring export ROBOT --out robot.json\" and drop that file here";
 
 /** Fields of laws that no compiled robot has either: memories, and losses of displacement. */
 const LAWS = new Set(["friction", "backlash", "hysteresis", "relaxation", "second_relaxation",
@@ -425,7 +425,7 @@ export function bendingStiffness({ E, diameter, innerDiameter }: Backbone): numb
   return E * (Math.PI / 64) * (diameter ** 4 - innerDiameter ** 4);
 }
 
-/** Text of the compiled robot, the layout of `bowstring compile`. */
+/** Text of the compiled robot, the layout of `bowstring export`. */
 export function compiled(robot: RobotFile): string {
   let start = 0;
   let disksBefore = 0;

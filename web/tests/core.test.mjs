@@ -149,7 +149,7 @@ const CHANGED = [
   ["count: 9", "count: 0", /disks\.count: got "0"; must be a whole number/],
   ["count: 9", "count: 1e9", /must be a whole number from 1 to 300/],
   ["count: 3\n", "count: 3\n      friction: 0.2\n", /friction: the page does not model it/],
-  ["count: 3\n", "count: 3\n      turns: 1\n", /turns: the page does not read this field; write it with "bowstring compile/],
+  ["count: 3\n", "count: 3\n      turns: 1\n", /turns: the page does not read this field; write it with "bowstring export/],
   ["pitch_radius: 29 mm", "pitch_radius: 40 mm", /pitch_radius must lie between/],
   ["length: 641 mm", "length: .nan m", /length: got/],
   ["clamped_length: 0 mm", "clamped_length: 80 mm", /leaves no free backbone/],

@@ -6,7 +6,7 @@
 // row, and maps tip axes to base axes. Tendons are numbered as in the robot file, segment by
 // segment, inner first; an array of tendons has one number for each of them.
 //
-// Robot: `bowstring compile ROBOT --out robot.json` writes the file that this library reads.
+// Robot: `bowstring export ROBOT --out robot.json` writes the file that this library reads.
 //
 // Statuses: 0 is success, a positive one a result without success, a negative one a wrong call. The
 // text of `bowstring_last_error` says what is wrong. Where there is no result, numbers are NaN. The
@@ -137,7 +137,7 @@ const char *bowstring_last_error(void);
 // Version of the library, such as "0.1.0". It is valid for ever.
 const char *bowstring_version(void);
 
-// Reads a robot from the text of a file of `bowstring compile`.
+// Reads a robot from the text of a file of `bowstring export`.
 //
 // `text` is UTF-8 of `size` bytes; it need not end with a zero. Returns `NULL` where it is no such
 // text, or where the numbers are not those of a robot. Free the robot with `bowstring_robot_free`.
@@ -146,7 +146,7 @@ const char *bowstring_version(void);
 // `text` must point to `size` readable bytes.
 struct BowstringRobot *bowstring_robot_from_text(const char *text, size_t size);
 
-// Reads a robot from a file of `bowstring compile`.
+// Reads a robot from a file of `bowstring export`.
 //
 // `path` is UTF-8 and ends with a zero. Returns `NULL` where the file cannot be read, otherwise as
 // `bowstring_robot_from_text`.

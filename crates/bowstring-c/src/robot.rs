@@ -13,7 +13,7 @@ pub struct BowstringRobot(pub(crate) Compiled);
 /// Largest file of a robot (bytes).
 const MOST_BYTES: u64 = 100_000_000;
 
-/// Reads a robot from the text of a file of `bowstring compile`.
+/// Reads a robot from the text of a file of `bowstring export`.
 ///
 /// `text` is UTF-8 of `size` bytes; it need not end with a zero. Returns `NULL` where it is no such
 /// text, or where the numbers are not those of a robot. Free the robot with `bowstring_robot_free`.
@@ -34,7 +34,7 @@ pub unsafe extern "C" fn bowstring_robot_from_text(
     })
 }
 
-/// Reads a robot from a file of `bowstring compile`.
+/// Reads a robot from a file of `bowstring export`.
 ///
 /// `path` is UTF-8 and ends with a zero. Returns `NULL` where the file cannot be read, otherwise as
 /// `bowstring_robot_from_text`.

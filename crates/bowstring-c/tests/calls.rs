@@ -483,7 +483,7 @@ fn wrong_options_are_refused() {
 fn wrong_files_are_refused() {
     let good = text();
     for (text, words) in [
-        (String::new(), "bowstring compile"),
+        (String::new(), "bowstring export"),
         ("segments:\n  - length: 1 m\n".into(), "no compiled robot"),
         (
             r#"{"format": "x", "format_version": 1}"#.into(),

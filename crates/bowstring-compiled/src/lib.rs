@@ -1,4 +1,4 @@
-//! Reader of compiled robots: files of `bowstring compile`.
+//! Reader of compiled robots: files of `bowstring export`.
 //!
 //! The layout is that of `bowstring.schemas.compiled`: numbers in SI, as the core takes them.
 
@@ -99,7 +99,7 @@ pub struct Compiled {
 /// # Errors
 /// A sentence that says what is wrong.
 pub fn read(text: &[u8]) -> Result<Compiled, String> {
-    let remedy = "write it with `bowstring compile ROBOT --out robot.json`";
+    let remedy = "write it with `bowstring export ROBOT --out robot.json`";
     let unread = |error| format!("no compiled robot: {}; {remedy}", sentence(&error));
     let head: Head = serde_json::from_slice(text).map_err(unread)?;
     if head.format != FORMAT {

@@ -5,9 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
 from bowstring.cli.flags import OneOrEach, Vector
 from bowstring.cli.groups import option
-from bowstring.cli.options import AsJson, Figure, RobotOfStudy, Rod, Weight, tolerated
+from bowstring.cli.options import (
+    AsJson,
+    Figure,
+    Models,
+    RobotOfStudy,
+    Rod,
+    Weight,
+    named,
+    tolerated,
+)
 from bowstring.cli.output import (
     NOT_DRAWN,
     figure_file,
@@ -18,6 +29,7 @@ from bowstring.cli.output import (
     write_json,
     write_tables,
 )
+from bowstring.errors import InputError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -40,7 +52,7 @@ def control(
             one="positive",
         ),
     ],
-    tolerance: Annotated[float, tolerated("Tolerated distance")],
+    tolerance: Annotated[str, tolerated("Tolerated distance")],
     loads: Weight,
     rod: Rod,
     out: Annotated[Path, Figure("control.png", "figure of the control error", "NAME")],
@@ -67,13 +79,12 @@ def control(
 
     from bowstring.validity.control import control_errors
 
-    names = None if commands is None else [name.strip() for name in commands.split(",")]
     with progress_bar("poses") as notify:
         found = control_errors(
             robot,
             poses=poses,
             corrections=corrections,
-            commands=names,
+            commands=named(commands),
             max_tension=max_tension,
             tolerance=tolerance,
             load=loads,
@@ -120,40 +131,58 @@ def reach(
             "Direction of the payload's force, base axes.  [default: that of gravity, else -z]",
         ),
     ],
-    tolerance: Annotated[float, tolerated("Displacement that a payload may cause")],
+    tolerance: Annotated[
+        str, tolerated("Displacement that a payload may cause; with --errors the tip error")
+    ],
     loads: Weight,
     rod: Rod,
     out: Annotated[Path, Figure("reach.png", "figure of the reach", "NAME")],
+    errors: Annotated[
+        bool,
+        typer.Option(
+            "--errors", help="The errors of constant curvature by the position of the tip instead."
+        ),
+    ] = False,
+    models: Models = None,
     poses: Annotated[int, option("N", "Number of poses to draw.")] = 2048,
     as_json: AsJson = False,
 ) -> None:
     """What the robot reaches under tension limits, by physics and by constant curvature.
 
     With the dexterity, the compliance of the tip, and the largest payload for a displacement
-    allowed, over the workspace.
+    allowed, over the workspace; or, with --errors, where constant curvature holds there, and which
+    effect makes most of its error.
     """
     from bowstring.validity.reach import reach as find_reach
+    from bowstring.validity.workspace import workspace_map
 
+    if errors and payload_direction is not None:
+        raise InputError("--payload-direction: --errors has no payloads; leave one of them out.")
+    if models is not None and not errors:
+        raise InputError("--models: it names models whose errors are mapped; add --errors.")
     with progress_bar("poses") as notify:
-        found = find_reach(
-            robot,
-            poses=poses,
-            payload_direction=payload_direction,
-            max_tension=max_tension,
-            tolerance=tolerance,
-            load=loads,
-            model=rod,
-            progress=notify,
+        given: dict[str, Any] = {
+            "poses": poses,
+            "max_tension": max_tension,
+            "tolerance": tolerance,
+            "load": loads,
+            "model": rod,
+            "progress": notify,
+        }
+        found = (
+            workspace_map(robot, models=named(models), **given)
+            if errors
+            else find_reach(robot, payload_direction=payload_direction, **given)
         )
-        written = figure_file(lambda: found.save(out))
+        written, sentences = figure_file(lambda: found.save(out)), found.described()
     if not as_json:
-        return write_tables("\n".join([*found.described(), f"Figure: {written or NOT_DRAWN}"]))
+        return write_tables("\n".join([*sentences, f"Figure: {written or NOT_DRAWN}"]))
     content: dict[str, Any] = {
         **provenance_of(
             robot, gravity_m_per_s2=loads.gravity, tip_force_N=loads.tip_force, poses=poses
         ),
         **found.to_dict(),
-        "text": found.described(),
+        "text": sentences,
         "file": written,
     }
     return write_json(content)

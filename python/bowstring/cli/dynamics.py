@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -18,7 +18,7 @@ from bowstring.cli.actuation import (
     read_history,
 )
 from bowstring.cli.flags import Number, Share, of_flag
-from bowstring.cli.groups import Group, option
+from bowstring.cli.groups import Flag, Group, option
 from bowstring.cli.options import (
     AsJson,
     DeadForces,
@@ -125,12 +125,11 @@ def _integrator(
         _TimeStep("s", '"1 ms"', "Fixed time step.  [default: adaptive steps]", must_be="positive"),
     ],
     tolerance: Annotated[
-        float | None,
-        Number(
+        str | None,
+        Flag(
             "m",
-            '"1 um"',
-            "Tolerated error of one adaptive step.  [default: 2e-6 of the length]",
-            must_be="positive",
+            "Tolerated error of one adaptive step, in m or with a unit, or a share of the length: "
+            '"1 um" or "1e-4 %".  [default: 2e-6 of the length]',
         ),
     ],
     spectral_radius: Annotated[
@@ -185,6 +184,33 @@ _Integrator = Annotated["Integrator", Group("Time integration", _integrator)]
 _Interval = Annotated[float, Group("Outputs", _interval)]
 
 
+#: What a file of a run is, by its ending.
+_KINDS: Final = {
+    ".nc": "run",
+    ".csv": "run",
+    ".gif": "animation",
+    ".mp4": "animation",
+    ".glb": "glb",
+    ".rrd": "rerun",
+}
+
+
+def _by_kind(files: Sequence[Path]) -> dict[str, Path]:
+    """Output files by kind, at most one of each."""
+    found: dict[str, Path] = {}
+    for file in files:
+        kind = _KINDS.get(file.suffix.lower())
+        if kind is None:
+            raise InputError(
+                f"--out: got {file}; end it in .nc (all fields), .csv (tip and tendons), .gif or "
+                ".mp4 (animation), .glb (moving solid) or .rrd (Rerun)."
+            )
+        if kind in found:
+            raise InputError(f"--out: {found[kind]} and {file} are of the same kind; give either.")
+        found[kind] = file
+    return found
+
+
 class _Targets:
     """Output files of a run, each checked before the work begins."""
 
@@ -193,91 +219,70 @@ class _Targets:
         robot: Robot,
         actuation: OverTime,
         out: Annotated[
-            Path | None,
+            list[Path] | None,
             option(
                 "FILE",
-                "All fields as NetCDF, .nc, or tip and tendons over time as CSV, .csv.",
-                values=completion.formats(".nc", ".csv"),
+                "By its ending all fields (.nc), tip and tendons over time (.csv), an animation "
+                "(.gif, .mp4), a moving solid for browsers and Blender (.glb) or a recording for "
+                "Rerun (.rrd). Repeatable.",
+                values=completion.formats(*_KINDS),
             ),
         ] = None,
         vtk: Annotated[Path | None, option("DIR", "Folder of a VTK series for ParaView.")] = None,
-        animation: Annotated[
-            Path | None,
-            option("FILE", "Animation, .gif or .mp4.", values=completion.formats(".gif", ".mp4")),
-        ] = None,
-        glb: Annotated[
-            Path | None,
-            option(
-                "FILE",
-                "Moving solid as binary glTF, .glb, for browsers and Blender.",
-                values=completion.formats(".glb"),
-            ),
-        ] = None,
-        rerun: Annotated[
-            Path | None,
-            option("FILE", "Recording for Rerun, .rrd.", values=completion.formats(".rrd")),
-        ] = None,
     ) -> None:
-        self.vtk, self.animation, self.glb, self.rerun = vtk, animation, glb, rerun
+        wanted = _by_kind(out or [])
+        run = wanted.pop("run", None)
+        self.animation, self.glb = wanted.get("animation"), wanted.get("glb")
+        self.rerun, self.vtk = wanted.get("rerun"), vtk
         #: Whether anything but the run itself and its table is written.
-        self.pictures = bool(vtk or animation or glb or rerun)
-        #: Of --out: the run as it goes on, or its table, which is written at its end.
+        self.pictures = bool(wanted or vtk)
+        #: The run as it goes on, or its table, which is written at its end.
         self.out: Path | None = None
         self.table: Path | None = None
         #: Files that exist so far.
         self.files: dict[str, Path | None] = dict.fromkeys(
             ("run", "vtk", "animation", "glb", "rerun")
         )
-        if out is not None and out.suffix.lower() == ".csv":
+        if run is not None and run.suffix.lower() == ".csv":
             from bowstring.dynamics.run_table import check_table
 
-            self.table = of_flag("--out", check_table, out)
-        elif out is not None:
+            self.table = of_flag("--out", check_table, run)
+        elif run is not None:
             from bowstring.dynamics.run_file import check_file
 
-            if out.suffix.lower() != ".nc" and not out.is_dir():
-                raise InputError(
-                    f"--out: cannot write the run to {out}: its name must end in .nc (all fields) "
-                    "or .csv (tip and tendons)"
-                )
-            self.out = of_flag("--out", check_file, out)
+            self.out = of_flag("--out", check_file, run)
         if vtk is not None:
             from bowstring.viz.vtk import check_folder, check_surface
 
             check_surface(robot)
             self.vtk = of_flag("--vtk", check_folder, vtk)
-        if animation is not None:
+        if self.animation is not None:
             from bowstring.viz.animation import check_length, check_picture
 
-            self.animation = of_flag("--animation", check_picture, animation)
-            of_flag("--animation", check_length, actuation.duration)
-        if glb is not None:
+            self.animation = of_flag("--out", check_picture, self.animation)
+            of_flag("--out", check_length, actuation.duration)
+        if self.glb is not None:
             from bowstring.integrations.gltf import check_glb, check_solid
 
             check_solid(robot)
-            self.glb = of_flag("--glb", check_glb, glb)
-        if rerun is not None:
+            self.glb = of_flag("--out", check_glb, self.glb)
+        if self.rerun is not None:
             from bowstring.integrations.rerun import check_rerun
             from bowstring.optional import load_extra
 
-            self.rerun = of_flag("--rerun", check_rerun, rerun)
+            self.rerun = of_flag("--out", check_rerun, self.rerun)
             load_extra("rerun")
-        for flag, file in (
-            ("--out", self.out or self.table),
-            ("--animation", self.animation),
-            ("--glb", self.glb),
-            ("--rerun", self.rerun),
-        ):
+        for file in (self.out or self.table, self.animation, self.glb, self.rerun):
             if self.vtk is None or file is None:
                 continue
             if file == self.vtk or file in self.vtk.parents:
                 raise InputError(
-                    f"{flag}: {file} cannot be a file, --vtk needs a folder there; name another "
+                    f"--out: {file} cannot be a file, --vtk needs a folder there; name another "
                     "place."
                 )
             if self.vtk in file.parents:
                 raise InputError(
-                    f"{flag}: {file} lies in the folder of --vtk, which is for the series alone; "
+                    f"--out: {file} lies in the folder of --vtk, which is for the series alone; "
                     "name another place."
                 )
 

@@ -86,9 +86,9 @@ class _Options:
 
     robot: Robot
     model: Annotated[
-        Literal["cc", "physics"],
-        typer.Option(help="Constant curvature, or the equilibrium of the rod."),
-    ] = "cc"
+        Literal["physics", "cc"],
+        typer.Option(help="The equilibrium of the rod, or constant curvature."),
+    ] = "physics"
     min_tension: Annotated[
         Any,
         OneOrEach("N", '"1 N"', "Least tension of all tendons, or of each.  [default: 0 N]"),
@@ -204,7 +204,10 @@ def ik(
     ] = None,
     free_length: Annotated[
         bool,
-        typer.Option("--free-length", help="Let the length of the arc change to meet the point."),
+        typer.Option(
+            "--free-length",
+            help="With --model cc: let the length of the arc change to meet the point.",
+        ),
     ] = False,
     chord: Chord = False,
     residual: Annotated[
@@ -235,7 +238,7 @@ def ik(
         raise InputError("--tip: give either --tip or --path.")
     if residual is not None:
         others = {
-            "--model": options.model != "cc",
+            "--model": options.model != "physics",
             **options.of_physics(),
             "--direction": direction is not None,
             "--free-length": free_length,
@@ -250,7 +253,7 @@ def ik(
         return _with_residual(options, residual, tip, path, out, as_json)
     for flag, there in options.of_physics().items():
         if there and options.model == "cc" and path is None:
-            raise InputError(f"{flag}: constant curvature does not use it; add --model physics.")
+            raise InputError(f"{flag}: constant curvature does not use it; leave --model cc out.")
     for flag, there in (("--free-length", free_length), ("--chord", chord)):
         if there and (options.model == "physics" or path is not None):
             raise InputError(f"{flag}: it is for --tip with --model cc.")

@@ -42,12 +42,10 @@ _COMMANDS: Final = {
     "simulate": "dynamics.simulate",
     "modes": "dynamics.modes",
     "fit": "fit.fit",
-    "cad": "cad.cad",
     "fe": "fe.fe",
     "export": "export.export",
     "view": "view.view",
     "doctor": "doctor.doctor",
-    "compile": "compiled.compile_",
     "map": "map.map_",
     "uncertainty": "uncertainty.uncertainty",
     "bench check": "bench.check",
@@ -147,7 +145,7 @@ _FLAGS: Final = {
     "angles": ("--angle",),
     "parameters": ("--parameter",),
     "count": ("--samples",),
-    "poses": ("--points", "--poses"),
+    "g": ("--gravity-on-masses",),
 }
 # Flags from which an argument is made.
 _MADE_OF: Final = {

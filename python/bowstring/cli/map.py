@@ -14,11 +14,13 @@ from bowstring.cli.groups import option
 from bowstring.cli.options import (
     AsJson,
     MaxTension,
+    Models,
     RobotOfStudy,
     Tendons,
     Tolerance,
     Weight,
     default_file,
+    named,
 )
 from bowstring.cli.output import (
     NOT_DRAWN,
@@ -66,23 +68,8 @@ def map_(
             "with an axis tension or bend, else largest_error]"
         ),
     ] = None,
-    models: Annotated[
-        str | None,
-        option(
-            "NAME,...",
-            "Models of constant curvature: cc_from_lengths, cc_from_force, cc_from_lengths_chord, "
-            "cc_from_force_arm, cc_from_force_calibrated; with an axis bend "
-            "cc_from_displacements.  [default: cc_from_lengths,cc_from_force]",
-        ),
-    ] = None,
-    points: Annotated[
-        int | None,
-        option(
-            "N",
-            "Number of loads in the sweep; with --workspace, of poses.  [default: 17; with "
-            "--workspace 4096]",
-        ),
-    ] = None,
+    models: Models = None,
+    points: Annotated[int, option("N", "Number of loads in the sweep.")] = 17,
     out: Annotated[
         Path | None,
         option(
@@ -91,14 +78,6 @@ def map_(
             "axes also .zarr).  [default: NAME OF ROBOT-map.png, with --store .nc]",
         ),
     ] = None,
-    workspace: Annotated[
-        bool,
-        typer.Option(
-            "--workspace",
-            help="Map by the position of the tip instead, all tendons between zero and the largest "
-            "tension.",
-        ),
-    ] = False,
     store: Annotated[
         Path | None,
         option(
@@ -121,23 +100,11 @@ def map_(
     """
     from bowstring.validity.loading import Loading
     from bowstring.validity.map_job import map_job
-    from bowstring.validity.map_settings import end_of_ramp, reach_of_ramp, read_axes, space_of
+    from bowstring.validity.map_settings import reach_of_ramp, read_axes, space_of
     from bowstring.validity.maps import MOST_SOLVES, check_map_file, validity_map
     from bowstring.validity.sentences import described
-    from bowstring.validity.workspace import POSES, check_workspace_file, workspace_map
 
-    if workspace and over:
-        raise InputError("--over and --workspace are two kinds of map; give one of them.")
-    if workspace and metric is not None:
-        raise InputError("--metric is of a map over axes; with --workspace the error is mapped.")
-    if workspace and tendon is not None:
-        raise InputError("--tendon is of a sweep; with --workspace all tendons are actuated.")
-    if points is None:
-        points = POSES if workspace else Loading.points
-    loading = Loading(max_tension) if workspace else Loading(max_tension, points, tendon)
-    names = None
-    if models is not None:
-        names = list(dict.fromkeys(name.strip() for name in models.split(",")))
+    loading = Loading(max_tension, points, tendon)
     made = provenance_of(
         robot, gravity_m_per_s2=loads.gravity, tip_force_N=loads.tip_force, points=points
     )
@@ -146,15 +113,15 @@ def map_(
         robot,
         tolerance=tolerance,
         metric=metric,
-        models=names,
+        models=named(models),
         loading=loading,
         load=loads,
     )
     if dask is not None and store is None:
         raise InputError("--dask computes blocks; name their folder by --store.")
     if store is not None:
-        if workspace or not over:
-            raise InputError("--store is of a map over axes; give --over and not --workspace.")
+        if not over:
+            raise InputError("--store computes a map over axes; name them by --over.")
         job = of_flag("--over", jobs, over)
         kept = _in_blocks(job, store, out or default_file(robot, "map.nc"), dask)
         if as_json:
@@ -168,8 +135,7 @@ def map_(
         return _many(
             of_flag("--over", jobs, over), out or default_file(robot, "map.png"), made, as_json
         )
-    check = check_workspace_file if workspace else check_map_file
-    file = of_flag("--out", check, out or default_file(robot, "map.png"))
+    file = of_flag("--out", check_map_file, out or default_file(robot, "map.png"))
     axes = None
     if over:
         axes = of_flag("--over", lambda texts: read_axes(robot, texts, loading, loads), over)
@@ -190,39 +156,19 @@ def map_(
                 "tension.",
             )
     with progress_bar("errors") as notify:
-        if workspace:
-            poses = workspace_map(
-                robot,
-                end_of_ramp(robot, loading, loads),
-                poses=points,
-                tolerance=tolerance,
-                models=names,
-                load=loads,
-                progress=notify,
-            )
-            written, sentences = figure_file(lambda: poses.save(file)), poses.described()
-        else:
-            found = validity_map(
-                robot,
-                axes,
-                tolerance=tolerance,
-                metric=metric,
-                models=names,
-                loading=loading,
-                load=loads,
-                progress=notify,
-            )
-            written, sentences = figure_file(lambda: found.save(file)), described(found)
+        found = validity_map(
+            robot,
+            axes,
+            tolerance=tolerance,
+            metric=metric,
+            models=named(models),
+            loading=loading,
+            load=loads,
+            progress=notify,
+        )
+        written, sentences = figure_file(lambda: found.save(file)), described(found)
     if not as_json:
         return write("\n".join([*sentences, f"Map: {written or NOT_DRAWN}"]) + "\n")
-    if workspace:
-        whole: dict[str, Any] = {
-            **made,
-            **poses.to_dict(),
-            "text": sentences,
-            "file": written,
-        }
-        return write_json(whole)
     content: dict[str, Any] = {**made, **found.to_dict(), "text": sentences, "file": written}
     return write_json(content)
 

@@ -20,7 +20,6 @@ from bowstring.cli.flags import (
     AtPoints,
     Number,
     OnDisks,
-    Share,
     TendonShares,
     Vector,
     ZeroVector,
@@ -104,7 +103,8 @@ OfMasses = Annotated[
     Number(
         "m/s^2",
         "9.81",
-        "Gravity that turns masses into tensions.",
+        "Gravity that makes tensions of masses; that of the robot is another.",
+        "--gravity-on-masses",
         form="g",
         default="9.80665",
         must_be="positive",
@@ -112,18 +112,13 @@ OfMasses = Annotated[
 ]
 
 
-def tolerated(text: str) -> Share:
-    """Make the flag of a tolerance."""
-    return Share(
-        "a share of the length above 0 and below 1",
-        lambda value: 0 < value < 1,
-        '"1 %"',
-        f'{text}, a share of the length: 0.01 or "1 %".',
-        default="1 %",
-    )
+def tolerated(text: str) -> Flag:
+    """Make the flag of a tolerance, which the function of the command reads."""
+    more = 'a share of the length, 0.01 or "1 %", or a length, "0.5 mm".'
+    return Flag(None, f"{text}: {more}", default="1 %")
 
 
-Tolerance = Annotated[float, tolerated("Tolerated tip error")]
+Tolerance = Annotated[str, tolerated("Tolerated tip error")]
 MaxTension = Annotated[
     float | None,
     Number(
@@ -142,7 +137,21 @@ Tendons = Annotated[
         "--tendon",
     ),
 ]
+Models = Annotated[
+    str | None,
+    option(
+        "NAME,...",
+        "Models of constant curvature: cc_from_lengths, cc_from_force, cc_from_lengths_chord, "
+        "cc_from_force_arm, cc_from_force_calibrated; with an axis bend of a map "
+        "cc_from_displacements.  [default: cc_from_lengths,cc_from_force]",
+    ),
+]
 Vectors = list[list[float]]
+
+
+def named(names: str | None) -> list[str] | None:
+    """Names that commas separate, each once."""
+    return None if names is None else list(dict.fromkeys(n.strip() for n in names.split(",")))
 
 
 def dead_loads(

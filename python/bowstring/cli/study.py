@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -21,9 +21,6 @@ from bowstring.cli.options import (
 )
 from bowstring.cli.output import Stopped, progress_bar, say, write_json, write_rich
 from bowstring.errors import InputError
-
-if TYPE_CHECKING:
-    pass
 
 
 def study(
@@ -85,7 +82,7 @@ def study(
             "[default: bonded]"
         ),
     ] = None,
-    uncertainty: Annotated[
+    distributions: Annotated[
         Path | None,
         option(
             "FILE",
@@ -127,10 +124,12 @@ def study(
 
     loading, ramp = Loading(max_tension, points, tendon), Ramp(rise, modal_damping)
     joint = None
-    if uncertainty is not None:
+    if distributions is not None:
         from bowstring.uncertainty import read_distributions
 
-        joint = of_flag("--uncertainty", lambda file: read_distributions(file, robot), uncertainty)
+        joint = of_flag(
+            "--distributions", lambda file: read_distributions(file, robot), distributions
+        )
         for sentence in joint.warnings:
             say("Warning", sentence)
     extras = Extras(

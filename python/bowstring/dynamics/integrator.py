@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.statics.simulator import Scheme
+from bowstring.units import quote, read_number, read_share
 from bowstring.validation import number
 
 __all__ = ["DEFAULT_INTERVAL", "DEFAULT_SPECTRAL_RADIUS", "Integrator", "with_ratio"]
@@ -30,9 +31,9 @@ class Integrator:
     ----------
     dt : float, optional
         Longest step in s. By default steps adapt to `tolerance`.
-    tolerance : float, optional
-        Error tolerance of a disk's position per step in m, by default 2e-6 of the length. Steps are
-        10 ms at most.
+    tolerance : float or str, optional
+        Error tolerance of a disk's position per step: in m, a length such as "1 um", or a share of
+        the robot's length such as "1e-4 %". By default 2e-6 of the length. Steps are 10 ms at most.
     spectral_radius : float
         Spectral radius at infinity, 0 to 1, which sets the numerical damping. At 1 there is none,
         and each step conserves energy to 1e-5 of its largest value.
@@ -53,7 +54,7 @@ class Integrator:
     """
 
     dt: float | None = None
-    tolerance: float | None = None
+    tolerance: float | str | None = None
     spectral_radius: float = DEFAULT_SPECTRAL_RADIUS
     mass_damping: float = 0.0
     material_damping: float = 0.0
@@ -62,9 +63,10 @@ class Integrator:
     def __post_init__(self) -> None:
         if self.tolerance is not None and self.dt is not None:
             raise InputError("give dt or tolerance, not both: a fixed step has no tolerance")
+        if self.tolerance is not None:
+            _in_metres(self.tolerance, 1.0)
         checked = {
             "dt": ("s", False),
-            "tolerance": ("m", False),
             "mass_damping": ("1/s", True),
             "material_damping": ("s", True),
             "spectral_radius": ("", True),
@@ -72,14 +74,16 @@ class Integrator:
         }
         for name, (unit, zero) in checked.items():
             value = getattr(self, name)
-            if value is not None or name not in ("dt", "tolerance", "modal_damping"):
+            if value is not None or name not in ("dt", "modal_damping"):
                 object.__setattr__(self, name, number(name, value, unit, zero=zero))
         if self.modal_damping is not None and (self.mass_damping or self.material_damping):
             raise InputError("give modal_damping, or mass and material damping, not both")
 
     def scheme(self, length: float, longest_step: float) -> Scheme:
         """Parameters for a robot of a given length in m; `longest_step` in s."""
-        tolerance = _TOLERANCE_SHARE * length if self.tolerance is None else self.tolerance
+        tolerance = _TOLERANCE_SHARE * length
+        if self.tolerance is not None:
+            tolerance = _in_metres(self.tolerance, length)
         return Scheme(
             self.dt,
             tolerance,
@@ -88,6 +92,21 @@ class Integrator:
             self.mass_damping,
             self.material_damping,
         )
+
+
+def _in_metres(tolerance: float | str, length: float) -> float:
+    """Tolerance in m; a share is that of a length in m."""
+    if not isinstance(tolerance, str):
+        return number("tolerance", tolerance, "m")
+    try:
+        share = tolerance.strip().endswith("%")
+        found = read_share(tolerance) * length if share else read_number(tolerance, "m")
+    except ValueError:
+        found = 0.0
+    if found <= 0.0:
+        rule = 'a length above 0, such as "1 um", or a share of that of the robot, such as "1e-4 %"'
+        raise InputError.of("tolerance", quote(tolerance), rule)
+    return found
 
 
 def with_ratio(scheme: Scheme, ratio: float, frequency_hz: NDArray[np.float64]) -> Scheme:

@@ -33,7 +33,7 @@ from bowstring.statics.actuation import commanded
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve
 from bowstring.statics.solution import Solution
-from bowstring.validation import number, row
+from bowstring.validation import row, share_of_length
 from bowstring.viz.style import LIGHT
 from bowstring.viz.vtk import check_data, check_stations
 
@@ -61,7 +61,7 @@ def view(
     subjects: _Subject | Sequence[_Subject],
     *,
     measured: ArrayLike | None = None,
-    tolerance: float = 0.01,
+    tolerance: float | str = 0.01,
     host: str = "127.0.0.1",
     port: int = 8080,
 ) -> LiveView:
@@ -76,8 +76,9 @@ def view(
         A run in a file is what `bowstring.dynamics.run_file.read_run` reads.
     measured : array_like (K, 3), optional
         Measured points in the base frame of the first subject, m.
-    tolerance : float
-        Tolerated tip error of constant curvature over the length.
+    tolerance : float or str
+        Tolerated tip error of constant curvature: a share of the length, 0.01 or "1 %", or a length
+        such as "0.5 mm".
     host : str
         Address to serve at; others than ``"127.0.0.1"`` let other machines connect.
     port : int
@@ -97,8 +98,8 @@ def view(
     if not several:
         raise InputError("there is nothing to view: give a robot, a solution or a run")
     shown = [_checked(subject) for subject in several]
-    if number("tolerance", tolerance) > 1.0:
-        raise InputError(f"tolerance is {tolerance}, it must be above 0 and at most 1")
+    for robot, _ in shown:
+        share_of_length("tolerance", tolerance, robot.length)
     points = None if measured is None else _points(measured)
     viser = load_extra("view")
     _check_port(host, port)
@@ -176,7 +177,7 @@ class LiveView:
         viser: Any,
         shown: Sequence[_Shown],
         measured: Floats | None,
-        tolerance: float,
+        tolerance: float | str,
         address: tuple[str, int],
     ) -> None:
         host, port = address
@@ -356,7 +357,7 @@ class LiveRobot:
     """
 
     def __init__(
-        self, server: Any, robot: Robot, path: str, place: Floats, tolerance: float
+        self, server: Any, robot: Robot, path: str, place: Floats, tolerance: float | str
     ) -> None:
         tendons = len(robot.tendons.segment)
         if tendons > _MOST_TENDONS:
@@ -364,7 +365,8 @@ class LiveRobot:
                 f"{robot.name} has {tendons} tendons, which are too many sliders: solve it, and "
                 "view the solution"
             )
-        self.robot, self.tolerance = robot, tolerance
+        self.robot = robot
+        self.tolerance = share_of_length("tolerance", tolerance, robot.length)
         self.solution: Solution | None = None
         self.tip_error = math.nan
         self._place = place

@@ -1,4 +1,4 @@
-"""JSON of a robot for the C library, as `bowstring compile` writes it."""
+"""JSON of a robot for the C library, as `bowstring export` writes it."""
 
 from __future__ import annotations
 
@@ -94,4 +94,4 @@ class RobotDescription(Object):
 
 
 class Compiled(OfRobot, RobotDescription):
-    """Output of `bowstring compile`, and the file that it writes."""
+    """Output of `bowstring export` for plain numbers, and the file that it writes."""

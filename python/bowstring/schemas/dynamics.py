@@ -29,7 +29,7 @@ class RunFiles(Object):
     run: Annotated[
         str | None,
         about(
-            "NetCDF or CSV file of `--out`; `null` without `--out`, without an initial "
+            "NetCDF or CSV file; `null` without `--out` of it, without an initial "
             "equilibrium, and, for CSV, after an interrupt."
         ),
     ]
@@ -43,21 +43,21 @@ class RunFiles(Object):
     animation: Annotated[
         str | None,
         about(
-            "Animation; `null` without `--animation`, without an initial equilibrium, after an "
+            "Animation; `null` without `--out` of it, without an initial equilibrium, after an "
             "interrupt, and for a run without a time step."
         ),
     ]
     glb: Annotated[
         str | None,
         about(
-            "Binary glTF; `null` without `--glb`, without an initial equilibrium and after an "
-            "interrupt."
+            "Binary glTF; `null` without `--out` of it, without an initial equilibrium and after "
+            "an interrupt."
         ),
     ]
     rerun: Annotated[
         str | None,
         about(
-            "Recording for Rerun; `null` without `--rerun`, without an initial equilibrium and "
+            "Recording for Rerun; `null` without `--out` of it, without an initial equilibrium and "
             "after an interrupt."
         ),
     ]

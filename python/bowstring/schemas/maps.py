@@ -14,7 +14,7 @@ from bowstring.validity.workspace import WorkspaceMap
 
 @beside(WorkspaceMap)
 class Workspace(OfRobot):
-    """Output of `bowstring map --workspace`."""
+    """Output of `bowstring reach --errors`."""
 
     text: Annotated[list[str], about("The map in sentences.")]
     file: Annotated[str | None, about("File of the map; `null` if it could not be drawn.")]
@@ -22,7 +22,7 @@ class Workspace(OfRobot):
 
 @beside(ValidityMap)
 class Map(OfRobot):
-    """Output of `bowstring map` without `--workspace`."""
+    """Output of `bowstring map`."""
 
     text: Annotated[list[str], about("The map in sentences.")]
     file: Annotated[str | None, about("File of the map; `null` if it could not be drawn.")]

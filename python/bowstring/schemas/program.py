@@ -25,7 +25,7 @@ class Robots(Object):
 
 
 class Export(OfRobot):
-    """Output of `bowstring export`."""
+    """Output of `bowstring export` for rigid links."""
 
     file: Annotated[str, about("The model.")]
     format: Annotated[Literal["MJCF", "URDF"], about("Format of the model.")]

@@ -1,4 +1,4 @@
-"""JSON of the commands cad and fe."""
+"""JSON of solids that export writes, and of the command fe."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class SolidPose(Object):
 
 
 class Cad(SolidPose, OfRobot):
-    """Output of `bowstring cad`."""
+    """Output of `bowstring export` for a solid, a picture or a drawing."""
 
     pose: Annotated[
         Literal["straight", "unloaded", "simulated"],

@@ -87,7 +87,7 @@ def run_study(
     robot : Robot
         The robot.
     tolerance : float or str
-        Tolerated tip error as a share of the robot's length: 0.01 or "1 %".
+        Tolerated tip error: a share of the robot's length, 0.01 or "1 %", or a length, "0.5 mm".
     theory : {"cosserat", "kirchhoff"}
         Rod theory of the main sweep and of dynamics. The budget uses both.
     loading : Loading, optional
@@ -297,7 +297,7 @@ def settings_of(
     robot: Robot, tolerance: float | str, theory: Theory, loading: Loading, ramp: Ramp
 ) -> Settings:
     """Check the settings of a study and choose those that are left out."""
-    tolerance = share_of_length("tolerance", tolerance)
+    tolerance = share_of_length("tolerance", tolerance, robot.length)
     choice("theory", theory, ("cosserat", "kirchhoff"))
     tried = combinations(robot) if loading.tendon is None else []
     shares = loading.shares(robot)

@@ -92,10 +92,7 @@ class Axis:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.start) and np.isfinite(self.stop)) or self.start == self.stop:
-            raise InputError(
-                f"axis {self.path}: from {self.start:g} to {self.stop:g} is no range; give two "
-                "different numbers"
-            )
+            raise InputError(f"axis {self.path}: its ends must be two different finite numbers")
         if not 2 <= self.count <= MOST_POINTS:
             raise InputError(
                 f"axis {self.path}: got {self.count} points; must be 2 to {MOST_POINTS}"

@@ -139,7 +139,7 @@ def validity_chart(
         Robot with one segment and equally spaced disks, with its gravity and friction; or its
         groups. Without one the chart has a figure only.
     tolerance : float or str
-        Tolerated tip error as a share of the length: 0.01 or "1 %".
+        Tolerated tip error: a share of the length, 0.01 or "1 %", or, of a robot, "0.5 mm".
     tendon : int
         Index of the actuated tendon, from 0; the other tendons have no tension.
     tip_force : array_like (3,)
@@ -162,7 +162,7 @@ def validity_chart(
     >>> print(chart["cc_from_force"].text)
     From force through the linear law, constant curvature holds to 1 % of length up to 56.1 N ...
     """
-    tolerance = validation.share_of_length("tolerance", tolerance)
+    tolerance = validation.share_of_length("tolerance", tolerance, getattr(robot, "length", None))
     if robot is None:
         return ValidityChart(tolerance, None, (), np.zeros(0), {})
     per_tension = None

@@ -322,7 +322,7 @@ def control_errors(
         ``displacements`` and ``displacements_chord`` (with straight spans between disks); by
         default all that the robot takes.
     tolerance : float or str
-        Tolerated distance as a share of the length: 0.01 or "1 %".
+        Tolerated distance: a share of the length, 0.01 or "1 %", or a length, "0.5 mm".
     load : Load, optional
         Gravity (that of the robot if left out) and dead loads. With dead loads the commands are
         also tried at shares of them.
@@ -354,7 +354,7 @@ def control_errors(
     check_robot(robot)
     whole("poses", poses, 1, 100_000)
     whole("corrections", corrections, 0, 20)
-    tolerance = share_of_length("tolerance", tolerance)
+    tolerance = share_of_length("tolerance", tolerance, robot.length)
     robot, load, model, most = prepared(robot, load, model, max_tension)
     chosen = _chosen(Commander(robot, load, model, np.zeros(len(most)), most), commands)
     notify = progress or (lambda what, done: None)

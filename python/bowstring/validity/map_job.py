@@ -75,7 +75,7 @@ def map_job(
     over : sequence of str or Axis
         Any number of axes.
     tolerance : float or str
-        Tolerated tip error as a share of the length: 0.01 or "1 %".
+        Tolerated tip error: a share of the length, 0.01 or "1 %", or a length, "0.5 mm".
     metric : {"largest_error", "mean_error", "error", "valid_to"}, optional
         As for `bowstring.validity_map`.
     models : sequence of str, optional

@@ -97,7 +97,7 @@ class MapSettings(Result):
         InputError
             If a value is wrong or does not fit the axes.
         """
-        tolerance = share_of_length("tolerance", tolerance)
+        tolerance = share_of_length("tolerance", tolerance, space.robot.length)
         return cls(space, _models(space, models), _metric(space, metric), tolerance)
 
     def label(self, axis: int) -> str:

@@ -371,7 +371,7 @@ def validity_map(
         default is the tension of the sweep and the number of disks. With ``"bend=0:90 deg"`` the
         motors command the displacements of that bend by constant curvature.
     tolerance : float or str
-        Tolerated tip error as a share of the length: 0.01 or "1 %".
+        Tolerated tip error: a share of the length, 0.01 or "1 %", or a length, "0.5 mm".
     metric : {"largest_error", "mean_error", "error", "valid_to"}, optional
         What is mapped. The default is the error at the tension of the axis, or, where no axis is
         the tension, the largest error over the ramp.

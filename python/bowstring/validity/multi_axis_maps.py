@@ -345,7 +345,7 @@ def validity_grid(
     over : sequence of str or Axis
         Axes as for `bowstring.validity_map`, at least one.
     tolerance : float or str
-        Tolerated tip error as a share of the length: 0.01 or "1 %".
+        Tolerated tip error: a share of the length, 0.01 or "1 %", or a length, "0.5 mm".
     metric : {"largest_error", "mean_error", "error", "valid_to"}, optional
         As for `bowstring.validity_map`.
     models : sequence of str, optional

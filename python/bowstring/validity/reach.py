@@ -222,8 +222,8 @@ def reach(
     payload_direction : array_like (3,), optional
         Direction of the payload's force in base axes; by default that of gravity, and -z without.
     tolerance : float or str
-        Displacement that a payload may cause at fixed tensions, as a share of the length: 0.01 or
-        "1 %".
+        Displacement that a payload may cause at fixed tensions: a share of the length, 0.01 or
+        "1 %", or a length, "0.5 mm".
     load : Load, optional
         Gravity (that of the robot if left out) and dead loads.
     model : RodModel, optional
@@ -252,7 +252,7 @@ def reach(
     """
     check_robot(robot)
     whole("poses", poses, 1, 100_000)
-    tolerance = share_of_length("tolerance", tolerance)
+    tolerance = share_of_length("tolerance", tolerance, robot.length)
     if robot.is_embedded:
         raise InputError(
             f"the reach needs derivatives, which tendons in the body do not have; {robot.name} has "

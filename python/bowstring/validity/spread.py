@@ -301,7 +301,7 @@ def validity_spread(
     name : str
         Model of constant curvature, of `bowstring.validity.errors.LAWS`.
     tolerance : float or str
-        Tolerated tip error as a share of the length: 0.01 or "1 %".
+        Tolerated tip error: a share of the length, 0.01 or "1 %", or a length, "0.5 mm".
     points : int
         Base points of the design, a power of two; with d factors it has ``points (d + 2)`` samples.
     loading : Loading, optional
@@ -375,7 +375,7 @@ def sampled(
     check_robot(robot)
     for name in names:
         choice("name", name, list(LAWS))
-    tolerance = share_of_length("tolerance", tolerance)
+    tolerance = share_of_length("tolerance", tolerance, robot.length)
     loading, load = instance("loading", loading, Loading), instance("load", load, Load)
     joint = distributions
     if not isinstance(joint, Distributions):

@@ -8,22 +8,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.jobs import threads
 from bowstring.results import Key, Result
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, check_robot, without_laws
+from bowstring.robot.model import Robot, check_robot
 from bowstring.statics import rod
 from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.statics.load import Load
-from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.model import RodModel
-from bowstring.validation import choice, instance, number, share_of_length, whole
+from bowstring.validation import choice, share_of_length, whole
 from bowstring.validity.causes import main_cause
-from bowstring.validity.control_commands import check_some_solved, sobol_points
+from bowstring.validity.control_commands import prepared, sobol_points
 from bowstring.validity.design_space import COUPLED
 from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
@@ -36,12 +35,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-__all__ = ["POSES", "WorkspaceMap", "check_workspace_file", "workspace_map"]
+__all__ = ["WorkspaceMap", "check_workspace_file", "workspace_map"]
 
 Floats = NDArray[np.float64]
 
-POSES: Final = 4096
-"""Number of poses by default."""
+_POSES: Final = 2048
 _PART: Final = 1024
 _ON_THE_WAY: Final = (0.0, 0.5, 1.0)  # loads of a path that looks for a second equilibrium
 
@@ -72,8 +70,8 @@ class WorkspaceMap(Result):
     """Robot, its friction left out."""
     tolerance: Annotated[float, Key("tolerance_percent")]
     """Tolerated tip error as a share of the length."""
-    max_tension: Annotated[float, Key("max_tension_N")]
-    """Largest tension of a tendon, N."""
+    max_tension: Annotated[Floats, Key("max_tension_N")]
+    """Largest tension of each tendon (T,), N."""
     tensions: Annotated[Floats, Key("tensions_N")]
     """Tensions of all tendons at each pose (P, T), N."""
     tip: Annotated[Floats, Key("tip_position_m")]
@@ -88,6 +86,12 @@ class WorkspaceMap(Result):
     snap through: which of the two it takes depends on how it came there."""
     gave_up: NDArray[np.bool_]
     """Whether the solver gave up at a pose (P,), so that it may have an equilibrium."""
+
+    @property
+    def largest_tensions(self) -> str:
+        """Largest tension of all tendons, or the range of them, in words."""
+        low, high = (significant(v) for v in (self.max_tension.min(), self.max_tension.max()))
+        return f"{high} N" if low == high else f"{low} to {high} N"
 
     @property
     def solved(self) -> NDArray[np.bool_]:
@@ -113,7 +117,7 @@ class WorkspaceMap(Result):
     def described(self) -> list[str]:
         """The map in sentences."""
         solved = int(self.solved.sum())
-        end = f"{significant(self.max_tension)} N in each tendon"
+        end = f"{self.largest_tensions} in each tendon"
         out = [
             f"{solved} of {len(self.tip)} poses with at most {end} have a stable equilibrium"
             + (
@@ -221,12 +225,13 @@ def check_workspace_file(path: str | Path) -> Path:
 
 def workspace_map(
     robot: Robot,
-    max_tension: float,
+    max_tension: ArrayLike | None = None,
     *,
-    poses: int = POSES,
+    poses: int = _POSES,
     tolerance: float | str = 0.01,
     models: Sequence[str] | None = None,
     load: Load | None = None,
+    model: RodModel | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> WorkspaceMap:
     """Compare constant curvature with statics over the workspace of a robot.
@@ -235,16 +240,19 @@ def workspace_map(
     ----------
     robot : Robot
         Its friction is left out.
-    max_tension : float
-        Largest tension of each tendon, N.
+    max_tension : array_like () or (T,), optional
+        Largest tensions in N; by default those that bend each segment by a quarter turn by the
+        linear law.
     poses : int
         Number of poses: points of a Sobol' sequence over the tensions of all tendons.
     tolerance : float or str
-        Tolerated tip error as a share of the length: 0.01 or "1 %".
+        Tolerated tip error: a share of the length, 0.01 or "1 %", or a length, "0.5 mm".
     models : sequence of str
         Models of constant curvature, of `bowstring.validity.errors.LAWS`.
     load : Load, optional
         Gravity (that of the robot if left out) and tip force.
+    model : RodModel, optional
+        As for `bowstring.solve`.
     progress : callable, optional
         Called with a word and the finished share.
 
@@ -266,19 +274,16 @@ def workspace_map(
     1.0
     """
     check_robot(robot)
-    number("max_tension", max_tension, "N")
     whole("poses", poses, 1, 1_000_000)
-    tolerance = share_of_length("tolerance", tolerance)
+    tolerance = share_of_length("tolerance", tolerance, robot.length)
     models = ("cc_from_lengths", "cc_from_force") if models is None else tuple(models)
     for name in models:
         choice("models", name, list(LAWS))
-    load = instance("load", load, Load)
-    robot = without_laws(robot)
-    tendons = len(robot.tendons.segment)
-    tensions = max_tension * sobol_points(tendons, poses)
-    check_some_solved(robot, np.full(tendons, max_tension), with_arrays(load), RodModel())
+    robot, load, model, most = prepared(robot, load, model, max_tension)
+    tendons = len(most)
+    tensions = most * sobol_points(tendons, poses)
     one = Designs(robot, {"segments.0.length": [robot.segments[0].length]})
-    rods = Rods(one, RodModel(), load)
+    rods = Rods(one, model, load)
     effects = acting(rods)
     tip = np.full((poses, 3), np.nan)
     error = {name: np.full(poses, np.nan) for name in models}
@@ -313,11 +318,11 @@ def workspace_map(
                 error[name][at] / least, {k: v / least for k, v in rest_of.items()}
             )
         # paths from the largest tension of each tendon alone
-        for i, start in enumerate(max_tension * np.eye(tendons)):
+        for i, start in enumerate(np.diag(most)):
             report("second equilibria", len(effects) + 1 + i)
             two[at] |= _ends_elsewhere(rods, start, tensions[at], tip[at])
     notify("poses", 1.0)
-    return WorkspaceMap(robot, tolerance, max_tension, tensions, tip, error, cause, two, unknown)
+    return WorkspaceMap(robot, tolerance, most, tensions, tip, error, cause, two, unknown)
 
 
 def _poses(rods: Rods, tensions: Floats) -> Ramps:

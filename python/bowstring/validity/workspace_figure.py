@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.formatting import in_percent, significant
+from bowstring.formatting import in_percent
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import LABELS
 from bowstring.validity.figures import CAUSES, SHADE
@@ -73,7 +73,7 @@ def draw_workspace(found: WorkspaceMap) -> Figure:
         for state, where in kinds.items()
         if where.any()
     )
-    title = f"{found.robot.name}: workspace to {significant(found.max_tension)} N (simulated){more}"
+    title = f"{found.robot.name}: workspace to {found.largest_tensions} (simulated){more}"
     figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
     return figure
 

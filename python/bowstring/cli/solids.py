@@ -1,15 +1,11 @@
-"""Command of the robot's solid: CAD file, picture, drawing."""
+"""The robot as a solid for the command export: CAD file, picture, drawing of its disks."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bowstring.atomic_io import resolved
-from bowstring.cli import completion
-from bowstring.cli.actuation import Actuation
 from bowstring.cli.flags import of_flag
-from bowstring.cli.groups import option
-from bowstring.cli.options import AsJson, RobotArgument
 from bowstring.cli.output import (
     fixed,
     frame,
@@ -29,45 +25,25 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.cad.solid import Part, Solid
+    from bowstring.robot.model import Robot
     from bowstring.schemas import solids as schema
+    from bowstring.statics.load import Load
 
 _Disks: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.float64]]"
 """Positions (N, 3) in m and rotations (N, 3, 3) of the disks."""
 
 
-def cad(
-    robot: RobotArgument,
-    actuation: Actuation,
-    out: Annotated[
-        str | None,
-        option(
-            "FILE",
-            "The solid: .step, .stp, .stl, .glb or .gltf.",
-            values=completion.formats(".step", ".stp", ".stl", ".glb", ".gltf"),
-        ),
-    ] = None,
-    picture: Annotated[
-        str | None,
-        option(
-            "FILE",
-            "A rendered picture: .png, .pdf or .svg.",
-            values=completion.formats(".png", ".pdf", ".svg"),
-        ),
-    ] = None,
-    drawing: Annotated[
-        str | None,
-        option(
-            "FILE",
-            "The disks with dimensions: .svg, .pdf or .png.",
-            values=completion.formats(".svg", ".pdf", ".png"),
-        ),
-    ] = None,
-    as_json: AsJson = False,
+def write_solids(
+    robot: Robot,
+    actuation: Load | None,
+    out: str | None,
+    picture: str | None,
+    drawing: str | None,
+    as_json: bool,
 ) -> None:
-    """The robot as a solid: CAD file, picture, drawing of its disks.
+    """Write the solid, a picture of it, and the drawing of the disks.
 
-    With actuation it is in equilibrium, without it unloaded. Needs the extra cad (build123d),
-    except for the drawing.
+    With actuation the robot is in equilibrium, without it unloaded.
     """
     from bowstring.cad import export
     from bowstring.cad.drawing import check_drawing_file, write_drawing
@@ -77,8 +53,6 @@ def cad(
     from bowstring.robot.sizes import sizes_of
     from bowstring.statics import rod
 
-    if out is None and picture is None and drawing is None:
-        raise InputError("nothing to write: give --out FILE, --picture FILE or --drawing FILE.")
     for flag, check, file in (
         ("--out", export.check_solid_file, out),
         ("--picture", check_picture_file, picture),
