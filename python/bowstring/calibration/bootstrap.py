@@ -36,7 +36,7 @@ _TAILS: Final = (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL)
 _SEED: Final = 2019  # equal data give an equal report
 _AT_ONCE: Final = 4_000_000  # counts in memory at a time
 _FEWEST: Final = 6  # units; resamples of fewer often do not determine a fit
-_LOST: Final = 1e-8  # eigenvalue over the largest of a direction that is not identifiable
+_LOST: Final = 1e-8  # eigenvalue over the largest, below which a direction is not identifiable
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +148,7 @@ class Linear:
         return self.by_parameter if self.tip is None else self.by_parameter[self.tip]
 
     def changes(self, place: NDArray[np.int64], counts: NDArray[Any]) -> Array:
-        """Changes (B, P) of the scaled parameters where units of rows count otherwise.
+        """Changes (B, P) of the scaled parameters if units of rows have other weights.
 
         `place` (N,) is the unit of each row, `counts` (B, U) how often each unit counts. By one
         Newton step.

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring.calibration import observations
-from bowstring.calibration.blocks import part_of_rows
 from bowstring.calibration.fitting import Fit
+from bowstring.calibration.folds import part_of_rows
 from bowstring.calibration.observations import Measured, Score, score
 from bowstring.display import short_repr
 from bowstring.errors import InputError

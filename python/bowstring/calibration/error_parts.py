@@ -26,7 +26,7 @@ _MEAN_LENGTH: Final = math.sqrt(8.0 / math.pi)
 #: Least number of degrees of freedom for noise from repeats, three coordinates each.
 _FEWEST: Final = 5
 
-#: Error that is numerical, m.
+#: Errors below this are numerical, m.
 _NOTHING: Final = 1e-8
 PARTS: Final = {
     "parameters": "parameters and geometry",
@@ -64,12 +64,12 @@ class ErrorParts(Result):
     memory: Annotated[float, Key("memory_mm")]
     """What the chosen memory removes beyond that, m; 0 without one."""
     noise: Annotated[float | None, Key("noise_mm")]
-    """Mean error of a model without error, by the noise of the measurements, m; None if that is not
+    """Mean error that the noise of the measurements gives a perfect model, m; None if that is not
     known."""
     unexplained: Annotated[float, Key("unexplained_mm")]
     """What is left, with the noise if that is not known, m."""
     noise_source: Annotated[NoiseSource | None, Key()]
-    """How the noise is known: by the scatter of repeats, or as stated; None if it is not."""
+    """Source of the noise: scatter of repeats, or the stated uncertainty; None if not known."""
     rows: Annotated[int, Key()]
     """Number of rows, which all models of the parts predict."""
 
@@ -164,7 +164,7 @@ def _of_repeats(data: Measured, values: Floats, measured: Floats) -> float | Non
     for number in np.unique(cell[seen]).tolist():
         rows = np.flatnonzero(seen & (cell == number))
         if len(np.unique(np.asarray(repeat)[rows])) < len(rows):
-            continue  # the path passes here twice in a run, with different histories
+            continue  # loading and unloading: the same load with two histories
         square += float(((measured[rows] - measured[rows].mean(axis=0)) ** 2).sum())
         free += len(rows) - 1
     return math.sqrt(square / (3 * free)) if free >= _FEWEST else None

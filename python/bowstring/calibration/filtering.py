@@ -40,7 +40,7 @@ class SlowBias(Result):
     """Time in which the bias forgets its value (by the factor 1/e), in s, or in rows without times.
     """
     noise: Annotated[float, Key("noise_mm")]
-    """Standard deviation of a coordinate of what changes from row to row, m."""
+    """Standard deviation of a coordinate of the part that differs from row to row, m."""
     timed: bool
     """Whether the duration is in s."""
 
@@ -126,7 +126,7 @@ def fit_slow_bias(found: Fit, data: Measured) -> SlowBias:
 
 
 def check_order(data: Measured, robot: Robot) -> None:
-    """Refuse rows that a slow bias cannot follow: without order, or too few."""
+    """Refuse rows that are not in the order of measurement, or too few for a slow bias."""
     commands = observations.commands(data, robot)
     _gaps(commands, None)
     count = int(np.isfinite(observations.tips(data, len(commands))).all(axis=1).sum())
@@ -170,7 +170,7 @@ def filtered(found: Fit, data: Measured, bias: SlowBias) -> Filtered:
 
 
 def _gaps(commands: Commands, timed: bool | None) -> tuple[Floats, NDArray[np.bool_], bool]:
-    """Time since the row before (K,), whether a path starts (K,), and whether times are in s."""
+    """Time or rows since the row before (K,), where paths start (K,), and whether it is in s."""
     time, count = commands.time, len(commands)
     if timed and time is None:
         raise InputError("the slow bias was fitted with times, and the rows have none")

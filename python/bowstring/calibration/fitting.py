@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring.calibration import observations
-from bowstring.calibration.blocks import parts
 from bowstring.calibration.bootstrap import Linear
+from bowstring.calibration.folds import parts
 from bowstring.calibration.intervals import EXACT, SAME, Dependence, Uncertainty, profile_ends
 from bowstring.calibration.observations import AllPoints, Measured, Points, PointScore, Score, score
 from bowstring.calibration.parameters import Unknowns, initial_of, marker_of
@@ -41,7 +41,7 @@ __all__ = ["Estimate", "Fit", "fit"]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: Least share of a parameter in a direction that is not identifiable, to be a member of it.
+#: Least share of a parameter in a direction that is not identifiable, to be named with it.
 _MEMBER: Final = 0.1
 #: Ratio of residuals to the stated uncertainty that indicates a lack of fit, if significant.
 _EXCESS: Final = 1.5
@@ -167,15 +167,15 @@ class Fit(EndOfFit):
     """Autocorrelation of the residuals of neighbouring rows in a group; NaN with too few rows.
     Above 0.3, if significant, they are not noise, and intervals and correlations allow for it."""
     doubts: Annotated[tuple[str, ...], Key()]
-    """Sentences that say why the result itself is not to be believed: parameters without a prior
-    that are not physically possible, and a base that is missing. Empty without a doubt."""
+    """Reasons not to believe the result: parameters without a prior that are not physically
+    possible, and a base that is missing. Empty without a doubt."""
     evaluations: Annotated[int, Key()]
     """Passes over all rows."""
     unsolved: Annotated[int, Key("rows_without_equilibrium")]
     """Number of selected rows without an equilibrium, which are not fitted."""
     has_drives: bool
-    """Whether `robot` has fitted gains, and offsets as zeros: the gain is of no tension, and a
-    robot file can have them."""
+    """Whether the drives of `robot` have the fitted gains, and offsets as zeros: if all commands
+    are displacements, and a robot file can have these values."""
     linear: Linear
     """Linearised fit at its minimum, for `bowstring.calibration.bootstrap.refitted`."""
     again: Callable[..., Fit]
@@ -527,7 +527,7 @@ def _check_initial(unknowns: Unknowns, commands: Commands, *, arcs: bool) -> Non
 
 
 def _of_initial(unknowns: Unknowns, commands: Commands) -> dict[str, float]:
-    """Standard deviations of initial commands: half the range of the tendon's commands.
+    """Prior standard deviations of initial commands: half the range of the tendon's commands.
 
     Without them a command is undetermined once a memory has followed it as far as it can. Where
     displacements do not tell the range of tensions, it is the tension that bends the robot by 1

@@ -51,7 +51,7 @@ def parameters_of(memory: Memory) -> list[str]:
 
 
 def limit_of(memory: Memory) -> tuple[dict[str, float], str]:
-    """Limit in which a memory acts at once, as an elasticity: fixed values in SI, and its name.
+    """Values in SI with which a memory acts at once, as an elasticity, and what that is like.
 
     Empty for memories without such a limit.
     """
@@ -84,7 +84,7 @@ def reason_against(memory: Memory, commands: Commands, given: Unknowns) -> str:
 
 
 def is_zero(robot: Robot, name: str, value: float) -> bool:
-    """Whether the value in SI of a share, a coefficient, a backlash or a creep has no effect."""
+    """Whether the size of a memory, in SI, is too small for an effect."""
     scale = _bending_compliance(robot) if name.endswith("creep_compliance") else 1.0
     return value <= _NONE * scale
 
@@ -110,7 +110,7 @@ def _bending_compliance(robot: Robot) -> float:
 
 
 def _over_times(commands: Commands, added: Sequence[str], size: float) -> list[dict[str, float]]:
-    """Initial values with times from two rows to half of the table."""
+    """Initial values with times from that of two rows to that of half of the table."""
     time, paths = commands.clock(), commands.paths
     steps = np.concatenate([np.diff(time[rows]) for rows in paths])
     first = 2.0 * float(np.median(steps))

@@ -27,7 +27,7 @@ MEMORY_ERRORS: Final = 2.5
 #: The same over its own limit without memory. Missing elasticities, of 12 benches: 0.4 at most;
 #: hysteresis, creep and relaxation: 1.6 at least.
 LIMIT_ERRORS: Final = 1.0
-#: Error below which a model has none, m.
+#: Errors below this count as none, m.
 _NOTHING: Final = 1e-8
 
 

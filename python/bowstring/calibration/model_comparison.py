@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from bowstring import interrupts
 from bowstring.calibration import observations
-from bowstring.calibration.blocks import part_of_rows
 from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.error_parts import ErrorParts, noise_of, parts_of
 from bowstring.calibration.fitting import Estimate, Fit, fit
+from bowstring.calibration.folds import part_of_rows
 from bowstring.calibration.memories import (
     MEMORIES,
     Memory,
@@ -457,7 +457,7 @@ def _in_limit(
     limit: Mapping[str, float],
     known: Callable[[_Candidate], dict[str, float]],
 ) -> JudgedModel:
-    """Judge a memory that acts at once: it may fit what another elasticity does."""
+    """Judge a memory in the limit where it acts at once, as a missing elasticity does."""
     assert found.fit is not None
     left = tuple(name for name in candidate.parameters if name not in limit)
     start = {**_without_frames(found.fit.values), **limit}
@@ -634,7 +634,7 @@ def _best(begin: Callable[..., Fit], starts: Sequence[Mapping[str, float]]) -> F
 
 
 def _foldable(data: Measurements, used: NDArray[np.bool_], folds: int) -> Measurements:
-    """Rows without groups where these are fewer than the folds, as loading and unloading are.
+    """Measurements, without their groups if these are fewer than the folds.
 
     Folds are then blocks of neighbouring loads or rows.
     """

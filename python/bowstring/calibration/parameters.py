@@ -84,10 +84,10 @@ _STEP: Final = {
     "gravity": 1.0,
     "hysteresis_play": 0.05,
 }
-#: Fields of the robot file of which any value above zero makes a memory.
+#: Fields of the robot file that make a memory where they are above zero.
 _OF_MEMORIES: Final = frozenset(size for law in MEMORIES.values() for size in law.sizes)
-#: What values are measured by, to judge whether they are possible: their size in SI, their distance
-#: from the initial value, their ratio to it, or a length of the robot.
+#: How a value is judged to be possible: by its size in SI, its distance from the initial value, its
+#: ratio to that, or its share of a length of the robot.
 _Scale = Literal["size", "distance", "ratio", "length", "pitch_radius"]
 #: Least and largest value that is physically possible, and its scale; wide, so that noise alone
 #: does not leave them. Gravity is that of Earth, by its size. Angles of holes may have any value,
@@ -287,7 +287,7 @@ class Unknowns:
         return np.array([item.start for item in self.items])
 
     def refuse_without_effect(self, name: str, *, arcs: bool) -> None:
-        """Raise `InputError` where a parameter has no effect for a reason that is known."""
+        """Raise `InputError` for a parameter that is known to have no effect."""
         if why := self._why_without_effect(name, arcs=arcs):
             raise InputError(
                 f"parameter {name} is not identifiable: {why}, or leave the parameter out",
@@ -586,22 +586,22 @@ class Unknowns:
 
 
 def _out_of(name: str, value: float, low: float, high: float, unit: str, per_unit: float) -> str:
-    """Write a value and its possible range, all in SI, in a unit."""
+    """Write a value and its possible range, given in SI, in a unit."""
     at, *ends = (f"{significant(each / per_unit)}" for each in (value, low, high))
     unit = f" {unit}" if unit else ""
     return f"{name} is {at}{unit} ({ends[0]} to {ends[1]}{unit})"
 
 
 def marker_of(name: str) -> int | None:
-    """Point below the tip, from 0, of which a parameter is the offset; None for others."""
+    """Index of the point below the tip whose offset a parameter is; None for other parameters."""
     found = _MARKER.fullmatch(name)
     return int(found[1]) if found else None
 
 
 def initial_of(name: str) -> tuple[int, int, bool] | None:
-    """Path and tendon, from 0, of which a parameter is the initial command; None for others.
+    """Path and tendon, from 0, whose initial command a parameter is; None for other parameters.
 
-    The last one is whether it is a displacement.
+    The last entry is True for a displacement and False for a tension.
     """
     found = _INITIAL.fullmatch(name)
     return None if found is None else (int(found[2]), int(found[3]), found[1] == "displacement")
@@ -628,7 +628,7 @@ def _markers(extra: Mapping[str, float]) -> dict[int, Floats]:
 
 
 def _field_of_payload(name: str) -> str:
-    """Field of a payload that a parameter is of: mass, centre or inertia; empty if of none."""
+    """Field of a payload that a parameter is: mass, centre or inertia; else empty."""
     found = re.fullmatch(r"payloads(?:\.|\[)(?:\d+|\*)\]?\.(mass|centre|inertia)\b.*", name)
     return found[1] if found else ""
 

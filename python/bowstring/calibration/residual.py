@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring.calibration import observations
-from bowstring.calibration.blocks import parts
 from bowstring.calibration.fitting import Fit
+from bowstring.calibration.folds import parts
 from bowstring.calibration.gaussian_process import GaussianProcess
 from bowstring.calibration.observations import Measured, Score, score
 from bowstring.calibration.parameters import Unknowns
@@ -144,7 +144,7 @@ class Table:
         return {}
 
     def memory(self, radius: float) -> Floats:
-        """Memory state (K, 3), m, less the predicted point: its length is at most the radius."""
+        """Memory state (K, 3) relative to the predicted point, at most the radius away, m."""
         if radius not in self._memory:
             state = np.zeros_like(self.point)
             for rows in self.paths:
@@ -500,7 +500,7 @@ def _left_out(
     scales: Scales,
     most: int,
 ) -> Floats:
-    """Points (K, 3) of each part, corrected by a process of at most so many of the other rows."""
+    """Points (K, 3) of each part, corrected by a process of other rows, up to a number of them."""
     inputs = table.inputs(at, scales)
     out = np.full_like(measured, np.nan)
     for k in np.unique(part[used]):

@@ -151,7 +151,7 @@ def inverse_with_residual(
         shifted = np.where(np.isfinite(shift), local - shift, target)
         moving = np.linalg.norm(shifted - target, axis=1) > 0.1 * _REACHED * robot.length
         notify((step + 1) / _MOST_STEPS)
-        # the nearest tip to a position out of reach may change between two sets of tensions
+        # for a position out of reach the nearest tip may alternate between two sets of tensions
         out_of_reach = np.array(found.status) == "unreachable"
         if not moving.any() or (step >= _LEAST_STEPS and not (moving & ~out_of_reach).any()):
             break

@@ -27,7 +27,7 @@ __all__ = ["Residuals", "Search", "spread"]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: Standard deviations at which a robust loss turns from quadratic to linear.
+#: Residual, in standard deviations, at which a robust loss turns from quadratic to linear.
 _TURN: Final = 2.0
 _EVALUATIONS: Final = 100
 _RESCALES: Final = 10

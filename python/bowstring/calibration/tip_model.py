@@ -550,7 +550,7 @@ class TipModel:
         )
 
     def _difference(self, i: int, values: Floats, of: Any, small: float = _SMALL) -> Floats:
-        """Central difference, one-sided at a limit, of a function of the setting."""
+        """Central difference of a function of the setting, one-sided at a limit."""
         (above, high), (below, low) = self._sides(i, values, small)
         return np.asarray((of(above) - of(below)) / (high - low))
 
@@ -617,7 +617,7 @@ def _bends_of_tendons(robot: Robot, rotations: Floats) -> Floats:
 
 
 def _table(solutions: list[Any], solved: Bools, name: str, *shape: int) -> Floats:
-    """Attribute (K, ...) of the core's solutions; NaN in rows that are not solved."""
+    """One attribute of the core's solutions for all rows (K, ...); NaN in those not solved."""
     table = np.full((len(solved), *shape), np.nan)
     for k in np.flatnonzero(solved):
         table[k] = getattr(solutions[k], name)

@@ -25,7 +25,7 @@ Commands = list[float | None]
 
 
 class _Texts(PerTendon):
-    """Values of the tendons as text: lists are read together, as several of them have dashes."""
+    """Values of the tendons as text; a dash refers to another list, so all are read together."""
 
     def read(self, flag: str, text: str, robot: Robot) -> Any:
         return text
@@ -244,7 +244,7 @@ def actuated_over_time(
             "is below numerical resolution."
         )
     holding = 1.0 if hold is None else hold
-    duration = float(f"{rising + holding:.12g}")  # 0.1 + 0.2 is 0.3
+    duration = float(f"{rising + holding:.12g}")  # 0.1 + 0.2 gives 0.3
     if duration == 0:
         raise InputError("--rise and --hold are both 0 s: there is no time to simulate.")
     if duration < SHORTEST_STEP:

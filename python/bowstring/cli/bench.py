@@ -90,7 +90,7 @@ def check(
     write_tables(*_measurements_tables(found, check))
 
 
-# Fields of a bench's objects with another name in its settings, or left out there.
+# Fields of a bench's objects that are not in its settings, or there by another name.
 _NOT_SETTINGS: Final = {"changes", "base"}
 _NO_PUSH: Final = "0 or more, a tendon cannot push"
 

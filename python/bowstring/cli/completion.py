@@ -67,6 +67,6 @@ data_sets: Final = words(*DATA_SETS)
 
 
 def parts(context: typer.Context) -> list[str]:
-    """Offer the tables of the data set given by --data, or of all sets."""
+    """Offer the tables of the data set of --data, or of all sets without it."""
     named = DATA_SETS.get(context.params.get("data", ""))
     return [part for each in (DATA_SETS.values() if named is None else [named]) for part in each]

@@ -78,7 +78,7 @@ def _priors(
         ),
     ] = False,
 ) -> dict[str, float] | None:
-    """Read the standard deviations of --prior, beside the defaults of --priors; None without."""
+    """Standard deviations by --prior, and the defaults with --priors; None without both."""
     from bowstring.calibration.parameters import Unknowns
     from bowstring.calibration.priors import default_priors, matching
 
@@ -364,7 +364,7 @@ def fit(
 
 
 def _with_estimate(notify: Callable[[str, float], None]) -> Callable[[str, float], None]:
-    """Progress callback that says once how long long work will take, as soon as it is known."""
+    """Progress callback that prints once how long a comparison of minutes will take."""
     began, said = time.monotonic(), False
 
     def update(what: str, done: float) -> None:
@@ -386,7 +386,7 @@ def _with_estimate(notify: Callable[[str, float], None]) -> Callable[[str, float
 def _stopped(
     error: KeyboardInterrupt, compared: ModelComparison | None
 ) -> ComparisonInterrupted | None:
-    """Models that are finished when Ctrl-C comes; None if there are none."""
+    """The interrupt that has the models finished before Ctrl-C; None without any."""
     from bowstring import interrupts
     from bowstring.calibration.model_comparison import ComparisonInterrupted
 

@@ -1,4 +1,4 @@
-"""Flags and groups of flags, each declared once, and commands as functions of what they make.
+"""Flags and groups of flags, each declared once; commands take the objects made of them.
 
 A command's function has a parameter for each object that it needs. Its annotation says how the
 object is made of the command line: by a `Flag`, which reads a text, by a `Group`, which has a
@@ -153,7 +153,7 @@ def _maker(group: Group, flags: dict[str, Parameter], above: set[str]) -> _Step:
 
 
 def spread(command: Callable[..., None]) -> Callable[..., None]:
-    """Make the function of plain flags, for typer, of a command; it has the flag --quiet too."""
+    """Turn a command into a function of plain flags for typer, and add the flag --quiet."""
     flags: dict[str, Parameter] = {}
     make = _maker(Group("", command), flags, set())
 

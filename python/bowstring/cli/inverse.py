@@ -47,13 +47,13 @@ if TYPE_CHECKING:
     from bowstring.schemas.inverse import Ik, IkPath, IkResidual
     from bowstring.statics.load import Load
 
-#: Distance from the base over the robot's length below which a tip is hardly meant.
+#: Share of the robot's length within which no tip is meant.
 _NEAR: Final = 0.01
-#: Distance between two rows of a path over the length from which it is a jump.
+#: Share of the length from which the distance of two rows of a path is a jump.
 _JUMP: Final = 0.1
-#: Change of a tension over the step of the tip, over its median, from which it is a jump,
+#: A tension jumps where its change over the step of the tip is this many times the median,
 _JUMP_RATE: Final = 10.0
-#: if it is also larger than this share of the largest tension.
+#: and the change is larger than this share of the largest tension.
 _JUMP_SHARE: Final = 0.05
 
 
@@ -301,7 +301,7 @@ def ik(
 
 
 def _check_near(flag: str, robot: Robot, points: ArrayLike) -> None:
-    """Refuse points that are all at the base, as numbers in m are that were read as mm."""
+    """Refuse points that all lie at the base, as where numbers in m were read as mm."""
     import numpy as np
 
     farthest = max(math.hypot(*point) for point in np.asarray(points))  # does not overflow
@@ -323,7 +323,7 @@ def _with_residual(
     out: Path | None,
     as_json: bool,
 ) -> None:
-    """Commands that bring the measured point, by a model and its residual, to positions."""
+    """Print commands that bring the measured point to positions, by a model and its residual."""
     import numpy as np
 
     from bowstring.calibration import inverse_with_residual, read_residual
@@ -424,7 +424,7 @@ def _name(model: str) -> str:
 
 
 def _arc(robot: Robot, point: list[float], free_length: bool, chord: bool, as_json: bool) -> None:
-    """The arc of one segment with a free length or with chords, without tensions."""
+    """Print the arc of one segment with a free length or with chords, without tensions."""
     import numpy as np
 
     from bowstring.constant_curvature import RobotArcs
@@ -494,7 +494,7 @@ def _tendon_table(found: InverseSolution) -> Table:
 
 
 def _jumps(changes: Any, steps: Any, tensions: Any) -> bool:
-    """Whether tensions change much more from a row to the next than the step of the tip explains.
+    """Whether tensions change much more between two rows than the step of the tip explains.
 
     Least tensions may be of another set of tendons there.
     """
@@ -511,7 +511,7 @@ def _jumps(changes: Any, steps: Any, tensions: Any) -> bool:
 def _path(
     options: _Options, path: Path, out: Path | None, figure: Path | None, as_json: bool
 ) -> None:
-    """Commands for a path, and where they and those of constant curvature lead by physics."""
+    """Write commands for a path, and where they and those of constant curvature lead."""
     import numpy as np
 
     from bowstring.inverse.table import Landing, check_commands, read_tips, write_commands

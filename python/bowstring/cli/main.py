@@ -175,7 +175,7 @@ _LISTS: Final = 'separate numbers by commas without blanks, or quote the list: "
 
 
 def _mended(sentence: str, context: Any, arguments: Sequence[str]) -> str:
-    """What typer says of the arguments, with what to write instead where it is known."""
+    """Typer's sentence on wrong arguments, or what to write instead where that is known."""
     from bowstring.units import is_numbers
 
     extra = re.fullmatch(r"Got unexpected extra argument\S* \((.*)\)", sentence)
@@ -298,7 +298,7 @@ def _show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """Show a warning of Python, one of Bowstring without its line of code."""
+    """Show a warning; those of Bowstring without their line of code."""
     if issubclass(category, (StabilityWarning, FigureWarning)):
         say("Warning", str(message))
     else:

@@ -206,7 +206,7 @@ def dead_loads(
         Vector("N/m", "0,0,-2", "Dead load: force per length of backbone in N/m, base axes."),
     ] = None,
 ) -> Load:
-    """Make the load of all but the tendons."""
+    """Make the load beside the tendons."""
     from bowstring.statics.load import Load
 
     return Load(
@@ -287,7 +287,7 @@ RobotOfStudy = Annotated["Robot", Group("", _of_study)]
 
 
 def _whole_paths(source: str, changes: Mapping[str, str]) -> dict[str, str]:
-    """Changes by the paths of the robot file, where some have the end of a path, as of an axis."""
+    """Complete paths that have their end only, such as E, to those of the robot file."""
     from bowstring.robot.model import Robot
     from bowstring.robot.paths import full_paths
     from bowstring.robot.reader import load_robot
@@ -374,7 +374,7 @@ def save_figure(draw: Callable[[], Any], file: Path) -> str | None:
 
 
 def default_file(robot: Robot, what: str) -> Path:
-    """File in the working folder that has a result if no other is named, such as NAME-map.png."""
+    """Default file of a result in the working folder, such as NAME-map.png."""
     from bowstring.atomic_io import file_stem
 
     return Path(f"{file_stem(robot.name)}-{what}")

@@ -40,7 +40,7 @@ _bar: _Bar | None = None  # the bar on the terminal
 
 
 class Stopped(Exception):
-    """Ctrl-C after which some output remains; the text names it."""
+    """Ctrl-C after which some output remains; the message names it."""
 
 
 def counted(n: int, thing: str, things: str | None = None) -> str:
@@ -99,7 +99,7 @@ def figure_file(save: Callable[[], Path]) -> str | None:
 
 @contextmanager
 def naming(written: Mapping[str, object]) -> Iterator[None]:
-    """Name the files that are written where an error or Ctrl-C keeps others from being so."""
+    """On an error or Ctrl-C, name the files that are already written."""
     try:
         yield
     except (InputError, KeyboardInterrupt) as error:

@@ -78,9 +78,7 @@ def robots(as_json: AsJson = False) -> None:
     table = new_table("name", ">length mm", ">segments", ">disks", ">tendons", "description")
     for robot in known:
         counts = (len(robot.segments), len(robot.disks.station_m), tendon_count(robot))
-        title = robot.description.partition("\n")[
-            0
-        ]  # what follows says where its numbers come from
+        title, *_ = robot.description.split("\n")  # the rest has the sources of its numbers
         table.add_row(robot.name, f"{1e3 * robot.length:g}", *map(str, counts), title)
     write_tables(table)
 

@@ -506,7 +506,7 @@ class RobotArrays(Part):
 
     @property
     def memories(self) -> tuple[str, ...]:
-        """Those with a memory."""
+        """Laws that act and have a memory."""
         return tuple(key for key in self.laws if key in MEMORIES)
 
     @property

@@ -248,7 +248,7 @@ def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
 def _places(
     parts: tuple[Segment, ...], k: int, passing: list[tuple[int, Tendon]]
 ) -> Iterator[Floats]:
-    """Holes (T, 2) in the disks of segment k: once where they are the same in all disks."""
+    """Holes (T, 2) in the disks of segment k; a single entry if all disks have the same."""
     if all(t.is_parallel for _, t in passing):
         polar = [(t.pitch_radius, t.angle) for _, t in passing]
         yield np.array([(r * math.cos(a), r * math.sin(a)) for r, a in polar])

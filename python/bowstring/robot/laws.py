@@ -17,28 +17,28 @@ class Law:
     key: str
     """Name of the law."""
     owner: str
-    """What has it: "tendons", "drives" or "backbone"."""
+    """What has the law: "tendons", "drives" or "backbone"."""
     part: Literal["tendons", "backbone"]
-    """Part of a segment with its fields."""
+    """Part of a segment, in the robot file, that has its fields."""
     terms: tuple[tuple[str, ...], ...]
-    """Fields of each term of the law: its size, which is `none` without the term, and then what
-    describes it further."""
+    """Fields of each term of the law: first its size, which is `none` without the term, then the
+    others, such as a time."""
     step: float
     """Natural step of a size in fits, SI."""
     left_out: str
-    """Sentence of a map that leaves it out."""
+    """What a map says that leaves the law out."""
     memory: bool = True
     """Whether an equilibrium depends on the path to it."""
     timed: bool = False
-    """Whether it depends on time, not on the path alone."""
+    """Whether an equilibrium also depends on time."""
     none: float = 0.0
-    """Size without it."""
+    """Size of a term without an effect."""
     of_commands: bool = False
     """Whether it acts on displacements as they are commanded, before all mechanics."""
 
     @property
     def sizes(self) -> tuple[str, ...]:
-        """Fields that are all `none` without the law."""
+        """Size of each term; all are `none` without the law."""
         return tuple(term[0] for term in self.terms)
 
     def refusal(self, robot: str, consequence: str) -> str:
@@ -121,6 +121,6 @@ _LAWS: Final = (
 LAWS: Final = {law.key: law for law in _LAWS}
 """The laws by their keys."""
 MEMORIES: Final = {key: law for key, law in LAWS.items() if law.memory}
-"""Those with a memory."""
+"""The laws with a memory."""
 OF_COMMANDS: Final = tuple(key for key, law in LAWS.items() if law.of_commands)
-"""Those that act on commanded displacements alone."""
+"""Keys of the laws that act on commanded displacements."""

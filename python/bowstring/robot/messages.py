@@ -170,7 +170,7 @@ def units_of_field(path: str) -> tuple[str, str] | None:
 
 
 def paths_of_field(name: str) -> list[str]:
-    """Paths, as `--set` takes them, of the fields of a segment that have this name."""
+    """Paths for `--set` of the fields of a segment with this name."""
     name = name if name in Backbone.model_fields else SYNONYMS.get(name.lower(), name)
     out = []
     for place, part in _PARTS.items():

@@ -62,7 +62,7 @@ def expand_all(tree: Any, overrides: Mapping[Any, Any]) -> dict[Any, Any]:
         keys = _keys(path) if isinstance(path, str) else []
         paths = expand(tree, path) if "*" in keys or "tendons" in keys[:-1] else [path]
         if not paths and "*" not in keys:
-            paths = [path]  # of which `override` says what is wrong
+            paths = [path]  # `override` says what is wrong with it
         if not paths:
             raise InputError(
                 f"Override {quote(path)}: nothing matches; * stands for every index of a list, as "

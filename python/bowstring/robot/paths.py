@@ -180,7 +180,7 @@ def _near(path: str, known: Collection[str], loads: Collection[str]) -> list[str
     wanted = path.lower()
     found = [lower[p] for p in difflib.get_close_matches(wanted, lower, n=9, cutoff=_NEAR)]
     found += [p for p in meant if p.endswith(f"_{wanted}") or p.startswith(f"{wanted}.")]
-    out: dict[str, str] = {}  # one for each number
+    out: dict[str, str] = {}  # one path for each number
     for each in found:
         out.setdefault(meant[each], each)
     return list(out.values())[:_MOST_NEAR]
@@ -191,7 +191,7 @@ def _kind(path: str) -> str:
 
 
 def _lettered(path: str) -> str:
-    """The path with x, y or z for the index of a component."""
+    """The path with x, y or z in place of the index of a component."""
     head, _, along = path.partition(".")
     component = head in _VECTORS and along in ("0", "1", "2")
     return f"{head}.{'xyz'[int(along)]}" if component else path

@@ -32,7 +32,7 @@ def picture(
     slack: Collection[int] = (),
     title: str = "",
 ) -> str:
-    """Draw a robot in one pose, or in four of several, of which the last is the darkest.
+    """Draw a robot in one pose, or in up to four of several, the last one darkest.
 
     The view is along the normal of the plane through z and the farthest tip; z points up.
 

@@ -96,7 +96,7 @@ def load_robot(source: str | Path, overrides: Mapping[str, Any] | None = None) -
 
 
 def _near_files(path: Path) -> list[str]:
-    """The YAML file in the same folder whose name is the nearest, if one is near."""
+    """The YAML file in the same folder with the most similar name, if one is similar."""
     if not str(path).isprintable() or not path.parent.is_dir():
         return []
     names = (file.name for file in path.parent.iterdir() if file.suffix in (".yaml", ".yml"))

@@ -33,7 +33,7 @@ class Assumed:
     value_m: float
     """Assumed value, m."""
     why: str
-    """Rule by which it is assumed, in words."""
+    """How the value is chosen, in words."""
 
     def __str__(self) -> str:
         return f"{self.field} = {number_with_unit(self.value_m, 'm')}, {self.why}"

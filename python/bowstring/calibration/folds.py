@@ -1,4 +1,4 @@
-"""Blocks of neighbouring rows, each left out of a fit to the others."""
+"""Cross-validation: blocks of neighbouring rows, each left out of a fit to the others."""
 
 from __future__ import annotations
 
@@ -70,13 +70,13 @@ def _groups_of_folds(data: Measured, values: Floats, used: Bools) -> NDArray[Any
     """Groups (K,) that no part splits; the loads where they repeat without other groups."""
     group = observations.groups(data, len(values))
     load = observations.loads(values)
-    if observations.repeats_loads(load[used]) and not _grouped_alone(data, group):
+    if observations.repeats_loads(load[used]) and not _has_own_groups(data, group):
         group = np.array([f"load {number}" for number in (1 + load).tolist()])
     return group
 
 
-def _grouped_alone(data: Measured, group: NDArray[Any]) -> bool:
-    """Whether rows are in groups for another reason than repeats."""
+def _has_own_groups(data: Measured, group: NDArray[Any]) -> bool:
+    """Whether rows have groups that are no mere repeats of loads."""
     repeat = getattr(data, "repeat", None)
     return len(np.unique(group)) > 1 and (repeat is None or len(np.unique(repeat)) < 2)
 
