@@ -177,7 +177,7 @@ def test_a_figure_that_fails_does_not_take_the_study_with_it(
         out = report.write(paper, tmp_path / "out")
     listed = json.loads((out / "study.json").read_text("utf-8"))["figures"]
     left = [stem for stem in stems if stem != stems[1]]
-    assert [f["png"] for f in listed] == [f"figures/{stem}.png" for stem in left]
+    assert [f["stem"] for f in listed] == left
     source = (out / "report.html").read_text("utf-8")
     assert all((f'id="{stem}"' in source) == (stem in left) for stem in stems)
 
@@ -211,9 +211,22 @@ def test_the_folder_contains_the_listed_files(written: Path) -> None:
     content = json.loads((written / "study.json").read_text(encoding="utf-8"))
     assert set(contents(written)) == set(content["files"])
     assert len(content["figures"]) == len(FIGURES) == 18
+    assert not (written / "figures").exists()
+
+
+def test_figures_are_files_on_request(
+    paper: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawings = dict.fromkeys((f.stem for f in paper.figures), lambda _: Figure())
+    monkeypatch.setattr(figures, "_DRAWINGS", drawings)
+    monkeypatch.setattr(report, "_html", lambda study, content, drawn: "<p>a report</p>")
+    out = report.write(paper, tmp_path / "out", formats=("pdf", "png"))
+    content = json.loads((out / "study.json").read_text("utf-8"))
     for figure in content["figures"]:
-        assert (written / figure["png"]).read_bytes().startswith(b"\x89PNG")
-        assert (written / figure["pdf"]).read_bytes().startswith(b"%PDF")
+        path = out / "figures" / figure["stem"]
+        assert path.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+        assert path.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
+    assert set(contents(out)) == set(content["files"])
 
 
 def test_study_json_matches_the_study(written: Path, paper: Study) -> None:
@@ -295,8 +308,8 @@ def test_a_study_without_dynamics_says_why(paper: Study, tmp_path: Path) -> None
     page = " ".join(" ".join(read(folder / "report.html").text).split())
     assert "Dynamics is left out: amouri2019 has no mass" in page
     assert not (folder / "tables" / "dynamics.csv").exists()
-    assert not (folder / "figures" / "fig05_over_time.png").exists()
-    assert (folder / "figures" / "fig05_tip_against_force.png").exists()
+    source = (folder / "report.html").read_text("utf-8")
+    assert 'id="fig05_over_time"' not in source and 'id="fig05_tip_against_force"' in source
     out = io.StringIO()
     print_study(found, Console(file=out, width=80), verbose=True)
     assert "Dynamics is left out" in out.getvalue()

@@ -66,6 +66,10 @@ def study(
         Path | None,
         option("DIR", "Folder of the report.  [default: bowstring-study/NAME OF ROBOT]"),
     ] = None,
+    figures: Annotated[
+        Literal["pdf", "png", "svg"] | None,
+        typer.Option(help="Also save each figure as a file.  [default: in the report alone]"),
+    ] = None,
     points: Annotated[int, option("N", "Number of loads in the sweep.")] = 17,
     theory: Theory = "cosserat",
     solid: Annotated[
@@ -158,6 +162,7 @@ def study(
             folder = report.write(
                 found,
                 folder,
+                formats=() if figures is None else (figures,),
                 progress=lambda what, done: notify(what, solving + (1 - solving) * done),
             )
     except RunInterrupted as stopped:
@@ -170,7 +175,7 @@ def study(
     if as_json:
         content: dict[str, Any] = {
             **found.to_dict(),
-            "figures": report.written_figures(found, folder),
+            "figures": report.written_figures(folder),
             "folder": str(folder),
         }
         return write_json(content)

@@ -25,22 +25,12 @@ __all__ = [
 class Figure(Result):
     """Figure of the report."""
 
-    stem: str
-    """File name without suffix."""
+    stem: Annotated[str, Key()]
+    """Name, of its files too, which are `figures/<stem>.pdf` and so on."""
     title: Annotated[str, Key()]
     """Title in the report."""
     caption: Annotated[str, Key()]
     """Caption in sentences."""
-
-    @property
-    def png(self) -> Annotated[str, Key()]:
-        """Path in the folder of the report."""
-        return f"figures/{self.stem}.png"
-
-    @property
-    def pdf(self) -> Annotated[str, Key()]:
-        """Path in the folder of the report."""
-        return f"figures/{self.stem}.pdf"
 
 
 _ON_SURFACE: Final = "Stress and strain are the largest on the surface of the backbone."
