@@ -203,9 +203,9 @@ def test_the_study_shows_the_solid(
             "pdf",
         )
     )
-    assert [f["stem"] for f in found["figures"]][:2] == ["fig01_robot", "fig02_disk"]
+    assert [f["stem"] for f in found["figures"]][:2] == ["fig01_solid", "fig01_robot"]
     page = (here / "study" / "report.html").read_text("utf-8")
-    assert 'id="fig01_robot"' in page and "data:image/png;base64," in page
+    assert 'id="fig01_solid"' in page and "data:image/png;base64," in page
     assert (here / "study" / "figures" / "fig02_disk.pdf").is_file()
 
 

@@ -151,6 +151,7 @@ def _html(study: Study, content: Mapping[str, Any], drawn: dict[str, str]) -> st
     environment.filters["number"] = number
     environment.filters["signed"] = signed
 
+    told = {*study.shapes.text, *study.budget.actuation.text}  # in sections of their own
     page = environment.get_template("report.html.j2").render(
         study=study,
         content=content,
@@ -174,6 +175,7 @@ def _html(study: Study, content: Mapping[str, Any], drawn: dict[str, str]) -> st
         parameters=parameters(study.robot),
         assumed=assumed(study),
         summary=summarise(study),
+        verdict=[s for s in study.verdict.text if s not in told],
         columns=COLUMNS,
         tables=[name for name, _, _ in study_tables(study)],
         colours=COLOURS,
