@@ -147,7 +147,7 @@ def study(
             if measurements is not None:
                 notify("measurements", 0.0)
                 data = measurements_of("--measurements", measurements, robot, mapping)
-            solving = 0.9 if fe else 0.2  # share of the time; the report takes the rest
+            solving = 0.9 if fe else 0.5  # share of the time; the report takes the rest
             found = run_study(
                 robot,
                 tolerance=tolerance,
