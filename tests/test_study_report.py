@@ -255,7 +255,7 @@ def test_names_from_a_robot_file_are_escaped(paper: Study, tmp_path: Path) -> No
 def test_the_folder_contains_the_listed_files(written: Path) -> None:
     content = json.loads((written / "study.json").read_text(encoding="utf-8"))
     assert set(contents(written)) == set(content["files"])
-    assert len(content["figures"]) == len(FIGURES) == 20
+    assert len(content["figures"]) == len(FIGURES) == 19
     assert not (written / "figures").exists()
 
 

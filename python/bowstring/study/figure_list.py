@@ -97,16 +97,10 @@ FIGURES: Final = (
         "assumes, and the difference of the two.",
     ),
     Figure(
-        "fig06_tip_against_displacement",
-        "Tip against tendon displacement",
-        "The study's geometric sweep, as its Fig. 6b: tip coordinates by constant curvature alone "
-        "while one tendon is shortened and the others follow.",
-    ),
-    Figure(
-        "fig06_tendon_lengths",
-        "Tendon lengths against tendon displacement",
-        "The study's geometric sweep, as its Fig. 6a: lengths of all tendons by constant curvature "
-        "alone. Lines of tendons with equal lengths coincide.",
+        "fig06_geometric_sweep",
+        "Geometric sweep",
+        "The study's geometric sweep, as its Fig. 6: tendon lengths and tip by constant curvature "
+        "alone while one tendon is shortened and the others follow. Equal lengths coincide.",
     ),
     Figure(
         "fig07_configurations",

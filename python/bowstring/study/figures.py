@@ -178,22 +178,8 @@ def _displacement_against_force(study: Study) -> Figure:
     return figure
 
 
-def _tip_against_displacement(study: Study) -> Figure:
-    figure, (axes,) = subplots(1, 3.0)
-    g = study.geometry
-    for k, (name, colour, marker) in enumerate(AXES):
-        tip = g.tip_position[:, k] * 1e3
-        axes.plot(g.displacement * 1e3, tip, "-" + marker, color=LIGHT[colour], label=name)
-    axes.set(
-        xlabel=f"shortening of tendon {study.settings.tendon + 1} (mm)",
-        ylabel="tip coordinate (mm)",
-    )
-    legend_above(axes, 3)
-    return figure
-
-
-def _tendon_lengths(study: Study) -> Figure:
-    figure, (axes,) = subplots(1, 3.0)
+def _geometric_sweep(study: Study) -> Figure:
+    figure, (lengths, tip) = subplots(2, 5.4, sharex=True)
     g = study.geometry
     count = g.tendon_lengths.shape[1]
     for t, length in enumerate(g.tendon_lengths.T * 1e3):
@@ -203,12 +189,15 @@ def _tendon_lengths(study: Study) -> Figure:
             "linestyle": _TENDON_DASHES[t % len(_TENDON_DASHES)],
             "linewidth": 1.4 + 1.8 * (1.0 - t / max(1, count - 1)),
         }
-        axes.plot(g.displacement * 1e3, length, label=f"tendon {t + 1}", **style)
-    axes.set(
-        xlabel=f"displacement of tendon {study.settings.tendon + 1} (mm)",
-        ylabel="tendon length (mm)",
-    )
-    legend_above(axes, min(count, 5))
+        lengths.plot(g.displacement * 1e3, length, label=f"tendon {t + 1}", **style)
+    lengths.set(ylabel="tendon length (mm)")
+    legend_above(lengths, min(count, 5))
+    for k, (name, colour, marker) in enumerate(AXES):
+        place = g.tip_position[:, k] * 1e3
+        tip.plot(g.displacement * 1e3, place, "-" + marker, color=LIGHT[colour], label=name)
+    tip.set(xlabel=f"displacement of tendon {study.settings.tendon + 1} (mm)")
+    tip.set(ylabel="tip coordinate (mm)")
+    legend_above(tip, 3)
     return figure
 
 
@@ -731,8 +720,7 @@ _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig05_tip_against_force": _tip_against_force,
     "fig05_over_time": _over_time,
     "displacement_against_force": _displacement_against_force,
-    "fig06_tip_against_displacement": _tip_against_displacement,
-    "fig06_tendon_lengths": _tendon_lengths,
+    "fig06_geometric_sweep": _geometric_sweep,
     "fig07_configurations": _configurations,
     "fig10_overlay": _overlay,
     "backbones": _backbones,
