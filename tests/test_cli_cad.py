@@ -189,10 +189,23 @@ def test_the_study_shows_the_solid(
         return replace(Stages(robot, points=3).over(paper), solid=given["solid"])
 
     monkeypatch.setattr(study_module, "run_study", run)
-    found = shell.json("study", "--points", "3", "--rise", "0.5", "--solid", "--out", "study")
-    assert [Path(f["png"]).stem for f in found["figures"]][:2] == ["fig01_robot", "fig02_disk"]
+    found = shell.json(
+        *(
+            "study",
+            "--points",
+            "3",
+            "--rise",
+            "0.5",
+            "--solid",
+            "--out",
+            "study",
+            "--figures",
+            "pdf",
+        )
+    )
+    assert [f["stem"] for f in found["figures"]][:2] == ["fig01_solid", "fig01_robot"]
     page = (here / "study" / "report.html").read_text("utf-8")
-    assert 'id="fig01_robot"' in page and "data:image/png;base64," in page
+    assert 'id="fig01_solid"' in page and "data:image/png;base64," in page
     assert (here / "study" / "figures" / "fig02_disk.pdf").is_file()
 
 

@@ -70,7 +70,7 @@ def test_constant_curvature_finite_elements_and_rod(
     assert part["status"] == "converged"
     assert max(part["from_statics_mm"]) < 0.1
     assert part["middle_stress_ratio"][-1] == pytest.approx(1.0, abs=0.03)
-    stems = {Path(f["png"]).stem for f in found["figures"]}
+    stems = {f["stem"] for f in found["figures"]}
     assert {"fe_stress", "fe_field"} <= stems
     html = (tmp_path / "out" / "report.html").read_text("utf-8")
     assert "Finite elements" in html and "The robot as a solid of" in html
@@ -110,7 +110,7 @@ def test_finite_elements_stand_beside_measurements(
     assert any("rows of the synthetic table" in s for s in part["text"])
     html = (tmp_path / "out" / "report.html").read_text("utf-8")
     assert "statics, dynamics and finite elements." in html
-    captions = {Path(f["png"]).stem: f["caption"] for f in found["figures"]}
+    captions = {f["stem"]: f["caption"] for f in found["figures"]}
     assert "Plus signs: 3-D finite elements" in captions["fig10_overlay"]
 
 

@@ -152,7 +152,7 @@ def test_a_straight_robot_has_no_numbers_to_put_in(paper: Study) -> None:
     balanced = studied("amouri2019", paper, tendon={1: 1.0, 2: 1.0, 3: 1.0}, max_tension=9.0)
     found = study_equations(balanced)
     assert found.equations == () and "straight at this load" in found.intro[-1]
-    for stem in ("arc_symbols", "fig04_module"):
+    for stem in ("fig01_robot", "fig02_arc", "fig03_spaces", "fig04_module"):
         with figure_style():
             _DRAWINGS[stem](balanced).draw_without_rendering()
 
@@ -168,7 +168,7 @@ def test_drawings_fit_and_carry_the_robots_numbers(name: str, paper: Study) -> N
     part = found.robot.segments[0]
     with figure_style():
         for stem, expected in (
-            ("arc_symbols", [angle, f"{segment.length * 1e3:.4g} mm"]),
+            ("fig02_arc", [angle, f"{segment.length * 1e3:.4g} mm"]),
             ("fig04_module", [in_mm(part.disks.radius), in_mm(part.backbone.diameter)]),
         ):
             figure = _DRAWINGS[stem](found)
@@ -185,6 +185,22 @@ def test_drawings_fit_and_carry_the_robots_numbers(name: str, paper: Study) -> N
                 assert not one.overlaps(other)
             for axes in figure.axes:  # to scale
                 assert axes.get_aspect() == 1.0
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_spaces_carry_the_robots_numbers(name: str, paper: Study) -> None:
+    found = studied(name, paper)
+    segment = first_segment(found)
+    with figure_style():
+        figure = _DRAWINGS["fig03_spaces"](found)
+        figure.draw_without_rendering()
+    text = "\n".join(t.get_text() for t in figure.axes[0].texts)
+    lengths = found.statics.tendon_lengths[segment.load][segment.tendons] * 1e3
+    end = segment.arcs.disk_positions[len(segment.stations) - 1] * 1e3
+    assert f"{math.degrees(segment.theta):.3g}°" in text and f"{end[2]:.4g}) mm" in text
+    assert (f"{lengths[0]:.4g}" in text) == segment.from_lengths == ("physics: statics" in text)
+    assert all(t.get_window_extent().x0 >= 0 for t in figure.axes[0].texts)
+    assert all(t.get_window_extent().x1 <= figure.bbox.x1 for t in figure.axes[0].texts)
 
 
 def test_a_module_is_drawn_to_scale(paper: Study) -> None:
@@ -259,4 +275,4 @@ def test_the_report_of_other_robots_is_written(name: str, paper: Study, tmp_path
     page = (report.write(found, tmp_path / "out") / "report.html").read_text(encoding="utf-8")
     segments = len(found.robot.segments)
     assert ("The arcs of all segments" in page) == (segments > 1)
-    assert 'id="arc_symbols"' in page and 'id="fig04_module"' in page
+    assert 'id="fig02_arc"' in page and 'id="fig04_module"' in page

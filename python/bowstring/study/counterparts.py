@@ -34,13 +34,15 @@ class Counterpart:
 
 
 _ALL: Final = (
-    ("Fig. 1", "the robot as a solid", "fig01_robot", _SOLID),
+    ("Fig. 1", "the robot", "fig01_robot", ""),
+    ("Fig. 1", "the robot as a solid", "fig01_solid", _SOLID),
     ("Fig. 2", "spacer disk with dimensions", "fig02_disk", ""),
-    ("Fig. 3", "global view of the robot", "fig01_robot", _SOLID),
+    ("Fig. 2", "arc of a segment", "fig02_arc", ""),
+    ("Fig. 3", "global view of the spaces and maps", "fig03_spaces", ""),
     ("Fig. 4", "geometry of a module", "fig04_module", ""),
     ("Fig. 5", "tip, displacement, stress and strain", "fig05_tip_against_force", ""),
-    ("Fig. 6a", "lengths of all tendons", "fig06_tendon_lengths", ""),
-    ("Fig. 6b", "tip by constant curvature", "fig06_tip_against_displacement", ""),
+    ("Fig. 6a", "lengths of all tendons", "fig06_geometric_sweep", ""),
+    ("Fig. 6b", "tip by constant curvature", "fig06_geometric_sweep", ""),
     ("Fig. 7", "configurations", "fig07_configurations", ""),
     ("Fig. 8", "the test bench", None, "a photograph of the study's own bench"),
     ("Fig. 9", "measured tip", "fig09_measured_tip", _DATA),
@@ -71,7 +73,7 @@ def counterparts(study: Study) -> tuple[Counterpart, ...]:
     try:
         check_round(study.robot, "the solid")
     except InputError as error:
-        reasons["fig01_robot"] = str(error)
+        reasons["fig01_solid"] = str(error)
     return tuple(
         Counterpart(
             source,

@@ -22,7 +22,7 @@ from bowstring.study.first_segment import FirstSegment, first_segment
 if TYPE_CHECKING:
     from bowstring.study.study import Study
 
-__all__ = ["Equation", "SegmentArc", "StudyEquations", "study_equations"]
+__all__ = ["Equation", "SegmentArc", "StudyEquations", "ring_of", "study_equations"]
 
 Array = NDArray[np.float64]
 
@@ -129,7 +129,7 @@ def _equations(study: Study, segment: FirstSegment) -> list[Equation]:
     if segment.straight:
         return []
     out = []
-    ring = _ring(study, segment) if segment.from_lengths else None
+    ring = ring_of(study, segment) if segment.from_lengths else None
     if ring is not None:
         out += [_direction(study, segment, ring), _arc(study, segment, ring)]
     elif segment.from_lengths:
@@ -141,7 +141,7 @@ def _equations(study: Study, segment: FirstSegment) -> list[Equation]:
     return out + _forces(study, segment)
 
 
-def _ring(study: Study, segment: FirstSegment) -> NDArray[np.intp] | None:
+def ring_of(study: Study, segment: FirstSegment) -> NDArray[np.intp] | None:
     """The three tendons at 120 degrees on one circle, counter-clockwise from the first one."""
     tendons = study.robot.tendons
     if len(segment.tendons) != 3:

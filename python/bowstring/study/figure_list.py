@@ -25,22 +25,12 @@ __all__ = [
 class Figure(Result):
     """Figure of the report."""
 
-    stem: str
-    """File name without suffix."""
+    stem: Annotated[str, Key()]
+    """Name, of its files too, which are `figures/<stem>.pdf` and so on."""
     title: Annotated[str, Key()]
     """Title in the report."""
     caption: Annotated[str, Key()]
     """Caption in sentences."""
-
-    @property
-    def png(self) -> Annotated[str, Key()]:
-        """Path in the folder of the report."""
-        return f"figures/{self.stem}.png"
-
-    @property
-    def pdf(self) -> Annotated[str, Key()]:
-        """Path in the folder of the report."""
-        return f"figures/{self.stem}.pdf"
 
 
 _ON_SURFACE: Final = "Stress and strain are the largest on the surface of the backbone."
@@ -49,7 +39,7 @@ WITHOUT_SURFACE: Final = {"fig05_tip_against_force": "Tip and displacement again
 
 SOLID_FIGURES: Final = (
     Figure(
-        "fig01_robot",
+        "fig01_solid",
         "The robot as a solid",
         "As in Fig. 1 of the study: base, backbone, spacer disks and tendons, bent by the largest "
         "load of the sweep; simulated, statics.",
@@ -59,16 +49,27 @@ SOLID_FIGURES: Final = (
 
 FIGURES: Final = (
     Figure(
+        "fig01_robot",
+        "The robot",
+        "As in Fig. 1 of the study: the rod, and constant curvature (CC) under the same load; "
+        "simulated. A still shows the largest load.",
+    ),
+    Figure(
         "fig02_disk",
         "Spacer disks",
         "As in Fig. 2 of the study, in mm. Sizes with a star are assumed.",
     ),
     Figure(
-        "arc_symbols",
+        "fig02_arc",
         "Arc of the segment at the base",
-        "Symbols of constant curvature as in Eqs. 1 to 5 of the study, drawn to scale with the "
-        "numbers of this robot at the largest load. Above, the arc in its bending plane. Below, "
-        "the disk and its holes seen from the tip; numbers are tendons, red ones are actuated.",
+        "As in Fig. 2 of the study, to scale at the largest load: the arc in its bending plane; "
+        "below, disk and holes seen from the tip. Numbers are tendons, red ones are actuated.",
+    ),
+    Figure(
+        "fig03_spaces",
+        "Spaces and maps",
+        "As Fig. 3 of the study: the spaces of constant curvature and the maps between them, with "
+        "the numbers of this robot at the largest load.",
     ),
     Figure(
         "fig04_module",
@@ -96,16 +97,10 @@ FIGURES: Final = (
         "assumes, and the difference of the two.",
     ),
     Figure(
-        "fig06_tip_against_displacement",
-        "Tip against tendon displacement",
-        "The study's geometric sweep, as its Fig. 6b: tip coordinates by constant curvature alone "
-        "while one tendon is shortened and the others follow.",
-    ),
-    Figure(
-        "fig06_tendon_lengths",
-        "Tendon lengths against tendon displacement",
-        "The study's geometric sweep, as its Fig. 6a: lengths of all tendons by constant curvature "
-        "alone. Lines of tendons with equal lengths coincide.",
+        "fig06_geometric_sweep",
+        "Geometric sweep",
+        "The study's geometric sweep, as its Fig. 6: tendon lengths and tip by constant curvature "
+        "alone while one tendon is shortened and the others follow. Equal lengths coincide.",
     ),
     Figure(
         "fig07_configurations",

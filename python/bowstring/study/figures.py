@@ -26,7 +26,7 @@ from bowstring.study.data_figures import (
     measured_tip,
 )
 from bowstring.study.error_budget import SIDES, Budget, Side
-from bowstring.study.geometry_figures import draw_arc, draw_module
+from bowstring.study.geometry_figures import draw_arc, draw_module, draw_spaces
 from bowstring.study.ramp_response import has_surface
 from bowstring.study.shape_figures import draw_shapes
 from bowstring.study.shapes import backbones
@@ -178,22 +178,8 @@ def _displacement_against_force(study: Study) -> Figure:
     return figure
 
 
-def _tip_against_displacement(study: Study) -> Figure:
-    figure, (axes,) = subplots(1, 3.0)
-    g = study.geometry
-    for k, (name, colour, marker) in enumerate(AXES):
-        tip = g.tip_position[:, k] * 1e3
-        axes.plot(g.displacement * 1e3, tip, "-" + marker, color=LIGHT[colour], label=name)
-    axes.set(
-        xlabel=f"shortening of tendon {study.settings.tendon + 1} (mm)",
-        ylabel="tip coordinate (mm)",
-    )
-    legend_above(axes, 3)
-    return figure
-
-
-def _tendon_lengths(study: Study) -> Figure:
-    figure, (axes,) = subplots(1, 3.0)
+def _geometric_sweep(study: Study) -> Figure:
+    figure, (lengths, tip) = subplots(2, 5.4, sharex=True)
     g = study.geometry
     count = g.tendon_lengths.shape[1]
     for t, length in enumerate(g.tendon_lengths.T * 1e3):
@@ -203,60 +189,31 @@ def _tendon_lengths(study: Study) -> Figure:
             "linestyle": _TENDON_DASHES[t % len(_TENDON_DASHES)],
             "linewidth": 1.4 + 1.8 * (1.0 - t / max(1, count - 1)),
         }
-        axes.plot(g.displacement * 1e3, length, label=f"tendon {t + 1}", **style)
-    axes.set(
-        xlabel=f"displacement of tendon {study.settings.tendon + 1} (mm)",
-        ylabel="tendon length (mm)",
-    )
-    legend_above(axes, min(count, 5))
+        lengths.plot(g.displacement * 1e3, length, label=f"tendon {t + 1}", **style)
+    lengths.set(ylabel="tendon length (mm)")
+    legend_above(lengths, min(count, 5))
+    for k, (name, colour, marker) in enumerate(AXES):
+        place = g.tip_position[:, k] * 1e3
+        tip.plot(g.displacement * 1e3, place, "-" + marker, color=LIGHT[colour], label=name)
+    tip.set(xlabel=f"displacement of tendon {study.settings.tendon + 1} (mm)")
+    tip.set(ylabel="tip coordinate (mm)")
+    legend_above(tip, 3)
     return figure
 
 
 def _configurations(study: Study) -> Figure:
-    from matplotlib.figure import Figure
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    figure = Figure(figsize=(WIDTH, 4.8))
-    axes: Any = figure.add_axes((0.02, 0.0, 0.9, 0.9), projection="3d")
-    g, robot = study.geometry, study.robot
+    figure, axes = _view(4.8)
+    g = study.geometry
     known = np.flatnonzero(np.all(np.isfinite(g.tip_position), axis=-1))
     shown = known[np.unique(np.linspace(0, len(known) - 1, 5).round().astype(int))]
 
-    turn = np.linspace(0.0, math.tau, 33)
-    rim = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
-    actuated = np.flatnonzero(study.settings.shares)
     points: list[Array] = []
     tips: list[tuple[Array, Array, str]] = []
     for i in shown:
-        centres = np.concatenate([np.zeros((1, 3)), g.disk_positions[i]]) * 1e3
-        frames = np.concatenate([np.eye(3)[None], g.disk_rotations[i]])
-        radii = np.concatenate([robot.disks.radius_m[:1], robot.disks.radius_m]) * 1e3
-        every = max(1, len(centres) // 60)
-        rings = [
-            centre + radius * rim @ frame.T
-            for centre, frame, radius in zip(
-                centres[::every], frames[::every], radii[::every], strict=True
-            )
-        ]
-        disks = Poly3DCollection(
-            rings,
-            facecolors=LIGHT["grid"],
-            edgecolors=LIGHT["muted"],
-            linewidths=0.6,
-            alpha=0.55,  # a disk is seen through
-        )
-        axes.add_collection3d(disks)
-        for t, path in enumerate(robot.tendon_points(g.disk_positions[i], g.disk_rotations[i])):
-            colour, width = ("red", 1.2) if t in actuated else ("blue", 0.8)
-            axes.plot(*(1e3 * path.T), color=LIGHT[colour], linewidth=width)
-        backbone = g.backbone[i] * 1e3
-        axes.plot(*backbone.T, color=LIGHT["ink"], linewidth=2.0)
-        points += [*rings, backbone]
-        tips.append((backbone[-1], frames[-1][:, 2], f"{g.displacement[i] * 1e3:.3g}"))
-    _fit_box(axes, np.concatenate(points))
-    # the bending plane is seen nearly from the front
-    azimuth = math.degrees(math.atan2(study.towards[1], study.towards[0])) - 65.0
-    axes.view_init(elev=20.0, azim=azimuth)
+        points += _draw_robot(axes, study, g.backbone[i], g.disk_positions[i], g.disk_rotations[i])
+        onward = g.disk_rotations[i, -1][:, 2]
+        tips.append((g.backbone[i, -1] * 1e3, onward, f"{g.displacement[i] * 1e3:.3g}"))
+    _frame_robots(axes, study, points)
     _label_tips(axes, tips, np.concatenate(points))
     for colour, label in (
         ("ink", "backbone"),
@@ -264,10 +221,88 @@ def _configurations(study: Study) -> Figure:
         ("blue", "other tendons"),
     ):
         axes.plot([], [], [], color=LIGHT[colour], label=label)
-    axes.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
     figure.legend(loc="upper left", ncols=3, handlelength=1.4, columnspacing=1.0)
     figure.text(0.02, 0.9, "number at each tip: tendon displacement in mm", fontsize=8.5)
     return figure
+
+
+def _robot(study: Study) -> Figure:
+    """Draw the robot at the largest load, and constant curvature under the same load."""
+    figure, axes = _view(3.8)
+    last = int(np.flatnonzero(study.statics.converged)[-1])
+    position, rotation = study.statics.disk_positions[last], study.statics.disk_rotations[last]
+    found = backbones(study)
+    rod, *arcs = found.shapes
+    points = _draw_robot(axes, study, rod.backbone, position, rotation)
+    axes.plot([], [], [], color=LIGHT["ink"], label="rod")
+    for shape in arcs:
+        label, colour, line, _ = _SHAPES[shape.name]
+        points.append(shape.backbone * 1e3)
+        look: dict[str, Any] = {"color": LIGHT[colour], "linestyle": line, "linewidth": 1.8}
+        axes.plot(*points[-1].T, label=label, zorder=10, **look)
+        axes.plot(*points[-1][-1:].T, "o", color=LIGHT[colour], markersize=6)
+    _frame_robots(axes, study, points)
+    figure.legend(loc="upper left", ncols=3, handlelength=2.4, columnspacing=1.0)
+    return figure
+
+
+_SHAPES: Final = {
+    "statics": ("rod model", "ink", "-", "o"),
+    "cc_from_lengths": ("CC from lengths", "blue", "-.", "s"),
+    "cc_from_force": ("CC from force", "red", "--", "x"),
+}
+"""Label, colour, line and marker of the shapes at the largest load."""
+
+
+def _view(height: float) -> tuple[Figure, Any]:
+    """Figure with axes in 3-D."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height))
+    axes: Any = figure.add_axes((0.02, 0.0, 0.9, 0.9), projection="3d")
+    axes.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
+    return figure, axes
+
+
+def _draw_robot(
+    axes: Any, study: Study, backbone: Array, positions: Array, rotations: Array
+) -> list[Array]:
+    """Draw backbone, disks and tendons; return what is drawn, points in mm."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    robot = study.robot
+    turn = np.linspace(0.0, math.tau, 33)
+    rim = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
+    centres = np.concatenate([np.zeros((1, 3)), positions]) * 1e3
+    frames = np.concatenate([np.eye(3)[None], rotations])
+    radii = np.concatenate([robot.disks.radius_m[:1], robot.disks.radius_m]) * 1e3
+    every = max(1, len(centres) // 60)
+    rings = [
+        centre + radius * rim @ frame.T
+        for centre, frame, radius in zip(
+            centres[::every], frames[::every], radii[::every], strict=True
+        )
+    ]
+    disks = Poly3DCollection(
+        rings,
+        facecolors=LIGHT["grid"],
+        edgecolors=LIGHT["muted"],
+        linewidths=0.6,
+        alpha=0.55,  # a disk is seen through
+    )
+    axes.add_collection3d(disks)
+    for t, path in enumerate(robot.tendon_points(positions, rotations)):
+        colour, width = ("red", 1.2) if study.settings.shares[t] else ("blue", 0.8)
+        axes.plot(*(1e3 * path.T), color=LIGHT[colour], linewidth=width)
+    axes.plot(*(1e3 * backbone.T), color=LIGHT["ink"], linewidth=2.0)
+    return [*rings, backbone * 1e3]
+
+
+def _frame_robots(axes: Any, study: Study, points: Sequence[Array]) -> None:
+    """Fit the axes to what is drawn; the bending plane is seen nearly from the front."""
+    _fit_box(axes, np.concatenate(points))
+    azimuth = math.degrees(math.atan2(study.towards[1], study.towards[0])) - 65.0
+    axes.view_init(elev=20.0, azim=azimuth)
 
 
 def _label_tips(axes: Any, tips: Sequence[tuple[Array, Array, str]], drawn: Array) -> None:
@@ -416,14 +451,9 @@ def _backbones(study: Study) -> Figure:
     """Draw shapes at the largest load, and their distance from statics along the robot."""
     found = backbones(study)
     figure, (shapes, apart) = subplots(2, 6.0, height_ratios=(2, 1))
-    looks = {
-        "statics": ("rod model", "ink", "-", "o"),
-        "cc_from_lengths": ("CC from lengths", "blue", "-.", "s"),
-        "cc_from_force": ("CC from force", "red", "--", "x"),
-    }
     stations = np.concatenate([[0.0], study.robot.disks.station_m]) / study.length * 100.0
     for shape in found.shapes:
-        label, colour, line, marker = looks[shape.name]
+        label, colour, line, marker = _SHAPES[shape.name]
         look: dict[str, Any] = {"color": LIGHT[colour], "marker": marker, "markersize": 4.5}
         shapes.plot(
             *_in_plane(study, shape.backbone), color=LIGHT[colour], linestyle=line, linewidth=1.4
@@ -681,15 +711,16 @@ def _spread(study: Study) -> Figure:
 
 
 _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
-    "fig01_robot": _solid,
+    "fig01_robot": _robot,
+    "fig01_solid": _solid,
     "fig02_disk": _disk,
-    "arc_symbols": draw_arc,
+    "fig02_arc": draw_arc,
+    "fig03_spaces": draw_spaces,
     "fig04_module": draw_module,
     "fig05_tip_against_force": _tip_against_force,
     "fig05_over_time": _over_time,
     "displacement_against_force": _displacement_against_force,
-    "fig06_tip_against_displacement": _tip_against_displacement,
-    "fig06_tendon_lengths": _tendon_lengths,
+    "fig06_geometric_sweep": _geometric_sweep,
     "fig07_configurations": _configurations,
     "fig10_overlay": _overlay,
     "backbones": _backbones,

@@ -1,4 +1,4 @@
-"""Drawings of a robot's geometry to scale: the symbols of an arc, and one module."""
+"""Drawings of a robot's geometry: the symbols of an arc, the spaces and maps, and one module."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.formatting import in_mm, significant
+from bowstring.study.equations import ring_of
 from bowstring.study.first_segment import FirstSegment, first_segment
 from bowstring.study.study import Study
 from bowstring.viz.style import LIGHT, WIDTH
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_arc", "draw_module"]
+__all__ = ["draw_arc", "draw_module", "draw_spaces"]
 
 Array = NDArray[np.float64]
 
@@ -156,6 +157,71 @@ def _base_from_above(axes: Axes, study: Study, segment: FirstSegment) -> None:
     way = first / np.linalg.norm(first)
     _write(axes, 0.55 * first, "r", (-7 * way[1], 7 * way[0]), "amber")
     axes.margins(0.12)
+
+
+def draw_spaces(study: Study) -> Figure:
+    """Draw the spaces of constant curvature and the maps between them, with numbers.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Of the segment at the base, at the largest load that has an equilibrium.
+    """
+    from matplotlib.patches import FancyBboxPatch
+
+    segment = first_segment(study)
+    arcs, robot = segment.arcs, study.robot
+    lengths = study.statics.tendon_lengths[segment.load][segment.tendons] * _MM
+    listing = ", ".join(f"{v:.4g}" for v in lengths[:_MOST]) + " ..." * (len(lengths) > _MOST)
+    of_one = ", segment 1" if len(robot.segments) > 1 else ""
+    end = ", ".join(
+        f"{v + 0.0:.4g}" for v in np.round(arcs.disk_positions[len(segment.stations) - 1] * _MM, 6)
+    )
+    kappa = significant(segment.theta / segment.length)
+    phi = significant(round(math.degrees(segment.phi), 6) + 0.0, 4)
+    theta = significant(math.degrees(segment.theta))
+    load = f"{study.settings.actuated} at {significant(segment.tension)} N"
+    ring = ring_of(study, segment) is not None  # else Eqs. 2 to 5 do not hold
+    boxes = [
+        (f"Actuator space: tensions\n{load}", "purple"),
+        (f"Actuator space: tendon lengths (mm)\n{listing}", "red"),
+        (
+            f"Configuration space{of_one}\nφ {phi}°,  θ {theta}°,  κ {kappa} 1/m,  "
+            f"{_ELL} {segment.length * _MM:.4g} mm",
+            "blue",
+        ),
+        (f"Task space: {'end disk' if of_one else 'tip'} at x, y, z\n({end}) mm", "green"),
+    ]
+    maps = [
+        "physics: statics",
+        "map of this robot" + ": Eqs. 2 to 4" * ring,
+        "map of any arc: Eq. 1",
+    ]
+    if not segment.from_lengths:  # no arc has these lengths
+        del boxes[1], maps[0]
+        maps[0] = "map of this robot: linear law"
+    figure = _figure(0.95 * len(boxes) - 0.25)
+    axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, 1.0))
+    axes.set_ylim(0.35 - len(boxes), 0.35)
+    axes.set_axis_off()
+    left, right = 0.1, 0.9
+    for k, (text, colour) in enumerate(boxes):
+        look: dict[str, Any] = {"facecolor": "none", "edgecolor": LIGHT[colour]}
+        style = "round,pad=0,rounding_size=0.04"
+        axes.add_patch(FancyBboxPatch((left, -k - 0.29), right - left, 0.58, style, **look))
+        axes.text(0.5, -k, text, fontsize=9, ha="center", va="center", linespacing=1.4)
+    for k, text in enumerate(maps):
+        _arrow(axes, np.array([0.5, -k - 0.31]), np.array([0.5, -k - 0.69]), "ink")
+        axes.text(0.53, -k - 0.5, text, fontsize=8.5, va="center")
+    past = [(left, 0.03, 0, "linear law")] if segment.from_lengths else []
+    past += [(right, 0.97, 1, "Eq. 5")] if ring and segment.from_lengths else []
+    for edge, place, start, text in past:  # past the tendon lengths, past the configuration
+        path = np.array([[edge, -start], [place, -start], [place, -start - 2], [edge, -start - 2]])
+        axes.plot(*path[:3].T, color=LIGHT["amber"], linewidth=1.0)
+        _arrow(axes, path[2], path[3], "amber")
+        _write(axes, np.array([place, -start - 1.0]), text, (0, 0), "amber")
+        axes.texts[-1].set_rotation(90)
+    return figure
 
 
 def draw_module(study: Study) -> Figure:

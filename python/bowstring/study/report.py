@@ -7,7 +7,8 @@ write is never touched.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import json
+from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,7 +51,13 @@ def default_folder(robot: Robot) -> Path:
     return Path("bowstring-study") / file_stem(robot.name)
 
 
-def write(study: Study, out: str | Path | None = None, *, progress: Progress | None = None) -> Path:
+def write(
+    study: Study,
+    out: str | Path | None = None,
+    *,
+    formats: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> Path:
     """Write the report of a study.
 
     Parameters
@@ -59,13 +66,15 @@ def write(study: Study, out: str | Path | None = None, *, progress: Progress | N
     out : str or Path, optional
         Folder; a former study in it is replaced whole, after success. `default_folder` if not
         given.
+    formats : sequence of str
+        Formats of figures beside those in the page: ``"pdf"``, ``"png"``, ``"svg"``.
     progress : callable, optional
         Progress callback, called with the name of the work and its finished share from 0 to 1.
 
     Returns
     -------
     Path
-        The folder, absolute: report.html, study.json, ``figures/`` (PNG, PDF), ``tables/`` (CSV).
+        The folder, absolute: report.html, study.json, ``tables/`` (CSV), ``figures/`` on request.
 
     Raises
     ------
@@ -75,13 +84,16 @@ def write(study: Study, out: str | Path | None = None, *, progress: Progress | N
     notify = progress or (lambda what, share: None)
     folder = check_folder(default_folder(study.robot) if out is None else out)
     write_whole(
-        folder, "study", lambda new: _fill(study, new, notify), lambda: check_folder(folder)
+        folder,
+        "study",
+        lambda new: _fill(study, new, formats, notify),
+        lambda: check_folder(folder),
     )
     notify("done", 1.0)
     return folder
 
 
-def _fill(study: Study, folder: Path, notify: Progress) -> None:
+def _fill(study: Study, folder: Path, formats: Sequence[str], notify: Progress) -> None:
     from bowstring.study.figures import draw
 
     tables = folder / "tables"
@@ -90,28 +102,30 @@ def _fill(study: Study, folder: Path, notify: Progress) -> None:
         write_csv(tables / f"{name}.csv", header, rows)
 
     figures = folder / "figures"
-    figures.mkdir()
+    if formats:
+        figures.mkdir()
     passed_on = folder.with_name("passed")
     passed_on.mkdir()
     with figure_style():
 
         def save(stem: str, figure: Figure) -> None:
-            save_figure(figure, figures / stem)
             Path(passed_on, stem).write_text(svg(stem, figure), encoding="utf-8")
+            save_figure(figure, figures / stem, [f".{each}" for each in formats])
 
         made = save_figures(draw(study), save, lambda share: notify("figures", share))
         drawn = {stem: Path(passed_on, stem).read_text(encoding="utf-8") for stem in made}
 
     notify("report", 0.95)
     content = study.to_dict()
-    content["figures"] = written_figures(study, folder)
+    content["figures"] = [f.to_dict() for f in study.figures if f.stem in drawn]
     (folder / "report.html").write_text(_html(study, content, drawn), encoding="utf-8")
     write_listing(folder / "study.json", content)
 
 
-def written_figures(study: Study, folder: Path) -> list[dict[str, Any]]:
-    """Figures of a study whose files are in its folder: those that could be drawn."""
-    return [f for f in study.to_dict()["figures"] if (folder / f["pdf"]).exists()]
+def written_figures(folder: Path) -> list[dict[str, Any]]:
+    """Figures in a study's folder: those that could be drawn."""
+    found: list[dict[str, Any]] = json.loads((folder / "study.json").read_text("utf-8"))["figures"]
+    return found
 
 
 def _plain_text(value: Any) -> Any:
@@ -137,6 +151,7 @@ def _html(study: Study, content: Mapping[str, Any], drawn: dict[str, str]) -> st
     environment.filters["number"] = number
     environment.filters["signed"] = signed
 
+    told = {*study.shapes.text, *study.budget.actuation.text}  # in sections of their own
     page = environment.get_template("report.html.j2").render(
         study=study,
         content=content,
@@ -160,6 +175,7 @@ def _html(study: Study, content: Mapping[str, Any], drawn: dict[str, str]) -> st
         parameters=parameters(study.robot),
         assumed=assumed(study),
         summary=summarise(study),
+        verdict=[s for s in study.verdict.text if s not in told],
         columns=COLUMNS,
         tables=[name for name, _, _ in study_tables(study)],
         colours=COLOURS,

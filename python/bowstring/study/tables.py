@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.calibration.fit_folder import model_rows
 from bowstring.data.tip_errors import Comparison
 from bowstring.study.actuation_budget import COMMANDED
 from bowstring.study.comparison import MEANINGS
@@ -214,6 +213,8 @@ def _data_tables(found: AgainstData) -> Iterable[Table]:
         *((_named(key), [row[f"{key}_by_axis_mm"] for row in rows]) for key in ("mean", "max")),
     )
     if found.models_compared is not None:
+        from bowstring.calibration.fit_folder import model_rows
+
         header, *models = model_rows(found.models_compared)
         yield (
             "measured_models",

@@ -198,12 +198,16 @@ def save_figures(
 
 def save_figure(figure: Figure, path: Path, suffixes: Sequence[str] = (".png", ".pdf")) -> None:
     """Save a figure in each format; `path` has no suffix."""
-    if (engine := figure.get_layout_engine()) is not None:
-        engine.execute(figure)
-        # one layout for all file formats; with "none", each would be drawn twice
-        figure.set_layout_engine()
+    _lay_out(figure)
     for suffix in suffixes:
         save(figure, Path(f"{path}{suffix}"), _DPI)
+
+
+def _lay_out(figure: Figure) -> None:
+    """Lay a figure out for all file formats; else each one would draw it twice."""
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+        figure.set_layout_engine()
 
 
 def svg(stem: str, figure: Figure) -> str:
@@ -220,6 +224,7 @@ def svg(stem: str, figure: Figure) -> str:
     str
         ``<svg ...>``, its colours as ``var(--ink, #1b1f24)`` and so on, no background.
     """
+    _lay_out(figure)
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()

@@ -3,10 +3,12 @@
   "use strict";
   const data = JSON.parse(document.getElementById("scene-data").textContent);
   const figure = document.getElementById("scene");
+  if (figure === null) return;
   const canvas = figure.querySelector("canvas");
   const pen = canvas.getContext("2d");
   if (data === null || pen === null) return;
   figure.hidden = false;
+  document.querySelector(".still").hidden = true;
   const slider = document.getElementById("scene-load");
   const output = figure.querySelector("output");
   const COLOURS = { cc_from_force: "red", cc_from_lengths: "blue" };
@@ -128,48 +130,9 @@
     pen.fillText(`${Number(bar.toPrecision(3))} mm`, 10, canvas.clientHeight - 20);
   }
 
-  // -- error curve with a cursor ---------------------------------------------------------------
+  // -- the load ------------------------------------------------------------------------------
 
-  const errors = document.getElementById("scene-errors");
-  function chart() {
-    const [width, height, left, bottom, top, right] = [360, 220, 48, 40, 10, 10];
-    const most = data.load[data.load.length - 1] || 1;
-    const all = data.models.flatMap((m) => m.error.filter((e) => e !== null));
-    const highest = 1.08 * Math.max(data.tolerance, ...all);
-    const x = (v) => left + ((width - left - right) * v) / most;
-    const y = (v) => height - bottom - ((height - top - bottom) * v) / highest;
-    const tick = (range) => {
-      const power = 10 ** Math.floor(Math.log10(range / 6));
-      return power * ([1, 2, 5].find((m) => m * power >= range / 6) ?? 10);
-    };
-    const text = (at, up, words, anchor, more = "") => `<text x="${at}" y="${up}" text-anchor="${anchor}" font-size="12" fill="var(--ink)"${more}>${words}</text>`;
-    const path = (d, style) => `<path d="${d}" fill="none" ${style}/>`;
-    let out = path(`M${left} ${top}V${height - bottom}H${width - right}`, 'stroke="var(--muted)"');
-    for (let v = 0; v <= most * 1.001; v += tick(most)) {
-      out += path(`M${x(v)} ${height - bottom}v4`, 'stroke="var(--muted)"') + text(x(v), height - bottom + 17, Number(v.toPrecision(3)), "middle");
-    }
-    for (let v = 0; v <= highest; v += tick(highest)) {
-      out += path(`M${left - 4} ${y(v)}h4`, 'stroke="var(--muted)"') + text(left - 8, y(v) + 4, Number(v.toPrecision(3)), "end");
-    }
-    out += text((left + width) / 2, height - 6, "load, N", "middle") + text(12, height / 2 - 15, "tip error, mm", "middle", ` transform="rotate(-90 12 ${height / 2 - 15})"`);
-    out += path(`M${left} ${y(data.tolerance)}H${width - right}`, 'stroke="var(--muted)" stroke-dasharray="5 4"') + text(left + 6, y(data.tolerance) - 4, "tolerance", "start");
-    for (const model of data.models) {
-      let d = "";
-      model.error.forEach((e, i) => {
-        if (e !== null) d += `${i === 0 || model.error[i - 1] === null ? "M" : "L"}${x(data.load[i])} ${y(e)}`;
-      });
-      out += path(d, `stroke="var(--${COLOURS[model.name]})" stroke-width="2"`);
-    }
-    errors.innerHTML = `<svg viewBox="0 0 ${width} ${height}" role="img" aria-label="Tip error of constant curvature over the load">${out}<line id="scene-cursor" y1="${top}" y2="${height - bottom}" stroke="var(--ink)"/></svg>`;
-    return (at) => {
-      const cursor = document.getElementById("scene-cursor");
-      for (const end of ["x1", "x2"]) cursor.setAttribute(end, x(at));
-    };
-  }
-
-  const point = chart();
   function show() {
-    point(data.load[load]);
     const parts = data.models.map((model) => {
       const error = model.error[load];
       return `${model.label}: ${error === null ? "no arc" : `${Number(error.toPrecision(3))} mm${error > data.tolerance ? ", beyond the tolerance" : ""}`}`;
