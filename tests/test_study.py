@@ -73,8 +73,7 @@ def test_the_published_mean_stands_beside_the_studys_robot_only(paper: Study) ->
 
 def test_two_segments() -> None:
     robot = load_robot("rao2021")
-    got = Stages(robot)
-    assert got.settings.tendon == 3
+    got = Stages(robot, tendon=4)
     assert got.statics.converged.all()
     # the outer tendon bends both segments
     assert np.all(got.geometry.theta[-1] > 0.1)

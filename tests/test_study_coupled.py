@@ -185,7 +185,7 @@ def made(**changes: Any) -> bs.Robot:
 
 @pytest.fixture(scope="module")
 def coupled() -> Study:
-    return bs.run_study(made(), loading=bs.Loading(max_tension=10.0, points=6))
+    return bs.run_study(made(), loading=bs.Loading(max_tension=10.0, points=6, tendon=1))
 
 
 def test_errors_are_those_of_single_solves(coupled: Study) -> None:
@@ -263,7 +263,7 @@ def test_stress_is_that_of_the_other_segments() -> None:
     plain_one["backbone"] |= {"yield_strength": "2 GPa"}
     segments = [plain_one, made().segments[0].model_dump(exclude_none=True)]
     robot = made(segments=segments, gravity="0 0 0 m/s^2")
-    study = bs.run_study(robot, loading=bs.Loading(max_tension=4.0, points=3))
+    study = bs.run_study(robot, loading=bs.Loading(max_tension=4.0, points=3, tendon=4))
     says = study.without_surface
     assert "in segment" not in says and "segment 2: the section is given" in says
     assert says.endswith("the largest values are those of the other segments.")
