@@ -125,7 +125,7 @@ def test_intervals_of_a_mass_cover_the_truth_synthetic() -> None:
         (GUESS, ["payloads.0.inertia.0"], {}, "does not act on a robot at rest"),
         (GUESS, ["payloads.1.mass"], {}, "there is no parameter 'payloads.1.mass'"),
         (GUESS, ["payloads.0.disk"], {}, "there is no parameter 'payloads.0.disk'"),
-        (BARE, ["payloads.0.mass"], {}, "of a payload, and amouri2019 has none"),
+        (BARE, ["payloads.0.mass"], {}, "needs a payload, and amouri2019 has none"),
     ],
 )
 def test_what_cannot_be_identified_is_refused(

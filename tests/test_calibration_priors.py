@@ -283,12 +283,15 @@ def test_a_name_stands_for_its_group_and_a_later_one_replaces_it():
     ("priors", "words"),
     [
         ("all", "priors is 'all', it must be \"default\""),
-        ({"gian": 0.1}, "prior of 'gian' is of no fitted parameter; fitted are gain, base.x"),
-        ({"offset": 0.1}, "prior of 'offset' is of no fitted parameter"),
+        ({"gian": 0.1}, "prior of 'gian' belongs to no fitted parameter; fitted are gain, base.x"),
+        ({"offset": 0.1}, "prior of 'offset' belongs to no fitted parameter"),
         ({"gain": 0.0}, "prior of gain is 0.0, it must be a standard deviation above 0"),
         ({"gain": "2 %"}, "prior of gain is '2 %', it must be a standard deviation"),
         ({"gain": np.nan}, "prior of gain is nan"),
-        ({"base": 1.0}, "prior of base is of parameters with different units; name each: base.x"),
+        (
+            {"base": 1.0},
+            "prior of base is for several parameters with different units; name each: base.x",
+        ),
     ],
 )
 def test_bad_priors_are_named(priors, words):

@@ -130,7 +130,7 @@ def test_priors_by_flag(shell: Shell) -> None:
     code, out, _ = shell(*weightless, "--prior", "gain=3%")
     assert code == 0 and "1 ± 0.03" in out and "Determined by their priors" in out
     for bad, words in [
-        ("offset=1 mm", "prior of 'offset' is of no fitted parameter; fitted are"),
+        ("offset=1 mm", "prior of 'offset' belongs to no fitted parameter; fitted are"),
         ("gain=-1", "--prior: got -1; must be a positive number"),
         ("gain=2 mm", "must be a positive number"),
         (f"{E}=2 mm", "is not a unit of stress"),

@@ -664,7 +664,7 @@ def test_a_comparison_needs_measurements_and_the_cosserat_rod(
         with pytest.raises(InputError, match="give measurements, and leave theory out"):
             run_study(robot, extras=Extras(compare=True), **given)  # type: ignore[arg-type]
     said = shell.error("study", "amouri2019", "--compare")
-    assert "--compare is of measurements" in said
+    assert "--compare needs measurements" in said
 
 
 def test_the_tables_label_the_data_in_each_row(written: Path, whole: Study) -> None:
@@ -757,7 +757,7 @@ def test_inputs_that_the_command_refuses(shell: Shell, bench: Measurements, tmp_
         (["amouri2019", "--measurements", str(one)], "there is one row"),
         (["rao2021", "--measurements", str(one)], "has 3 tendons"),
         (["amouri2019", "--measurements", str(tmp_path / "none.csv")], "none.csv"),
-        (["amouri2019", "--mapping", "m.yaml"], "name the table by --measurements"),
+        (["amouri2019", "--mapping", "m.yaml"], "name it by --measurements"),
     ):
         assert words in shell.error("study", *args, "--out", str(tmp_path / "out"))
     assert not (tmp_path / "out").exists()

@@ -433,7 +433,7 @@ def fit(
     if not unknowns.items:
         raise InputError(f"parameters is empty; name one at least, as {example_path(robot)}")
     if rod is not None and any(name.startswith("bend_gain") for name in unknowns.names):
-        raise InputError('bend_gain is of constant curvature; give model="arc"')
+        raise InputError('bend_gain belongs to constant curvature; give model="arc"')
     commands = observations.commands(data, unknowns.robot)
     points = observations.measured_points(data, unknowns.robot, len(commands))
     _check_markers(unknowns, points)
@@ -444,7 +444,7 @@ def fit(
             f"{len(commands)} rows are too many to fit statics to, {_MOST_ROWS} are possible; keep "
             f"one row of {-(-len(commands) // _MOST_ROWS)}"
         )
-    deviations = _of_initial(unknowns, commands) | read_priors(priors, robot, unknowns)
+    deviations = _initial_priors(unknowns, commands) | read_priors(priors, robot, unknowns)
     frames = {k: v for k, v in begin.items() if k.partition(".")[0] in _OF_FRAMES}
     prior = Priors.of(unknowns, Unknowns(robot, unknowns.names, frames), deviations)
     count = int((used[:, None] & points.seen).sum())
@@ -526,7 +526,7 @@ def _check_initial(unknowns: Unknowns, commands: Commands, *, arcs: bool) -> Non
             )
 
 
-def _of_initial(unknowns: Unknowns, commands: Commands) -> dict[str, float]:
+def _initial_priors(unknowns: Unknowns, commands: Commands) -> dict[str, float]:
     """Prior standard deviations of initial commands: half the range of the tendon's commands.
 
     Without them a command is undetermined once a memory has followed it as far as it can. Where

@@ -335,7 +335,7 @@ def compare_models(
         rod = models[-1]
         work.rod = rod.fitted
         for memory in asked:
-            models.append(_remembering(work, robot, parameters, memory, rod, known))
+            models.append(_with_memory(work, robot, parameters, memory, rod, known))
         work.notify("done", 1.0)
         return _compared(work, models)
     except KeyboardInterrupt:
@@ -387,8 +387,8 @@ def _candidates(robot: Robot, parameters: Sequence[str]) -> list[_Candidate]:
     for name in parameters:
         if name.partition(".")[0] == "bend_gain":
             raise InputError(
-                f"parameter {name} is of constant curvature; leave it out, calibrated constant "
-                "curvature has it",
+                f"parameter {name} belongs to constant curvature; leave it out, calibrated "
+                "constant curvature has it",
                 argument="parameters",
             )
     whole = tuple(Unknowns(robot, parameters).names)
@@ -418,7 +418,7 @@ def _priors(
     return of
 
 
-def _remembering(
+def _with_memory(
     work: _Work,
     robot: Robot,
     parameters: Sequence[str],
@@ -441,7 +441,7 @@ def _remembering(
         if found.residuals is not None and work.is_better(rod, found):
             limit, what = limit_of(memory)
             if limit:
-                at_once = _in_limit(work, candidate, found, limit, known)
+                at_once = _acting_at_once(work, candidate, found, limit, known)
                 if not work.is_better(at_once, found, LIMIT_ERRORS):
                     reason = f"it does no better than {what} without memory, which may be missing"
                     return JudgedModel(name, whole, found.fit, reason=reason)
@@ -450,7 +450,7 @@ def _remembering(
         return JudgedModel(name, whole, reason=str(error).rstrip("."))
 
 
-def _in_limit(
+def _acting_at_once(
     work: _Work,
     candidate: _Candidate,
     found: JudgedModel,

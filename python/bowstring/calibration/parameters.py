@@ -398,13 +398,13 @@ class Unknowns:
                     size = radius if scale == "pitch_radius" else self.robot.length
                     low, high = (end * size for end in (low, high))
                 if low < high and not low <= value <= high:
-                    found.append(_out_of(item.name, value, low, high, item.unit, item.per_unit))
+                    found.append(_beyond(item.name, value, low, high, item.unit, item.per_unit))
         if gravity:
             size = float(np.linalg.norm(self.setting(values).robot.gravity))
             low, high, _ = _POSSIBLE["gravity"]
             least = low if len(gravity) == 3 and size > _WEIGHTLESS else 0.0
             if not least <= size <= high:
-                found.insert(0, _out_of("the size of gravity", size, low, high, "m/s^2", 1.0))
+                found.insert(0, _beyond("the size of gravity", size, low, high, "m/s^2", 1.0))
         return found
 
     def from_home(self) -> Unknowns:
@@ -506,7 +506,7 @@ class Unknowns:
     def _no_such(self, name: str) -> InputError:
         if re.match(r"payloads\b", name) and not self.robot.payloads:
             return InputError(
-                f"parameter {name} is of a payload, and {self.robot.name} has none: add it to the "
+                f"parameter {name} needs a payload, and {self.robot.name} has none: add it to the "
                 "robot with a mass to begin with",
                 argument="parameters",
             )
@@ -585,7 +585,7 @@ class Unknowns:
         )  # beyond, no matrix is positive definite
 
 
-def _out_of(name: str, value: float, low: float, high: float, unit: str, per_unit: float) -> str:
+def _beyond(name: str, value: float, low: float, high: float, unit: str, per_unit: float) -> str:
     """Write a value and its possible range, given in SI, in a unit."""
     at, *ends = (f"{significant(each / per_unit)}" for each in (value, low, high))
     unit = f" {unit}" if unit else ""

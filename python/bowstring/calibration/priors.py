@@ -167,14 +167,14 @@ def matching(unknowns: Unknowns, key: str) -> list[Unknown]:
     found = [i for i in unknowns.items if re.fullmatch(rf"{pattern}(?:\..+)?", i.name)]
     if not found:
         raise InputError(
-            f"prior of {shown(key)} is of no fitted parameter; fitted are "
+            f"prior of {shown(key)} belongs to no fitted parameter; fitted are "
             f"{', '.join(unknowns.names)}",
             argument="priors",
         )
     kinds = {(each.leaf, each.name.startswith("base.r"), each.unit) for each in found}
     if len({kind[:2] for kind in kinds}) > 1:
         raise InputError(
-            f"prior of {key} is of parameters with different units; name each: "
+            f"prior of {key} is for several parameters with different units; name each: "
             f"{', '.join(each.name for each in found)}",
             argument="priors",
         )

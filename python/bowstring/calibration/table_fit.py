@@ -373,7 +373,7 @@ class Validation:
         if sum(way is not None for way in (self.holdout, self.folds, self.other)) > 1:
             raise InputError("holdout, folds and other are ways to validate; give one")
         if self.filter and self.other is None:
-            raise InputError("filter is of another table; give other")
+            raise InputError("filter needs another table to predict; give other")
 
 
 def calibrate(

@@ -116,11 +116,11 @@ def fe(
     force, gravity = weight.tip_force, weight.gravity
     for flag, given in (("--rise", rise), ("--hold", hold), ("--mass-damping", mass_damping)):
         if given is not None and not dynamic:
-            raise InputError(f"{flag} is of --dynamic; give that too.")
+            raise InputError(f"{flag} is for --dynamic; give that too.")
     if dynamic and loads is not None:
-        raise InputError("--loads is of statics; with --dynamic the tensions rise by --rise.")
+        raise InputError("--loads is for statics; with --dynamic the tensions rise by --rise.")
     if dynamic and any(force):
-        raise InputError("--tip-force is of statics; it cannot be given with --dynamic.")
+        raise InputError("--tip-force is for statics; it cannot be given with --dynamic.")
     if study and (any(force) or gravity is not None or keep is not None):
         raise InputError("--study is for tensions alone; leave out the other loads and --keep.")
 

@@ -216,22 +216,22 @@ def fit(
     from bowstring.data.measurements import read_measurements
 
     if model == "rod" and any(name.startswith("bend_gain") for name in parameter):
-        raise InputError("--parameter bend_gain is of constant curvature; give --model arc.")
+        raise InputError("--parameter bend_gain belongs to constant curvature; give --model arc.")
     if (measurements is None) == (data is None):
         raise InputError(
             "give either --measurements FILE or --data NAME, a public data set (bowstring data "
             "list)."
         )
     if data is None and part is not None:
-        raise InputError("--part is of a public data set; name it by --data.")
+        raise InputError("--part selects a table of a public data set; name that by --data.")
     if data is not None and mapping is not None:
-        raise InputError("--mapping is of a table; a set of --data brings its own.")
+        raise InputError("--mapping is for tables of your own; a set of --data has its own.")
     if compare:
         _check_comparison(model, holdout, start)
     elif sum(way is not None for way in (holdout, folds, validate)) > 1:
         raise InputError("--holdout, --folds and --validate are ways to validate; give one.")
     if filter_ and validate is None:
-        raise InputError("--filter is of the table that is predicted; name it by --validate.")
+        raise InputError("--filter needs a table to predict; name it by --validate.")
     if residual and holdout is None and validate is None:
         raise InputError(
             "--residual is judged on rows that are not fitted; give --validate FILE or --holdout "
@@ -536,7 +536,7 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     said = ""
     if data.sigma is not None:
         said = f"; the table says {rounded(1e3 * float(np.median(data.sigma)), 3)} mm"
-    yield f"Scatter of a coordinate: {fixed(1e3 * fit.noise, 4)} mm{said}.{_of_others(fit)}"
+    yield f"Scatter of a coordinate: {fixed(1e3 * fit.noise, 4)} mm{said}.{_outlier_note(fit)}"
     if found.outliers:
         named = [f"line {row.line} ({in_mm(row.distance)})" for row in found.outliers[:5]]
         more = f" and {len(found.outliers) - 5} more" if len(found.outliers) > 5 else ""
@@ -646,7 +646,7 @@ def _model_table(
     return table
 
 
-def _of_others(fit: Fit) -> str:
+def _outlier_note(fit: Fit) -> str:
     """Note on outliers, which the robust scatter does not show; empty without any."""
     whole = fit.score.rmse / math.sqrt(3.0)
     if whole < _FAR_MORE * fit.noise or whole < _EXACT:

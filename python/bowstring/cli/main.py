@@ -174,7 +174,7 @@ def in_flags(error: InputError, arguments: Sequence[str]) -> str:
 _LISTS: Final = 'separate numbers by commas without blanks, or quote the list: "5 N,0,0"'
 
 
-def _mended(sentence: str, context: Any, arguments: Sequence[str]) -> str:
+def _with_advice(sentence: str, context: Any, arguments: Sequence[str]) -> str:
     """Typer's sentence on wrong arguments, or what to write instead where that is known."""
     from bowstring.units import is_numbers
 
@@ -208,7 +208,7 @@ def _is_numerical(error: BaseException) -> bool:
     return of_numpy or isinstance(error, FloatingPointError | OverflowError)
 
 
-def _of_numbers(error: BaseException) -> str:
+def _numerical_failure(error: BaseException) -> str:
     """Sentence on a numerical exception, with the line of Bowstring that it comes from."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if "bowstring" in Path(frame.filename).parts]
@@ -258,7 +258,7 @@ def run(arguments: Sequence[str]) -> int:
         context = getattr(error, "ctx", None)
         command = context.command_path if context else "bowstring"
         sentence = " ".join(error.format_message().split()).rstrip(".")
-        sentence = _mended(sentence.replace("Value error, ", ""), context, arguments)
+        sentence = _with_advice(sentence.replace("Value error, ", ""), context, arguments)
         see = f" See {command}" if sentence.endswith("?") else f"; see {command}"
         say("Error", f"{sentence}{see} --help.")
         return BAD_INPUT
@@ -278,7 +278,7 @@ def run(arguments: Sequence[str]) -> int:
             raise
         if not (interrupts.is_interrupt(error) or interrupts.pending()):
             if _is_numerical(error):
-                say("Error", _of_numbers(error))
+                say("Error", _numerical_failure(error))
                 return NO_SOLUTION
             traceback.print_exc()
             say("Error", "this is a bug in Bowstring; please report it with the lines above.")

@@ -112,13 +112,13 @@ def study(
     It is compared with statics, with dynamics and, if they are given, with measurements.
     """
     if mapping is not None and measurements is None:
-        raise InputError("--mapping is of a table; name the table by --measurements.")
+        raise InputError("--mapping needs a table; name it by --measurements.")
     if compare and measurements is None:
-        raise InputError("--compare is of measurements; name their table by --measurements.")
+        raise InputError("--compare needs measurements; name their table by --measurements.")
     if compare and theory != "cosserat":
         raise InputError("--compare has the Cosserat rod; leave --theory out.")
     if grip is not None and not fe:
-        raise InputError("--grip is of finite elements; give --fe too.")
+        raise InputError("--grip is for finite elements; give --fe too.")
     from bowstring.fem.run import RunInterrupted, Settings
     from bowstring.result_folder import check_folder
     from bowstring.study import report
