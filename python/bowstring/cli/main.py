@@ -46,6 +46,7 @@ _COMMANDS: Final = {
     "fe": "fe.fe",
     "export": "export.export",
     "view": "view.view",
+    "playground": "playground.playground",
     "doctor": "doctor.doctor",
     "compile": "compiled.compile_",
     "map": "map.map_",
