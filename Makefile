@@ -122,10 +122,11 @@ WASM := target/wasm/wasm32-unknown-unknown/release/bowstring_wasm.wasm
 BINDGEN := target/bindgen/release/bowstring-bindgen
 WASM_SOURCES := $(shell find crates/bowstring-rod crates/bowstring-core/src crates/bowstring-compiled crates/bowstring-wasm -name '*.rs' -o -name Cargo.toml) \
 	Cargo.toml Cargo.lock
-WEB_SOURCES := $(shell find web/src web/public -type f) web/index.html web/vite.config.ts python/bowstring/robot/builtin
+WEB_SOURCES := $(shell find web/src -type f) web/index.html web/vite.config.ts python/bowstring/robot/builtin
+PAGE := python/bowstring/cli/playground.html
 
-playground: web/dist/index.html ## the page in web/dist, which any web server can show
-	@echo "Playground: $(abspath web/dist); show it with: npm --prefix web run preview"
+playground: $(PAGE) ## the page, one file that a browser opens; the wheel and the documentation take it
+	@echo "Playground: $(abspath $(PAGE)); show it with: bowstring playground"
 
 web/.tools:
 	@command -v npm >/dev/null || { echo "the playground needs Node.js 20 or newer with npm" >&2; exit 1; }
@@ -148,9 +149,9 @@ web/generated/core.bin: $(WASM_SOURCES) $(BINDGEN) | web/.tools
 	CARGO_TARGET_DIR=target/wasm cargo build --release --locked -p bowstring-wasm --target wasm32-unknown-unknown
 	$(BINDGEN) $(WASM) web/generated
 
-web/dist/index.html: web/generated/core.bin web/node_modules/.installed $(WEB_SOURCES)
+$(PAGE): web/generated/core.bin web/node_modules/.installed $(WEB_SOURCES)
 	npm --prefix web run --silent build
-	@touch $@
+	cp web/dist/index.html $@
 
 test-playground: playground $(VENV)/.built ## the page in a headless Chromium, and its core beside Python's
 	$(BIN)/python web/tests/random_robots.py target/random-robots.json
@@ -159,7 +160,7 @@ test-playground: playground $(VENV)/.built ## the page in a headless Chromium, a
 paper-figures: build $(VENV)/.installed-test ## the figures of paper/paper.md and the numbers it quotes
 	$(BIN)/python paper/figures.py
 
-wheel: ## the wheel of this machine, in dist/
+wheel: playground ## the wheel of this machine, in dist/
 	$(PYTHON) packaging/build_wheel.py
 
 sdist: ## the source distribution, in dist/
@@ -176,7 +177,7 @@ check-version: ## TAG=v1.2.3 names the version of the package
 		{ echo "the tag $(TAG) is not the version in Cargo.toml" >&2; exit 1; }
 
 clean:
-	rm -rf docs/_build dist .venv-wheel web/dist web/generated web/node_modules web/.tools
+	rm -rf docs/_build dist .venv-wheel web/dist web/generated web/node_modules web/.tools $(PAGE)
 	rm -rf $(VENV) .venv-peers .venv-lowest-direct .venv-highest target
 
 LOCK := uv pip compile --universal --no-header --no-annotate --generate-hashes --no-emit-index-url --no-emit-find-links

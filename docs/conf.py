@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 from jupyter_client.manager import KernelManager
 
@@ -80,3 +81,14 @@ html_theme_options = {
 html_show_sourcelink = False
 html_copy_source = False
 exclude_patterns = ["_build", "**/.ipynb_checkpoints"]
+
+# the playground is a page of the site where `make playground` has built it
+_PLAYGROUND = Path(bowstring.__file__).parent / "cli" / "playground.html"
+if _PLAYGROUND.is_file():
+    html_extra_path = [str(_PLAYGROUND)]
+
+
+def setup(app: Any) -> None:
+    """Let pages say {only} playground where it is built."""
+    if _PLAYGROUND.is_file():
+        app.tags.add("playground")

@@ -4,7 +4,7 @@
 
 On Linux zig links against an old C library, so that the wheel is a manylinux one and runs on any
 distribution. maturin and zig are installed into .venv-wheel, by requirements/wheel.lock. Needs
-Python and a Rust toolchain.
+Python, a Rust toolchain and, for the wheel, the page of `make playground`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 HOME = ROOT / ".venv-wheel"
 LOCK = ROOT / "requirements" / "wheel.lock"
+PAGE = ROOT / "python" / "bowstring" / "cli" / "playground.html"
 
 
 def programs() -> Path:
@@ -39,6 +40,8 @@ def main() -> None:
     parser.add_argument("--sdist", action="store_true", help="the source distribution instead")
     args = parser.parse_args()
     folder = programs()
+    if not (args.sdist or PAGE.is_file()):
+        sys.exit(f"{PAGE.name} is missing: run `make playground` first (it needs Node.js)")
     command = ["sdist"] if args.sdist else ["build", "--release", "--locked"]
     if sys.platform == "linux" and not args.sdist:
         command += ["--zig", "--compatibility", "manylinux2014"]

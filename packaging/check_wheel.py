@@ -40,10 +40,11 @@ def without(*prefixes: str) -> dict[str, str]:
 
 
 def without_rust() -> dict[str, str]:
-    """Return the environment without Rust on PATH and without variables that redirect Python."""
+    """Return the environment without Rust, a browser, and variables that redirect Python."""
     env = without("CARGO", "RUST", "PYTHON", "VIRTUAL_ENV", "MATURIN", "BOWSTRING")
     places = env.get("PATH", "").split(os.pathsep)
     tools = ("cargo", "rustc", "maturin")
+    env["BROWSER"] = "true"  # a command that takes the page and shows nothing
     env["PATH"] = os.pathsep.join(
         place for place in places if not any(shutil.which(tool, path=place) for tool in tools)
     )
@@ -88,6 +89,8 @@ def main() -> None:
         python = str(programs / "python")
         run([python, "-m", "pip", "install", "-q", str(wheel)], env=env, cwd=folder)
         print(f"installed after {time.perf_counter() - began:.1f} s")
+        page = run([str(programs / "bowstring"), "playground"], env=env, cwd=folder)
+        print(page.strip())
         study = [str(programs / "bowstring"), "study", "amouri2019", "--json"]
         verdict = json.loads(run(study, env=env, cwd=folder))["verdict"]
         print(f"verdict of the study after {time.perf_counter() - began:.1f} s")

@@ -38,7 +38,34 @@ export function slider(options: SliderOptions): HTMLElement {
     show(input.valueAsNumber);
     options.onInput(input.valueAsNumber);
   });
+  input.addEventListener("show", () => show(Number(input.dataset.value)));
   row.append(name, output, input);
+  return row;
+}
+
+/** Shows a value in a slider or field without an input by the user. */
+export function showValue(id: string, value: number): void {
+  const input = document.getElementById(id) as HTMLInputElement | null;
+  if (input === null) return;
+  input.value = String(value);
+  input.dataset.value = String(value); // a slider rounds its own to its step
+  input.dispatchEvent(new Event("show"));
+}
+
+/** A labelled number with its unit, written out by the user. */
+export function field(
+  id: string,
+  label: string,
+  unit: string,
+  value: number,
+  onChange: (value: number, text: string) => void,
+): HTMLElement {
+  const row = document.createElement("label");
+  row.className = "field";
+  const input = document.createElement("input");
+  Object.assign(input, { type: "number", id, min: "0", step: "any", value: String(value) });
+  input.addEventListener("change", () => onChange(input.valueAsNumber, input.value));
+  row.append(label, input, unit);
   return row;
 }
 

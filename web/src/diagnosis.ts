@@ -34,20 +34,39 @@ export class Curve {
 
   /** Adds a point. */
   step(): void {
-    const command = (this.most * this.points.length) / CURVE_POINTS;
+    const point = this.at((this.most * this.points.length) / CURVE_POINTS);
+    if (typeof point === "string") this.ended = point;
+    else this.points.push(point);
+  }
+
+  /** The point at a command, or the reason why there is none. */
+  private at(command: number): CurvePoint | string {
     const commands = this.unit.map((u) => u * command);
     const loading = { ...this.loading, commands };
     const found = solve(this.on, loading);
-    if (typeof found === "string") {
-      this.ended = found;
-      return;
-    }
+    if (typeof found === "string") return found;
     const arcs = constantCurvature(this.on, lawOf(loading), commands, 1);
-    if (typeof arcs === "string") {
-      this.ended = arcs;
-      return;
+    return typeof arcs === "string" ? arcs : { command, error: distance(found.tip, tipOf(arcs)) };
+  }
+
+  /**
+   * The least command found within `time` (ms) at which the error is more than the tolerance (m). Half of the largest
+   * command with an equilibrium where the error is never more, and where it is more in the home pose.
+   */
+  outside(tolerance: number, time: number): number {
+    const end = performance.now() + time;
+    while (!this.isDone && performance.now() < end) this.step();
+    const { points } = this;
+    const first = points.findIndex(({ error }) => error > tolerance);
+    if (first <= 0) return (points.at(-1)?.command ?? 0) / 2;
+    let [within, outside] = [points[first - 1].command, points[first].command];
+    while (outside - within > 1e-3 * outside && performance.now() < end) {
+      const point = this.at((within + outside) / 2);
+      if (typeof point === "string") break;
+      if (point.error > tolerance) outside = point.command;
+      else within = point.command;
     }
-    this.points.push({ command, error: distance(found.tip, tipOf(arcs)) });
+    return outside;
   }
 
   /** Command at which the error first exceeds the tolerance (m); null where it does not. */

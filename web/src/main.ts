@@ -1,7 +1,7 @@
 /** The page: state to pose to pictures, and events to state. */
 
 import { drawChart } from "./chart";
-import { button, buttons, check, choice, download, fileButton, group, slider } from "./controls";
+import { button, buttons, check, choice, download, field, fileButton, group, showValue, slider } from "./controls";
 import {
   bench, constantCurvature, deadLoads, distance, lawOf, loadCore, solve, tipOf, type Loading, type Playground, type Point,
 } from "./core";
@@ -11,17 +11,25 @@ import { implausible } from "./plausibility";
 import { FIRST, modelFrom, NAMES } from "./presets";
 import { mainNumbers, withMainNumbers, writeRobotFile, type MainNumbers } from "./robot-file";
 import { GHOST_STEPS, RobotScene, type Drawing } from "./scene";
-import { applyHash, boundsOf, commandsOf, gravityOf, initial, sourceOf, stepFor, toHash, type Source, type State } from "./state";
+import {
+  applyHash, boundsOf, commandsOf, gravityOf, hasCommands, initial, sourceOf, stepFor, toHash, type Source, type State,
+} from "./state";
 import { short } from "./units";
 
 const MOST_FILE_BYTES = 2_000_000;
 /** Work on the error curve in a frame (ms), and the pause after which causes are sought. */
 const CURVE_BUDGET = 4;
+/** Longest search for the pose in which a robot is shown first (ms). */
+const BEND_BUDGET = 400;
 const PAUSE = 150;
 /** Damping in proportion to mass of a motion (1/s), its longest time (s), and rise of displacements. */
 const DAMPING = 3;
 const MOST_TIME = 6;
 const RISE = 0.1;
+/** Length of the magnified error vector over the tip error. */
+const MAGNIFIED = 10;
+/** Step of a commanded bend (rad). */
+const BEND_STEP = Math.PI / 360;
 
 const find = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const said = (error: unknown) => (error instanceof Error ? error.message : String(error));
@@ -40,6 +48,9 @@ class Page {
   private pending = 0;
   private pause = 0;
   private moving = 0;
+  /** The point to which the tip is pulled next (m), and whether a pull goes on from tensions that it found. */
+  private pulled: Point | null = null;
+  private pulling = false;
 
   constructor() {
     this.scene = this.tryScene();
@@ -47,7 +58,17 @@ class Page {
 
   private tryScene(): RobotScene | null {
     try {
-      return new RobotScene(find("scene"));
+      return new RobotScene(find("scene"), {
+        isOn: () => this.on !== null && !this.state.displacements,
+        to: (point) => {
+          this.pulled = point as Point;
+          this.changed(false);
+        },
+        end: () => {
+          this.pulling = false;
+          this.changed(true);
+        },
+      });
     } catch {
       const note = find("no-scene");
       note.textContent =
@@ -64,7 +85,7 @@ class Page {
     let source: Source = { preset: FIRST };
     try {
       source = sourceOf(hash) ?? source;
-      this.load(source, (state) => applyHash(hash, state));
+      this.load(source, hasCommands(hash), (state) => applyHash(hash, state));
     } catch (error) {
       if (this.on === null) this.load({ preset: FIRST });
       this.alert(said(error));
@@ -72,7 +93,7 @@ class Page {
   }
 
   /** Takes another robot; throws and keeps the present one where it cannot be read. */
-  private load(source: Source, adjust: (state: State) => void = () => {}): void {
+  private load(source: Source, hasCommands = false, adjust: (state: State) => void = () => {}): void {
     const original = modelFrom(source);
     const on = bench(original);
     const state = initial(source, original);
@@ -91,6 +112,7 @@ class Page {
       problem = error;
       state.numbers = null;
     }
+    if (!hasCommands) this.bend();
     this.scene?.show(this.model.geometry, false);
     this.buildControls();
     this.changed(true, true);
@@ -107,6 +129,24 @@ class Page {
     [this.model, this.on] = [model, on];
   }
 
+  /** Bends the robot by its first tendon to where constant curvature leaves the tolerance. */
+  private bend(): void {
+    const { state, model } = this;
+    const along = state.displacements ? state.bends : state.tensions;
+    along[0] = 1;
+    try {
+      const unit = Math.max(...this.loading.commands.map(Math.abs));
+      const bounds = boundsOf(this.original.geometry, state.displacements);
+      const curve = new Curve(model, this.loading, bounds.command);
+      const command = curve.outside(state.tolerance * model.geometry.length, BEND_BUDGET) / unit;
+      curve.free();
+      const step = state.displacements ? BEND_STEP : stepFor(bounds.tension);
+      along[0] = Math.ceil(command / step) * step;
+    } catch {
+      along[0] = 0; // the pose says why
+    }
+  }
+
   private get loading(): Loading {
     const { state } = this;
     return {
@@ -117,8 +157,11 @@ class Page {
     };
   }
 
-  alert(sentence: string): void {
-    find("alert").textContent = sentence === "" ? "" : sentence[0].toUpperCase() + sentence.slice(1).replace(/\.?$/, ".");
+  /** Shows a sentence, after the name of the file that it is about; names and paths of fields stay as they are. */
+  alert(sentence: string, file = ""): void {
+    const ended = sentence === "" ? "" : sentence.replace(/\.?$/, ".");
+    const isPlain = /^[a-z]+ /.test(ended) && file === "";
+    find("alert").textContent = (file === "" ? "" : `${file}: `) + (isPlain ? ended[0].toUpperCase() + ended.slice(1) : ended);
   }
 
   /** After a change of state: at most one solve a frame. */
@@ -136,6 +179,7 @@ class Page {
     cancelAnimationFrame(this.pending);
     this.pending = 0;
     if (this.on === null) return;
+    if (this.pulled !== null) this.reach(this.pulled);
     const { loading } = this;
     let found;
     try {
@@ -155,10 +199,27 @@ class Page {
       this.showNumbers(found.error);
       this.draw();
     }
-    this.continueCurve();
+    if (!this.pulling) this.continueCurve();
     clearTimeout(this.pause);
     this.pause = window.setTimeout(() => this.settle(), PAUSE);
     if (performance.getEntriesByName("bowstring:first-pose").length === 0) performance.mark("bowstring:first-pose");
+  }
+
+  /** Takes the tensions that bring the tip nearest to a point. */
+  private reach(point: Point): void {
+    const { state } = this;
+    this.pulled = null;
+    const { tension } = boundsOf(this.original.geometry, false);
+    const most = Float64Array.from(state.tensions, () => tension);
+    try {
+      const found = this.on!.reach(Float64Array.from(point), most, deadLoads(this.loading), this.pulling);
+      this.pulling = true;
+      if (found.length === 0) return;
+      state.tensions = [...found];
+      state.tensions.forEach((value, i) => showValue(`tension-${i}`, value));
+    } catch (error) {
+      this.alert(said(error));
+    }
   }
 
   private draw(): void {
@@ -168,8 +229,10 @@ class Page {
     const slack = this.on.slack();
     const drawing: Drawing = {
       backbone: this.on.backbone(), disks: this.on.disks(), slack, stress, mostStress, ghost: this.ghost,
+      magnification: this.state.magnified ? MAGNIFIED : 1,
     };
     this.scene.draw(drawing);
+    find("magnified").textContent = this.state.magnified ? `, ${MAGNIFIED} times as long` : "";
     find("slack-legend").hidden = !slack.some((s) => s > 1e-6 * this.model.geometry.length);
     const legend = find("stress-legend");
     legend.hidden = mostStress === 0;
@@ -183,7 +246,7 @@ class Page {
     const verdict = find("verdict");
     const fails = !(share <= tolerance);
     verdict.className = fails ? "bad" : "good";
-    const limit = `the tolerance of ${short(tolerance * 100)} % of the length (${short(tolerance * length * 1e3)} mm)`;
+    const limit = `the tolerance of ${short(tolerance * length * 1e3)} mm (${short(tolerance * 100)} %)`;
     verdict.textContent = Number.isNaN(this.tipError)
       ? "Constant curvature has no answer for these commands."
       : `Constant curvature is wrong by ${short(this.tipError * 1e3)} mm at the tip, ${short(share * 100)} % of the length: ` +
@@ -258,6 +321,9 @@ class Page {
   private settle(): void {
     const { file } = this.model;
     find("doubts").textContent = file === null ? "" : implausible(file).map((sentence) => `Check ${sentence}`).join("\n");
+    const leftOut = file?.leftOut ?? [];
+    find("left-out").hidden = leftOut.length === 0;
+    find("left-out").textContent = leftOut.join(" ");
     const hash = `#${toHash(this.state)}`;
     if (location.hash !== hash) history.replaceState(null, "", hash);
     let found: Diagnosis = { error: NaN, causes: [] };
@@ -326,7 +392,6 @@ class Page {
 
   private buildControls(): void {
     const { state, original, model } = this;
-    find("robot-name").textContent = original.name;
     const most = boundsOf(original.geometry, state.displacements);
     const set = (change: (value: number) => void, curve: boolean) => (value: number) => {
       change(value);
@@ -335,10 +400,9 @@ class Page {
     const preset = "preset" in state.source ? state.source.preset : "";
     const names = NAMES.map((name): [string, string] => [name, name]);
     if (preset === "") names.unshift(["", original.name]);
-    const robots = group(
-      "Robot",
-      choice("robot", "robot", names, preset, (name) => name !== "" && this.tryLoad({ preset: name })),
-      buttons(fileButton("file", "Open a robot file", ".yaml,.yml,.json", (file) => void this.open(file))),
+    const robots = buttons(
+      choice("robot", "Robot", names, preset, (name) => name !== "" && this.tryLoad({ preset: name })),
+      fileButton("file", "Open a file", ".yaml,.yml,.json", (file) => void this.open(file)),
     );
     const control = group(
       "Actuation",
@@ -348,6 +412,7 @@ class Page {
         state.displacements ? "displacement" : "tension",
         (value) => {
           state.displacements = value === "displacement";
+          if (this.loading.commands.every((command) => command === 0)) this.bend();
           this.buildControls();
           this.changed(true, true);
         },
@@ -415,11 +480,32 @@ class Page {
         }),
       );
     });
+    const { length } = model.geometry;
+    const showTolerance = () => {
+      showValue("tolerance", state.tolerance * 100);
+      showValue("tolerance-mm", Number(short(state.tolerance * this.model.geometry.length * 1e3, 4)));
+    };
+    const setTolerance = (share: number) => {
+      state.tolerance = share;
+      showTolerance();
+      this.changed(false);
+    };
     const view = group(
       "Verdict and view",
       slider({
         id: "tolerance", label: "tolerance, share of the length", unit: "%", least: 0.1, most: 10, step: 0.1,
-        value: state.tolerance * 100, onInput: set((x) => (state.tolerance = x / 100), false),
+        value: state.tolerance * 100, onInput: (x) => setTolerance(x / 100),
+      }),
+      field("tolerance-mm", "tolerance", "mm", Number(short(state.tolerance * length * 1e3, 4)), (x, text) => {
+        const share = x / 1e3 / this.model.geometry.length;
+        if (share >= 1e-5 && share <= 1) return setTolerance(share);
+        showTolerance();
+        const most = short(this.model.geometry.length * 1e3, 4);
+        this.alert(`tolerance: got "${text}" mm; must be more than 0 mm and at most the length, ${most} mm`);
+      }),
+      check("magnify", `error vector ${MAGNIFIED} times as long`, state.magnified, (on) => {
+        state.magnified = on;
+        this.changed(false);
       }),
     );
     if (model.geometry.known) {
@@ -450,6 +536,7 @@ class Page {
       try {
         this.rebuild();
         this.scene?.show(this.model.geometry, true);
+        showValue("tolerance-mm", Number(short(this.state.tolerance * this.model.geometry.length * 1e3, 4)));
         this.changed(true, true);
       } catch (error) {
         this.state.numbers = before;
@@ -492,7 +579,7 @@ class Page {
 
   async open(file: File): Promise<void> {
     if (file.size > MOST_FILE_BYTES) {
-      this.alert(`${file.name} has ${file.size} bytes, which is no robot file; the last robot stays`);
+      this.alert(`the file has ${file.size} bytes, which is no robot file; the last robot stays`, file.name);
       return;
     }
     try {
@@ -500,7 +587,7 @@ class Page {
       this.load({ text, fileName: file.name.slice(0, 100) });
     } catch (error) {
       const why = error instanceof TypeError ? "it is no text" : said(error);
-      this.alert(`${file.name}: ${why}; the last robot stays`);
+      this.alert(`${why}; the last robot stays`, file.name);
     }
   }
 
@@ -533,12 +620,14 @@ class Page {
 }
 
 async function main(): Promise<void> {
+  document.querySelector("main")!.hidden = false;
+  find("controls").addEventListener("submit", (event) => event.preventDefault()); // Enter in a field
   const core = loadCore(); // beside the start of WebGL
   const page = new Page();
   try {
     await core;
   } catch (error) {
-    page.alert(`the core could not start: ${said(error)}; the page needs WebAssembly and a web server`);
+    page.alert(`the core could not start: ${said(error)}; the page needs WebAssembly`);
     return;
   }
   page.start(location.hash.slice(1));

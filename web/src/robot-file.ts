@@ -63,6 +63,8 @@ export interface RobotFile {
   gravity: number[];
   segments: Segment[];
   payloads: Payload[];
+  /** A sentence of each law of the file that the page leaves out. */
+  leftOut: string[];
 }
 
 /** The text was read, but is no robot of the page; the message is one sentence. */
@@ -78,9 +80,26 @@ export const MOST_DISKS = 300;
 export const MOST_TENDONS = 100;
 const COMPILE = "write it with \"bowstring export ROBOT --out robot.json\" and drop that file here";
 
-/** Fields of laws that no compiled robot has either: memories, and losses of displacement. */
-const LAWS = new Set(["friction", "backlash", "hysteresis", "relaxation", "second_relaxation",
-  "creep_compliance", "second_creep_compliance", "hole_clearance", "mount_compliance"]);
+const RELAXATION = "Relaxation of the backbone is left out.";
+const CREEP = "Creep of the tendons is left out.";
+const COMMANDS = "Gain and zero of the drives are left out: displacements are those of the tendons themselves.";
+/**
+ * Fields of laws that the page leaves out, memories and losses of displacement, with their size in a robot without the
+ * law and the sentence of a robot with it.
+ */
+export const LAWS: Record<string, [number, string]> = {
+  friction: [0, "Friction of the tendons is left out."],
+  backlash: [0, "Backlash of the drives is left out."],
+  hysteresis: [0, "Hysteresis of the backbone is left out."],
+  relaxation: [0, RELAXATION],
+  second_relaxation: [0, RELAXATION],
+  creep_compliance: [0, CREEP],
+  second_creep_compliance: [0, CREEP],
+  hole_clearance: [0, "Clearance of the tendons in their holes is left out."],
+  mount_compliance: [0, "Compliance of the drives' mount is left out."],
+  gain: [1, COMMANDS],
+  zero: [0, COMMANDS],
+};
 /** Fields of robots that come compiled; zero is as if they were left out. */
 const COMPILED_ONLY = new Set(["rest_bend", "rest_twist", "turns"]);
 /** Fields without an effect on the page. */
@@ -89,22 +108,22 @@ const WITHOUT_EFFECT = new Set([
   "yield_strength", "strain_limit", "spool_radius", "diameter", "material", "hole_diameter",
   "hysteresis_play", "relaxation_time", "second_relaxation_time", "creep_time", "second_creep_time",
   "wrap_angle",
-  "gain", "zero", // displacements on the page are the tendons' own, not the drives'
 ]);
 
 /** Lengths along the robot; all others are across it, and less than 0.1 where they are in metres. */
 const ALONG = new Set(["length", "positions", "free_length", "centre"]);
 
-/** Whether a value is zero, with or without a unit. */
-function isZero(value: unknown): boolean {
-  return /^[+-]?(?:0+\.?0*|\.0+)(?:e[+-]?\d+)?\s*[a-z/*^]*$/i.test(String(value).trim());
+/** The number of a value, whatever its unit; NaN where it is none. */
+function numberOf(value: unknown): number {
+  return Number(/^([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*[a-z/*^]*$/i.exec(String(value).trim())?.[1]);
 }
 
 /** A mapping of the file, read field by field; what is left at the end is refused. */
 class Fields {
   private readonly left: Map<string, unknown>;
 
-  constructor(value: unknown, private readonly path: string) {
+  /** @param leftOut Takes a sentence of each law that the page leaves out. */
+  constructor(value: unknown, private readonly path: string, readonly leftOut: Set<string>) {
     if (typeof value !== "object" || value === null || Array.isArray(value)) {
       throw new RobotFileError(`${path || "the file"}: got ${quote(value)}; must be a mapping of fields`);
     }
@@ -172,12 +191,16 @@ class Fields {
   /** Refuses what was not read. */
   end(): void {
     for (const [name, value] of this.left) {
-      if ((LAWS.has(name) || COMPILED_ONLY.has(name)) && isZero(value)) continue;
+      if (COMPILED_ONLY.has(name) && numberOf(value) === 0) continue;
       if (name === "tendons_in" && value === "disks") continue;
-      if (LAWS.has(name)) {
-        this.fail(name, "the page does not model it; leave it out here, and use it in Python");
-      }
       if (WITHOUT_EFFECT.has(name)) continue;
+      if (Object.hasOwn(LAWS, name)) {
+        const [without, sentence] = LAWS[name];
+        const size = numberOf(value);
+        if (Number.isNaN(size)) this.fail(name, `got ${quote(value)}; must be a number`);
+        if (size !== without) this.leftOut.add(sentence);
+        continue;
+      }
       this.fail(name, `the page does not read this field; ${COMPILE}`);
     }
   }
@@ -185,8 +208,8 @@ class Fields {
 
 const SIZE: [number, number] = [1e-6, 100];
 
-function readBackbone(value: unknown, path: string): Backbone {
-  const fields = new Fields(value, path);
+function readBackbone(value: unknown, path: string, leftOut: Set<string>): Backbone {
+  const fields = new Fields(value, path, leftOut);
   const found = {
     diameter: fields.has("diameter")
       ? fields.number("diameter", "m", [1e-6, 10])
@@ -206,8 +229,8 @@ function readBackbone(value: unknown, path: string): Backbone {
   return { ...found, G };
 }
 
-function readDisks(value: unknown, length: number, path: string): Disks {
-  const fields = new Fields(value, path);
+function readDisks(value: unknown, length: number, path: string, leftOut: Set<string>): Disks {
+  const fields = new Fields(value, path, leftOut);
   if (fields.has("count") === fields.has("positions")) {
     fields.fail("count", "write exactly one of count and positions");
   }
@@ -258,16 +281,16 @@ function readTendon(fields: Fields, angle: number): Tendon {
 
 const TURN: [number, number] = [-2 * Math.PI, 2 * Math.PI];
 
-function readTendons(value: unknown, path: string): Tendon[] {
+function readTendons(value: unknown, path: string, leftOut: Set<string>): Tendon[] {
   if (Array.isArray(value)) {
     return value.map((row, i) => {
-      const fields = new Fields(row, `${path}[${i}]`);
+      const fields = new Fields(row, `${path}[${i}]`, leftOut);
       const tendon = readTendon(fields, fields.number("angle", "rad", TURN));
       fields.end();
       return tendon;
     });
   }
-  const fields = new Fields(value, path);
+  const fields = new Fields(value, path, leftOut);
   const count = fields.count("count", 100);
   const first = fields.number("first_angle", "rad", TURN, 0);
   const tendon = readTendon(fields, first);
@@ -276,15 +299,15 @@ function readTendons(value: unknown, path: string): Tendon[] {
   return Array.from({ length: count }, (_, i) => ({ ...tendon, angle: first + i * step }));
 }
 
-function readSegment(value: unknown, path: string): Segment {
-  const fields = new Fields(value, path);
+function readSegment(value: unknown, path: string, leftOut: Set<string>): Segment {
+  const fields = new Fields(value, path, leftOut);
   const length = fields.number("length", "m", [1e-6, 1000]);
   const segment = {
     name: fields.text("name", ""),
     length,
-    backbone: readBackbone(fields.take("backbone"), `${path}.backbone`),
-    disks: readDisks(fields.take("disks"), length, `${path}.disks`),
-    tendons: readTendons(fields.take("tendons"), `${path}.tendons`),
+    backbone: readBackbone(fields.take("backbone"), `${path}.backbone`, leftOut),
+    disks: readDisks(fields.take("disks"), length, `${path}.disks`, leftOut),
+    tendons: readTendons(fields.take("tendons"), `${path}.tendons`, leftOut),
   };
   fields.end();
   const { backbone, disks, tendons } = segment;
@@ -318,7 +341,8 @@ export function readRobotFile(text: string, fallbackName: string): RobotFile {
     const first = (error as Error).message.split("\n")[0].slice(0, 200);
     throw new RobotFileError(`the file is no YAML: ${first}`);
   }
-  const fields: Fields = new Fields(content, "");
+  const leftOut = new Set<string>();
+  const fields: Fields = new Fields(content, "", leftOut);
   const segments = fields.take("segments");
   if (!Array.isArray(segments) || segments.length === 0 || segments.length > 20) {
     fields.fail("segments", "must be a list of 1 to 20 segments");
@@ -329,9 +353,10 @@ export function readRobotFile(text: string, fallbackName: string): RobotFile {
     name: fields.text("name", fallbackName).slice(0, 100),
     description: fields.text("description", ""),
     gravity: fields.numbers("gravity", "m/s^2", [0, 0, 0]),
-    segments: segments.map((segment, i) => readSegment(segment, `segments[${i}]`)),
+    leftOut: [],
+    segments: segments.map((segment, i) => readSegment(segment, `segments[${i}]`, leftOut)),
     payloads: payloads.map((row, i) => {
-      const each = new Fields(row, `payloads[${i}]`);
+      const each = new Fields(row, `payloads[${i}]`, leftOut);
       const payload = {
         disk: each.has("disk") ? each.count("disk", MOST_DISKS) - 1 : null,
         mass: each.number("mass", "kg", [0, 1e4]),
@@ -343,6 +368,7 @@ export function readRobotFile(text: string, fallbackName: string): RobotFile {
     }),
   };
   fields.end();
+  robot.leftOut.push(...leftOut);
   if (robot.gravity.length !== 3) fields.fail("gravity", "must be three numbers, x y z");
   checkSize(robot);
   if (robot.segments.every((segment) => segment.tendons.length === 0)) fields.fail("segments", "have no tendon");
@@ -533,5 +559,6 @@ export function writeRobotFile(robot: RobotFile): string {
           })),
         }),
   };
-  return `# Written by the Bowstring playground; all numbers are those of the page.\n${stringify(content)}`;
+  const head = ["Written by the Bowstring playground; all numbers are those of the page.", ...robot.leftOut];
+  return `${head.map((line) => `# ${line}\n`).join("")}${stringify(content)}`;
 }

@@ -2,7 +2,8 @@
 
 import {
   AmbientLight, BufferAttribute, BufferGeometry, Color, CylinderGeometry, DirectionalLight, DynamicDrawUsage, GridHelper,
-  Group, InstancedMesh, Matrix4, Mesh, MeshStandardMaterial, PerspectiveCamera, Quaternion, Scene, Vector3, WebGLRenderer,
+  Group, InstancedMesh, Matrix4, Mesh, MeshBasicMaterial, MeshStandardMaterial, PerspectiveCamera, Plane, Quaternion,
+  Raycaster, Scene, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import type { Geometry } from "./model";
@@ -12,6 +13,10 @@ const AROUND = 14;
 const PIECES = 8;
 const RAMP = ["#440154", "#3b528b", "#21918c", "#5ec962", "#fde725"].map((c) => new Color(c));
 const ROD = new Color("#0b5fa5");
+const GHOST = new Color("#e8590c");
+const ERROR = new Color("#c2185b");
+/** Distance from the tip at which a pointer takes hold of it (px). */
+const GRIP = 30;
 const TAUT = new Color("#2b2f36");
 const SLACK = new Color("#8a1c7c");
 const UP = new Vector3(0, 1, 0);
@@ -97,6 +102,17 @@ export interface Drawing {
   mostStress: number;
   /** Poses of constant curvature, `GHOST_STEPS` in each segment; empty without. */
   ghost: Float64Array;
+  /** Length of the error vector over the tip error. */
+  magnification: number;
+}
+
+/** What a pointer does at the tip. */
+export interface Pull {
+  /** Whether the tip can be taken. */
+  isOn: () => boolean;
+  /** The point to which the tip is pulled (m). */
+  to: (point: number[]) => void;
+  end: () => void;
 }
 
 export const GHOST_STEPS = 24;
@@ -108,12 +124,16 @@ export class RobotScene {
   private readonly orbit: OrbitControls;
   private readonly resize: ResizeObserver;
   private parts: Parts | null = null;
+  /** The robot before, kept until the next one is drawn, so that its shader programs are used again. */
+  private before: Parts | null = null;
   /** Resolved when the shader programs are linked, which can take seconds without a GPU; nothing is drawn before. */
   private linking: Promise<void> | null = null;
   private linked = false;
+  /** While the tip is pulled: the plane in which it moves. */
+  private plane: Plane | null = null;
 
   /** @throws Error where the browser has no WebGL. */
-  constructor(private readonly into: HTMLElement) {
+  constructor(private readonly into: HTMLElement, private readonly pull: Pull) {
     this.renderer = new WebGLRenderer({ antialias: true });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.scene.background = new Color("#f7f9fb");
@@ -131,6 +151,10 @@ export class RobotScene {
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.addEventListener("change", () => this.render());
     canvas.addEventListener("keydown", (event) => this.turn(event));
+    // before the listener that turns the view
+    into.addEventListener("pointerdown", (event) => this.take(event), { capture: true });
+    canvas.addEventListener("pointermove", (event) => this.move(event));
+    for (const name of ["pointerup", "pointercancel"] as const) canvas.addEventListener(name, () => this.drop());
     this.resize = new ResizeObserver(() => this.fit());
     this.resize.observe(into);
   }
@@ -153,6 +177,52 @@ export class RobotScene {
     this.render();
   }
 
+  /** Position of a pointer, from -1 to 1 across the picture. */
+  private place({ clientX, clientY }: PointerEvent): Vector2 {
+    const { left, top, width, height } = this.renderer.domElement.getBoundingClientRect();
+    return new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height);
+  }
+
+  /** Where the tip of the rod is in the picture (px from its corner); null without a robot. */
+  tipInPicture(): [number, number] | null {
+    if (this.parts === null) return null;
+    const at = this.parts.tip.clone().project(this.camera);
+    return [((at.x + 1) * this.into.clientWidth) / 2, ((1 - at.y) * this.into.clientHeight) / 2];
+  }
+
+  /** Takes the tip where the pointer is near it. */
+  private take(event: PointerEvent): void {
+    const tip = this.tipInPicture();
+    if (tip === null || this.parts === null || !event.isPrimary || !this.pull.isOn()) return;
+    const { left, top } = this.renderer.domElement.getBoundingClientRect();
+    if (Math.hypot(event.clientX - left - tip[0], event.clientY - top - tip[1]) > GRIP) return;
+    this.orbit.enabled = false;
+    const across = this.camera.getWorldDirection(new Vector3());
+    this.plane = new Plane().setFromNormalAndCoplanarPoint(across, this.parts.tip);
+    this.renderer.domElement.setPointerCapture(event.pointerId);
+  }
+
+  private move(event: PointerEvent): void {
+    const canvas = this.renderer.domElement;
+    if (this.plane === null) {
+      const tip = this.pull.isOn() ? this.tipInPicture() : null;
+      const near = tip !== null && Math.hypot(event.offsetX - tip[0], event.offsetY - tip[1]) <= GRIP;
+      canvas.style.cursor = near ? "grab" : "";
+      return;
+    }
+    const ray = new Raycaster();
+    ray.setFromCamera(this.place(event), this.camera);
+    const point = ray.ray.intersectPlane(this.plane, new Vector3());
+    if (point !== null) this.pull.to(point.toArray());
+  }
+
+  private drop(): void {
+    if (this.plane === null) return;
+    this.plane = null;
+    this.orbit.enabled = true;
+    this.pull.end();
+  }
+
   private fit(): void {
     const { clientWidth: width, clientHeight: height } = this.into;
     if (width === 0 || height === 0) return;
@@ -164,8 +234,9 @@ export class RobotScene {
 
   /** Shows another robot. */
   show(geometry: Geometry, keepView: boolean): void {
-    this.parts?.free();
-    if (this.parts !== null) this.scene.remove(this.parts.group);
+    this.before?.free();
+    this.before = this.parts;
+    if (this.before !== null) this.scene.remove(this.before.group);
     this.parts = new Parts(geometry);
     this.scene.add(this.parts.group);
     this.linking ??= this.link();
@@ -173,7 +244,10 @@ export class RobotScene {
     if (keepView) return;
     this.camera.near = length / 100;
     this.camera.far = length * 100;
-    this.camera.position.set(0.6 * length, -2.1 * length, 1.0 * length);
+    // near, but with room at both sides for a robot that bends into the horizontal
+    const [half, aspect] = [Math.tan((this.camera.fov * Math.PI) / 360), this.into.clientWidth / this.into.clientHeight || 1];
+    const far = Math.max(1, 0.85 / (1.76 * half * aspect)) * length;
+    this.camera.position.set(0.47 * far, -1.64 * far, 0.45 * length + 0.43 * far);
     this.orbit.target.set(0, 0, 0.45 * length);
     this.camera.updateProjectionMatrix();
     this.orbit.update();
@@ -196,7 +270,11 @@ export class RobotScene {
   }
 
   render(): void {
-    if (this.linked) this.renderer.render(this.scene, this.camera);
+    // meshes without a pose have empty triangles, at which a renderer in software stops for minutes
+    if (!this.linked || this.parts?.isBent !== true) return;
+    this.renderer.render(this.scene, this.camera);
+    this.before?.free();
+    this.before = null;
   }
 
   /** The picture as PNG. */
@@ -215,6 +293,10 @@ class Parts {
   private readonly disks: InstancedMesh;
   private readonly ghostDisks: InstancedMesh;
   private readonly tendons: InstancedMesh;
+  /** Markers of the tips and the error vector, which nothing hides. */
+  private readonly marks: { rod: Mesh; ghost: Mesh; error: Mesh };
+  /** Tip of the rod. */
+  readonly tip = new Vector3();
   private readonly points: number;
   private readonly matrix = new Matrix4();
 
@@ -223,7 +305,7 @@ class Parts {
     this.points = 5;
     this.rod = new Tube(this.points * disks.length, new MeshStandardMaterial({ vertexColors: true, roughness: 0.45 }));
     const translucent = () =>
-      new MeshStandardMaterial({ color: "#b3541e", transparent: true, opacity: 0.35, depthWrite: false });
+      new MeshStandardMaterial({ color: GHOST, transparent: true, opacity: 0.55, depthWrite: false });
     const segments = diameters.length;
     this.ghost = new Tube(GHOST_STEPS * segments + 1, translucent());
     const cylinder = new CylinderGeometry(1, 1, 1, 40).rotateX(Math.PI / 2); // along z
@@ -241,11 +323,24 @@ class Parts {
     grid.rotation.x = Math.PI / 2;
     grid.position.z = -0.03 * length;
     for (const mesh of [this.disks, this.ghostDisks, this.tendons]) mesh.frustumCulled = false;
+    const mark = (shape: BufferGeometry, color: Color, order: number, opacity = 1) => {
+      const mesh = new Mesh(shape, new MeshBasicMaterial({ color, opacity, transparent: true, depthTest: false }));
+      mesh.renderOrder = order;
+      mesh.frustumCulled = false;
+      return mesh;
+    };
+    const ball = (share: number) => new SphereGeometry(share * length, 20, 12);
+    // the ghost's marker is larger, so that it shows behind the rod's
+    this.marks = { ghost: mark(ball(0.024), GHOST, 1, 0.9), error: mark(thread, ERROR, 2), rod: mark(ball(0.015), ROD, 3) };
     this.group.add(this.rod.mesh, this.ghost.mesh, this.disks, this.ghostDisks, this.tendons, base, grid);
+    this.group.add(...Object.values(this.marks));
   }
 
-  bend({ backbone, disks, slack, stress, mostStress, ghost }: Drawing): void {
+  isBent = false;
+
+  bend({ backbone, disks, slack, stress, mostStress, ghost, magnification }: Drawing): void {
     const { geometry } = this;
+    this.isBent = true;
     const radius = (segment: number) => Math.max(geometry.diameters[segment][0] / 2, geometry.length * 2e-3);
     if (backbone.length === 3 * this.rod.count) {
       const colour = (i: number, into: Color) => {
@@ -260,17 +355,24 @@ class Parts {
     });
     this.disks.instanceMatrix.needsUpdate = true;
     this.drawTendons(disks, slack);
+    this.tip.fromArray(disks as unknown as number[], disks.length - 12);
+    this.marks.rod.position.copy(this.tip);
     const shown = ghost.length === 12 * this.ghost.count;
-    this.ghost.mesh.visible = shown;
-    this.ghostDisks.visible = shown;
+    for (const mesh of [this.ghost.mesh, this.ghostDisks, this.marks.ghost, this.marks.error]) mesh.visible = shown;
     if (!shown) return;
+    this.marks.ghost.position.fromArray(ghost as unknown as number[], ghost.length - 12);
+    const error = this.marks.ghost.position.clone().sub(this.tip).multiplyScalar(magnification);
+    this.marks.error.position.copy(this.tip).addScaledVector(error, 0.5);
+    this.marks.error.scale.set(geometry.length * 4e-3, Math.max(error.length(), 1e-9), geometry.length * 4e-3);
+    this.marks.error.quaternion.setFromUnitVectors(UP, error.normalize());
     const segmentOf = (i: number) => Math.min(Math.floor(i / GHOST_STEPS), geometry.diameters.length - 1);
-    this.ghost.bend(ghost, 12, (i) => 1.02 * radius(segmentOf(i)), (_, into) => into.set("#b3541e"));
+    // wider than the rod, so that it shows from all sides
+    this.ghost.bend(ghost, 12, (i) => 1.6 * radius(segmentOf(i)), (_, into) => into.copy(GHOST));
     geometry.diameters.forEach((_, segment) => {
       const own = geometry.disks.filter((disk) => disk.segment === segment);
       const last = own[own.length - 1];
       const thick = 1.05 * Math.max(last.thickness, geometry.length * 1e-3);
-      this.ghostDisks.setMatrixAt(segment, this.place(ghost, (segment + 1) * GHOST_STEPS, 1.01 * last.radius, thick));
+      this.ghostDisks.setMatrixAt(segment, this.place(ghost, (segment + 1) * GHOST_STEPS, 1.05 * last.radius, thick));
     });
     this.ghostDisks.instanceMatrix.needsUpdate = true;
   }
@@ -343,10 +445,10 @@ class Parts {
   free(): void {
     this.rod.free();
     this.ghost.free();
-    for (const mesh of [this.disks, this.ghostDisks, this.tendons]) {
+    for (const mesh of [this.disks, this.ghostDisks, this.tendons, ...Object.values(this.marks)]) {
       mesh.geometry.dispose();
-      (mesh.material as MeshStandardMaterial).dispose();
-      mesh.dispose();
+      (mesh.material as MeshBasicMaterial | MeshStandardMaterial).dispose();
+      if (mesh instanceof InstancedMesh) mesh.dispose();
     }
   }
 }

@@ -26,6 +26,8 @@ export interface State {
   /** Numbers changed by the user; null where the robot is as in its file. */
   numbers: MainNumbers | null;
   stressColours: boolean;
+  /** Whether the error vector is drawn `MAGNIFIED` times as long. */
+  magnified: boolean;
 }
 
 const GRAVITY = 9.80665;
@@ -65,6 +67,7 @@ export function initial(source: Source, { gravity: [x, y, z], geometry }: Model)
     tolerance: 0.01,
     numbers: null,
     stressColours: false,
+    magnified: false,
   };
 }
 
@@ -88,6 +91,12 @@ export function stepFor(most: number): number {
   const least = most / 500;
   const power = 10 ** Math.floor(Math.log10(least));
   return power * [1, 2, 5, 10].find((m) => m * power >= least)!;
+}
+
+/** Whether a link states commands. */
+export function hasCommands(hash: string): boolean {
+  const given = new URLSearchParams(hash);
+  return given.has("tensions") || given.has("bends");
 }
 
 const MOST_LINK = 200_000;
@@ -124,6 +133,7 @@ export function toHash(state: State): string {
     found.set("numbers", numbers([length, diameter, E, pitchRadius, disks]));
   }
   if (state.stressColours) found.set("stress", "1");
+  if (state.magnified) found.set("magnified", "1");
   return found.toString();
 }
 
@@ -172,4 +182,5 @@ export function applyHash(hash: string, state: State): void {
     state.numbers = { length, diameter, E, pitchRadius, disks };
   }
   state.stressColours = given.get("stress") === "1";
+  state.magnified = given.get("magnified") === "1";
 }

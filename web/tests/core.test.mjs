@@ -9,7 +9,7 @@ import { createServer } from "vite";
 import init, { Playground } from "../generated/bowstring_wasm.js";
 
 const at = (path) => fileURLToPath(new URL(path, import.meta.url));
-const { robots: cases, causes, implausible, written } = JSON.parse(readFileSync(at("../../target/random-robots.json"), "utf8"));
+const { robots: cases, causes, implausible, written, laws, study } = JSON.parse(readFileSync(at("../../target/random-robots.json"), "utf8"));
 
 let server, files, models, diagnosis, plausibility, presets;
 
@@ -85,6 +85,14 @@ test("causes on robots with 3 mm clamps are those of a study", () => {
   assert.ok(worst < 1e-9 && seen.has("clamps"));
 });
 
+test("causes of the built-in robot are those of its study", () => {
+  const loading = { displacements: false, commands: [study.tension, 0, 0], gravity: [0, 0, 0], force: [0, 0, 0] };
+  const { causes } = diagnosis.diagnose(presets.modelFrom({ preset: "amouri2019" }), loading);
+  assert.deepEqual(causes.map(({ effect }) => effect).toSorted(), Object.keys(study.without).sort());
+  for (const { effect, without } of causes) assert.ok(Math.abs(without - study.without[effect]) < 1e-9, effect);
+  assert.equal(causes[0].effect, "straight_spans");
+});
+
 /** A backbone of 1 mm, 30 mm long, with three 3 mm clamps. */
 const CLAMPED = `name: clamped
 segments:
@@ -142,13 +150,12 @@ const CHANGED = [
   ["E: 35 GPa", "E: 35", /write for example "35 GPa"$/],
   ["E: 35 GPa", "E: 35000", /write for example "35000 MPa"$/],
   ["segments:", "gravity: 0 0 -9.81\nsegments:", /got "0 0 -9\.81" without a unit; write for example "0 0 -9\.81 m\/s\^2"$/],
-  ["count: 3\n", "count: 3\n      backlash: 0.1 mm\n", /backlash: the page does not model it/],
   ["diameter: 5 mm", "diameter: 5 furlong", /the unit must be one of m, cm/],
   ["E: 35 GPa", "E: -35 GPa", /backbone\.E: got -35000000000 Pa; must be from/],
   ["nu: 0.3", "nu: 0.3\n      G: 1 GPa", /exactly one of G and nu/],
   ["count: 9", "count: 0", /disks\.count: got "0"; must be a whole number/],
   ["count: 9", "count: 1e9", /must be a whole number from 1 to 300/],
-  ["count: 3\n", "count: 3\n      friction: 0.2\n", /friction: the page does not model it/],
+  ["count: 3\n", "count: 3\n      friction: much\n", /friction: got "much"; must be a number/],
   ["count: 3\n", "count: 3\n      turns: 1\n", /turns: the page does not read this field; write it with "bowstring export/],
   ["pitch_radius: 29 mm", "pitch_radius: 40 mm", /pitch_radius must lie between/],
   ["length: 641 mm", "length: .nan m", /length: got/],
@@ -175,8 +182,19 @@ test("implausible numbers are named as the Python package names them", () => {
   assert.ok(implausible.filter(({ warnings }) => warnings.length > 0).length > 8);
 });
 
-test("robots that fit writes are read, as are fields at zero", () => {
-  for (const text of written) assert.ok(files.readRobotFile(text, "x").segments.length > 0);
+test("robots that fit writes are read, and their laws are named as left out", () => {
+  assert.deepEqual(Object.fromEntries(Object.entries(files.LAWS).map(([field, [none]]) => [field, none])), laws);
+  const first = { friction: "Friction", backlash: "Backlash", hysteresis: "Hysteresis", clearance: "Clearance", "mount compliance": "Compliance", gain: "Gain", zero: "Gain" };
+  const seen = new Set();
+  for (const { file, laws } of written) {
+    const { leftOut } = files.readRobotFile(file, "x");
+    assert.deepEqual(leftOut.map((sentence) => sentence.split(" ")[0]).sort(), [...new Set(laws.map((law) => first[law]))].sort());
+    for (const law of laws) seen.add(law);
+  }
+  assert.equal(seen.size, Object.keys(first).length, [...seen].join(", "));
+});
+
+test("fields at zero are as left out", () => {
   const zeros = "rest_bend: 0.0 rad\n      width_direction: 0.0 rad\n      hysteresis: 0.0\n      nu: 0.3";
   const more = "count: 3\n      backlash: 0.0 m\n      turns: 0.0\n      friction: 0.0\n";
   const text = GOOD().replace("nu: 0.3", zeros).replace("count: 3\n", more);

@@ -3,8 +3,9 @@
 ``python random_robots.py FILE`` writes them as JSON: ``robots`` has the text of each robot file,
 its compiled form, the load and the tip; ``causes`` has robots with clamps, tensions, and the error
 of constant curvature without each effect, as a study has it.
-``implausible`` has robots with numbers in wrong units and the warnings, and ``written`` robots as
-``fit`` writes them.
+``implausible`` has robots with numbers in wrong units and the warnings, ``written`` robots as
+``fit`` writes them with their laws, and ``laws`` the fields of all laws with their sizes in a robot
+without them. ``study`` is the verdict of the built-in robot's study on its causes.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from typing import Any
 import numpy as np
 
 import bowstring as bs
+from bowstring.calibration import Data, fit
+from bowstring.robot.laws import LAWS
 from bowstring.robot.plausibility import implausible
 from bowstring.robot.writer import to_yaml
 from bowstring.study.comparison import Model
@@ -149,6 +152,34 @@ def with_wrong_unit(was: str, now: str, folder: Path) -> dict[str, Any]:
     return {"file": path.read_text(), "warnings": warnings}
 
 
+def fits(rng: np.random.Generator) -> list[bs.Robot]:
+    """Robots of fits to noisy tips under tendon displacements, one for each kind of parameter."""
+    ring = "segments.0.tendons"
+    elastic = {f"{ring}.compliance": "0.05 mm/N", f"{ring}.pretension": "5 N"}
+    robot = bs.load_robot("amouri2019", elastic)
+    found = bs.sweep(robot, rng.uniform(5, 60, (16, 3)))
+    points = found.tip_position + rng.normal(0, 3e-4, (16, 3))
+    data = Data(points=points, displacements=found.displacements())
+    backlash = robot.with_({f"{ring}.backlash": "0.2 mm"})
+    return [
+        fit(robot, data, ["segments.0.backbone.E"]).robot,
+        fit(robot, data, ["gain", "offset"]).robot,
+        fit(robot, data, [f"{ring}.friction"]).robot,
+        fit(backlash, data, ["segments.0.backbone.E"]).robot,
+        fit(robot, data, ["hole_clearance"]).robot,
+        fit(robot, data, ["mount_compliance"]).robot,
+        fit(robot, data, ["segments.0.backbone.hysteresis"]).robot,
+    ]
+
+
+def study_of(tension: float) -> dict[str, Any]:
+    """Causes of the built-in robot's error at a tension of tendon 1 (N), as a study says."""
+    found = shares_of(
+        Model(bs.load_robot("amouri2019"), 0, "cosserat", [1, 0, 0]), "cc_from_force", tension
+    )
+    return {"tension": tension, "without": {s.effect: s.error_without for s in found}}
+
+
 if __name__ == "__main__":
     generator = np.random.default_rng(23)
     with tempfile.TemporaryDirectory() as folder:
@@ -159,6 +190,11 @@ if __name__ == "__main__":
         "robots": robots,
         "causes": causes,
         "implausible": wrong_units,
-        "written": [to_yaml(bs.load_robot(name)) for name in ("amouri2019", "rao2021")],
+        "written": [
+            {"file": to_yaml(robot), "laws": list(robot.laws)}
+            for robot in [bs.load_robot("amouri2019"), bs.load_robot("rao2021"), *fits(generator)]
+        ],
+        "laws": {size: law.none for law in LAWS.values() for size in law.sizes},
+        "study": study_of(60.0),
     }
     Path(sys.argv[1]).write_text(json.dumps(found))

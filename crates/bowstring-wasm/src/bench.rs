@@ -6,6 +6,7 @@ use bowstring_compiled::{read, Compiled};
 use bowstring_core::dynamics::integrator::{Damping, Fields, Integrator, Simulator, Step};
 use bowstring_core::model::load::{Load, Model};
 use bowstring_core::model::robot::{Robot, Tendon};
+use bowstring_core::statics::inverse::InverseSolver;
 use bowstring_core::statics::path::{Command, Line, PathOutcome, PathSolver};
 use bowstring_core::statics::solver::Status;
 use bowstring_core::stress::Section;
@@ -74,6 +75,8 @@ pub struct Bench {
     /// stress and the picture.
     fields: Option<Fields>,
     pub(crate) motion: Option<Motion>,
+    /// Inverse kinematics, made at its first use.
+    pub(crate) inverse: Option<Box<InverseSolver>>,
 }
 
 impl Bench {
@@ -107,6 +110,7 @@ impl Bench {
             poses: vec![],
             fields: None,
             motion: None,
+            inverse: None,
         })
     }
 

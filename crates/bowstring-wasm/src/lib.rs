@@ -1,5 +1,5 @@
 //! WebAssembly interface of `bowstring-core` for the playground (`web/`): statics, constant
-//! curvature, stress and motion of one robot.
+//! curvature, inverse kinematics, stress and motion of one robot.
 //!
 //! Numbers are in SI and cross as flat arrays; no mechanics is computed here.
 
@@ -9,6 +9,7 @@ mod arcs;
 mod bench;
 mod effects;
 mod motion;
+mod reach;
 #[cfg(test)]
 mod tests;
 
@@ -155,6 +156,23 @@ impl Playground {
     ) -> Answer<Vec<f64>> {
         let found = self.0.arcs().poses(law, commands, steps);
         found.map_err(error)
+    }
+
+    /// Tensions (N) from zero to `most` whose tip is nearest to a position (m), under nine numbers of
+    /// dead loads as those of `solve`; empty without an equilibrium. `warm` starts from the tensions
+    /// found last.
+    pub fn reach(
+        &mut self,
+        position: &[f64],
+        most: &[f64],
+        loads: &[f64],
+        warm: bool,
+    ) -> Answer<Vec<f64>> {
+        let position = position.try_into();
+        let position = position.map_err(|_| error("a position must be three numbers"))?;
+        let loads = Loads::new(loads).map_err(error)?;
+        let found = self.0.reach(position, most, &loads, warm).map_err(error)?;
+        Ok(found.unwrap_or_default().to_vec())
     }
 
     /// Starts a motion from the last equilibrium; in it commands and loads go to the given ones

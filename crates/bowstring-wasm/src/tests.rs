@@ -190,6 +190,31 @@ fn constant_curvature_bends_by_the_linear_law() {
 }
 
 #[test]
+fn the_tip_goes_to_a_point_within_reach() {
+    let mut bench = Bench::new(&text()).unwrap();
+    bench
+        .solve(false, &[0.9, 0.3, 0.0], &UPRIGHT, true)
+        .unwrap();
+    let point = tip(&bench);
+    for warm in [false, true] {
+        let found = bench.reach(point, &[5.0; 3], &UPRIGHT, warm).unwrap();
+        let tensions = found.unwrap().to_vec();
+        assert!(tensions.iter().all(|t| (0.0..=5.0).contains(t)));
+        bench.solve(false, &tensions, &UPRIGHT, true).unwrap();
+        let missed = apart(tip(&bench), point);
+        assert!(missed < 5e-3 * 0.2, "{missed}");
+    }
+    // beyond reach the tip comes as near as the tensions allow
+    let far = [1.0, 0.0, 0.1];
+    let tensions = bench.reach(far, &[5.0; 3], &UPRIGHT, true).unwrap();
+    assert!(tensions.unwrap()[0] > 0.1);
+    assert!(bench
+        .reach([f64::NAN; 3], &[5.0; 3], &UPRIGHT, true)
+        .is_err());
+    assert!(bench.reach(far, &[5.0; 2], &UPRIGHT, true).is_err());
+}
+
+#[test]
 fn a_released_robot_swings_and_rests() {
     let mut bench = Bench::new(&text()).unwrap();
     assert!(bench.advance(0.1).is_err());

@@ -45,6 +45,7 @@ _COMMANDS: Final = {
     "fe": "fe.fe",
     "export": "export.export",
     "view": "view.view",
+    "playground": "playground.playground",
     "doctor": "doctor.doctor",
     "map": "map.map_",
     "uncertainty": "uncertainty.uncertainty",
