@@ -271,7 +271,7 @@ def test_equations_cited_in_the_code_exist() -> None:
 
 def test_pages_read_on_a_forge() -> None:
     """Pages have no part that only the built site shows, and the robot of the start is the file."""
-    only_built = r"\{(?:literalinclude|include|grid|glossary|term|download)\}"
+    only_built = r"\{(?:doc|figure|math|literalinclude|include|grid|glossary|term|download)\}"
     for page in PAGES:
         text = page.read_text("utf-8")
         assert not re.search(only_built, text), _name(page)
