@@ -102,6 +102,13 @@ def study(
             "tip_force=0:1 N, gravity.z.  [default: payload, or tip_force without gravity]",
         ),
     ] = None,
+    correction: Annotated[
+        Literal["python", "c", "matlab"] | None,
+        typer.Option(
+            help="Also write the corrected constant curvature of this robot as code, into the "
+            "folder of the report."
+        ),
+    ] = None,
     verbose: Annotated[
         bool, typer.Option("--verbose", help="Print all tables and the whole verdict as well.")
     ] = False,
@@ -126,6 +133,10 @@ def study(
     from bowstring.study.settings import Extras, Ramp
     from bowstring.validity.loading import Loading
 
+    if correction is not None:
+        from bowstring.study.correction_code import check_correction
+
+        of_flag("--correction", lambda language: check_correction(robot, language), correction)
     loading, ramp = Loading(max_tension, points, tendon), Ramp(rise, modal_damping)
     joint = None
     if distributions is not None:
@@ -162,6 +173,7 @@ def study(
                 found,
                 folder,
                 formats=() if figures is None else (figures,),
+                correction=correction,
                 progress=lambda what, done: notify(what, solving + (1 - solving) * done),
             )
     except RunInterrupted as stopped:

@@ -18,6 +18,7 @@ from bowstring.formatting import number, signed
 from bowstring.result_folder import check_folder, write_listing
 from bowstring.robot.model import Robot
 from bowstring.study.comparison import COMPARISONS, MEANINGS
+from bowstring.study.correction_code import FILES, Language, correction_code
 from bowstring.study.counterparts import counterparts
 from bowstring.study.equations import study_equations
 from bowstring.study.error_budget import SIDES, Side
@@ -56,6 +57,7 @@ def write(
     out: str | Path | None = None,
     *,
     formats: Sequence[str] = (),
+    correction: Language | None = None,
     progress: Progress | None = None,
 ) -> Path:
     """Write the report of a study.
@@ -68,6 +70,9 @@ def write(
         given.
     formats : sequence of str
         Formats of figures beside those in the page: ``"pdf"``, ``"png"``, ``"svg"``.
+    correction : {"python", "c", "matlab"}, optional
+        Language in which the corrected constant curvature is written too
+        (`bowstring.study.correction_code`).
     progress : callable, optional
         Progress callback, called with the name of the work and its finished share from 0 to 1.
 
@@ -79,14 +84,22 @@ def write(
     Raises
     ------
     InputError
-        If the folder may not be written (see `check_folder`).
+        If the folder may not be written (see `check_folder`), or the robot has no correction in
+        closed form.
     """
+    code = "" if correction is None else correction_code(study, correction)
     notify = progress or (lambda what, share: None)
     folder = check_folder(default_folder(study.robot) if out is None else out)
+
+    def fill(new: Path) -> None:
+        _fill(study, new, formats, notify)
+        if correction is not None:
+            (new / FILES[correction]).write_text(code, encoding="utf-8")
+
     write_whole(
         folder,
         "study",
-        lambda new: _fill(study, new, formats, notify),
+        fill,
         lambda: check_folder(folder),
     )
     notify("done", 1.0)
