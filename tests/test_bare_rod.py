@@ -62,7 +62,7 @@ def test_arcs_of_inner_segments_without_tendons_are_refused(tmp_path: Path) -> N
     )
     robot = from_text(tmp_path / "swapped.yaml", swapped)
     found = bs.solve(robot, [3.0, 0.0, 0.0])
-    with pytest.raises(InputError, match="segment 1 has no tendon that ends at it"):
+    with pytest.raises(InputError, match="segment 1: no tendon ends at it"):
         RobotArcs.from_lengths(robot, found.tendon_lengths)
     arcs = RobotArcs.from_tensions(robot, [3.0, 0.0, 0.0])
     assert (np.asarray(arcs.theta) > 0).all()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -153,7 +155,7 @@ def test_the_law_of_force_makes_the_energy_stationary():
     flexible[0] += 3e-3
 
     def energy(bends):
-        arcs = RobotArcs(thick, got.arc, "chord", False, np.asarray(bends))
+        arcs = RobotArcs(thick, got.arc, "chord")._bend(np.asarray(bends))
         stored = 0.5 * thick.bending_stiffness[0] * np.sum(np.square(bends) / flexible)
         return stored + float(holes_of(thick, arcs) @ tensions)
 
@@ -205,3 +207,34 @@ def test_buckling_and_bad_input():
         RobotArcs.from_lengths(two, [0.5, 0.9, 0.9], "chord")
     with pytest.raises(InputError, match="not with straight spans"):
         RobotArcs.from_lengths(one, [0.6] * 3, "chord", hold_length=True)
+    thick = bs.load_robot("amouri2019", THICK)
+    with pytest.raises(InputError, match="its clamped lengths alone"):
+        RobotArcs(thick, bs.constant_curvature.Arc([0.0], 0.0, 0.05), "chord")
+    for point in ([0.01, 0.0, 0.0], [0.0, 0.0, 0.05]):
+        with pytest.raises(NoSolutionError, match="no corrected arc"):
+            RobotArcs.ik(thick, point, "chord", free_length=True).tip.position  # noqa: B018
+    body = bs.load_robot("amouri2019", {**PLAIN, "segments.0.tendons_in": "body"})
+    for make in (
+        lambda: RobotArcs.from_tensions(body, [1.0, 0, 0], "arm"),
+        lambda: RobotArcs.from_lengths(body, [0.64] * 3, "chord"),
+    ):
+        with pytest.raises(InputError, match="those of this robot run in its body"):
+            make()
+
+
+def test_tendons_opposite_each_other_do_not_count() -> None:
+    """Equal modules bend alike, also across the line of two opposite tendons."""
+    tendons = [{"angle": f"{a} deg", "pitch_radius": "29 mm"} for a in (0, 180, 270)]
+    one = bs.load_robot("amouri2019", {**PLAIN, "segments.0.tendons": tendons})
+    for phi in (np.pi / 2, np.pi / 2 + 1e-3):
+        arcs = RobotArcs(one, bs.constant_curvature.Arc([1.0], phi, one.length), "chord")
+        np.testing.assert_allclose(arcs.module_bends, arcs.module_bends[0], rtol=1e-9)
+
+
+def test_arcs_are_copied_and_empty() -> None:
+    one = bs.load_robot("amouri2019", THICK)
+    arcs = RobotArcs.from_tensions(one, [[40.0, 0, 0]], "arm")
+    assert arcs.tip.position.shape == (1, 3)
+    again = pickle.loads(pickle.dumps(arcs))
+    np.testing.assert_array_equal(again.module_bends, arcs.module_bends)
+    assert RobotArcs.from_lengths(one, np.empty((0, 3)), "chord").lengths().shape == (0, 3)

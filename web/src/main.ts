@@ -136,6 +136,7 @@ class Page {
     along[0] = 1;
     try {
       const unit = Math.max(...this.loading.commands.map(Math.abs));
+      if (unit < 1e-6) throw new Error("the first tendon does not bend the robot this way");
       const bounds = boundsOf(this.original.geometry, state.displacements);
       const curve = new Curve(model, this.loading, bounds.command);
       const command = curve.outside(state.tolerance * model.geometry.length, BEND_BUDGET) / unit;
@@ -500,8 +501,8 @@ class Page {
         const share = x / 1e3 / this.model.geometry.length;
         if (share >= 1e-5 && share <= 1) return setTolerance(share);
         showTolerance();
-        const most = short(this.model.geometry.length * 1e3, 4);
-        this.alert(`tolerance: got "${text}" mm; must be more than 0 mm and at most the length, ${most} mm`);
+        const [least, most] = [1e-2, 1e3].map((part) => short(this.model.geometry.length * part, 4));
+        this.alert(`tolerance: got "${text}" mm; must be from ${least} mm to the length, ${most} mm`);
       }),
       check("magnify", `error vector ${MAGNIFIED} times as long`, state.magnified, (on) => {
         state.magnified = on;

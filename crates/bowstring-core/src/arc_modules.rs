@@ -1,7 +1,7 @@
 //! Corrected constant curvature: the modules of one segment, each an arc of its own between rigid
 //! clamped lengths, with tendons straight from disk to disk.
 //!
-//! Theory: docs/theory/constant-curvature.md (Corrections).
+//! Theory: docs/theory/constant-curvature.md (First and second correction).
 
 use crate::arc::{input, root, Arc, Error, Hole};
 use crate::model::robot::Module;
@@ -27,6 +27,9 @@ pub(crate) struct Modules {
     /// Length of a tendon in the holes (m).
     in_holes: f64,
 }
+
+/// Largest thrust over the moment, times the distance of a hole, that a controller would use.
+const FAR: f64 = 4.0;
 
 /// What a sum over modules adds up, of a module's bend: value and derivative.
 type Measure = fn(f64) -> (f64, f64);
@@ -89,18 +92,18 @@ impl Modules {
         self.parts.iter().map(|part| part.flexible).sum()
     }
 
-    fn rigid(&self) -> f64 {
+    pub fn rigid(&self) -> f64 {
         self.parts
             .iter()
             .map(|part| part.clamp[0] + part.clamp[1])
             .sum()
     }
 
-    /// Thrust over the bending stiffness (1/m^2) from which on a module buckles.
+    /// Thrust over the bending stiffness (1/m^2) at which the law of theory Eq. 1.10 ends.
     ///
-    /// Without clamps it is Euler's load, which is below that of a backbone held to an arc by the
-    /// factor pi^2/12.
-    pub fn buckling(&self) -> f64 {
+    /// Without clamps it is Euler's load of a module, which is below that of a backbone held to an
+    /// arc by the factor pi^2/12.
+    pub fn largest_thrust(&self) -> f64 {
         let softest = self.parts.iter().map(|part| part.flexible * part.bow());
         PI * PI / 12.0 / softest.fold(0.0, f64::max)
     }
@@ -225,7 +228,8 @@ impl Modules {
 }
 
 /// Least thrust over the moment (1/m) with which tendons through `holes` bend towards `bend`: that of
-/// the two beside it, or of the one that lies farthest towards it.
+/// the two beside it, or of the one that lies farthest towards it. Tendons nearly opposite each other
+/// bend across their line by tensions far too large.
 pub(crate) fn least_thrust(holes: &[Hole], bend: [f64; 2]) -> f64 {
     let theta = bend[0].hypot(bend[1]);
     if theta == 0.0 {
@@ -244,7 +248,7 @@ pub(crate) fn least_thrust(holes: &[Hole], bend: [f64; 2]) -> f64 {
             // T_a a + T_b b = (x, y)
             let area = a[0] * b[1] - a[1] * b[0];
             let (t, u) = ((x * b[1] - y * b[0]) / area, (a[0] * y - a[1] * x) / area);
-            if t >= 0.0 && u >= 0.0 {
+            if t >= 0.0 && u >= 0.0 && (t + u) * size.max(b[0].hypot(b[1])) <= FAR {
                 least = least.min(t + u);
             }
         }
@@ -254,7 +258,8 @@ pub(crate) fn least_thrust(holes: &[Hole], bend: [f64; 2]) -> f64 {
     }
     let arms = holes.iter().map(|a| a[0] * x + a[1] * y);
     let arm = arms.fold(0.0, f64::max);
-    if arm > 0.0 {
+    let size = holes.iter().map(|a| a[0].hypot(a[1])).fold(0.0, f64::max);
+    if arm * FAR > size {
         1.0 / arm
     } else {
         0.0

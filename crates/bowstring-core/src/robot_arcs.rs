@@ -227,14 +227,7 @@ impl RobotArcs {
         let segments = self.segments.iter().zip(arcs).enumerate();
         segments
             .map(|(i, (segment, &arc))| {
-                let bends = match &segment.modules {
-                    None => Some(Vec::new()),
-                    Some(modules) => {
-                        modules.of_total(arc.theta(), least_thrust(segment.own(), arc.bend))
-                    }
-                };
-                let problem = "the arc bends a module by more than half a turn";
-                let bends = named(i, bends.ok_or(Error::Input(problem.into())))?;
+                let bends = named(i, segment.share(&arc))?;
                 Ok(SegmentArc {
                     arc,
                     misfit: 0.0,
@@ -365,6 +358,22 @@ impl Segment {
         &self.holes[..self.next - self.first]
     }
 
+    /// Bends of the modules of a given arc.
+    fn share(&self, arc: &Arc) -> Result<Vec<f64>, Error> {
+        let Some(modules) = &self.modules else {
+            return Ok(Vec::new());
+        };
+        let (length, rigid) = (arc.length, modules.rigid());
+        if length <= rigid {
+            return Err(Error::Input(format!(
+                "the arc is {length:.4} m long, and its clamped lengths alone {rigid:.4} m"
+            )));
+        }
+        let bends = modules.of_total(arc.theta(), least_thrust(self.own(), arc.bend));
+        let problem = "the arc bends a module by more than half a turn";
+        bends.ok_or(Error::Input(problem.into()))
+    }
+
     fn tendon_length(&self, found: &SegmentArc, hole: Hole) -> Result<f64, Error> {
         match &self.modules {
             None => found.arc.tendon_length(hole),
@@ -408,10 +417,10 @@ impl Segment {
         }
         let (force, [x, y]) = tendon_load(tensions, &self.holes)?;
         let moment = x.hypot(y);
-        let limit = modules.buckling() / about_x;
+        let limit = modules.largest_thrust() / about_x;
         if force >= limit {
             return Err(Error::NoSolution(format!(
-                "a total tension of {force:?} N buckles the backbone between its disks (limit {limit:.4} N), the limit of the lever-arm law; lower the tensions"
+                "a total tension of {force:?} N is beyond the lever-arm law (limit {limit:.4} N, where a backbone without clamped lengths buckles between its disks); lower the tensions"
             )));
         }
         let bends = modules.under(moment * about_x, force * about_x);
@@ -445,14 +454,10 @@ impl Segment {
                 bend: self.rest,
                 length: self.length,
             };
-            let bends = match &self.modules {
-                None => Some(Vec::new()),
-                Some(modules) => modules.of_total(arc.theta(), 0.0),
-            };
             SegmentArc {
                 arc,
                 misfit: 0.0,
-                bends: bends.unwrap_or_default(),
+                bends: self.share(&arc)?,
             }
         } else {
             let lengths = &rest[self.first..self.next];

@@ -30,6 +30,11 @@ impl RobotArcs {
     #[new]
     fn new(robot: &Robot, law: &str) -> PyResult<Self> {
         let law = law_of(law)?;
+        if robot.embedded && matches!(law, Law::Chords | Law::LeverArm) {
+            return Err(refused(
+                "the corrections are for tendons that run straight between disks; those of this robot run in its body",
+            ));
+        }
         Ok(RobotArcs(robot_arcs::RobotArcs::new(&robot.inner, law)))
     }
 

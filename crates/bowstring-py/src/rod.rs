@@ -9,7 +9,7 @@ use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
 use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::model::load::{Load, OwnedLoad, PointLoad, TendonPath};
-use bowstring_core::robot_arcs;
+use bowstring_core::robot_arcs::{self, Law};
 use bowstring_core::rod::sensitivity::Derivative;
 use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{self, write_pose, Solutions};
@@ -27,7 +27,7 @@ use std::sync::{Mutex, PoisonError};
 pub struct Robot {
     pub(crate) inner: bowstring_core::model::robot::Robot,
     /// Whether the tendons are embedded in the body, which they touch everywhere.
-    embedded: bool,
+    pub(crate) embedded: bool,
     /// Solvers of the last calls, reused for the same settings.
     solvers: Mutex<Vec<(Settings, Adaptive)>>,
 }
@@ -181,6 +181,9 @@ impl Robot {
         let robots = designs.robots(&self.inner)?;
         let rows = commands.shape()[0];
         let commands: Vec<f64> = commands.as_array().iter().copied().collect();
+        if self.embedded && matches!(law, Law::Chords | Law::LeverArm) {
+            return Ok(array(py, vec![f64::NAN; 3 * rows], &[rows, 3]));
+        }
         let found = interruptible(py, || robot_arcs::tips(&robots, law, &commands, 0))?;
         Ok(array(py, found.map_err(input_error)?, &[rows, 3]))
     }

@@ -4,8 +4,8 @@ use crate::bench::{Bench, Loads};
 use bowstring_core::model::load::RodModel;
 use bowstring_core::statics::inverse::{InverseSolver, InverseStatus, Limits, Target};
 
-/// Distance beyond that of the nearest tip, over the length, that smaller tensions may cost. A
-/// pointer is not more exact, nor are fewer elements than the pose has.
+/// Distance beyond that of the nearest tip, over the length, that smaller tensions may cost: less
+/// than the error of a pointer and of one element a module.
 const MARGIN: f64 = 1e-3;
 
 impl Bench {

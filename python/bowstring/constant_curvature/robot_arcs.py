@@ -34,7 +34,6 @@ Law = Literal["linear", "arm"]
 _FAR: Final = 10.0  # factor from a straight tendon's length beyond which the unit is wrong
 _STEP: Final = 1e-6  # of central differences, over a straight tendon's length
 _ROUNDS: Final = 30  # most Newton steps of the inverse
-_NONE: Final = np.empty(0)
 
 
 @short_repr
@@ -54,7 +53,7 @@ class RobotArcs:
     "chord": straight between the holes of the disks, theory Eq. 1.5."""
     hold_length: bool = False
     """Whether segments keep their lengths where arcs are fitted to tendon lengths."""
-    module_bends: Array = field(default_factory=lambda: _NONE, repr=False)
+    module_bends: Array = field(init=False, repr=False)
     """Bends of the modules (..., N), rad, with a correction; by default in the proportion of theory
     Eq. 1.11. Without a correction N is 0."""
 
@@ -65,12 +64,20 @@ class RobotArcs:
             raise InputError(
                 f"arc has shape {shape}, its last dimension must be the {count} segments of robot"
             )
-        if self.module_bends is _NONE:
-            bends = self._core.bends(self.arc.bend.reshape(-1, 3))
-            bends = frozen(bends).reshape(*shape[:-1], bends.shape[1])
-            object.__setattr__(self, "module_bends", bends)
+        if self.correction is not None and self.hold_length:
+            raise InputError(
+                "the length can be held only for tendons parallel to the backbone, not with "
+                "straight spans"
+            )
+        self._bend(self._core.bends(self.arc.bend.reshape(-1, 3)))
 
-    @cached_property
+    def _bend(self, bends: Array) -> RobotArcs:
+        """Set the bends of the modules (n, N), rad."""
+        shape = self.kappa.shape[:-1]
+        object.__setattr__(self, "module_bends", frozen(bends).reshape(*shape, bends.shape[-1]))
+        return self
+
+    @property
     def _core(self) -> _core.RobotArcs:
         law = "held" if self.hold_length else "lengths"
         return _core.RobotArcs(self.robot.core, "chords" if self.correction else law)
@@ -109,8 +116,8 @@ class RobotArcs:
 
     def __getitem__(self, index: Any) -> RobotArcs:
         index = (*index, slice(None)) if isinstance(index, tuple) else (index, slice(None))
-        bends = self.module_bends[index]
-        return RobotArcs(self.robot, self.arc[index], self.correction, self.hold_length, bends)
+        chosen = RobotArcs(self.robot, self.arc[index], self.correction, self.hold_length)
+        return chosen._bend(self.module_bends[index])
 
     @classmethod
     def _of(
@@ -125,8 +132,7 @@ class RobotArcs:
         shape, rows = commands.shape[:-1], commands.reshape(-1, commands.shape[-1])
         arcs, misfit, bends = _core.RobotArcs(robot.core, law).arcs(rows)
         arc = Arc._of(arcs.reshape(-1, 3), (*shape, arcs.shape[1]), misfit)
-        bends = frozen(bends).reshape(*shape, bends.shape[1])
-        return cls(robot, arc, correction, hold_length, bends)
+        return cls(robot, arc, correction, hold_length)._bend(bends)
 
     # -- constructors --------------------------------------------------------------------------
 
@@ -170,11 +176,6 @@ class RobotArcs:
             straight tendon's.
         """
         rest = to_array("lengths", lengths, len(_check_robot(robot).tendons.segment))
-        if correction and hold_length:
-            raise InputError(
-                "the length can be held only for tendons parallel to the backbone, not with "
-                "straight spans"
-            )
         straight = np.cumsum([s.length for s in robot.segments])[robot.tendons.segment]
         bad = ~((rest >= straight / _FAR) & (rest <= straight * _FAR))
         if bad.any():
@@ -255,6 +256,11 @@ class RobotArcs:
         -------
         RobotArcs
             Its misfit (..., 1) is the distance from the tip to the point, m.
+
+        Raises
+        ------
+        NoSolutionError
+            With a correction, if no arc below a full turn is found for a point.
         """
         lengths = [segment.length for segment in _check_robot(robot).segments]
         if len(lengths) != 1:
@@ -266,7 +272,10 @@ class RobotArcs:
         arc = Arc.ik(points, None if free_length else lengths)
         if correction is None:
             return cls(robot, arc)
-        return cls._corrected_ik(robot, points, arc, free_length)
+        try:
+            return cls._corrected_ik(robot, points, arc, free_length)
+        except (np.linalg.LinAlgError, InputError) as error:
+            raise NoSolutionError(f"no corrected arc was found for the point: {error}") from None
 
     @classmethod
     def _corrected_ik(cls, robot: Robot, points: Array, start: Arc, free_length: bool) -> RobotArcs:
@@ -301,12 +310,13 @@ class RobotArcs:
                 break
         found = arcs(theta, length)
         misfit = np.linalg.norm(target - tip(theta, length), axis=-1)
+        converged = np.abs(turn) < 1e-9
         if free_length:
-            if np.any(misfit > 1e-9 * robot.length):
-                raise NoSolutionError("no corrected arc was found that ends at the point")
+            converged &= misfit < 1e-9 * robot.length
             misfit = np.zeros_like(misfit)
-        arc = Arc._of(found.arc.bend, found.arc.kappa.shape, misfit)
-        return cls(robot, arc, "chord", False, found.module_bends)
+        if not np.all(converged & (np.abs(theta) <= 2.0 * np.pi)):
+            raise NoSolutionError("no corrected arc was found for the point")
+        return cls(robot, Arc._of(found.arc.bend, found.arc.kappa.shape, misfit), "chord")
 
     # -- maps ----------------------------------------------------------------------------------
 
@@ -378,14 +388,15 @@ class RobotArcs:
         lead, length = self.kappa.shape[:-1], self.length[..., None]
         share = np.linspace(0.0, 1.0, points_per_segment)[1:]
         starts = np.cumsum(length, axis=-2) - length
-        inner = (starts + length * share).reshape(*lead, -1)
+        inner = (starts + length * share).reshape(*lead, length.shape[-2] * share.size)
         at = np.concatenate([np.zeros((*lead, 1)), inner], axis=-1)
         return self._poses(lead, at.reshape(-1, at.shape[-1]), at.shape).position
 
     def lengths(self) -> Array:
         """Tendon lengths (..., T) from the base to each tendon's end disk, m."""
         lead = self.kappa.shape[:-1]
-        return self._core.tendon_lengths(*self._rows(lead)).reshape(*lead, -1)
+        count = len(self.robot.tendons.segment)
+        return self._core.tendon_lengths(*self._rows(lead)).reshape(*lead, count)
 
     def jacobian(self) -> Array:
         """Derivative of the tip pose by the tendon lengths through `from_lengths`.
@@ -394,7 +405,8 @@ class RobotArcs:
         -------
         ndarray (..., 6, T)
             Rows 0 to 2: tip position, m. Rows 3 to 5: rotation vector in base axes, rad. With a
-            correction by central differences, to about 1e-9.
+            correction by central differences, to about 1e-9; where a segment bends straight
+            towards a tendon, whose derivatives on both sides differ, their mean.
         """
         if self.correction is not None:
             return self._differences()

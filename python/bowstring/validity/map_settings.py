@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal
@@ -97,7 +98,10 @@ class MapSettings(Result):
         InputError
             If a value is wrong or does not fit the axes.
         """
-        tolerance = share_of_length("tolerance", tolerance, space.robot.length)
+        # where an axis changes the length, a tolerance in mm would be another share of each robot
+        fixed = not any(re.fullmatch(r"segments\..*\.length", a.path) for a in space.axes)
+        length = space.robot.length if fixed else None
+        tolerance = share_of_length("tolerance", tolerance, length)
         return cls(space, _models(space, models), _metric(space, metric), tolerance)
 
     def label(self, axis: int) -> str:
