@@ -60,7 +60,7 @@ def test_the_sentence_has_the_crossings_at_half_of_the_sweep(paper: Study) -> No
     assert found is not None
     heading, sentence = load_text(found)
     assert heading == "Tip force at tension 40 N"
-    assert sentence.startswith("1 % holds to 0.257 N (lengths), to 0.066")
+    assert sentence.startswith("the error stays within 1 % up to 0.257 N (lengths), up to 0.066")
     (text,) = paper.to_dict()["maps"]["text"]
     assert text == f"{heading} (dead, perpendicular to the bending plane), {sentence}."
     load = bs.Load(tip_force=0.257 * np.array(paper.model.across))
@@ -76,9 +76,10 @@ def test_ranges_of_a_tilt_may_be_several_or_none() -> None:
     assert rest.endswith("deg (force)")
     # nothing is beyond the end of the axis
     few = load_text(mapped(ROBOT, "tip_force.y=0:0.01 N", 20.0))[1]
-    assert few == "1 % holds to at least 0.01 N (lengths), to at least 0.01 N (force)"
+    most = "up to at least 0.01 N"
+    assert few == f"the error stays within 1 % {most} (lengths), {most} (force)"
     horizontal = ROBOT.with_({"gravity": "-9.81 0 0 m/s^2"})
-    assert "holds nowhere (lengths)" in load_text(mapped(horizontal))[1]
+    assert "1 % nowhere (lengths)" in load_text(mapped(horizontal))[1]
 
 
 def test_the_axis_of_a_study_is_any_load() -> None:

@@ -96,7 +96,7 @@ def test_corrections_hold_beside_clamped_lengths(paper: Study) -> None:
 
 def test_the_answer_is_one_sentence(paper: Study) -> None:
     lengths, force = paper.verdict.meanings
-    assert lengths.answer == "From tendon lengths: yes, up to 80 N (largest error 0.67 mm)."
+    assert lengths.answer == "From true tendon lengths: yes, up to 80 N (largest error 0.67 mm)."
     assert force.answer == (
         "From force: up to 56.1 N, because the tendons run straight between the disks; "
         "corrected: yes, up to 80 N (largest error 0.125 mm)."

@@ -16,7 +16,8 @@ from bowstring.validity.loading import largest_load
 
 __all__ = ["combinations", "worst_combination"]
 
-_MOST: Final = 128  # combinations that are tried
+_MOST: Final = 128  # combinations that are tried, fewer of long robots
+_DISKS: Final = 20_000  # disks of all combinations together
 _POINTS: Final = 17  # loads of each
 _ALIKE: Final = 1e-6  # relative difference of errors that is rounding
 
@@ -29,8 +30,8 @@ def combinations(robot: Robot) -> list[Shares]:
     Parameters
     ----------
     robot : Robot
-        Where there are more than 128, each tendon alone and each pair with one of the outermost
-        segment, up to that number.
+        Of more than 128, evenly spaced ones in this order are taken, each tendon alone first; of
+        robots with more than 160 disks fewer.
 
     Returns
     -------
@@ -41,7 +42,7 @@ def combinations(robot: Robot) -> list[Shares]:
     of = robot.tendons.segment
     groups = [np.flatnonzero(of == k).tolist() for k in range(len(robot.segments) - 1, -1, -1)]
     groups = [group for group in groups if group]
-    alone = [(t,) for group in groups for t in group]
+    alone: list[tuple[int, ...]] = [(t,) for group in groups for t in group]
     found = alone
     for size in range(2, len(groups) + 1):
         several = [
@@ -52,7 +53,17 @@ def combinations(robot: Robot) -> list[Shares]:
         found = [*found, *several]
         if len(found) > _MOST:
             break
-    return [tuple(float(t in chosen) for t in range(len(of))) for chosen in found[:_MOST]]
+    most = min(_MOST, max(8, _DISKS // len(robot.disks.station_m)))
+    kept, more = _thinned(alone, most), found[len(alone) :]
+    kept += _thinned(more, most - len(kept))
+    return [tuple(float(t in chosen) for t in range(len(of))) for chosen in kept]
+
+
+def _thinned(found: list[tuple[int, ...]], most: int) -> list[tuple[int, ...]]:
+    """At most so many, evenly spaced."""
+    if len(found) <= most:
+        return found
+    return [found[i * len(found) // most] for i in range(most)]
 
 
 def worst_combination(

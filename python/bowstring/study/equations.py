@@ -370,7 +370,7 @@ def _chords(study: Study, segment: FirstSegment, ring: NDArray[np.intp]) -> list
 
 
 def _forces(study: Study, segment: FirstSegment) -> list[Equation]:
-    """Linear law and its correction (theory Eq. 1.7 and 1.9)."""
+    """Linear law and its correction (theory Eq. 1.7 and 1.10)."""
     model, n = study.model, len(segment.stations)
     robot = model.robot
     tensions = model.tensions(np.array([segment.tension]))[0]

@@ -157,11 +157,12 @@ def load_text(found: ValidityMap) -> tuple[str, str]:
     """
     words, tension = found.axes[1].words, 0.5 * found.axes[0].stop
     heading = f"{words[0].upper()}{words[1:]} at tension {significant(tension)} N"
-    parts = [
-        f"{_ranges(found, name, tension)} ({LABELS[name].removeprefix('from ')})"
-        for name in found.value
-    ]
-    return heading, f"{in_percent(found.tolerance, 3)} holds {', '.join(parts)}"
+    parts = []
+    for name in found.value:
+        ranges = _ranges(found, name, tension)
+        up = "up " if ranges.startswith("to ") else ""
+        parts.append(f"{up}{ranges} ({LABELS[name].removeprefix('from ')})")
+    return heading, f"the error stays within {in_percent(found.tolerance, 3)} {', '.join(parts)}"
 
 
 def load_sentence(found: ValidityMap) -> str:

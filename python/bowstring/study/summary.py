@@ -13,6 +13,7 @@ from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, number, significant
 from bowstring.robot.laws import MEMORIES
 from bowstring.robot.model import Robot
+from bowstring.study.actuation_budget import COMMANDED
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.load_map import load_text
 from bowstring.study.study import Study
@@ -53,10 +54,11 @@ def summarise(study: Study) -> Summary:
     """Extract the main results from a study."""
     verdict, robot = study.verdict, study.robot
     tolerance = f"{in_mm(verdict.tolerance_length)} ({in_percent(verdict.tolerance, 3)} of length)"
+    gravity = "in gravity" if any(robot.gravity) else "no gravity"
     return Summary(
         title=(
-            f"{robot.name}: {study.length * 1e3:g} mm, {study.settings.judged} from 0 to "
-            f"{study.settings.max_tension:g} N, tolerance {tolerance}"
+            f"{robot.name}: {study.length * 1e3:g} mm, {gravity}, {study.settings.judged} from 0 "
+            f"to {study.settings.max_tension:g} N, tolerance {tolerance}"
         ),
         reference="Tip error of constant curvature (CC) against the rod model, simulated",
         rows=tuple(_row(study, meaning) for meaning in verdict.meanings),
@@ -107,7 +109,7 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
     if study.spreads:
         how = "assumed" if study.uncertainty_assumed else "standard deviations"
         known = [s for s in study.spreads if s.limit_indices is not None] or study.spreads
-        limits = [f"{LABELS[s.name]} to {s.limit_text}" for s in known]
+        limits = [f"{LABELS[s.name]} up to {s.limit_text}" for s in known]
         count = f"{len(known[0].limit)} samples"
         numbers = f"with {study.uncertain_numbers} ({how}, {count})"
         yield "How sure", f"{numbers}, valid {'; '.join(limits)}"
@@ -137,7 +139,9 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
 def _correction(study: Study) -> Iterator[tuple[str, str]]:
     """Formula of the correction with the numbers of the robot, or the call that has it."""
     for meaning in study.verdict.meanings:
-        if not meaning.corrected.max_error < 0.9 * meaning.max_error:
+        corrected = meaning.corrected
+        farther = (corrected.valid_to or 0.0) > (meaning.valid_to or 0.0)
+        if not (farther or corrected.max_error < 0.9 * meaning.max_error):
             continue
         from_force = meaning.name == "cc_from_force"
         formula = _formula(study.robot, from_force)
@@ -145,10 +149,12 @@ def _correction(study: Study) -> Iterator[tuple[str, str]]:
             law = ', "arm"' if from_force else ', "chord"'
             call = "from_tensions(robot, tensions" if from_force else "from_lengths(robot, lengths"
             formula = (
-                "each module bends by an arc of its own between the disks, in Python "
-                f"RobotArcs.{call}{law})"
+                f"module by module, in Python RobotArcs.{call}{law}), for your controller by "
+                "--correction python, c or matlab"
             )
-        error = in_mm(meaning.corrected.max_error)
+        error = in_mm(corrected.max_error)
+        if corrected.undecided:
+            error += f", with no result beyond {significant(corrected.valid_to or 0.0)} N"
         yield f"Corrected {_SOURCES[meaning.name]}", f"{formula}; largest error then {error}"
 
 
@@ -166,15 +172,16 @@ def _formula(robot: Robot, from_force: bool) -> str | None:
         by_newton = robot.length / n / float(robot.bending_stiffness[0])
         linear, softer = radius * by_newton, robot.length / n * by_newton / 12.0
         return (
-            f"bend = {2 * n} x/(y + sqrt(y^2 + x^2/2)) rad with x = {linear:.4g} F, "
-            f"y = 1 - {softer:.4g} F for one tendon of F newtons"
+            f"with F in N on one tendon, x = {linear:.4g} F and y = 1 - {softer:.4g} F, the bend "
+            f"angle is {2 * n} x/(y + sqrt(y^2 + x^2/2)) rad"
         )
     angles = np.sort(np.mod(robot.tendons.angle_rad, math.tau))
     if len(angles) != 3 or np.ptp(np.diff(angles, append=angles[0] + math.tau)) > 1e-9:
         return None
     return (
-        f"bend = {2 * n} asin(sqrt(q)/{in_mm(3 * n * radius)}) rad with q of Amouri 2019, Eq. 4, "
-        f"and length = mean length times (a/2)/sin(a/2), a = bend/{n}"
+        "with q = l1^2 + l2^2 + l3^2 - l1 l2 - l2 l3 - l1 l3 and "
+        f"a = 2 asin(sqrt(q)/{in_mm(3 * n * radius)}) rad, the bend angle is {n} a and the length "
+        "of the arc is the mean tendon length times (a/2)/sin(a/2)"
     )
 
 
@@ -202,12 +209,12 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
         loaded, released = (_over(study, row.moved_n, ", ") for row in (up, down))
         parts.append(
             f"moves the tip by {in_mm(up.moved)} (loading{loaded}) and {in_mm(down.moved)} "
-            f"(unloading{released}) in the mean"
+            f"(unloading{released}) on average"
         )
     loop = actuation.loops[0]
     if _enough(study, int(np.isfinite(loop.apart).sum())):
         at = significant(loop.widest_at)
-        parts.append(f"the two differ by up to {in_mm(loop.width)} at {at} N")
+        parts.append(f"at one tension the two differ by up to {in_mm(loop.width)} ({at} N)")
     assumed = " (assumed)" if actuation.friction_assumed else ""
     if parts:
         yield f"Friction {actuation.friction:.3g}{assumed}", "; ".join(parts)
@@ -215,5 +222,8 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     for row in elastic:
         if _enough(study, row.moved_n):
             over = _over(study, row.moved_n, ", over ")
-            moved = f"move the tip by {in_mm(row.moved)} in the mean{over}"
+            moved = f"move the tip by {in_mm(row.moved)} on average{over}"
+            commanded = row.case.comparisons[COMMANDED].mean
+            if math.isfinite(commanded):
+                moved += f"; from commanded lengths the mean error is then {in_mm(commanded)}"
             yield f"Elastic tendons{assumed}", moved

@@ -302,20 +302,21 @@ def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 def _answer(m: Meaning, top: float) -> str:
     """Whether constant curvature is good enough, in one sentence."""
-    source = {"cc_from_lengths": "From tendon lengths", "cc_from_force": "From force"}[m.name]
+    source = {"cc_from_lengths": "From true tendon lengths", "cc_from_force": "From force"}[m.name]
     if not math.isfinite(m.max_error):
-        return f"{source}: no arc has the lengths of these tendons."
+        return f"{source}: unknown, because constant curvature gives no arc at any load."
     words = f"{source}: {_how_far(m, top)}"
     if not m.exceeded:
         return f"{words}."
     cause = m.largest_contribution
     if cause is not None:
         part = "because" if m.dominant_cause else "in part because"
-        words += f", {part} {EFFECTS[cause.effect].because}"
+        named = [s for s in m.shares if s.share > 0.5 * cause.share]
+        words += f", {part} {listed([EFFECTS[s.effect].because for s in named])}"
     better = (m.corrected.valid_to or 0.0) > (m.valid_to or 0.0)
     if better:
         words += f"; corrected: {_how_far(m.corrected, top)}"
-    elif m.corrected.max_error < 0.9 * m.max_error:
+    elif not m.corrected.undecided and m.corrected.max_error < 0.9 * m.max_error:
         words += f"; corrected, the largest error is {in_mm(m.corrected.max_error)}"
     return f"{words}."
 
@@ -323,6 +324,8 @@ def _answer(m: Meaning, top: float) -> str:
 def _how_far(found: Range, top: float) -> str:
     if found.valid_throughout:
         return f"yes, up to {significant(top)} N (largest error {in_mm(found.max_error)})"
+    if not found.valid_to and not found.exceeded:
+        return "unknown: no comparison at the first loads"
     if not found.valid_to:
         return f"no (largest error {in_mm(found.max_error)} at {significant(found.max_at)} N)"
     beyond = "" if found.exceeded else ", with no comparison beyond"
