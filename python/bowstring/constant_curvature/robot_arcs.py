@@ -58,18 +58,36 @@ class RobotArcs:
     Eq. 1.11. Without a correction N is 0."""
 
     def __post_init__(self) -> None:
-        check_option("correction", self.correction, (None, "chord"))
+        _check_correction(self.correction, self.hold_length)
         count, shape = len(_check_robot(self.robot).segments), self.kappa.shape
         if shape[-1:] != (count,):
             raise InputError(
                 f"arc has shape {shape}, its last dimension must be the {count} segments of robot"
             )
-        if self.correction is not None and self.hold_length:
-            raise InputError(
-                "the length can be held only for tendons parallel to the backbone, not with "
-                "straight spans"
-            )
-        self._bend(self._core.bends(self.arc.bend.reshape(-1, 3)))
+        if self.correction is None:
+            self._bend(np.empty((self.kappa[..., 0].size, 0)))
+        else:
+            self._bend(self._core.bends(self.arc.bend.reshape(-1, 3)))
+
+    @classmethod
+    def _with_bends(
+        cls,
+        robot: Robot,
+        arc: Arc,
+        correction: Correction | None,
+        hold_length: bool,
+        bends: Array,
+    ) -> RobotArcs:
+        """Make checked arcs whose modules have bends of their own (n, N), rad."""
+        made = cls.__new__(cls)
+        for name, value in (
+            ("robot", robot),
+            ("arc", arc),
+            ("correction", correction),
+            ("hold_length", hold_length),
+        ):
+            object.__setattr__(made, name, value)
+        return made._bend(bends)
 
     def _bend(self, bends: Array) -> RobotArcs:
         """Set the bends of the modules (n, N), rad."""
@@ -116,8 +134,10 @@ class RobotArcs:
 
     def __getitem__(self, index: Any) -> RobotArcs:
         index = (*index, slice(None)) if isinstance(index, tuple) else (index, slice(None))
-        chosen = RobotArcs(self.robot, self.arc[index], self.correction, self.hold_length)
-        return chosen._bend(self.module_bends[index])
+        bends = self.module_bends[index]
+        return self._with_bends(
+            self.robot, self.arc[index], self.correction, self.hold_length, bends
+        )
 
     @classmethod
     def _of(
@@ -132,7 +152,7 @@ class RobotArcs:
         shape, rows = commands.shape[:-1], commands.reshape(-1, commands.shape[-1])
         arcs, misfit, bends = _core.RobotArcs(robot.core, law).arcs(rows)
         arc = Arc._of(arcs.reshape(-1, 3), (*shape, arcs.shape[1]), misfit)
-        return cls(robot, arc, correction, hold_length)._bend(bends)
+        return cls._with_bends(robot, arc, correction, hold_length, bends)
 
     # -- constructors --------------------------------------------------------------------------
 
@@ -185,7 +205,7 @@ class RobotArcs:
                 f"tendon {at[-1] + 1} is {rest[at]:g} m long, its straight length is {whole:g} m; "
                 f"lengths must be {whole / _FAR:g} m to {whole * _FAR:g} m: check their unit"
             )
-        check_option("correction", correction, (None, "chord"))
+        _check_correction(correction, hold_length)
         law = "chords" if correction else "held" if hold_length else "lengths"
         return cls._of(robot, law, rest, correction, hold_length)
 
@@ -316,7 +336,8 @@ class RobotArcs:
             misfit = np.zeros_like(misfit)
         if not np.all(converged & (np.abs(theta) <= 2.0 * np.pi)):
             raise NoSolutionError("no corrected arc was found for the point")
-        return cls(robot, Arc._of(found.arc.bend, found.arc.kappa.shape, misfit), "chord")
+        arc = Arc._of(found.arc.bend, found.arc.kappa.shape, misfit)
+        return cls._with_bends(robot, arc, "chord", False, found.module_bends)
 
     # -- maps ----------------------------------------------------------------------------------
 
@@ -441,6 +462,15 @@ class RobotArcs:
         skew = 0.5 * (turn - np.swapaxes(turn, -1, -2))
         moved_by = high.position - low.position, skew[..., [2, 0, 1], [1, 2, 0]]
         return np.asarray(np.swapaxes(np.concatenate(moved_by, axis=-1), -1, -2) / (2.0 * step))
+
+
+def _check_correction(correction: Correction | None, hold_length: bool) -> None:
+    check_option("correction", correction, (None, "chord"))
+    if correction is not None and hold_length:
+        raise InputError(
+            "the length can be held only for tendons parallel to the backbone, not with "
+            "straight spans"
+        )
 
 
 def _check_robot(robot: Robot) -> Robot:

@@ -140,8 +140,8 @@ def _correction(study: Study) -> Iterator[tuple[str, str]]:
     """Formula of the correction with the numbers of the robot, or the call that has it."""
     for meaning in study.verdict.meanings:
         corrected = meaning.corrected
-        farther = (corrected.valid_to or 0.0) > (meaning.valid_to or 0.0)
-        if not (farther or corrected.max_error < 0.9 * meaning.max_error):
+        lower = corrected.max_error < 0.9 * meaning.max_error
+        if not (meaning.corrected_reaches_farther or lower):
             continue
         from_force = meaning.name == "cc_from_force"
         formula = _formula(study.robot, from_force)

@@ -98,6 +98,11 @@ class Meaning(Range):
     """Verdict in sentences."""
 
     @property
+    def corrected_reaches_farther(self) -> bool:
+        """Whether the correction raises the validity limit."""
+        return (self.corrected.valid_to or 0.0) > (self.valid_to or 0.0)
+
+    @property
     def cause(self) -> Annotated[str | None, Key("dominant_cause")]:
         """Effect with more than half of the error at the load of the shares, also if the tolerance
         is never exceeded; None without such an effect."""
@@ -313,8 +318,7 @@ def _answer(m: Meaning, top: float) -> str:
         part = "because" if m.dominant_cause else "in part because"
         named = [s for s in m.shares if s.share > 0.5 * cause.share]
         words += f", {part} {listed([EFFECTS[s.effect].because for s in named])}"
-    better = (m.corrected.valid_to or 0.0) > (m.valid_to or 0.0)
-    if better:
+    if m.corrected_reaches_farther:
         words += f"; corrected: {_how_far(m.corrected, top)}"
     elif not m.corrected.undecided and m.corrected.max_error < 0.9 * m.max_error:
         words += f"; corrected, the largest error is {in_mm(m.corrected.max_error)}"
@@ -419,11 +423,11 @@ def corrections(comparisons: Mapping[str, Comparison]) -> list[Correction]:
         Against statics, by name.
     """
     out = []
-    for what, source, name, corrected in (
-        ("chords instead of arcs", "from lengths", "cc_from_lengths", "cc_from_lengths_chord"),
-        ("the mean lever arm", "from force", "cc_from_force", "cc_from_force_arm"),
+    for what, source, name in (
+        ("chords instead of arcs", "from lengths", "cc_from_lengths"),
+        ("the mean lever arm", "from force", "cc_from_force"),
     ):
-        errors = np.array([comparisons[name].error, comparisons[corrected].error])
+        errors = np.array([comparisons[name].error, comparisons[CORRECTED[name]].error])
         both = errors[:, np.isfinite(errors).all(axis=0)]
         if both.size:
             before, after = both.mean(axis=1).tolist()
