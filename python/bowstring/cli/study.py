@@ -133,10 +133,6 @@ def study(
     from bowstring.study.settings import Extras, Ramp
     from bowstring.validity.loading import Loading
 
-    if correction is not None:
-        from bowstring.study.correction_code import check_correction
-
-        of_flag("--correction", lambda language: check_correction(robot, language), correction)
     loading, ramp = Loading(max_tension, points, tendon), Ramp(rise, modal_damping)
     joint = None
     if distributions is not None:

@@ -1,7 +1,7 @@
 """Corrected constant curvature of a robot as code to paste: Python, C and MATLAB.
 
-The code has the robot's numbers and the closed forms of theory Eq. 1.5 to 1.11; it needs no
-library.
+The code has the robot's numbers and the closed forms of theory Eq. 1.5 to 1.11, or where these do
+not serve the polynomials of `bowstring.study.correction_polynomial`; it needs no library.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.formatting import in_mm, significant
 from bowstring.robot.model import Robot
+from bowstring.study.correction_polynomial import bend_fit
 from bowstring.validation import choice
 
 if TYPE_CHECKING:
     from bowstring.study.study import Study
 
-__all__ = ["FILES", "Language", "check_correction", "correction_code"]
+__all__ = ["FILES", "Language", "correction_code", "without_closed_form"]
 
 Floats = NDArray[np.float64]
 Language = Literal["python", "c", "matlab"]
@@ -52,27 +53,20 @@ class _Segment:
     bow: Floats
 
 
-def check_correction(robot: Robot, language: str) -> None:
-    """Refuse a language that is not known, and robots without a closed form.
-
-    Raises
-    ------
-    InputError
-    """
-    choice("correction", language, tuple(FILES))
-    why = ""
+def without_closed_form(robot: Robot) -> str:
+    """Why the corrected arcs of a robot have no closed form; empty if they have one."""
     if robot.rest_curvature.any():
-        why = "is bent without load"
-    elif not robot.bends_alike or robot.tension_centre_m.any():
-        why = "does not bend alike about all axes"
-    elif min(np.bincount(robot.tendons.segment, minlength=len(robot.segments))) < 3:
-        why = "has a segment with fewer than three tendons"
-    if why:
-        raise InputError(
-            f"there is no correction in closed form: the backbone of {robot.name} {why}"
-        )
+        return "its backbone is bent without load"
+    if not robot.bends_alike or robot.tension_centre_m.any():
+        return "its backbone does not bend alike about all axes"
+    if min(np.bincount(robot.tendons.segment, minlength=len(robot.segments))) < 3:
+        return "it has a segment with fewer than three tendons"
     lengths = np.cumsum([s.length for s in robot.segments])[robot.tendons.segment]
-    RobotArcs.from_lengths(robot, lengths, "chord")  # refuses tendons in one plane
+    try:
+        RobotArcs.from_lengths(robot, lengths, "chord")
+    except InputError as error:  # tendons in one plane
+        return str(error)
+    return ""
 
 
 def correction_code(study: Study, language: Language) -> str:
@@ -93,13 +87,12 @@ def correction_code(study: Study, language: Language) -> str:
     Raises
     ------
     InputError
-        As for `check_correction`.
+        If the language is not known, or the robot has neither a closed form nor a polynomial.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    robot = study.model.robot
-    check_correction(robot, language)
-    segments = _segments(robot)
+    choice("correction", language, tuple(FILES))
+    robot, polynomials = study.model.robot, study.tip_polynomials
     environment = Environment(
         loader=PackageLoader("bowstring.study", "templates"),
         undefined=StrictUndefined,
@@ -108,21 +101,59 @@ def correction_code(study: Study, language: Language) -> str:
         keep_trailing_newline=True,
     )
     environment.filters["n"] = lambda value: repr(float(value))
+    ending = FILES[language].rpartition(".")[2]
+    shared = {"robot": robot, "tendons": len(robot.tendons.segment)}
+    if polynomials:
+        return environment.get_template(f"polynomial.{ending}.j2").render(
+            **shared,
+            polynomials=[
+                {"name": name, "fit": fit}
+                for name, fit in zip(("lengths", "tensions"), polynomials, strict=True)
+            ],
+            said=_on_polynomials(study),
+        )
+    if why := without_closed_form(robot):
+        raise InputError(
+            f"{robot.name} has no correction in closed form, because {why}, and no polynomial of "
+            "at most 250 terms keeps within the tolerance; give a smaller largest tension, or "
+            "compile the rod itself by bowstring export"
+        )
+    segments = _segments(robot)
     said = [
         f"{source} {in_mm(meaning.corrected.max_error)}"
         for source, meaning in zip(
             ("from lengths", "from force"), study.verdict.meanings, strict=True
         )
     ]
-    ending = FILES[language].rpartition(".")[2]
     return environment.get_template(f"correction.{ending}.j2").render(
-        robot=robot,
-        tendons=len(robot.tendons.segment),
+        **shared,
         segments=segments,
         most=max(len(s.flexible) for s in segments),
         said="; ".join(said),
         swept=f"{study.settings.actuated}, 0 to {significant(study.settings.max_tension)} N",
     )
+
+
+def _on_polynomials(study: Study) -> list[str]:
+    """Range and errors in sentences."""
+    robot, top = study.robot, f"{significant(study.tip_polynomials[0].top)} N"
+    each = " of each segment" if len(robot.segments) > 1 else ""
+    gravity = ", ".join(f"{g:.4g}" for g in robot.gravity)
+    lines = [f"Gravity: {gravity} m/s^2."]
+    lines += [
+        f"Range: any tensions, together at most {top} in the tendons{each}, and the lengths that"
+    ]
+    lines += ["they give. Largest error against the rod at random loads that are not in the fit:"]
+    lines += [
+        f"{source} {in_mm(fit.max_error)} (degree {fit.degree}, {len(fit.exponents)} terms)"
+        for source, fit in zip(
+            ("from lengths", "from tensions"), study.tip_polynomials, strict=True
+        )
+    ]
+    solved = study.tip_polynomials[0].solved
+    if solved < 1.0:
+        lines.append(f"{1.0 - solved:.1%} of these loads have no equilibrium and are not covered.")
+    return lines
 
 
 def _segments(robot: Robot) -> list[_Segment]:
@@ -140,14 +171,13 @@ def _segments(robot: Robot) -> list[_Segment]:
     for k in range(len(robot.segments)):
         here, first, own = disks.segment == k, int(np.sum(of < k)), int(np.sum(of == k))
         holes = robot.tendons.mean_hole_m[k, first:]
-        fit = np.linalg.pinv(np.column_stack([np.ones(own), -holes[:own]]))
         out.append(
             _Segment(
                 first,
                 own,
                 float(robot.bending_stiffness[k]),
                 holes,
-                fit,
+                bend_fit(holes[:own]),
                 float(guides[here].sum()),
                 *(each[here] for each in (flexible, clamps, excess, skew, bow)),
             )

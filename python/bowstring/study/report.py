@@ -84,17 +84,16 @@ def write(
     Raises
     ------
     InputError
-        If the folder may not be written (see `check_folder`), or the robot has no correction in
-        closed form.
+        If the folder may not be written (see `check_folder`), or the robot has no correction.
     """
     code = "" if correction is None else correction_code(study, correction)
     notify = progress or (lambda what, share: None)
     folder = check_folder(default_folder(study.robot) if out is None else out)
 
     def fill(new: Path) -> None:
-        _fill(study, new, formats, notify)
         if correction is not None:
             (new / FILES[correction]).write_text(code, encoding="utf-8")
+        _fill(study, new, formats, notify)  # lists the files last
 
     write_whole(
         folder,

@@ -138,8 +138,19 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
 
 def _correction(study: Study) -> Iterator[tuple[str, str]]:
     """Formula of the correction with the numbers of the robot, or the call that has it."""
-    for meaning in study.verdict.meanings:
+    for k, meaning in enumerate(study.verdict.meanings):
         corrected = meaning.corrected
+        if study.tip_polynomials:
+            fit = study.tip_polynomials[k]
+            each = " of each segment" if len(study.robot.segments) > 1 else ""
+            top = significant(fit.top)
+            yield (
+                f"Polynomial {_SOURCES[meaning.name]}",
+                f"largest error {in_mm(fit.max_error)} at any tensions, together at most {top} N "
+                f"in the tendons{each}; of degree {fit.degree}, {len(fit.exponents)} terms, as "
+                "code by --correction python, c or matlab",
+            )
+            continue
         lower = corrected.max_error < 0.9 * meaning.max_error
         if not (meaning.corrected_reaches_farther or lower):
             continue

@@ -1,0 +1,218 @@
+"""The tip as a polynomial of tensions or of tendon lengths, fitted to the rod.
+
+It serves where no corrected arc keeps within the tolerance: under gravity, for bent backbones, for
+tendons in one plane.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from bowstring.display import short_repr
+from bowstring.robot.model import Robot
+from bowstring.statics import rod
+from bowstring.study.comparison import Model
+
+__all__ = ["TipPolynomial", "bend_fit", "tip_polynomials"]
+
+Floats = NDArray[np.float64]
+
+_FITTED: Final = 6000  # random loads of the fit
+_HELD_OUT: Final = 2000  # further ones, for the error
+_MOST_TERMS: Final = 250  # of a coordinate; more are no code to paste
+_HIGHEST: Final = 8  # degree
+_FEWEST: Final = 0.5  # share of the loads with an equilibrium
+_RANGES: Final = (1.0, 0.5, 0.25)  # of the largest tension, until an error is tolerated
+_ENOUGH: Final = 0.1  # share of the tolerance below which a higher degree gains nothing
+_DIRECTIONS: Final = 12  # in which the bends of a segment are bounded
+
+
+@short_repr
+@dataclass(frozen=True)
+class TipPolynomial:
+    """The tip as a polynomial of ``inputs = weights @ (commands - offset)``."""
+
+    offset: Floats
+    """Commands (T,) of no input, N or m."""
+    weights: Floats
+    """Inputs (q, T) by commands, 1/N or 1/m; within the range they are about 1 at most."""
+    sides: Floats
+    """Directions (m, q) in which the inputs of the fit are bounded: the range of the polynomial."""
+    limits: Floats
+    """Largest ``sides @ inputs`` (m,)."""
+    exponents: NDArray[np.int64]
+    """Powers (n, q) of the inputs in each term."""
+    coefficients: Floats
+    """Tip (n, 3) by each term, m, base frame."""
+    max_error: float
+    """Largest error at random loads that are not in the fit, m."""
+    solved: float
+    """Share of the random loads that have an equilibrium; the others are in neither."""
+    top: float
+    """Largest sum of the tensions in the tendons that end at one segment, N: the range."""
+
+    @property
+    def degree(self) -> int:
+        """Largest sum of powers in a term."""
+        return int(self.exponents.sum(axis=1).max())
+
+    def tip(self, commands: Floats) -> Floats:
+        """Tips (n, 3), m, at commands (n, T), N or m; NaN outside the range."""
+        inputs = (commands - self.offset) @ self.weights.T
+        out = _terms(inputs, self.exponents) @ self.coefficients
+        out[(inputs @ self.sides.T > self.limits).any(axis=1)] = math.nan
+        return out
+
+
+def bend_fit(holes: Floats) -> Floats:
+    """Mean length and bend (3, T) per length of tendons through these holes (T, 2), theory Eq. 1.3.
+
+    Of tendons in one plane the least bend with these lengths.
+    """
+    return np.linalg.pinv(np.column_stack([np.ones(len(holes)), -holes]))
+
+
+def tip_polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynomial, ...]:
+    """Fit the tip of a robot's rod, with its gravity and without friction.
+
+    Parameters
+    ----------
+    model : Model
+    top : float
+        Largest sum of the tensions in the tendons that end at one segment, N. The range ends there,
+        or at a half or a quarter of it if only then the polynomials keep within the tolerance.
+    tolerance : float
+        Tolerated tip error, m. The degree is the lowest that errs by a tenth of it; if none does of
+        up to 8 and of at most 250 terms a coordinate, the one with the smallest error.
+
+    Returns
+    -------
+    tuple of TipPolynomial
+        From tendon lengths, by the bends of the segments that fit them, and from tensions; empty if
+        none keeps within the tolerance.
+    """
+    for share in _RANGES:
+        found = _polynomials(model, share * top, tolerance)
+        if found and max(each.max_error for each in found) <= tolerance:
+            return found
+    return ()
+
+
+def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynomial, ...]:
+    robot = model.robot
+    of = robot.tendons.segment
+    tensions = _random_tensions(of, top)
+    found = rod.solve_batch(
+        robot, tensions, load=model.main.load, model=model.main.model, disks=False
+    )
+    good = np.asarray(found.converged)
+    if good.mean() < _FEWEST:
+        return ()
+    held_out = (np.arange(len(tensions)) >= _FITTED)[good]
+    lengths, tensions = np.asarray(found.tendon_lengths)[good], tensions[good]
+
+    straight = np.cumsum([s.length for s in robot.segments])[of]
+    bends = _segment_bends(robot)
+    inputs = (lengths - straight) @ bends.T
+    scale = np.abs(inputs).max()
+    angle = np.arange(_DIRECTIONS) * math.tau / _DIRECTIONS
+    around = np.kron(np.eye(len(bends) // 2), np.column_stack([np.cos(angle), np.sin(angle)]))
+
+    groups = np.array([of == k for k in np.unique(of)], dtype=float)
+    not_negative, unit = -np.eye(len(of)), np.eye(len(of)) / top
+    fits = (
+        (lengths, straight, bends / scale, around, (inputs / scale @ around.T).max(axis=0)),
+        (
+            tensions,
+            np.zeros(len(of)),
+            unit,
+            np.vstack([not_negative, groups]),
+            np.repeat([0.0, 1.0], [len(of), len(groups)]),
+        ),
+    )
+    tips = np.asarray(found.tip_position)[good]
+    out = []
+    for commands, offset, weights, sides, limits in fits:
+        terms, coefficients, error = _fit(
+            (commands - offset) @ weights.T, tips, held_out, _ENOUGH * tolerance
+        )
+        out.append(
+            TipPolynomial(
+                offset, weights, sides, limits, terms, coefficients, error, float(good.mean()), top
+            )
+        )
+    return tuple(out)
+
+
+def _random_tensions(of: NDArray[np.int64], top: float) -> Floats:
+    """Tensions (n, T) whose sums over each segment's tendons are at most `top`, more near it."""
+    rng = np.random.default_rng(1)
+    count = _FITTED + _HELD_OUT
+    tensions = np.zeros((count, len(of)))
+    for k in np.unique(of):
+        own = np.flatnonzero(of == k)
+        shares = rng.dirichlet(np.full(len(own), 0.5), count)
+        tensions[:, own] = top * shares * rng.uniform(size=(count, 1)) ** 0.35
+        alone = np.arange(count) % 20 == 0  # the edges of the range
+        tensions[np.ix_(alone, own)] = 0.0
+        tensions[alone, rng.choice(own, alone.sum())] = top * rng.uniform(size=alone.sum()) ** 0.35
+    return tensions
+
+
+def _segment_bends(robot: Robot) -> Floats:
+    """Bends (2 S, T) of the segments per tendon length, as arcs without correction have them."""
+    of = robot.tendons.segment
+    rest, rows = np.eye(len(of)), []
+    for k, holes in enumerate(robot.tendons.mean_hole_m):
+        own, further = of == k, of > k
+        if not own.any():
+            continue
+        mean, *bend = bend_fit(holes[own]) @ rest[own]
+        rest[further] -= mean - holes[further] @ np.array(bend)
+        rows += bend
+    return np.array(rows)
+
+
+def _fit(
+    inputs: Floats, tips: Floats, held_out: NDArray[np.bool_], enough: float
+) -> tuple[NDArray[np.int64], Floats, float]:
+    """Exponents, coefficients and largest error of the lowest degree that is good enough."""
+    best: tuple[NDArray[np.int64], Floats, float] | None = None
+    for degree in range(1, _HIGHEST + 1):
+        if best and math.comb(inputs.shape[1] + degree, degree) > _MOST_TERMS:
+            break
+        exponents = _exponents(inputs.shape[1], degree)
+        terms = _terms(inputs, exponents)
+        coefficients = scipy.linalg.lstsq(
+            terms[~held_out], tips[~held_out], 1e-12, check_finite=False, lapack_driver="gelsy"
+        )[0]
+        off = (terms @ coefficients - tips)[held_out]
+        error = float(np.linalg.norm(off, axis=1).max())
+        if best is None or error < best[2]:
+            best = exponents, coefficients, error
+        if error <= enough:
+            break
+    assert best is not None
+    return best
+
+
+def _exponents(inputs: int, degree: int) -> NDArray[np.int64]:
+    """Powers (n, inputs) of all terms up to a degree."""
+    chosen = itertools.combinations_with_replacement(range(inputs + 1), degree)
+    return np.array([np.bincount(c, minlength=inputs + 1)[:inputs] for c in chosen])
+
+
+def _terms(inputs: Floats, exponents: NDArray[np.int64]) -> Floats:
+    """Values (n, terms) of the terms at inputs (n, q)."""
+    powers = inputs[:, :, None] ** np.arange(exponents.max() + 1)
+    out = np.ones((len(inputs), len(exponents)))
+    for q in range(inputs.shape[1]):
+        out *= powers[:, q, exponents[:, q]]
+    return out
