@@ -85,7 +85,7 @@ def _c(study: Study, folder: Path) -> ctypes.CDLL:
 def test_python_is_the_package(found: Found) -> None:
     study, tensions, lengths = found
     made = _python(study)
-    assert study.tip_polynomials == ()
+    assert study.verdict.polynomials == ()
     for name, rows, arcs in (
         ("tip_from_tensions", tensions, RobotArcs.from_tensions(study.robot, tensions, "arm")),
         ("tip_from_lengths", lengths, RobotArcs.from_lengths(study.robot, lengths, "chord")),
@@ -116,7 +116,7 @@ def test_polynomials_are_as_near_to_the_rod_as_they_say(fitted: Found) -> None:
     for name, rows, fit, meaning in zip(
         ("lengths", "tensions"),
         (lengths, tensions),
-        study.tip_polynomials,
+        study.verdict.polynomials,
         study.verdict.meanings,
         strict=True,
     ):
@@ -136,7 +136,7 @@ def test_polynomials_refuse_what_is_outside_their_range(fitted: Found) -> None:
             made["tip_from_tensions"](row)
     with pytest.raises(ValueError, match="outside the range"):
         made["tip_from_lengths"]((lengths[1] + [0.0, 0.3, 0.0]).tolist())
-    assert np.isnan(study.tip_polynomials[1].tip(np.array(wrong))).all()
+    assert np.isnan(study.verdict.polynomials[1].tip(np.array(wrong))).all()
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
@@ -145,7 +145,7 @@ def test_c_has_the_same_polynomials(fitted: Found, tmp_path: Path) -> None:
     made = _c(study, tmp_path)
     outside = np.full((1, 3), -1.0)
     for name, rows, fit in zip(
-        ("lengths", "tensions"), (lengths, tensions), study.tip_polynomials, strict=True
+        ("lengths", "tensions"), (lengths, tensions), study.verdict.polynomials, strict=True
     ):
         rows = np.concatenate([rows, outside])
         for row, tip in zip(rows, fit.tip(rows), strict=True):
@@ -178,8 +178,7 @@ def _same_numbers(study: Study, begins: str, begins_in_matlab: str) -> None:
 
 def test_no_polynomial_within_the_tolerance_is_refused(paper: Study) -> None:
     robot = bs.load_robot("amouri2019", {"segments.0.backbone.rest_bend": "40 deg"})
-    strict = replace(paper.verdict, tolerance_length=1e-12)
-    study = replace(Stages(robot, tendon=1).over(paper), verdict=strict)
+    study = Stages(robot, tendon=1).over(paper)
     why = (
         "no correction in closed form, because its backbone is bent without load, and no polynomial"
     )

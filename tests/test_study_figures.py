@@ -204,7 +204,7 @@ def test_rows_over_fewer_loads_are_marked(paper: Study) -> None:
 
 def test_figures_of_data_are_named_as_in_the_source_study() -> None:
     captions = {figure.stem: figure.caption for figure in DATA_FIGURES}
-    assert "Fig. 12 of the study" in captions["fig12_measured_errors"]
+    assert "Fig. 12 of Amouri (2019)" in captions["fig12_measured_errors"]
     assert "along each axis" in captions["fig12_measured_errors"]
     for stem, caption in captions.items():  # a file is named after its figure
         number = stem[3:5].lstrip("0") if stem.startswith("fig") else None

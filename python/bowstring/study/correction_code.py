@@ -12,17 +12,16 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.formatting import in_mm, significant
 from bowstring.robot.model import Robot
-from bowstring.study.correction_polynomial import bend_fit
+from bowstring.study.correction_polynomial import bend_fit, without_closed_form
 from bowstring.validation import choice
 
 if TYPE_CHECKING:
     from bowstring.study.study import Study
 
-__all__ = ["FILES", "Language", "correction_code", "without_closed_form"]
+__all__ = ["FILES", "Language", "correction_code"]
 
 Floats = NDArray[np.float64]
 Language = Literal["python", "c", "matlab"]
@@ -53,22 +52,6 @@ class _Segment:
     bow: Floats
 
 
-def without_closed_form(robot: Robot) -> str:
-    """Why the corrected arcs of a robot have no closed form; empty if they have one."""
-    if robot.rest_curvature.any():
-        return "its backbone is bent without load"
-    if not robot.bends_alike or robot.tension_centre_m.any():
-        return "its backbone does not bend alike about all axes"
-    if min(np.bincount(robot.tendons.segment, minlength=len(robot.segments))) < 3:
-        return "it has a segment with fewer than three tendons"
-    lengths = np.cumsum([s.length for s in robot.segments])[robot.tendons.segment]
-    try:
-        RobotArcs.from_lengths(robot, lengths, "chord")
-    except InputError as error:  # tendons in one plane
-        return str(error)
-    return ""
-
-
 def correction_code(study: Study, language: Language) -> str:
     """Write the corrected constant curvature of a study's robot as code.
 
@@ -92,7 +75,7 @@ def correction_code(study: Study, language: Language) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     choice("correction", language, tuple(FILES))
-    robot, polynomials = study.model.robot, study.tip_polynomials
+    robot, polynomials = study.model.robot, study.verdict.polynomials
     environment = Environment(
         loader=PackageLoader("bowstring.study", "templates"),
         undefined=StrictUndefined,
@@ -136,7 +119,7 @@ def correction_code(study: Study, language: Language) -> str:
 
 def _on_polynomials(study: Study) -> list[str]:
     """Range and errors in sentences."""
-    robot, top = study.robot, f"{significant(study.tip_polynomials[0].top)} N"
+    robot, top = study.robot, f"{significant(study.verdict.polynomials[0].top)} N"
     each = " of each segment" if len(robot.segments) > 1 else ""
     gravity = ", ".join(f"{g:.4g}" for g in robot.gravity)
     lines = [f"Gravity: {gravity} m/s^2."]
@@ -147,10 +130,10 @@ def _on_polynomials(study: Study) -> list[str]:
     lines += [
         f"{source} {in_mm(fit.max_error)} (degree {fit.degree}, {len(fit.exponents)} terms)"
         for source, fit in zip(
-            ("from lengths", "from tensions"), study.tip_polynomials, strict=True
+            ("from lengths", "from tensions"), study.verdict.polynomials, strict=True
         )
     ]
-    solved = study.tip_polynomials[0].solved
+    solved = study.verdict.polynomials[0].solved
     if solved < 1.0:
         lines.append(f"{1.0 - solved:.1%} of these loads have no equilibrium and are not covered.")
     return lines

@@ -15,12 +15,14 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from bowstring.constant_curvature import RobotArcs
 from bowstring.display import short_repr
+from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics import rod
 from bowstring.study.comparison import Model
 
-__all__ = ["TipPolynomial", "bend_fit", "tip_polynomials"]
+__all__ = ["TipPolynomial", "bend_fit", "tip_polynomials", "without_closed_form"]
 
 Floats = NDArray[np.float64]
 
@@ -77,6 +79,22 @@ def bend_fit(holes: Floats) -> Floats:
     Of tendons in one plane the least bend with these lengths.
     """
     return np.linalg.pinv(np.column_stack([np.ones(len(holes)), -holes]))
+
+
+def without_closed_form(robot: Robot) -> str:
+    """Why the corrected arcs of a robot have no closed form; empty if they have one."""
+    if robot.rest_curvature.any():
+        return "its backbone is bent without load"
+    if not robot.bends_alike or robot.tension_centre_m.any():
+        return "its backbone does not bend alike about all axes"
+    if min(np.bincount(robot.tendons.segment, minlength=len(robot.segments))) < 3:
+        return "it has a segment with fewer than three tendons"
+    lengths = np.cumsum([s.length for s in robot.segments])[robot.tendons.segment]
+    try:
+        RobotArcs.from_lengths(robot, lengths, "chord")
+    except InputError as error:  # tendons in one plane
+        return str(error)
+    return ""
 
 
 def tip_polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynomial, ...]:

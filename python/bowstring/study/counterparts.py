@@ -44,7 +44,7 @@ _ALL: Final = (
     ("Fig. 6a", "lengths of all tendons", "fig06_geometric_sweep", ""),
     ("Fig. 6b", "tip by constant curvature", "fig06_geometric_sweep", ""),
     ("Fig. 7", "configurations", "fig07_configurations", ""),
-    ("Fig. 8", "the test bench", None, "a photograph of the study's own bench"),
+    ("Fig. 8", "the test bench", None, "a photograph of the article's own bench"),
     ("Fig. 9", "measured tip", "fig09_measured_tip", _DATA),
     ("Fig. 10", "constant curvature over the simulation", "fig10_overlay", ""),
     ("Fig. 11", "errors against the simulation", "fig11_errors", ""),

@@ -87,7 +87,7 @@ def caption_of(found: ValidityMap) -> str:
         why = " (the clamped lengths leave no room for more disks)"
     return (
         f"Tip error of constant curvature by the {words} and the tension, all other numbers as "
-        f"they are{why}; the study has no such figure. On the black line the error has the "
+        f"they are{why}; Amouri (2019) has no such figure. On the black line the error has the "
         "tolerance; colours name the effect that makes more than half of it. Dashed: this robot."
     )
 

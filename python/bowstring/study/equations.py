@@ -292,8 +292,8 @@ def _tip_from_lengths(study: Study, segment: FirstSegment, ring: NDArray[np.intp
         terms(r, [_n(v) for v in lengths], root, _DOT),
     )
     note = (
-        "This is Eq. 1 with Eqs. 3 and 4 put in, and so the same point. As printed in the study, "
-        "its z is twice this: the straight robot would have its tip at twice its length."
+        "This is Eq. 1 with Eqs. 3 and 4 put in, and so the same point. As printed by Amouri "
+        "(2019), its z is twice this: the straight robot would have its tip at twice its length."
     )
     return Equation("Eq. 5", "end of the arc from the tendon lengths", lines, note)
 

@@ -41,8 +41,8 @@ SOLID_FIGURES: Final = (
     Figure(
         "fig01_solid",
         "The robot as a solid",
-        "As in Fig. 1 of the study: base, backbone, spacer disks and tendons, bent by the largest "
-        "load of the sweep; simulated, statics.",
+        "As in Fig. 1 of Amouri (2019): base, backbone, spacer disks and tendons, bent by the "
+        "largest load of the sweep; simulated, statics.",
     ),
 )
 """Further figure of a study with the solid, which needs the extra ``cad``."""
@@ -51,37 +51,38 @@ FIGURES: Final = (
     Figure(
         "fig01_robot",
         "The robot",
-        "As in Fig. 1 of the study: the rod, and constant curvature (CC) under the same load; "
+        "As in Fig. 1 of Amouri (2019): the rod, and constant curvature (CC) under the same load; "
         "simulated. A still shows the largest load.",
     ),
     Figure(
         "fig02_disk",
         "Spacer disks",
-        "As in Fig. 2 of the study, in mm. Sizes with a star are assumed.",
+        "As in Fig. 2 of Amouri (2019), in mm. Sizes with a star are assumed.",
     ),
     Figure(
         "fig02_arc",
         "Arc of the segment at the base",
-        "As in Fig. 2 of the study, to scale at the largest load: the arc in its bending plane; "
-        "below, disk and holes seen from the tip. Numbers are tendons, red ones are actuated.",
+        "As in Fig. 2 of Amouri (2019), to scale at the largest load: the arc in its bending "
+        "plane; below, disk and holes seen from the tip. Numbers are tendons, red ones are "
+        "actuated.",
     ),
     Figure(
         "fig03_spaces",
         "Spaces and maps",
-        "As Fig. 3 of the study: the spaces of constant curvature and the maps between them, with "
-        "the numbers of this robot at the largest load.",
+        "As Fig. 3 of Amouri (2019): the spaces of constant curvature and the maps between them, "
+        "with the numbers of this robot at the largest load.",
     ),
     Figure(
         "fig04_module",
         "Geometry of one module",
-        "As Fig. 4 of the study: two disks, the backbone and the straight spans of the tendons in "
-        "the bending plane, drawn to scale with the numbers of this robot at the largest load.",
+        "As Fig. 4 of Amouri (2019): two disks, the backbone and the straight spans of the tendons "
+        "in the bending plane, drawn to scale with the numbers of this robot at the largest load.",
     ),
     Figure(
         "fig05_tip_against_force",
         "Tip, displacement, stress and strain against force",
-        "One tendon is actuated, as in Fig. 5 of the study; simulated. Lines: dynamics, while the "
-        "tension rises. Markers: statics at the same tension. Crosses: constant curvature from "
+        "One tendon is actuated, as in Fig. 5 of Amouri (2019); simulated. Lines: dynamics, while "
+        "the tension rises. Markers: statics at the same tension. Crosses: constant curvature from "
         f"force. {_ON_SURFACE}",
     ),
     Figure(
@@ -93,7 +94,7 @@ FIGURES: Final = (
     Figure(
         "displacement_against_force",
         "Tendon displacement against force",
-        "Displacement of the actuated tendon by statics and by the linear law that the study "
+        "Displacement of the actuated tendon by statics and by the linear law that Amouri (2019) "
         "assumes, and the difference of the two.",
     ),
     Figure(
@@ -105,12 +106,12 @@ FIGURES: Final = (
     Figure(
         "fig07_configurations",
         "Configurations",
-        "Configurations of the geometric sweep with disks and tendons, as Fig. 7 of the study.",
+        "Configurations of the geometric sweep with disks and tendons, as Fig. 7 of Amouri (2019).",
     ),
     Figure(
         "fig10_overlay",
         "Constant curvature over statics",
-        "Path of the tip in the bending plane, as Fig. 10 of the study: statics, and constant "
+        "Path of the tip in the bending plane, as Fig. 10 of Amouri (2019): statics, and constant "
         "curvature from lengths and from force at the same loads.",
     ),
     Figure(
@@ -133,7 +134,7 @@ FIGURES: Final = (
         "fig11_errors",
         "Errors by axis",
         "Difference of the tip by constant curvature from statics along each axis, as Fig. 11 of "
-        "the study, with the Euclidean error and the tolerance.",
+        "Amouri (2019), with the Euclidean error and the tolerance.",
     ),
     Figure(
         "validity_map",
@@ -199,23 +200,23 @@ DATA_FIGURES: Final = (
     Figure(
         "fig09_measured_tip",
         "Measured tip against load",
-        "The tip in the base frame against the load, as Fig. 9 of the study, and what the models "
-        "say. Full markers and solid lines: loading. Hollow markers and dotted lines: unloading. "
-        "All repeats are drawn.",
+        "The tip in the base frame against the load, as Fig. 9 of Amouri (2019), and what the "
+        "models say. Full markers and solid lines: loading. Hollow markers and dotted lines: "
+        "unloading. All repeats are drawn.",
     ),
     Figure(
         "fig12_measured_errors",
         "Tip error by axis against load",
-        "Model minus measurement along each axis, as Fig. 12 of the study has it for constant "
+        "Model minus measurement along each axis, as Fig. 12 of Amouri (2019) has it for constant "
         "curvature, all in the one base frame for all models; repeats averaged. Solid: loading. "
         "Dotted: unloading.",
     ),
     Figure(
         "measured_comparison",
         "Comparison of errors by model",
-        "Mean tip error of each model with its bootstrap interval at 95 %; the study has no such "
-        "figure. The thin mark is the largest error. Not registered, in the one base frame for "
-        "all, and registered to each model alone.",
+        "Mean tip error of each model with its bootstrap interval at 95 %; Amouri (2019) has no "
+        "such figure. The thin mark is the largest error. Not registered, in the one base frame "
+        "for all, and registered to each model alone.",
     ),
     Figure(
         "measured_parts",

@@ -137,8 +137,8 @@ def caption_of_loads(found: ValidityMap) -> str:
     axis, why = found.axes[1], _assumption(found)
     return (
         f"Tip error of constant curvature by the {axis.words} and the tension, the robot as it is"
-        f"{f' ({why})' if why else ''}; the study has no such figure. Constant curvature does not "
-        "know the load. On the black line the error has the tolerance; colours name the effect "
+        f"{f' ({why})' if why else ''}; Amouri (2019) has no such figure. Constant curvature does "
+        "not know the load. On the black line the error has the tolerance; colours name the effect "
         "that makes more than half of it, and the weight of a payload counts as tip force."
     )
 

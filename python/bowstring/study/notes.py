@@ -64,10 +64,10 @@ def claim_of(
     text = (
         "Amouri 2019 prints, for constant curvature against its finite-element run, a mean error "
         "smaller than 4.95 mm (0.77 % of length), and speaks of errors along each axis. This is "
-        f"the study's published mean; ours, from force and against statics, is {in_mm(ours.mean)} "
+        f"its published mean; ours, from force and against statics, is {in_mm(ours.mean)} "
         f"({in_percent(ours.mean / robot.length)}; {in_mm(x)} in x, {in_mm(z)} in z){moving}. How "
-        "the study turned force into cable length is our reading of its section 4.1 (the linear "
-        "law). No measured data of the study are available, so nothing here is its measurement."
+        "it turned force into cable length is our reading of its section 4.1 (the linear law). No "
+        "measured data of it are available, so nothing here is its measurement."
     )
     if robot.hash != load_robot("amouri2019").hash:
         text += " The robot studied here differs from the built-in one in some of its numbers."

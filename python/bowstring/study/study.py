@@ -20,8 +20,6 @@ from bowstring.formatting import in_percent, listed, plain
 from bowstring.robot.model import Robot
 from bowstring.statics import limits
 from bowstring.study.comparison import Model
-from bowstring.study.correction_code import without_closed_form
-from bowstring.study.correction_polynomial import TipPolynomial, tip_polynomials
 from bowstring.study.design_map import caption_of
 from bowstring.study.error_budget import Budget
 from bowstring.study.figure_list import (
@@ -179,17 +177,6 @@ class Study:
             for path, mean, sd in sizes
         )
         return listed(list(dict.fromkeys(words)))
-
-    @cached_property
-    def tip_polynomials(self) -> tuple[TipPolynomial, ...]:
-        """The tip as polynomials of tendon lengths and of tensions; empty where the corrected arcs
-        keep within the tolerance, and where no polynomial does."""
-        if not without_closed_form(self.robot) and all(
-            meaning.corrected.valid_throughout for meaning in self.verdict.meanings
-        ):
-            return ()
-        top, tolerance = self.settings.max_tension, self.verdict.tolerance_length
-        return tip_polynomials(self.model, top, tolerance)
 
     @cached_property
     def without_disks(self) -> str:

@@ -138,10 +138,9 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
 
 def _correction(study: Study) -> Iterator[tuple[str, str]]:
     """Formula of the correction with the numbers of the robot, or the call that has it."""
-    for k, meaning in enumerate(study.verdict.meanings):
-        corrected = meaning.corrected
-        if study.tip_polynomials:
-            fit = study.tip_polynomials[k]
+    for meaning in study.verdict.meanings:
+        corrected, fit = meaning.corrected, meaning.polynomial
+        if fit is not None:
             each = " of each segment" if len(study.robot.segments) > 1 else ""
             top = significant(fit.top)
             yield (

@@ -19,6 +19,11 @@ from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_newtons, in_percent, listed, significant
 from bowstring.results import Key, Result
 from bowstring.study.comparison import COMPARISONS, CORRECTED, MEANINGS, Case, Model
+from bowstring.study.correction_polynomial import (
+    TipPolynomial,
+    tip_polynomials,
+    without_closed_form,
+)
 from bowstring.study.error_budget import Budget
 from bowstring.validity.effects import DOMINANT, EFFECTS, Rods, acting, without
 
@@ -92,6 +97,9 @@ class Meaning(Range):
     """Shares, largest first; empty if rod and constant curvature agree there."""
     corrected: Annotated[Range, Key()]
     """The same with the correction in closed form."""
+    polynomial: TipPolynomial | None
+    """The tip as a polynomial; None where the corrected arcs keep within the tolerance, and where
+    no polynomial does."""
     answer: Annotated[str, Key()]
     """Whether constant curvature is good enough, in one sentence."""
     text: Annotated[str, Key()]
@@ -144,6 +152,11 @@ class Verdict(Result):
     text: Annotated[tuple[str, ...], Key()]
     """Verdict, corrections, variable curvature and effects outside the sweep in sentences."""
 
+    @property
+    def polynomials(self) -> tuple[TipPolynomial, ...]:
+        """The tip from tendon lengths and from tensions as polynomials; see `Meaning`."""
+        return tuple(m.polynomial for m in self.meanings if m.polynomial is not None)
+
 
 # -- running it --------------------------------------------------------------------------------
 
@@ -176,6 +189,13 @@ def judge(
     case_tension = np.linspace(0.0, max_tension, len(budget.sweep.tip_position))
     case = model.case(model.main, fine, tuple(COMPARISONS))
     meanings = tuple(_meaning(model, name, case, fine, tolerance) for name in MEANINGS)
+    fits: Sequence[TipPolynomial | None] = ()
+    arcs_serve = all(m.corrected.valid_throughout for m in meanings)
+    if without_closed_form(model.robot) or not arcs_serve:
+        fits = tip_polynomials(model, max_tension, tolerance * model.length)
+    with_fits = zip(meanings, fits or [None] * len(meanings), strict=True)
+    meanings = tuple(replace(m, polynomial=fit) for m, fit in with_fits)
+    meanings = tuple(replace(m, answer=_answer(m, max_tension)) for m in meanings)
     return Verdict(
         tolerance=tolerance,
         tolerance_length=tolerance * model.length,
@@ -247,6 +267,7 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
         shares_at=shares_at,
         shares=shares,
         corrected=_range(model, CORRECTED[name], case, tension, limit),
+        polynomial=None,
         answer="",
         text="",
     )
@@ -260,7 +281,7 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
         if ranges := [in_newtons(float(tension[i]), float(tension[j])) for i, j in _runs(where)]:
             without.append(f"{listed(ranges)} ({why})")
     text = _in_words(meaning, tolerance, model.length, tension[-1], without)
-    return replace(meaning, answer=_answer(meaning, tension[-1]), text=text)
+    return replace(meaning, text=text)
 
 
 def _error_at(model: Model, name: str, tension: float, rods: Rods) -> float:
@@ -318,7 +339,12 @@ def _answer(m: Meaning, top: float) -> str:
         part = "because" if m.dominant_cause else "in part because"
         named = [s for s in m.shares if s.share > 0.5 * cause.share]
         words += f", {part} {listed([EFFECTS[s.effect].because for s in named])}"
-    if m.corrected_reaches_farther:
+    if m.polynomial is not None:
+        top, error = m.polynomial.top, m.polynomial.max_error
+        words += (
+            f"; by a polynomial: yes, up to {significant(top)} N (largest error {in_mm(error)})"
+        )
+    elif m.corrected_reaches_farther:
         words += f"; corrected: {_how_far(m.corrected, top)}"
     elif not m.corrected.undecided and m.corrected.max_error < 0.9 * m.max_error:
         words += f"; corrected, the largest error is {in_mm(m.corrected.max_error)}"
