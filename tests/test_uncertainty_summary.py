@@ -95,7 +95,7 @@ def test_the_sentence_of_a_limit() -> None:
     outputs, indices, design = _linear(np.array([3.0, 1.9]))
     found = summarise(outputs[design.rows_of_sample])
     text = spread_text(found, indices, "N")
-    assert text == "56 N (95 %: 49 to 63 N); 71 % of that spread is E"
+    assert text == "56 N (95 %: 49 to 63 N); E causes 71 % of that spread"
     outputs[: design.width] = np.nan
     text = spread_text(summarise(outputs[design.rows_of_sample]), None, "N")
     assert text == "56 N (95 %: 49 to 63 N); less than 1 % of the samples have no result"
@@ -119,7 +119,9 @@ def test_interactions_are_named() -> None:
     outputs = evaluate(lambda x: x[:, 0] * x[:, 1] + 0.3 * x[:, 0], design)
     text = spread_text(summarise(outputs), sobol_indices(design, outputs), "mm", 1e-3)
     share = 0.3**2 / 3 / (0.3**2 / 3 + 1 / 9)
-    assert f"{100 * share:.0f} % of that spread is gravity.x, with its interactions 100 %" in text
+    assert (
+        f"gravity.x causes {100 * share:.0f} % of that spread, with its interactions 100 %" in text
+    )
 
 
 def test_bad_input() -> None:

@@ -156,12 +156,12 @@ def load_text(found: ValidityMap) -> tuple[str, str]:
     tuple of (str, str)
     """
     words, tension = found.axes[1].words, 0.5 * found.axes[0].stop
-    heading = f"{words[0].upper()}{words[1:]} at tension {significant(tension)} N"
+    heading = f"{words[0].upper()}{words[1:]} at half of the tension ({significant(tension)} N)"
     parts = []
     for name in found.value:
         ranges = _ranges(found, name, tension)
         up = "up " if ranges.startswith("to ") else ""
-        parts.append(f"{up}{ranges} ({LABELS[name].removeprefix('from ')})")
+        parts.append(f"{up}{ranges} ({LABELS[name]})")
     return heading, f"the error stays within {in_percent(found.tolerance, 3)} {', '.join(parts)}"
 
 
@@ -188,7 +188,7 @@ def _ranges(found: ValidityMap, name: str, tension: float) -> str:
         end = f"{'at least ' if to_end else ''}{significant(high / axis.factor)}{unit}"
         parts.append(f"{'' if from_start else significant(low / axis.factor) + ' '}to {end}")
     if not parts:
-        return "nowhere"
+        return "at none"
     if len(parts) == 1 and parts[0].startswith("to "):
         return parts[0]
     return f"at {listed([f'0 {part}' if part.startswith('to ') else part for part in parts])}"

@@ -109,10 +109,13 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
     if study.spreads:
         how = "assumed" if study.uncertainty_assumed else "standard deviations"
         known = [s for s in study.spreads if s.limit_indices is not None] or study.spreads
-        limits = [f"{LABELS[s.name]} up to {s.limit_text}" for s in known]
-        count = f"{len(known[0].limit)} samples"
-        numbers = f"with {study.uncertain_numbers} ({how}, {count})"
-        yield "How sure", f"{numbers}, valid {'; '.join(limits)}"
+        limits = []
+        for s in known:
+            median = math.isfinite(s.limit_summary.quantiles[0.5].value)
+            what = "the median limit is" if median else "the limit is at least"
+            limits.append(f"{LABELS[s.name]} {what} {s.limit_text}")
+        robots = f"of {len(known[0].limit)} robots with random {study.uncertain_numbers} ({how})"
+        yield "How sure", f"{robots}, {'; '.join(limits)}"
     if study.load_map is not None:
         yield load_text(study.load_map)
     yield from _largest_effect(study)
@@ -141,13 +144,13 @@ def _correction(study: Study) -> Iterator[tuple[str, str]]:
     for meaning in study.verdict.meanings:
         corrected, fit = meaning.corrected, meaning.polynomial
         if fit is not None:
-            each = " of each segment" if len(study.robot.segments) > 1 else ""
+            each = " in each segment" if len(study.robot.segments) > 1 else ""
             top = significant(fit.top)
             yield (
                 f"Polynomial {_SOURCES[meaning.name]}",
-                f"largest error {in_mm(fit.max_error)} at any tensions, together at most {top} N "
-                f"in the tendons{each}; of degree {fit.degree}, {len(fit.exponents)} terms, as "
-                "code by --correction python, c or matlab",
+                f"largest error {in_mm(fit.max_error)} for any tensions whose sum{each} is at "
+                f"most {top} N; degree {fit.degree}, {len(fit.exponents)} terms; --correction "
+                "python, c or matlab writes it as code",
             )
             continue
         lower = corrected.max_error < 0.9 * meaning.max_error
@@ -159,8 +162,8 @@ def _correction(study: Study) -> Iterator[tuple[str, str]]:
             law = ', "arm"' if from_force else ', "chord"'
             call = "from_tensions(robot, tensions" if from_force else "from_lengths(robot, lengths"
             formula = (
-                f"module by module, in Python RobotArcs.{call}{law}), for your controller by "
-                "--correction python, c or matlab"
+                f"module by module: RobotArcs.{call}{law}) in Python; --correction python, c or "
+                "matlab writes it as code"
             )
         error = in_mm(corrected.max_error)
         if corrected.undecided:
@@ -189,9 +192,9 @@ def _formula(robot: Robot, from_force: bool) -> str | None:
     if len(angles) != 3 or np.ptp(np.diff(angles, append=angles[0] + math.tau)) > 1e-9:
         return None
     return (
-        "with q = l1^2 + l2^2 + l3^2 - l1 l2 - l2 l3 - l1 l3 and "
+        "with the tendon lengths l1, l2, l3, q = l1^2 + l2^2 + l3^2 - l1 l2 - l2 l3 - l1 l3 and "
         f"a = 2 asin(sqrt(q)/{in_mm(3 * n * radius)}) rad, the bend angle is {n} a and the length "
-        "of the arc is the mean tendon length times (a/2)/sin(a/2)"
+        "of the arc is the mean of l1, l2, l3 times (a/2)/sin(a/2)"
     )
 
 
@@ -218,13 +221,13 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     if _enough(study, min(up.moved_n, down.moved_n)):
         loaded, released = (_over(study, row.moved_n, ", ") for row in (up, down))
         parts.append(
-            f"moves the tip by {in_mm(up.moved)} (loading{loaded}) and {in_mm(down.moved)} "
-            f"(unloading{released}) on average"
+            f"moves the tip on average by {in_mm(up.moved)} while the tension rises{loaded}, by "
+            f"{in_mm(down.moved)} while it falls{released}"
         )
     loop = actuation.loops[0]
     if _enough(study, int(np.isfinite(loop.apart).sum())):
         at = significant(loop.widest_at)
-        parts.append(f"at one tension the two differ by up to {in_mm(loop.width)} ({at} N)")
+        parts.append(f"at {at} N rise and fall are {in_mm(loop.width)} apart, at most")
     assumed = " (assumed)" if actuation.friction_assumed else ""
     if parts:
         yield f"Friction {actuation.friction:.3g}{assumed}", "; ".join(parts)
@@ -235,5 +238,8 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
             moved = f"move the tip by {in_mm(row.moved)} on average{over}"
             commanded = row.case.comparisons[COMMANDED].mean
             if math.isfinite(commanded):
-                moved += f"; from commanded lengths the mean error is then {in_mm(commanded)}"
+                moved += (
+                    "; the mean error of CC from the lengths that the motors command is then "
+                    f"{in_mm(commanded)}"
+                )
             yield f"Elastic tendons{assumed}", moved

@@ -339,11 +339,11 @@ def _answer(m: Meaning, top: float) -> str:
         part = "because" if m.dominant_cause else "in part because"
         named = [s for s in m.shares if s.share > 0.5 * cause.share]
         words += f", {part} {listed([EFFECTS[s.effect].because for s in named])}"
-    if m.polynomial is not None:
-        top, error = m.polynomial.top, m.polynomial.max_error
-        words += (
-            f"; by a polynomial: yes, up to {significant(top)} N (largest error {in_mm(error)})"
-        )
+    fit = m.polynomial
+    if fit is not None and fit.top > (m.valid_to or 0.0):
+        yes = "yes, " if fit.top == top else ""
+        error = in_mm(fit.max_error)
+        words += f"; by a polynomial: {yes}up to {significant(fit.top)} N (largest error {error})"
     elif m.corrected_reaches_farther:
         words += f"; corrected: {_how_far(m.corrected, top)}"
     elif not m.corrected.undecided and m.corrected.max_error < 0.9 * m.max_error:
@@ -358,8 +358,9 @@ def _how_far(found: Range, top: float) -> str:
         return "unknown: no comparison at the first loads"
     if not found.valid_to:
         return f"no (largest error {in_mm(found.max_error)} at {significant(found.max_at)} N)"
+    only = "only " if found.exceeded else ""
     beyond = "" if found.exceeded else ", with no comparison beyond"
-    return f"up to {significant(found.valid_to)} N{beyond}"
+    return f"{only}up to {significant(found.valid_to)} N{beyond}"
 
 
 def _in_words(

@@ -194,8 +194,8 @@ def spread_text(
     Returns
     -------
     str
-        Such as "56 N (95 %: 49 to 63 N); 71 % of that spread is E", or with the 95 % interval of a
-        share that is known roughly, "about 71 % (62 to 80 %) of that spread is E".
+        Such as "56 N (95 %: 49 to 63 N); E causes 71 % of that spread", or with the 95 % interval
+        of a share that is known roughly, "E causes about 71 % (62 to 80 %) of that spread".
     """
     low, middle, high = (float(summary.quantiles[p].value) / size for p in _QUANTILES)
     if not math.isfinite(middle):
@@ -235,7 +235,7 @@ def _main_factor(indices: SobolIndices) -> str:
         about, between = "about ", f" ({low} to {high} %)"
     interacts = float(total.low[main]) > max(ends[1], share + _SHARP)
     more = f", with its interactions {_percent(float(total.value[main]))}" if interacts else ""
-    return f"{about}{_percent(share)}{between} of that spread is {indices.factors[main]}{more}"
+    return f"{indices.factors[main]} causes {about}{_percent(share)}{between} of that spread{more}"
 
 
 def _percent(share: float) -> str:
