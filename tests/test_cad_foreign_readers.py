@@ -203,7 +203,7 @@ class Step:
 
     def net(self, params: list[Any]) -> Floats:
         """Control points of a surface; those of a curve are one row."""
-        poles = next(each for each in params if isinstance(each, (p21.ParameterList)))
+        poles = next(each for each in params if isinstance(each, p21.ParameterList))
         rows = poles if isinstance(poles[0], p21.ParameterList) else [poles]
         return np.array([[self.vector(pole) for pole in row] for row in rows])
 
