@@ -12,6 +12,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -181,12 +182,13 @@ def test_help_and_version(shell: Shell) -> None:
 
 
 def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    extras = "build123d openpyxl SALib distributed jax gymnasium viser rerun"
+    extras = "build123d openpyxl SALib distributed jax gymnasium viser rerun torch"
     for extra in extras.split():
         monkeypatch.setitem(sys.modules, extra, None)
     monkeypatch.setenv("PATH", "")
     parts = {part["name"]: part for part in shell.json("doctor")["optional"]}
     assert parts["requests"]["version"] and parts["requests"]["problem"] is None
+    assert parts["requests"]["requirement"] == "bowstring[download]"
     del parts["requests"]
     assert {name: part["cure"].split(" ")[-1] for name, part in parts.items()} == {
         "build123d": "'bowstring[cad]'",
@@ -197,14 +199,27 @@ def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPa
         "gymnasium": "'bowstring[gymnasium]'",
         "viser": "'bowstring[view]'",
         "rerun": "'bowstring[rerun]'",
+        "torch": "torch",
         "CalculiX": "https://www.calculix.de",
         "ffmpeg": "https://ffmpeg.org",
     }
     code, out, _ = shell("doctor")
     said = " ".join(out.split())
     assert code == 0
-    for part in parts.values():
+    for name, part in parts.items():
         assert part["version"] is None and part["problem"] in said
+        assert f"{name} no {part['requirement'] or '-'} {part['needed_for']}" in said
+    assert "requests" in said and "bowstring[download]" in said
+
+
+def test_doctor_shows_the_version_that_a_module_states(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = ModuleType("rerun")  # whose package has another name
+    module.__version__ = "0.99.1"  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "rerun", module)
+    parts = {part["name"]: part for part in shell.json("doctor")["optional"]}
+    assert parts["rerun"]["version"] == "0.99.1" and parts["rerun"]["problem"] is None
 
 
 def test_study(studied: tuple[Path, str]) -> None:

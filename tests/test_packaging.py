@@ -54,7 +54,15 @@ def test_each_extra_installs_its_module(project: Any) -> None:
         extra: re.split(r"\W", needs[0])[0]
         for extra, needs in project["optional-dependencies"].items()
     }
-    assert brings == {extra: module for extra, (module, *_) in EXTRAS.items()}
+    own = {name: extra for name, extra in EXTRAS.items() if extra.requirement != extra.module}
+    assert brings == {name: extra.module for name, extra in own.items()}
+    assert [extra.requirement for extra in own.values()] == [f"bowstring[{name}]" for name in own]
+
+
+def test_the_page_of_the_installation_has_each_optional_package() -> None:
+    page = text("docs", "start", "install.md")
+    for name, extra in EXTRAS.items():
+        assert f"| `{name}` | `{extra.command}`" in page
 
 
 def test_the_conda_recipe_matches_the_project(project: Any) -> None:

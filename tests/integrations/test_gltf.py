@@ -1,4 +1,4 @@
-"""Binary glTF of a run, read and animated by VTK, which shares no code with the writer."""
+"""Binary glTF of a run, read by VTK, which animates it, and by trimesh, which knows no skins."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOGeometry import vtkGLTFReader
@@ -37,8 +38,8 @@ def file(data, tmp_path_factory) -> Path:
     return write_glb(ROBOT, data, tmp_path_factory.mktemp("run") / "run.glb")
 
 
-def read(file: Path, time: float) -> list[Floats]:
-    """Vertices of each surface at a time, turned back to the axes of the base."""
+def read(file: Path, time: float) -> dict[str, Floats]:
+    """Vertices of each part at a time, turned back to the axes of the base."""
     reader = vtkGLTFReader()
     reader.SetFileName(str(file))
     reader.SetFrameRate(0)
@@ -54,7 +55,12 @@ def read(file: Path, time: float) -> list[Floats]:
         x, up, towards = points.astype(float).T
         found.append(np.stack([x, -towards, up], axis=1))
         blocks.GoToNextItem()
-    return found
+    return dict(zip([mesh["name"] for mesh in head(file)["meshes"]], found, strict=True))
+
+
+def rings(points: Floats) -> Floats:
+    """Rings of a part, without its two ends, each a ring and its middle."""
+    return points[: -2 * (AROUND + 1)].reshape(-1, AROUND, 3)
 
 
 def head(file: Path) -> dict:
@@ -65,26 +71,67 @@ def head(file: Path) -> dict:
 
 
 @pytest.mark.parametrize("i", [0, 1, 2])
-def test_every_surface_moves_with_the_run(file, data, i):
-    backbone, disks, *tendons = read(file, float(TIMES[i] - TIMES[0]))
-    now = data.isel(time=i)
-    rings = backbone.reshape(-1, AROUND, 3)
-    assert rings.mean(axis=1) == pytest.approx(now["position"].to_numpy(), abs=1e-6)
+def test_every_part_moves_with_the_run(file, data, i):
+    parts = read(file, float(TIMES[i] - TIMES[0]))
+    now = data.isel(time=i, station=np.unique(data["arc_length"], return_index=True)[1])
+    backbone = rings(parts.pop("backbone"))
+    assert backbone.mean(axis=1) == pytest.approx(now["position"].to_numpy(), abs=1e-6)
     radius = ROBOT.segments[0].backbone.outer_diameter / 2
-    arms = rings - now["position"].to_numpy()[:, None]
+    arms = backbone - now["position"].to_numpy()[:, None]
     assert np.linalg.norm(arms, axis=2) == pytest.approx(radius, abs=1e-6)
     assert np.einsum("pai,pi->pa", arms, now["rotation"].to_numpy()[:, :, 2]) == pytest.approx(
         0.0, abs=1e-6
     )
-    middle = disks.reshape(len(ROBOT.disks.station_m), -1, 3).mean(axis=1)
-    assert middle == pytest.approx(now["disk_position"].to_numpy(), abs=1e-6)
-    reach = np.linalg.norm(disks.reshape(len(middle), -1, 3) - middle[:, None], axis=2).max()
-    half = ROBOT.disks.thickness_m.max() / 2
-    assert reach == pytest.approx(np.hypot(ROBOT.disks.radius_m.max(), half), abs=1e-6)
+    for d, (at, thick, wide) in enumerate(
+        zip(
+            now["disk_position"].to_numpy(),
+            ROBOT.disks.thickness_m,
+            ROBOT.disks.radius_m,
+            strict=True,
+        ),
+        1,
+    ):
+        disk = parts.pop(f"disk_{d}")
+        assert disk.mean(axis=0) == pytest.approx(at, abs=1e-6)
+        reach = np.linalg.norm(disk - at, axis=1).max()
+        assert reach == pytest.approx(np.hypot(wide, thick / 2), abs=1e-6)
     paths = ROBOT.tendon_points(data["disk_position"].to_numpy(), data["disk_rotation"].to_numpy())
-    assert len(tendons) == len(paths) == 3
-    for found, path in zip(tendons, paths, strict=True):
-        assert found.reshape(-1, AROUND, 3).mean(axis=1) == pytest.approx(path[i], abs=1e-6)
+    assert [*parts] == ["tendon_1", "tendon_2", "tendon_3"]
+    for found, path in zip(parts.values(), paths, strict=True):
+        assert rings(found).mean(axis=1) == pytest.approx(path[i], abs=1e-6)
+
+
+def test_a_program_without_skins_shows_the_first_time(tmp_path):
+    robot = load_robot(
+        "rao2021",
+        {"segments.1.disks.count": 2, "segments.1.disks.thickness": 0},
+    )
+    data = fields.to_dataset(robot, made_frames(robot, TIMES), {})
+    scene = trimesh.load_scene(write_glb(robot, data, tmp_path / "run.glb"))
+    names = ["backbone_1", "backbone_2", *(f"disk_{d + 1}" for d in range(12))]
+    names += [f"tendon_{t + 1}" for t in range(6)]
+    assert set(scene.graph.nodes_geometry) == set(names) and len(scene.geometry) == len(names)
+    flat = AROUND / 2 * np.sin(2 * np.pi / AROUND)  # of the unit circle's polygon
+    volume = {}
+    for name in names:
+        place, mesh = scene.graph[name]
+        part = scene.geometry[mesh].apply_transform(place)
+        part.merge_vertices(merge_norm=True)
+        assert (part.area_faces > 0).all()
+        if name not in ("disk_11", "disk_12"):  # flat ones are two faces
+            assert part.is_watertight and part.is_winding_consistent
+            volume[name] = part.volume
+    for d, (at, disk) in enumerate(zip(data["disk_position"][0], names[2:14], strict=True)):
+        centre = scene.geometry[scene.graph[disk][1]].vertices.mean(axis=0)
+        assert [centre[0], -centre[2], centre[1]] == pytest.approx(at.to_numpy(), abs=1e-6)
+        full = flat * robot.disks.radius_m[d] ** 2 * robot.disks.thickness_m[d]
+        assert volume.get(disk, 0.0) == pytest.approx(full, rel=1e-5)
+    ends = data["module"].to_numpy()
+    for k, name in enumerate(names[:2]):
+        mine = data["position"].to_numpy()[0, robot.disks.segment[ends - 1] == k]
+        length = np.linalg.norm(np.diff(mine, axis=0), axis=1).sum()
+        section = flat * (robot.segments[k].backbone.diameter / 2) ** 2
+        assert volume[name] == pytest.approx(section * length, rel=1e-3)
 
 
 def test_it_says_what_it_is(file):
@@ -93,7 +140,10 @@ def test_it_says_what_it_is(file):
     assert asset["version"] == "2.0" and asset["extras"]["data_origin"] == "simulated"
     assert asset["extras"]["robot_hash"] == ROBOT.hash
     names = [mesh["name"] for mesh in content["meshes"]]
-    assert names == ["backbone", "disks", "tendon 1", "tendon 2", "tendon 3"]
+    parts = [*(f"disk_{d + 1}" for d in range(9)), "backbone", "tendon_1", "tendon_2", "tendon_3"]
+    assert names == parts
+    assert [node["name"] for node in content["nodes"] if "mesh" in node] == parts
+    assert all(len(mesh["primitives"]) == 1 for mesh in content["meshes"])
     (animation,) = content["animations"]
     time = content["accessors"][animation["samplers"][0]["input"]]
     assert time["min"] == [0.0] and time["max"] == pytest.approx([0.25])
@@ -142,6 +192,6 @@ def test_the_command_writes_it(shell: Shell, tmp_path: Path) -> None:
     call = ("simulate", "amouri2019", "--tension", "40,0,0", "--rise", "0.02", "--hold", "0")
     found = shell.json(*call, "--out", str(out))
     assert found["files"]["glb"] == str(out)
-    tips = [read(out, t)[0].reshape(-1, AROUND, 3).mean(axis=1)[-1] for t in (0.0, 0.02)]
+    tips = [rings(read(out, t)["backbone"]).mean(axis=1)[-1] for t in (0.0, 0.02)]
     assert tips[0] == pytest.approx(found["tip_position_m"][0], abs=1e-6)
     assert tips[1] == pytest.approx(found["tip_position_m"][-1], abs=1e-6)

@@ -161,3 +161,13 @@ def test_without_torch(robot: bs.Robot, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setitem(sys.modules, "torch", None)
     module._torch.cache_clear()
     assert "pip install torch" in refused(lambda: bowstring.torch.Solver(robot))
+
+
+def test_torch_without_its_libraries(robot: bs.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(name: str) -> None:
+        raise OSError("libcudart.so.12:\n cannot open shared object file")
+
+    monkeypatch.setattr("importlib.import_module", broken)
+    module._torch.cache_clear()
+    says = "(libcudart.so.12: cannot open shared object file); install it: pip install torch"
+    assert says in refused(lambda: bowstring.torch.Solver(robot))

@@ -30,7 +30,7 @@ from bowstring.optional import load_extra
 from bowstring.robot.model import Robot, check_disks, check_robot, check_round
 from bowstring.robot.parts import Backbone
 from bowstring.robot.rest_shape import check_rest_bend, rest_frames
-from bowstring.robot.sizes import Sizes, sizes_of
+from bowstring.robot.sizes import Sizes, part_names, sizes_of
 from bowstring.validation import shown
 from bowstring.viz.vtk import check_data
 
@@ -227,7 +227,7 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
         Part("base", "base", _BASE, _base(robot, sizes), None),
         *_backbones(robot, frames),
         *_disks(robot, sizes, frames),
-        *_tendons(sizes, paths, parallel),
+        *_tendons(robot, sizes, paths, parallel),
     ]
     load = "" if data is None else _load(data)
     return Solid(robot, sizes, tuple(parts), paths, data is not None, load)
@@ -359,7 +359,7 @@ def _base(robot: Robot, sizes: Sizes) -> Any:
 
 
 def _disks(robot: Robot, sizes: Sizes, frames: _Frames) -> Iterator[Part]:
-    bd, disks = check_cad(), robot.disks
+    bd, disks, names = check_cad(), robot.disks, part_names(robot).disks
     position, rotation = frames.disk_position, frames.disk_rotation
     for d in range(len(disks.station_m)):
         k = int(disks.segment[d])
@@ -377,7 +377,7 @@ def _disks(robot: Robot, sizes: Sizes, frames: _Frames) -> Iterator[Part]:
             z_dir=tuple(rotation[d, :, 2].tolist()),
         )
         mass = float(disks.mass_kg[d])
-        yield Part(f"disk_{d + 1}", "disk", _DISK, plate.moved(bd.Location(place)), mass)
+        yield Part(names[d], "disk", _DISK, plate.moved(bd.Location(place)), mass)
 
 
 # -- tubes ---------------------------------------------------------------------------------------
@@ -438,7 +438,7 @@ def _ring(points: Floats) -> Any:
 
 def _backbones(robot: Robot, frames: _Frames) -> Iterator[Part]:
     bd, start = check_cad(), 0.0
-    for k, s in enumerate(robot.segments):
+    for k, (s, name) in enumerate(zip(robot.segments, part_names(robot).backbones, strict=True)):
         rod = s.backbone
         if frames.is_straight:
             shape = _straight(bd, s.length, rod).moved(bd.Location((0, 0, _MM * start)))
@@ -447,7 +447,6 @@ def _backbones(robot: Robot, frames: _Frames) -> Iterator[Part]:
             walls = ["diameter", *(["inner_diameter"] if _bored(rod) else [])]
             shape = _tube([[_rings(piece, rod, wall) for piece in pieces] for wall in walls])
         start += s.length
-        name = "backbone" if len(robot.segments) == 1 else f"backbone_{k + 1}"
         if not (frames.is_straight or shape.is_valid):
             raise InputError(
                 f"{robot.name}: {name} makes no sound solid in this pose: its wall is too thin for "
@@ -522,16 +521,18 @@ def _pieces(robot: Robot, frames: _Frames, segment: int) -> Iterator[_Piece]:
         here, turned, at = end, disk_rotation[d], beyond
 
 
-def _tendons(sizes: Sizes, paths: tuple[Floats, ...], parallel: bool) -> Iterator[Part]:
+def _tendons(
+    robot: Robot, sizes: Sizes, paths: tuple[Floats, ...], parallel: bool
+) -> Iterator[Part]:
     bd = check_cad()
-    for i, path in enumerate(paths):
+    for i, (path, name) in enumerate(zip(paths, part_names(robot).tendons, strict=True)):
         diameter = float(sizes.tendon_m[i])
         if parallel:
             at = bd.Location(tuple((_MM * path[0]).tolist()))
             shape = _rod(bd, float(path[-1, 2]), [diameter]).moved(at)
         else:
             shape = _tube([_mitred(path, 0.5 * diameter)])
-        yield Part(f"tendon_{i + 1}", "tendon", _TENDONS[i % len(_TENDONS)], shape, None)
+        yield Part(name, "tendon", _TENDONS[i % len(_TENDONS)], shape, None)
 
 
 def _mitred(path: Floats, radius: float) -> list[Floats]:

@@ -23,9 +23,12 @@ _FFMPEG: Final = "Debian: apt-get install ffmpeg; else https://ffmpeg.org"
 
 
 def _extra(name: str) -> str:
+    module = load_extra(name)
+    if found := getattr(module, "__version__", None):
+        return str(found)
     from importlib.metadata import version  # takes 10 ms
 
-    return version(load_extra(name).__name__)
+    return version(module.__name__)
 
 
 def _calculix() -> str:
@@ -44,27 +47,31 @@ def _ffmpeg() -> str:
     return found
 
 
-#: Optional parts: name, function that returns its version or raises, purpose, install command.
-_PARTS: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
+#: Optional parts: name, function that returns its version or raises, purpose, what pip installs for
+#: it, install command.
+_PARTS: Final[tuple[tuple[str, Callable[[], str], str, str | None, str], ...]] = (
     *(
         (
-            module,
-            partial(_extra, extra),
-            f"{purpose} ({where})",
-            f"pip install 'bowstring[{extra}]'",
+            extra.module,
+            partial(_extra, name),
+            f"{extra.purpose} ({extra.feature})",
+            extra.requirement,
+            extra.command,
         )
-        for extra, (module, purpose, where) in EXTRAS.items()
+        for name, extra in EXTRAS.items()
     ),
     (
         "CalculiX",
         _calculix,
         "finite elements (bowstring fe, study --fe)",
+        None,
         "Debian: apt-get install calculix-ccx; else https://www.calculix.de",
     ),
     (
         "ffmpeg",
         _ffmpeg,
         "animations as MP4 (GIF needs nothing)",
+        None,
         _FFMPEG,
     ),
 )
@@ -85,11 +92,12 @@ def doctor(as_json: AsJson = False) -> None:
     """Show what is installed, what is missing and how to add it."""
     found: list[schema.OptionalPart] = []
     with progress_bar(_PARTS[0][0]) as progress:
-        for k, (name, look, purpose, cure) in enumerate(_PARTS):
+        for k, (name, look, purpose, requirement, cure) in enumerate(_PARTS):
             progress(name, k / len(_PARTS))
             part: schema.OptionalPart = {
                 "name": name,
                 "needed_for": purpose,
+                "requirement": requirement,
                 "version": None,
                 "problem": None,
                 "cure": None,
@@ -103,9 +111,10 @@ def doctor(as_json: AsJson = False) -> None:
     if as_json:
         content: schema.Doctor = {**here, "optional": found}
         return write_json(content)
-    table = new_table("optional part", "found", "needed for")
+    table = new_table("optional part", "found", "pip install", "needed for")
     for part in found:
-        table.add_row(part["name"], part["version"] or "no", part["needed_for"])
+        install = part["requirement"] or "-"
+        table.add_row(part["name"], part["version"] or "no", install, part["needed_for"])
     missing = [f"{p['name']}: {p['problem']}." for p in found if p["problem"]]
     write_tables(
         f"bowstring {here['bowstring']}, Python {here['python']}, {here['platform']}, "

@@ -1,16 +1,15 @@
 """Motion of a run as binary glTF, which browsers, Blender and presentation programs show.
 
-Backbone, disks and tendons are one mesh whose rings of vertices are fixed to stations of the
-backbone and to disks, the joints of the file; the animation moves these. Lengths are in m. The
-root turns the base frame, z along the straight backbone, to the axes of glTF, where y is up.
+Each part is a node with one closed mesh. The nodes of disks move. Backbones and tendons follow
+joints, which are stations of the backbone and disks; their vertices are those of the first time, as
+programs without skins show them. Lengths are in m. The root turns the base frame, z along the
+straight backbone, to the axes of glTF, where y is up.
 """
 
 from __future__ import annotations
 
-import json
-import struct
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -20,8 +19,10 @@ from numpy.typing import NDArray
 from bowstring._core import __version__
 from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.robot.model import Robot, check_round
+from bowstring.robot.sizes import part_names
 from bowstring.statics.fields import Section
 from bowstring.statics.model import RodModel
+from bowstring.viz.gltf_file import INDICES, GltfArrays, glb
 from bowstring.viz.style import LIGHT
 from bowstring.viz.vtk import check_data, check_stations, circle, holes
 
@@ -37,10 +38,11 @@ _MARK: Final = b'"generator":"Bowstring'
 _AROUND: Final = 20
 #: Radius of a tendon without a diameter, over that of the disks.
 _THIN: Final = 0.02
+#: Distance of two rings that are one, over the length of the robot.
+_SAME: Final = 1e-9
 _HUES: Final = ("red", "green", "purple", "amber")
 #: Rotation from the base frame to the axes of glTF, x, y, z, w.
 _Y_UP: Final = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)
-_FLOAT, _SHORT, _INT = 5126, 5123, 5125
 
 
 def check_glb(path: str | Path) -> Path:
@@ -77,8 +79,8 @@ def write_glb(
     Returns
     -------
     Path
-        The file, absolute. Its names are ``backbone``, ``disks`` and ``tendon 1`` and so on; the
-        data are in single precision and labelled as simulated.
+        The file, absolute. Its nodes are named as the parts of a solid: ``backbone``, ``disk_1``,
+        ``tendon_1`` and so on; the data are in single precision and labelled as simulated.
 
     Raises
     ------
@@ -92,7 +94,11 @@ def write_glb(
     check_solid(robot)
     content = _Content(robot, data)
     notify("glTF file", 0.5)
-    write_whole_file(file, "glTF file", content.write, lambda: check_glb(file))
+
+    def fill(new: Path) -> None:
+        new.write_bytes(content.file())
+
+    write_whole_file(file, "glTF file", fill, lambda: check_glb(file))
     notify("glTF file", 1.0)
     return file
 
@@ -112,9 +118,8 @@ class _Content:
 
     def __init__(self, robot: Robot, data: xr.Dataset) -> None:
         self.robot, self.data = robot, data
-        self.binary = bytearray()
-        self.views: list[dict[str, Any]] = []
-        self.accessors: list[dict[str, Any]] = []
+        self.names = part_names(robot)
+        self.arrays = GltfArrays()
         times = data["time"].to_numpy()
         still = np.zeros((len(times), 1, 3))
         position = [still, data["disk_position"].to_numpy(), data["position"].to_numpy()]
@@ -124,37 +129,33 @@ class _Content:
         self.position = np.concatenate(position, axis=1)
         self.rotation = _quaternions(np.concatenate(turned, axis=1))
         self.disks = position[1].shape[1]
+        # of the joints at the first time, to the axes of glTF
+        self.frames = np.tile(np.eye(4), (self.position.shape[1], 1, 1))
+        up = _matrices(np.array(_Y_UP))
+        self.frames[:, :3, :3] = up @ _matrices(self.rotation[0])
+        self.frames[:, :3, 3] = self.position[0] @ up.T
 
-    def surfaces(self) -> dict[str, tuple[_Surface, str]]:
-        """Surfaces by name, each with its colour. Joint 0 is the base, then disks and stations."""
-        found = {"backbone": (self._backbone(), "blue"), "disks": (self._all_disks(), "muted")}
-        for k, path in enumerate(holes(self.robot, self.data)):
-            found[f"tendon {k + 1}"] = self._tendon(k, path[0]), _HUES[k % len(_HUES)]
-        return found
-
-    def _backbone(self) -> _Surface:
+    def _backbones(self) -> dict[str, _Surface]:
         data = self.data
         station, module = data["arc_length"].to_numpy(), data["module"].to_numpy() - 1
         radius = Section(self.robot, station, module, RodModel()).radius
-        around = circle(_AROUND)
-        points = radius[:, None, None] * around
-        rows = np.flatnonzero(np.diff(module) == 0)  # stations of two modules coincide
-        joints = 1 + self.disks + np.arange(len(station))
-        return _tube(points, np.broadcast_to(around, points.shape), joints, rows)
+        segment = self.robot.disks.segment[module]
+        place = np.column_stack([self.position[0, 1 + self.disks :], radius])
+        found = {}
+        for k, name in enumerate(self.names.backbones):
+            rows = np.flatnonzero(segment == k)
+            # stations of two modules coincide, and triangles between them would have no area
+            apart = np.linalg.norm(np.diff(place[rows], axis=0), axis=1) > _SAME * self.robot.length
+            rows = rows[np.concatenate([[True], apart])]
+            rings = radius[rows, None, None] * circle(_AROUND)
+            found[name] = _closed(rings, 1 + self.disks + rows)
+        return found
 
-    def _all_disks(self) -> _Surface:
-        disks, around = self.robot.disks, circle(_AROUND)
-        parts = []
-        for d in range(self.disks):
-            half = np.array([0.0, 0.0, 0.5 * float(disks.thickness_m[d])])
-            rim = float(disks.radius_m[d]) * around
-            ends = np.stack([rim - half, rim + half])
-            joint = np.full(2, 1 + d)
-            parts.append(
-                _tube(ends, np.broadcast_to(around, ends.shape), joint, np.zeros(1, dtype=int))
-            )
-            parts += [_cap(ring, side, 1 + d) for ring, side in ((rim - half, -1), (rim + half, 1))]
-        return _joined(parts)
+    def _disk(self, d: int) -> _Surface:
+        disks = self.robot.disks
+        half = np.array([0.0, 0.0, 0.5 * float(disks.thickness_m[d])])
+        rim = float(disks.radius_m[d]) * circle(_AROUND)
+        return _closed(np.stack([rim - half, rim + half]), np.full(2, 1 + d))
 
     def _tendon(self, index: int, points: Floats) -> _Surface:
         """Tube through the holes of a tendon (k + 1, 3), each in the frame of its disk."""
@@ -163,27 +164,13 @@ class _Content:
         count = len(points)
         frames = _matrices(self.rotation[0, :count])
         local = np.einsum("kji,kj->ki", frames, points - self.position[0, :count])
-        around = circle(_AROUND)
-        rings = local[:, None] + radius * around
-        return _tube(
-            rings, np.broadcast_to(around, rings.shape), np.arange(count), np.arange(count - 1)
-        )
+        return _closed(local[:, None] + radius * circle(_AROUND), np.arange(count))
 
-    def write(self, path: Path) -> None:
-        """Write the file: JSON, then all arrays."""
-        text = json.dumps(self._json(), separators=(",", ":"), allow_nan=False).encode()
-        text += b" " * (-len(text) % 4)
-        binary = bytes(self.binary) + b"\0" * (-len(self.binary) % 4)
-        size = 12 + 8 + len(text) + 8 + len(binary)
-        with path.open("wb") as stream:
-            stream.write(b"glTF" + struct.pack("<II", 2, size))
-            stream.write(struct.pack("<I", len(text)) + b"JSON" + text)
-            stream.write(struct.pack("<I", len(binary)) + b"BIN\0" + binary)
-
-    def _json(self) -> dict[str, Any]:
-        names = ["base", *(f"disk {d + 1}" for d in range(self.disks))]
-        names += [f"station {p + 1}" for p in range(self.position.shape[1] - len(names))]
-        count = len(names)
+    def file(self) -> bytes:
+        """Return the bytes of the file."""
+        joints = ["base", *self.names.disks]
+        joints += [f"station {p + 1}" for p in range(self.position.shape[1] - len(joints))]
+        count = len(joints)
         # joints are nodes 0 to count - 1, then their root and the skinned meshes
         nodes: list[dict[str, Any]] = [
             {
@@ -191,18 +178,27 @@ class _Content:
                 "translation": self.position[0, j].tolist(),
                 "rotation": self.rotation[0, j].tolist(),
             }
-            for j, name in enumerate(names)
+            for j, name in enumerate(joints)
         ]
         nodes.append({"name": self.robot.name, "rotation": _Y_UP, "children": [*range(count)]})
+        materials = [_material("backbone", "blue"), _material("disk", "muted", clear=True)]
         meshes: list[dict[str, Any]] = []
-        materials: list[dict[str, Any]] = []
-        for name, (surface, colour) in self.surfaces().items():
-            materials.append({"name": name, **_material(colour, clear=name == "disks")})
-            nodes.append({"name": name, "mesh": len(meshes), "skin": 0})
-            meshes.append({"name": name, "primitives": [self._primitive(surface, len(meshes))]})
-        # vertices are in the frames of their joints; some programs need the identities
-        identities = np.tile(np.eye(4, dtype="<f4").ravel(), (count, 1))
-        binding = self._array(identities, "MAT4", target=None)
+
+        def mesh(name: str, surface: _Surface, material: int, *, skin: bool) -> int:
+            primitive = self._primitive(surface, material, skin=skin)
+            meshes.append({"name": name, "primitives": [primitive]})
+            return len(meshes) - 1
+
+        for d in range(self.disks):
+            nodes[1 + d]["mesh"] = mesh(joints[1 + d], self._disk(d), 1, skin=False)
+        skinned = {name: (surface, 0) for name, surface in self._backbones().items()}
+        for k, path in enumerate(holes(self.robot, self.data)):
+            name = self.names.tendons[k]
+            skinned[name] = self._tendon(k, path[0]), len(materials)
+            materials.append(_material(name, _HUES[k % len(_HUES)]))
+        for name, (surface, material) in skinned.items():
+            index = mesh(name, self._bound(surface), material, skin=True)
+            nodes.append({"name": name, "mesh": index, "skin": 0})
         attributes = self.data.attrs
         about = {
             key: str(attributes[key])
@@ -215,88 +211,82 @@ class _Content:
             "scenes": [{"nodes": [*range(count, len(nodes))]}],
             "nodes": nodes,
             "skins": [
-                {"joints": [*range(count)], "skeleton": count, "inverseBindMatrices": binding}
+                {
+                    "joints": [*range(count)],
+                    "skeleton": count,
+                    "inverseBindMatrices": self.arrays.add(self._unbinding(), target=None),
+                }
             ],
             "meshes": meshes,
             "materials": materials,
         }
         if len(self.times) > 1:
             out["animations"] = [self._animation(count)]
-        return {
-            **out,
-            "accessors": self.accessors,
-            "bufferViews": self.views,
-            "buffers": [{"byteLength": len(self.binary) + (-len(self.binary) % 4)}],
-        }
+        return glb({**out, **self.arrays.content()}, self.arrays.data)
 
-    def _primitive(self, surface: _Surface, material: int) -> dict[str, Any]:
-        count = len(surface.points)
-        joints, weights = np.zeros((count, 4), "<u2"), np.zeros((count, 4), "<f4")
-        joints[:, 0], weights[:, 0] = surface.joints, 1.0
+    def _bound(self, surface: _Surface) -> _Surface:
+        """Move a surface from the frames of its joints to where it is at the first time."""
+        frames = self.frames[surface.joints]
+        turned = frames[:, :3, :3]
+        return replace(
+            surface,
+            points=np.einsum("pij,pj->pi", turned, surface.points) + frames[:, :3, 3],
+            normals=np.einsum("pij,pj->pi", turned, surface.normals),
+        )
+
+    def _unbinding(self) -> NDArray[np.float32]:
+        """Inverse bind matrices (J, 16), column by column."""
+        inverse = np.linalg.inv(self.frames)
+        inverse[:, 3] = 0.0, 0.0, 0.0, 1.0
+        return np.asarray(inverse.swapaxes(1, 2).reshape(-1, 16), dtype="<f4")
+
+    def _primitive(self, surface: _Surface, material: int, *, skin: bool) -> dict[str, Any]:
         attributes = {
-            "POSITION": self._array(surface.points.astype("<f4"), "VEC3", limits=True),
-            "NORMAL": self._array(surface.normals.astype("<f4"), "VEC3"),
-            "JOINTS_0": self._array(joints, "VEC4"),
-            "WEIGHTS_0": self._array(weights, "VEC4"),
+            "POSITION": self.arrays.add(surface.points.astype("<f4"), limits=True),
+            "NORMAL": self.arrays.add(surface.normals.astype("<f4")),
         }
-        indices = self._array(surface.triangles.astype("<u4").ravel(), "SCALAR", target=34963)
+        if skin:
+            count = len(surface.points)
+            joints, weights = np.zeros((count, 4), "<u2"), np.zeros((count, 4), "<f4")
+            joints[:, 0], weights[:, 0] = surface.joints, 1.0
+            attributes |= {
+                "JOINTS_0": self.arrays.add(joints),
+                "WEIGHTS_0": self.arrays.add(weights),
+            }
+        indices = self.arrays.add(surface.triangles.astype("<u4").ravel(), target=INDICES)
         return {"attributes": attributes, "indices": indices, "material": material}
 
     def _animation(self, joints: int) -> dict[str, Any]:
-        time = self._array(self.times.astype("<f4"), "SCALAR", limits=True, target=None)
+        time = self.arrays.add(self.times.astype("<f4"), limits=True, target=None)
         samplers: list[dict[str, Any]] = []
         channels: list[dict[str, Any]] = []
         for j in range(1, joints):  # the base rests
-            for path, values, kind in (
-                ("translation", self.position[:, j], "VEC3"),
-                ("rotation", self.rotation[:, j], "VEC4"),
+            for path, values in (
+                ("translation", self.position[:, j]),
+                ("rotation", self.rotation[:, j]),
             ):
-                output = self._array(values.astype("<f4"), kind, target=None)
+                output = self.arrays.add(values.astype("<f4"), target=None)
                 channels.append({"sampler": len(samplers), "target": {"node": j, "path": path}})
                 samplers.append({"input": time, "output": output, "interpolation": "LINEAR"})
         return {"name": "motion", "channels": channels, "samplers": samplers}
 
-    def _array(
-        self,
-        values: NDArray[Any],
-        kind: str,
-        *,
-        limits: bool = False,
-        target: int | None = 34962,
-    ) -> int:
-        """Append an array to the binary part, and return its accessor."""
-        self.binary += b"\0" * (-len(self.binary) % 4)
-        raw = np.ascontiguousarray(values).tobytes()
-        view: dict[str, Any] = {
-            "buffer": 0,
-            "byteOffset": len(self.binary),
-            "byteLength": len(raw),
-        }
-        if target is not None:
-            view["target"] = target
-        self.binary += raw
-        self.views.append(view)
-        accessor: dict[str, Any] = {
-            "bufferView": len(self.views) - 1,
-            "componentType": {"<f4": _FLOAT, "<u2": _SHORT, "<u4": _INT}[values.dtype.str],
-            "count": len(values),
-            "type": kind,
-        }
-        if limits:
-            table = values.reshape(len(values), -1)
-            accessor |= {"min": table.min(axis=0).tolist(), "max": table.max(axis=0).tolist()}
-        self.accessors.append(accessor)
-        return len(self.accessors) - 1
+
+def _closed(rings: Floats, joints: NDArray[np.int64]) -> _Surface:
+    """Closed surface through rings (n, a, 3), each about the z axis of its joint (n,)."""
+    normals = np.broadcast_to(circle(rings.shape[1]), rings.shape)
+    parts = [_cap(rings[end], side, joints[end]) for end, side in ((0, -1), (-1, 1))]
+    if joints[0] != joints[-1] or (rings[0] != rings[-1]).any():  # a flat disk has no rim
+        parts.insert(0, _tube(rings, normals, joints))
+    return _joined(parts)
 
 
-def _tube(
-    rings: Floats, normals: Floats, joints: NDArray[np.int64], between: NDArray[np.int64]
-) -> _Surface:
-    """Surface through rings (n, a, 3), each on its joint (n,), from each ring of `between` on."""
-    around = rings.shape[1]
+def _tube(rings: Floats, normals: Floats, joints: NDArray[np.int64]) -> _Surface:
+    """Surface through rings (n, a, 3), each on its joint (n,)."""
+    count, around = rings.shape[:2]
     j = np.arange(around)
     k = np.roll(j, -1)
-    low, high = between[:, None] * around, (between[:, None] + 1) * around
+    low = around * np.arange(count - 1)[:, None]
+    high = low + around
     first = np.stack([low + j, low + k, high + k], axis=-1)
     second = np.stack([low + j, high + k, high + j], axis=-1)
     return _Surface(
@@ -308,9 +298,9 @@ def _tube(
 
 
 def _cap(ring: Floats, side: int, joint: int) -> _Surface:
-    """Flat end of a disk, seen from the `side` 1 above or -1 below."""
+    """Flat end, seen from the `side` 1 above or -1 below."""
     count = len(ring)
-    middle = np.array([[0.0, 0.0, ring[0, 2]]])
+    middle = ring.mean(axis=0, keepdims=True)
     j = np.arange(count)
     fan = np.stack([np.full(count, count), j, np.roll(j, -1)][:: 1 if side > 0 else -1], axis=-1)
     normals = np.tile([0.0, 0.0, float(side)], (count + 1, 1))
@@ -345,11 +335,12 @@ def _matrices(quaternions: Floats) -> Floats:
     return np.asarray(Rotation.from_quat(quaternions).as_matrix())
 
 
-def _material(colour: str, *, clear: bool) -> Mapping[str, Any]:
+def _material(name: str, colour: str, *, clear: bool = False) -> Mapping[str, Any]:
     text = LIGHT[colour].lstrip("#")
     srgb = np.array([int(text[i : i + 2], 16) for i in (0, 2, 4)]) / 255.0
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     rough = {"metallicFactor": 0.0, "roughnessFactor": 0.7}
     alpha = 0.5 if clear else 1.0
     look = {"pbrMetallicRoughness": {"baseColorFactor": [*linear.tolist(), alpha], **rough}}
-    return {**look, "doubleSided": True, **({"alphaMode": "BLEND"} if clear else {})}
+    blend = {"alphaMode": "BLEND"} if clear else {}
+    return {"name": name, **look, "doubleSided": True, **blend}

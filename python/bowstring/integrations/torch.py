@@ -8,14 +8,13 @@ runs on the processor (CPU).
 from __future__ import annotations
 
 from functools import cache
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from bowstring.errors import InputError
 from bowstring.integrations.differentiable import DifferentiableSolver
-from bowstring.interrupts import is_interrupt
+from bowstring.optional import load_extra
 from bowstring.statics.equilibria import (
     GRAVITY,
     SECOND,
@@ -147,17 +146,7 @@ class Solver(DifferentiableSolver):
 
 @cache
 def _torch() -> Any:
-    try:
-        return import_module("torch")
-    except (ImportError, OSError, ValueError) as error:  # the last two without its CUDA libraries
-        if is_interrupt(error):
-            raise KeyboardInterrupt from None
-        missing = isinstance(error, ImportError) and error.name == "torch"
-        why = "" if missing else f" ({' '.join(str(error).split()):.200})"
-        raise InputError(
-            f"bowstring.torch needs torch, which cannot be loaded{why}; install it: pip install "
-            "torch"
-        ) from None
+    return load_extra("torch")
 
 
 def _tensor(about: Input, value: Any) -> Any:

@@ -1,9 +1,9 @@
-"""Sizes of a robot's solid; those that a robot file leaves out are assumed and listed."""
+"""Names and sizes of a robot's parts; sizes that a robot file leaves out are assumed and listed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from bowstring.robot.model import Robot, check_round
 from bowstring.robot.parts import TendonRing, tendon_field
 from bowstring.units import number_with_unit
 
-__all__ = ["Assumed", "Sizes", "sizes_of"]
+__all__ = ["Assumed", "PartNames", "Sizes", "part_names", "sizes_of"]
 
 Floats = NDArray[np.float64]
 
@@ -141,3 +141,26 @@ def sizes_of(robot: Robot) -> Sizes:
         Assumed("thickness of the base", thickness, "twice that of the first disk"),
     ]
     return Sizes(holes, diameter, radius, thickness, tuple(assumed))
+
+
+class PartNames(NamedTuple):
+    """Names of a robot's parts in exported files, each from base to tip."""
+
+    backbones: tuple[str, ...]
+    """``backbone``, or ``backbone_1`` and so on where there are several segments."""
+    disks: tuple[str, ...]
+    tendons: tuple[str, ...]
+
+
+def part_names(robot: Robot) -> PartNames:
+    """Names of backbones, disks and tendons: a file is read beside another of the same robot."""
+
+    def numbered(kind: str, count: int) -> tuple[str, ...]:
+        return tuple(f"{kind}_{k + 1}" for k in range(count))
+
+    segments = len(robot.segments)
+    return PartNames(
+        numbered("backbone", segments) if segments > 1 else ("backbone",),
+        numbered("disk", len(robot.disks.station_m)),
+        numbered("tendon", len(robot.tendons.segment)),
+    )

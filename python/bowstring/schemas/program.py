@@ -45,6 +45,10 @@ class OptionalPart(Object):
 
     name: Annotated[str, about("Name.")]
     needed_for: Annotated[str, about("Features that need it.")]
+    requirement: Annotated[
+        str | None,
+        about("What pip installs for it, an extra of Bowstring or a package; `null`: a program."),
+    ]
     version: Annotated[str | None, about("Version or path; `null` if the part is missing.")]
     problem: Annotated[str | None, about("Fault; `null` if it can be used.")]
     cure: Annotated[str | None, about("Command that adds it; `null` if it can be used.")]
