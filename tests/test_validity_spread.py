@@ -172,7 +172,7 @@ def test_loads_may_be_given() -> None:
 def test_the_interval_has_two_ends_also_beyond_the_sweep() -> None:
     wide = validity_spread(ROBOT, {E: {"normal": {"sd": "5 %"}}}, points=256, loading=Loading(60.0))
     assert wide.limit_summary.quantiles[0.975].value == np.inf
-    assert " N to more than 60 N); about" in wide.text[0]
+    assert " N to more than 60 N); E causes about" in wide.text[0]
 
 
 def test_samples_that_hold_nowhere_are_counted() -> None:

@@ -221,13 +221,13 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     if _enough(study, min(up.moved_n, down.moved_n)):
         loaded, released = (_over(study, row.moved_n, ", ") for row in (up, down))
         parts.append(
-            f"moves the tip on average by {in_mm(up.moved)} while the tension rises{loaded}, by "
-            f"{in_mm(down.moved)} while it falls{released}"
+            f"moves the tip on average by {in_mm(up.moved)} (loading{loaded}), by "
+            f"{in_mm(down.moved)} (unloading{released})"
         )
     loop = actuation.loops[0]
     if _enough(study, int(np.isfinite(loop.apart).sum())):
         at = significant(loop.widest_at)
-        parts.append(f"at {at} N rise and fall are {in_mm(loop.width)} apart, at most")
+        parts.append(f"the two are at most {in_mm(loop.width)} apart, at {at} N")
     assumed = " (assumed)" if actuation.friction_assumed else ""
     if parts:
         yield f"Friction {actuation.friction:.3g}{assumed}", "; ".join(parts)
@@ -239,7 +239,6 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
             commanded = row.case.comparisons[COMMANDED].mean
             if math.isfinite(commanded):
                 moved += (
-                    "; the mean error of CC from the lengths that the motors command is then "
-                    f"{in_mm(commanded)}"
+                    f"; the mean error of CC from the commanded lengths is then {in_mm(commanded)}"
                 )
             yield f"Elastic tendons{assumed}", moved

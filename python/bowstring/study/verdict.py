@@ -331,7 +331,8 @@ def _answer(m: Meaning, top: float) -> str:
     source = {"cc_from_lengths": "From true tendon lengths", "cc_from_force": "From force"}[m.name]
     if not math.isfinite(m.max_error):
         return f"{source}: unknown, because constant curvature gives no arc at any load."
-    words = f"{source}: {_how_far(m, top)}"
+    only = "only " if m.valid_to and m.exceeded else ""
+    words = f"{source}: {only}{_how_far(m, top)}"
     if not m.exceeded:
         return f"{words}."
     cause = m.largest_contribution
@@ -358,9 +359,8 @@ def _how_far(found: Range, top: float) -> str:
         return "unknown: no comparison at the first loads"
     if not found.valid_to:
         return f"no (largest error {in_mm(found.max_error)} at {significant(found.max_at)} N)"
-    only = "only " if found.exceeded else ""
     beyond = "" if found.exceeded else ", with no comparison beyond"
-    return f"{only}up to {significant(found.valid_to)} N{beyond}"
+    return f"up to {significant(found.valid_to)} N{beyond}"
 
 
 def _in_words(
