@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Final, TextIO, cast
 
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from bowstring import json_files
 from bowstring._core import __version__
 from bowstring.atomic_io import has_mark, not_overwritten, write_whole_file
-from bowstring.data import datasets
+from bowstring.data import channels, datasets
 from bowstring.data.columns import SOURCES, Column, Layout, Source, check_stations, tidy
 from bowstring.data.joining import seconds_of
 from bowstring.data.mapping import Mapping, load_mapping
@@ -120,6 +121,9 @@ class Measurements:
     """Number of rows left out for a tension below zero."""
     least_tension: float = 0.0
     """Least tension of these rows, N."""
+    likely_zeros: tuple[tuple[str, float], ...] = ()
+    """Columns of tensions and their likely zeros, in their own units, if rows are left out for a
+    tension below zero."""
     path: Path | None = None
     """File from which the data were read; None for other data."""
     sha256: str | None = None
@@ -181,9 +185,8 @@ class Measurements:
         return (
             f"{said}, {every} for a tension below zero (down to "
             f"{significant(self.least_tension, 2)} N): results are of the rows alone in which all "
-            "tendons read above zero, and are biased. Take the reading without load off each "
-            "tendon; where tensions of slack tendons scatter around zero, a mapping with part: "
-            "positive takes them as zero."
+            "tendons read above zero, and are biased. "
+            f"{channels.advice(self.likely_zeros)}"
         )
 
     @property
@@ -359,6 +362,7 @@ class _Reader:
         self.issues: list[tuple[int, str]] = []
         self.left_out = self.filtered = self.below_zero = 0
         self.least_tension = 0.0
+        self.likely_zeros: tuple[tuple[str, float], ...] = ()
         self.unlisted = (0, 0)  # number of unlisted rows that were left out, and the last one
         self.unseen = 0  # rows without a tip, which are kept
         self.comma: int | None = None  # first line with a decimal comma, then with a point
@@ -370,14 +374,56 @@ class _Reader:
         self.point_count = len(layout.points)
         self.rows = 0
 
+    def find_zeros(self) -> None:
+        """Read the zeros of columns that are means of rows of the table."""
+        layout = self.layout
+        columns = [column for _, column in layout.tendons]
+        columns += [column for point in layout.points for column in point]
+        last = max((c.zero[1] for c in columns if isinstance(c.zero, tuple)), default=0)
+        if not last:
+            return
+        rows = list(islice(self.table.rows, last))
+        self.table.rows = chain(rows, self.table.rows)
+
+        def known(column: Column) -> Column:
+            if not isinstance(column.zero, tuple):
+                return column
+            begin, end = column.zero
+            which = f"number in row {end}" if begin == end else f"mean in rows {begin} to {end}"
+            said = f"the zero of {column.name} is its {which}"
+            if len(rows) < end:
+                raise InputError(f"{self.table.path}: {said}, and the table has {len(rows)} rows")
+            lines, cells = zip(*rows[begin - 1 : end], strict=True)
+            given = [row[column.index] if column.index < len(row) else "" for row in cells]
+            values = self.numbers(given, list(lines), column)
+            if not np.isfinite(values).all():
+                k = int(np.argmin(np.isfinite(values)))
+                raise InputError(
+                    f"{self.table.path}, line {lines[k]}: {said}, and here it is "
+                    f"{quote(given[k])}; name other rows, or give the number"
+                )
+            zero = float(values.mean())
+            self.issues.append((lines[0], f"{said}: {significant(zero, 6)}"))
+            return replace(column, zero=zero)
+
+        layout.tendons = [(kind, known(column)) for kind, column in layout.tendons]
+        layout.points = [tuple(map(known, point)) for point in layout.points]
+
     def read(self) -> Measurements:
+        self.find_zeros()
         chunks = [found for each in self.table.chunks() if len((found := self.chunk(each))["line"])]
         if not chunks:
             raise self.nothing()
-        self.issues += self.table.notes
         arrays: dict[str, Any] = {
             name: np.concatenate([found[name] for found in chunks]) for name in chunks[0]
         }
+        if not (good := self.judge_tensions(arrays["tensions"], arrays["line"])).all():
+            arrays = {name: array[good] for name, array in arrays.items()}
+        if not len(arrays["line"]):
+            raise self.nothing()
+        if self.layout.points:
+            self.note_unseen(arrays["line"], np.isnan(arrays["points"][:, -1]).all(axis=1))
+        self.issues += self.table.notes
         if self.comma is not None:
             if self.point is not None:
                 raise InputError(
@@ -418,6 +464,7 @@ class _Reader:
             filtered=self.filtered,
             below_zero=self.below_zero,
             least_tension=self.least_tension,
+            likely_zeros=self.likely_zeros,
             path=self.table.path,
             sha256=self.table.sha256,
             **arrays,
@@ -493,12 +540,9 @@ class _Reader:
                 bad &= [bool(cell.strip()) for cell in given]
             elif blank is not False:
                 bad &= ~np.asarray(blank)
-            si = values * column.factor
+            si = (values - column.zero if column.zero else values) * column.factor
             if kind in _RULES and column.part == "all":
                 bad |= ~_RULES[kind][0](si)
-            if kind == "tension" and (below := si[bad & good & (si < 0.0)]).size:
-                self.below_zero += len(below)
-                self.least_tension = min(self.least_tension, float(below.min()))
             for i in np.flatnonzero(bad & good):
                 self.leave_out(lines[i], _reason(column, given[i], float(values[i]), kind))
             good[bad] = False
@@ -550,11 +594,41 @@ class _Reader:
             for line, cell in zip(lines, columns[layout.label.index], strict=True):
                 if cell.strip() and len(self.labels) < _MOST_LABELS:
                     self.labels.setdefault(cell.strip(), line)
-        if layout.points:
-            self.note_unseen(lines, good & np.isnan(points[:, -1]).all(axis=1))
         out["line"] = np.array(lines, dtype=np.int64)
         out["key"] = np.fromiter(map(hash, zip(*columns, strict=True)), np.int64, n)
         return {name: array[good] for name, array in out.items()}
+
+    def judge_tensions(self, tensions: Floats, lines: Ints) -> NDArray[np.bool_]:
+        """Rows (K,) without a tension below zero; noise about zero is set to zero in place."""
+        good = np.ones(len(lines), bool)
+        zeros = []
+        for k, (kind, column) in enumerate(self.layout.tendons):
+            readings = tensions[:, k]
+            if kind != "tension" or column.constant is not None or column.part != "all":
+                continue
+            zeros.append((column.name, column.reading(channels.likely_zero(readings))))
+            if not (readings < 0.0).any():
+                continue
+            if width := channels.noise_about_zero(readings):
+                # also those above zero, whose mean would be a bias
+                noise = np.abs(readings) <= width
+                text = (
+                    f"{column.name}: {noise.sum()} readings within {significant(width, 2)} N of "
+                    f"zero, {(readings[noise] < 0.0).sum()} of them below, are taken as zero"
+                )
+                self.issues.append((int(lines[np.argmax(noise)]), text))
+                tensions[noise, k] = 0.0
+            bad = tensions[:, k] < 0.0
+            self.below_zero += int((bad & good).sum())
+            self.least_tension = min(self.least_tension, float(tensions[:, k].min()))
+            for i in np.flatnonzero(bad & good):
+                value = significant(column.reading(float(tensions[i, k])), 6)
+                why = f"{column.name} is {value}; a tendon cannot push, give zero or more"
+                self.leave_out(int(lines[i]), why)
+            good &= ~bad
+        if self.below_zero:
+            self.likely_zeros = tuple(zeros)
+        return good
 
     def recording(self, cell: str) -> int:
         """Number of a recording, from 1, in the order of first appearance."""
@@ -685,7 +759,6 @@ def _come_again(labels: Ints, begins: NDArray[np.bool_]) -> Ints:
 
 # Rule for numbers of a kind, and end of the message if broken.
 _RULES: Final[dict[str, tuple[Callable[[Floats], NDArray[np.bool_]], str]]] = {
-    "tension": (lambda si: ~(si < 0), "; a tendon cannot push, give zero or more"),
     "sigma": (lambda si: si > 0, "; an uncertainty is above zero"),
     "repeat": (
         lambda si: (si == np.round(si)) & (np.abs(si) < 1e15),
