@@ -393,7 +393,8 @@ def test_unreachable_tips_are_reported(file: Write) -> None:
     lines[12] = ",".join(cells)
     found = read_measurements(file("\n".join(lines)), robot)
     assert len(found) == 33 and found.left_out == 0
-    [(line, message)] = found.issues
+    [(line, message), (same, spike)] = found.issues
+    assert (same, spike) == (13, "tip_x_mm is 5000, a spike; it is kept")
     assert line == 13 and "from the middle of all" in message and "it is kept" in message
 
 
@@ -960,6 +961,29 @@ def test_noise_about_zero_tension_is_zero_and_no_row_is_left_out(file: Write) ->
     found = read_measurements(file("\n".join(lines)))
     assert len(found) == 59 and (10, "left out: tension_2_N is -3; a tendon cannot push, give zero "
                                  "or more") in found.issues  # fmt: skip
+
+
+def test_spikes_and_saturated_sensors_are_named(file: Write, shell: Shell) -> None:
+    lines = load_cells([0, 0, 0], 0.01).splitlines()
+    at = [line.split(",") for line in lines]
+    at[30][1], at[40][0], at[40][4] = "8388.607", "-40", "3e4"
+    path = file("\n".join(map(",".join, at)))
+    found = read_measurements(path)
+    spikes = [issue for issue in found.issues if "spike" in issue[1]]
+    assert spikes == [(31, "tension_2_N is 8388.607, a spike; it is kept")]  # -40 is left out
+    says = "In line 31 tension_2_N is 8388.607, a spike far from all other rows: correct or delete"
+    assert says in found.doubt
+    checked = shell.json("bench", "check", str(path), "--robot", "amouri2019")
+    assert says in checked["warnings"][0] and "wind" not in " ".join(checked["warnings"])
+    at = [line.split(",") for line in lines]
+    for row in at[20:27]:
+        row[2] = "3.1415"
+    [fault] = read_measurements(file("\n".join(map(",".join, at)))).faults
+    assert fault.startswith("From line 21 tension_3_N stays at 3.1415, an end of its range, in 7")
+    for row in at[1:]:
+        row[2] = "0.25"
+    issues = read_measurements(file("\n".join(map(",".join, at)))).issues
+    assert (2, "tension_3_N is 0.25 in all rows: was it measured?") in issues
 
 
 def test_the_likely_zero_of_load_cells_is_named(file: Write) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bowstring.formatting import listed, significant
 
-__all__ = ["advice", "likely_zero", "noise_about_zero", "saturation", "spikes"]
+__all__ = ["advice", "likely_zero", "noise_about_zero", "saturated", "spikes"]
 
 Floats = NDArray[np.float64]
 
@@ -26,7 +26,8 @@ _GATHER: Final = 0.2  # share of the rows there if they gather; 0.1 if readings 
 _OFTEN: Final = 0.02  # share of rows above which readings are no spikes
 _FAR: Final = 3.0  # distance of a spike over the range of the others
 _RUN: Final = 5  # rows
-_DISTINCT: Final = 0.5  # share of different readings of a sensor; commands repeat
+_DISTINCT: Final = 0.8  # share of different readings of a sensor; commands repeat
+_SAMPLE: Final = 1_000  # readings that tell whether they repeat
 
 
 def noise_about_zero(readings: Floats) -> float:
@@ -36,7 +37,7 @@ def noise_about_zero(readings: Floats) -> float:
     away from it.
     """
     below = -readings[readings < 0.0]
-    most = float(readings.max(initial=0.0))
+    most = float(np.delete(readings, spikes(readings)).max(initial=0.0))
     if not below.size or most <= 0.0:
         return 0.0
     if len(below) >= _FEW:  # without single readings far below
@@ -59,32 +60,30 @@ def likely_zero(readings: Floats) -> float:
     return float(np.median(near)) if len(near) > _GATHER * len(readings) else np.nan
 
 
-def spikes(readings: Floats) -> NDArray[np.bool_]:
-    """Few readings (K,) that lie several times the range of the others away from them."""
-    few = max(1, int(_OFTEN * len(readings)))
-    order = np.argsort(np.abs(readings - np.median(readings)), kind="stable")
-    rest = readings[order[: len(readings) - few]]
-    found = np.zeros(len(readings), bool)
-    if len(np.unique(rest[:1000])) > _FEW:
-        low, high = float(rest.min()), float(rest.max())
-        apart = np.maximum(low - readings, readings - high)
-        found = apart > _FAR * (high - low)
-    return found
+def spikes(readings: Floats) -> NDArray[np.int64]:
+    """Rows of the few readings that lie several times the range of the others away from them."""
+    distance = np.abs(readings - np.median(readings))
+    last = len(readings) - 1 - max(1, int(_OFTEN * len(readings)))
+    if last < _FEW:
+        return np.empty(0, np.int64)
+    rest = readings[distance <= np.partition(distance, last)[last]]
+    if len(np.unique(rest[:_SAMPLE])) <= _FEW:  # a tendon that is seldom loaded
+        return np.empty(0, np.int64)
+    low, high = rest.min(), rest.max()
+    return np.flatnonzero(np.maximum(low - readings, readings - high) > _FAR * (high - low))
 
 
-def saturation(readings: Floats) -> tuple[int, int] | None:
-    """First row and number of rows of a run at the largest or least reading of a sensor."""
-    for end in (readings.max(initial=0.0), readings.min(initial=0.0)):
-        held = np.r_[False, (readings == end) & (end != 0.0), False]
-        starts, stops = (np.flatnonzero(np.diff(held.astype(int)) == step) for step in (1, -1))
-        if not len(starts):
+def saturated(readings: Floats) -> tuple[int, int] | None:
+    """First row and length of a run of readings at the end of the range of a sensor."""
+    for end in (readings.max(), readings.min()):
+        at_end = readings == end
+        if end == 0.0 or at_end.sum() < _RUN:
             continue
-        longest = int(np.argmax(stops - starts))
-        count = int(stops[longest] - starts[longest])
-        others = readings[readings != end]
-        distinct = len(np.unique(others)) > _DISTINCT * len(others)
-        if count >= _RUN and len(others) >= _RUN and distinct:
-            return int(starts[longest]), count
+        change = np.flatnonzero(np.diff(np.r_[False, at_end, False]))
+        starts, lengths = change[::2], change[1::2] - change[::2]
+        others = readings[~at_end & (readings != 0.0)][:_SAMPLE]
+        if lengths.max() >= _RUN and len(np.unique(others)) > max(_DISTINCT * len(others), _FEW):
+            return int(starts[lengths.argmax()]), int(lengths.max())
     return None
 
 

@@ -60,6 +60,7 @@ _REACH: Final = 3.0  # distance of a tip from the mean tip over length; at most 
 _DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?\s*")
 _WRITTEN: Final = "written by Bowstring"  # identifies our tables
 _OUT: Final = "left out: "
+_MANY: Final = 10  # rows in which a measured number varies
 _FEW: Final = 0.05  # share of rows left out above which results are doubtful
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
@@ -124,6 +125,9 @@ class Measurements:
     likely_zeros: tuple[tuple[str, float], ...] = ()
     """Columns of tensions and their likely zeros, in their own units, if rows are left out for a
     tension below zero."""
+    faults: tuple[str, ...] = ()
+    """Sentences on readings that are probably wrong, spikes and saturated sensors; these rows are
+    kept."""
     path: Path | None = None
     """File from which the data were read; None for other data."""
     sha256: str | None = None
@@ -169,10 +173,15 @@ class Measurements:
 
     @property
     def doubt(self) -> str:
-        """Warning if more than a twentieth of the rows is left out; else empty.
+        """Warning of `faults` and if more than a twentieth of the rows is left out; else empty.
 
         Rows that the mapping leaves out do not count.
         """
+        return " ".join([*([self._lost] if self._lost else []), *self.faults])
+
+    @property
+    def _lost(self) -> str:
+        """Warning if more than a twentieth of the rows is left out."""
         lost = self.left_out - self.filtered
         count = len(self) + lost
         if lost <= _FEW * count:
@@ -363,6 +372,7 @@ class _Reader:
         self.left_out = self.filtered = self.below_zero = 0
         self.least_tension = 0.0
         self.likely_zeros: tuple[tuple[str, float], ...] = ()
+        self.faults: list[str] = []
         self.unlisted = (0, 0)  # number of unlisted rows that were left out, and the last one
         self.unseen = 0  # rows without a tip, which are kept
         self.comma: int | None = None  # first line with a decimal comma, then with a point
@@ -437,6 +447,7 @@ class _Reader:
                     "other"
                 )
             self.issues.append((self.comma, "numbers have a decimal comma, and are read so"))
+        self.find_faults(arrays)
         self.note_repeated_rows(arrays["line"], arrays.pop("key"))
         self.note_order(arrays)
         if self.unlisted[0]:
@@ -465,6 +476,7 @@ class _Reader:
             below_zero=self.below_zero,
             least_tension=self.least_tension,
             likely_zeros=self.likely_zeros,
+            faults=tuple(self.faults),
             path=self.table.path,
             sha256=self.table.sha256,
             **arrays,
@@ -629,6 +641,51 @@ class _Reader:
         if self.below_zero:
             self.likely_zeros = tuple(zeros)
         return good
+
+    def find_faults(self, arrays: dict[str, Any]) -> None:
+        """List spikes, saturated sensors and columns of a constant; all of them are kept."""
+        lines, layout = arrays["line"], self.layout
+        found = [
+            (column, kind, arrays[f"{kind}s"][:, k])
+            for k, (kind, column) in enumerate(layout.tendons)
+        ]
+        points = arrays["points"]
+        if layout.rotation is not None:  # back to the columns
+            points = points @ layout.rotation
+        found += [
+            (column, "point", points[:, p, axis])
+            for p, point in enumerate(layout.points)
+            for axis, column in enumerate(point)
+        ]
+        for column, kind, values in found:
+            seen = np.flatnonzero(np.isfinite(values))
+            if column.constant is not None or column.part != "all" or not seen.size:
+                continue
+            readings = values[seen]
+            if len(rows := channels.spikes(readings)):
+                at = lines[seen[rows]]
+                for i, line in zip(rows.tolist(), at.tolist(), strict=True):
+                    value = column.reading(float(readings[i]))
+                    self.issues.append((line, f"{column.name} is {value:.7g}, a spike; it is kept"))
+                text, line = self.issues[-len(rows)][1].partition(";")[0], int(at[0])
+                more = f" (the first of {len(rows)})" if len(rows) > 1 else ""
+                self.faults.append(
+                    f"In line {line} {text}{more} far from all other rows: correct or delete it."
+                )
+            if kind != "displacement" and (run := channels.saturated(readings)):
+                begin, count = run
+                value = column.reading(float(readings[begin]))
+                line = int(lines[seen[begin]])
+                text = f"{column.name} stays at {value:.7g}, an end of its range, in {count} rows"
+                self.issues.append((line, f"{text}; they are kept"))
+                self.faults.append(
+                    f"From line {line} {text}: a saturated sensor, whose rows are wrong; delete "
+                    "them."
+                )
+            value = float(readings[0])
+            if value and len(readings) >= _MANY and (readings == value).all():
+                text = f"{column.name} is {column.reading(value):.6g} in all rows: was it measured?"
+                self.issues.append((int(lines[0]), text))
 
     def recording(self, cell: str) -> int:
         """Number of a recording, from 1, in the order of first appearance."""

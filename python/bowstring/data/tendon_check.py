@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.constant_curvature import Arc, RobotArcs
+from bowstring.data.channels import spikes
 from bowstring.data.rigid import align
 from bowstring.errors import BowstringError
 from bowstring.formatting import in_mm, listed, significant
@@ -495,6 +496,9 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
         return "some tendons are given by tension and others by displacement", None
     rows = np.unique(np.linspace(0, len(m) - 1, min(len(m), _MOST_ROWS)).round().astype(int))
     rows = rows[np.isfinite(measured[rows]).all(axis=1)]
+    if m.faults:  # the doubt of the table names the spikes
+        columns = (*commands.T, *np.nan_to_num(measured).T)
+        rows = np.setdiff1d(rows, np.concatenate([spikes(column) for column in columns]))
     if len(rows) < _FEWEST_ROWS:
         return f"it takes {_FEWEST_ROWS} rows or more", None
     motion = _Motion(robot, m, commands[rows], by_tendon, measured[rows])
