@@ -317,7 +317,8 @@ def fit(
 
         with progress_bar("residual") as notify:
             learnt = study_residual(found, robot, progress=notify)
-    doubts = [found.tendons.sentence] if found.tendons.alarm else []
+    doubts = [found.tendons.sentence if found.tendons.alarm else found.tendons.remark]
+    doubts = [sentence for sentence in doubts if sentence]
     doubts += [found.broken_path] if found.broken_path else []
     of_table = [*([table.doubt] if table.doubt else []), *found.fit.doubts]
     for sentence in [*(of_table if as_json else []), *doubts]:  # else they are the first lines

@@ -62,6 +62,11 @@ def likely_zero(readings: Floats) -> float:
 
 def spikes(readings: Floats) -> NDArray[np.int64]:
     """Rows of the few readings that lie several times the range of the others away from them."""
+    some = np.sort(readings[:: max(1, len(readings) // _SAMPLE)])
+    few = max(1, int(_OFTEN * len(some)))
+    low, high = some[few - len(some)], some[-1 - few]
+    if max(low - readings.min(), readings.max() - high) <= _FAR * (high - low):
+        return np.empty(0, np.int64)
     distance = np.abs(readings - np.median(readings))
     last = len(readings) - 1 - max(1, int(_OFTEN * len(readings)))
     if last < _FEW:
@@ -89,10 +94,13 @@ def saturated(readings: Floats) -> tuple[int, int] | None:
 
 def advice(zeros: Sequence[tuple[str, float]]) -> str:
     """Sentence on the likely zeros of columns, given in their units."""
-    known = [f"{significant(zero)} of {name}" for name, zero in zeros if np.isfinite(zero)]
-    numbers = " ".join(significant(zero) for _, zero in zeros) if len(known) == len(zeros) else ""
+    known = [f"{significant(zero, 4)} of {name}" for name, zero in zeros if np.isfinite(zero)]
+    numbers = (
+        " ".join(significant(zero, 4) for _, zero in zeros) if len(known) == len(zeros) else ""
+    )
     likely = f"The likely zero is {listed(known)}: give" if known else "Give"
     return (
-        f"{likely} the reading of each tendon without load as zero in the mapping, or in a comment "
-        f"'# zero: {numbers or 'first'}' above the header (first: the first row is without load)."
+        f"{likely} the reading of each tendon without load, in the straight robot, as zero in the "
+        f"mapping, or in a comment '# zero: {numbers or 'first'}' above the header (first: that of "
+        "the first row)."
     )

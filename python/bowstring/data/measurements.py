@@ -125,6 +125,8 @@ class Measurements:
     likely_zeros: tuple[tuple[str, float], ...] = ()
     """Columns of tensions and their likely zeros, in their own units, if rows are left out for a
     tension below zero."""
+    columns: tuple[Column, ...] = ()
+    """Columns of the T tendons in the file; empty for other data."""
     faults: tuple[str, ...] = ()
     """Sentences on readings that are probably wrong, spikes and saturated sensors; these rows are
     kept."""
@@ -476,6 +478,7 @@ class _Reader:
             below_zero=self.below_zero,
             least_tension=self.least_tension,
             likely_zeros=self.likely_zeros,
+            columns=tuple(column for _, column in self.layout.tendons),
             faults=tuple(self.faults),
             path=self.table.path,
             sha256=self.table.sha256,
@@ -645,7 +648,7 @@ class _Reader:
     def find_faults(self, arrays: dict[str, Any]) -> None:
         """List spikes, saturated sensors and columns of a constant; all of them are kept."""
         lines, layout = arrays["line"], self.layout
-        found = [
+        found: list[tuple[Column, str, Floats]] = [
             (column, kind, arrays[f"{kind}s"][:, k])
             for k, (kind, column) in enumerate(layout.tendons)
         ]
@@ -658,16 +661,20 @@ class _Reader:
             for axis, column in enumerate(point)
         ]
         for column, kind, values in found:
-            seen = np.flatnonzero(np.isfinite(values))
-            if column.constant is not None or column.part != "all" or not seen.size:
+            seen = np.isfinite(values)
+            if column.constant is not None or column.part != "all" or not seen.any():
                 continue
-            readings = values[seen]
+            seen_lines, readings = (lines, values) if seen.all() else (lines[seen], values[seen])
             if len(rows := channels.spikes(readings)):
-                at = lines[seen[rows]]
-                for i, line in zip(rows.tolist(), at.tolist(), strict=True):
-                    value = column.reading(float(readings[i]))
-                    self.issues.append((line, f"{column.name} is {value:.7g}, a spike; it is kept"))
-                text, line = self.issues[-len(rows)][1].partition(";")[0], int(at[0])
+                issues = [
+                    (
+                        int(seen_lines[i]),
+                        f"{column.name} is {column.reading(float(readings[i])):.7g}, a spike",
+                    )
+                    for i in rows[:_MOST_ISSUES]
+                ]
+                self.issues += [(line, f"{text}; it is kept") for line, text in issues]
+                line, text = issues[0]
                 more = f" (the first of {len(rows)})" if len(rows) > 1 else ""
                 self.faults.append(
                     f"In line {line} {text}{more} far from all other rows: correct or delete it."
@@ -675,7 +682,7 @@ class _Reader:
             if kind != "displacement" and (run := channels.saturated(readings)):
                 begin, count = run
                 value = column.reading(float(readings[begin]))
-                line = int(lines[seen[begin]])
+                line = int(seen_lines[begin])
                 text = f"{column.name} stays at {value:.7g}, an end of its range, in {count} rows"
                 self.issues.append((line, f"{text}; they are kept"))
                 self.faults.append(
