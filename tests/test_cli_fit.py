@@ -26,6 +26,7 @@ from bowstring.calibration.fitting import fit
 from bowstring.calibration.observations import score
 from bowstring.calibration.table_fit import Validation, calibrate, read_start
 from bowstring.cli.fit import _fit_tables
+from bowstring.constant_curvature import RobotArcs
 from bowstring.data import synthetic
 from bowstring.data.measurements import Measurements, read_measurements
 from bowstring.errors import InputError
@@ -442,6 +443,27 @@ def test_doubts_of_the_commands_count_too(robot: Robot) -> None:
     assert "are biased" in calibrate(robot, few, ["base"]).doubts[0]
     others = replace(made, left_out=9)
     assert others.doubt and not calibrate(robot, others, ["base"]).doubts
+
+
+def test_zeros_of_load_cells_are_fitted(shell: Shell, tmp_path: Path, robot: Robot) -> None:
+    """No row is left out for a reading below zero, and the zeros are no doubt."""
+    rng = np.random.default_rng(4)
+    tensions = rng.uniform(0, 20, (40, 3))
+    tensions[np.arange(40), np.arange(40) % 3] = 0
+    tip = RobotArcs.from_tensions(robot, tensions).tip.position + rng.normal(0, 1e-4, (40, 3))
+    path = tmp_path / "cells.csv"
+    head = "tension_1_N,tension_2_N,tension_3_N,tip_x_mm,tip_y_mm,tip_z_mm"
+    cells = np.hstack([tensions + np.array([4, -2, 1]), 1e3 * tip])
+    np.savetxt(path, cells, fmt="%.5f", delimiter=",", header=head, comments="")
+    args = ("fit", "amouri2019", "--measurements", str(path), "--model", "arc", "--parameter", E)
+    raw = shell.json(*args)
+    assert raw["data"]["rows_left_out"] and "likely zero is 4" in raw["warnings"][0]
+    got = shell.json(*args, "--parameter", "offset.tendons", "--priors", "--prior", "offset=5 N")
+    assert not got["data"]["rows_left_out"] and not got["warnings"]
+    assert got["parameters"][0]["value"] == pytest.approx(35.0, rel=2e-3)
+    assert [(each["unit"], each["prior_sd"]) for each in got["parameters"][1:]] == [("N", 5.0)] * 3
+    offsets = np.array([each["value"] for each in got["parameters"][1:]])
+    np.testing.assert_allclose(offsets - offsets.mean(), [-3, 3, 0], atol=0.05)
 
 
 def test_a_mistyped_row_is_named_and_hardly_counts(shell: Shell, tmp_path: Path) -> None:

@@ -287,7 +287,7 @@ class Calibration(Result):
                 "source": self.data.source,
                 "sha256": self.data.sha256,
             },
-            "units": "SI: m, rad, s",
+            "units": "SI: m, N, rad, s",
             "values": self.beside,
         }
 
@@ -443,7 +443,8 @@ def calibrate(
         points = observations.measured_points(data, robot, len(data))
         rows = points.seen.any(axis=1) & (np.cumsum(out) == 0)  # the last rows are held out
     notify("fit", 0.0)
-    order = check_tendons(robot, data)
+    zero_is_fitted = any(name.partition(".")[0] == "offset" for name in parameters)
+    order = check_tendons(robot, data, zero_is_fitted=zero_is_fitted)
     try:
         found = fit(
             robot,

@@ -272,6 +272,7 @@ def read_measurements(
     mapping: str | Path | Mapping | None = None,
     *,
     g: float = STANDARD_GRAVITY,
+    keep_below_zero: bool = False,
 ) -> Measurements:
     """Read a table of measurements: CSV, TSV or Excel.
 
@@ -287,6 +288,8 @@ def read_measurements(
         Mapping file, or the name of a public data set.
     g : float
         Gravitational acceleration that converts masses to tensions, m/s^2.
+    keep_below_zero : bool
+        Whether rows with a tension below zero are kept as they are, for a fit of the offsets.
 
     Returns
     -------
@@ -323,7 +326,7 @@ def read_measurements(
     count = len(layout.tendons)
     if robot is not None and count != len(robot.tendons.angle_rad):
         raise _wrong_count(table, robot, count)
-    found = _Reader(table, layout).read()
+    found = _Reader(table, layout, keep_below_zero).read()
     return found if robot is None else _within_reach(found, robot)
 
 
@@ -368,8 +371,8 @@ def _wrong_count(table: Table, robot: Robot, count: int) -> InputError:
 class _Reader:
     """Reader of rows into arrays; invalid rows are left out and listed."""
 
-    def __init__(self, table: Table, layout: Layout) -> None:
-        self.table, self.layout = table, layout
+    def __init__(self, table: Table, layout: Layout, keep_below_zero: bool) -> None:
+        self.table, self.layout, self.keep_below_zero = table, layout, keep_below_zero
         self.issues: list[tuple[int, str]] = []
         self.left_out = self.filtered = self.below_zero = 0
         self.least_tension = 0.0
@@ -616,6 +619,8 @@ class _Reader:
     def judge_tensions(self, tensions: Floats, lines: Ints) -> NDArray[np.bool_]:
         """Rows (K,) without a tension below zero; noise about zero is set to zero in place."""
         good = np.ones(len(lines), bool)
+        if self.keep_below_zero:
+            return good
         zeros = []
         for k, (kind, column) in enumerate(self.layout.tendons):
             readings = tensions[:, k]

@@ -110,7 +110,9 @@ class _Fit:
         return float(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
 
 
-def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
+def check_tendons(
+    robot: Robot, measurements: Measurements, *, zero_is_fitted: bool = False
+) -> TendonCheck:
     """Check the order of the tendons against the measured motion of the tip.
 
     Parameters
@@ -119,6 +121,9 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
         The robot that was measured.
     measurements : Measurements
         Measurements with as many tendons as the robot.
+    zero_is_fitted : bool
+        Whether a fit finds the zeros of tensions, so that they are no doubt: the likely ones are
+        taken off.
 
     Returns
     -------
@@ -130,6 +135,10 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
     check_is_read(measurements)
     if 0 < measurements.without_tip < len(measurements):
         measurements = measurements.select(measurements.seen)
+    if zero_is_fitted and not np.isnan(measurements.tensions).any():
+        zeros = [np.nan_to_num(likely_zero(column)) for column in measurements.tensions.T]
+        loads = np.maximum(measurements.tensions - zeros, 0.0)
+        measurements = replace(measurements, tensions=loads)
     problem, motion = _motion(robot, measurements)
     if problem and motion is not None and (doubt := _doubted_size(motion)):
         return TendonCheck("unclear", doubt)
@@ -269,7 +278,7 @@ def _unloaded(motion: _Motion) -> tuple[str, str]:
     if motion.by_displacement or not span.any():
         return "", ""
     zeros = np.array([likely_zero(column) for column in m.tensions.T])
-    is_shifted = (zeros > _ABOVE * span) & (span > 0.0)
+    is_shifted = (np.abs(zeros) > _ABOVE * span) & (span > 0.0)
     if not is_shifted.any():
         return "", ""
     without = replace(motion, commands=motion.commands - np.where(is_shifted, zeros, 0.0))
