@@ -952,8 +952,8 @@ def test_noise_about_zero_tension_is_zero_and_no_row_is_left_out(file: Write) ->
     assert (unloaded >= 15).all()  # the readings above zero as well: no bias
     [text] = [text for _, text in found.issues if text.startswith("tension_1_N")]
     assert re.fullmatch(
-        rf"tension_1_N: {unloaded[0]} readings within 0\.0\d+ N of zero, \d+ of them below, "
-        "are taken as zero",
+        rf"tension_1_N: {unloaded[0]} readings within 0\.0\d+ N of 0, \d+ of them below, "
+        "are without load",
         text,
     )
     lines = load_cells([0, 0, 0], 0.03).splitlines()
@@ -970,8 +970,14 @@ def test_spikes_and_saturated_sensors_are_named(file: Write, shell: Shell) -> No
     path = file("\n".join(map(",".join, at)))
     found = read_measurements(path)
     spikes = [issue for issue in found.issues if "spike" in issue[1]]
-    assert spikes == [(31, "tension_2_N is 8388.607, a spike; it is kept")]  # -40 is left out
-    says = "In line 31 tension_2_N is 8388.607, a spike far from all other rows: correct or delete"
+    assert spikes == [
+        (31, "left out: tension_2_N is 8388.607, a spike"),
+        (41, "left out: tension_1_N is -40, a spike"),
+    ]
+    says = (
+        "In line 31 tension_2_N is 8388.607, a spike far from all other rows: the row is left out"
+    )
+    assert len(found) == 58 and found.left_out == 2
     assert says in found.doubt
     checked = shell.json("bench", "check", str(path), "--robot", "amouri2019")
     assert says in checked["warnings"][0] and "wind" not in " ".join(checked["warnings"])

@@ -19,11 +19,13 @@ _SMALL: Final = 0.02  # share of the range below which readings below zero are n
 _LARGE: Final = 0.25  # share of the range above which they are none
 _WIDE: Final = 4.0  # standard deviations of a normal distribution that a large sample reaches
 _MEDIAN: Final = 0.6745  # median over standard deviation of a half-normal distribution
+_REACH: Final = 3.0  # standard deviations
 _GATHERED: Final = 0.85  # mean^2 over mean square; 0.64 if half-normal, 1 for equal readings
-_MORE: Final = 3.0  # standard deviations
+_MORE: Final = 5.0  # readings below zero for one above, where a zero errs by one deviation
 _LOW: Final = 0.1  # share of the range in which the readings without load lie
 _GATHER: Final = 0.2  # share of the rows there if they gather; 0.1 if readings are uniform
 _OFTEN: Final = 0.02  # share of rows above which readings are no spikes
+_TWO: Final = 20  # rows from which two readings may be spikes
 _FAR: Final = 3.0  # distance of a spike over the range of the others
 _RUN: Final = 5  # rows
 _DISTINCT: Final = 0.8  # share of different readings of a sensor; commands repeat
@@ -31,7 +33,7 @@ _SAMPLE: Final = 1_000  # readings that tell whether they repeat
 
 
 def noise_about_zero(readings: Floats) -> float:
-    """Largest reading below zero, without sign, if these are noise about zero; else 0.
+    """Half-width of noise about zero, if the readings below zero are noise; else 0.
 
     Noise is as often above zero as below, and gathers at zero; readings with another zero gather
     away from it.
@@ -46,11 +48,13 @@ def noise_about_zero(readings: Floats) -> float:
     if width <= _SMALL * most and len(below) < _FEW:
         return width
     above = int(((readings >= 0.0) & (readings <= width)).sum())
-    is_even = len(below) - above <= _MORE * np.sqrt(len(below) + above)
+    is_even = len(below) <= _MORE * (above + 1)
     gathered = float(below.mean() ** 2 / (below**2).mean())
     is_small = width <= _SMALL * most
     is_noise = len(below) >= _FEW and width <= _LARGE * most and gathered < _GATHERED
-    return width if is_even and (is_small or is_noise) else 0.0
+    # noise above zero reaches as far
+    reach = max(width, _REACH / _MEDIAN * float(np.median(below)))
+    return reach if is_even and (is_small or is_noise) else 0.0
 
 
 def likely_zero(readings: Floats) -> float:
@@ -60,17 +64,22 @@ def likely_zero(readings: Floats) -> float:
     return float(np.median(near)) if len(near) > _GATHER * len(readings) else np.nan
 
 
+def _few_of(count: int) -> int:
+    """Number of readings that may be spikes."""
+    return max(1 + (count >= _TWO), int(_OFTEN * count))
+
+
 def spikes(readings: Floats) -> NDArray[np.int64]:
     """Rows of the few readings that lie several times the range of the others away from them."""
+    if len(readings) <= _FEW + 1:
+        return np.empty(0, np.int64)
     some = np.sort(readings[:: max(1, len(readings) // _SAMPLE)])
-    few = max(1, int(_OFTEN * len(some)))
+    few = _few_of(len(some))
     low, high = some[few - len(some)], some[-1 - few]
     if max(low - readings.min(), readings.max() - high) <= _FAR * (high - low):
         return np.empty(0, np.int64)
     distance = np.abs(readings - np.median(readings))
-    last = len(readings) - 1 - max(1, int(_OFTEN * len(readings)))
-    if last < _FEW:
-        return np.empty(0, np.int64)
+    last = len(readings) - 1 - _few_of(len(readings))
     rest = readings[distance <= np.partition(distance, last)[last]]
     if len(np.unique(rest[:_SAMPLE])) <= _FEW:  # a tendon that is seldom loaded
         return np.empty(0, np.int64)

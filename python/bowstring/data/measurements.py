@@ -125,6 +125,8 @@ class Measurements:
     likely_zeros: tuple[tuple[str, float], ...] = ()
     """Columns of tensions and their likely zeros, in their own units, if rows are left out for a
     tension below zero."""
+    zero_error: Floats | None = None
+    """Standard errors (T,) of the zeros of tensions that the file has by rows, N; 0 for others."""
     columns: tuple[Column, ...] = ()
     """Columns of the T tendons in the file; empty for other data."""
     faults: tuple[str, ...] = ()
@@ -233,6 +235,7 @@ class Measurements:
 # shapes of the arrays: K rows, T tendons, P points
 _ARRAYS: Final = {
     **{"tensions": "KT", "displacements": "KT", "points": "KP3", "stations": "P", "tool": "3"},
+    "zero_error": "T",
     **dict.fromkeys(("line", "group", "repeat", "recording"), "K"),
     **dict.fromkeys(("sigma", "bend", "direction", "time"), "K"),
 }
@@ -378,6 +381,7 @@ class _Reader:
         self.least_tension = 0.0
         self.likely_zeros: tuple[tuple[str, float], ...] = ()
         self.faults: list[str] = []
+        self.zero_error: dict[str, float] = {}
         self.unlisted = (0, 0)  # number of unlisted rows that were left out, and the last one
         self.unseen = 0  # rows without a tip, which are kept
         self.comma: int | None = None  # first line with a decimal comma, then with a point
@@ -418,6 +422,11 @@ class _Reader:
                     f"{quote(given[k])}; name other rows, or give the number"
                 )
             zero = float(values.mean())
+            if len(values) > 1:
+                error = float(values.std(ddof=1)) / math.sqrt(len(values))
+                self.zero_error[column.name] = abs(error * column.factor)
+            else:  # by the scatter of other readings without load
+                self.zero_error[column.name] = math.nan
             self.issues.append((lines[0], f"{said}: {significant(zero, 6)}"))
             return replace(column, zero=zero)
 
@@ -432,6 +441,8 @@ class _Reader:
         arrays: dict[str, Any] = {
             name: np.concatenate([found[name] for found in chunks]) for name in chunks[0]
         }
+        if not (good := self.find_faults(arrays)).all():
+            arrays = {name: array[good] for name, array in arrays.items()}
         if not (good := self.judge_tensions(arrays["tensions"], arrays["line"])).all():
             arrays = {name: array[good] for name, array in arrays.items()}
         if not len(arrays["line"]):
@@ -452,7 +463,6 @@ class _Reader:
                     "other"
                 )
             self.issues.append((self.comma, "numbers have a decimal comma, and are read so"))
-        self.find_faults(arrays)
         self.note_repeated_rows(arrays["line"], arrays.pop("key"))
         self.note_order(arrays)
         if self.unlisted[0]:
@@ -481,6 +491,12 @@ class _Reader:
             below_zero=self.below_zero,
             least_tension=self.least_tension,
             likely_zeros=self.likely_zeros,
+            zero_error=np.nan_to_num(
+                [
+                    self.zero_error.get(column.name, 0.0) if kind == "tension" else 0.0
+                    for kind, column in self.layout.tendons
+                ]
+            ),
             columns=tuple(column for _, column in self.layout.tendons),
             faults=tuple(self.faults),
             path=self.table.path,
@@ -619,25 +635,30 @@ class _Reader:
     def judge_tensions(self, tensions: Floats, lines: Ints) -> NDArray[np.bool_]:
         """Rows (K,) without a tension below zero; noise about zero is set to zero in place."""
         good = np.ones(len(lines), bool)
-        if self.keep_below_zero:
-            return good
         zeros = []
         for k, (kind, column) in enumerate(self.layout.tendons):
             readings = tensions[:, k]
             if kind != "tension" or column.constant is not None or column.part != "all":
                 continue
-            zeros.append((column.name, column.reading(channels.likely_zero(readings))))
-            if not (readings < 0.0).any():
-                continue
-            if width := channels.noise_about_zero(readings):
+            likely = channels.likely_zero(readings)
+            zeros.append((column.name, column.reading(likely)))
+            # a fit finds the zero, not noise about it
+            zero = likely if self.keep_below_zero and np.isfinite(likely) else 0.0
+            if width := channels.noise_about_zero(readings - zero):
                 # also those above zero, whose mean would be a bias
-                noise = np.abs(readings) <= width
+                noise = np.abs(readings - zero) <= width
+                below = int((readings[noise] < zero).sum())
                 text = (
                     f"{column.name}: {noise.sum()} readings within {significant(width, 2)} N of "
-                    f"zero, {(readings[noise] < 0.0).sum()} of them below, are taken as zero"
+                    f"{column.reading(zero):.4g}, {below} of them below, are without load"
                 )
                 self.issues.append((int(lines[np.argmax(noise)]), text))
-                tensions[noise, k] = 0.0
+                if np.isnan(self.zero_error.get(column.name, 0.0)):
+                    self.zero_error[column.name] = float(readings[noise].std())
+                # to a fit without load, as long as the offset is within the noise
+                tensions[noise, k] = zero - (width if self.keep_below_zero else 0.0)
+            if self.keep_below_zero:
+                continue
             bad = tensions[:, k] < 0.0
             self.below_zero += int((bad & good).sum())
             self.least_tension = min(self.least_tension, float(tensions[:, k].min()))
@@ -650,9 +671,13 @@ class _Reader:
             self.likely_zeros = tuple(zeros)
         return good
 
-    def find_faults(self, arrays: dict[str, Any]) -> None:
-        """List spikes, saturated sensors and columns of a constant; all of them are kept."""
+    def find_faults(self, arrays: dict[str, Any]) -> NDArray[np.bool_]:
+        """List spikes, saturated sensors and columns of a constant.
+
+        Rows (K,) without a spike of a command; a tip may be wrong where the command is right.
+        """
         lines, layout = arrays["line"], self.layout
+        good = np.ones(len(lines), bool)
         found: list[tuple[Column, str, Floats]] = [
             (column, kind, arrays[f"{kind}s"][:, k])
             for k, (kind, column) in enumerate(layout.tendons)
@@ -678,12 +703,18 @@ class _Reader:
                     )
                     for i in rows[:_MOST_ISSUES]
                 ]
-                self.issues += [(line, f"{text}; it is kept") for line, text in issues]
                 line, text = issues[0]
                 more = f" (the first of {len(rows)})" if len(rows) > 1 else ""
-                self.faults.append(
-                    f"In line {line} {text}{more} far from all other rows: correct or delete it."
-                )
+                if kind == "point":
+                    self.issues += [(line, f"{text}; it is kept") for line, text in issues]
+                    cure = "correct or delete it."
+                else:
+                    for where, what in issues:
+                        if good[where == lines].all():
+                            self.leave_out(where, what)
+                    good[np.flatnonzero(seen)[rows]] = False
+                    cure = "the row is left out."
+                self.faults.append(f"In line {line} {text}{more} far from all other rows: {cure}")
             if kind != "displacement" and (run := channels.saturated(readings)):
                 begin, count = run
                 value = column.reading(float(readings[begin]))
@@ -698,6 +729,7 @@ class _Reader:
             if value and len(readings) >= _MANY and (readings == value).all():
                 text = f"{column.name} is {column.reading(value):.6g} in all rows: was it measured?"
                 self.issues.append((int(lines[0]), text))
+        return good
 
     def recording(self, cell: str) -> int:
         """Number of a recording, from 1, in the order of first appearance."""
