@@ -11,12 +11,13 @@ from benchmarks import calibration
 
 import bowstring as bs
 from bowstring import RodModel
-from bowstring.calibration import observations
+from bowstring.calibration import default_priors, observations
 from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.fitting import _correlated_pair, fit
 from bowstring.calibration.observations import Data, score
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import Prediction, TipModel, _delayed, _play
+from bowstring.constant_curvature import RobotArcs
 from bowstring.data import synthetic as bench
 from bowstring.errors import InputError, NoSolutionError
 
@@ -441,6 +442,33 @@ def test_the_tendons_of_a_list_share_a_parameter():
     assert one[0].paths == every[0].paths and len(one[0].paths) == 6
 
 
+@pytest.mark.parametrize("model", [None, "arc"])
+def test_offsets_of_tensions_are_zeros_of_load_cells_synthetic(model):
+    """Each tendon is unloaded in some rows; the zeros are in N and no part of the robot file."""
+    rng, robot = np.random.default_rng(2), single()
+    tensions = rng.uniform(0.0, 20.0, (30, 3))
+    tensions[np.arange(30), np.arange(30) % 3] = 0.0
+    zeros = np.array([3.0, -2.0, 1.0])
+    tip = bs.solve_batch(robot, tensions).tip_position
+    if model == "arc":
+        tip = RobotArcs.from_tensions(robot, tensions).tip.position
+    tip = tip + rng.normal(0.0, 1e-4, tip.shape)
+    data = Data(points=tip, tensions=tensions + zeros)
+    found = fit(robot, data, ["segments.0.backbone.E", "offset.tendons"], model=model)
+    modulus = robot.segments[0].backbone.E / 1e9
+    assert found["segments.0.backbone.E"].value == pytest.approx(modulus, rel=2e-3)
+    offsets = np.array([found[f"offset.tendons.{k}"].value for k in range(3)])
+    assert {found[f"offset.tendons.{k}"].unit for k in range(3)} == {"N"}
+    if model == "arc":  # their common part does not bend an arc
+        offsets -= (offsets + zeros).mean()
+    np.testing.assert_allclose(offsets, -zeros, atol=0.05)
+    assert not found.is_in_robot("offset.tendons.0") and set(found.outside_robot) >= {
+        "offset.tendons.0"
+    }
+    np.testing.assert_allclose(found.predict(data), tip, atol=1e-3)
+    assert default_priors(robot, ["offset"], by_tension=True) == {}
+
+
 def test_an_interval_spans_active_set_changes_synthetic():
     """The lowest minimum is at -0.5 +- 0.09 mm; one at 1 mm is hardly higher."""
     found = fit(giving(1e-4), slack_bench(ONE_DISPLACED, 5e-4, 1), [GIVE, "offset.tendons"])
@@ -648,7 +676,7 @@ def loads(**change):
         (loads(), ["segments.0.length", "segments.*.length"], "both set segments.0.length"),
         (loads(), [], "parameters is empty"),
         (loads(), "base", "must be a list of names"),
-        (loads(), ["offset"], "offset has no effect"),
+        (loads(), ["backlash"], "backlash has no effect"),
         (loads(), ["segments.0.disks.mass"], "segments.0.disks.mass has no effect"),
         (loads(), ["bend_gain"], 'give model="arc"'),
         (loads(), ["delay"], "needs the time of each row"),

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -26,6 +26,7 @@ from bowstring.calibration.fitting import fit
 from bowstring.calibration.observations import score
 from bowstring.calibration.table_fit import Validation, calibrate, read_start
 from bowstring.cli.fit import _fit_tables
+from bowstring.constant_curvature import RobotArcs
 from bowstring.data import synthetic
 from bowstring.data.measurements import Measurements, read_measurements
 from bowstring.errors import InputError
@@ -442,6 +443,60 @@ def test_doubts_of_the_commands_count_too(robot: Robot) -> None:
     assert "are biased" in calibrate(robot, few, ["base"]).doubts[0]
     others = replace(made, left_out=9)
     assert others.doubt and not calibrate(robot, others, ["base"]).doubts
+
+
+def test_zeros_of_load_cells_are_fitted(shell: Shell, tmp_path: Path, robot: Robot) -> None:
+    """No row is left out for a reading below zero, and the zeros are no doubt."""
+    rng = np.random.default_rng(4)
+    tensions = rng.uniform(0, 20, (40, 3))
+    tensions[np.arange(40), np.arange(40) % 3] = 0
+    tip = RobotArcs.from_tensions(robot, tensions).tip.position + rng.normal(0, 1e-4, (40, 3))
+    path = tmp_path / "cells.csv"
+    head = "tension_1_N,tension_2_N,tension_3_N,tip_x_mm,tip_y_mm,tip_z_mm"
+    cells = np.hstack([tensions + np.array([4, -2, 1]), 1e3 * tip])
+    np.savetxt(path, cells, fmt="%.5f", delimiter=",", header=head, comments="")
+    args = ("fit", "amouri2019", "--measurements", str(path), "--model", "arc", "--parameter", E)
+    raw = shell.json(*args)
+    assert raw["data"]["rows_left_out"] and "likely zero is 4" in raw["warnings"][0]
+    got = shell.json(*args, "--parameter", "offset.tendons", "--priors", "--prior", "offset=5 N")
+    assert not got["data"]["rows_left_out"] and not got["warnings"]
+    assert got["parameters"][0]["value"] == pytest.approx(35.0, rel=2e-3)
+    assert [(each["unit"], each["prior_sd"]) for each in got["parameters"][1:]] == [("N", 5.0)] * 3
+    offsets = np.array([each["value"] for each in got["parameters"][1:]])
+    np.testing.assert_allclose(offsets - offsets.mean(), [-3, 3, 0], atol=0.05)
+
+
+def test_intervals_know_zeros_noise_and_spikes(robot: Robot, tmp_path: Path) -> None:
+    """Ten benches: E is within 1 %, no spike is silent, and the intervals have it (95 %)."""
+    inside = 0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        model: Literal["arc"] | None = "arc" if seed % 2 else None
+        tensions = rng.uniform(0, 25, (32, 3))
+        tensions[np.arange(32), rng.integers(0, 3, 32)] = 0
+        tensions[:8] = 0
+        truth = 35 * rng.uniform(0.9, 1.1)
+        actual = robot.with_({E: truth * 1e9})
+        tip = bs.solve_batch(actual, tensions).tip_position
+        if model == "arc":
+            tip = RobotArcs.from_tensions(actual, tensions).tip.position
+        tip = tip + rng.normal(0, 2e-4, tip.shape)
+        read = tensions + rng.uniform(-8, 8, 3) + rng.normal(0, 0.05, tensions.shape)
+        read[rng.integers(8, 32), rng.integers(3)] = 4095
+        path = tmp_path / "cells.csv"
+        head = "# zero: rows 1-8\ntension_1_N,tension_2_N,tension_3_N,tip_x_mm,tip_y_mm,tip_z_mm"
+        cells = np.hstack([read, 1e3 * tip])
+        np.savetxt(path, cells, fmt="%.5f", delimiter=",", header=head, comments="")
+        found = calibrate(robot, read_measurements(path, robot), [E], model=model)
+        stiffness = found.fit[E]
+        assert found.fit.converged and "is 4095, a spike" in found.data.doubt
+        assert found.data.left_out <= 2
+        assert stiffness.value == pytest.approx(truth, rel=0.01)
+        assert abs(stiffness.value - truth) < stiffness.high - stiffness.low
+        inside += stiffness.low < truth < stiffness.high
+        offsets = [each for each in found.fit.estimates if each.name.startswith("offset")]
+        assert len(offsets) == 3 and all(0 < (each.prior_sd or 0) < 0.05 for each in offsets)
+    assert inside >= 8
 
 
 def test_a_mistyped_row_is_named_and_hardly_counts(shell: Shell, tmp_path: Path) -> None:

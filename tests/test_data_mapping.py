@@ -84,6 +84,27 @@ def test_scale_and_sign_of_a_column(read: Read) -> None:
     assert refused.left_out == 1 and "a tendon cannot push" in refused.issues[0][1]
 
 
+def test_the_zero_of_a_column_is_in_its_own_unit(read: Read) -> None:
+    table = "m1,m2,l,x,y,z\n2048,1990,250,0,0,640\n2098,1890,249,1,0,640\n"
+    own = "{column: l, unit: mm, sign: -1, zero: 250}"
+    for zero, columns in (
+        ("first", f"[m1, m2, {own}]"),
+        ("2048", f"[m1, {{column: m2, zero: rows 1-1}}, {own}]"),
+    ):
+        text = _mapping(columns, TIP, "displacement", "0.02 mm")
+        found = read(text.replace("columns: [m1", f"zero: {zero}, columns: [m1"), table)
+        np.testing.assert_allclose(
+            found.displacements, [[0, 0, 0], [1e-3, -2e-3, 1e-3]], atol=1e-12
+        )
+    tip = "tip: {columns: [{column: x, zero: first}, y, {column: z, zero: 600}], unit: mm}\n"
+    found = read(_mapping("[m1, m2, 0]", tip), table)
+    np.testing.assert_allclose(found.tip, [[0, 0, 0.04], [1e-3, 0, 0.04]])
+    with pytest.raises(InputError, match="a constant has no zero"):
+        read(_mapping("[m1, m2, {column: 0, zero: 1}]"), table)
+    with pytest.raises(InputError, match="must be a number in the unit of the column, first"):
+        read(_mapping("[m1, m2, {column: l, zero: second}]"), table)
+
+
 def test_one_column_for_an_antagonistic_pair(read: Read) -> None:
     table = "d,x,y,z\n-3,0,0,640\n0,0,0,641\n4,0,0,640\n"
     pair = "[{column: d, part: positive}, {column: d, part: negative}]"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 import time
 import zipfile
@@ -392,7 +393,8 @@ def test_unreachable_tips_are_reported(file: Write) -> None:
     lines[12] = ",".join(cells)
     found = read_measurements(file("\n".join(lines)), robot)
     assert len(found) == 33 and found.left_out == 0
-    [(line, message)] = found.issues
+    [(line, message), (same, spike)] = found.issues
+    assert (same, spike) == (13, "tip_x_mm is 5000, a spike; it is kept")
     assert line == 13 and "from the middle of all" in message and "it is kept" in message
 
 
@@ -920,7 +922,7 @@ def test_more_than_a_twentieth_of_the_rows_left_out_is_the_first_line(
     assert doubt.startswith(
         "3 of 40 rows are left out, all for a tension below zero (down to -0.03"
     )
-    assert "part: positive takes them as zero" in doubt
+    assert "The likely zero is 0.01 of tension_3_N: give" in doubt
     robot = ("--robot", "amouri2019")
     for flags in ((), robot):
         assert doubt in shell.json("bench", "check", str(path), *flags)["warnings"]
@@ -930,6 +932,100 @@ def test_more_than_a_twentieth_of_the_rows_left_out_is_the_first_line(
     code, out, _ = shell(*fit, "--model", "arc")
     assert code == 0 and out.startswith("Check the table. 3 of 40 rows are left out")
     assert doubt in shell.json(*fit, "--model", "arc")["warnings"]
+
+
+def load_cells(zeros: Sequence[float], noise: float) -> str:
+    """Table of three load cells, of which at least one has no load in each of 60 rows."""
+    rng = np.random.default_rng(7)
+    tensions = rng.uniform(0, 3, (60, 3))
+    tensions[np.arange(60), rng.integers(0, 3, 60)] = 0
+    tensions[0] = 0
+    readings = tensions + zeros + noise * rng.normal(size=tensions.shape)
+    rows = [",".join(f"{x:.4f}" for x in row) + f",{k},0,641" for k, row in enumerate(readings)]
+    return "\n".join([HEADER.replace("mass", "tension").replace("kg", "N"), *rows]) + "\n"
+
+
+def test_noise_about_zero_tension_is_zero_and_no_row_is_left_out(file: Write) -> None:
+    found = read_measurements(file(load_cells([0, 0, 0], 0.03)))
+    assert len(found) == 60 and found.tensions.min() == 0 and not found.doubt
+    unloaded = (found.tensions == 0).sum(axis=0)
+    assert (unloaded >= 15).all()  # the readings above zero as well: no bias
+    [text] = [text for _, text in found.issues if text.startswith("tension_1_N")]
+    assert re.fullmatch(
+        rf"tension_1_N: {unloaded[0]} readings within 0\.0\d+ N of 0, \d+ of them below, "
+        "are without load",
+        text,
+    )
+    lines = load_cells([0, 0, 0], 0.03).splitlines()
+    lines[9] = "1,-3,0,10,0,641"
+    found = read_measurements(file("\n".join(lines)))
+    assert len(found) == 59 and (10, "left out: tension_2_N is -3; a tendon cannot push, give zero "
+                                 "or more") in found.issues  # fmt: skip
+
+
+def test_spikes_and_saturated_sensors_are_named(file: Write, shell: Shell) -> None:
+    lines = load_cells([0, 0, 0], 0.01).splitlines()
+    at = [line.split(",") for line in lines]
+    at[30][1], at[40][0], at[40][4] = "8388.607", "-40", "3e4"
+    path = file("\n".join(map(",".join, at)))
+    found = read_measurements(path)
+    spikes = [issue for issue in found.issues if "spike" in issue[1]]
+    assert spikes == [
+        (31, "left out: tension_2_N is 8388.607, a spike"),
+        (41, "left out: tension_1_N is -40, a spike"),
+    ]
+    says = (
+        "In line 31 tension_2_N is 8388.607, a spike far from all other rows: the row is left out"
+    )
+    assert len(found) == 58 and found.left_out == 2
+    assert says in found.doubt
+    checked = shell.json("bench", "check", str(path), "--robot", "amouri2019")
+    assert says in checked["warnings"][0] and "wind" not in " ".join(checked["warnings"])
+    at = [line.split(",") for line in lines]
+    for row in at[20:27]:
+        row[2] = "3.1415"
+    [fault] = read_measurements(file("\n".join(map(",".join, at)))).faults
+    assert fault.startswith("From line 21 tension_3_N stays at 3.1415, an end of its range, in 7")
+    for row in at[1:]:
+        row[2] = "0.25"
+    issues = read_measurements(file("\n".join(map(",".join, at)))).issues
+    assert (2, "tension_3_N is 0.25 in all rows: was it measured?") in issues
+
+
+def test_the_likely_zero_of_load_cells_is_named(file: Write) -> None:
+    found = read_measurements(file(load_cells([1.3, -0.4, 0.7], 0.005)))
+    assert found.is_biased and [name for name, _ in found.likely_zeros] == [
+        f"tension_{k}_N" for k in (1, 2, 3)
+    ]
+    np.testing.assert_allclose(
+        [zero for _, zero in found.likely_zeros], [1.3, -0.4, 0.7], atol=0.03
+    )
+    assert "The likely zero is 1.3" in found.doubt and "'# zero: 1.3" in found.doubt
+
+
+@pytest.mark.parametrize("zero", ["first", "rows 1-1", "1.3 -0.4 0.7"])
+def test_zeros_in_a_comment(file: Write, zero: str) -> None:
+    found = read_measurements(file(f"# zero: {zero}\n" + load_cells([1.3, -0.4, 0.7], 0)))
+    same = read_measurements(file(load_cells([0, 0, 0], 0)))
+    assert len(found) == 60
+    np.testing.assert_allclose(found.tensions, same.tensions, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("zero", "says"),
+    [
+        ("last", "the comment '# zero:' got \"last\"; must be a number in the unit of the column"),
+        ("rows 3-1", 'got "rows 3-1"'),
+        ("1 2", "has 2 numbers; give one for all, or one for each of 3 tendons"),
+        ("rows 1-61", "the zero of tension_1_N is its mean in rows 1 to 61, and the table has 60"),
+        ("rows 2-4", "line 5: the zero of tension_2_N is its mean in rows 2 to 4, and here it is"),
+    ],
+)
+def test_zeros_that_cannot_be_read(file: Write, zero: str, says: str) -> None:
+    lines = load_cells([0, 0, 0], 0).splitlines()
+    lines[3] = "0,NaN,0,1,0,641"
+    with pytest.raises(InputError, match=re.escape(says)):
+        read_measurements(file("\n".join([f"# zero: {zero}", *lines])))
 
 
 def test_rows_left_out_for_other_reasons(file: Write) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
+from bowstring.data.columns import Column
 from bowstring.data.measurements import Measurements, load
 from bowstring.data.tendon_check import check_tendons
 from bowstring.robot.model import Robot
@@ -345,6 +346,38 @@ def test_a_shift_of_all_displacements_is_named() -> None:
         found = check_tendons(STUDY, arcs_of(STUDY, shift))
         assert found.found == "unclear" and found.alarm
         assert re.search(says, found.sentence) and "straight robot off all rows" in found.sentence
+
+
+def test_the_zero_of_displacements_is_named_in_their_unit() -> None:
+    zeros = np.array([2048.0, 1990.0, 2100.0])
+    data = arcs_of(STUDY, 2e-5 * zeros)  # counts of 0.02 mm
+    columns = tuple(Column(k, f"m{k + 1}", 2e-5) for k in range(3))
+    found = check_tendons(STUDY, replace(data, columns=columns))
+    assert (
+        found.alarm and "The likely zero is 2048 of m1, 1990 of m2 and 2100 of m3" in found.sentence
+    )
+
+
+@pytest.mark.parametrize("zeros", [(5.0, 9.0, 7.0), (12.0, 0.0, 0.0)])
+def test_zeros_of_load_cells_are_named(zeros: tuple[float, float, float]) -> None:
+    columns = tuple(Column(k, f"F{k + 1}") for k in range(3))
+    data = replace(made(STUDY, ANY), tensions=ANY + zeros, columns=columns)
+    found = check_tendons(STUDY, data)
+    assert found.alarm and not found.remark
+    which = "tendons 1, 2 and 3 read" if all(zeros) else "tendon 1 reads"
+    assert f"Without load {which} " in found.sentence
+    likely = [f"{zero:.4g} of F{k}" for k, zero in enumerate(zeros, 1)]
+    assert f"The likely zero is {likely[0]}, {likely[1]} and {likely[2]}: give" in found.sentence
+
+
+def test_a_pretension_is_no_zero() -> None:
+    """It fits worse without; only the same one of all tendons may be either, which is asked."""
+    own = check_tendons(STUDY, made(STUDY, ANY + np.array([5.0, 9.0, 7.0])))
+    assert not own.alarm and not own.remark
+    for data in (made(STUDY, ANY + 5.0), replace(made(STUDY, ANY), tensions=ANY + 5.0)):
+        found = check_tendons(STUDY, data)
+        assert not found.alarm and found.remark in found.sentence
+        assert found.remark.startswith("No tendon comes near zero: tendons 1, 2 and 3 read 5, 5")
 
 
 def test_a_shift_that_the_robot_follows_is_not_named() -> None:

@@ -361,18 +361,18 @@ def fit(
     parameters : sequence of str
         Names of parameters. Fields of the robot file by path, with ``*`` for one value shared by
         all, also of a list of tendons: ``segments.0.backbone.E``,
-        ``segments.*.tendons.compliance``. For all, each segment or
-        each tendon (``gain``, ``gain.segments``, ``gain.tendons``, ``gain.tendons.4``): ``gain`` of
-        displacements or tensions; ``offset`` of displacements, positive where a tendon is too
-        short; ``backlash``, half the dead travel of a displacement. Fields of all tendons by a
-        short name: ``hole_clearance`` (also of each segment, ``hole_clearance.segments``) and
-        ``mount_compliance``. For all or each segment: ``hole_angle``, an added angle;
-        ``pitch_radius``, a factor; ``bend_gain`` of constant curvature. ``delay`` of the tip behind
-        the commands in s. ``base``: the robot's base in the measuring frame, ``base.x`` to
-        ``base.rz`` (a rotation vector). ``tool``: the last measured point, the tip, in the frame of
-        its disk. ``marker.0``, ``marker.1`` and so on: the points below it in the frames of their
-        disks, from base to tip, ``marker.0.x`` to ``marker.0.z``; zero by default.
-        ``initial_displacement`` (of path 0, with a number that of another path;
+        ``segments.*.tendons.compliance``. For all, each segment or each tendon (``gain``,
+        ``gain.segments``, ``gain.tendons``, ``gain.tendons.4``): ``gain`` of displacements or
+        tensions; ``offset`` of displacements, positive where a tendon is too short, or of tensions,
+        if all commands are; ``backlash``, half the dead travel of a displacement. Fields of all
+        tendons by a short name: ``hole_clearance`` (also of each segment,
+        ``hole_clearance.segments``) and ``mount_compliance``. For all or each segment:
+        ``hole_angle``, an added angle; ``pitch_radius``, a factor; ``bend_gain`` of constant
+        curvature. ``delay`` of the tip behind the commands in s. ``base``: the robot's base in the
+        measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the last measured
+        point, the tip, in the frame of its disk. ``marker.0``, ``marker.1`` and so on: the points
+        below it in the frames of their disks, from base to tip, ``marker.0.x`` to ``marker.0.z``;
+        zero by default. ``initial_displacement`` (of path 0, with a number that of another path;
         ``initial_displacement.0.4`` of one tendon) and ``initial_tension``: the commands at which
         the robot rested before the first row of a path, less those of the first row, for a memory
         whose state there is not known. The tension of a tendon with a displacement there is that at
@@ -429,7 +429,8 @@ def fit(
         raise InputError(f'loss is {shown(loss)}, it must be "linear", "soft_l1" or "huber"')
     said = dict(zip(("tool.x", "tool.y", "tool.z"), observations.tool(data).tolist(), strict=True))
     begin = {name: value for name, value in said.items() if value} | dict(start or {})
-    unknowns = Unknowns(robot, parameters, begin)
+    by_tension = observations.commands(data, robot).are_tensions
+    unknowns = Unknowns(robot, parameters, begin, by_tension=by_tension)
     if not unknowns.items:
         raise InputError(f"parameters is empty; name one at least, as {example_path(robot)}")
     if rod is not None and any(name.startswith("bend_gain") for name in unknowns.names):
@@ -446,7 +447,8 @@ def fit(
         )
     deviations = _initial_priors(unknowns, commands) | read_priors(priors, robot, unknowns)
     frames = {k: v for k, v in begin.items() if k.partition(".")[0] in _OF_FRAMES}
-    prior = Priors.of(unknowns, Unknowns(robot, unknowns.names, frames), deviations)
+    nominal = Unknowns(robot, unknowns.names, frames, by_tension=by_tension)
+    prior = Priors.of(unknowns, nominal, deviations)
     count = int((used[:, None] & points.seen).sum())
     if count < prior.free:
         what = "1 measured point is" if count == 1 else f"{count} measured points are"

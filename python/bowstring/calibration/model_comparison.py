@@ -319,7 +319,7 @@ def compare_models(
     """
     work = _Work.of(robot, data, parameters, folds, validation, progress, loss)
     candidates = _candidates(robot, parameters)
-    known = _priors(robot, parameters, priors)
+    known = _priors(robot, parameters, priors, work.commands.are_tensions)
     asked = [memory for memory in MEMORIES if memory in _checked(memories)]
     if asked:
         refuse_disorder(work.commands, "a memory needs")
@@ -405,14 +405,16 @@ def _candidates(robot: Robot, parameters: Sequence[str]) -> list[_Candidate]:
 
 
 def _priors(
-    robot: Robot, parameters: Sequence[str], choice: PriorChoice
+    robot: Robot, parameters: Sequence[str], choice: PriorChoice, by_tension: bool
 ) -> Callable[[_Candidate], dict[str, float]]:
     """Function that gives the priors of a model's parameters."""
-    given = read_priors(choice, robot, Unknowns(robot, parameters))
+    given = read_priors(choice, robot, Unknowns(robot, parameters, by_tension=by_tension))
 
     def of(model: _Candidate) -> dict[str, float]:
         names = Unknowns(robot, model.parameters).names
-        own = default_priors(robot, names) if choice == "default" else given
+        own = given
+        if choice == "default":
+            own = default_priors(robot, names, by_tension=by_tension)
         return {name: value for name, value in own.items() if name in names}
 
     return of

@@ -47,6 +47,7 @@ _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
     "initial_tension": (0.0, 1.0, -np.inf, "N", 1.0),
     "gain": (1.0, 0.02, 0.0, "", 1.0),
     "offset": (0.0, 1e-4, -np.inf, "mm", 1e-3),
+    "offset of tensions": (0.0, 0.1, -np.inf, "N", 1.0),
     "backlash": (0.0, 1e-4, 0.0, "mm", 1e-3),
     "hole_angle": (0.0, 0.02, -np.inf, "deg", _DEG),
     "pitch_radius": (1.0, 0.01, 0.01, "", 1.0),
@@ -166,6 +167,8 @@ class Setting:
         The effective displacement is gain x (displacement after delay and backlash) + offset in m.
     tension_gain : ndarray (T,)
         Gain of a tension, without that of the drives in the robot file.
+    tension_offset : ndarray (T,)
+        Offset of a tension, N, where all commands are tensions.
     delay : float
         Delay of the tip behind the commands, s.
     position, turn : ndarray (3,)
@@ -187,6 +190,7 @@ class Setting:
     offset: Floats
     backlash: Floats
     tension_gain: Floats
+    tension_offset: Floats
     delay: float
     position: Floats
     turn: Floats
@@ -231,6 +235,8 @@ class Unknowns:
         Names; groups such as ``"base"`` or ``"gain.tendons"`` stand for all their members.
     start : mapping from name to float
         Initial values of fitted parameters, and fixed values of actuation and frames, in SI.
+    by_tension : bool
+        Whether all commands are tensions, so that offsets are in N.
 
     Raises
     ------
@@ -239,8 +245,14 @@ class Unknowns:
     """
 
     def __init__(
-        self, robot: Robot, names: Sequence[str], start: Mapping[str, float] | None = None
+        self,
+        robot: Robot,
+        names: Sequence[str],
+        start: Mapping[str, float] | None = None,
+        *,
+        by_tension: bool = False,
     ) -> None:
+        self.by_tension = by_tension
         #: Gain and zero (m) of each drive in the robot file; fitted ones are beside these.
         self._drives = robot.tendons.gain, robot.tendons.zero_m
         robot = without_laws(robot, *(key for key in robot.laws if key not in OF_COMMANDS))
@@ -367,6 +379,7 @@ class Unknowns:
             offset=own_zero + each("offset", "tendons"),
             backlash=each("backlash", "tendons"),
             tension_gain=gain,
+            tension_offset=each("offset", "tendons"),
             delay=extra.get("delay", 0.0),
             position=base[:3],
             turn=base[3:],
@@ -388,7 +401,7 @@ class Unknowns:
                 continue
             if item.name.startswith("gravity"):
                 gravity.append(item.name)
-            elif item.kind in _POSSIBLE:
+            elif item.kind in _POSSIBLE and item.unit != "N":
                 low, high, scale = _POSSIBLE[item.kind]
                 if scale == "ratio":
                     low, high = (end * item.start for end in (low, high))
@@ -518,7 +531,7 @@ class Unknowns:
             )
         known = [
             *self._leaves,
-            *(name for name in _EXTRA if name != "marker"),
+            *(name for name in _EXTRA if name not in ("marker", "offset of tensions")),
             *_SHORT,
             *_FRAMES,
             "marker.0",
@@ -566,6 +579,8 @@ class Unknowns:
             step = max(natural, _SHARE * abs(start))
             return Unknown(name, unit, per_unit, start, step or 1.0, low, high, paths)
         key = name if name in _EXTRA else name.partition(".")[0]
+        if key == "offset" and self.by_tension:
+            key = "offset of tensions"
         start, step, low, unit, per_unit = _EXTRA[key]
         return Unknown(name, unit, per_unit, given.get(name, start), step, low, np.inf)
 

@@ -77,7 +77,9 @@ class Priors:
         return np.asarray(np.diag(noise / self.deviation)[self.known])
 
 
-def default_priors(robot: Robot, parameters: Sequence[str]) -> dict[str, float]:
+def default_priors(
+    robot: Robot, parameters: Sequence[str], *, by_tension: bool = False
+) -> dict[str, float]:
     """Return the default standard deviations of parameters about their nominal values.
 
     Parameters
@@ -86,6 +88,8 @@ def default_priors(robot: Robot, parameters: Sequence[str]) -> dict[str, float]:
         Robot with the nominal holes.
     parameters : sequence of str
         Names of parameters, as for `bowstring.fit`.
+    by_tension : bool
+        Whether all commands are tensions, of whose offsets nothing is known in general.
 
     Returns
     -------
@@ -103,7 +107,7 @@ def default_priors(robot: Robot, parameters: Sequence[str]) -> dict[str, float]:
         For names that are unknown or duplicate.
     """
     found = {}
-    for item in Unknowns(robot, parameters).items:
+    for item in Unknowns(robot, parameters, by_tension=by_tension).items:
         deviation = _default(robot, item)
         if deviation is not None:
             found[item.name] = deviation
@@ -112,7 +116,7 @@ def default_priors(robot: Robot, parameters: Sequence[str]) -> dict[str, float]:
 
 def _default(robot: Robot, item: Unknown) -> float | None:
     head, _, rest = item.name.partition(".")
-    if head in _ACTUATION:
+    if head in _ACTUATION and item.unit != "N":
         return _ACTUATION[head]
     if head in ("hole_angle", "pitch_radius"):
         return _HOLE / _radius(robot, [int(rest.rpartition(".")[2])] if rest else None)
@@ -135,7 +139,7 @@ def read_priors(choice: PriorChoice, robot: Robot, unknowns: Unknowns) -> dict[s
     if choice is None:
         return {}
     if isinstance(choice, str) and choice == "default":
-        return default_priors(robot, unknowns.names)
+        return default_priors(robot, unknowns.names, by_tension=unknowns.by_tension)
     if not isinstance(choice, Mapping):
         raise InputError.of(
             "priors", shown(choice), '"default", or a mapping of names to standard deviations'

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
@@ -28,7 +28,8 @@ from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Score, score
 from bowstring.calibration.pieces import Loss
 from bowstring.calibration.prediction import Predicted, predict_with_interval
-from bowstring.calibration.priors import PriorChoice
+from bowstring.calibration.priors import PriorChoice, default_priors
+from bowstring.data import channels
 from bowstring.data.columns import Source
 from bowstring.data.measurements import Measurements
 from bowstring.data.tendon_check import Found, TendonCheck, check_tendons
@@ -50,6 +51,7 @@ _STRONG: Final = 0.9
 _FAR: Final = 8.0
 _FEW_ROWS: Final = 0.05  # largest share of outliers
 _NOTHING: Final = 1e-8  # m; smaller residuals mean data without noise
+_UNLOADED: Final = 10.0  # standard errors of a zero
 #: File beside the calibrated robot file with parameters outside the robot file.
 BESIDE: Final = "calibration.json"
 _MOST_BYTES: Final = 1_000_000
@@ -287,7 +289,7 @@ class Calibration(Result):
                 "source": self.data.source,
                 "sha256": self.data.sha256,
             },
-            "units": "SI: m, rad, s",
+            "units": "SI: m, N, rad, s",
             "values": self.beside,
         }
 
@@ -443,16 +445,27 @@ def calibrate(
         points = observations.measured_points(data, robot, len(data))
         rows = points.seen.any(axis=1) & (np.cumsum(out) == 0)  # the last rows are held out
     notify("fit", 0.0)
-    order = check_tendons(robot, data)
+    zero_is_fitted = any(name.partition(".")[0] == "offset" for name in parameters)
+    order = check_tendons(robot, data, zero_is_fitted=zero_is_fitted)
+    begin = dict(start or {})
+    if zero_is_fitted and not np.isnan(data.tensions).any():
+        begin = _likely_offsets(data, parameters) | begin
+    rows_of_fit = data
+    if not zero_is_fitted and data.zero_error is not None and data.zero_error.any():
+        parameters, priors = _with_zeros(robot, data.zero_error, parameters, priors)
+        # no error of the zero loads a tendon that has no load
+        without = -_UNLOADED * data.zero_error
+        loads = np.where(data.tensions == 0.0, without, data.tensions)
+        rows_of_fit = replace(data, tensions=loads)
     try:
         found = fit(
             robot,
-            data,
+            rows_of_fit,
             parameters,
             model=model,
             loss=loss,
             rows=rows,
-            start=start,
+            start=begin,
             priors=priors,
         )
     except NoSolutionError as error:
@@ -492,6 +505,27 @@ def calibrate(
         ahead=ahead,
         bias=bias,
     )
+
+
+def _likely_offsets(data: Measurements, parameters: Sequence[str]) -> dict[str, float]:
+    """Initial values of fitted offsets, by the likely zeros of the tensions."""
+    names = [f"offset.tendons.{k}" for k in range(data.tendon_count)]
+    zeros = [channels.likely_zero(column) for column in data.tensions.T]
+    return {
+        name: -zero
+        for name, zero in zip(names, zeros, strict=True)
+        if np.isfinite(zero) and {name, "offset.tendons"} & set(parameters)
+    }
+
+
+def _with_zeros(
+    robot: Robot, error: NDArray[np.float64], parameters: Sequence[str], priors: PriorChoice
+) -> tuple[list[str], PriorChoice]:
+    """Parameters and priors with an offset for each zero of a tension that has an error (T,)."""
+    zeros = {f"offset.tendons.{k}": float(error[k]) for k in np.flatnonzero(error)}
+    if isinstance(priors, str):
+        priors = default_priors(robot, parameters, by_tension=True)
+    return [*parameters, *zeros], {**(priors or {}), **zeros}
 
 
 def _judged(found: Fit, data: Measurements) -> tuple[Score, Predicted | None]:

@@ -75,7 +75,10 @@ class Commands:
         return len(self.values)
 
     def effective(self, setting: Setting) -> Floats:
-        """Displacements and tensions (K, T) after delay, backlash, gain and offset."""
+        """Displacements and tensions (K, T) after delay, backlash, gain and offset.
+
+        Tensions below zero, as of noise and of a load cell with another zero, are zero.
+        """
         values = self.values
         if setting.delay:
             time, late = self.clock(), np.empty_like(values)
@@ -90,7 +93,10 @@ class Commands:
                 followed[rows] = _play(values[rows], setting.backlash, first)
             values = np.where(self.by_displacement, followed, values)
         moved = values * setting.gain + setting.offset
-        out: Floats = np.where(self.by_displacement, moved, values * setting.tension_gain)
+        tensions = values * setting.tension_gain
+        if self.are_tensions:
+            tensions = np.maximum(tensions + setting.tension_offset, 0.0)
+        out: Floats = np.where(self.by_displacement, moved, tensions)
         return out
 
     def is_same(self, other: Commands) -> bool:
@@ -99,6 +105,11 @@ class Commands:
             (each.by_displacement, each.values, each.time, each.recording) for each in (self, other)
         )
         return all(map(_same, mine, others))
+
+    @property
+    def are_tensions(self) -> bool:
+        """Whether all commands are tensions."""
+        return not self.by_displacement.any()
 
     @property
     def are_displacements(self) -> bool:

@@ -60,6 +60,38 @@ _LONG: Final = 10.0  # s of a comparison after which the rest is estimated
 _EXACT: Final = 1e-8  # m: data without noise
 
 
+class _PriorFlags:
+    """Flags of priors, which need the kind of the commands for the unit of an offset."""
+
+    def __init__(self, robot: Robot, names: list[str], given: dict[str, str], default: bool):
+        self.robot, self.names, self.texts, self.default = robot, names, given, default
+
+    def of(self, *, by_tension: bool) -> dict[str, float] | None:
+        """Standard deviations; None without a flag."""
+        from bowstring.calibration.parameters import Unknowns
+        from bowstring.calibration.priors import default_priors, matching
+
+        if not (self.texts or self.default):
+            return None
+        example = 'offset="0.5 mm"'
+        unknowns = Unknowns(self.robot, self.names, by_tension=by_tension)
+        found = {}
+        if self.default:
+            found = default_priors(self.robot, self.names, by_tension=by_tension)
+        for name, text in self.texts.items():
+            items = of_flag("--prior", partial(matching, unknowns), name)
+            if text.strip() == "none":
+                found |= {item.name: math.inf for item in items}
+                continue
+            if si := si_of(items[0].unit):
+                value = Number(si, example, "", must_be="positive").number("--prior", text)
+            else:
+                kind = Share("a positive number", lambda share: share > 0, example, "")
+                value = kind.read("--prior", text, self.robot)
+            found |= {item.name: value for item in items}
+        return {name: value for name, value in found.items() if math.isfinite(value)}
+
+
 def _priors(
     robot: Robot,
     parameter: list[str],
@@ -77,32 +109,12 @@ def _priors(
             "--priors", help="Default priors of gains, offsets, backlash, delay and holes."
         ),
     ] = False,
-) -> dict[str, float] | None:
-    """Standard deviations by --prior, and the defaults with --priors; None without both."""
-    from bowstring.calibration.parameters import Unknowns
-    from bowstring.calibration.priors import default_priors, matching
-
-    given = changes_of("--prior", prior, 'gain="2 %"')
-    if not (given or priors):
-        return None
-    example = 'offset="0.5 mm"'
-    unknowns = Unknowns(robot, parameter)
-    found = default_priors(robot, parameter) if priors else {}
-    for name, text in given.items():
-        items = of_flag("--prior", partial(matching, unknowns), name)
-        if text.strip() == "none":
-            found |= {item.name: math.inf for item in items}
-            continue
-        if si := si_of(items[0].unit):
-            value = Number(si, example, "", must_be="positive").number("--prior", text)
-        else:
-            kind = Share("a positive number", lambda share: share > 0, example, "")
-            value = kind.read("--prior", text, robot)
-        found |= {item.name: value for item in items}
-    return {name: value for name, value in found.items() if math.isfinite(value)}
+) -> _PriorFlags:
+    """Standard deviations by --prior, and the defaults with --priors."""
+    return _PriorFlags(robot, parameter, changes_of("--prior", prior, 'gain="2 %"'), priors)
 
 
-_Priors = Annotated[dict[str, float] | None, Group("Priors", _priors)]
+_Priors = Annotated[_PriorFlags, Group("Priors", _priors)]
 
 
 def fit(
@@ -122,7 +134,7 @@ def fit(
             ),
         ),
     ],
-    priors: _Priors,
+    prior_flags: _Priors,
     g: OfMasses,
     holdout: Annotated[
         float | None,
@@ -211,6 +223,8 @@ def fit(
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a robot: fit parameters to measured tips and points along the body."""
+    import numpy as np
+
     from bowstring.calibration import table_fit
     from bowstring.data import datasets
     from bowstring.data.measurements import read_measurements
@@ -244,9 +258,11 @@ def fit(
     out_folder(out, "fit")
     begin = None if start is None else of_flag("--start", table_fit.read_start, start)
 
+    zero_is_fitted = any(name.partition(".")[0] == "offset" for name in parameter)
+
     def read(flag: str, file: str | Path | None, part: str | None) -> Measurements:
         if data is None:
-            return measurements_of(flag, file, robot, mapping, g=g)
+            return measurements_of(flag, file, robot, mapping, g=g, keep_below_zero=zero_is_fitted)
         of_flag("--data", datasets.describe, data)
         place = of_flag(flag, lambda name: datasets.table(data, name), part)
         found = read_measurements(place, robot, data, g=g)
@@ -256,6 +272,7 @@ def fit(
     with progress_bar("measurements"):
         table = read(flag, measurements, part)
         other = None if validate is None else read("--validate", validate, validate)
+    priors = prior_flags.of(by_tension=bool(np.isnan(table.displacements).all()))
     origin = provenance_of(
         robot,
         measurements=measurements,
@@ -317,7 +334,8 @@ def fit(
 
         with progress_bar("residual") as notify:
             learnt = study_residual(found, robot, progress=notify)
-    doubts = [found.tendons.sentence] if found.tendons.alarm else []
+    doubts = [found.tendons.sentence if found.tendons.alarm else found.tendons.remark]
+    doubts = [sentence for sentence in doubts if sentence]
     doubts += [found.broken_path] if found.broken_path else []
     of_table = [*([table.doubt] if table.doubt else []), *found.fit.doubts]
     for sentence in [*(of_table if as_json else []), *doubts]:  # else they are the first lines

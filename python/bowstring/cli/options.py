@@ -388,13 +388,13 @@ def out_folder(out: Path | None, what: str) -> Path | None:
 
 
 def measurements_of(
-    flag: str, file: Any, robot: Robot, mapping: str | None, **g: float
+    flag: str, file: Any, robot: Robot, mapping: str | None, **settings: Any
 ) -> Measurements:
     """Read the table of a flag with the mapping of --mapping."""
     from bowstring.data.measurements import Measurements, read_measurements
 
     layout = mapping_of(mapping)
-    found = of_flag(flag, lambda table: read_measurements(table, robot, layout, **g), file)
+    found = of_flag(flag, lambda table: read_measurements(table, robot, layout, **settings), file)
     assert isinstance(found, Measurements)
     return found
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
@@ -17,7 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from bowstring.data.tables import Table, UnknownColumnsError
 from bowstring.errors import InputError
-from bowstring.units import Quantity, quote, read_number
+from bowstring.units import NUMBER, Quantity, quote, read_number, wrong
 
 __all__ = [
     "PIXELS",
@@ -27,10 +27,12 @@ __all__ = [
     "Column",
     "Layout",
     "Part",
+    "Zero",
     "check_stations",
     "did_you_mean",
     "factor_of",
     "nearest",
+    "read_zero",
     "tidy",
 ]
 
@@ -44,6 +46,8 @@ SIGMA: Final = Quantity("m", "0.02 mm", "1e-12 m", "10 m")
 Floats = NDArray[np.float64]
 Kind = Literal["tension", "displacement"]
 Part = Literal["all", "positive", "negative"]
+#: Zero of a column: a number in its unit, or the first and the last row whose mean it is.
+Zero = float | tuple[int, int]
 
 _SI: Final = {
     "mass": "kg",
@@ -92,6 +96,8 @@ class Column:
         part is used without its sign.
     constant : float or None
         Number for every row, before the factor, in place of a column.
+    zero : float or tuple of 2 int
+        Number that means zero, before the factor; or rows of the table, from 1, whose mean it is.
     is_date : bool
         Whether its cells are dates and times in ISO 8601.
     """
@@ -101,7 +107,13 @@ class Column:
     factor: float = 1.0
     part: Part = "all"
     constant: float | None = None
+    zero: Zero = 0.0
     is_date: bool = False
+
+    def reading(self, si: float) -> float:
+        """Number in its unit that gives a number in SI."""
+        assert isinstance(self.zero, float)  # once the reader has its rows
+        return si / self.factor + self.zero
 
 
 @dataclass
@@ -164,6 +176,22 @@ def did_you_mean(name: str, known: Sequence[str]) -> str:
     """Question "did you mean ...", empty if no known name is close."""
     near = nearest(name, known)
     return f"did you mean {near}? " if near else ""
+
+
+def read_zero(value: object) -> Zero:
+    """Zero of a column: a number in its unit, ``first`` or ``rows 1-10``."""
+    text = str(value).strip()
+    if text == "first":
+        return 1, 1
+    if re.fullmatch(NUMBER, text) and not isinstance(value, bool):
+        return float(text)
+    rows = re.fullmatch(r"rows +([1-9][0-9]{0,6}) *- *([1-9][0-9]{0,6})", text)
+    if rows is None or int(rows[1]) > int(rows[2]):
+        raise wrong(
+            f"got {quote(text)}; must be a number in the unit of the column, first (its number in "
+            "the first row), or rows such as rows 1-10 (their mean)"
+        )
+    return int(rows[1]), int(rows[2])
 
 
 # -- the tidy format ---------------------------------------------------------------------------
@@ -235,18 +263,18 @@ class _Header:
                     raise self.fail(f"{before.name} and {name} say the same")
                 setattr(found, target, column)
         self.strangers = strangers
-        found.tendons = self.tendons(tendons)
+        found.tendons = self.with_zeros(self.tendons(tendons))
         found.points = self.points(points, found)
         found.scale = None if PIXELS in (u for u, _ in self.units.values()) else 1.0
         found.stations = self.stations(len(found.points))
         found.name = self.table.about.get("name")
         found.recording = self.recording(found)
         if (tool := self.table.about.get("tool")) is not None:
-            found.tool = np.array(self.comment("tool", TOOL, tool))
+            found.tool = np.array(self.comment("tool", TOOL.read, tool))
         if (sigma := self.table.about.get("sigma")) is not None:
             if found.sigma is not None:
                 raise self.fail(f"{found.sigma.name} and the comment '# sigma:' say the same")
-            found.sigma_of_all = self.comment("sigma", SIGMA, sigma)
+            found.sigma_of_all = self.comment("sigma", SIGMA.read, sigma)
         for name in self.strangers:
             near = self.guess(name)
             hint = f"; did you mean {near}?" if near else ""
@@ -288,9 +316,28 @@ class _Header:
             raise self.fail(f"got {name}, {error}") from None
         return Column(index, name, factor * (self.g if kind == "mass" else 1.0))
 
-    def comment(self, name: str, form: Quantity, text: str) -> Any:
+    def with_zeros(self, tendons: list[tuple[Kind, Column]]) -> list[tuple[Kind, Column]]:
+        """Columns with the zeros of a comment: one for all, or a number for each."""
+        text = self.table.about.get("zero")
+        if text is None:
+            return tendons
+        each = re.split(r"[,;\s]+", text)
+        if not all(re.fullmatch(NUMBER, item) for item in each):
+            each = [text]
+        if len(each) not in (1, len(tendons)):
+            raise InputError(
+                f"{self.table.path}: the comment '# zero:' has {len(each)} numbers; give one for "
+                f"all, or one for each of {len(tendons)} tendons"
+            )
+        zeros = [self.comment("zero", read_zero, item) for item in each] * len(tendons)
+        return [
+            (kind, replace(column, zero=zero))
+            for (kind, column), zero in zip(tendons, zeros[: len(tendons)], strict=True)
+        ]
+
+    def comment(self, name: str, read: Callable[[str], Any], text: str) -> Any:
         try:
-            return form.read(text)
+            return read(text)
         except PydanticCustomError as error:
             raise InputError(
                 f"{self.table.path}: the comment '# {name}:' {error.message()}"

@@ -23,9 +23,11 @@ from bowstring.data.columns import (
     Column,
     Layout,
     Part,
+    Zero,
     check_stations,
     did_you_mean,
     factor_of,
+    read_zero,
 )
 from bowstring.data.field_messages import Fields, checked
 from bowstring.data.joining import How, join
@@ -87,6 +89,13 @@ def _name_or_number(value: object) -> object:
     return COLUMN.read(value)
 
 
+ZeroField = Annotated[
+    Zero | None,
+    BeforeValidator(lambda value: None if value is None else read_zero(value)),
+    Field(description="A number in the unit of the column, first, or rows such as rows 1-10."),
+]
+
+
 class Source(Fields):
     """Column, or a constant for every row; may be written as its bare name.
 
@@ -98,6 +107,9 @@ class Source(Fields):
         Own unit, such as ``0.1 mm``, in place of the common one.
     sign : {1, -1}
         Sign of its numbers.
+    zero : float, (int, int) or None
+        Number in its unit that means zero, or the first and last row whose mean it is; in the file
+        ``first`` is the first row, ``rows 1-10`` are several. None: the common one.
     part : {"all", "positive", "negative"}
         Part of its numbers that is used; the negative part without its sign.
     """
@@ -105,6 +117,7 @@ class Source(Fields):
     column: Annotated[str | None, BeforeValidator(_name_or_number)] = None
     unit: str | None = None
     sign: Literal["1", "-1", "+", "-"] = "1"
+    zero: ZeroField = None
     part: Part = "all"
 
     @model_validator(mode="before")
@@ -178,6 +191,7 @@ class Tendons(Fields):
     quantity: Literal["mass", "tension", "displacement"]
     unit: str
     columns: tuple[Source, ...] = Field(min_length=1, max_length=1_000)
+    zero: ZeroField = None
     positive: Literal["shortened", "lengthened"] = "shortened"
 
     @model_validator(mode="after")
@@ -211,7 +225,10 @@ class Tendons(Fields):
         lengthened = -1.0 if self.positive == "lengthened" else 1.0
         factor = g if self.quantity == "mass" else lengthened
         return [
-            (kind, find.source(f"tendons.columns[{i}]", each, self.unit, self.si, factor))
+            (
+                kind,
+                find.source(f"tendons.columns[{i}]", each, self.unit, self.si, factor, self.zero),
+            )
             for i, each in enumerate(self.columns)
         ]
 
@@ -537,14 +554,25 @@ class _Finder:
         self.used[name] = field
         return Column(header.index(name), name, factor)
 
-    def source(self, field: str, source: Source, unit: str, si: str, factor: float = 1.0) -> Column:
-        """Column with unit, sign and part, or a constant in its place."""
+    def source(
+        self,
+        field: str,
+        source: Source,
+        unit: str,
+        si: str,
+        factor: float = 1.0,
+        zero: Zero | None = None,
+    ) -> Column:
+        """Column with unit, sign, zero and part, or a constant in its place."""
         factor *= source.factor(unit, si)
         name = source.column
         if name is None or (source.is_number and name not in self.table.header):
+            if source.zero is not None:
+                raise InputError(f"mapping: {field}: a constant has no zero, only a column has")
             value = float(name or 0)
             return Column(-1, name or "null", factor, source.part, constant=value)
-        return replace(self.column(field, name, factor), part=source.part)
+        given = next((each for each in (source.zero, zero) if each is not None), 0.0)
+        return replace(self.column(field, name, factor), part=source.part, zero=given)
 
     def body(self, field: str, name: str) -> tuple[Source, Source, Source]:
         """Columns of a rigid body or a marker of a Motive export."""

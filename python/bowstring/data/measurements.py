@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Final, TextIO, cast
 
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from bowstring import json_files
 from bowstring._core import __version__
 from bowstring.atomic_io import has_mark, not_overwritten, write_whole_file
-from bowstring.data import datasets
+from bowstring.data import channels, datasets
 from bowstring.data.columns import SOURCES, Column, Layout, Source, check_stations, tidy
 from bowstring.data.joining import seconds_of
 from bowstring.data.mapping import Mapping, load_mapping
@@ -59,6 +60,7 @@ _REACH: Final = 3.0  # distance of a tip from the mean tip over length; at most 
 _DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?\s*")
 _WRITTEN: Final = "written by Bowstring"  # identifies our tables
 _OUT: Final = "left out: "
+_MANY: Final = 10  # rows in which a measured number varies
 _FEW: Final = 0.05  # share of rows left out above which results are doubtful
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
@@ -120,6 +122,16 @@ class Measurements:
     """Number of rows left out for a tension below zero."""
     least_tension: float = 0.0
     """Least tension of these rows, N."""
+    likely_zeros: tuple[tuple[str, float], ...] = ()
+    """Columns of tensions and their likely zeros, in their own units, if rows are left out for a
+    tension below zero."""
+    zero_error: Floats | None = None
+    """Standard errors (T,) of the zeros of tensions that the file has by rows, N; 0 for others."""
+    columns: tuple[Column, ...] = ()
+    """Columns of the T tendons in the file; empty for other data."""
+    faults: tuple[str, ...] = ()
+    """Sentences on readings that are probably wrong, spikes and saturated sensors; these rows are
+    kept."""
     path: Path | None = None
     """File from which the data were read; None for other data."""
     sha256: str | None = None
@@ -165,10 +177,15 @@ class Measurements:
 
     @property
     def doubt(self) -> str:
-        """Warning if more than a twentieth of the rows is left out; else empty.
+        """Warning of `faults` and if more than a twentieth of the rows is left out; else empty.
 
         Rows that the mapping leaves out do not count.
         """
+        return " ".join([*([self._lost] if self._lost else []), *self.faults])
+
+    @property
+    def _lost(self) -> str:
+        """Warning if more than a twentieth of the rows is left out."""
         lost = self.left_out - self.filtered
         count = len(self) + lost
         if lost <= _FEW * count:
@@ -181,9 +198,8 @@ class Measurements:
         return (
             f"{said}, {every} for a tension below zero (down to "
             f"{significant(self.least_tension, 2)} N): results are of the rows alone in which all "
-            "tendons read above zero, and are biased. Take the reading without load off each "
-            "tendon; where tensions of slack tendons scatter around zero, a mapping with part: "
-            "positive takes them as zero."
+            "tendons read above zero, and are biased. "
+            f"{channels.advice(self.likely_zeros)}"
         )
 
     @property
@@ -219,6 +235,7 @@ class Measurements:
 # shapes of the arrays: K rows, T tendons, P points
 _ARRAYS: Final = {
     **{"tensions": "KT", "displacements": "KT", "points": "KP3", "stations": "P", "tool": "3"},
+    "zero_error": "T",
     **dict.fromkeys(("line", "group", "repeat", "recording"), "K"),
     **dict.fromkeys(("sigma", "bend", "direction", "time"), "K"),
 }
@@ -258,6 +275,7 @@ def read_measurements(
     mapping: str | Path | Mapping | None = None,
     *,
     g: float = STANDARD_GRAVITY,
+    keep_below_zero: bool = False,
 ) -> Measurements:
     """Read a table of measurements: CSV, TSV or Excel.
 
@@ -273,6 +291,8 @@ def read_measurements(
         Mapping file, or the name of a public data set.
     g : float
         Gravitational acceleration that converts masses to tensions, m/s^2.
+    keep_below_zero : bool
+        Whether rows with a tension below zero are kept as they are, for a fit of the offsets.
 
     Returns
     -------
@@ -309,7 +329,7 @@ def read_measurements(
     count = len(layout.tendons)
     if robot is not None and count != len(robot.tendons.angle_rad):
         raise _wrong_count(table, robot, count)
-    found = _Reader(table, layout).read()
+    found = _Reader(table, layout, keep_below_zero).read()
     return found if robot is None else _within_reach(found, robot)
 
 
@@ -354,11 +374,14 @@ def _wrong_count(table: Table, robot: Robot, count: int) -> InputError:
 class _Reader:
     """Reader of rows into arrays; invalid rows are left out and listed."""
 
-    def __init__(self, table: Table, layout: Layout) -> None:
-        self.table, self.layout = table, layout
+    def __init__(self, table: Table, layout: Layout, keep_below_zero: bool) -> None:
+        self.table, self.layout, self.keep_below_zero = table, layout, keep_below_zero
         self.issues: list[tuple[int, str]] = []
         self.left_out = self.filtered = self.below_zero = 0
         self.least_tension = 0.0
+        self.likely_zeros: tuple[tuple[str, float], ...] = ()
+        self.faults: list[str] = []
+        self.zero_error: dict[str, float] = {}
         self.unlisted = (0, 0)  # number of unlisted rows that were left out, and the last one
         self.unseen = 0  # rows without a tip, which are kept
         self.comma: int | None = None  # first line with a decimal comma, then with a point
@@ -370,14 +393,63 @@ class _Reader:
         self.point_count = len(layout.points)
         self.rows = 0
 
+    def find_zeros(self) -> None:
+        """Read the zeros of columns that are means of rows of the table."""
+        layout = self.layout
+        columns = [column for _, column in layout.tendons]
+        columns += [column for point in layout.points for column in point]
+        last = max((c.zero[1] for c in columns if isinstance(c.zero, tuple)), default=0)
+        if not last:
+            return
+        rows = list(islice(self.table.rows, last))
+        self.table.rows = chain(rows, self.table.rows)
+
+        def known(column: Column) -> Column:
+            if not isinstance(column.zero, tuple):
+                return column
+            begin, end = column.zero
+            which = f"number in row {end}" if begin == end else f"mean in rows {begin} to {end}"
+            said = f"the zero of {column.name} is its {which}"
+            if len(rows) < end:
+                raise InputError(f"{self.table.path}: {said}, and the table has {len(rows)} rows")
+            lines, cells = zip(*rows[begin - 1 : end], strict=True)
+            given = [row[column.index] if column.index < len(row) else "" for row in cells]
+            values = self.numbers(given, list(lines), column)
+            if not np.isfinite(values).all():
+                k = int(np.argmin(np.isfinite(values)))
+                raise InputError(
+                    f"{self.table.path}, line {lines[k]}: {said}, and here it is "
+                    f"{quote(given[k])}; name other rows, or give the number"
+                )
+            zero = float(values.mean())
+            if len(values) > 1:
+                error = float(values.std(ddof=1)) / math.sqrt(len(values))
+                self.zero_error[column.name] = abs(error * column.factor)
+            else:  # by the scatter of other readings without load
+                self.zero_error[column.name] = math.nan
+            self.issues.append((lines[0], f"{said}: {significant(zero, 6)}"))
+            return replace(column, zero=zero)
+
+        layout.tendons = [(kind, known(column)) for kind, column in layout.tendons]
+        layout.points = [tuple(map(known, point)) for point in layout.points]
+
     def read(self) -> Measurements:
+        self.find_zeros()
         chunks = [found for each in self.table.chunks() if len((found := self.chunk(each))["line"])]
         if not chunks:
             raise self.nothing()
-        self.issues += self.table.notes
         arrays: dict[str, Any] = {
             name: np.concatenate([found[name] for found in chunks]) for name in chunks[0]
         }
+        if not (good := self.find_faults(arrays)).all():
+            arrays = {name: array[good] for name, array in arrays.items()}
+        if not (good := self.judge_tensions(arrays["tensions"], arrays["line"])).all():
+            arrays = {name: array[good] for name, array in arrays.items()}
+        if not len(arrays["line"]):
+            raise self.nothing()
+        if self.layout.points:
+            self.note_unseen(arrays["line"], np.isnan(arrays["points"][:, -1]).all(axis=1))
+        self.issues += self.table.notes
         if self.comma is not None:
             if self.point is not None:
                 raise InputError(
@@ -418,6 +490,15 @@ class _Reader:
             filtered=self.filtered,
             below_zero=self.below_zero,
             least_tension=self.least_tension,
+            likely_zeros=self.likely_zeros,
+            zero_error=np.nan_to_num(
+                [
+                    self.zero_error.get(column.name, 0.0) if kind == "tension" else 0.0
+                    for kind, column in self.layout.tendons
+                ]
+            ),
+            columns=tuple(column for _, column in self.layout.tendons),
+            faults=tuple(self.faults),
             path=self.table.path,
             sha256=self.table.sha256,
             **arrays,
@@ -493,12 +574,9 @@ class _Reader:
                 bad &= [bool(cell.strip()) for cell in given]
             elif blank is not False:
                 bad &= ~np.asarray(blank)
-            si = values * column.factor
+            si = (values - column.zero if column.zero else values) * column.factor
             if kind in _RULES and column.part == "all":
                 bad |= ~_RULES[kind][0](si)
-            if kind == "tension" and (below := si[bad & good & (si < 0.0)]).size:
-                self.below_zero += len(below)
-                self.least_tension = min(self.least_tension, float(below.min()))
             for i in np.flatnonzero(bad & good):
                 self.leave_out(lines[i], _reason(column, given[i], float(values[i]), kind))
             good[bad] = False
@@ -550,11 +628,108 @@ class _Reader:
             for line, cell in zip(lines, columns[layout.label.index], strict=True):
                 if cell.strip() and len(self.labels) < _MOST_LABELS:
                     self.labels.setdefault(cell.strip(), line)
-        if layout.points:
-            self.note_unseen(lines, good & np.isnan(points[:, -1]).all(axis=1))
         out["line"] = np.array(lines, dtype=np.int64)
         out["key"] = np.fromiter(map(hash, zip(*columns, strict=True)), np.int64, n)
         return {name: array[good] for name, array in out.items()}
+
+    def judge_tensions(self, tensions: Floats, lines: Ints) -> NDArray[np.bool_]:
+        """Rows (K,) without a tension below zero; noise about zero is set to zero in place."""
+        good = np.ones(len(lines), bool)
+        zeros = []
+        for k, (kind, column) in enumerate(self.layout.tendons):
+            readings = tensions[:, k]
+            if kind != "tension" or column.constant is not None or column.part != "all":
+                continue
+            likely = channels.likely_zero(readings)
+            zeros.append((column.name, column.reading(likely)))
+            # a fit finds the zero, not noise about it
+            zero = likely if self.keep_below_zero and np.isfinite(likely) else 0.0
+            if width := channels.noise_about_zero(readings - zero):
+                # also those above zero, whose mean would be a bias
+                noise = np.abs(readings - zero) <= width
+                below = int((readings[noise] < zero).sum())
+                text = (
+                    f"{column.name}: {noise.sum()} readings within {significant(width, 2)} N of "
+                    f"{column.reading(zero):.4g}, {below} of them below, are without load"
+                )
+                self.issues.append((int(lines[np.argmax(noise)]), text))
+                if np.isnan(self.zero_error.get(column.name, 0.0)):
+                    self.zero_error[column.name] = float(readings[noise].std())
+                # to a fit without load, as long as the offset is within the noise
+                tensions[noise, k] = zero - (width if self.keep_below_zero else 0.0)
+            if self.keep_below_zero:
+                continue
+            bad = tensions[:, k] < 0.0
+            self.below_zero += int((bad & good).sum())
+            self.least_tension = min(self.least_tension, float(tensions[:, k].min()))
+            for i in np.flatnonzero(bad & good):
+                value = significant(column.reading(float(tensions[i, k])), 6)
+                why = f"{column.name} is {value}; a tendon cannot push, give zero or more"
+                self.leave_out(int(lines[i]), why)
+            good &= ~bad
+        if self.below_zero:
+            self.likely_zeros = tuple(zeros)
+        return good
+
+    def find_faults(self, arrays: dict[str, Any]) -> NDArray[np.bool_]:
+        """List spikes, saturated sensors and columns of a constant.
+
+        Rows (K,) without a spike of a command; a tip may be wrong where the command is right.
+        """
+        lines, layout = arrays["line"], self.layout
+        good = np.ones(len(lines), bool)
+        found: list[tuple[Column, str, Floats]] = [
+            (column, kind, arrays[f"{kind}s"][:, k])
+            for k, (kind, column) in enumerate(layout.tendons)
+        ]
+        points = arrays["points"]
+        if layout.rotation is not None:  # back to the columns
+            points = points @ layout.rotation
+        found += [
+            (column, "point", points[:, p, axis])
+            for p, point in enumerate(layout.points)
+            for axis, column in enumerate(point)
+        ]
+        for column, kind, values in found:
+            seen = np.isfinite(values)
+            if column.constant is not None or column.part != "all" or not seen.any():
+                continue
+            seen_lines, readings = (lines, values) if seen.all() else (lines[seen], values[seen])
+            if len(rows := channels.spikes(readings)):
+                issues = [
+                    (
+                        int(seen_lines[i]),
+                        f"{column.name} is {column.reading(float(readings[i])):.7g}, a spike",
+                    )
+                    for i in rows[:_MOST_ISSUES]
+                ]
+                line, text = issues[0]
+                more = f" (the first of {len(rows)})" if len(rows) > 1 else ""
+                if kind == "point":
+                    self.issues += [(line, f"{text}; it is kept") for line, text in issues]
+                    cure = "correct or delete it."
+                else:
+                    for where, what in issues:
+                        if good[where == lines].all():
+                            self.leave_out(where, what)
+                    good[np.flatnonzero(seen)[rows]] = False
+                    cure = "the row is left out."
+                self.faults.append(f"In line {line} {text}{more} far from all other rows: {cure}")
+            if kind != "displacement" and (run := channels.saturated(readings)):
+                begin, count = run
+                value = column.reading(float(readings[begin]))
+                line = int(seen_lines[begin])
+                text = f"{column.name} stays at {value:.7g}, an end of its range, in {count} rows"
+                self.issues.append((line, f"{text}; they are kept"))
+                self.faults.append(
+                    f"From line {line} {text}: a saturated sensor, whose rows are wrong; delete "
+                    "them."
+                )
+            value = float(readings[0])
+            if value and len(readings) >= _MANY and (readings == value).all():
+                text = f"{column.name} is {column.reading(value):.6g} in all rows: was it measured?"
+                self.issues.append((int(lines[0]), text))
+        return good
 
     def recording(self, cell: str) -> int:
         """Number of a recording, from 1, in the order of first appearance."""
@@ -685,7 +860,6 @@ def _come_again(labels: Ints, begins: NDArray[np.bool_]) -> Ints:
 
 # Rule for numbers of a kind, and end of the message if broken.
 _RULES: Final[dict[str, tuple[Callable[[Floats], NDArray[np.bool_]], str]]] = {
-    "tension": (lambda si: ~(si < 0), "; a tendon cannot push, give zero or more"),
     "sigma": (lambda si: si > 0, "; an uncertainty is above zero"),
     "repeat": (
         lambda si: (si == np.round(si)) & (np.abs(si) < 1e15),

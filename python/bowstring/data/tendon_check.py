@@ -9,7 +9,7 @@ distinguished.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, islice
 from typing import TYPE_CHECKING, Annotated, Final, Literal
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.constant_curvature import Arc, RobotArcs
+from bowstring.data.channels import advice, likely_zero, spikes
 from bowstring.data.rigid import align
 from bowstring.errors import BowstringError
 from bowstring.formatting import in_mm, listed, significant
@@ -54,6 +55,9 @@ _LESS_BY_FAR: Final = 50.0
 _HARD: Final = 3.0  # tension over that of half a turn, beyond which tendons do not co-contract
 _ALL: Final = 0.05  # share of rows that may be without a common displacement
 _CONSTANT: Final = 0.5  # least common displacement over the largest, above which it is constant
+_ABOVE: Final = 0.05  # reading without load over the range, above which it is a zero
+_SAME: Final = 0.03  # difference of unexplained shares that says nothing
+_STRAIGHT: Final = 0.01  # distance of a tip from that of the straight robot over its length
 _ALONE: Final = 0.1  # share of a common displacement that no bend has
 _UNMOVED: Final = 20.0  # ratio of motion to bend that no weight or load explains
 
@@ -79,6 +83,10 @@ class TendonCheck(Result):
     """Angle about z of the base frame in the measuring frame in the stated order, rad; NaN if
     unchecked."""
 
+    remark: Annotated[str, Key()] = ""
+    """Question that the data leave open, as part of the sentence: tensions that never come near
+    zero are a pretension, or load cells with another zero. Empty without one."""
+
     @property
     def alarm(self) -> bool:
         """Whether an error is probable."""
@@ -102,7 +110,9 @@ class _Fit:
         return float(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
 
 
-def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
+def check_tendons(
+    robot: Robot, measurements: Measurements, *, zero_is_fitted: bool = False
+) -> TendonCheck:
     """Check the order of the tendons against the measured motion of the tip.
 
     Parameters
@@ -111,6 +121,9 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
         The robot that was measured.
     measurements : Measurements
         Measurements with as many tendons as the robot.
+    zero_is_fitted : bool
+        Whether a fit finds the zeros of tensions, so that they are no doubt: the likely ones are
+        taken off.
 
     Returns
     -------
@@ -122,6 +135,10 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
     check_is_read(measurements)
     if 0 < measurements.without_tip < len(measurements):
         measurements = measurements.select(measurements.seen)
+    if zero_is_fitted and not np.isnan(measurements.tensions).any():
+        zeros = [np.nan_to_num(likely_zero(column)) for column in measurements.tensions.T]
+        loads = np.maximum(measurements.tensions - zeros, 0.0)
+        measurements = replace(measurements, tensions=loads)
     problem, motion = _motion(robot, measurements)
     if problem and motion is not None and (doubt := _doubted_size(motion)):
         return TendonCheck("unclear", doubt)
@@ -131,7 +148,10 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
             return TendonCheck("unclear", f"{doubt} {unchecked}")
         return TendonCheck("unchecked", unchecked)
     found = _order(motion)
-    doubt = _doubted_commands(motion) or _doubted_size(motion)
+    doubted, remark = _unloaded(motion)
+    doubt = _doubted_commands(motion) or doubted or _doubted_size(motion)
+    if remark:
+        found = replace(found, remark=remark, sentence=f"{found.sentence} {remark}")
     if not doubt or found.found in ("swapped", "mirrored"):
         return found
     # an unclear order adds nothing to the doubt
@@ -247,6 +267,54 @@ def _doubted_displacements(robot: Robot, m: Measurements) -> str:
     return _wound(robot, m, np.abs(m.displacements) / robot.tendons.pitch_radius_m)
 
 
+def _unloaded(motion: _Motion) -> tuple[str, str]:
+    """Doubt, or else remark, on tensions that read well above zero without load.
+
+    It is a doubt if the tips in the axes of the base fit better without these readings; a
+    pretension would fit worse. What does not change the fit may be either.
+    """
+    m = motion.m
+    span = np.ptp(m.tensions, axis=0)
+    if motion.by_displacement or not span.any():
+        return "", ""
+    zeros = np.array([likely_zero(column) for column in m.tensions.T])
+    is_shifted = (np.abs(zeros) > _ABOVE * span) & (span > 0.0)
+    if not is_shifted.any():
+        return "", ""
+    without = replace(motion, commands=motion.commands - np.where(is_shifted, zeros, 0.0))
+    as_read, mended = (
+        _best_gain(each, each.bends(), motion.measured, _in_base)[1] for each in (motion, without)
+    )
+    tendons = listed([str(k + 1) for k in np.flatnonzero(is_shifted)])
+    least = listed([significant(zero) for zero in zeros[is_shifted]])
+    named = f"tendon {tendons} reads" if is_shifted.sum() == 1 else f"tendons {tendons} read"
+    if mended < min(_CLEARLY * as_read, _GOOD):
+        shares = (f"{100 * left:.0f} %" for left in (mended, as_read))
+        return (
+            f"Without load {named} {least} N, as load cells with another zero do: without it "
+            f"constant curvature leaves {' and not '.join(shares)} of the tip's motion "
+            f"unexplained.{_named_zeros(m, zeros)}"
+        ), ""
+    is_same = abs(mended - as_read) < _SAME or min(mended, as_read) > _GOOD
+    if is_same and is_shifted.sum() > 1 and is_shifted[span > 0.0].all():
+        return "", (
+            f"No tendon comes near zero: {named} {least} N at least. If that is no pretension, the "
+            f"load cells have another zero.{_named_zeros(m, zeros)}"
+        )
+    return "", ""
+
+
+def _named_zeros(m: Measurements, si: Floats) -> str:
+    """Advice, after a blank, by zeros (T,) in SI or NaN; empty without columns of a table."""
+    if not m.columns:
+        return ""
+    zeros = [
+        (column.name, column.reading(value))
+        for column, value in zip(m.columns, si.tolist(), strict=True)
+    ]
+    return f" {advice(zeros)}"
+
+
 def _shifted(motion: _Motion) -> str:
     """Warn of a displacement common to all tendons of a segment that its backbone cannot follow.
 
@@ -272,22 +340,26 @@ def _shifted(motion: _Motion) -> str:
         give += robot.length / float(tendons.axial_stiffness_N[own].min())
         give += float(tendons.mount_compliance_m_per_N[own].max()) * len(tendons.segment)
         where = f" of segment {segment + 1}" if len(robot.segments) > 1 else ""
-        advice = (
+        zeros = np.where(own, np.median(shift), np.nan)
+        away = np.linalg.norm(motion.measured - motion.tips(0.0 * motion.bends()[:1]), axis=1)
+        if away.min() < _STRAIGHT * motion.size:  # also where each tendon has a zero of its own
+            zeros = np.where(own, motion.commands[np.argmin(away)], np.nan)
+        cure = (
             "The commands are not displacements from the straight robot: take those of the "
-            "straight robot off all rows."
+            f"straight robot off all rows.{_named_zeros(motion.m, zeros)}"
         )
         if (slack < 0.0).mean() > 1.0 - _ALL:
             least = in_mm(float(-np.quantile(slack, 1.0 - _ALL)))
             return (
                 f"All tendons{where} are lengthened by {least} or more in all rows, which would "
-                f"leave them slack. {advice}"
+                f"leave them slack. {cure}"
             )
         # no constant where the others lengthen less than one is shortened
         if common > max(_HARD * half_turn * give, _CONSTANT * most):
             force = f"{significant(common / give)} N in each"
             return (
                 f"The displacements{where} have {in_mm(common)} or more in common in all rows, and "
-                f"{robot.name} cannot shorten by that (it would take {force} tendon). {advice}"
+                f"{robot.name} cannot shorten by that (it would take {force} tendon). {cure}"
             )
     return ""
 
@@ -385,15 +457,21 @@ def _is_elastic(robot: Robot) -> bool:
     return any(each.any() for each in takes)
 
 
-def _best_gain(motion: _Motion, bends: Floats, measured: Floats) -> tuple[float, float]:
+def _best_gain(
+    motion: _Motion,
+    bends: Floats,
+    measured: Floats,
+    unexplained: Callable[[Floats, Floats], float] | None = None,
+) -> tuple[float, float]:
     """Factor on all bends with the best fit of arcs to the motion, and the unexplained share."""
+    unexplained = unexplained or (lambda predicted, tips: _rigid(predicted, tips).left)
     largest = float(np.linalg.norm(bends, axis=2).max())
     if largest == 0 or _spread(measured) == 0:
         return 1.0, 1.0
     bent = np.logspace(-5, np.log10(_MOST_BENT), 40)
 
     def left(angle: float) -> float:
-        return _rigid(motion.tips(bends * (angle / largest)), measured).left
+        return unexplained(motion.tips(bends * (angle / largest)), measured)
 
     for _ in range(2):
         at = int(np.argmin(found := [left(angle) for angle in bent]))
@@ -495,6 +573,9 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
         return "some tendons are given by tension and others by displacement", None
     rows = np.unique(np.linspace(0, len(m) - 1, min(len(m), _MOST_ROWS)).round().astype(int))
     rows = rows[np.isfinite(measured[rows]).all(axis=1)]
+    if m.faults:  # the doubt of the table names the spikes
+        columns = (*commands.T, *np.nan_to_num(measured).T)
+        rows = np.setdiff1d(rows, np.concatenate([spikes(column) for column in columns]))
     if len(rows) < _FEWEST_ROWS:
         return f"it takes {_FEWEST_ROWS} rows or more", None
     motion = _Motion(robot, m, commands[rows], by_tendon, measured[rows])
@@ -547,6 +628,12 @@ def _capped(bends: Floats) -> float:
 def _spread(points: Floats) -> float:
     centred = points - points.mean(axis=0)
     return float(np.sqrt((centred**2).sum(axis=1).mean()))
+
+
+def _in_base(predicted: Floats, measured: Floats) -> float:
+    """Unexplained share if the measuring frame is that of the base."""
+    left = np.sqrt(((predicted - measured) ** 2).sum(axis=1).mean())
+    return min(float(left) / _spread(measured), 1.0)
 
 
 def _rigid(predicted: Floats, measured: Floats) -> _Fit:

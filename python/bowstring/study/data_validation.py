@@ -637,7 +637,8 @@ def judge_data(
         notes=(*_notes(data, loads, calibration), *notes),
     )
     order = check_tendons(robot, data)
-    doubts = [each for each in (data.doubt, order.sentence if order.alarm else "") if each]
+    of_order = order.sentence if order.alarm else order.remark
+    doubts = [each for each in (data.doubt, of_order) if each]
     return replace(out, text=_in_words(out, tolerance, order), doubts=tuple(doubts))
 
 

@@ -1,0 +1,115 @@
+"""Faults of a channel of readings: noise about zero, its likely zero, spikes and saturation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.formatting import listed, significant
+
+__all__ = ["advice", "likely_zero", "noise_about_zero", "saturated", "spikes"]
+
+Floats = NDArray[np.float64]
+
+_FEW: Final = 4  # readings below zero that do not tell their distribution
+_SMALL: Final = 0.02  # share of the range below which readings below zero are noise by their size
+_LARGE: Final = 0.25  # share of the range above which they are none
+_WIDE: Final = 4.0  # standard deviations of a normal distribution that a large sample reaches
+_MEDIAN: Final = 0.6745  # median over standard deviation of a half-normal distribution
+_REACH: Final = 3.0  # standard deviations
+_GATHERED: Final = 0.85  # mean^2 over mean square; 0.64 if half-normal, 1 for equal readings
+_MORE: Final = 5.0  # readings below zero for one above, where a zero errs by one deviation
+_LOW: Final = 0.1  # share of the range in which the readings without load lie
+_GATHER: Final = 0.2  # share of the rows there if they gather; 0.1 if readings are uniform
+_OFTEN: Final = 0.02  # share of rows above which readings are no spikes
+_TWO: Final = 20  # rows from which two readings may be spikes
+_FAR: Final = 3.0  # distance of a spike over the range of the others
+_RUN: Final = 5  # rows
+_DISTINCT: Final = 0.8  # share of different readings of a sensor; commands repeat
+_SAMPLE: Final = 1_000  # readings that tell whether they repeat
+
+
+def noise_about_zero(readings: Floats) -> float:
+    """Half-width of noise about zero, if the readings below zero are noise; else 0.
+
+    Noise is as often above zero as below, and gathers at zero; readings with another zero gather
+    away from it.
+    """
+    below = -readings[readings < 0.0]
+    most = float(np.delete(readings, spikes(readings)).max(initial=0.0))
+    if not below.size or most <= 0.0:
+        return 0.0
+    if len(below) >= _FEW:  # without single readings far below
+        below = below[below <= _WIDE / _MEDIAN * np.median(below)]
+    width = float(below.max())
+    if width <= _SMALL * most and len(below) < _FEW:
+        return width
+    above = int(((readings >= 0.0) & (readings <= width)).sum())
+    is_even = len(below) <= _MORE * (above + 1)
+    gathered = float(below.mean() ** 2 / (below**2).mean())
+    is_small = width <= _SMALL * most
+    is_noise = len(below) >= _FEW and width <= _LARGE * most and gathered < _GATHERED
+    # noise above zero reaches as far
+    reach = max(width, _REACH / _MEDIAN * float(np.median(below)))
+    return reach if is_even and (is_small or is_noise) else 0.0
+
+
+def likely_zero(readings: Floats) -> float:
+    """Reading without load: the middle of the lowest ones, NaN if they do not gather there."""
+    low, high = np.quantile(readings, [_OFTEN / 2, 1.0 - _OFTEN / 2])
+    near = readings[(readings >= low) & (readings <= low + _LOW * (high - low))]
+    return float(np.median(near)) if len(near) > _GATHER * len(readings) else np.nan
+
+
+def _few_of(count: int) -> int:
+    """Number of readings that may be spikes."""
+    return max(1 + (count >= _TWO), int(_OFTEN * count))
+
+
+def spikes(readings: Floats) -> NDArray[np.int64]:
+    """Rows of the few readings that lie several times the range of the others away from them."""
+    if len(readings) <= _FEW + 1:
+        return np.empty(0, np.int64)
+    some = np.sort(readings[:: max(1, len(readings) // _SAMPLE)])
+    few = _few_of(len(some))
+    low, high = some[few - len(some)], some[-1 - few]
+    if max(low - readings.min(), readings.max() - high) <= _FAR * (high - low):
+        return np.empty(0, np.int64)
+    distance = np.abs(readings - np.median(readings))
+    last = len(readings) - 1 - _few_of(len(readings))
+    rest = readings[distance <= np.partition(distance, last)[last]]
+    if len(np.unique(rest[:_SAMPLE])) <= _FEW:  # a tendon that is seldom loaded
+        return np.empty(0, np.int64)
+    low, high = rest.min(), rest.max()
+    return np.flatnonzero(np.maximum(low - readings, readings - high) > _FAR * (high - low))
+
+
+def saturated(readings: Floats) -> tuple[int, int] | None:
+    """First row and length of a run of readings at the end of the range of a sensor."""
+    for end in (readings.max(), readings.min()):
+        at_end = readings == end
+        if end == 0.0 or at_end.sum() < _RUN:
+            continue
+        change = np.flatnonzero(np.diff(np.r_[False, at_end, False]))
+        starts, lengths = change[::2], change[1::2] - change[::2]
+        others = readings[~at_end & (readings != 0.0)][:_SAMPLE]
+        if lengths.max() >= _RUN and len(np.unique(others)) > max(_DISTINCT * len(others), _FEW):
+            return int(starts[lengths.argmax()]), int(lengths.max())
+    return None
+
+
+def advice(zeros: Sequence[tuple[str, float]]) -> str:
+    """Sentence on the likely zeros of columns, given in their units."""
+    known = [f"{significant(zero, 4)} of {name}" for name, zero in zeros if np.isfinite(zero)]
+    numbers = (
+        " ".join(significant(zero, 4) for _, zero in zeros) if len(known) == len(zeros) else ""
+    )
+    likely = f"The likely zero is {listed(known)}: give" if known else "Give"
+    return (
+        f"{likely} the reading of each tendon without load, in the straight robot, as zero in the "
+        f"mapping, or in a comment '# zero: {numbers or 'first'}' above the header (first: that of "
+        "the first row)."
+    )
