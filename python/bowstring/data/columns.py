@@ -92,8 +92,13 @@ class Column:
         part is used without its sign.
     constant : float or None
         Number for every row, before the factor, in place of a column.
-    is_date : bool
-        Whether its cells are dates and times in ISO 8601.
+    dates : str
+        For a column of dates, clock times or durations in words, the order of day and month of
+        `bowstring.data.clock.DATES`; empty for numbers.
+    instead : tuple of Column
+        Columns that are used, in this order, where its cell is blank.
+    plus : Column or None
+        Column of times that are added.
     """
 
     index: int
@@ -101,7 +106,9 @@ class Column:
     factor: float = 1.0
     part: Part = "all"
     constant: float | None = None
-    is_date: bool = False
+    dates: str = ""
+    instead: tuple[Column, ...] = ()
+    plus: Column | None = None
 
 
 @dataclass

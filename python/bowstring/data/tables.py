@@ -14,17 +14,19 @@ import warnings
 import zipfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import chain, islice
+from itertools import chain, islice, takewhile, zip_longest
 from pathlib import Path
 from typing import IO, Annotated, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from bowstring.atomic_io import readable
 from bowstring.data import motive
 from bowstring.errors import InputError
 from bowstring.optional import load_extra
-from bowstring.units import NUMBER, Text, quote
+from bowstring.units import NUMBER, Text, quote, wrong
 
 __all__ = [
     "COLUMN",
@@ -34,6 +36,9 @@ __all__ = [
     "Table",
     "UnknownColumnsError",
     "cell_number",
+    "is_missing",
+    "is_text",
+    "not_measured",
     "open_table",
     "with_point",
 ]
@@ -50,6 +55,7 @@ _MOST_PARTS: Final = 5_000
 _LAST_SHEET_ROW: Final = 1_048_576  # last row of a sheet in Excel
 _LONGEST_SHEET_ROW: Final = 5_000_000  # bytes of XML; a row is kept in memory as a whole
 _CHUNK: Final = 20_000  # cells
+_BLANK: Final = ' \t,;"\r\n'  # characters of a line without cells
 
 _MARKS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": " "}
 
@@ -68,10 +74,18 @@ class Form(BaseModel):
     skip_below : int
         Rows between the header and the numbers, such as a row of units.
     header : {"first", "none"}
+    header_rows : int
+        Rows of the header. The name of a column joins its cells, ``tip X``; a blank cell above
+        others takes the text to its left.
     names : tuple of str
         Names of the columns, instead of the header; without both they are ``column_1`` and so on.
     separator : str or None
         Name of the separator of cells; None to detect it.
+    last : int or None
+        Last line (row of a sheet) that is read, from 1.
+    block : str or None
+        Title of one of several tables in the file, a line of its own. The table ends at the next
+        blank line; `skip` counts from the title.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -81,15 +95,49 @@ class Form(BaseModel):
     header: Literal["first", "none"] = "first"
     names: tuple[Name, ...] = ()
     separator: Literal["comma", "semicolon", "tab", "blanks"] | None = None
+    header_rows: Annotated[int, Field(ge=1, le=5)] = 1
+    last: Annotated[int, Field(ge=1)] | None = None
+    block: Name | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Form:
+        if self.last is not None and self.block is not None:
+            raise wrong("block and last: write one of them; a block ends at a blank line")
+        if self.last is not None and self.last <= self.skip:
+            raise wrong(f"last: got {self.last}; must be a line below the {self.skip} of skip")
+        return self
+
+
+#: Value that trackers of NDI write for what they did not measure.
+_NOT_MEASURED: Final = -3.697314e28
+_NOT_MEASURED_TEXT: Final = re.compile(r"-3[.,]69731[0-9]+[eE]\+?0?28")
+_MISSING: Final = ("", "nan", "null", "na", "n/a", "#n/a", "none")
+
+
+def not_measured(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether numbers are an instrument's value for what it did not measure."""
+    return np.abs(values - _NOT_MEASURED) < 1e-6 * abs(_NOT_MEASURED)
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell is blank, or says that nothing was measured."""
+    text = cell.strip()
+    return text.lower() in _MISSING or _NOT_MEASURED_TEXT.fullmatch(text) is not None
 
 
 def cell_number(cell: str) -> float:
-    """Number of a cell; NaN for other text, also for digits that are not ASCII."""
+    """Number of a cell; NaN for other text, what was not measured and digits that are not ASCII."""
     cell = cell.strip()
     try:
-        return float(cell) if cell.isascii() and "_" not in cell else math.nan
+        value = float(cell) if cell.isascii() and "_" not in cell else math.nan
     except ValueError:
         return math.nan
+    return math.nan if value < -1e28 and _NOT_MEASURED_TEXT.fullmatch(cell) else value
+
+
+def is_text(cell: str) -> bool:
+    """Whether a cell is no number, also not one with a decimal comma."""
+    return math.isnan(cell_number(with_point(cell)))
 
 
 def with_point(cell: str) -> str:
@@ -135,6 +183,8 @@ class Table:
         Unit of all coordinates, if the file states it.
     own : int or None
         Number of columns of the file itself; the others were joined. None: all.
+    below : list of list of str
+        Cells of the rows that are skipped between the header and the numbers.
     """
 
     path: Path
@@ -148,6 +198,7 @@ class Table:
     form: Form = field(default_factory=Form)
     length_unit: str | None = None
     own: int | None = None
+    below: list[list[str]] = field(default_factory=list)
 
     def chunks(self) -> Iterator[list[Row]]:
         """Yield chunks of rows, once: line and cells, without blank lines and comments."""
@@ -234,9 +285,10 @@ def _short(error: Exception) -> str:
 def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
     encoding = _encoding(path, data)
     file = io.TextIOWrapper(io.BytesIO(data), encoding=encoding, newline="")
+    start, lines = _part(path, file, form)
     about: dict[str, str] = {}
     number, first = 0, ""
-    for number, first in enumerate(file, 1):
+    for number, first in enumerate(lines, 1):
         if number > form.skip and first.strip() and not _is_comment(first):
             break
         if number > form.skip:
@@ -247,7 +299,7 @@ def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
         )  # fmt: skip
         raise InputError(f"{path}: {what}")
     if motive.is_export(first) and form == Form():
-        return _motive(path, file, first, number, sha256)
+        return _motive(path, lines, first, number, sha256)
     separator = _MARKS[form.separator] if form.separator else _separator(first)
     words = first.split()
     if separator not in first and len(words) > 3:
@@ -260,10 +312,35 @@ def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
             "commas, semicolons or tabs",
             Table(path, sha256, words, number, about, " ", form=blanks),
         )
-    lines = chain([first], file)
+    number += start
+    lines = chain([first], lines)
     split = enumerate(map(str.split, lines), 1) if separator == " " else _split(lines, separator)
     rows = _text_rows(path, split, number - 1)
     return _named(Table(path, sha256, [], number, about, separator, [], rows, form))
+
+
+def _part(path: Path, file: Iterator[str], form: Form) -> tuple[int, Iterator[str]]:
+    """Number of lines above the part of a file that a form names, and its lines."""
+    if form.last is not None:
+        return 0, islice(file, form.last)
+    if form.block is None:
+        return 0, file
+    titles, before = [], ""
+    for number, line in enumerate(file, 1):
+        if title := title_of(line):
+            if title == form.block:
+                return number, takewhile(lambda line: line.strip(_BLANK), file)
+            if not before.strip(_BLANK):
+                titles.append(title)
+        before = line
+    have = f"the file has {', '.join(map(quote, titles[:12]))}" if titles else "it has none"
+    raise InputError(f"{path}: there is no block {quote(form.block)}; {have}")
+
+
+def title_of(line: str) -> str:
+    """Text of a line that has one cell only; empty for other lines."""
+    text = line.strip(_BLANK)
+    return "" if re.search(r"[\t;,]", text) else text
 
 
 def _separator(line: str) -> str:
@@ -289,6 +366,8 @@ def _named(table: Table) -> Table:
     except StopIteration:
         raise InputError(f"{table.path}: the table is empty") from None
     below: Iterable[Row] = ()
+    for line, cells in islice(table.rows, form.header_rows - 1):
+        table.line, first = line, _joined_names(first, cells)
     while first and not first[-1].strip():
         first.pop()
     if form.header == "first":
@@ -303,9 +382,19 @@ def _named(table: Table) -> Table:
                 f"here there are {len(table.header)}"
             )
         table.header = list(form.names)
-    table.rows = islice(chain(below, table.rows), form.skip_below, None)
+    table.rows = chain(below, table.rows)
+    table.below = [cells for _, cells in islice(table.rows, form.skip_below)]
     _check_header(table)
     return table
+
+
+def _joined_names(above: list[str], below: list[str]) -> list[str]:
+    """Names from two rows of a header; a blank cell of the upper one takes the text to its left."""
+    out, last = [], ""
+    for upper, lower in zip_longest(above, below, fillvalue=""):
+        last = upper.strip() or (last if lower.strip() else "")
+        out.append(f"{last} {lower.strip()}".strip())
+    return out
 
 
 def _motive(path: Path, file: Iterator[str], first: str, line: int, sha256: str) -> Table:
