@@ -544,9 +544,8 @@ def test_a_body_name_is_for_exports_only(read: Read) -> None:
             [5, 0, 0],
             [0.01, 0.02, 0.03],
         ),
-        ("load_g,x,y,z\n100,1,2,3\n", [0.980665, 0, 0], [1e-3, 2e-3, 3e-3]),
-        ("1,2,3,4,5,6\n7,8,9,4,5,6\n", [1, 2, 3], [4e-3, 5e-3, 6e-3]),
-        ("1 2 3 4 5 6\n7 8 9 4 5 6\n", [1, 2, 3], [4e-3, 5e-3, 6e-3]),
+        ("load_g,x,y,z\n100,1,2,630\n0,180,2,600\n", [0.980665, 0, 0], [1e-3, 2e-3, 0.63]),
+        ("force_2_N X Y Z\n3 0.1 0 0.63\n7 0.4 0 0.5\n", [0, 3, 0], [0.1, 0, 0.63]),
     ],
 )
 def test_an_unknown_table_gets_a_mapping_to_start_from(
@@ -563,6 +562,41 @@ def test_an_unknown_table_gets_a_mapping_to_start_from(
     found = read_measurements(path, bs.load_robot("amouri2019"), tmp_path / "map.yaml")
     np.testing.assert_allclose(found.tensions[0], tensions)
     np.testing.assert_allclose(found.tip[0], tip)
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        ("1,2,3,4,5\n7,8,9,4,5\n", ["the tip: no three columns", "the commands of the tendons"]),
+        ("F1,F2,F3,x,y,z\n1,2,3,4,5,6\n", ["the tip: ", 'the unit of "F1"']),
+        ("F1 [N],x,y,z\n1,2,3,4\n3,2,13,9\n", ["the unit of the tip"]),
+        ("pull_1_mm,pull_2_mm,pull_3_mm,pull_4_mm,x_m,y_m,z_m\n" + 2 * "1,2,3,4,5,6,7\n",
+         ["the tip: no three columns", 'which of "pull_1_mm"']),
+        ("F1 [N],a_x_mm,a_y_mm,a_z_mm,b_x_mm,b_y_mm,b_z_mm\n1,2,3,4,5,6,7\n2,3,4,5,6,7,8\n",
+         ["which point is the tip"]),
+        ("t,F1 [N],x_m,y_m,z_m\n0,1,2,3,4\n10,2,2,2,3\n", ['the unit of "t"']),
+    ],
+)  # fmt: skip
+def test_a_draft_says_what_it_cannot_decide(table: str, says: list[str], tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(table)
+    with pytest.raises(InputError) as error:
+        read_measurements(tmp_path / "a.csv", bs.load_robot("amouri2019"))
+    lines = str(error.value).splitlines()
+    said = [line.removeprefix("# not decided: ") for line in lines if "# not decided" in line]
+    assert [text[: len(begin)] for text, begin in zip(said, says, strict=True)] == says
+
+
+def test_columns_of_a_quaternion_are_no_tip(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    four = rng.normal(size=(9, 4))
+    rows = np.hstack([four / np.linalg.norm(four, axis=1)[:, None], rng.uniform(-0.3, 0.3, (9, 3))])
+    text = "F [N],x,y,z,w,px,py,pz\n"
+    text += "".join(f"{i}," + ",".join(map(str, row)) + "\n" for i, row in enumerate(rows))
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(InputError) as error:
+        read_measurements(tmp_path / "a.csv", bs.load_robot("amouri2019"))
+    assert 'tip: {columns: ["px", "py", "pz"], unit: m}' in str(error.value)
+    assert "other columns" not in str(error.value)
 
 
 def test_a_motive_export_without_a_mapping_gets_one(shell: Shell, tmp_path: Path) -> None:
@@ -583,20 +617,20 @@ def test_a_motive_export_without_a_mapping_gets_one(shell: Shell, tmp_path: Path
 @settings(max_examples=150, deadline=None)
 @given(
     st.lists(st.text(max_size=12).map(str.strip), min_size=1, max_size=8, unique=True),
-    st.integers(1, 6),
+    st.lists(st.lists(st.sampled_from(["", "1", "2.5", "-1e9", "x", "0:01", "3/4/2024"]))),
     st.booleans(),
 )
-def test_any_header_gives_a_mapping_that_is_valid(
-    header: list[str], tendons: int, has_header: bool
+def test_any_table_gives_a_mapping_that_is_valid_or_says_why_not(
+    header: list[str], rows: list[list[str]], has_robot: bool
 ) -> None:
     import tempfile
 
-    table = Table(Path("t.csv"), "", header, 1, {}, ",")
-    text = draft(table, tendons)
+    table = Table(Path("t.csv"), "", header, 1, {}, ",", rows=iter(enumerate(rows)))
+    text = draft([table], bs.load_robot("amouri2019") if has_robot else None)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "map.yaml")
         path.write_text(text, "utf-8")
-        if any(name.isprintable() and name.lower() not in ("", "~", "null") for name in header):
+        if "not decided" not in text:
             load_mapping(path)
 
 

@@ -23,6 +23,7 @@ from bowstring.atomic_io import has_mark, not_overwritten, write_whole_file
 from bowstring.data import datasets
 from bowstring.data.clock import ISO, times
 from bowstring.data.columns import SOURCES, Column, Layout, Source, check_stations, tidy
+from bowstring.data.header_detection import detected
 from bowstring.data.mapping import Mapping, load_mapping
 from bowstring.data.mapping_draft import draft
 from bowstring.data.tables import (
@@ -297,12 +298,14 @@ def read_measurements(
             table = open_table(path)
             layout = tidy(table, g)
         except UnknownColumnsError as error:
-            tendons = None if robot is None else len(robot.tendons.angle_rad)
+            tables = [error.table]
+            if error.table.length_unit is None and error.table.separator:
+                tables = detected(error.table.path) or tables
             joint = " Or" if str(error).endswith("?") else "; or"
             raise InputError(
                 f"{error}{joint} say what the columns are in a mapping file: save these lines as "
                 "map.yaml, check them, and give --mapping map.yaml (in Python "
-                f'mapping="map.yaml"):\n\n{draft(error.table, tendons)}'
+                f'mapping="map.yaml"):\n\n{draft(tables, robot)}'
             ) from None
     else:
         if not isinstance(mapping, Mapping):

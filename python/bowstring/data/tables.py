@@ -30,16 +30,22 @@ from bowstring.units import NUMBER, Text, quote, wrong
 
 __all__ = [
     "COLUMN",
+    "MARKS",
     "Form",
     "Name",
     "Row",
     "Table",
     "UnknownColumnsError",
     "cell_number",
+    "default_separator",
+    "is_blank",
     "is_missing",
     "is_text",
+    "joined_names",
     "not_measured",
     "open_table",
+    "text_of_table",
+    "title_of",
     "with_point",
 ]
 
@@ -57,7 +63,8 @@ _LONGEST_SHEET_ROW: Final = 5_000_000  # bytes of XML; a row is kept in memory a
 _CHUNK: Final = 20_000  # cells
 _BLANK: Final = ' \t,;"\r\n'  # characters of a line without cells
 
-_MARKS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": " "}
+#: Separators and their names.
+MARKS: Final = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blanks"}
 
 Row = tuple[int, list[str]]
 COLUMN: Final = Text(200, "tip_x")
@@ -183,6 +190,8 @@ class Table:
         Unit of all coordinates, if the file states it.
     own : int or None
         Number of columns of the file itself; the others were joined. None: all.
+    rate : float or None
+        Rows per second, if the file states it and its header was detected.
     below : list of list of str
         Cells of the rows that are skipped between the header and the numbers.
     """
@@ -198,6 +207,7 @@ class Table:
     form: Form = field(default_factory=Form)
     length_unit: str | None = None
     own: int | None = None
+    rate: float | None = None
     below: list[list[str]] = field(default_factory=list)
 
     def chunks(self) -> Iterator[list[Row]]:
@@ -236,7 +246,7 @@ def open_table(path: str | Path, form: Form | None = None) -> Table:
     ------
     InputError
         If the table cannot be read; the message has advice. `UnknownColumnsError` if there are
-        numbers in place of a header, or blanks between its names.
+        numbers in place of a header, blanks between its names, or a name twice.
     """
     path, form = Path(path), form or Form()
     data = _bytes(path)
@@ -274,6 +284,12 @@ def _bytes(path: Path) -> bytes:
     return data
 
 
+def text_of_table(path: Path) -> str:
+    """Whole text of a table; raise InputError if it is none."""
+    data = _bytes(path)
+    return data.decode(_encoding(path, data))
+
+
 def _short(error: Exception) -> str:
     """Shorten the message of a library to one line; it may quote a whole cell."""
     return " ".join(str(error).split())[:200]
@@ -300,7 +316,8 @@ def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
         raise InputError(f"{path}: {what}")
     if motive.is_export(first) and form == Form():
         return _motive(path, lines, first, number, sha256)
-    separator = _MARKS[form.separator] if form.separator else _separator(first)
+    named = (mark for mark, name in MARKS.items() if name == form.separator)
+    separator = next(named, "") or default_separator(first)
     words = first.split()
     if separator not in first and len(words) > 3:
         has_header = not all(re.fullmatch(NUMBER, word) for word in words)
@@ -329,8 +346,8 @@ def _part(path: Path, file: Iterator[str], form: Form) -> tuple[int, Iterator[st
     for number, line in enumerate(file, 1):
         if title := title_of(line):
             if title == form.block:
-                return number, takewhile(lambda line: line.strip(_BLANK), file)
-            if not before.strip(_BLANK):
+                return number, takewhile(lambda line: not is_blank(line), file)
+            if is_blank(before):
                 titles.append(title)
         before = line
     have = f"the file has {', '.join(map(quote, titles[:12]))}" if titles else "it has none"
@@ -343,7 +360,12 @@ def title_of(line: str) -> str:
     return "" if re.search(r"[\t;,]", text) else text
 
 
-def _separator(line: str) -> str:
+def is_blank(line: str) -> bool:
+    """Whether a line has no cell that is not blank."""
+    return not line.strip(_BLANK)
+
+
+def default_separator(line: str) -> str:
     """Detect the separator of a line: the most frequent mark, in numbers the strongest one."""
     marks = "\t;,"
     found = max(marks, key=lambda mark: line.count(mark))  # the first one of equal counts
@@ -367,8 +389,9 @@ def _named(table: Table) -> Table:
         raise InputError(f"{table.path}: the table is empty") from None
     below: Iterable[Row] = ()
     for line, cells in islice(table.rows, form.header_rows - 1):
-        table.line, first = line, _joined_names(first, cells)
-    while first and not first[-1].strip():
+        table.line, first = line, joined_names(first, cells)
+    own = form.names if form.header == "none" else ()
+    while len(first) > len(own) and not first[-1].strip():
         first.pop()
     if form.header == "first":
         table.header = [name.strip() for name in first]
@@ -388,7 +411,7 @@ def _named(table: Table) -> Table:
     return table
 
 
-def _joined_names(above: list[str], below: list[str]) -> list[str]:
+def joined_names(above: list[str], below: list[str]) -> list[str]:
     """Names from two rows of a header; a blank cell of the upper one takes the text to its left."""
     out, last = [], ""
     for upper, lower in zip_longest(above, below, fillvalue=""):
@@ -472,7 +495,7 @@ def _check_header(table: Table) -> None:
     seen: set[str] = set()
     for name in header:
         if name and name in seen:
-            raise InputError(f"{here}: the column {quote(name)} is there twice")
+            raise UnknownColumnsError(f"{here}: the column {quote(name)} is there twice", table)
         seen.add(name)
 
 
