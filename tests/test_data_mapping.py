@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -167,6 +168,33 @@ def test_a_sheet_with_lines_to_skip(tmp_path: Path) -> None:
     )
     found = read_measurements(tmp_path / "a.xlsx", mapping=mapping)
     assert found.tensions.tolist() == [[5, 0, 0]] and found.line.tolist() == [4]
+
+
+def test_a_sheet_with_a_header_of_two_rows_gets_a_draft(tmp_path: Path) -> None:
+    book = openpyxl.Workbook()
+    assert book.active is not None
+    start = datetime.datetime(2024, 2, 29, 13)
+    book.active.append(["Rig 7", "sampling rate", 4])
+    for row in (["Time", "Force", None, "Tip"], [None, "F1", "F2", "X", "Y", "Z"]):
+        book.active.append(row)
+    book.active.append(["-", "N", "N", "mm", "mm", "mm"])
+    for i in range(7):
+        time = start + datetime.timedelta(seconds=0.25 * i)
+        book.active.append([time, i, 0, 9 * i, 0.5, 600 - i])
+    book.active.append(["mean", 3, 0, 27, 0.5, 597])
+    book.save(tmp_path / "a.xlsx")
+    with pytest.raises(InputError) as error:
+        read_measurements(tmp_path / "a.xlsx", bs.load_robot("amouri2019"))
+    text = str(error.value).partition("\n\n")[2]
+    assert "table: {skip: 1, skip_below: 1, header_rows: 2}" in text
+    (tmp_path / "map.yaml").write_text(text.replace("rows: 2}", "rows: 2, last: 11}"))
+    found = read_measurements(tmp_path / "a.xlsx", mapping=tmp_path / "map.yaml")
+    assert found.tensions[:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6] and not found.left_out
+    np.testing.assert_allclose(found.tip[3], [0.027, 0.0005, 0.597])
+    assert found.time is not None and np.diff(found.time).tolist() == [0.25] * 6
+    (tmp_path / "map.yaml").write_text(text.replace("rows: 2}", "rows: 2, block: b}"))
+    with pytest.raises(InputError, match="block is for text files; give skip and last"):
+        read_measurements(tmp_path / "a.xlsx", mapping=tmp_path / "map.yaml")
 
 
 @pytest.mark.parametrize(

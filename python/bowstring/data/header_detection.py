@@ -1,4 +1,4 @@
-"""Detect where the tables of a text file begin, where the file does not begin with a header.
+"""Detect where the tables of a file begin, where the file does not begin with a header.
 
 Exports have lines about the recording above the header, headers of several rows, a row of units, or
 several tables one below the other. A table begins where rows of numbers of one width do.
@@ -25,8 +25,8 @@ from bowstring.data.tables import (
     is_missing,
     is_text,
     joined_names,
+    lines_of_table,
     open_table,
-    text_of_table,
     title_of,
 )
 from bowstring.errors import InputError
@@ -52,7 +52,7 @@ Cells = list[str]
 
 
 def detected(path: Path) -> list[Table]:
-    """Open the tables of a text file.
+    """Open the tables of a text file, or the first sheet of a workbook.
 
     Parameters
     ----------
@@ -61,10 +61,10 @@ def detected(path: Path) -> list[Table]:
     Returns
     -------
     list of Table
-        Tables with their `Table.form`; empty if no row of numbers is found, or the file is no text.
+        Tables with their `Table.form`; empty if no row of numbers is found.
     """
     try:
-        lines = re.split(r"\r\n|\n|\r", text_of_table(path))
+        lines, is_sheet = lines_of_table(path)
     except InputError:
         return []
     starts = [
@@ -73,12 +73,14 @@ def detected(path: Path) -> list[Table]:
     blocks = [(i, _form(_until_blank(lines[i + 1 : i + 1 + _MOST_LINES]))) for i in starts]
     found = [{**form, "block": title_of(lines[i])} for i, form in blocks if form]
     titles = Counter(each["block"] for each in found)
-    if len(found) < 2 or max(titles.values()) > 1:
+    if len(found) < 2 or max(titles.values()) > 1 or is_sheet:
         whole = _form(lines[:_MOST_LINES])
         found = [whole] if whole else []
     tables = []
     for form in found:
         rate = form.pop("rate")
+        if is_sheet:
+            form.pop("separator", None)
         try:
             table = open_table(path, Form.model_validate(form))
         except InputError:
@@ -102,6 +104,8 @@ def _form(lines: Sequence[str]) -> dict[str, Any] | None:
     ]
     best: tuple[int, str, int, list[tuple[int, Cells]]] | None = None
     for mark in ("\t", ";", ",", " "):
+        if best is not None and mark == " ":  # dates and names have blanks too
+            break
         rows = [(i, _cells(line, mark)) for i, line in plain]
         start = _start(rows)
         if start is not None:

@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.data.clock import AmbiguousDateError, seconds_of
+from bowstring.data.clock import DATES, ISO, AmbiguousDateError, seconds_of
 from bowstring.data.header_detection import UNITS
 from bowstring.data.tables import Form, Table, cell_number, with_point
 from bowstring.robot.model import Robot
@@ -331,7 +331,7 @@ class _Draft:
 
     def clock(self) -> str:
         """Fields of the time, in YAML; empty if there is none."""
-        dates = [c for c in self.columns if _is_text_of_time(c)]
+        dates = [c for c in self.columns if _times_in(c)]
         named = [
             c
             for c in self.columns
@@ -365,7 +365,7 @@ class _Draft:
     def dates(self, columns: Sequence[_Column]) -> str:
         """Time from text: dates with a time of day, a date and a clock, clocks, or durations."""
         self.use(columns, "time")
-        orders = [_order(column) for column in columns]
+        orders = [_order(_times_in(column)) for column in columns]
         if "" in orders:
             name = columns[orders.index("")].name
             self.remark(
@@ -377,7 +377,7 @@ class _Draft:
         days, clock = "", ""
         for column, order in zip(columns, orders, strict=True):
             said = f"column: {_text(column.name)}, unit: {order}"
-            seconds = [seconds_of(cell, order) for cell in column.cells if cell.strip()]
+            seconds = [seconds_of(cell, order) for cell in _times_in(column)]
             if any(":" in cell for cell in column.cells) or any(t % _DAY for t in seconds):
                 if not clock:
                     clock, has_date = said, max(seconds) >= _DAY
@@ -740,10 +740,13 @@ def _chain(points: Sequence[_Point]) -> list[_Point]:
     return [points[i] for i in order] if apart else []
 
 
-def _is_text_of_time(column: _Column) -> bool:
-    """Whether the cells are dates, clock times or durations."""
-    cells = [cell for cell in column.cells if cell.strip()][:50]
-    return bool(cells) and not len(column.known) and all(map(_may_be_time, cells))
+def _times_in(column: _Column) -> list[str]:
+    """Cells with dates, clock times or durations; empty if they are less than most."""
+    cells = [cell for cell in column.cells if cell.strip()]
+    if len(column.known) or not cells:
+        return []
+    found = [cell for cell in cells if _may_be_time(cell)]
+    return found if len(found) > 0.8 * len(cells) else []
 
 
 def _may_be_time(cell: str) -> bool:
@@ -753,18 +756,13 @@ def _may_be_time(cell: str) -> bool:
         return True
 
 
-def _order(column: _Column) -> str:
-    """Unit of a column of dates; empty if day and month may be exchanged in all of them."""
-    cells = [cell for cell in column.cells if cell.strip()]
-    orders = ("iso", "d/m/y", "m/d/y")
-    for order in orders:
+def _order(cells: Sequence[str]) -> str:
+    """Unit of dates; empty if day and month may be exchanged in all of them."""
+    fits = []
+    for order in DATES:
         try:
             if all(math.isfinite(seconds_of(cell, order)) for cell in cells):
-                others = [o for o in orders[1:] if o != order]
-                if order == "iso" or not all(
-                    math.isfinite(seconds_of(cell, other)) for other in others for cell in cells
-                ):
-                    return order
+                fits.append(order)
         except AmbiguousDateError:
             continue
-    return ""
+    return fits[0] if fits and (fits[0] == ISO or len(fits) == 1) else ""

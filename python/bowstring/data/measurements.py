@@ -299,7 +299,7 @@ def read_measurements(
             layout = tidy(table, g)
         except UnknownColumnsError as error:
             tables = [error.table]
-            if error.table.length_unit is None and error.table.separator:
+            if error.table.length_unit is None:
                 tables = detected(error.table.path) or tables
             joint = " Or" if str(error).endswith("?") else "; or"
             raise InputError(

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain, islice, takewhile, zip_longest
 from pathlib import Path
-from typing import IO, Annotated, Final, Literal
+from typing import IO, Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +42,9 @@ __all__ = [
     "is_missing",
     "is_text",
     "joined_names",
+    "lines_of_table",
     "not_measured",
     "open_table",
-    "text_of_table",
     "title_of",
     "with_point",
 ]
@@ -61,6 +61,8 @@ _MOST_PARTS: Final = 5_000
 _LAST_SHEET_ROW: Final = 1_048_576  # last row of a sheet in Excel
 _LONGEST_SHEET_ROW: Final = 5_000_000  # bytes of XML; a row is kept in memory as a whole
 _CHUNK: Final = 20_000  # cells
+_MOST_LINES: Final = 1_000  # rows of a sheet in which its table begins
+_ZIP: Final = b"PK\x03\x04"  # a workbook begins with it
 _BLANK: Final = ' \t,;"\r\n'  # characters of a line without cells
 
 #: Separators and their names.
@@ -253,7 +255,7 @@ def open_table(path: str | Path, form: Form | None = None) -> Table:
     sha256 = hashlib.sha256(data).hexdigest()
     if not data.strip():
         raise InputError(f"{path}: the table is empty")
-    if data.startswith(b"PK\x03\x04"):
+    if data.startswith(_ZIP):
         return _workbook(path, data, sha256, form)
     if data.startswith(b"\xd0\xcf\x11\xe0"):
         raise InputError(
@@ -284,10 +286,25 @@ def _bytes(path: Path) -> bytes:
     return data
 
 
-def text_of_table(path: Path) -> str:
-    """Whole text of a table; raise InputError if it is none."""
+def lines_of_table(path: Path) -> tuple[list[str], bool]:
+    """Lines of a text file, or the first rows of a workbook with tabs between cells.
+
+    Returns
+    -------
+    list of str
+    bool
+        Whether the file is a workbook.
+    """
     data = _bytes(path)
-    return data.decode(_encoding(path, data))
+    if not data.startswith(_ZIP):
+        return re.split(r"\r\n|\n|\r", data.decode(_encoding(path, data))), False
+    rows = _values(path, _sheets(path, data)[0], 1, _MOST_COLUMNS)
+    lines = ("\t".join(map(_without_mark, cells)) for _, cells in islice(rows, _MOST_LINES))
+    return [line.rstrip("\t") for line in lines], True
+
+
+def _without_mark(cell: str) -> str:
+    return " ".join(cell.split())
 
 
 def _short(error: Exception) -> str:
@@ -502,7 +519,8 @@ def _check_header(table: Table) -> None:
 # -- spreadsheets ------------------------------------------------------------------------------
 
 
-def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
+def _sheets(path: Path, data: bytes) -> list[Any]:
+    """Sheets of a workbook with its tables first, then those named "source"."""
     openpyxl = load_extra("excel")
     _check_parts(path, data)
 
@@ -510,23 +528,36 @@ def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about styles and the like
             book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
-        sheets = [sheet for sheet in book.worksheets if sheet.title.lower() != "source"]
+        sheets = sorted(book.worksheets, key=lambda sheet: sheet.title.lower() == "source")
     except Exception as error:  # openpyxl raises many kinds of exception on other files
         raise InputError(
             f"{path}: this is no Excel workbook that can be read: {_short(error)}"
         ) from None
-    if not sheets:
+    if not sheets or sheets[0].title.lower() == "source":
         raise InputError(f"{path}: the workbook has no sheet with a table")
-    sheet = sheets[0]
+    for sheet in sheets:
+        sheet.reset_dimensions()  # a file may state wrong ones
+    return sheets
+
+
+def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
+    if form.block is not None:
+        raise InputError(f"{path}: block is for text files; give skip and last, rows of the sheet")
+    sheets = _sheets(path, data)
     about: dict[str, str] = {}
-    for other in book.worksheets:
-        if other.title.lower() == "source":
-            other.reset_dimensions()
-            cell = next(iter(other.iter_rows(max_row=1, max_col=1, values_only=True)), (None,))
-            about["source"] = _cell(cell[0] if cell else None).strip()
-    sheet.reset_dimensions()  # a file may state wrong ones
+    while sheets[-1].title.lower() == "source":
+        other = sheets.pop()
+        cell = next(iter(other.iter_rows(max_row=1, max_col=1, values_only=True)), (None,))
+        about["source"] = _cell(cell[0] if cell else None).strip()
+    sheet = sheets[0]
     line, first = _sheet_header(path, sheet, about, form.skip)
-    rows = chain([(line, first)], _sheet_rows(path, sheet, line, len(first)))
+    if form.header_rows > 1:  # the first row may be the shorter one
+        head = islice(_values(path, sheet, line, _MOST_COLUMNS + 1), form.header_rows)
+        width = max(len("\0".join(cells).rstrip("\0").split("\0")) for _, cells in head)
+        first += [""] * (width - len(first))
+    below = _sheet_rows(path, sheet, line, len(first))
+    last = form.last or _LAST_SHEET_ROW
+    rows = takewhile(lambda row: row[0] <= last, chain([(line, first)], below))
     table = _named(Table(path, sha256, [], line, about, "", [], rows, form))
     if len(sheets) > 1:
         names = ", ".join(quote(other.title) for other in sheets[1:11])
@@ -602,7 +633,7 @@ def _sheet_header(
     path: Path, sheet: object, about: dict[str, str], skip: int
 ) -> tuple[int, list[str]]:
     rows = _values(path, sheet, 1 + skip, _MOST_COLUMNS + 1)
-    for line, cells in islice(rows, 1000):
+    for line, cells in islice(rows, _MOST_LINES):
         if not any(cells):
             continue
         if not cells[0].startswith("#"):
@@ -610,7 +641,7 @@ def _sheet_header(
                 cells.pop()
             return line, cells
         _remember(cells[0], about)
-    raise InputError(f"{path}: the first sheet has no header in its first 1000 rows")
+    raise InputError(f"{path}: the first sheet has no header in its first {_MOST_LINES} rows")
 
 
 def _sheet_rows(path: Path, sheet: object, header: int, width: int) -> Iterator[Row]:
