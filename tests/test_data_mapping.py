@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bowstring as bs
-from bowstring.data.clock import seconds_of
+from bowstring.data.clock import AmbiguousDateError, seconds_of
 from bowstring.data.mapping import Mapping, load_mapping
 from bowstring.data.mapping_draft import draft
 from bowstring.data.measurements import Measurements, read_measurements, write_measurements
@@ -321,6 +321,13 @@ def test_errors_in_a_join(old: str, new: str, says: str, read: Read) -> None:
 def test_a_log_out_of_order(read: Read) -> None:
     with pytest.raises(InputError, match="line 4: ms goes back"):
         read(_joined(), CAMERA, forces="ms,force\n1000,0\n1100,1\n1050,2\n")
+    two = FORCES + "\nCell B\nms,force\n1000,0\n"
+    with pytest.raises(
+        InputError, match="line 9: ms goes back.*; where another table.* last: 6 in"
+    ):
+        read(_joined(), CAMERA, forces=two)
+    found = read(_joined(", table: {last: 6}"), CAMERA, forces=two)
+    np.testing.assert_allclose(found.tensions[:, 0], [0, 5, 15], atol=1e-9)
 
 
 def test_a_gap_in_a_log_is_reported(read: Read) -> None:
@@ -367,6 +374,13 @@ def test_seconds_of_dates_clock_times_and_durations(cell: str, order: str, secon
 )  # fmt: skip
 def test_text_that_is_no_time(cell: str) -> None:
     assert np.isnan(seconds_of(cell))
+
+
+def test_a_date_with_a_short_year_needs_its_order() -> None:
+    for cell in ("24-02-29", "2/29/24"):
+        with pytest.raises(AmbiguousDateError):
+            seconds_of(cell)
+    assert seconds_of("2/29/24", "m/d/y") == seconds_of("2024-02-29") == seconds_of("29.2.24")
 
 
 @pytest.mark.parametrize("unit", ["s", "iso"])
@@ -603,6 +617,7 @@ def test_an_unknown_table_gets_a_mapping_to_start_from(
         ("F1 [N],a_x_mm,a_y_mm,a_z_mm,b_x_mm,b_y_mm,b_z_mm\n1,2,3,4,5,6,7\n2,3,4,5,6,7,8\n",
          ["which point is the tip"]),
         ("t,F1 [N],x_m,y_m,z_m\n0,1,2,3,4\n10,2,2,2,3\n", ['the unit of "t"']),
+        ("stamp,F1 [N],x_m,y_m,z_m\n5,1,2,3,4\n5,2,2,2,3\n", ['the time: "stamp" does not']),
     ],
 )  # fmt: skip
 def test_a_draft_says_what_it_cannot_decide(table: str, says: list[str], tmp_path: Path) -> None:

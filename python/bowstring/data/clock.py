@@ -148,7 +148,11 @@ def _midnight(date: re.Match[str], order: str) -> float:
         else:
             if date["mark"] == "." or order == "d/m/y":  # points are written for day.month only
                 day, month = a, b
-            elif order == "m/d/y" or b > 12:
+            elif order == "m/d/y":
+                month, day = a, b
+            elif len(date["c"]) < 4:  # the year may be first as well
+                raise AmbiguousDateError(date[0])
+            elif b > 12:
                 month, day = a, b
             elif a > 12 or a == b:
                 day, month = a, b

@@ -126,9 +126,15 @@ class _Samples:
         self.times = np.concatenate(found)
         steps = np.diff(self.times)
         if (steps < 0).any():
+            before, line = lines[(k := int(np.argmax(steps < 0)))], lines[k + 1]
+            other = (
+                f"; where another table begins there, write last: {before} in the join's table"
+                if line > before + 1
+                else ""
+            )
             raise InputError(
-                f"{log.path}, line {lines[int(np.argmax(steps < 0)) + 1]}: {clock.name} goes back; "
-                "a log that is joined by time stands in the order of its times"
+                f"{log.path}, line {line}: {clock.name} goes back; a log that is joined by time "
+                f"stands in the order of its times{other}"
             )
         if (steps == 0).any():
             k, count = int(np.argmax(steps == 0)) + 1, int((steps == 0).sum())

@@ -75,10 +75,26 @@ _NO_TIP: Final = {
     *("orientation", "rotation", "rot", "quat", "quaternion", "q", "angle", "euler", "roll", "yaw"),
     *("velocity", "vel", "linear", "angular", "twist", "acc", "accel", "acceleration", "gyro"),
     *("mag", "magnetic", "force", "torque", "moment", "wrench", "error", "base", "target", "goal"),
-    *("reference", "ref", "desired", "setpoint", "covariance", "std", "sigma", "likelihood"),
+    *(
+        "reference",
+        "ref",
+        "desired",
+        "des",
+        "setpoint",
+        "command",
+        "commanded",
+        "cmd",
+        "covariance",
+    ),
+    *("std", "sigma", "likelihood"),
+}
+_QUATERNION: Final = {
+    *("q", "qw", "qx", "qy", "qz", "quat", "quaternion", "orientation", "rotation"),
 }
 _NO_COMMAND: Final = {
-    *_NO_TIP - {"force", "target", "goal", "reference", "ref", "desired", "setpoint", "linear"},
+    *_NO_TIP
+    - {"force", "target", "goal", "reference", "ref", "desired", "des", "setpoint"}
+    - {"command", "commanded", "cmd", "linear"},
     *(
         "seq",
         "frame",
@@ -220,6 +236,8 @@ class _Draft:
         self.tip = self.find_tip()
         self.tip_unit = table.length_unit or (self.length_unit(self.tip) if self.tip else None)
         self.angles = {} if self.tip or self.is_motive else self.find_angles()
+        if self.angles:
+            self.remarks = [item for item in self.remarks if item[0] != "tip"]
         self.quantity, self.command_unit = "tension", ""
         self.commands: list[_Column] = [] if self.is_motive else self.find_commands()
 
@@ -360,7 +378,13 @@ class _Draft:
                 f"{{column: {_text(column.name)}, unit: ms}}",
             )
             return ""
-        return self.frames()
+        named_all = [c for c in self.columns if set(c.words) & set(_CLOCKS) and c.cells]
+        if found := self.frames():
+            return found
+        if named_all and not self.remarks:
+            name = quote(named_all[0].name)
+            self.remark("time", f"the time: {name} does not advance, or is no time that is read")
+        return ""
 
     def dates(self, columns: Sequence[_Column]) -> str:
         """Time from text: dates with a time of day, a date and a clock, clocks, or durations."""
@@ -446,10 +470,7 @@ class _Draft:
                 continue
             values = np.stack([column.values for column in four], axis=1)
             norms = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
-            words = {word for column in four for word in column.words}
-            is_named = bool(
-                words & {"q", "qx", "qw", "quat", "quaternion", "orientation", "rotation"}
-            )
+            is_named = all(_QUATERNION & set(column.words) for column in four)
             moves = any(len(c.known) > 4 and not c.is_constant for c in four)
             enough = len(norms) and (is_named or moves)
             if enough and (np.abs(norms - 1) < 5e-3).mean() > 0.9:
