@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.io import savemat
 
 import bowstring as bs
 from bowstring.data.measurements import read_measurements
@@ -327,6 +328,77 @@ def force_torque_sensor(m: Motion) -> Export:
     rows = [(t, *f, *(0.1 * f)) for t, f in zip(m.time, m.tensions, strict=True)]
     text = _table("Time [s],Fx,Fy,Fz,Tx [Nm],Ty [Nm],Tz [Nm]", rows)
     return Export(text, tip=False, undecided=["the tip: no three columns", *NO_COMMANDS])
+
+
+def _saved(path: Path, variables: dict[str, object]) -> Path:
+    savemat(path, variables, do_compression=True)
+    return path
+
+
+def test_a_matlab_file_is_read_by_its_draft(
+    motion: Motion, robot: bs.Robot, tmp_path: Path
+) -> None:
+    log = {"time": motion.time[:, None], "cable": 1e3 * motion.displacements}
+    path = _saved(
+        tmp_path / "run.mat", {"log": log, "tip": 1e3 * motion.tip, "rig": "B", "gain": 2.0}
+    )
+    text = _drafted(path, robot)
+    (tmp_path / "map.yaml").write_text(text)
+    found = read_measurements(path, robot, tmp_path / "map.yaml")
+    np.testing.assert_allclose(found.tip, motion.tip, atol=1e-12)
+    np.testing.assert_allclose(found.displacements, motion.displacements, atol=1e-12)
+    assert found.time is not None and found.line.tolist() == list(range(1, ROWS + 1))
+
+
+def test_variables_of_different_lengths_are_two_tables(motion: Motion, tmp_path: Path) -> None:
+    variables = {
+        "t": motion.time,
+        "tip": motion.tip,
+        "clock": np.linspace(0, 1, 90),
+        "force": np.linspace(0, 9, 90),
+    }
+    path = _saved(tmp_path / "run.mat", variables)
+    mapping = tmp_path / "map.yaml"
+    fields = """\
+source: measured
+time: {column: t, unit: s}
+tip: {columns: [tip_1, tip_2, tip_3], unit: m}
+tendons: {quantity: tension, unit: N, columns: [force]}
+join: {file: run.mat, table: {block: force}, time: {column: clock, unit: s}}
+"""
+    mapping.write_text(fields)
+    with pytest.raises(
+        InputError, match=r'rows \("t" 24, "tip" 24, "clock" 90, "force" 90\); name'
+    ):
+        read_measurements(path, mapping=mapping)
+    mapping.write_text(fields + "table: {block: tip}\n")
+    found = read_measurements(path, mapping=mapping)
+    np.testing.assert_allclose(found.tensions[:, 0], 9 * motion.time, atol=1e-12)
+    assert 'another number of rows are not read: "clock", "force"' in found.issues[0][1]
+    mapping.write_text(fields + "table: {block: tips}\n")
+    with pytest.raises(InputError, match='no variable "tips"; the file has "t", "tip"'):
+        read_measurements(path, mapping=mapping)
+    mapping.write_text(fields + "table: {skip: 2}\n")
+    with pytest.raises(InputError, match="a MATLAB file has block alone"):
+        read_measurements(path, mapping=mapping)
+
+
+def test_matlab_files_that_are_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(200))
+    with pytest.raises(InputError, match=r"version 7.3; save it with save"):
+        read_measurements(path)
+    data = _saved(path, {"F": np.arange(5_000.0)}).read_bytes()
+    path.write_bytes(data[:300])
+    with pytest.raises(InputError, match="this MATLAB file cannot be read"):
+        read_measurements(path)
+    _saved(path, {"name": "B", "gain": 2.0})
+    with pytest.raises(InputError, match="no variable has rows of numbers"):
+        read_measurements(path)
+    path.write_bytes(data)
+    monkeypatch.setattr("bowstring.data.matlab._MOST_BYTES", 20_000)
+    with pytest.raises(InputError, match="would unpack to more than"):
+        read_measurements(path)
 
 
 EXPORTS = [

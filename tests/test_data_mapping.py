@@ -323,7 +323,7 @@ def test_a_log_out_of_order(read: Read) -> None:
         read(_joined(), CAMERA, forces="ms,force\n1000,0\n1100,1\n1050,2\n")
     two = FORCES + "\nCell B\nms,force\n1000,0\n"
     with pytest.raises(
-        InputError, match="line 9: ms goes back.*; where another table.* last: 6 in"
+        InputError, match=r"line 10: ms goes back.*; where another table.* last: 6 in"
     ):
         read(_joined(), CAMERA, forces=two)
     found = read(_joined(", table: {last: 6}"), CAMERA, forces=two)

@@ -263,7 +263,7 @@ def read_measurements(
     *,
     g: float = STANDARD_GRAVITY,
 ) -> Measurements:
-    """Read a table of measurements: CSV, TSV or Excel.
+    """Read a table of measurements: CSV, TSV, Excel or MATLAB.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Read tables of cells with line numbers from CSV, TSV and Excel.
+"""Read tables of cells with line numbers from CSV, TSV, Excel and MATLAB files.
 
 The format is detected from the content, not from the name.
 """
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from bowstring.atomic_io import readable
-from bowstring.data import motive
+from bowstring.data import matlab, motive
 from bowstring.errors import InputError
 from bowstring.optional import load_extra
 from bowstring.units import NUMBER, Text, quote, wrong
@@ -234,7 +234,8 @@ def open_table(path: str | Path, form: Form | None = None) -> Table:
     ----------
     path : str or Path
         Text in UTF-8 (or UTF-16 with a byte order mark) with commas, semicolons or tabs between
-        cells, or an Excel workbook (.xlsx), of which the first sheet is read. Blank lines and lines
+        cells, an Excel workbook (.xlsx), of which the first sheet is read, or a MATLAB file (.mat
+        up to version 7), whose variables are columns and lines are rows. Blank lines and lines
         that begin with # are skipped. A CSV export of OptiTrack's Motive is recognised by its first
         line.
     form : Form, optional
@@ -257,6 +258,8 @@ def open_table(path: str | Path, form: Form | None = None) -> Table:
         raise InputError(f"{path}: the table is empty")
     if data.startswith(_ZIP):
         return _workbook(path, data, sha256, form)
+    if matlab.is_matlab(data):
+        return _matlab(path, data, sha256, form)
     if data.startswith(b"\xd0\xcf\x11\xe0"):
         raise InputError(
             f"{path}: this is a workbook of the old Excel format (or a locked one); save it as "
@@ -443,6 +446,19 @@ def _motive(path: Path, file: Iterator[str], first: str, line: int, sha256: str)
     about = {"name": export.take} if export.take else {}
     table = Table(path, sha256, export.columns, export.line, about, ",", [], rows)
     table.length_unit = export.unit
+    _check_header(table)
+    return table
+
+
+def _matlab(path: Path, data: bytes, sha256: str, form: Form) -> Table:
+    if form.model_copy(update={"block": None}) != Form():
+        raise InputError(f"{path}: of the fields of table, a MATLAB file has block alone")
+    columns, left = matlab.read_columns(path, data, form.block)
+    rows = ((i, list(cells)) for i, cells in enumerate(zip(*columns.values(), strict=True), 1))
+    table = Table(path, sha256, list(columns), 1, {}, ",", [], rows, form)
+    if left:
+        names = ", ".join(map(quote, left[:12]))
+        table.notes.append((1, f"variables with another number of rows are not read: {names}"))
     _check_header(table)
     return table
 
