@@ -330,6 +330,26 @@ def force_torque_sensor(m: Motion) -> Export:
     return Export(text, tip=False, undecided=["the tip: no three columns", *NO_COMMANDS])
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("0.000000,0.900447", "1e300,1e300"),  # its square is no number
+        ("field.pose.position.x,field", "field\tpose\tposition\tx,field"),
+        ("%time", "x" * 300),
+        ("\n", "\n\n"),
+        ("mocap", '"'),
+    ],
+)
+def test_damaged_exports_give_a_draft_or_a_sentence(
+    old: str, new: str, motion: Motion, robot: bs.Robot, tmp_path: Path
+) -> None:
+    text = ros_pose(motion).text
+    assert old in text
+    (tmp_path / "a.csv").write_text(text.replace(old, new))
+    with pytest.raises(InputError):
+        read_measurements(tmp_path / "a.csv", robot)
+
+
 def _saved(path: Path, variables: dict[str, object]) -> Path:
     savemat(path, variables, do_compression=True)
     return path

@@ -23,6 +23,7 @@ from bowstring.data.tables import (
     default_separator,
     is_blank,
     is_missing,
+    is_name,
     is_text,
     joined_names,
     lines_of_table,
@@ -68,7 +69,9 @@ def detected(path: Path) -> list[Table]:
     except InputError:
         return []
     starts = [
-        i for i, line in enumerate(lines) if title_of(line) and (i == 0 or is_blank(lines[i - 1]))
+        i
+        for i, line in enumerate(lines)
+        if is_name(title_of(line)) and (i == 0 or is_blank(lines[i - 1]))
     ]
     blocks = [(i, _form(_until_blank(lines[i + 1 : i + 1 + _MOST_LINES]))) for i in starts]
     found = [{**form, "block": title_of(lines[i])} for i, form in blocks if form]
@@ -220,7 +223,8 @@ def _markers(above: Sequence[tuple[int, Cells]], width: int) -> Cells:
 def _unique(names: Sequence[str]) -> tuple[str, ...]:
     out: list[str] = []
     for i, given in enumerate(names, 1):
-        name, count = given or f"column_{i}", 2
+        given = given if is_name(given) else f"column_{i}"
+        name, count = given, 2
         while name in out:
             name, count = f"{given} {count}", count + 1
         out.append(name)

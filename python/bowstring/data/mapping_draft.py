@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from bowstring.data.clock import DATES, ISO, AmbiguousDateError, seconds_of
 from bowstring.data.header_detection import UNITS
-from bowstring.data.tables import Form, Table, cell_number, with_point
+from bowstring.data.tables import Form, Table, cell_number, is_name, with_point
 from bowstring.robot.model import Robot
 from bowstring.units import quote
 
@@ -33,6 +33,7 @@ Floats = NDArray[np.float64]
 _ENOUGH: Final = 2  # of name, unit and numbers
 _CLEARLY: Final = 1.5  # ratio of the motion of two points of which one is the tip
 _DAY: Final = 86_400  # s
+_LARGEST: Final = 1e30  # larger numbers are none
 #: Units of a tip, their scales, and the least motion over the robot's length that speaks for them:
 #: small motions are measured in mm, and cm are seldom left unsaid.
 _REACHES: Final = (("mm", 1e-3, 0.005), ("cm", 1e-2, 0.05), ("m", 1.0, 0.02))
@@ -127,7 +128,9 @@ class _Column:
     def values(self) -> Floats:
         """Numbers of the cells, NaN for others."""
         cells = map(with_point, self.cells) if self.has_comma else self.cells
-        return np.array(list(map(cell_number, cells)), dtype=float)
+        values = np.array(list(map(cell_number, cells)), dtype=float)
+        values[~(np.abs(values) < _LARGEST)] = np.nan
+        return values
 
     @cached_property
     def words(self) -> list[str]:
@@ -227,7 +230,7 @@ class _Draft:
                 table.separator != ",",
             )
             for i, name in enumerate(table.header)
-            if name and _can_be_named(name)
+            if is_name(name) and name.lower() not in ("~", "null")
         ]
         self.used: dict[str, str] = {}
         self.is_motive = table.length_unit is not None
@@ -479,8 +482,6 @@ class _Draft:
     def find_tip(self) -> list[_Point] | None:
         """Point that is the tip; several where a marker changes its name."""
         self.points = [p for p in self.all_points() if p.score > 0]
-        if self.is_motive and not self.points:
-            return None
         best = max((p.score for p in self.points), default=0)
         if best < _ENOUGH:
             if self.points:
@@ -710,10 +711,6 @@ def _form(form: Form) -> str:
         else:
             parts.append(f"{key}: {_text(value) if key == 'block' else value}")
     return f"{{{', '.join(parts)}}}" if parts else ""
-
-
-def _can_be_named(name: str) -> bool:
-    return name.isprintable() and len(name) <= 200 and name.lower() not in ("", "~", "null")
 
 
 def _text(name: str) -> str:

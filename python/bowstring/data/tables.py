@@ -40,6 +40,7 @@ __all__ = [
     "default_separator",
     "is_blank",
     "is_missing",
+    "is_name",
     "is_text",
     "joined_names",
     "lines_of_table",
@@ -378,6 +379,11 @@ def title_of(line: str) -> str:
     """Text of a line that has one cell only; empty for other lines."""
     text = line.strip(_BLANK)
     return "" if re.search(r"[\t;,]", text) else text
+
+
+def is_name(text: str) -> bool:
+    """Whether a mapping can name a column or a block so."""
+    return 0 < len(text) <= COLUMN.most and text.isprintable()
 
 
 def is_blank(line: str) -> bool:
