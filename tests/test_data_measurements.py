@@ -407,8 +407,8 @@ def test_a_sorted_table_is_reported(file: Write) -> None:
     assert found.issues == (
         (4, "repeat comes again (the first of 4 times): rows must stand in the order in which they "
             "were measured"),
-        (4, "time goes back (the first of 2 times): rows must stand in the order in which they "
-            "were measured"),
+        (4, "time goes back in time_s (the first of 2 times): rows must stand in the order in "
+            "which they were measured"),
     )  # fmt: skip
 
 

@@ -53,7 +53,7 @@ MOST_ISSUES: Final = 20  # issues in the printed table
 
 def check(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Table of measurements: CSV, TSV or .xlsx.")
+        Path, typer.Argument(metavar="FILE", help="Table of measurements: CSV, TSV, .xlsx or .mat.")
     ],
     g: OfMasses,
     robot: Annotated[

@@ -147,7 +147,7 @@ def fit(
         ),
     ],
     measurements: Annotated[
-        Path | None, option("FILE", "Table of measurements: CSV, TSV or .xlsx.")
+        Path | None, option("FILE", "Table of measurements: CSV, TSV, .xlsx or .mat.")
     ] = None,
     mapping: MappingFile = None,
     data: Annotated[

@@ -98,8 +98,13 @@ class Column:
         Number for every row, before the factor, in place of a column.
     zero : float or tuple of 2 int
         Number that means zero, before the factor; or rows of the table, from 1, whose mean it is.
-    is_date : bool
-        Whether its cells are dates and times in ISO 8601.
+    dates : str
+        For a column of dates, clock times or durations in words, the order of day and month of
+        `bowstring.data.clock.DATES`; empty for numbers.
+    instead : tuple of Column
+        Columns that are used, in this order, where its cell is blank.
+    plus : Column or None
+        Column of times that are added.
     """
 
     index: int
@@ -108,7 +113,9 @@ class Column:
     part: Part = "all"
     constant: float | None = None
     zero: Zero = 0.0
-    is_date: bool = False
+    dates: str = ""
+    instead: tuple[Column, ...] = ()
+    plus: Column | None = None
 
     def reading(self, si: float) -> float:
         """Number in its unit that gives a number in SI."""

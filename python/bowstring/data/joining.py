@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import datetime
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import chain, islice
+from itertools import islice
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.data.clock import times
 from bowstring.data.columns import Column
 from bowstring.data.tables import Row, Table, cell_number, with_point
 from bowstring.errors import InputError
 from bowstring.units import quote
 
-__all__ = ["How", "join", "seconds_of"]
+__all__ = ["How", "join"]
 
 Floats = NDArray[np.float64]
 How = Literal["linear", "nearest", "previous"]
@@ -27,31 +26,15 @@ _GAP: Final = 10.0  # time between samples over median step that counts as a gap
 _SAME: Final = 1e-6  # time difference over median step that counts as zero
 
 
-def seconds_of(cell: str) -> float:
-    """Seconds since 1970 of a date and time in ISO 8601; NaN for other text.
-
-    Without a time zone it counts as UTC, because only differences within a table matter.
-    """
-    text = re.sub(r"[zZ]$", "+00:00", cell.strip())
-    match = re.fullmatch(r"(.*:[0-9]{2})[.,]([0-9]{1,9})(.*)", text)
-    share = 0.0
-    if match:  # older Pythons accept only three or six decimals
-        text, share = match[1] + match[3], float(f"0.{match[2]}")
-    try:
-        found = datetime.datetime.fromisoformat(text)
-    except ValueError:
-        return float("nan")
-    if found.tzinfo is None:
-        found = found.replace(tzinfo=datetime.timezone.utc)
-    return found.timestamp() + share
-
-
-def _time(clock: Column, cells: Sequence[str], decimal_comma: bool) -> float:
-    """Time of a row in s; NaN if its cell has none."""
-    cell = cells[clock.index] if clock.index < len(cells) else ""
-    if clock.is_date:
-        return seconds_of(cell)
-    return cell_number(with_point(cell) if decimal_comma else cell) * clock.factor
+def _times(clock: Column, table: Table, rows: Sequence[Row]) -> Floats:
+    """Times of rows in s; NaN where a cell has none."""
+    cells = [row[clock.index] if clock.index < len(row) else "" for _, row in rows]
+    numbers = None
+    if not clock.dates:
+        pointed = map(with_point, cells) if table.separator != "," else cells
+        numbers = np.array(list(map(cell_number, pointed)))
+    found = times(clock, cells, numbers, table.path, [line for line, _ in rows])
+    return found if clock.plus is None else found + _times(clock.plus, table, rows)
 
 
 def join(
@@ -100,6 +83,7 @@ def join(
             f"{table.path} is in {table.length_unit} and {log.path} in {log.length_unit}; export "
             "both in one unit"
         )
+    out.notes += [(table.line, text) for _, text in log.notes]
     gap = samples.largest_gap
     if how == "linear" and within is None and gap > _GAP * samples.step:
         text = (
@@ -113,28 +97,25 @@ def join(
 
 
 class _Samples:
-    """Log with increasing times, and its cells."""
+    """Log in the order of its times, and its cells."""
 
     def __init__(self, log: Table, clock: Column, shift: float) -> None:
         self.path = log.path
         width = len(log.header)
-        times: list[float] = []
+        found: list[Floats] = []
+        lines: list[int] = []
         self.cells: list[list[str]] = []
-        without, commas = 0, log.separator != ","
-        for line, cells in chain.from_iterable(log.chunks()):
-            time = _time(clock, cells, commas) + shift
-            if np.isnan(time):
-                without += 1
-                continue
-            if times and time < times[-1]:
-                raise InputError(
-                    f"{log.path}, line {line}: {clock.name} goes back; a log that is joined by "
-                    "time stands in the order of its times"
-                )
-            times.append(time)
-            cells = list(map(with_point, cells)) if commas else cells
-            self.cells.append((cells + [""] * width)[:width])
-        if not times:
+        without = 0
+        for rows in log.chunks():
+            each = _times(clock, log, rows) + shift
+            found.append(each[np.isfinite(each)])
+            for (line, cells), time in zip(rows, each, strict=True):
+                if np.isnan(time):
+                    without += 1
+                    continue
+                lines.append(line)
+                self.cells.append((cells + [""] * width)[:width])
+        if not lines:
             raise InputError(
                 f"{log.path}: no row has a time in {quote(clock.name)}; give its unit, iso for "
                 "dates and times"
@@ -142,8 +123,31 @@ class _Samples:
         if without:
             text = f"{without} rows of {log.path.name} have no time, and are not joined"
             log.notes.append((log.line, text))
-        self.times = np.array(times)
+        self.times = np.concatenate(found)
         steps = np.diff(self.times)
+        if (steps < 0).any():
+            before, line = lines[(k := int(np.argmax(steps < 0)))], lines[k + 1]
+            other = (
+                f"; where another table begins there, write last: {before} in the join's table"
+                if line > before + 1
+                else ""
+            )
+            raise InputError(
+                f"{log.path}, line {line}: {clock.name} goes back; a log that is joined by time "
+                f"stands in the order of its times{other}"
+            )
+        if (steps == 0).any():
+            k, count = int(np.argmax(steps == 0)) + 1, int((steps == 0).sum())
+            times = f" (the first of {count} times)" if count > 1 else ""
+            text = (
+                f"{clock.name} of {log.path.name} is the same in its lines {lines[k - 1]} and "
+                f"{lines[k]}{times}; of samples at one time the last is joined"
+            )
+            log.notes.append((log.line, text))
+        if log.separator != ",":
+            for name, column in zip(log.header, zip(*self.cells, strict=True), strict=True):
+                _check_decimals(log, name, column, lines)
+            self.cells = [list(map(with_point, cells)) for cells in self.cells]
         steps = steps[steps > 0]
         self.step = float(np.median(steps)) if len(steps) else 0.0
         self.largest_gap = float(steps.max(initial=0.0))
@@ -184,6 +188,23 @@ class _Samples:
         return [None if lost else cells for lost, cells in zip(far, rows, strict=True)]
 
 
+def _check_decimals(log: Table, name: str, cells: Sequence[str], lines: Sequence[int]) -> None:
+    """Refuse a column with decimal commas in some cells and decimal points in others."""
+    text = "".join(cells)
+    if "," in text and "." in text:
+        is_number = [np.isfinite(cell_number(with_point(cell))) for cell in cells]
+        found = [
+            next((i for i, cell in enumerate(cells) if is_number[i] and mark in cell), None)
+            for mark in ",."
+        ]
+        if None not in found:
+            comma, point = (lines[i] for i in found if i is not None)
+            raise InputError(
+                f"{log.path}: {name} has a decimal comma in line {comma} and a decimal point in "
+                f"line {point}; write all with a point"
+            )
+
+
 def _between(nearest: str, other: str) -> str:
     """Text between two samples: that of the nearest one, unless only one is a number."""
     is_number = [np.isfinite(cell_number(cell)) for cell in (nearest, other)]
@@ -202,9 +223,8 @@ def _joined(
     blank = [""] * (len(out.header) - width)
     first, last, found, lost = np.inf, -np.inf, 0, 0
     where = 0
-    decimal_commas = out.separator != ","
     while chunk := list(islice(rows, _CHUNK)):
-        array = np.array([_time(clock, cells, decimal_commas) for _, cells in chunk])
+        array = _times(clock, out, chunk)
         if np.isfinite(array).any():
             first, last = min(first, np.nanmin(array)), max(last, np.nanmax(array))
         beside = samples.at(array, how, within)

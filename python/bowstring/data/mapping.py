@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
+from bowstring.data.clock import DATES
 from bowstring.data.columns import (
     PIXELS,
     SIGMA,
@@ -64,11 +65,11 @@ def _check_unit(unit: str, si: str, where: str = "") -> None:
         raise wrong(f"{where}got {quote(unit)}, {error}") from None
 
 
-def _unit(si: str, besides: str = "") -> BeforeValidator:
+def _unit(si: str, *besides: str) -> BeforeValidator:
     def check(value: object) -> object:
         if not isinstance(value, str):
             raise wrong(f"got {quote(value)}; must be a unit")
-        if value != besides or not besides:
+        if value not in besides:
             _check_unit(value, si)
         return value
 
@@ -77,8 +78,6 @@ def _unit(si: str, besides: str = "") -> BeforeValidator:
 
 #: Spellings of an empty value in YAML.
 _NOTHING: Final = ("", "~", "null", "Null", "NULL")
-#: Unit of a time given as date and time of day.
-DATES: Final = "iso"
 
 
 def _name_or_number(value: object) -> object:
@@ -141,21 +140,54 @@ class Source(Fields):
         return -scale if self.sign in ("-1", "-") else scale
 
 
-Triple = Annotated[tuple[Source, Source, Source], Field(description="Columns of x, y and z.")]
+class Coordinate(Source):
+    """Column of a coordinate; a list of columns is read as the first one that is not blank.
+
+    Attributes
+    ----------
+    instead : tuple of str
+        Columns that are read, in this order, where the column is blank.
+    """
+
+    instead: tuple[Name, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _list(cls, value: object) -> object:
+        if isinstance(value, list | tuple) and value and not isinstance(value[0], list | dict):
+            return {"column": value[0], "instead": value[1:]}
+        return value
+
+
+Triple = Annotated[
+    tuple[Coordinate, Coordinate, Coordinate], Field(description="Columns of x, y and z.")
+]
 LengthUnit = Annotated[str, _unit("m", PIXELS)]
 
 
 class Time(Fields):
-    """Column of the time; the unit ``iso`` means dates and times in ISO 8601."""
+    """Column of the time.
+
+    Attributes
+    ----------
+    column : str
+    unit : str
+        Unit, or how dates are written: ``iso``, ``d/m/y`` or ``m/d/y`` (`bowstring.data.clock`).
+    plus : Time or None
+        Column that is added: a clock time to a date, nanoseconds to seconds.
+    """
 
     column: Name
-    unit: Annotated[str, _unit("s", DATES)]
+    unit: Annotated[str, _unit("s", *DATES)]
+    plus: Time | None = None
 
-    def layout(self, find: _Finder, field: str = "time.column") -> Column:
+    def layout(self, find: _Finder, field: str = "time") -> Column:
         """Find the column in a table, with the factor to s."""
-        dates = self.unit == DATES
-        found = find.column(field, self.column, 1.0 if dates else _scale_of(self.unit, "s"))
-        return replace(found, is_date=dates)
+        dates = self.unit if self.unit in DATES else ""
+        factor = 1.0 if dates else _scale_of(self.unit, "s")
+        found = find.column(f"{field}.column", self.column, factor)
+        plus = None if self.plus is None else self.plus.layout(find, f"{field}.plus")
+        return replace(found, dates=dates, plus=plus)
 
 
 class Join(Fields):
@@ -233,11 +265,19 @@ class Tendons(Fields):
         ]
 
 
+def _names(value: object) -> object:
+    return value if isinstance(value, list | tuple) else [value]
+
+
+#: Name of a body or marker, or a list of the names that it has one after another.
+Names = Annotated[tuple[Name, ...], BeforeValidator(_names), Field(min_length=1, max_length=1_000)]
+
+
 class Tip(Fields):
     """Columns of the measured tip, or the name of a body or marker of a Motive export."""
 
     columns: Triple | None = None
-    name: Annotated[str | None, COLUMN] = None
+    name: Names | None = None
     unit: LengthUnit | None = None
 
     @model_validator(mode="after")
@@ -252,14 +292,14 @@ class Tip(Fields):
 
     def points(self, find: _Finder) -> Sequence[Sequence[Source]]:
         """Columns of x, y and z of the tip, as a single point."""
-        return (self.columns or find.body("tip.name", self.name or ""),)
+        return (self.columns or find.body("tip.name", self.name or ()),)
 
 
 class Points(Fields):
     """Columns of measured points from base to tip; the last is the tip."""
 
     columns: tuple[Triple, ...] | None = Field(default=None, min_length=1, max_length=_MOST_POINTS)
-    names: tuple[Name, ...] | None = Field(default=None, min_length=1, max_length=_MOST_POINTS)
+    names: tuple[Names, ...] | None = Field(default=None, min_length=1, max_length=_MOST_POINTS)
     unit: LengthUnit | None = None
 
     @model_validator(mode="after")
@@ -444,7 +484,7 @@ class Mapping(Fields):
                     f"mapping: {field}: missing; tables are joined by time, give the column of the "
                     f"time in {of.path} and its unit"
                 )
-            clocks.append(time.layout(_Finder(of), f"{field}.column"))
+            clocks.append(time.layout(_Finder(of), field))
         how, within, shift = self.join.how, self.join.within, self.join.shift
         return join(table, clocks[0], log, clocks[1], how, within, shift)
 
@@ -572,21 +612,27 @@ class _Finder:
             value = float(name or 0)
             return Column(-1, name or "null", factor, source.part, constant=value)
         given = next((each for each in (source.zero, zero) if each is not None), 0.0)
-        return replace(self.column(field, name, factor), part=source.part, zero=given)
+        more = source.instead if isinstance(source, Coordinate) else ()
+        instead = tuple(self.column(field, other, factor) for other in more)
+        found = self.column(field, name, factor)
+        return replace(found, part=source.part, zero=given, instead=instead)
 
-    def body(self, field: str, name: str) -> tuple[Source, Source, Source]:
-        """Columns of a rigid body or a marker of a Motive export."""
-        x, y, z = (Source(column=f"{name} Position {axis}") for axis in "XYZ")
+    def body(self, field: str, names: Sequence[str]) -> Sequence[Coordinate]:
+        """Columns of a rigid body or a marker of a Motive export, which may change its name."""
         header = self.table.header
-        if x.column not in header:
-            mark = " Position X"
-            known = [item.removesuffix(mark) for item in header if item.endswith(mark)]
-            have = f"it has {_listed(known)}" if known else "it is no Motive export, give columns"
-            raise InputError(
-                f"{self.table.path}: there is no rigid body or marker {quote(name)}, which the "
-                f"mapping names at {field}; {did_you_mean(name, known)}{have}"
-            )
-        return x, y, z
+        for name in names:
+            if f"{name} Position X" not in header:
+                mark = " Position X"
+                known = [item.removesuffix(mark) for item in header if item.endswith(mark)]
+                have = (
+                    f"it has {_listed(known)}" if known else "it is no Motive export, give columns"
+                )
+                raise InputError(
+                    f"{self.table.path}: there is no rigid body or marker {quote(name)}, which the "
+                    f"mapping names at {field}; {did_you_mean(name, known)}{have}"
+                )
+        columns = [[f"{name} Position {axis}" for name in names] for axis in "XYZ"]
+        return [Coordinate(column=first, instead=tuple(rest)) for first, *rest in columns]
 
 
 def _listed(names: Sequence[str]) -> str:

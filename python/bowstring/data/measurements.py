@@ -22,8 +22,9 @@ from bowstring import json_files
 from bowstring._core import __version__
 from bowstring.atomic_io import has_mark, not_overwritten, write_whole_file
 from bowstring.data import channels, datasets
+from bowstring.data.clock import ISO, times
 from bowstring.data.columns import SOURCES, Column, Layout, Source, check_stations, tidy
-from bowstring.data.joining import seconds_of
+from bowstring.data.header_detection import detected
 from bowstring.data.mapping import Mapping, load_mapping
 from bowstring.data.mapping_draft import draft
 from bowstring.data.tables import (
@@ -31,6 +32,9 @@ from bowstring.data.tables import (
     Table,
     UnknownColumnsError,
     cell_number,
+    is_missing,
+    is_text,
+    not_measured,
     open_table,
     with_point,
 )
@@ -277,7 +281,7 @@ def read_measurements(
     g: float = STANDARD_GRAVITY,
     keep_below_zero: bool = False,
 ) -> Measurements:
-    """Read a table of measurements: CSV, TSV or Excel.
+    """Read a table of measurements: CSV, TSV, Excel or MATLAB.
 
     Parameters
     ----------
@@ -314,12 +318,14 @@ def read_measurements(
             table = open_table(path)
             layout = tidy(table, g)
         except UnknownColumnsError as error:
-            tendons = None if robot is None else len(robot.tendons.angle_rad)
+            tables = [error.table]
+            if error.table.length_unit is None:
+                tables = detected(error.table.path) or tables
             joint = " Or" if str(error).endswith("?") else "; or"
             raise InputError(
                 f"{error}{joint} say what the columns are in a mapping file: save these lines as "
                 "map.yaml, check them, and give --mapping map.yaml (in Python "
-                f'mapping="map.yaml"):\n\n{draft(error.table, tendons)}'
+                f'mapping="map.yaml"):\n\n{draft(tables, robot)}'
             ) from None
     else:
         if not isinstance(mapping, Mapping):
@@ -384,8 +390,9 @@ class _Reader:
         self.zero_error: dict[str, float] = {}
         self.unlisted = (0, 0)  # number of unlisted rows that were left out, and the last one
         self.unseen = 0  # rows without a tip, which are kept
-        self.comma: int | None = None  # first line with a decimal comma, then with a point
-        self.point: int | None = None
+        self.comma: tuple[int, str] | None = None  # first line and column with a decimal comma
+        self.point: tuple[int, str] | None = None  # with a decimal point
+        self.doubled = (0, 0, "")  # rows, first of them, and column with two measured values
         self.comma_is_sure = table.separator == ";"  # where commas are decimal ones
         self.labels: dict[str, int] = {}
         self.recordings: dict[str, int] = {}
@@ -452,17 +459,24 @@ class _Reader:
         self.issues += self.table.notes
         if self.comma is not None:
             if self.point is not None:
+                (comma, name), (point, other) = self.comma, self.point
                 raise InputError(
-                    f"{self.table.path}: numbers have a decimal comma in line {self.comma} and a "
-                    f"decimal point in line {self.point}; write all with a point"
+                    f"{self.table.path}: numbers have a decimal comma in line {comma} and a "
+                    f"decimal point in line {point} (columns {name} and {other}); write all with a "
+                    "point"
                 )
             if not self.comma_is_sure:
                 raise InputError(
-                    f"{self.table.path}, line {self.comma}: commas in numbers may stand before "
-                    "decimals or between thousands; write numbers with a decimal point, and no "
-                    "other"
+                    f"{self.table.path}, line {self.comma[0]}: commas in numbers may stand before "
+                    f"decimals or between thousands (column {self.comma[1]}); write numbers with a "
+                    "decimal point, and no other"
                 )
-            self.issues.append((self.comma, "numbers have a decimal comma, and are read so"))
+            self.issues.append((self.comma[0], "numbers have a decimal comma, and are read so"))
+        if self.doubled[0]:
+            count, line, name = self.doubled
+            rows = "one row has" if count == 1 else f"{count} rows (this is the first) have"
+            text = f"{rows} values in {name} and in a column that is read instead; {name} is read"
+            self.issues.append((line, text))
         self.note_repeated_rows(arrays["line"], arrays.pop("key"))
         self.note_order(arrays)
         if self.unlisted[0]:
@@ -563,22 +577,28 @@ class _Reader:
         good = np.ones(len(rows), bool)
 
         def numbers(
-            column: Column, kind: str = "", blank: bool | NDArray[np.bool_] = False
+            column: Column,
+            kind: str = "",
+            blank: bool | NDArray[np.bool_] = False,
+            read: tuple[Sequence[str], Floats] | None = None,
         ) -> Floats:
             if column.constant is not None:
                 return np.full(len(rows), column.constant * column.factor)
-            given = columns[column.index] if rows else ()
-            values = self.numbers(given, lines, column)
+            given, values = read or self.cells(column, columns, lines)
             bad = ~(np.abs(values) < _LARGEST)
             if blank is True and bad.any():
-                bad &= [bool(cell.strip()) for cell in given]
+                bad &= [not is_missing(cell) for cell in given]
             elif blank is not False:
                 bad &= ~np.asarray(blank)
             si = (values - column.zero if column.zero else values) * column.factor
+            if kind == "time":
+                si = self.times(column, columns, lines, (given, values))
+                bad = ~(np.abs(si) < _LARGEST)
             if kind in _RULES and column.part == "all":
                 bad |= ~_RULES[kind][0](si)
-            for i in np.flatnonzero(bad & good):
-                self.leave_out(lines[i], _reason(column, given[i], float(values[i]), kind))
+            for i in np.flatnonzero(bad & good).tolist():
+                value = float(si[i] if kind == "time" else values[i])
+                self.leave_out(lines[i], _reason(column, given[i], value, kind))
             good[bad] = False
             return _part(si, column)
 
@@ -593,10 +613,13 @@ class _Reader:
         else:
             points = np.empty((n, len(layout.points), 3))
             for p, point in enumerate(layout.points):
+                found = [
+                    None if c.constant is not None else self.cells(c, columns, lines) for c in point
+                ]
                 is_tip = p == len(layout.points) - 1
-                blank = self.without(point, columns, n) if is_tip else True
-                for axis, column in enumerate(point):
-                    points[:, p, axis] = numbers(column, blank=blank)
+                blank = _without([each for each in found if each], n) if is_tip else True
+                for axis, (column, read) in enumerate(zip(point, found, strict=True)):
+                    points[:, p, axis] = numbers(column, blank=blank, read=read)
         if layout.rotation is not None:
             points[~good] = 0.0
             points = points @ layout.rotation.T
@@ -735,17 +758,6 @@ class _Reader:
         """Number of a recording, from 1, in the order of first appearance."""
         return self.recordings.setdefault(cell.strip(), len(self.recordings) + 1)
 
-    def without(
-        self, tip: Sequence[Column], columns: Sequence[Sequence[str]], count: int
-    ) -> NDArray[np.bool_]:
-        """Rows (count,) without a measured tip: all three coordinates blank or NaN."""
-        out = np.ones(count, bool)
-        for column in tip:
-            if count and out.any() and column.constant is None:
-                cells = columns[column.index]
-                out &= [not (text := cell.strip()) or text.lower() == "nan" for cell in cells]
-        return out
-
     def note_unseen(self, lines: Sequence[int], unseen: NDArray[np.bool_]) -> None:
         for i in np.flatnonzero(unseen)[: max(0, _MOST_ISSUES - self.unseen)]:
             text = "no tip was measured: the row leads the path, and counts in no number"
@@ -771,26 +783,69 @@ class _Reader:
                 return False
         return True
 
+    def cells(
+        self, column: Column, columns: Sequence[Sequence[str]], lines: list[int]
+    ) -> tuple[Sequence[str], Floats]:
+        """Cells of a column, and their numbers: NaN for other text."""
+        cells = columns[column.index] if columns else ()
+        if column.instead:
+            cells = self.first_measured(column, columns, lines)
+        return cells, self.numbers(cells, lines, column)
+
+    def first_measured(
+        self, column: Column, columns: Sequence[Sequence[str]], lines: list[int]
+    ) -> Sequence[str]:
+        """First cell of each row that is not blank, of a column and those to be read instead."""
+        out = []
+        rows = zip(*(columns[each.index] for each in (column, *column.instead)), strict=True)
+        for line, cells in zip(lines, rows, strict=bool(columns)):
+            there = [cell for cell in cells if not is_missing(cell)]
+            out.append(there[0] if there else cells[0])
+            if len(there) > 1:
+                count, first, name = self.doubled
+                is_same = name == column.name
+                if not count or is_same:
+                    self.doubled = (count + 1, first or line, column.name)
+        return out
+
+    def times(
+        self,
+        column: Column,
+        columns: Sequence[Sequence[str]],
+        lines: list[int],
+        read: tuple[Sequence[str], Floats],
+    ) -> Floats:
+        """Times of a column, and of those that are added to it, in s."""
+        cells, values = read
+        found = times(column, cells, None if column.dates else values, self.table.path, lines)
+        if column.plus is None:
+            return found
+        more = self.cells(column.plus, columns, lines)
+        return found + self.times(column.plus, columns, lines, more)
+
     def numbers(self, cells: Sequence[str], lines: list[int], column: Column) -> Floats:
-        """Numbers of a column's cells, NaN for other text."""
-        if column.is_date:
-            return np.array([seconds_of(cell) for cell in cells], dtype=float)
+        """Numbers of cells, NaN for other text and for what was not measured."""
+        if column.dates:
+            return np.full(len(cells), np.nan)
         if self.table.own is not None and column.index >= self.table.own:  # joined column
             return np.array([cell_number(cell) for cell in cells], dtype=float)
         text = "".join(cells)
         if "." in text and self.point is None:
-            self.point = next(n for n, c in zip(lines, cells, strict=True) if "." in c)
+            self.point = _first(cells, lines, ".", column.name)
         if "," in text and self.table.separator != ",":
             if self.comma is None:
-                self.comma = next(n for n, c in zip(lines, cells, strict=True) if "," in c)
-            if not self.comma_is_sure:
+                self.comma = _first(cells, lines, ",", column.name)
+            if self.comma is not None and not self.comma_is_sure:
                 self.comma_is_sure = any("," in c and not _THOUSANDS.fullmatch(c) for c in cells)
             cells = list(map(with_point, cells))
         if "_" not in text and text.isascii():  # float() accepts 1_000 and digits of other scripts
             try:
-                return np.array(list(map(float, cells)), dtype=float)
+                values = np.array(list(map(float, cells)), dtype=float)
             except ValueError:
                 pass
+            else:
+                values[not_measured(values)] = np.nan
+                return values
         return np.array([cell_number(cell) for cell in cells], dtype=float)
 
     def shapes(self, cells: Sequence[str], lines: list[int], good: NDArray[np.bool_]) -> Floats:
@@ -829,15 +884,19 @@ class _Reader:
             "recording": _come_again(np.stack([path]), anew),
             "repeat": _come_again(np.stack([path, runs]), begins),
         }
-        notes = [(rows, f"{what} comes again") for what, rows in again.items()]
+        order = "rows must stand in the order in which they were measured"
+        notes = [(rows, f"{what} comes again", order) for what, rows in again.items()]
         if "time" in arrays:
-            back = np.r_[False, np.diff(arrays["time"]) < 0] & ~anew
-            notes.append((np.flatnonzero(back), "time goes back"))
-        for rows, what in notes:
+            assert self.layout.time is not None
+            steps = np.r_[1.0, np.diff(arrays["time"])]
+            name = self.layout.time.name
+            back, same = (np.flatnonzero(found & ~anew) for found in (steps < 0, steps == 0))
+            notes.append((back, f"time goes back in {name}", order))
+            notes.append((same, f"{name} is the same as in the row before", "both are kept"))
+        for rows, what, then in notes:
             if len(rows):
                 times = f" (the first of {len(rows)} times)" if len(rows) > 1 else ""
-                text = f"{what}{times}: rows must stand in the order in which they were measured"
-                self.issues.append((int(lines[rows[0]]), text))
+                self.issues.append((int(lines[rows[0]]), f"{what}{times}: {then}"))
 
     def note_repeated_rows(self, lines: Ints, keys: Ints) -> None:
         _, first, place = np.unique(keys, return_index=True, return_inverse=True)
@@ -849,6 +908,25 @@ class _Reader:
         if len(again) > _MOST_ISSUES:
             text = f"{len(again) - _MOST_ISSUES} more rows repeat earlier ones; they are kept"
             self.issues.append((int(lines[again[-1]]), text))
+
+
+def _first(
+    cells: Sequence[str], lines: Sequence[int], mark: str, name: str
+) -> tuple[int, str] | None:
+    """Line of the first number with a decimal mark, and the name of its column."""
+    found = zip(lines, cells, strict=True)
+    line = next((n for n, c in found if mark in c and not is_text(c)), None)
+    return None if line is None else (line, name)
+
+
+def _without(tip: Sequence[tuple[Sequence[str], Floats]], count: int) -> NDArray[np.bool_]:
+    """Rows (count,) without a measured tip: all coordinates blank, NaN or not measured."""
+    out = np.ones(count, bool)
+    for _, values in tip:
+        out &= np.isnan(values)
+    for i in np.flatnonzero(out).tolist():
+        out[i] = all(is_missing(cells[i]) for cells, _ in tip)
+    return out
 
 
 def _come_again(labels: Ints, begins: NDArray[np.bool_]) -> Ints:
@@ -882,6 +960,12 @@ def _same(cell: str, wanted: str) -> bool:
 def _reason(column: Column, cell: str, value: float, kind: str) -> str:
     if not cell.strip():
         return f"{column.name} is empty"
+    if kind == "time" and not np.isfinite(value):
+        plus = f", and {column.plus.name} is added" if column.plus else ""
+        order = f" in the order {column.dates}" if column.dates not in ("", ISO) else ""
+        return f"{column.name} is {quote(cell)}{plus}, which is no time{order}"
+    if not np.isfinite(value) and is_missing(cell) and cell.strip()[-1].isdigit():
+        return f"{column.name} is {quote(cell)}, which says that nothing was measured"
     if not np.isfinite(value):
         text = f"{column.name} is {quote(cell)}, which is not a finite number"
         if _DECIMAL_COMMA.fullmatch(cell):

@@ -101,14 +101,12 @@ def read_header(path: Path, rows: Iterator[tuple[int, list[str]]]) -> Export:
 def _columns(axes: list[str], lines: list[list[str]]) -> list[str]:
     """Unique column names: name, quantity and axis; with the type if they are not unique."""
     width = len(axes)
-    labelled = {}
-    what = [""] * width
-    for cells in lines:
-        padded = [cell.strip() for cell in cells] + [""] * (width - len(cells))
-        if (label := padded[1]) in _LABELS:
-            labelled[label] = padded
-        else:
-            what = padded  # the line above the axes has no label
+    padded = [[cell.strip() for cell in cells] + [""] * (width - len(cells)) for cells in lines]
+    labelled = {cells[1]: cells for cells in padded if cells[1] in _LABELS}
+    if not labelled:  # before version 1.24 the lines may stand without their labels
+        labelled = dict(zip(_LABELS, padded[:-1], strict=False))
+    # the line above the axes has no label
+    what = next((cells for cells in padded[::-1] if cells[1] not in _LABELS), [""] * width)
     names = labelled.get("Name", [""] * width)
     types = labelled.get("Type", [""] * width)
     out: list[str] = []

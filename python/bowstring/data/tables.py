@@ -1,4 +1,4 @@
-"""Read tables of cells with line numbers from CSV, TSV and Excel.
+"""Read tables of cells with line numbers from CSV, TSV, Excel and MATLAB files.
 
 The format is detected from the content, not from the name.
 """
@@ -14,27 +14,39 @@ import warnings
 import zipfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import chain, islice
+from itertools import chain, islice, takewhile, zip_longest
 from pathlib import Path
-from typing import IO, Annotated, Final, Literal
+from typing import IO, Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from bowstring.atomic_io import readable
-from bowstring.data import motive
+from bowstring.data import matlab, motive
 from bowstring.errors import InputError
 from bowstring.optional import load_extra
-from bowstring.units import NUMBER, Text, quote
+from bowstring.units import NUMBER, Text, quote, wrong
 
 __all__ = [
     "COLUMN",
+    "MARKS",
     "Form",
     "Name",
     "Row",
     "Table",
     "UnknownColumnsError",
     "cell_number",
+    "default_separator",
+    "is_blank",
+    "is_missing",
+    "is_name",
+    "is_text",
+    "joined_names",
+    "lines_of_table",
+    "not_measured",
     "open_table",
+    "title_of",
     "with_point",
 ]
 
@@ -50,8 +62,12 @@ _MOST_PARTS: Final = 5_000
 _LAST_SHEET_ROW: Final = 1_048_576  # last row of a sheet in Excel
 _LONGEST_SHEET_ROW: Final = 5_000_000  # bytes of XML; a row is kept in memory as a whole
 _CHUNK: Final = 20_000  # cells
+_MOST_LINES: Final = 1_000  # rows of a sheet in which its table begins
+_ZIP: Final = b"PK\x03\x04"  # a workbook begins with it
+_BLANK: Final = ' \t,;"\r\n'  # characters of a line without cells
 
-_MARKS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": " "}
+#: Separators and their names.
+MARKS: Final = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blanks"}
 
 Row = tuple[int, list[str]]
 COLUMN: Final = Text(200, "tip_x")
@@ -68,10 +84,18 @@ class Form(BaseModel):
     skip_below : int
         Rows between the header and the numbers, such as a row of units.
     header : {"first", "none"}
+    header_rows : int
+        Rows of the header. The name of a column joins its cells, ``tip X``; a blank cell above
+        others takes the text to its left.
     names : tuple of str
         Names of the columns, instead of the header; without both they are ``column_1`` and so on.
     separator : str or None
         Name of the separator of cells; None to detect it.
+    last : int or None
+        Last line (row of a sheet) that is read, from 1.
+    block : str or None
+        Title of one of several tables in the file, a line of its own. The table ends at the next
+        blank line; `skip` counts from the title.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -81,15 +105,49 @@ class Form(BaseModel):
     header: Literal["first", "none"] = "first"
     names: tuple[Name, ...] = ()
     separator: Literal["comma", "semicolon", "tab", "blanks"] | None = None
+    header_rows: Annotated[int, Field(ge=1, le=5)] = 1
+    last: Annotated[int, Field(ge=1)] | None = None
+    block: Name | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Form:
+        if self.last is not None and self.block is not None:
+            raise wrong("block and last: write one of them; a block ends at a blank line")
+        if self.last is not None and self.last <= self.skip:
+            raise wrong(f"last: got {self.last}; must be a line below the {self.skip} of skip")
+        return self
+
+
+#: Value that trackers of NDI write for what they did not measure.
+_NOT_MEASURED: Final = -3.697314e28
+_NOT_MEASURED_TEXT: Final = re.compile(r"-3[.,]69731[0-9]+[eE]\+?0?28")
+_MISSING: Final = ("", "nan", "null", "na", "n/a", "#n/a", "none")
+
+
+def not_measured(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether numbers are an instrument's value for what it did not measure."""
+    return np.abs(values - _NOT_MEASURED) < 1e-6 * abs(_NOT_MEASURED)
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell is blank, or says that nothing was measured."""
+    text = cell.strip()
+    return text.lower() in _MISSING or _NOT_MEASURED_TEXT.fullmatch(text) is not None
 
 
 def cell_number(cell: str) -> float:
-    """Number of a cell; NaN for other text, also for digits that are not ASCII."""
+    """Number of a cell; NaN for other text, what was not measured and digits that are not ASCII."""
     cell = cell.strip()
     try:
-        return float(cell) if cell.isascii() and "_" not in cell else math.nan
+        value = float(cell) if cell.isascii() and "_" not in cell else math.nan
     except ValueError:
         return math.nan
+    return math.nan if value < -1e28 and _NOT_MEASURED_TEXT.fullmatch(cell) else value
+
+
+def is_text(cell: str) -> bool:
+    """Whether a cell is no number, also not one with a decimal comma."""
+    return math.isnan(cell_number(with_point(cell)))
 
 
 def with_point(cell: str) -> str:
@@ -135,6 +193,10 @@ class Table:
         Unit of all coordinates, if the file states it.
     own : int or None
         Number of columns of the file itself; the others were joined. None: all.
+    rate : float or None
+        Rows per second, if the file states it and its header was detected.
+    below : list of list of str
+        Cells of the rows that are skipped between the header and the numbers.
     """
 
     path: Path
@@ -148,6 +210,8 @@ class Table:
     form: Form = field(default_factory=Form)
     length_unit: str | None = None
     own: int | None = None
+    rate: float | None = None
+    below: list[list[str]] = field(default_factory=list)
 
     def chunks(self) -> Iterator[list[Row]]:
         """Yield chunks of rows, once: line and cells, without blank lines and comments."""
@@ -171,7 +235,8 @@ def open_table(path: str | Path, form: Form | None = None) -> Table:
     ----------
     path : str or Path
         Text in UTF-8 (or UTF-16 with a byte order mark) with commas, semicolons or tabs between
-        cells, or an Excel workbook (.xlsx), of which the first sheet is read. Blank lines and lines
+        cells, an Excel workbook (.xlsx), of which the first sheet is read, or a MATLAB file (.mat
+        up to version 7), whose variables are columns and lines are rows. Blank lines and lines
         that begin with # are skipped. A CSV export of OptiTrack's Motive is recognised by its first
         line.
     form : Form, optional
@@ -185,15 +250,17 @@ def open_table(path: str | Path, form: Form | None = None) -> Table:
     ------
     InputError
         If the table cannot be read; the message has advice. `UnknownColumnsError` if there are
-        numbers in place of a header, or blanks between its names.
+        numbers in place of a header, blanks between its names, or a name twice.
     """
     path, form = Path(path), form or Form()
     data = _bytes(path)
     sha256 = hashlib.sha256(data).hexdigest()
     if not data.strip():
         raise InputError(f"{path}: the table is empty")
-    if data.startswith(b"PK\x03\x04"):
+    if data.startswith(_ZIP):
         return _workbook(path, data, sha256, form)
+    if matlab.is_matlab(data):
+        return _matlab(path, data, sha256, form)
     if data.startswith(b"\xd0\xcf\x11\xe0"):
         raise InputError(
             f"{path}: this is a workbook of the old Excel format (or a locked one); save it as "
@@ -223,6 +290,27 @@ def _bytes(path: Path) -> bytes:
     return data
 
 
+def lines_of_table(path: Path) -> tuple[list[str], bool]:
+    """Lines of a text file, or the first rows of a workbook with tabs between cells.
+
+    Returns
+    -------
+    list of str
+    bool
+        Whether the file is a workbook.
+    """
+    data = _bytes(path)
+    if not data.startswith(_ZIP):
+        return re.split(r"\r\n|\n|\r", data.decode(_encoding(path, data))), False
+    rows = _values(path, _sheets(path, data)[0], 1, _MOST_COLUMNS)
+    lines = ("\t".join(map(_without_mark, cells)) for _, cells in islice(rows, _MOST_LINES))
+    return [line.rstrip("\t") for line in lines], True
+
+
+def _without_mark(cell: str) -> str:
+    return " ".join(cell.split())
+
+
 def _short(error: Exception) -> str:
     """Shorten the message of a library to one line; it may quote a whole cell."""
     return " ".join(str(error).split())[:200]
@@ -234,9 +322,10 @@ def _short(error: Exception) -> str:
 def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
     encoding = _encoding(path, data)
     file = io.TextIOWrapper(io.BytesIO(data), encoding=encoding, newline="")
+    start, lines = _part(path, file, form)
     about: dict[str, str] = {}
     number, first = 0, ""
-    for number, first in enumerate(file, 1):
+    for number, first in enumerate(lines, 1):
         if number > form.skip and first.strip() and not _is_comment(first):
             break
         if number > form.skip:
@@ -247,8 +336,9 @@ def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
         )  # fmt: skip
         raise InputError(f"{path}: {what}")
     if motive.is_export(first) and form == Form():
-        return _motive(path, file, first, number, sha256)
-    separator = _MARKS[form.separator] if form.separator else _separator(first)
+        return _motive(path, lines, first, number, sha256)
+    named = (mark for mark, name in MARKS.items() if name == form.separator)
+    separator = next(named, "") or default_separator(first)
     words = first.split()
     if separator not in first and len(words) > 3:
         has_header = not all(re.fullmatch(NUMBER, word) for word in words)
@@ -260,13 +350,48 @@ def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
             "commas, semicolons or tabs",
             Table(path, sha256, words, number, about, " ", form=blanks),
         )
-    lines = chain([first], file)
+    number += start
+    lines = chain([first], lines)
     split = enumerate(map(str.split, lines), 1) if separator == " " else _split(lines, separator)
     rows = _text_rows(path, split, number - 1)
     return _named(Table(path, sha256, [], number, about, separator, [], rows, form))
 
 
-def _separator(line: str) -> str:
+def _part(path: Path, file: Iterator[str], form: Form) -> tuple[int, Iterator[str]]:
+    """Number of lines above the part of a file that a form names, and its lines."""
+    if form.last is not None:
+        return 0, islice(file, form.last)
+    if form.block is None:
+        return 0, file
+    titles, before = [], ""
+    for number, line in enumerate(file, 1):
+        if title := title_of(line):
+            if title == form.block:
+                return number, takewhile(lambda line: not is_blank(line), file)
+            if is_blank(before):
+                titles.append(title)
+        before = line
+    have = f"the file has {', '.join(map(quote, titles[:12]))}" if titles else "it has none"
+    raise InputError(f"{path}: there is no block {quote(form.block)}; {have}")
+
+
+def title_of(line: str) -> str:
+    """Text of a line that has one cell only; empty for other lines."""
+    text = line.strip(_BLANK)
+    return "" if re.search(r"[\t;,]", text) else text
+
+
+def is_name(text: str) -> bool:
+    """Whether a mapping can name a column or a block so."""
+    return 0 < len(text) <= COLUMN.most and text.isprintable()
+
+
+def is_blank(line: str) -> bool:
+    """Whether a line has no cell that is not blank."""
+    return not line.strip(_BLANK)
+
+
+def default_separator(line: str) -> str:
     """Detect the separator of a line: the most frequent mark, in numbers the strongest one."""
     marks = "\t;,"
     found = max(marks, key=lambda mark: line.count(mark))  # the first one of equal counts
@@ -289,7 +414,10 @@ def _named(table: Table) -> Table:
     except StopIteration:
         raise InputError(f"{table.path}: the table is empty") from None
     below: Iterable[Row] = ()
-    while first and not first[-1].strip():
+    for line, cells in islice(table.rows, form.header_rows - 1):
+        table.line, first = line, joined_names(first, cells)
+    own = form.names if form.header == "none" else ()
+    while len(first) > len(own) and not first[-1].strip():
         first.pop()
     if form.header == "first":
         table.header = [name.strip() for name in first]
@@ -303,9 +431,19 @@ def _named(table: Table) -> Table:
                 f"here there are {len(table.header)}"
             )
         table.header = list(form.names)
-    table.rows = islice(chain(below, table.rows), form.skip_below, None)
+    table.rows = chain(below, table.rows)
+    table.below = [cells for _, cells in islice(table.rows, form.skip_below)]
     _check_header(table)
     return table
+
+
+def joined_names(above: list[str], below: list[str]) -> list[str]:
+    """Names from two rows of a header; a blank cell of the upper one takes the text to its left."""
+    out, last = [], ""
+    for upper, lower in zip_longest(above, below, fillvalue=""):
+        last = upper.strip() or (last if lower.strip() else "")
+        out.append(f"{last} {lower.strip()}".strip())
+    return out
 
 
 def _motive(path: Path, file: Iterator[str], first: str, line: int, sha256: str) -> Table:
@@ -314,6 +452,19 @@ def _motive(path: Path, file: Iterator[str], first: str, line: int, sha256: str)
     about = {"name": export.take} if export.take else {}
     table = Table(path, sha256, export.columns, export.line, about, ",", [], rows)
     table.length_unit = export.unit
+    _check_header(table)
+    return table
+
+
+def _matlab(path: Path, data: bytes, sha256: str, form: Form) -> Table:
+    if form.model_copy(update={"block": None}) != Form():
+        raise InputError(f"{path}: of the fields of table, a MATLAB file has block alone")
+    columns, left = matlab.read_columns(path, data, form.block)
+    rows = ((i, list(cells)) for i, cells in enumerate(zip(*columns.values(), strict=True), 1))
+    table = Table(path, sha256, list(columns), 1, {}, ",", [], rows, form)
+    if left:
+        names = ", ".join(map(quote, left[:12]))
+        table.notes.append((1, f"variables with another number of rows are not read: {names}"))
     _check_header(table)
     return table
 
@@ -383,14 +534,15 @@ def _check_header(table: Table) -> None:
     seen: set[str] = set()
     for name in header:
         if name and name in seen:
-            raise InputError(f"{here}: the column {quote(name)} is there twice")
+            raise UnknownColumnsError(f"{here}: the column {quote(name)} is there twice", table)
         seen.add(name)
 
 
 # -- spreadsheets ------------------------------------------------------------------------------
 
 
-def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
+def _sheets(path: Path, data: bytes) -> list[Any]:
+    """Sheets of a workbook with its tables first, then those named "source"."""
     openpyxl = load_extra("excel")
     _check_parts(path, data)
 
@@ -398,23 +550,36 @@ def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about styles and the like
             book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
-        sheets = [sheet for sheet in book.worksheets if sheet.title.lower() != "source"]
+        sheets = sorted(book.worksheets, key=lambda sheet: sheet.title.lower() == "source")
     except Exception as error:  # openpyxl raises many kinds of exception on other files
         raise InputError(
             f"{path}: this is no Excel workbook that can be read: {_short(error)}"
         ) from None
-    if not sheets:
+    if not sheets or sheets[0].title.lower() == "source":
         raise InputError(f"{path}: the workbook has no sheet with a table")
-    sheet = sheets[0]
+    for sheet in sheets:
+        sheet.reset_dimensions()  # a file may state wrong ones
+    return sheets
+
+
+def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
+    if form.block is not None:
+        raise InputError(f"{path}: block is for text files; give skip and last, rows of the sheet")
+    sheets = _sheets(path, data)
     about: dict[str, str] = {}
-    for other in book.worksheets:
-        if other.title.lower() == "source":
-            other.reset_dimensions()
-            cell = next(iter(other.iter_rows(max_row=1, max_col=1, values_only=True)), (None,))
-            about["source"] = _cell(cell[0] if cell else None).strip()
-    sheet.reset_dimensions()  # a file may state wrong ones
+    while sheets[-1].title.lower() == "source":
+        other = sheets.pop()
+        cell = next(iter(other.iter_rows(max_row=1, max_col=1, values_only=True)), (None,))
+        about["source"] = _cell(cell[0] if cell else None).strip()
+    sheet = sheets[0]
     line, first = _sheet_header(path, sheet, about, form.skip)
-    rows = chain([(line, first)], _sheet_rows(path, sheet, line, len(first)))
+    if form.header_rows > 1:  # the first row may be the shorter one
+        head = islice(_values(path, sheet, line, _MOST_COLUMNS + 1), form.header_rows)
+        width = max(len("\0".join(cells).rstrip("\0").split("\0")) for _, cells in head)
+        first += [""] * (width - len(first))
+    below = _sheet_rows(path, sheet, line, len(first))
+    last = form.last or _LAST_SHEET_ROW
+    rows = takewhile(lambda row: row[0] <= last, chain([(line, first)], below))
     table = _named(Table(path, sha256, [], line, about, "", [], rows, form))
     if len(sheets) > 1:
         names = ", ".join(quote(other.title) for other in sheets[1:11])
@@ -490,7 +655,7 @@ def _sheet_header(
     path: Path, sheet: object, about: dict[str, str], skip: int
 ) -> tuple[int, list[str]]:
     rows = _values(path, sheet, 1 + skip, _MOST_COLUMNS + 1)
-    for line, cells in islice(rows, 1000):
+    for line, cells in islice(rows, _MOST_LINES):
         if not any(cells):
             continue
         if not cells[0].startswith("#"):
@@ -498,7 +663,7 @@ def _sheet_header(
                 cells.pop()
             return line, cells
         _remember(cells[0], about)
-    raise InputError(f"{path}: the first sheet has no header in its first 1000 rows")
+    raise InputError(f"{path}: the first sheet has no header in its first {_MOST_LINES} rows")
 
 
 def _sheet_rows(path: Path, sheet: object, header: int, width: int) -> Iterator[Row]:
