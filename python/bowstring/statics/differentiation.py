@@ -241,7 +241,7 @@ class Differentiator:
         robot = self.robot
         return (
             float(robot.bending_stiffness.min()) / robot.length,
-            float(robot.tendons.pitch_radius_m.mean()),
+            float(robot.tendons.arm_m.mean()),
             float(robot.disks.mass_kg.sum() + robot.carried_kg.sum()),
         )
 

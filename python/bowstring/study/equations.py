@@ -379,7 +379,7 @@ def _forces(study: Study, segment: FirstSegment) -> list[Equation]:
     moment = float(np.linalg.norm(both))
     force, stiffness = float(tensions.sum()), float(robot.bending_stiffness[0])
     length, dot = float(robot.segments[0].length), _DOT
-    if moment < 1e-9 * force * float(robot.tendons.pitch_radius_m.max()):
+    if moment < 1e-9 * force * float(robot.tendons.arm_m.max()):
         return []  # the tensions balance each other
     if not robot.bends_alike:  # the stiffness in the direction of this moment
         bend = robot.bend_by_moment[0] @ both

@@ -143,7 +143,7 @@ def linear_bend(robot: Robot, shares: Floats) -> Floats:
         passing = robot.tendons.segment >= k
         holes = robot.tendons.mean_hole_m[k, passing] - robot.tension_centre_m[k]
         moment = shares[passing] @ holes
-        size = float(np.abs(shares[passing]) @ robot.tendons.pitch_radius_m[passing])
+        size = float(np.abs(shares[passing]) @ robot.tendons.arm_m[passing])
         if np.linalg.norm(moment) > 1e-9 * size:  # otherwise the tendons balance each other
             out[k] = robot.bend_by_moment[k] @ moment
     return out
