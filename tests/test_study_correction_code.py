@@ -27,6 +27,7 @@ ROBOTS = {
     },
     "rao2021": {},
     "crl-ftdcr-v4": {},
+    "opposite pair": {"segments.0.tendons": {"count": 2, "pitch_radius": "29 mm"}},
 }
 
 
@@ -90,5 +91,8 @@ def test_robots_without_a_closed_form() -> None:
     bent = bs.load_robot("amouri2019", {"segments.0.backbone.rest_bend": "20 deg"})
     with pytest.raises(InputError, match=r"no correction in closed form: .* is bent without load"):
         check_correction(bent, "c")
+    single = bs.load_robot("amouri2019", {"segments.0.tendons.count": 1})
+    with pytest.raises(InputError, match="too few tendons to determine its length and bend"):
+        check_correction(single, "python")
     with pytest.raises(InputError, match="correction is 'fortran'"):
         check_correction(bs.load_robot("amouri2019"), "fortran")

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.formatting import in_mm, significant
 from bowstring.robot.model import Robot
@@ -21,7 +20,7 @@ from bowstring.validation import choice
 if TYPE_CHECKING:
     from bowstring.study.study import Study
 
-__all__ = ["FILES", "Language", "check_correction", "correction_code"]
+__all__ = ["FILES", "Language", "check_correction", "correction_code", "without_code"]
 
 Floats = NDArray[np.float64]
 Language = Literal["python", "c", "matlab"]
@@ -60,19 +59,30 @@ def check_correction(robot: Robot, language: str) -> None:
     InputError
     """
     choice("correction", language, tuple(FILES))
-    why = ""
-    if robot.rest_curvature.any():
-        why = "is bent without load"
-    elif not robot.bends_alike or robot.tension_centre_m.any():
-        why = "does not bend alike about all axes"
-    elif min(np.bincount(robot.tendons.segment, minlength=len(robot.segments))) < 3:
-        why = "has a segment with fewer than three tendons"
-    if why:
+    if why := without_code(robot):
         raise InputError(
             f"there is no correction in closed form: the backbone of {robot.name} {why}"
         )
-    lengths = np.cumsum([s.length for s in robot.segments])[robot.tendons.segment]
-    RobotArcs.from_lengths(robot, lengths, "chord")  # refuses tendons in one plane
+
+
+def without_code(robot: Robot) -> str:
+    """What the backbone of a robot does that has no closed form; empty if it has one."""
+    if robot.rest_curvature.any():
+        return "is bent without load"
+    if not robot.bends_alike or robot.tension_centre_m.any():
+        return "does not bend alike about all axes"
+    if not all(_gives_length(robot, k) for k in range(len(robot.segments))):
+        return "has a segment with too few tendons to determine its length and bend"
+    return ""
+
+
+def _gives_length(robot: Robot, segment: int) -> bool:
+    """Whether the lengths of a segment's own tendons give the length of its arc."""
+    holes = robot.tendons.mean_hole_m[segment, robot.tendons.segment == segment]
+    size = np.abs(holes).max(initial=1e-300)
+    scaled = np.column_stack([np.ones(len(holes)), holes / size])
+    ranks = [np.linalg.matrix_rank(each, tol=1e-6) for each in (scaled, scaled[:, 1:])]
+    return bool(ranks[0] > ranks[1])
 
 
 def correction_code(study: Study, language: Language) -> str:
