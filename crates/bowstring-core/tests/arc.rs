@@ -67,7 +67,7 @@ fn invalid_input_gives_one_sentence() {
         Arc::from_curvature(f64::NAN, 0.0, 1.0).map(|_| ()),
         Arc::through([0.0, 0.0, -1.0]).map(|_| ()),
         Arc::nearest([0.0, 0.0, 1.0], 0.0).map(|_| ()),
-        TendonFit::new(&holes(2), false).map(|_| ()),
+        TendonFit::new(&holes(1), false).map(|_| ()),
         TendonFit::new(&[[0.0, 0.0]; 3], true).map(|_| ()),
         TendonFit::new(&[[1.0, 0.0]; 3], false).map(|_| ()),
         linear_law(&[1.0], &holes(3), 1.0, 1.0).map(|_| ()),

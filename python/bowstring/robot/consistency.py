@@ -46,9 +46,6 @@ def problems(parts: tuple[Segment, ...]) -> Iterator[str]:
             f"be at most {MAX_HOLES}"
         )
         return
-    if tendons == 0:
-        yield "segments[0].tendons: got an empty list; a robot needs at least one tendon"
-        return
     if len({s.tendons_in for s in parts}) > 1:
         k = next(k for k, s in enumerate(parts) if s.tendons_in != parts[0].tendons_in)
         yield (

@@ -75,6 +75,8 @@ def outside_bore(holes: ArrayLike, bore: ArrayLike) -> Floats:
     Of many robots, the first one decides which are. Arguments are those of `drilled_disk`.
     """
     rows = np.asarray(holes, dtype=float)
+    if rows.size == 0:
+        return rows
     first = rows.reshape(-1, *rows.shape[-2:])[0]
     return rows[..., 2.0 * np.hypot(*first.T) > np.asarray(bore).flat[0], :]
 
