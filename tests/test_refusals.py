@@ -136,7 +136,6 @@ RELAXES = of("backbone", relaxation=0.3, second_relaxation=0.2)
             {"segments.0.tendons": CROSSING} | of("disks", hole_diameter="3 mm", count=40),
             "they would meet each other",
         ),
-        ({"segments.0.tendons": []}, "a robot needs at least one tendon"),
         (of("disks", hole_length="-1 mm"), "hole_length"),
         (of("disks", hole_length="72 mm"), "leave no tendon free in the 71.22"),
         # payloads

@@ -210,7 +210,7 @@ def load_advice(robot: RobotArrays, tensions: ArrayLike, tip_force: ArrayLike = 
         by the linear law; empty if both are plausible.
     """
     weight = _weight(robot)
-    for k in range(int(robot.tendons.segment.max()) + 1):
+    for k in range(int(robot.tendons.segment.max(initial=-1)) + 1):
         young = robot.segments[k].backbone.E
         if young is None or 1000 * young > _MAX_E:
             continue  # no wrong unit

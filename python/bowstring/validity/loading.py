@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import listed, round_down, significant
-from bowstring.robot.model import Robot, without_laws
+from bowstring.robot.model import Robot, check_tendons, without_laws
 from bowstring.statics import rod
 from bowstring.statics.model import RodModel
 from bowstring.validation import is_whole, number, shown, whole
@@ -77,6 +77,7 @@ class Loading:
 
     def shares(self, robot: Robot) -> tuple[float, ...]:
         """Share of the sweep's tension in each tendon of a robot."""
+        check_tendons(robot, "a sweep of tensions")
         count = len(robot.tendons.segment)
         out = [0.0] * count
         if self.tendon is None:
