@@ -1,4 +1,4 @@
-"""Segments without tendons."""
+"""Segments and robots without tendons."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
+from bowstring.dynamics import modes
 from bowstring.errors import InputError
+from bowstring.robot.plausibility import load_advice
+from shell import Shell
 
 TWO = """
 name: with_tail
@@ -66,3 +71,74 @@ def test_arcs_of_inner_segments_without_tendons_are_refused(tmp_path: Path) -> N
         RobotArcs.from_lengths(robot, found.tendon_lengths)
     arcs = RobotArcs.from_tensions(robot, [3.0, 0.0, 0.0])
     assert (np.asarray(arcs.theta) > 0).all()
+
+
+# -- bare rods -----------------------------------------------------------------------------------
+
+ROD = """
+segments:
+  - length: 150 mm
+    backbone: {diameter: 1 mm, E: 60 GPa, nu: 0.3, density: 6000 kg/m^3}
+    disks: {count: 12, mass: 0 g, radius: 4 mm, thickness: 0 mm}
+    tendons: []
+"""
+STIFFNESS = 60e9 * math.pi / 64 * 0.001**4
+MASS = 6000 * math.pi / 4 * 0.001**2
+
+
+def test_a_bare_rod_is_the_elastica(tmp_path: Path) -> None:
+    """A dead force across the tip, by shooting: EI theta'' = -F cos(theta)."""
+    force = 0.8
+
+    def shot(curvature: float) -> np.ndarray:
+        def rate(_: float, y: np.ndarray) -> list[float]:
+            angle = y[0]
+            bend = -force * math.cos(angle) / STIFFNESS
+            return [y[1], bend, math.sin(angle), math.cos(angle)]
+
+        start = [0.0, curvature, 0.0, 0.0]
+        return solve_ivp(rate, (0.0, 0.15), start, rtol=1e-11, atol=1e-13).y[:, -1]
+
+    _, _, x, z = shot(brentq(lambda k: shot(k)[1], 0.0, 0.15 * force / STIFFNESS, xtol=1e-12))
+    robot = from_text(tmp_path / "rod.yaml", ROD)
+    model = bs.RodModel("kirchhoff", elements=8)
+    found = bs.solve(robot, [], load=bs.Load(tip_force=[force, 0.0, 0.0]), model=model)
+    np.testing.assert_allclose(found.raise_for_status().tip.position, [x, 0.0, z], atol=1e-8)
+    assert x > 0.05
+    assert found.stable and found.tensions.size == 0
+
+
+def test_a_bare_rod_released_swings_with_its_first_frequency(tmp_path: Path) -> None:
+    robot = from_text(tmp_path / "rod.yaml", ROD)
+    root = 1.875104068711961  # of cos(x) cosh(x) = -1
+    frequency = root**2 / (2 * math.pi) * math.sqrt(STIFFNESS / (MASS * 0.15**4))
+    first = modes(robot, [], model=bs.RodModel("kirchhoff")).frequency_hz[0]
+    assert first == pytest.approx(frequency, rel=2e-3)
+    held = bs.Start(load=bs.Load(tensions=[], tip_force=[1e-3, 0.0, 0.0]))
+    run = bs.simulate(robot, [], 0.5 / frequency, start=held)
+    x = run.tip_position[:, 0]
+    assert x[0] == pytest.approx(1e-3 * 0.15**3 / (3 * STIFFNESS), rel=1e-3)
+    assert x[-1] == pytest.approx(-x[0], rel=0.06)  # higher modes have 3 % of the deflection
+
+
+def test_what_needs_tendons_refuses_a_bare_rod(tmp_path: Path, shell: Shell) -> None:
+    path = tmp_path / "rod.yaml"
+    robot = from_text(path, ROD)
+    file = str(path)
+    for command in (
+        ("study", file),
+        ("ik", file, "--tip", "10 mm,0,140 mm", "--model", "cc"),
+        ("ik", file, "--tip", "10 mm,0,140 mm"),
+        ("control", file),
+        ("reach", file),
+        ("reach", file, "--errors"),
+        ("map", file, "--over", "E=50:70 GPa:3"),
+    ):
+        code, out, err = shell(*command)
+        assert code == 2 and not out
+        assert "needs tendons, and rod has none; solve, simulate and modes take" in err
+    code, out, _ = shell("solve", file, "--tip-force", "0.1,0,0")
+    assert code == 0 and "tension" not in out
+    assert shell.json("simulate", file, "--rise", "0", "--hold", "0.02")["status"] == "converged"
+    np.testing.assert_array_equal(RobotArcs.from_tensions(robot, np.zeros((3, 0))).theta, 0.0)
+    assert load_advice(robot, []) == ""

@@ -743,7 +743,14 @@ def test_outer_tendons_bend_inner_segments():
 
 SQUARE = [0.0, np.pi / 2, np.pi, -np.pi / 2]
 BAD = {
-    "three tendons": lambda: Arc.from_lengths([0.6, 0.6], Routing(ANGLES[:2], RADIUS)),
+    "only if the length of the arc is given": lambda: Arc.from_lengths(
+        [0.6, 0.6], Routing(ANGLES[:2], RADIUS)
+    ),
+    "if the length": lambda: Arc.from_lengths([0.6], Routing([1.0], RADIUS)),
+    "of the arc is given": lambda: Arc.from_lengths(
+        [0.6] * 3, Routing.from_holes([[0.01, 0.02], [0.0, 0.02], [-0.02, 0.02]])
+    ),
+    "needs a tendon": lambda: Arc.from_lengths([], Routing([], RADIUS), 0.6),
     "tendon 1 must be positive": lambda: Arc.from_lengths([0.6, -0.1, 0.6], ROUTING),
     "tendon 0 must be positive": lambda: Arc.from_lengths([0.0, 0.6, 0.6], ROUTING),
     "row 2: the length of tendon 2": lambda: Arc.from_lengths(
@@ -752,14 +759,10 @@ BAD = {
     "positive and finite, got inf": lambda: Arc.from_lengths([np.inf] * 3, ROUTING),
     "full turn": lambda: Arc.from_lengths([0.3, 0.6, 0.6], ROUTING),
     "inside the pitch radius": lambda: Arc.from_lengths([0.001, 0.001, 0.1], ROUTING),
-    "in one plane": lambda: Arc.from_lengths([0.6] * 3, Routing([0, np.pi, 0], RADIUS)),
-    "all lie in one plane": lambda: Arc.from_lengths(
-        [0.6] * 4, Routing([1, 1 + np.pi] * 2, RADIUS), 0.6
-    ),
     "misfit of the tendon lengths must be finite": lambda: Arc.from_lengths(
         [1e300, 1, 1, 1], Routing(SQUARE, RADIUS)
     ),
-    "lie in one plane": lambda: Arc.from_lengths([0.6] * 3, Routing(ANGLES, 0.0)),
+    "run on its axis": lambda: Arc.from_lengths([0.6] * 3, Routing(ANGLES, 0.0)),
     "3 values along": lambda: Arc.from_lengths([0.6] * 4, ROUTING),
     "array of numbers": lambda: Arc.from_lengths(["a", 1, 2], ROUTING),
     "not negative, got": lambda: Arc.from_lengths([0.6] * 3, Routing(ANGLES, -RADIUS)),

@@ -37,6 +37,7 @@ def of(part: str, **values: Any) -> dict[str, Any]:
 # -- the robot file ----------------------------------------------------------------------------
 
 MATERIAL = {"E": 1e9, "nu": 0.3, "density": 0.0}
+STRIP = {"width": "8 mm", "height": "2 mm", **MATERIAL}
 CONE = of("backbone", diameter="6 mm", end_diameter="3.5 mm")
 
 
@@ -100,13 +101,41 @@ RELAXES = of("backbone", relaxation=0.3, second_relaxation=0.2)
             "got 33 mm, a hole outside its disk",
         ),
         (ring(end_pitch_radius="2 mm"), "got 2 mm, a hole inside its backbone"),
+        (
+            ring(end_pitch_radius="0 mm"),
+            "got 0 mm, a hole inside its backbone; must be larger than",
+        ),
+        (
+            ring(pitch_radius="1.9 mm") | of("backbone", inner_diameter="3 mm"),
+            "larger than the backbone's radius, 2.5 mm, or smaller than that of its bore, 1.5 mm",
+        ),
+        # a tube whose bore narrows: the wall meets the hole of a disk on the way
+        (
+            ring(pitch_radius="1 mm")
+            | of("backbone", inner_diameter="4 mm", end_inner_diameter="1 mm"),
+            "got 1 mm, a hole inside its backbone",
+        ),
+        (
+            ring(pitch_radius="3 mm") | {"segments.0.backbone": STRIP},
+            "got 3 mm, a hole inside its backbone; must be beside its section, 8 mm by 2 mm",
+        ),
+        (
+            ring(angle="90 deg", pitch_radius="2 mm", angles=[1.57] * 8 + [-1.57])
+            | {"segments.0.backbone": STRIP},
+            "passes through the backbone on the way to disk 9",
+        ),
+        (
+            ring(angle="90 deg", pitch_radius="2 mm")
+            | {"segments.0.backbone": STRIP}
+            | of("disks", density=1000.0, hole_diameter="1 mm"),
+            "disks.density: the disks' hole for a rectangular backbone is taken as the circle",
+        ),
         (ring(turns="nan"), "turns"),
         # in the last disk both have the same place: one hole for two tendons; before they overlap
         (
             {"segments.0.tendons": CROSSING} | of("disks", hole_diameter="3 mm", count=40),
             "they would meet each other",
         ),
-        ({"segments.0.tendons": []}, "a robot needs at least one tendon"),
         (of("disks", hole_length="-1 mm"), "hole_length"),
         (of("disks", hole_length="72 mm"), "leave no tendon free in the 71.22"),
         # payloads

@@ -659,11 +659,6 @@ def test_positions_forms(load):
         ),
         (
             "{count: 3, pitch_radius: 12 mm}",
-            "[]",
-            "segments[0].tendons: got an empty list; a robot needs at least one tendon.",
-        ),
-        (
-            "{count: 3, pitch_radius: 12 mm}",
             "[{angle: 400 deg, pitch_radius: 12 mm}]",
             'segments[0].tendons[0].angle: got "400 deg"; must lie between -360 deg and 360 deg.',
         ),

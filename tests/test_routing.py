@@ -28,18 +28,16 @@ def shot(robot: bs.Robot, tensions: np.ndarray, theory: str) -> np.ndarray:
     rod's wrench at the start is found such that the rod, integrated under it, ends where the spans
     from hole to hole have that wrench.
     """
-    stiffness = np.array(
-        [robot.bending_stiffness[0], robot.bending_stiffness[0], robot.torsion_stiffness[0]]
-    )
-    compliance = np.zeros(3)
-    if theory == "cosserat":
-        shear, axial = robot.shear_stiffness[0], robot.axial_stiffness[0]
-        compliance = 1.0 / np.array([shear, shear, axial])
     stations = np.concatenate([[0.0], robot.disks.station_m])
-    holes = np.pad(robot.tendons.holes_m, ((0, 0), (0, 0), (0, 1)))
     place, frame = np.zeros(3), np.eye(3)
 
-    def rate(_: float, state: np.ndarray, force: np.ndarray) -> np.ndarray:
+    def rate(
+        _: float,
+        state: np.ndarray,
+        force: np.ndarray,
+        stiffness: np.ndarray,
+        compliance: np.ndarray,
+    ) -> np.ndarray:
         turned, moment = state[3:12].reshape(3, 3), state[12:]
         x, y, z = turned.T @ moment / stiffness
         along = turned @ (np.array([0.0, 0.0, 1.0]) + compliance * (turned.T @ force))
@@ -47,23 +45,36 @@ def shot(robot: bs.Robot, tensions: np.ndarray, theory: str) -> np.ndarray:
         return np.concatenate([along, turning.ravel(), -np.cross(along, force)])
 
     for k, length in enumerate(np.diff(stations)):
+        j, passing = robot.disks.segment[k], robot.tendons.end_disk >= k
+        bending, torsion = robot.bending_stiffness[j], robot.torsion_stiffness[j]
+        compliance = np.zeros(3)
+        if theory == "cosserat":
+            shear, axial = robot.shear_stiffness[j], robot.axial_stiffness[j]
+            compliance = 1.0 / np.array([shear, shear, axial])
+        section = np.array([bending, bending, torsion]), compliance
+        low, high = np.pad(
+            robot.tendons.holes_m[passing, k : k + 2], ((0, 0), (0, 0), (0, 1))
+        ).swapaxes(0, 1)
+        tension = tensions[passing]
 
-        def end(wrench: np.ndarray, length: float = length) -> tuple[np.ndarray, np.ndarray]:
+        def end(
+            wrench: np.ndarray, length: float = length, section: tuple = section
+        ) -> tuple[np.ndarray, np.ndarray]:
             start = np.concatenate([np.zeros(3), np.eye(3).ravel(), wrench[3:]])
             found = solve_ivp(
-                rate, (0.0, length), start, args=(wrench[:3],), rtol=1e-11, atol=1e-13
+                rate, (0.0, length), start, args=(wrench[:3], *section), rtol=1e-11, atol=1e-13
             )
             return found.y[:3, -1], found.y[3:12, -1].reshape(3, 3)
 
-        def balance(wrench: np.ndarray, k: int = k, end=end) -> np.ndarray:
+        def balance(wrench: np.ndarray, low=low, high=high, tension=tension, end=end) -> np.ndarray:
             position, turned = end(wrench)
-            spans = position + holes[:, k + 1] @ turned.T - holes[:, k]
-            pulls = tensions[:, None] * spans / np.linalg.norm(spans, axis=1)[:, None]
-            moment = np.cross(holes[:, k], pulls).sum(axis=0)
+            spans = position + high @ turned.T - low
+            pulls = tension[:, None] * spans / np.linalg.norm(spans, axis=1)[:, None]
+            moment = np.cross(low, pulls).sum(axis=0)
             return wrench + np.concatenate([pulls.sum(axis=0), moment])
 
         guess = np.concatenate(
-            [[0.0, 0.0, -tensions.sum()], -np.cross(holes[:, k], [0.0, 0.0, 1.0]).T @ tensions]
+            [[0.0, 0.0, -tension.sum()], -np.cross(low, [0.0, 0.0, 1.0]).T @ tension]
         )
         found = root(balance, guess, tol=1e-12)
         assert np.abs(balance(found.x)).max() < 1e-8

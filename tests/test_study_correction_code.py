@@ -32,12 +32,14 @@ ROBOTS = {
     },
     "rao2021": {},
     "crl-ftdcr-v4": {},
+    "opposite pair": {"segments.0.tendons": {"count": 2, "pitch_radius": "29 mm"}},
 }
 
 FITTED = {
     "upright": {"gravity": "0 0 -9.81 m/s^2"},
     "lying": {"gravity": "9.81 0 0 m/s^2"},
     "bent without load": {"segments.0.backbone.rest_bend": "40 deg", "gravity": "0 0 0"},
+    "one tendon": {"segments.0.tendons.count": 1, "gravity": "0 0 0"},
 }
 
 Found = tuple[Study, np.ndarray, np.ndarray]
@@ -130,12 +132,14 @@ def test_polynomials_are_as_near_to_the_rod_as_they_say(fitted: Found) -> None:
 def test_polynomials_refuse_what_is_outside_their_range(fitted: Found) -> None:
     study, _, lengths = fitted
     made, top = _python(study), study.settings.max_tension
-    wrong = ([-0.1, 1.0, 1.0], [0.5 * top, 0.3 * top, 0.3 * top], [float("nan"), 0.0, 0.0])
+    wrong = [[-0.1], [1.1 * top], [float("nan")]]
+    if len(lengths[0]) == 3:
+        wrong = [[each[0], 1.0, 1.0] for each in wrong] + [[0.5 * top, 0.3 * top, 0.3 * top]]
     for row in wrong:
         with pytest.raises(ValueError, match="outside the range"):
             made["tip_from_tensions"](row)
     with pytest.raises(ValueError, match="outside the range"):
-        made["tip_from_lengths"]((lengths[1] + [0.0, 0.3, 0.0]).tolist())
+        made["tip_from_lengths"]([*lengths[1][:-1].tolist(), lengths[1][-1] + 0.3])
     assert np.isnan(study.verdict.polynomials[1].tip(np.array(wrong))).all()
 
 
@@ -143,14 +147,14 @@ def test_polynomials_refuse_what_is_outside_their_range(fitted: Found) -> None:
 def test_c_has_the_same_polynomials(fitted: Found, tmp_path: Path) -> None:
     study, tensions, lengths = fitted
     made = _c(study, tmp_path)
-    outside = np.full((1, 3), -1.0)
+    outside = np.full((1, tensions.shape[1]), -1.0)
     for name, rows, fit in zip(
         ("lengths", "tensions"), (lengths, tensions), study.verdict.polynomials, strict=True
     ):
         rows = np.concatenate([rows, outside])
         for row, tip in zip(rows, fit.tip(rows), strict=True):
             out = (ctypes.c_double * 3)()
-            refused = made[f"correction_tip_from_{name}"]((ctypes.c_double * 3)(*row), out)
+            refused = made[f"correction_tip_from_{name}"]((ctypes.c_double * len(row))(*row), out)
             assert bool(refused) == bool(np.isnan(tip).any())
             np.testing.assert_allclose(list(out), tip, atol=1e-12)
 

@@ -140,8 +140,18 @@ def test_the_equations_are_those_of_the_comparisons(paper: Study) -> None:
         assert f"{error} from the tip by statics" in found[name].note
 
 
-def test_a_segment_with_too_few_tendons_has_the_arc_of_the_linear_law(paper: Study) -> None:
+def test_a_segment_with_few_tendons_has_the_arc_of_their_lengths(paper: Study) -> None:
     found = study_equations(studied(str(TWO_TUBES), paper))
+    assert "lengths are those of the robot by statics" in " ".join(found.intro)
+    note = found.equations[0].note
+    assert "fewer than three, so that the backbone keeps" in note and "length 120 mm" in note
+    # its disks clamp the backbone, so that no equation is that of all modules
+    assert [e.name for e in found.equations[1:]] == ["Eq. 1", "Linear law"]
+
+
+def test_a_segment_where_no_tendon_ends_has_the_arc_of_the_linear_law(paper: Study) -> None:
+    robot = load_robot(TWO_TUBES, {"segments.0.tendons": []})
+    found = study_equations(Stages(robot).over(paper))
     assert "give no arc (segment 1:" in " ".join(found.intro)
     # its disks clamp the backbone, so that no equation is that of all modules
     assert [e.name for e in found.equations] == ["Eq. 1", "Linear law"]

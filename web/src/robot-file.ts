@@ -312,8 +312,12 @@ function readSegment(value: unknown, path: string, leftOut: Set<string>): Segmen
   fields.end();
   const { backbone, disks, tendons } = segment;
   for (const { pitchRadius } of tendons) {
-    if (pitchRadius <= backbone.diameter / 2 || pitchRadius >= disks.radius) {
-      fields.fail("tendons", "pitch_radius must lie between the backbone's surface and the radius of the disks");
+    const beside = pitchRadius > backbone.diameter / 2 && pitchRadius < disks.radius;
+    if (!beside && pitchRadius >= backbone.innerDiameter / 2) {
+      fields.fail(
+        "tendons",
+        "pitch_radius must lie between the backbone's surface and the radius of the disks, or in the bore of a tube",
+      );
     }
   }
   let start = 0;

@@ -374,10 +374,14 @@ pub fn bend_jacobian(kappa: f64, phi: f64, length: f64) -> [[f64; 3]; 3] {
     ]
 }
 
-/// Least-squares map from tendon lengths to an arc, for three or more tendons at any holes.
+/// Share of the size of a routing below which holes are on one line.
+const ALIGNED: f64 = 1e-6;
+
+/// Least-squares map from tendon lengths to an arc, for tendons at any holes.
 ///
 /// Minimises the sum of squares of l_i - (length - hole_i . bend) (theory Eq. 1.3). For three tendons
-/// the residual is zero; at 120 degrees the solution is theory Eq. 1.4 (Amouri 2019, Eq. 2-4).
+/// the residual is zero; at 120 degrees the solution is theory Eq. 1.4 (Amouri 2019, Eq. 2-4). Holes
+/// on a line through the axis determine the bend in one direction.
 #[derive(Debug, Clone)]
 pub struct TendonFit {
     holes: Vec<Hole>,
@@ -385,16 +389,42 @@ pub struct TendonFit {
     mean_hole: Hole,
     /// Derivative of the bend vector with respect to length differences.
     weights: Vec<[f64; 2]>,
+    /// Bend vector (rad) at equal lengths.
+    offset: [f64; 2],
+    /// Whether there are as many lengths as unknowns.
+    exact: bool,
 }
 
 impl TendonFit {
     /// Prepares the fit. With `hold_length` the arc's length is given and only the bend is fitted.
     pub fn new(holes: &[Hole], hold_length: bool) -> Result<Self, Error> {
+        Self::of(holes, hold_length, |hole| hole, [0.0; 2])
+    }
+
+    /// Prepares the fit for a backbone that a tension at a hole bends towards `soft(hole)`, and that
+    /// has the bend `rest` (rad) without load. Holds the arc's length where the holes need it.
+    pub(crate) fn of_backbone(
+        holes: &[Hole],
+        hold_length: bool,
+        soft: impl Fn(Hole) -> [f64; 2],
+        rest: [f64; 2],
+    ) -> Result<Self, Error> {
+        let found = Self::of(holes, hold_length, &soft, rest);
+        match found {
+            Err(_) if !hold_length => Self::of(holes, true, soft, rest),
+            _ => found,
+        }
+    }
+
+    fn of(
+        holes: &[Hole],
+        hold_length: bool,
+        soft: impl Fn(Hole) -> [f64; 2],
+        rest: [f64; 2],
+    ) -> Result<Self, Error> {
         let count = holes.len();
-        if count < 3 {
-            return input(format!(
-                "an arc from tendon lengths needs at least three tendons, got {count}"
-            ));
+        if count == 0 {
+            return input("an arc from tendon lengths needs a tendon".into());
         }
         finite("a tendon's hole position", holes.as_flattened(), "m")?;
         let mean = |k: usize| holes.iter().map(|h| h[k]).sum::<f64>() / count as f64;
@@ -417,10 +447,17 @@ impl TendonFit {
         }
         let r22 = dot(&second, &second).sqrt();
         // r11 r22 is the product of the singular values, size the sum of their squares
-        if r11 * r22 <= 1e-6 * size || size.is_nan() || size.is_infinite() {
-            return input(
-                "the tendons all lie in one plane, so their lengths do not determine the direction of bending; put the holes at other angles".into(),
-            );
+        let fit = |weights, offset, unknowns| TendonFit {
+            holes: holes.to_vec(),
+            hold_length,
+            mean_hole,
+            weights,
+            offset,
+            exact: count + usize::from(hold_length) == unknowns,
+        };
+        if !(r11 * r22 > ALIGNED * size) {
+            let (weights, offset) = in_one_direction(holes, hold_length, soft, rest)?;
+            return Ok(fit(weights, offset, 2));
         }
         let weights = first
             .iter()
@@ -430,12 +467,7 @@ impl TendonFit {
                 [-(q1 - r12 * y) / r11, -y]
             })
             .collect();
-        Ok(TendonFit {
-            holes: holes.to_vec(),
-            hold_length,
-            mean_hole,
-            weights,
-        })
+        Ok(fit(weights, [0.0; 2], 3))
     }
 
     /// `length` if the fit holds it.
@@ -444,7 +476,7 @@ impl TendonFit {
     }
 
     /// The arc for these tendon `lengths` (m), and the misfit: the root mean square residual of the
-    /// lengths (m; zero for three tendons with free length). `length` is the held length of the
+    /// lengths (m; zero for as many tendons as unknowns). `length` is the held length of the
     /// arc. Whether a backbone can have the arc, [`TendonFit::check`] says.
     pub fn fit(&self, lengths: &[f64], length: Option<f64>) -> Result<(Arc, f64), Error> {
         let count = self.holes.len();
@@ -457,7 +489,7 @@ impl TendonFit {
         }
         // differences of close lengths are exact, so the bend stays accurate near the straight pose
         let reference = length.unwrap_or(lengths[0]);
-        let mut bend = [0.0; 2];
+        let mut bend = self.offset;
         let mut mean = 0.0;
         for (weight, l) in self.weights.iter().zip(lengths) {
             bend[0] += weight[0] * (l - reference);
@@ -469,7 +501,7 @@ impl TendonFit {
             bend,
             length: length.unwrap_or(free),
         };
-        let misfit = if count == 3 && !self.hold_length {
+        let misfit = if self.exact {
             0.0
         } else {
             let sum: f64 = self
@@ -523,6 +555,53 @@ impl TendonFit {
         }
         rows
     }
+}
+
+/// Weights and offset of [`TendonFit`] for holes on a line through the axis: the lengths say how far
+/// the backbone bends, and its flexibility in which direction.
+fn in_one_direction(
+    holes: &[Hole],
+    hold_length: bool,
+    soft: impl Fn(Hole) -> [f64; 2],
+    rest: [f64; 2],
+) -> Result<(Vec<[f64; 2]>, [f64; 2]), Error> {
+    let far = holes.iter().fold([0.0; 2], |far: Hole, hole| {
+        match hole[0].hypot(hole[1]) > far[0].hypot(far[1]) {
+            true => *hole,
+            false => far,
+        }
+    });
+    let square = dot(&far, &far);
+    if !(square > 0.0 && square.is_finite()) {
+        return input(
+            "the tendons run on its axis, so their lengths do not determine its bend".into(),
+        );
+    }
+    let [x, y] = soft(far);
+    let towards = [x, y].map(|c| c / x.hypot(y));
+    let arms: Vec<_> = holes.iter().map(|hole| dot(hole, &towards)).collect();
+    let centre = match hold_length {
+        true => 0.0,
+        false => arms.iter().sum::<f64>() / arms.len() as f64,
+    };
+    let spread: f64 = arms.iter().map(|arm| (arm - centre).powi(2)).sum();
+    let beside = |hole: &Hole| (hole[0] * far[1] - hole[1] * far[0]).abs() > ALIGNED * square;
+    if holes.iter().any(beside) || spread <= (ALIGNED * ALIGNED) * square {
+        return input(
+            "the lengths of tendons at these holes determine its bend only if the length of the arc is given".into(),
+        );
+    }
+    let weights: Vec<_> = arms
+        .iter()
+        .map(|arm| towards.map(|c| -c * (arm - centre) / spread))
+        .collect();
+    let mut offset = rest;
+    for (weight, hole) in weights.iter().zip(holes) {
+        let shorter = dot(hole, &rest);
+        offset[0] += weight[0] * shorter;
+        offset[1] += weight[1] * shorter;
+    }
+    Ok((weights, offset))
 }
 
 /// Sum of the tensions (N), and sum of tension times hole (N m).

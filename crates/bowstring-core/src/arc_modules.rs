@@ -176,6 +176,11 @@ impl Modules {
         Ok((arc, bends))
     }
 
+    /// Length (m) of a tendon in the axis of a backbone that keeps its length.
+    pub fn axis(&self, bends: &[f64]) -> f64 {
+        self.in_holes + self.spans(bends, 1.0)
+    }
+
     /// Sum of the spans in the backbone's axis (m).
     fn spans(&self, bends: &[f64], stretch: f64) -> f64 {
         let spans = self.parts.iter().zip(bends);

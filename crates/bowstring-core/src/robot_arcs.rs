@@ -24,6 +24,9 @@ pub enum Law {
     LeverArm,
 }
 
+/// Most iterations to the spans of a backbone whose length is held.
+const ROUNDS: usize = 100;
+
 /// Relative difference of bending flexibilities that is rounding.
 const ALIKE: f64 = 1e-12;
 
@@ -116,12 +119,16 @@ impl RobotArcs {
             let holes: Vec<_> = tendons.map(hole).collect();
             let straight_spans = matches!(law, Law::Chords | Law::LeverArm);
             let modules = &robot.modules()[disks[0]..=last];
-            let fit = TendonFit::new(&holes[..next - first], law == Law::HeldLengths);
+            let flexibility = profile.bending_flexibility();
+            let rest = [rest[1], -rest[0]].map(|u| u * length);
+            let own = &holes[..next - first];
+            let soft = |hole| bend(flexibility, hole);
+            let fit = TendonFit::of_backbone(own, law == Law::HeldLengths, soft, rest);
             let station = |&k: &usize| (spec.disks[k].station - start) / length;
             segments.push(Segment {
                 length,
-                flexibility: profile.bending_flexibility(),
-                rest: [rest[1], -rest[0]].map(|u| u * length),
+                flexibility,
+                rest,
                 disks: disks.iter().map(station).collect(),
                 modules: straight_spans.then(|| Modules::new(modules)),
                 first,
@@ -188,7 +195,7 @@ impl RobotArcs {
         let each = self.segments.iter().map(|segment| {
             let mut bends = vec![[0.0; 2]; self.tendons];
             for (bend, [x, y]) in bends[segment.first..].iter_mut().zip(&segment.holes) {
-                *bend = segment.bend([x * segment.length, y * segment.length]);
+                *bend = self::bend(segment.flexibility, [x, y].map(|c| c * segment.length));
             }
             (segment.length, segment.rest, bends)
         });
@@ -217,6 +224,16 @@ impl RobotArcs {
         let arcs = self.segments.iter().enumerate();
         arcs.map(|(i, segment)| named(i, segment.arc(self.law, &mut rest)))
             .collect()
+    }
+
+    /// Derivative of (bend x, bend y, length) of a segment with respect to the lengths that its own
+    /// tendons have there, without correction.
+    ///
+    /// # Errors
+    /// If tendon lengths do not determine its arc.
+    pub fn fit_jacobian(&self, segment: usize) -> Result<[Vec<f64>; 3], Error> {
+        let fit = self.segments[segment].fit.as_ref();
+        named(segment, fit.map(TendonFit::jacobian).map_err(Clone::clone))
     }
 
     /// Given arcs of the segments with the bends of their modules.
@@ -345,14 +362,14 @@ impl Frame {
     }
 }
 
-impl Segment {
-    /// Bend (rad) by a moment's components times the length (N m^2).
-    fn bend(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        // a bend towards x is a rotation about y
-        let [about_x, about_y, product] = self.flexibility;
-        [about_y * x - product * y, about_x * y - product * x]
-    }
+/// Bend (rad) by a moment's components times the length (N m^2), with the flexibility about x and y
+/// and their product (1/(N m^2)).
+fn bend([about_x, about_y, product]: [f64; 3], [x, y]: [f64; 2]) -> [f64; 2] {
+    // a bend towards x is a rotation about y
+    [about_y * x - product * y, about_x * y - product * x]
+}
 
+impl Segment {
     /// Holes of the tendons anchored to its end disk.
     fn own(&self) -> &[Hole] {
         &self.holes[..self.next - self.first]
@@ -392,7 +409,7 @@ impl Segment {
         match (law, &self.modules) {
             (Law::Linear, _) => {
                 let mut arc = linear_law(&rest[self.first..], &self.holes, length, 1.0)?;
-                let [x, y] = self.bend(arc.bend);
+                let [x, y] = bend(self.flexibility, arc.bend);
                 arc.bend = [x + self.rest[0], y + self.rest[1]];
                 Ok(one(arc))
             }
@@ -440,6 +457,36 @@ impl Segment {
         })
     }
 
+    /// Arc and bends of modules from tendon lengths and the arc `parallel` that they have without
+    /// correction.
+    fn corrected(
+        &self,
+        modules: &Modules,
+        fit: &TendonFit,
+        lengths: &[f64],
+        mut parallel: Arc,
+    ) -> Result<(Arc, Vec<f64>), Error> {
+        let found =
+            |parallel: &Arc| modules.of_lengths(parallel, least_thrust(self.own(), parallel.bend));
+        let (mut arc, mut bends) = found(&parallel)?;
+        // a held length is that of the backbone, and the spans in its axis are shorter
+        for _ in 0..ROUNDS {
+            let Some(axis) = fit.held(modules.axis(&bends)) else {
+                return Ok((arc, bends));
+            };
+            let change = axis - parallel.length;
+            (parallel, _) = fit.fit(lengths, Some(axis))?;
+            (arc, bends) = found(&parallel)?;
+            if change.abs() <= 1e-15 * self.length {
+                arc.length = self.length;
+                return Ok((arc, bends));
+            }
+        }
+        Err(Error::NoSolution(
+            "no arc of the backbone's length was found for these tendon lengths".into(),
+        ))
+    }
+
     /// Arc from tendon lengths.
     fn fitted(&self, rest: &mut [f64]) -> Result<SegmentArc, Error> {
         let own = self.next - self.first;
@@ -469,12 +516,11 @@ impl Segment {
                 )));
             }
             let fit = self.fit.as_ref().map_err(Clone::clone)?;
-            let (parallel, misfit) = fit.fit(lengths, fit.held(self.length))?;
+            let held = fit.held(self.length);
+            let (parallel, misfit) = fit.fit(lengths, held)?;
             let (arc, bends) = match &self.modules {
                 None => (parallel, Vec::new()),
-                Some(modules) => {
-                    modules.of_lengths(&parallel, least_thrust(self.own(), parallel.bend))?
-                }
+                Some(modules) => self.corrected(modules, fit, lengths, parallel)?,
             };
             fit.check(&arc)?;
             SegmentArc { arc, misfit, bends }

@@ -1,6 +1,6 @@
 //! Constant curvature of a whole robot on arrays: one robot in a row.
 
-use crate::arc::{arc, each, row};
+use crate::arc::{arc, each, raise, row};
 use crate::input::{array, refused, Array, Rows};
 use crate::rod::Robot;
 use bowstring_core::arc::{Arc, Error};
@@ -59,6 +59,12 @@ impl RobotArcs {
             array(py, every().map(|segment| segment.misfit).collect(), &shape),
             self.bends_of(py, &found),
         ))
+    }
+
+    /// Derivative (3, own tendons) of the fitted arc of a segment by the lengths within it.
+    fn fit_jacobian<'py>(&self, py: Python<'py>, segment: usize) -> PyResult<Array<'py>> {
+        let rows = self.0.fit_jacobian(segment).map_err(raise)?;
+        Ok(array(py, rows.concat(), &[3, rows[0].len()]))
     }
 
     /// Bends of the modules of given arcs.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.formatting import listed
+from bowstring.robot.disk import outside_bore
 from bowstring.robot.model import Robot, check_round
 from bowstring.robot.sizes import Sizes, sizes_of
 from bowstring.units import rounded
@@ -126,7 +127,7 @@ def _kinds(robot: Robot, sizes: Sizes) -> list[_Kind]:
     holes: list[Floats] = []
     for d in range(len(disks.station_m)):
         k = int(disks.segment[d])
-        holes.append(_MM * robot.holes(k, d))
+        holes.append(_MM * outside_bore(robot.holes(k, d), disks.bore_m[d]))
         size = (disks.radius_m[d], disks.thickness_m[d], disks.bore_m[d], sizes.hole_m[k])
         alike = (*map(float, size), d)
         same = (key for key in groups if key[:4] == alike[:4] and _same(holes[key[4]], holes[d]))

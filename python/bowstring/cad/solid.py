@@ -27,6 +27,7 @@ from bowstring.errors import InputError
 from bowstring.formatting import listed, significant
 from bowstring.json_files import parsed, structured
 from bowstring.optional import load_extra
+from bowstring.robot.disk import outside_bore
 from bowstring.robot.model import Robot, check_disks, check_robot, check_round
 from bowstring.robot.parts import Backbone
 from bowstring.robot.rest_shape import check_rest_bend, rest_frames
@@ -368,7 +369,7 @@ def _disks(robot: Robot, sizes: Sizes, frames: _Frames) -> Iterator[Part]:
             float(disks.radius_m[d]),
             float(disks.thickness_m[d]),
             float(disks.bore_m[d]),
-            robot.holes(k, d),
+            outside_bore(robot.holes(k, d), disks.bore_m[d]),
             float(sizes.hole_m[k]),
         )
         place = bd.Plane(

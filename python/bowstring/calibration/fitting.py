@@ -543,7 +543,8 @@ def _initial_priors(unknowns: Unknowns, commands: Commands) -> dict[str, float]:
             rows = commands.paths[path]
             values = commands.values[rows, tendon]
             if commands.by_displacement[rows[0], tendon] and not by_displacement:
-                arm = float(robot.tendons.pitch_radius_m[tendon])
+                arms = robot.tendons.arm_m
+                arm = float(arms[tendon] or arms.max())
                 found[name] = float(robot.bending_stiffness.min()) / (arm * robot.length)
             elif size := 0.5 * float(np.ptp(values)):
                 found[name] = size

@@ -105,7 +105,7 @@ def starts_of(memory: Memory, robot: Robot, commands: Commands) -> list[dict[str
 
 def _bending_compliance(robot: Robot) -> float:
     """Displacement of a tendon by its tension in the bending robot, about (m/N)."""
-    radius = float(robot.tendons.pitch_radius_m.max())
+    radius = float(robot.tendons.arm_m.max())
     return radius**2 * robot.length / float(robot.bending_stiffness.min())
 
 

@@ -395,7 +395,7 @@ class Unknowns:
         Each as text with its possible range.
         """
         found, gravity = [], []
-        radius = float(self.robot.tendons.pitch_radius_m.max())
+        radius = float(self.robot.tendons.arm_m.max())
         for item, value, is_asked in zip(self.items, values.tolist(), asked, strict=True):
             if not is_asked:
                 continue

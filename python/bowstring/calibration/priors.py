@@ -131,7 +131,7 @@ def _radius(robot: Robot, segments: Sequence[int] | None) -> float:
     """Mean pitch radius of the tendons of some segments, or of all, m."""
     tendons = robot.tendons
     which = slice(None) if segments is None else np.isin(tendons.segment, segments)
-    return float(tendons.pitch_radius_m[which].mean())
+    return float(tendons.arm_m[which].mean())
 
 
 def read_priors(choice: PriorChoice, robot: Robot, unknowns: Unknowns) -> dict[str, float]:

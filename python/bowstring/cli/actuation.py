@@ -232,11 +232,12 @@ def actuated_over_time(
                 )
         return _of_table(robot, table, starts)
     load = actuation_or_none(robot, tension, displacement, angle)
-    if load is None:
+    if load is None and tendon_count(robot):
         raise InputError(
             "no tendon has a command: give --tension T1,T2,..., --displacement "
             "P1,P2,..., --angle A1,A2,... or --table FILE."
         )
+    load = load or Load(tensions=[])  # a bare rod has none
     rising = 1.0 if rise is None else rise
     if 0 < rising < CLOSEST:
         raise InputError(

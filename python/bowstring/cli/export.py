@@ -134,7 +134,8 @@ def _write_links(
     file = of_flag("--out", check_mjcf if mjcf else check_urdf, out)
     if actuation is None:
         tensions = [0.0] * tendon_count(robot)
-        tensions[0] = float(f"{0.5 * default_max_tension(robot)[0]:.3g}")
+        if tensions:
+            tensions[0] = float(f"{0.5 * default_max_tension(robot)[0]:.3g}")
         actuation = Load(tensions)
     acting = actuation.replace(gravity=gravity)
     tensions = np.asarray(acting.tensions).tolist()
@@ -163,11 +164,12 @@ def _write_links(
     against = "in its equilibrium"
     if not mjcf:
         against = "with the angles of the rod; URDF has no springs and no tendons"
+    under = f"under {', '.join(f'{t:g}' for t in tensions)} N" if tensions else "without tendons"
     write(
         f"{name} model: {written}\n"
         f"{count} joints of three hinges; tip error against the rod "
         f"{significant(1e3 * error, 2)} mm, {share} % of the length,\n"
-        f"under {', '.join(f'{t:g}' for t in tensions)} N, {against} (simulated)\n"
+        f"{under}, {against} (simulated)\n"
     )
 
 

@@ -289,7 +289,7 @@ def solve(
             + ("" if contact is None else f"\n{contact.message}"),
             *([_used_line(uses, robot)] if uses else []),
             *([_corrected_line(corrected)] if corrected else []),
-            _actuation_table(solution),
+            *([_actuation_table(solution)] if len(solution.tensions) else []),
         )
 
 

@@ -31,6 +31,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -178,7 +179,8 @@ class Arc:
         Parameters
         ----------
         lengths : array_like (..., T)
-            Tendon lengths, m; three tendons or more, two if `length` is given.
+            Tendon lengths, m; of any number of tendons if `length` is given. Without it three or
+            more, or tendons on both sides of the axis in one plane with it, as an opposite pair.
         routing : Routing
             Holes of the tendons.
         length : array_like (...), optional
@@ -410,7 +412,8 @@ def broadcast(
         shapes = [str(a.shape) for a in arrays] + [str(v.shape) for v in vectors]
         raise InputError(f"shapes do not broadcast together: {', '.join(shapes)}") from None
     flat: list[Array] = [np.broadcast_to(a, shape).reshape(-1) for a in arrays]
-    flat += [np.broadcast_to(v, (*shape, v.shape[-1])).reshape(-1, v.shape[-1]) for v in vectors]
+    count = math.prod(shape)
+    flat += [np.broadcast_to(v, (*shape, v.shape[-1])).reshape(count, v.shape[-1]) for v in vectors]
     return shape, flat
 
 

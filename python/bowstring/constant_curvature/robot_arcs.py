@@ -149,7 +149,8 @@ class RobotArcs:
         hold_length: bool = False,
     ) -> RobotArcs:
         """Make arcs from commands (..., T) by a law of the core."""
-        shape, rows = commands.shape[:-1], commands.reshape(-1, commands.shape[-1])
+        shape, count = commands.shape[:-1], commands.shape[-1]
+        rows = commands.reshape(int(np.prod(shape, dtype=int)), count)
         arcs, misfit, bends = _core.RobotArcs(robot.core, law).arcs(rows)
         arc = Arc._of(arcs.reshape(-1, 3), (*shape, arcs.shape[1]), misfit)
         return cls._with_bends(robot, arc, correction, hold_length, bends)
@@ -169,7 +170,9 @@ class RobotArcs:
 
         The arc of a segment follows from the tendons anchored to its end disk. Their lengths within
         the inner segments follow from the arcs of those and are subtracted first. A segment that no
-        tendon passes has its arc without load.
+        tendon passes has its arc without load. Where lengths alone leave the arc open, the tendons
+        bend the backbone as their tensions do: an opposite pair in its plane, and a single tendon,
+        or a pair beside the axis, one that keeps its length (theory, after Eq. 1.3).
 
         Parameters
         ----------
@@ -441,9 +444,7 @@ class RobotArcs:
             if not own.size:
                 continue
             arc, holes = self.arc[..., j], self.robot.tendons.mean_hole_m[j]
-            fitted = arc.from_lengths_jacobian(
-                Routing.from_holes(holes[own]), hold_length=self.hold_length
-            )
+            fitted = self._core.fit_jacobian(j)
             by_length[..., j, :, :] = fitted @ rest[..., own, :]
             spent = arc.lengths_jacobian(Routing.from_holes(holes[further]))
             rest[..., further, :] -= spent @ by_length[..., j, :, :]

@@ -264,7 +264,8 @@ def _doubted_displacements(robot: Robot, m: Measurements) -> str:
     """Warn of displacements of a wrong size, one by one, where other tendons have tensions."""
     if m.tendon_count != len(robot.tendons.angle_rad) or np.isnan(m.displacements).all():
         return ""
-    return _wound(robot, m, np.abs(m.displacements) / robot.tendons.pitch_radius_m)
+    arm = robot.tendons.arm_m
+    return _wound(robot, m, np.abs(m.displacements) / np.where(arm > 0, arm, np.inf))
 
 
 def _unloaded(motion: _Motion) -> tuple[str, str]:

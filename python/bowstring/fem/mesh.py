@@ -166,6 +166,12 @@ def check_meshable(robot: Robot) -> None:
     check_round(robot, f"{robot.name}: a mesh")
     check_disks(robot, f"{robot.name}: a mesh")
     check_rest_bend(robot, "a mesh")
+    holes = robot.tendons.holes_m[:, 0 if robot.is_parallel else 1 :]
+    if np.any(2.0 * np.hypot(holes[..., 0], holes[..., 1]) < robot.disks.bore_m):
+        raise InputError(
+            f"{robot.name}: a tendon runs in the bore of its backbone; finite elements take holes "
+            "beside the backbone only"
+        )
     loose = [k for k, s in enumerate(robot.segments) if s.disks.clamped_length == 0]
     if loose:
         flags = [

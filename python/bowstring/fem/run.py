@@ -508,7 +508,7 @@ def _turn(robot: Robot, change: Floats) -> Floats:
     """Bound of the tip rotation by a change (K, T) of tensions (theory Eq. 1.7), rad."""
     lengths = np.array([s.length for s in robot.segments]) / robot.bending_stiffness
     inner = np.cumsum(lengths)[robot.tendons.segment]
-    found: Floats = np.abs(change) @ (robot.tendons.pitch_radius_m * inner)
+    found: Floats = np.abs(change) @ (robot.tendons.arm_m * inner)
     return found
 
 

@@ -170,7 +170,7 @@ class _Task:
 
 def _default_tension(robot: Robot) -> float:
     """Tension (N) that alone bends the robot by about a radian, by the linear law."""
-    radius = float(np.max(robot.tendons.pitch_radius_m))
+    radius = float(np.max(robot.tendons.arm_m))
     return float(_TENSION_BEND * np.max(robot.bending_stiffness) / (radius * robot.length))
 
 

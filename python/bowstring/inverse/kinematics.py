@@ -19,7 +19,7 @@ from bowstring.inverse.friction import follow_with_friction
 from bowstring.inverse.solution import InverseSolution
 from bowstring.inverse.targets import Targets, angle_between
 from bowstring.robot.laws import OF_COMMANDS
-from bowstring.robot.model import check_robot, check_without_laws, without_laws
+from bowstring.robot.model import check_robot, check_tendons, check_without_laws, without_laws
 from bowstring.statics.actuation import driven
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
@@ -112,6 +112,7 @@ def inverse_kinematics(
     array([0.12, 0.05, 0.36])
     """
     check_robot(robot)
+    check_tendons(robot, "inverse kinematics")
     path = validation.truth("path", path)
     targets, single = _positions(robot, position)
     tangents = _directions(direction, len(targets), single)

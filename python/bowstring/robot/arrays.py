@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from bowstring.display import short_repr
 from bowstring.robot.consistency import bores, problems
-from bowstring.robot.disk import distinct_holes, drilled_disk, stacked
+from bowstring.robot.disk import distinct_holes, drilled_disk, outside_bore, stacked
 from bowstring.robot.laws import LAWS, MEMORIES
 from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Part, Payload, Segment, Tendon
 from bowstring.robot.stiffness import (
@@ -123,6 +123,13 @@ class RobotTendons:
     """Tensions (T,) in the home pose, where the tendon displacements are zero, N."""
     spool_radius_m: Floats
     diameter_m: Floats
+
+    @cached_property
+    def arm_m(self) -> Floats:
+        """Lever arms (..., T), m: pitch radii in the base; of a tendon on the axis there, the
+        largest distance of its mean hole in a segment from the axis."""
+        beyond = np.hypot(*np.moveaxis(self.mean_hole_m, -1, 0)).max(axis=-2, initial=0.0)
+        return frozen(np.where(self.pitch_radius_m > 0, self.pitch_radius_m, beyond))
 
     @cached_property
     def lines(self) -> Floats:
@@ -324,11 +331,11 @@ class RobotArrays(Part):
             alike = (own[-1:], own[:-1]) if self.is_parallel else own[:, None]
             for here in alike:
                 i = here[0] if len(here) else own[0]
+                holes = self.holes(k, i)
+                if not self.is_embedded:
+                    holes = outside_bore(holes, bore[..., i])
                 drilled = drilled_disk(
-                    *(d.density, d.radius, d.thickness),
-                    bore[..., i],
-                    self.holes(k, i),
-                    d.hole_diameter,
+                    *(d.density, d.radius, d.thickness), bore[..., i], holes, d.hole_diameter
                 )
                 if drilled.mass.ndim > mass.ndim - 1:  # of many robots
                     shape = drilled.mass.shape

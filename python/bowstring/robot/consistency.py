@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.robot.disk import distinct_holes, room_for_holes, stacked
+from bowstring.robot.disk import distinct_holes, outside_bore, room_for_holes, stacked
 from bowstring.robot.parts import (
     MAX_DISKS,
     MAX_HOLES,
@@ -46,9 +45,6 @@ def problems(parts: tuple[Segment, ...]) -> Iterator[str]:
             f"segments: got {disks} disks and {tendons} tendons in all; disks times tendons must "
             f"be at most {MAX_HOLES}"
         )
-        return
-    if tendons == 0:
-        yield "segments[0].tendons: got an empty list; a robot needs at least one tendon"
         return
     if len({s.tendons_in for s in parts}) > 1:
         k = next(k for k, s in enumerate(parts) if s.tendons_in != parts[0].tendons_in)
@@ -109,31 +105,75 @@ def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
         if winding:
             yield winding
             continue
-        routes = [None if t.is_parallel else _radii(parts, k, t) for t in s.tendon_list]
-        for j, inner in enumerate(parts[: k + 1]):
+        for i, tendon in enumerate(s.tendon_list):
+            fault = next(_hole_faults(parts, k, tendon), None)
+            if fault is None:
+                continue
+            r, name, text = fault
+            where = tendon_field(k, s.tendons, i, name)
+            yield f"{where}: got {number_with_unit(r, 'm')}, a hole {text}"
+            if isinstance(s.tendons, TendonRing):
+                break
+
+
+def _hole_faults(
+    parts: tuple[Segment, ...], k: int, tendon: Tendon
+) -> Iterator[tuple[float, str, str]]:
+    """Distance from the axis (m), field and fault of holes of a tendon of segment k."""
+    name = "pitch_radius"
+    if not tendon.is_parallel:
+        name = "end_pitch_radius" if tendon.end_pitch_radius is not None else name
+        name = "pitch_radii" if tendon.pitch_radii is not None else name
+    for j, (holes, fraction) in enumerate(_routes(parts, k, tendon)):
+        s, away = parts[j], np.hypot(*holes.T)
+        if away.max() * (1.0 + 1e-12) >= s.disks.radius:
             whose = "its disk" if j == k else f"the disks of segments[{j}], which it passes"
-            rod = "its backbone" if j == k else f"the backbone of segments[{j}]"
-            for i, tendon in enumerate(s.tendon_list):
-                low = high = tendon.pitch_radius
-                name = "pitch_radius"
-                if (route := routes[i]) is not None:
-                    low, high = float(route[j].min()), float(route[j].max())
-                    name = "end_pitch_radius" if tendon.end_pitch_radius else name
-                    name = "pitch_radii" if tendon.pitch_radii else name
-                apart = inner.backbone.outer_diameter / 2 < low or inner.tendons_in == "body"
-                if apart and high < inner.disks.radius:
-                    continue
-                r = high if high >= inner.disks.radius else low
-                where = tendon_field(k, s.tendons, i, name)
-                if r >= inner.disks.radius:
-                    limit = number_with_unit(inner.disks.radius, "m")
-                    fault = f"outside {whose}; must be smaller than the disk's radius, {limit}"
-                else:
-                    limit = number_with_unit(inner.backbone.outer_diameter / 2, "m")
-                    fault = f"inside {rod}; must be larger than the backbone's radius, {limit}"
-                yield f"{where}: got {number_with_unit(r, 'm')}, a hole {fault}"
-                if isinstance(s.tendons, TendonRing):
-                    break
+            limit = number_with_unit(s.disks.radius, "m")
+            fault = f"outside {whose}; must be smaller than the disk's radius, {limit}"
+            yield float(away.max()), name, fault
+        elif s.tendons_in == "disks":
+            rod = s.backbone
+            solid = rod.encloses(holes, fraction) & ~rod.in_bore(holes, fraction)
+            inside = np.flatnonzero(solid)
+            if inside.size:
+                which = "its backbone" if j == k else f"the backbone of segments[{j}]"
+                at = rod.at(float(fraction[inside[0]]))
+                yield float(away[inside[0]]), name, f"inside {which}; must be {_clear_of(at)}"
+
+
+def _clear_of(section: Backbone) -> str:
+    """Where the holes of disks may be about a section of the backbone, as the end of a sentence."""
+    if section.width is not None and section.height is not None:
+        sides = (number_with_unit(side, "m") for side in (section.width, section.height))
+        return "beside its section, {} by {}".format(*sides)
+    radius = number_with_unit(section.outer_diameter / 2, "m")
+    beside = f"larger than the backbone's radius, {radius}"
+    if not section.inner_diameter:
+        return beside
+    bore = number_with_unit(section.inner_diameter / 2, "m")
+    return f"{beside}, or smaller than that of its bore, {bore}"
+
+
+def _routes(parts: tuple[Segment, ...], k: int, tendon: Tendon) -> Iterator[tuple[Floats, Floats]]:
+    """Holes (n, 2) of a tendon of segment k and where they are in their segment, from 0 to 1.
+
+    By segments from the base, each with the hole where it begins.
+    """
+    if tendon.is_parallel:
+        x, y = tendon.holes([1.0])[0]
+        for s in parts[: k + 1]:
+            ends = [0.0, 1.0]
+            if s.backbone.is_tapered:
+                ends = [0.0, *(p / s.length for p in s.disk_positions)]
+            yield np.broadcast_to((x, y), (len(ends), 2)), np.array(ends)
+        return
+    stations = _stations(parts, k)
+    holes = tendon.holes(np.concatenate(stations))
+    start, before = 0.0, 0
+    for s, station in zip(parts, stations, strict=False):
+        planes = np.array([start, *station])
+        yield holes[before : before + len(planes)], (planes - start) / s.length
+        start, before = float(station[-1]), before + len(station)
 
 
 def _stations(parts: tuple[Segment, ...], k: int) -> list[Floats]:
@@ -163,8 +203,6 @@ def _winding_problem(parts: tuple[Segment, ...], k: int) -> str:
     station = np.concatenate(_stations(parts, k))
     if np.any(np.diff(station, prepend=0.0) <= 0):
         return ""  # reported with the positions
-    of = np.repeat(np.arange(k + 1), [len(part.disk_positions) for part in parts[: k + 1]])
-    rod = np.array([part.backbone.outer_diameter / 2.0 for part in parts[: k + 1]])[of]
     body = s.tendons_in == "body"
     most, what = (0.05, "modules of the body") if body else (0.5, "disks")
     for i, tendon in enumerate(s.tendon_list):
@@ -179,28 +217,34 @@ def _winding_problem(parts: tuple[Segment, ...], k: int) -> str:
             )
         if body:
             continue
-        hole = tendon.holes(station)
-        along = np.diff(hole, axis=0)
-        square = np.maximum((along**2).sum(axis=1), 1e-300)
-        share = np.clip(-(hole[:-1] * along).sum(axis=1) / square, 0.0, 1.0)
-        nearest = np.hypot(*(hole[:-1] + share[:, None] * along).T)
-        held = np.minimum(np.hypot(*hole[:-1].T), np.hypot(*hole[1:].T)) > rod
-        through = np.flatnonzero((nearest < rod) & held)
-        if through.size:
-            name = "turns" if tendon.turns else "angles"
-            return (
-                f"{tendon_field(k, s.tendons, i, name)}: the tendon passes through the backbone "
-                f"on the way to disk {through[0] + 1}; write fewer turns, or more disks"
-            )
+        disk = 0
+        for part, (hole, fraction) in zip(parts, _routes(parts, k, tendon), strict=False):
+            through = np.flatnonzero(_crossings(part, hole, fraction))
+            if through.size:
+                name = "turns" if tendon.turns else "angles"
+                return (
+                    f"{tendon_field(k, s.tendons, i, name)}: the tendon passes through the "
+                    f"backbone on the way to disk {disk + through[0] + 1}; write fewer turns, or "
+                    "more disks"
+                )
+            disk += len(hole) - 1
     return ""
 
 
-def _radii(parts: tuple[Segment, ...], k: int, tendon: Tendon) -> list[Floats]:
-    """Distances of a tendon's holes from the axis, by segments with the hole where each begins."""
-    stations = _stations(parts, k)
-    radii = np.hypot(*tendon.holes(np.concatenate(stations)).T)
-    ends = np.cumsum([0, *(len(each) for each in stations)])
-    return [radii[a : b + 1] for a, b in pairwise(ends)]
+def _crossings(s: Segment, hole: Floats, fraction: Floats) -> NDArray[np.bool_]:
+    """Which spans between holes (n, 2) on the outside of a backbone pass through it."""
+    along = np.diff(hole, axis=0)
+    square = np.maximum((along**2).sum(axis=1), 1e-300)
+    nearest = np.clip(-(hole[:-1] * along).sum(axis=1) / square, 0.0, 1.0)
+    share = nearest[:, None, None]
+    if not s.backbone.is_round:  # the point nearest to the axis may be beside a rectangle
+        within = np.broadcast_to(np.linspace(0.0, 1.0, 34)[1:-1], (len(along), 32))
+        share = np.column_stack([nearest, within])[..., None]
+    points = hole[:-1, None] + share * along[:, None]
+    at = fraction[:-1, None] + share[..., 0] * np.diff(fraction)[:, None]
+    outside = ~s.backbone.encloses(hole, fraction)
+    through = s.backbone.encloses(points, at).any(axis=1)
+    return np.asarray(outside[:-1] & outside[1:] & through)
 
 
 def bores(parts: tuple[Segment, ...]) -> Floats:
@@ -210,7 +254,6 @@ def bores(parts: tuple[Segment, ...]) -> Floats:
 
 def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
     """Check that holes lie within their disk, do not overlap, and are wider than their tendons."""
-    bore = bores(parts)
     for k, s in enumerate(parts):
         width, radius = s.disks.hole_diameter, s.disks.radius
         if width is None:
@@ -229,13 +272,27 @@ def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
                 break
         if not passing:
             continue
+        # a rectangle leaves more of the disk than the circle around it
+        rods = [p.backbone for p in parts[k : k + 2]]
+        rod = max(0.0 if r.width is not None else float(r.outer_diameter) for r in rods)
         for places in _places(parts, k, [(j, t) for j, _, t in passing]):
-            away = np.hypot(*places.T)
-            if not np.all((away > bore[k] / 2) & (away < radius)):
-                break  # reported with the holes
-            limit, fault = room_for_holes(
-                distinct_holes(places), radius, float(bore[k : k + 2].max())
-            )
+            holes = distinct_holes(places)
+            drilled = outside_bore(holes, rod)
+            slot = float(bores(parts[k : k + 2]).max())
+            if (
+                s.disks.density is not None
+                and rod < slot
+                and len(outside_bore(holes, slot)) < len(holes)
+            ):
+                yield (
+                    f"segments[{k}].disks.density: the disks' hole for a rectangular backbone is "
+                    f"taken as the circle around it, {number_with_unit(slot, 'm')}, which here "
+                    "contains holes of tendons; write mass in its place"
+                )
+                break
+            if not len(drilled) or not np.all(np.hypot(*drilled.T) < radius):
+                break  # in the bore, or reported with the holes
+            limit, fault = room_for_holes(drilled, radius, rod)
             if width >= limit:
                 yield (
                     f"segments[{k}].disks.hole_diameter: got {number_with_unit(width, 'm')}; the "

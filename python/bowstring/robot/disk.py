@@ -9,7 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["DiskMass", "distinct_holes", "drilled_disk", "room_for_holes", "stacked"]
+__all__ = [
+    "DiskMass",
+    "distinct_holes",
+    "drilled_disk",
+    "outside_bore",
+    "room_for_holes",
+    "stacked",
+]
 
 Floats = NDArray[np.float64]
 
@@ -62,7 +69,21 @@ def distinct_holes(places: ArrayLike) -> Floats:
     return rows[..., found, :]
 
 
-def room_for_holes(holes: ArrayLike, radius: float, bore: float) -> tuple[float, str]:
+def outside_bore(holes: ArrayLike, bore: ArrayLike) -> Floats:
+    """Holes (..., H, 2) of those outside the bore of a disk: tendons in a tube need none.
+
+    Of many robots, the first one decides which are. Arguments are those of `drilled_disk`.
+    """
+    rows = np.asarray(holes, dtype=float)
+    if rows.size == 0:
+        return rows
+    first = rows.reshape(-1, *rows.shape[-2:])[0]
+    return rows[..., 2.0 * np.hypot(*first.T) > np.asarray(bore).flat[0], :]
+
+
+def room_for_holes(
+    holes: ArrayLike, radius: float, bore: float, inner: float = 0.0
+) -> tuple[float, str]:
     """Largest hole diameter before holes meet the rim, the bore or each other.
 
     Parameters
@@ -71,6 +92,8 @@ def room_for_holes(holes: ArrayLike, radius: float, bore: float) -> tuple[float,
         Distinct positions x, y in m.
     radius, bore : float
         Radius of the disk and diameter of its bore, in m.
+    inner : float
+        Inner diameter of the tube in the bore, for tendons within it, in m.
 
     Returns
     -------
@@ -79,10 +102,15 @@ def room_for_holes(holes: ArrayLike, radius: float, bore: float) -> tuple[float,
     """
     places = np.asarray(holes, dtype=float).reshape(-1, 2)
     away = np.hypot(places[:, 0], places[:, 1])
-    found = [
-        (2.0 * (radius - float(away.max())), "they would break out of its rim"),
-        (2.0 * float(away.min()) - bore, "they would meet the hole of the backbone"),
-    ]
+    outside, within = away[2.0 * away > bore], away[2.0 * away <= bore]
+    found = []
+    if outside.size:
+        found += [
+            (2.0 * (radius - float(outside.max())), "they would break out of its rim"),
+            (2.0 * float(outside.min()) - bore, "they would meet the hole of the backbone"),
+        ]
+    if within.size:
+        found.append((inner - 2.0 * float(within.max()), "they would meet the wall of the tube"))
     if len(places) > 1:
         between = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
         np.fill_diagonal(between, np.inf)

@@ -318,6 +318,15 @@ def check_round(robot: Robot, what: str, instead: str = "") -> None:
         )
 
 
+def check_tendons(robot: Robot, what: str) -> None:
+    """Refuse a bare rod, a robot without tendons."""
+    if not len(robot.tendons.segment):
+        raise InputError(
+            f"{what} needs tendons, and {robot.name} has none; solve, simulate and modes take a "
+            "bare rod"
+        )
+
+
 def check_disks(robot: Robot, what: str) -> None:
     """Refuse a robot whose tendons run in its body."""
     if robot.is_embedded:

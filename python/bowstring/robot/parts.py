@@ -74,9 +74,10 @@ def _one_of(first: str, second: str) -> Any:
     return {"oneOf": [{"required": [first]}, {"required": [second]}]}
 
 
-_PITCH = Quantity("m", "29 mm", "1 um", "100 m")
+_PITCH = Quantity("m", "29 mm", "0 mm", "100 m")
 _ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
 _SIZE = Quantity("m", "5 mm", "1 um", "10 m")
+_EDGE: Final = 1.0 + 1e-12  # what rounding adds to the edge of a section
 
 
 def _check_stiffness(backbone: Backbone) -> None:
@@ -390,6 +391,37 @@ class Backbone(Part):
         if self.end_diameter is None:
             return self.diameter
         return np.maximum(self.diameter, self.end_diameter)[()]
+
+    def encloses(self, places: ArrayLike, fraction: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points lie within or on the outline of the sections, in material or bore.
+
+        Parameters
+        ----------
+        places : array_like (..., 2)
+            x and y in m.
+        fraction : array_like (...)
+            Places of the sections: 0 at the start of the segment, 1 at its end.
+
+        Returns
+        -------
+        ndarray (...)
+            False everywhere for a backbone by its stiffness without a diameter.
+        """
+        x, y = np.moveaxis(np.asarray(places, dtype=float), -1, 0)
+        section = self.at(fraction)
+        if section.width is not None and section.height is not None:
+            c, s = math.cos(self.width_direction), math.sin(self.width_direction)
+            along, across = np.abs(c * x + s * y), np.abs(c * y - s * x)
+            return np.asarray(
+                (2 * along <= _EDGE * section.width) & (2 * across <= _EDGE * section.height)
+            )
+        outer = 0.0 if section.diameter is None else section.diameter
+        return np.asarray((2 * np.hypot(x, y) <= _EDGE * outer) & (np.asarray(outer) > 0))
+
+    def in_bore(self, places: ArrayLike, fraction: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points lie in the bore of a tube; arguments as of `encloses`."""
+        x, y = np.moveaxis(np.asarray(places, dtype=float), -1, 0)
+        return np.asarray(_EDGE * 2 * np.hypot(x, y) < self.at(fraction).inner_diameter)
 
     @property
     def shear_modulus(self) -> float:
@@ -748,7 +780,7 @@ class Tendon(TendonProperties):
         "angle, that in the base.",
     )
     pitch_radii: Annotated[
-        tuple[float, ...] | None, Quantity("m", "28 27 26 mm", "1 um", "100 m", vector=0)
+        tuple[float, ...] | None, Quantity("m", "28 27 26 mm", "0 mm", "100 m", vector=0)
     ] = Field(
         None,
         description="Pitch radii in the disks, from the first to its end disk, if they differ from "
@@ -758,15 +790,16 @@ class Tendon(TendonProperties):
     @property
     def is_parallel(self) -> bool:
         """Whether the tendon is parallel to the backbone."""
-        if self.angles is not None or self.pitch_radii is not None or self.end_pitch_radius:
+        if any(v is not None for v in (self.angles, self.pitch_radii, self.end_pitch_radius)):
             return False
         return not np.any(self.turns)
 
     @model_validator(mode="after")
     def _check(self) -> Tendon:
-        for whole, each in (("turns", "angles"), ("end_pitch_radius", "pitch_radii")):
-            if getattr(self, whole) and getattr(self, each) is not None:
-                raise wrong(f"{whole} and {each}: both given; write one of the two")
+        if self.turns and self.angles is not None:
+            raise wrong("turns and angles: both given; write one of the two")
+        if self.end_pitch_radius is not None and self.pitch_radii is not None:
+            raise wrong("end_pitch_radius and pitch_radii: both given; write one of the two")
         return self
 
     def holes(self, stations: ArrayLike) -> NDArray[np.float64]:

@@ -158,7 +158,8 @@ def _turns(robot: RobotArrays, k: int, weight: float) -> float:
 def _bend_by_newton(robot: RobotArrays, k: int) -> float:
     """Bend angle of a segment per newton of tension in rad/N, theory Eq. 1.7."""
     passing = robot.tendons.segment >= k
-    arm = float(robot.tendons.pitch_radius_m[passing].max())
+    holes = robot.tendons.mean_hole_m[k, passing]
+    arm = float(np.hypot(*holes.T).max())
     return arm * robot.segments[k].length / float(robot.bending_stiffness[k])
 
 
@@ -180,7 +181,7 @@ def _implausible_stiffness(robot: RobotArrays, k: int, weight: float) -> Iterato
             f"{where} looks wrong: the robot's own weight ({rounded(weight)} N) as the tension of "
             f"one tendon would wind the backbone {rounded(turns)} times around; {guess}"
         )
-    elif _LARGE_TENSION * _bend_by_newton(robot, k) < _MIN_BEND:
+    elif 0.0 < _LARGE_TENSION * _bend_by_newton(robot, k) < _MIN_BEND:
         yield (
             f"{where} with {diameter} looks wrong: 1 kN on one tendon would bend the segment by "
             f"less than a degree; is one of the two in the wrong unit (GPa, MPa; mm, cm)?"
@@ -209,7 +210,7 @@ def load_advice(robot: RobotArrays, tensions: ArrayLike, tip_force: ArrayLike = 
         by the linear law; empty if both are plausible.
     """
     weight = _weight(robot)
-    for k in range(int(robot.tendons.segment.max()) + 1):
+    for k in range(int(robot.tendons.segment.max(initial=-1)) + 1):
         young = robot.segments[k].backbone.E
         if young is None or 1000 * young > _MAX_E:
             continue  # no wrong unit

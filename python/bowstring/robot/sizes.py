@@ -104,7 +104,10 @@ def sizes_of(robot: Robot) -> Sizes:
         bore = float(robot.disks.bore_m[robot.disks.segment == k].max())
         own = np.flatnonzero(robot.disks.segment == k)
         drilled = own[:1] if robot.is_parallel else own
-        room, fault = min(room_for_holes(robot.holes(k, d), s.disks.radius, bore) for d in drilled)
+        inner = float(np.min([s.backbone.inner_diameter, s.backbone.at(1.0).inner_diameter]))
+        room, fault = min(
+            room_for_holes(robot.holes(k, d), s.disks.radius, bore, inner) for d in drilled
+        )
         if s.disks.hole_diameter is not None:
             holes[k] = s.disks.hole_diameter  # checked when the file was read
             continue

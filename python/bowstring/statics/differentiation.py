@@ -239,9 +239,10 @@ class Differentiator:
     def _scales(self) -> tuple[float, float, float]:
         """Moment in N m, pitch radius in m and carried mass in kg."""
         robot = self.robot
+        arms = robot.tendons.arm_m
         return (
             float(robot.bending_stiffness.min()) / robot.length,
-            float(robot.tendons.pitch_radius_m.mean()),
+            float(arms.mean()) if arms.any() else robot.length,
             float(robot.disks.mass_kg.sum() + robot.carried_kg.sum()),
         )
 

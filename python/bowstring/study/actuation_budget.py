@@ -506,7 +506,7 @@ def assumed_stiffness(robot: Robot, tendon: int) -> tuple[float | None, str]:
     diameter = float(robot.tendons.diameter_m[tendon])
     by = "diameter as in the file"
     if math.isnan(diameter):
-        diameter = float(robot.tendons.pitch_radius_m[tendon]) / _SLENDER
+        diameter = float(robot.tendons.arm_m[tendon]) / _SLENDER
         by = "by the robot's size"
         if not _THINNEST <= diameter <= _THICKEST:
             return None, (

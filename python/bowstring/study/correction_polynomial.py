@@ -15,9 +15,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bowstring.constant_curvature import RobotArcs
 from bowstring.display import short_repr
-from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics import rod
 from bowstring.study.comparison import Model
@@ -87,14 +85,18 @@ def without_closed_form(robot: Robot) -> str:
         return "its backbone is bent without load"
     if not robot.bends_alike or robot.tension_centre_m.any():
         return "its backbone does not bend alike about all axes"
-    if min(np.bincount(robot.tendons.segment, minlength=len(robot.segments))) < 3:
-        return "it has a segment with fewer than three tendons"
-    lengths = np.cumsum([s.length for s in robot.segments])[robot.tendons.segment]
-    try:
-        RobotArcs.from_lengths(robot, lengths, "chord")
-    except InputError as error:  # tendons in one plane
-        return str(error)
+    if not all(_gives_length(robot, k) for k in range(len(robot.segments))):
+        return "it has a segment with too few tendons to determine its length and bend"
     return ""
+
+
+def _gives_length(robot: Robot, segment: int) -> bool:
+    """Whether the lengths of a segment's own tendons give the length of its arc."""
+    holes = robot.tendons.mean_hole_m[segment, robot.tendons.segment == segment]
+    size = np.abs(holes).max(initial=1e-300)
+    scaled = np.column_stack([np.ones(len(holes)), holes / size])
+    ranks = [np.linalg.matrix_rank(each, tol=1e-6) for each in (scaled, scaled[:, 1:])]
+    return bool(ranks[0] > ranks[1])
 
 
 def tip_polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynomial, ...]:
@@ -181,6 +183,7 @@ def _random_tensions(of: NDArray[np.int64], top: float) -> Floats:
         alone = np.arange(count) % 20 == 0  # the edges of the range
         tensions[np.ix_(alone, own)] = 0.0
         tensions[alone, rng.choice(own, alone.sum())] = top * rng.uniform(size=alone.sum()) ** 0.35
+    tensions[0] = 0.0
     return tensions
 
 

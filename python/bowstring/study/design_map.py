@@ -114,7 +114,10 @@ def _axes(robot: Robot) -> Iterator[Axis]:
         # beside a stiffness matrix there is no E, and the diameter changes nothing
         if robot.has_matrix and name.startswith("backbone."):
             continue
-        path = find(robot, name, ())[0]
+        try:
+            path = find(robot, name, ())[0]
+        except InputError:  # rings and lists of tendons side by side share no path
+            continue
         own = _own(robot, path)
         if own is not None:
             for low, high in _RANGES:

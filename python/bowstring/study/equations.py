@@ -102,10 +102,11 @@ def _intro(study: Study, segment: FirstSegment) -> tuple[str, ...]:
         "the largest load of the sweep that has an equilibrium. Lengths without a unit are in mm."
     ]
     if many:
-        own = listed([str(t + 1) for t in segment.tendons])
+        tendons = [str(t + 1) for t in segment.tendons]
+        own = f"tendons {listed(tendons)} end" if tendons else "no tendon ends"
         out.append(
-            "The equations are those of one segment, here segment 1, at whose end disk tendons "
-            f"{own} end. An outer segment is computed in the same way from what the arcs before it "
+            "The equations are those of one segment, here segment 1, at whose end disk "
+            f"{own}. An outer segment is computed in the same way from what the arcs before it "
             "leave of its tendons' lengths."
         )
     if segment.from_lengths:
@@ -264,6 +265,11 @@ def _least_squares(study: Study, segment: FirstSegment) -> Equation:
         f"{_degrees(segment.phi)}, length {_mm(segment.length)} mm; the lengths are "
         f"{in_mm(float(segment.arcs.misfit[0]))} from it (RMS)."
     )
+    if len(segment.tendons) < 3:
+        note += (
+            " Its tendons are fewer than three, so that the backbone keeps its length or bends in "
+            "their plane."
+        )
     if left_out > 0:
         note += f" {left_out} more tendons are not written out."
     return Equation("In the place of Eqs. 2 to 4", "the arc of any tendons", tuple(lines), note)
@@ -379,7 +385,7 @@ def _forces(study: Study, segment: FirstSegment) -> list[Equation]:
     moment = float(np.linalg.norm(both))
     force, stiffness = float(tensions.sum()), float(robot.bending_stiffness[0])
     length, dot = float(robot.segments[0].length), _DOT
-    if moment < 1e-9 * force * float(robot.tendons.pitch_radius_m.max()):
+    if moment < 1e-9 * force * float(robot.tendons.arm_m.max()):
         return []  # the tensions balance each other
     if not robot.bends_alike:  # the stiffness in the direction of this moment
         bend = robot.bend_by_moment[0] @ both

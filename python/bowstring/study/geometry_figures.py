@@ -148,14 +148,16 @@ def _base_from_above(axes: Axes, study: Study, segment: FirstSegment) -> None:
         actuated = any(study.settings.shares[t] for t in names)
         colour = "red" if actuated else "blue"
         axes.plot(*hole, "o", color=LIGHT[colour], markersize=4)
-        out = hole / np.linalg.norm(hole)
+        size = float(np.linalg.norm(hole))
+        out = hole / size if size else np.array([0.0, -1.0])
         if max(float(out @ way) for way in (*np.eye(2), bend)) > 0.97:  # an arrow is there
             out = np.array([[0.96, -0.28], [0.28, 0.96]]) @ out
         _write(axes, disk * out, _numbers(names), tuple(8 * out), colour)
     first = robot.tendons.hole_m[segment.tendons[-1]] * _MM
-    axes.plot(*np.stack([np.zeros(2), first], axis=1), color=LIGHT["amber"], linewidth=1.0)
-    way = first / np.linalg.norm(first)
-    _write(axes, 0.55 * first, "r", (-7 * way[1], 7 * way[0]), "amber")
+    if first.any():
+        axes.plot(*np.stack([np.zeros(2), first], axis=1), color=LIGHT["amber"], linewidth=1.0)
+        way = first / np.linalg.norm(first)
+        _write(axes, 0.55 * first, "r", (-7 * way[1], 7 * way[0]), "amber")
     axes.margins(0.12)
 
 

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from bowstring.errors import BowstringError, InputError, NoSolutionError
-from bowstring.robot.model import Robot, check_disks, check_robot, without_laws
+from bowstring.robot.model import Robot, check_disks, check_robot, check_tendons, without_laws
 from bowstring.statics.model import RodModel
 from bowstring.study.combinations import combinations, worst_combination
 from bowstring.study.comparison import MEANINGS, Model, Theory
@@ -117,6 +117,7 @@ def run_study(
         If no load of the sweep has an equilibrium.
     """
     check_robot(robot)
+    check_tendons(robot, "the study")
     check_disks(robot, "the study")
     loading, extras = instance("loading", loading, Loading), instance("extras", extras, Extras)
     settings = settings_of(robot, tolerance, theory, loading, instance("ramp", ramp, Ramp))

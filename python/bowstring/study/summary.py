@@ -15,6 +15,7 @@ from bowstring.robot.laws import MEMORIES
 from bowstring.robot.model import Robot
 from bowstring.study.actuation_budget import COMMANDED
 from bowstring.study.comparison import MEANINGS
+from bowstring.study.correction_polynomial import without_closed_form
 from bowstring.study.load_map import load_text
 from bowstring.study.study import Study
 from bowstring.study.verdict import Meaning, corrections
@@ -161,10 +162,9 @@ def _correction(study: Study) -> Iterator[tuple[str, str]]:
         if formula is None:
             law = ', "arm"' if from_force else ', "chord"'
             call = "from_tensions(robot, tensions" if from_force else "from_lengths(robot, lengths"
-            formula = (
-                f"module by module: RobotArcs.{call}{law}) in Python; --correction python, c or "
-                "matlab writes it as code"
-            )
+            formula = f"module by module: RobotArcs.{call}{law}) in Python"
+            if not without_closed_form(study.robot):
+                formula += "; --correction python, c or matlab writes it as code"
         error = in_mm(corrected.max_error)
         if corrected.undecided:
             error += f", with no result beyond {significant(corrected.valid_to or 0.0)} N"

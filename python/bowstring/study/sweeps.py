@@ -112,7 +112,7 @@ def geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
             "lets them; check its stiffness or give a smaller largest tension",
             argument="max_tension",
         ) from None
-    # Eq. 5 of the study, from lengths (theory Eq. 1.1 and 1.4), needs three tendons per
+    # Eq. 5 of the study, from lengths (theory Eq. 1.1 and 1.4), needs tendons that end at each
     # segment and lengths of an arc; otherwise the original arcs are kept, which are the same.
     with suppress(InputError):
         arcs = RobotArcs.from_lengths(robot, lengths)

@@ -374,7 +374,7 @@ def _in_words(
     }[m.name]
     if not math.isfinite(m.max_error):
         return (
-            f"{source}, constant curvature gives no tip at any load: it needs three tendons in "
+            f"{source}, constant curvature gives no tip at any load: it needs tendons that end at "
             "each segment and lengths that an arc can have."
         )
     largest = (

@@ -17,7 +17,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.inverse.kinematics import inverse_kinematics
 from bowstring.results import Key, Result
-from bowstring.robot.model import Robot, check_robot
+from bowstring.robot.model import Robot, check_robot, check_tendons
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve_batch
 from bowstring.validation import choice, floats, share_of_length, whole
@@ -352,6 +352,7 @@ def control_errors(
     True
     """
     check_robot(robot)
+    check_tendons(robot, "the control error")
     whole("poses", poses, 1, 100_000)
     whole("corrections", corrections, 0, 20)
     tolerance = share_of_length("tolerance", tolerance, robot.length)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import listed, round_down, significant
-from bowstring.robot.model import Robot, without_laws
+from bowstring.robot.model import Robot, check_tendons, without_laws
 from bowstring.statics import rod
 from bowstring.statics.model import RodModel
 from bowstring.validation import is_whole, number, shown, whole
@@ -77,6 +77,7 @@ class Loading:
 
     def shares(self, robot: Robot) -> tuple[float, ...]:
         """Share of the sweep's tension in each tendon of a robot."""
+        check_tendons(robot, "a sweep of tensions")
         count = len(robot.tendons.segment)
         out = [0.0] * count
         if self.tendon is None:
@@ -143,7 +144,7 @@ def linear_bend(robot: Robot, shares: Floats) -> Floats:
         passing = robot.tendons.segment >= k
         holes = robot.tendons.mean_hole_m[k, passing] - robot.tension_centre_m[k]
         moment = shares[passing] @ holes
-        size = float(np.abs(shares[passing]) @ robot.tendons.pitch_radius_m[passing])
+        size = float(np.abs(shares[passing]) @ robot.tendons.arm_m[passing])
         if np.linalg.norm(moment) > 1e-9 * size:  # otherwise the tendons balance each other
             out[k] = robot.bend_by_moment[k] @ moment
     return out

@@ -16,7 +16,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.results import Key, Result
-from bowstring.robot.model import Robot, check_robot
+from bowstring.robot.model import Robot, check_robot, check_tendons
 from bowstring.statics.equilibria import columns, differentiable
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve_batch
@@ -251,6 +251,7 @@ def reach(
     True
     """
     check_robot(robot)
+    check_tendons(robot, "reach")
     whole("poses", poses, 1, 100_000)
     tolerance = share_of_length("tolerance", tolerance, robot.length)
     if robot.is_embedded:

@@ -15,7 +15,7 @@ from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.jobs import threads
 from bowstring.results import Key, Result
 from bowstring.robot.designs import Designs
-from bowstring.robot.model import Robot, check_robot
+from bowstring.robot.model import Robot, check_robot, check_tendons
 from bowstring.statics import rod
 from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.statics.load import Load
@@ -274,6 +274,7 @@ def workspace_map(
     1.0
     """
     check_robot(robot)
+    check_tendons(robot, "a map of the workspace")
     whole("poses", poses, 1, 1_000_000)
     tolerance = share_of_length("tolerance", tolerance, robot.length)
     models = ("cc_from_lengths", "cc_from_force") if models is None else tuple(models)
