@@ -96,6 +96,15 @@ def test_table(shell: Shell, tmp_path: Path) -> None:
     np.testing.assert_allclose(found["tip_position_m"], expected["tip_position_m"], atol=1e-6)
 
 
+def test_a_table_in_another_unit_is_doubted(shell: Shell, tmp_path: Path) -> None:
+    """The sentence of bench check; 1e-4 s of motion are enough."""
+    file = tmp_path / "load.csv"
+    file.write_text("t_s,tension_1_N,tension_2_N,tension_3_N\n0,5000,0,0\n1e-4,5000,0,0\n")
+    _, _, err = shell("simulate", "amouri2019", "--table", str(file), "--from", "0,0,0")
+    assert "--table: By the linear law 5000 N, the largest tension, would wind amouri2019" in err
+    assert "check the unit of the tensions" in err
+
+
 def test_table_may_jump(tmp_path: Path, robot: bs.Robot) -> None:
     path = tmp_path / "tensions.csv"
     path.write_text("t_s,tension_1_N,tension_2_N,tension_3_N\n0,5,0,0\n1,5,0,0\n1,8,0,0\n2,8,0,0\n")

@@ -125,7 +125,7 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         ((*FIT, "--parameter", "segments.0.backbone.Y"), "did you mean segments.0.backbone.E?"),
         ((*FIT, "--parameter", "segments.4.length"), "no parameter 'segments.4.length'"),
         ((*FIT, "--parameter", E, "--parameter", E), "is named twice"),
-        ((*FIT, "--parameter", "offset"), "offset has no effect on the tip"),
+        ((*FIT, "--parameter", "backlash"), "backlash has no effect on the tip"),
         ((*FIT, "--parameter", "delay"), "needs the time of each row"),
         ((*FIT, "--parameter", "bend_gain"), "give --model arc"),
         ((*FIT, "--parameter", E, "--holdout", "1.5"), "--holdout: got 1.5; must be a share"),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from bowstring.atomic_io import check_file, not_overwritten, write_whole_file
 from bowstring.cli.flags import Number, PerTendon, of_flag, tendon_count
 from bowstring.cli.groups import Group, option
+from bowstring.cli.output import say
 from bowstring.errors import InputError
 
 if TYPE_CHECKING:
@@ -268,10 +269,17 @@ def actuated_over_time(
 
 
 def _of_table(robot: Robot, table: Path, starts: Mapping[str, Commands | None]) -> OverTime:
+    import numpy as np
+
+    from bowstring.data.tendon_check import wound_by_tensions
     from bowstring.dynamics.load_table import read_actuation
     from bowstring.statics.load import Load
 
     actuation = of_flag("--table", lambda path: read_actuation(path, robot), table)
+    if "tensions" in actuation:
+        tensions = np.nan_to_num(actuation["tensions"].values)
+        if wound := wound_by_tensions(robot, tensions):
+            say("Warning", f"--table: {wound}")
     duration = float(next(iter(actuation.values())).times[-1])
     if duration < SHORTEST_STEP:
         raise InputError(f"--table: it takes {duration:g} s; {TOO_SHORT}")

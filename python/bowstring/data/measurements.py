@@ -658,7 +658,9 @@ class _Reader:
     def judge_tensions(self, tensions: Floats, lines: Ints) -> NDArray[np.bool_]:
         """Rows (K,) without a tension below zero; noise about zero is set to zero in place."""
         good = np.ones(len(lines), bool)
-        zeros = []
+        zeros: list[tuple[str, float]] = []
+        if not self.keep_below_zero and not (tensions < 0.0).any():
+            return good
         for k, (kind, column) in enumerate(self.layout.tendons):
             readings = tensions[:, k]
             if kind != "tension" or column.constant is not None or column.part != "all":

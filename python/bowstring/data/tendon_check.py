@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
 
-__all__ = ["Found", "TendonCheck", "check_tendons"]
+__all__ = ["Found", "TendonCheck", "check_tendons", "wound_by_tensions"]
 
 Floats = NDArray[np.float64]
 Found = Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"]
@@ -59,6 +59,7 @@ _ABOVE: Final = 0.05  # reading without load over the range, above which it is a
 _SAME: Final = 0.03  # difference of unexplained shares that says nothing
 _STRAIGHT: Final = 0.01  # distance of a tip from that of the straight robot over its length
 _ALONE: Final = 0.1  # share of a common displacement that no bend has
+_UNITS: Final = "check the unit of the tensions or masses, and E of the robot file."
 _UNMOVED: Final = 20.0  # ratio of motion to bend that no weight or load explains
 
 
@@ -245,19 +246,31 @@ def _doubted_commands(motion: _Motion) -> str:
     bends = np.linalg.norm(motion.bends(), axis=2)
     if motion.by_displacement:
         return _wound(robot, m, bends) or _shifted(motion)
+    if wound := wound_by_tensions(robot, motion.commands):
+        return wound
     bend = float(bends.max())
     largest = f"{significant(float(m.tensions.max()))} N, the largest tension,"
-    advice = "check the unit of the tensions or masses, and E of the robot file."
-    if bend > _WOUND:
-        turns = significant(bend / (2 * np.pi), 2)
-        return f"By the linear law {largest} would wind {robot.name} {turns} times around: {advice}"
     moved = _spread(motion.measured) / motion.size
     if moved > _UNMOVED * bend:
         return (
             f"By the linear law {largest} would bend {robot.name} by "
-            f"{significant(np.degrees(bend), 2)} degrees only, and the tip moves far more: {advice}"
+            f"{significant(np.degrees(bend), 2)} degrees only, and the tip moves far more: {_UNITS}"
         )
     return ""
+
+
+def wound_by_tensions(robot: Robot, tensions: Floats) -> str:
+    """Warn of tensions (n, T) in N that wind a robot around, as of a wrong unit; else empty."""
+    if robot.is_coupled:
+        return ""
+    bends = (tensions @ _by_tension(robot).T).reshape(len(tensions), -1, 2)
+    bend = float(np.linalg.norm(bends, axis=2).max())
+    if bend <= _WOUND:
+        return ""
+    return (
+        f"By the linear law {significant(float(tensions.max()))} N, the largest tension, would "
+        f"wind {robot.name} {significant(bend / _TURN, 2)} times around: {_UNITS}"
+    )
 
 
 def _doubted_displacements(robot: Robot, m: Measurements) -> str:
