@@ -164,6 +164,7 @@ ROBOTS: dict[str, Row] = {
         design={"segments.0.tendons.compliance": [1e-5, 4e-5]},
         by_displacement=True,
     ),
+    "rods that push": changed(of("tendons", kind="rod"), design={E: [30e9, 40e9]}),
     "two segments": Row(bs.load_robot("rao2021"), {E: [50e9, 70e9]}),
 }
 
@@ -263,6 +264,7 @@ class Sizes:
         moment = float(self.robot.bending_stiffness[0]) / self.robot.length
         largest = 0.5 * moment / np.linalg.norm(tendons.hole_m, axis=1)
         share = np.array([1.0, 0.15, 0.4, 0.3, 0.7, 0.2])[: len(largest)]
+        share[1:] *= np.where(tendons.pushes[1:], -1.0, 1.0)
         found: Floats = np.outer([0.3, 1.0, 0.6, 0.2], share * largest)
         return found
 

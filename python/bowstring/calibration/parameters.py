@@ -212,7 +212,10 @@ class Setting:
         )
         at_tension = by_displacement & np.isfinite(given[1])
         held = by_displacement & ~at_tension
-        return held, np.where(held, values, np.maximum(np.where(at_tension, tension, values), 0.0))
+        least = self.robot.tendons.least_tension_N
+        return held, np.where(
+            held, values, np.maximum(np.where(at_tension, tension, values), least)
+        )
 
     def offsets(self, count: int) -> Floats:
         """Offsets (M, 3) of `count` measured points in the frames of their disks, m."""

@@ -123,6 +123,17 @@ class RobotTendons:
     """Tensions (T,) in the home pose, where the tendon displacements are zero, N."""
     spool_radius_m: Floats
     diameter_m: Floats
+    pushes: NDArray[np.bool_]
+    """Whether each tendon (T,) is a rod or a chamber, which pushes too."""
+    area_m2: Floats
+    """Areas (T,) on which the pressure of chambers acts, NaN where unknown, m^2."""
+    bending_stiffness_Nm2: Floats
+    """Bending stiffnesses (T,) of rods, NaN where unknown, N m^2."""
+
+    @property
+    def least_tension_N(self) -> Floats:
+        """Least possible tensions (T,): 0, or -infinity of those that push too, N."""
+        return np.where(self.pushes, -math.inf, 0.0)
 
     @cached_property
     def lines(self) -> Floats:
@@ -395,6 +406,9 @@ class RobotArrays(Part):
             pretension_N=each("pretension"),
             spool_radius_m=each("spool_radius"),
             diameter_m=each("diameter"),
+            pushes=frozen([t.pushes for t in every], bool),
+            area_m2=each("area"),
+            bending_stiffness_Nm2=each("bending_stiffness"),
         )
 
     def _routing(self, every: list[Tendon], ends: Ints, hole: Floats) -> tuple[Floats, Floats]:

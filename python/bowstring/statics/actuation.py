@@ -41,6 +41,7 @@ __all__ = [
     "durations",
     "given",
     "home_lengths",
+    "tensions_of_pressures",
 ]
 
 HISTORY_SCHEMA_VERSION: Final = 1
@@ -123,6 +124,25 @@ def is_by_tensions(robot: Robot, load: Load, history: Mapping[str, Any] | None =
 # --------------------------------------------------------------------------------------
 # Commands
 # --------------------------------------------------------------------------------------
+
+
+def tensions_of_pressures(robot: Robot, pressures: Sequence[float | None]) -> list[float | None]:
+    """Tensions -p A in N of chambers at pressures in Pa (theory Eq. 4.12); None stays None.
+
+    Raises
+    ------
+    InputError
+        For a tendon without an area.
+    """
+    out = []
+    for i, (p, area) in enumerate(zip(pressures, robot.tendons.area_m2.tolist(), strict=True), 1):
+        if p is not None and math.isnan(area):
+            raise InputError(
+                f"tendon {i} of {robot.name} has no area, so that a pressure does not say its "
+                "force; give it kind chamber and area, or give tensions"
+            )
+        out.append(None if p is None else -p * area + 0.0)
+    return out
 
 
 def driven(robot: RobotArrays, displacements: Floats) -> Floats:

@@ -534,7 +534,7 @@ class _Commanded:
         # A tendon with pretension should stay taut. One without gets a surplus length, so that it
         # stays slack and does not act against the actuated one where the arc is inaccurate.
         slack = robot.tendons.pretension_N == 0.0
-        slack[model.shares > 0.0] = False
+        slack[model.shares != 0.0] = False
         self._others = np.flatnonzero(slack)
         self._nothing = 1e-12 * robot.length
         self.displacements = straight - self.lengths - _SURPLUS * robot.length * slack
