@@ -164,7 +164,9 @@ ROBOTS: dict[str, Row] = {
         design={"segments.0.tendons.compliance": [1e-5, 4e-5]},
         by_displacement=True,
     ),
-    "rods that push": changed(of("tendons", kind="rod"), design={E: [30e9, 40e9]}),
+    "rods that push": changed(
+        {"name": "rods"}, of("tendons", kind="rod"), design={E: [30e9, 40e9]}
+    ),
     "two segments": Row(bs.load_robot("rao2021"), {E: [50e9, 70e9]}),
 }
 
@@ -236,6 +238,14 @@ LAWS: dict[str, Row] = {
             "displacements": "derivatives do not know the law",
         },
         by_displacement=True,
+    ),
+    "decoupling of drives": Row(
+        bs.load_robot("rao2021", {"segments.1.tendons.decoupling": 1}),
+        {E: [50e9, 70e9]},
+        lacks={
+            "derivatives": "derivatives do not know the law",
+            "displacements": "derivatives do not know the law",
+        },
     ),
 }
 

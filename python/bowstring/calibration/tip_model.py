@@ -89,7 +89,9 @@ class Commands:
                 first = values[rows[0]] + np.nan_to_num(before)
                 followed[rows] = _play(values[rows], setting.backlash, first)
             values = np.where(self.by_displacement, followed, values)
-        moved = values * setting.gain + setting.offset
+        moved = np.where(self.by_displacement, values * setting.gain + setting.offset, 0.0)
+        actuation.check_coupled(setting.robot, self.by_displacement)
+        moved = actuation.driven(setting.robot, moved)
         out: Floats = np.where(self.by_displacement, moved, values * setting.tension_gain)
         return out
 

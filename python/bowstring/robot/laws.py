@@ -121,6 +121,16 @@ _LAWS: Final = (
         of_commands=True,
     ),
     Law("zero", "drives", "tendons", (("zero",),), 1e-4, _COMMANDS, memory=False, of_commands=True),
+    Law(
+        "decoupling",
+        "drives",
+        "tendons",
+        (("decoupling",),),
+        0.05,
+        "The decoupling of the drives is left out: displacements are those of whole tendons.",
+        memory=False,
+        of_commands=True,
+    ),
 )
 LAWS: Final = {law.key: law for law in _LAWS}
 """The laws by their keys."""

@@ -628,6 +628,12 @@ class TendonProperties(Part):
     zero: Annotated[float, Quantity("m", "0.2 mm", "-1 km", "1 km")] = Field(
         0.0, description="Displacement of the tendon where 0 is commanded; 0 if left out."
     )
+    decoupling: Annotated[float, Quantity("", "1", "0", "1")] = Field(
+        0.0,
+        description="Share, of the displacement that inner segments take of the tendon, that its "
+        "drive adds to the commanded one: 1 if displacements are those of its own segment alone, 0 "
+        "if left out, those of the whole tendon.",
+    )
     pretension: Annotated[float, Quantity("N", "2 N", "0 N", "1e9 N")] = Field(
         0.0, description="Tension in the home pose, where its displacement is zero; 0 if left out."
     )
@@ -701,7 +707,7 @@ class TendonRing(TendonProperties):
         Values of each tendon, as in `Tendon`.
     second_creep_compliance, second_creep_time, wrap_angle : float
         Values of each tendon, as in `Tendon`.
-    hole_clearance, mount_compliance, gain, zero : float
+    hole_clearance, mount_compliance, gain, zero, decoupling : float
         Values of each tendon, as in `Tendon`.
     material, kind : str or None
         Material and kind of each tendon.
@@ -754,6 +760,8 @@ class Tendon(TendonProperties):
         Displacement of the tendon over that commanded.
     zero : float
         Displacement of the tendon where 0 is commanded, in m.
+    decoupling : float
+        Share, of the displacement that inner segments take, that the drive adds.
     pretension : float
         Tension in the home pose, where its displacement is zero, in N.
     spool_radius : float or None

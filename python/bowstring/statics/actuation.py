@@ -146,15 +146,17 @@ def tensions_of_pressures(robot: Robot, pressures: Sequence[float | None]) -> li
 
 
 def driven(robot: RobotArrays, displacements: Floats) -> Floats:
-    """Displacements of the tendons at commanded ones (..., T), m (theory Eq. 4.11)."""
-    tendons = robot.tendons
+    """Displacements of the tendons at commanded ones (..., T), m (theory Eq. 4.11, 4.13)."""
+    tendons, coupling = robot.tendons, robot.displacement_coupling
     found: Floats = tendons.gain * displacements + tendons.zero_m
-    return found
+    return found if coupling is None else found @ coupling.T
 
 
 def commanded(robot: Robot, displacements: Floats) -> Floats:
-    """Commands that give displacements of the tendons (..., T), m (theory Eq. 4.11)."""
-    tendons = robot.tendons
+    """Commands that give displacements of the tendons (..., T), m (theory Eq. 4.11, 4.13)."""
+    tendons, coupling = robot.tendons, robot.displacement_coupling
+    if coupling is not None:
+        displacements = displacements @ np.linalg.inv(coupling).T
     found: Floats = (displacements - tendons.zero_m) / tendons.gain
     return found
 
@@ -163,8 +165,26 @@ def commands(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Fl
     """Commands of a load as they reach the tendons; otherwise as `given`."""
     by_displacement, values = given(robot, load, rows=rows)
     if robot.laws and by_displacement.any():
-        values = np.where(by_displacement, driven(robot, values), values)
+        moved = np.where(by_displacement, values, 0.0)
+        check_coupled(robot, by_displacement)
+        values = np.where(by_displacement, driven(robot, moved), values)
     return by_displacement, values
+
+
+def check_coupled(robot: Robot, by_displacement: Bools) -> None:
+    """Refuse a displacement of a segment alone, beyond tendons that have none (..., T)."""
+    coupling = robot.displacement_coupling
+    if coupling is None or by_displacement.all():
+        return
+    lacks = by_displacement & (~by_displacement @ (coupling != 0.0).T)
+    if lacks.any():
+        place = tuple(np.argwhere(lacks)[0])
+        needed = np.flatnonzero((coupling[place[-1]] != 0.0) & ~by_displacement[place[:-1]])
+        raise InputError(
+            f"tendon {place[-1] + 1} has the displacement of its own segment, as its decoupling is "
+            f"above 0, and tendon {needed[0] + 1} of an inner segment has none; give both "
+            "displacements, or set decoupling to 0"
+        )
 
 
 def given(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Floats]:
