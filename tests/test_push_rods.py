@@ -284,6 +284,15 @@ def test_shares_of_a_study_push(tmp_path: Path) -> None:
         bs.Loading(tendon={1: -1.0}).shares(plain)
 
 
+def test_a_budget_assumes_no_friction_of_rods(rods: bs.Robot) -> None:
+    rows = Stages(rods, points=2, tendon={1: -1.0}, max_tension=0.4).budget.actuation.rows
+    assert rows[0].label == "friction 0, loading"
+    assert rows[0].assumed == ()
+    # rods that hold the displacements of the arc keep the tip near it
+    commanded = next(row for row in rows if row.effect == "tendon_elasticity")
+    assert commanded.case.tip_position[-1, 0] < -1e-3
+
+
 @pytest.mark.parametrize(
     ("text", "change", "said"),
     [
