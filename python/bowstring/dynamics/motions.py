@@ -320,7 +320,8 @@ class Motions:
             raise InputError(
                 f"tensions has shape {found.shape}, it must be {shape} or {shape[1:]}, in N"
             )
-        wrong = np.argwhere(~(np.isfinite(found) & (found >= self._least)))
+        least = self._least if found.ndim else self._least.max()
+        wrong = np.argwhere(~(np.isfinite(found) & (found >= least)))
         if len(wrong):
             value = found[tuple(wrong[0])]
             where = f" {wrong[0][-1] + 1}" if found.ndim else ""
