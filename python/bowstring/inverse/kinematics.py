@@ -141,6 +141,11 @@ def inverse_kinematics(
                     f"displacement_limits are for tendons without friction, and {robot.name} has "
                     "some; leave them out, or set friction to 0"
                 )
+            if robot.displacement_coupling is not None:
+                raise InputError(
+                    "displacement_limits are of whole tendons, and the drives of "
+                    f"{robot.name} have decoupling; leave them out, or set decoupling to 0"
+                )
             lowest, highest = (driven(robot, each) for each in displacements)
             limits = (least, most), (lowest, highest)
             keep_displacements(without_laws(robot), wanted, *limits, found, load, rod, _REACHED)
