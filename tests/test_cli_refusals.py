@@ -103,7 +103,7 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         ([*LOADED, "--E=60 GPa"], 'write --set segments.0.backbone.E="60 GPa";'),
         ([*LOADED, "--clamped-length"], "write --set segments.0.disks.clamped_length=VALUE;"),
         (["solve", "rao2021", "--tension", "1 kg"], 'for example --tension "80 N",0,0,0,0,0.'),
-        (["fk", "amouri2019"], "Missing option '--lengths'"),
+        (["fk", "amouri2019"], "the tendons' lengths or displacements: give one of the two"),
         (["fk", "--lengths", "1,1,1"], "Missing argument 'ROBOT'"),
         (["fk", "amouri2019", "--wings"], "--wings"),
         (["fk", "amouri2019", "--lengths"], "requires an argument"),

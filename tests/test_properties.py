@@ -164,6 +164,9 @@ ROBOTS: dict[str, Row] = {
         design={"segments.0.tendons.compliance": [1e-5, 4e-5]},
         by_displacement=True,
     ),
+    "rods that push": changed(
+        {"name": "rods"}, of("tendons", kind="rod"), design={E: [30e9, 40e9]}
+    ),
     "two segments": Row(bs.load_robot("rao2021"), {E: [50e9, 70e9]}),
 }
 
@@ -236,6 +239,14 @@ LAWS: dict[str, Row] = {
         },
         by_displacement=True,
     ),
+    "decoupling of drives": Row(
+        bs.load_robot("rao2021", {"segments.1.tendons.decoupling": 1}),
+        {E: [50e9, 70e9]},
+        lacks={
+            "derivatives": "derivatives do not know the law",
+            "displacements": "derivatives do not know the law",
+        },
+    ),
 }
 
 
@@ -263,6 +274,7 @@ class Sizes:
         moment = float(self.robot.bending_stiffness[0]) / self.robot.length
         largest = 0.5 * moment / np.linalg.norm(tendons.hole_m, axis=1)
         share = np.array([1.0, 0.15, 0.4, 0.3, 0.7, 0.2])[: len(largest)]
+        share[1:] *= np.where(tendons.pushes[1:], -1.0, 1.0)
         found: Floats = np.outer([0.3, 1.0, 0.6, 0.2], share * largest)
         return found
 

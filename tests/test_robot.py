@@ -668,8 +668,9 @@ def test_positions_forms(load):
             'segments[0].tendons: got "three"; must be a set of fields: '
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
             "creep_compliance, creep_time, second_creep_compliance, second_creep_time, friction, "
-            "wrap_angle, backlash, hole_clearance, mount_compliance, gain, zero, pretension, "
-            "spool_radius, diameter, material, turns, end_pitch_radius.",
+            "wrap_angle, backlash, hole_clearance, mount_compliance, gain, zero, decoupling, "
+            "pretension, spool_radius, diameter, material, kind, area, bending_stiffness, turns, "
+            "end_pitch_radius.",
         ),
         (
             "pitch_radius: 12 mm",
@@ -684,8 +685,9 @@ def test_positions_forms(load):
             "segments[0].tendons.mu: unknown field; did you mean friction? Known here: "
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
             "creep_compliance, creep_time, second_creep_compliance, second_creep_time, friction, "
-            "wrap_angle, backlash, hole_clearance, mount_compliance, gain, zero, pretension, "
-            "spool_radius, diameter, material, turns, end_pitch_radius.",
+            "wrap_angle, backlash, hole_clearance, mount_compliance, gain, zero, decoupling, "
+            "pretension, spool_radius, diameter, material, kind, area, bending_stiffness, turns, "
+            "end_pitch_radius.",
         ),
         (
             "thickness: 3 mm",

@@ -25,6 +25,7 @@ _UNITS: Final[dict[str, dict[str, Decimal]]] = {
     for si, units in {
         "": {},
         "m": {"m": "1", "cm": "1e-2", "mm": "1e-3", "um": "1e-6", "km": "1e3"},
+        "m^2": {"m^2": "1", "cm^2": "1e-4", "mm^2": "1e-6"},
         "kg": {"kg": "1", "g": "1e-3", "mg": "1e-6"},
         "Pa": {"Pa": "1", "kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "TPa": "1e12"},
         "kg/m^3": {"kg/m^3": "1", "g/cm^3": "1e3"},
@@ -32,6 +33,7 @@ _UNITS: Final[dict[str, dict[str, Decimal]]] = {
         "rad": {"rad": "1", "deg": "0.01745329251994329576923690768488613"},
         "N": {"N": "1", "mN": "1e-3", "kN": "1e3"},
         "N*m": {"N*m": "1", "N*mm": "1e-3", "mN*m": "1e-3"},
+        "N*m^2": {"N*m^2": "1", "N*mm^2": "1e-6"},
         "N/m": {"N/m": "1", "mN/m": "1e-3", "N/mm": "1e3"},
         "kg/m": {"kg/m": "1", "g/m": "1e-3"},
         "kg*m": {"kg*m": "1", "g*mm": "1e-6"},
@@ -43,6 +45,7 @@ _UNITS: Final[dict[str, dict[str, Decimal]]] = {
 }
 _QUANTITY_NAMES: Final = {
     "m": "length",
+    "m^2": "area",
     "kg": "mass",
     "Pa": "stress (pressure)",
     "kg/m^3": "density",
@@ -50,6 +53,7 @@ _QUANTITY_NAMES: Final = {
     "rad": "angle",
     "N": "force",
     "N*m": "moment",
+    "N*m^2": "bending stiffness",
     "N/m": "force per length",
     "kg/m": "mass per length",
     "kg*m": "rotary inertia per length",

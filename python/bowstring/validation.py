@@ -171,14 +171,24 @@ def is_whole(value: object) -> bool:
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
-def row(name: str, value: Any, count: int, unit: str, or_else: str = "") -> Floats:
-    """Check finite numbers (count,); `or_else` names further allowed values in the error."""
+def row(
+    name: str,
+    value: Any,
+    count: int,
+    unit: str,
+    or_else: str = "",
+    least: Floats | float = 0.0,
+) -> Floats:
+    """Check finite numbers (count,); `or_else` names further allowed values in the error.
+
+    `least` are the least possible tensions in N.
+    """
     if isinstance(value, np.ndarray) and value.shape != (count,):
         raise InputError(f"{name} has shape {value.shape}, it must be ({count},), in {unit}")
     found = read(name, value, f"{count} numbers in {unit}{or_else}")
     if found.shape != (count,):
         raise InputError(f"{name} has shape {found.shape}, it must be ({count},), in {unit}")
-    check_values(name, found)
+    check_values(name, found, least=least)
     return found
 
 
@@ -202,12 +212,12 @@ def vectors(name: str, value: Any) -> Floats:
     return found
 
 
-def check_values(name: str, row: Floats, when: str = "") -> None:
-    """Refuse values that are not finite, and negative tensions."""
+def check_values(name: str, row: Floats, when: str = "", least: Floats | float = 0.0) -> None:
+    """Refuse values that are not finite, and tensions below the least possible ones in N."""
     if not np.isfinite(row).all():
         raise InputError(f"{name} is {row.tolist()}{when}, all must be finite numbers")
-    if "tensions" in name and (row < 0).any():
-        i = int(np.argmax(row < 0))
+    if "tensions" in name and (row < least).any():
+        i = int(np.argmax(row < least))
         raise InputError(
             f"tension of tendon {i + 1} is {row[i]:g} N{when}, a tendon can only pull: "
             "give zero or more"

@@ -99,6 +99,7 @@ export const LAWS: Record<string, [number, string]> = {
   mount_compliance: [0, "Compliance of the drives' mount is left out."],
   gain: [1, COMMANDS],
   zero: [0, COMMANDS],
+  decoupling: [0, "Decoupling of the drives is left out: displacements are those of whole tendons."],
 };
 /** Fields of robots that come compiled; zero is as if they were left out. */
 const COMPILED_ONLY = new Set(["rest_bend", "rest_twist", "turns"]);

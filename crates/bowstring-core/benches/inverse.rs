@@ -45,6 +45,7 @@ fn crl_robot() -> Robot {
         Tendon {
             holes: vec![[0.0045 * angle.cos(), 0.0045 * angle.sin()]],
             end_disk: 10 * (i / 3) + 9,
+            pushes: false,
         }
     });
     Robot::new(RobotSpec {

@@ -35,6 +35,7 @@ fn segments(segments: usize, disks: usize) -> Robot {
                     Tendon {
                         holes: vec![[0.0045 * a.cos(), 0.0045 * a.sin()]],
                         end_disk: (s + 1) * disks - 1,
+                        pushes: false,
                     }
                 })
             })

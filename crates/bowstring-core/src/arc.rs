@@ -609,12 +609,8 @@ pub(crate) fn tendon_load(tensions: &[f64], holes: &[Hole]) -> Result<(f64, [f64
     one_a_hole("tensions", tensions, holes)?;
     let mut force = 0.0;
     let mut moment = [0.0; 2];
-    for (i, (&t, hole)) in tensions.iter().zip(holes).enumerate() {
-        if !(t >= 0.0 && t.is_finite()) {
-            return input(format!(
-                "the tension of tendon {i} must be finite and not negative, got {t:?} N"
-            ));
-        }
+    finite("tensions", tensions, "N")?;
+    for (&t, hole) in tensions.iter().zip(holes) {
         finite("a tendon's hole position", hole, "m")?;
         force += t;
         moment[0] += t * hole[0];
@@ -625,8 +621,26 @@ pub(crate) fn tendon_load(tensions: &[f64], holes: &[Hole]) -> Result<(f64, [f64
 
 /// The arc under `tensions` (N) by the linear law, theory Eq. 1.7: bend = (length/EI) sum of
 /// tension times hole; the length is unchanged. For one tendon theta = F r l/(E I). It is also the
-/// solution for a tendon that follows a parallel curve. `bending_stiffness` is E I (N m^2).
+/// solution for a tendon that follows a parallel curve.
+/// `bending_stiffness` is E I (N m^2).
 pub fn linear_law(
+    tensions: &[f64],
+    holes: &[Hole],
+    length: f64,
+    bending_stiffness: f64,
+) -> Result<Arc, Error> {
+    let wrong = |t: &f64| !(*t >= 0.0 && t.is_finite());
+    if let Some(i) = tensions.iter().position(wrong) {
+        return input(format!(
+            "the tension of tendon {i} must be finite and not negative, got {:?} N",
+            tensions[i]
+        ));
+    }
+    signed_linear_law(tensions, holes, length, bending_stiffness)
+}
+
+/// [`linear_law`] for tensions of either sign, of tendons that push too.
+pub(crate) fn signed_linear_law(
     tensions: &[f64],
     holes: &[Hole],
     length: f64,

@@ -2,7 +2,7 @@
 //!
 //! Theory: docs/theory/constant-curvature.md.
 
-use crate::arc::{linear_law, tendon_load, Arc, Error, Hole, Pose, TendonFit};
+use crate::arc::{signed_linear_law, tendon_load, Arc, Error, Hole, Pose, TendonFit};
 use crate::arc_modules::{least_thrust, Modules};
 use crate::math::linalg::{Mat3, Vec3};
 use crate::model::error::InputError;
@@ -18,7 +18,7 @@ pub enum Law {
     HeldLengths,
     /// Tendon lengths (m), tendons straight between disks, clamped lengths straight (theory Eq. 1.5).
     Chords,
-    /// Tensions (N), linear law (theory Eq. 1.7).
+    /// Tensions (N), linear law (theory Eq. 1.7), with extension where tendons push.
     Linear,
     /// Tensions (N), mean lever arm of straight spans, clamped lengths straight (theory Eq. 1.10).
     LeverArm,
@@ -62,6 +62,9 @@ struct Segment {
     first: usize,
     /// First tendon beyond those anchored to its end disk.
     next: usize,
+    /// Strain by the sum of tensions (1/N); zero where none of the robot's tendons pushes, as then
+    /// the segment keeps its length.
+    extensibility: f64,
     /// Holes of the tendons from `first` on; under a law of tensions from the tension centre.
     holes: Vec<Hole>,
     /// Fit to tendon lengths; an error if they do not determine an arc.
@@ -94,6 +97,7 @@ impl RobotArcs {
     /// Lays out the segments of a robot.
     pub fn new(robot: &Robot, law: Law) -> Self {
         let spec = robot.spec();
+        let pushes = spec.tendons.iter().any(|tendon| tendon.pushes);
         let mut start = 0.0;
         let mut segments = Vec::with_capacity(spec.backbone.len());
         for (i, profile) in spec.backbone.iter().enumerate() {
@@ -128,6 +132,10 @@ impl RobotArcs {
             segments.push(Segment {
                 length,
                 flexibility,
+                extensibility: match pushes {
+                    true => profile.mean(0.0, 1.0, |s| 1.0 / s.axial),
+                    false => 0.0,
+                },
                 rest,
                 disks: disks.iter().map(station).collect(),
                 modules: straight_spans.then(|| Modules::new(modules)),
@@ -408,9 +416,16 @@ impl Segment {
         };
         match (law, &self.modules) {
             (Law::Linear, _) => {
-                let mut arc = linear_law(&rest[self.first..], &self.holes, length, 1.0)?;
+                let mut arc = signed_linear_law(&rest[self.first..], &self.holes, length, 1.0)?;
                 let [x, y] = bend(self.flexibility, arc.bend);
                 arc.bend = [x + self.rest[0], y + self.rest[1]];
+                let force: f64 = rest[self.first..].iter().sum();
+                arc.length *= 1.0 - self.extensibility * force;
+                if arc.length <= 0.0 {
+                    return Err(Error::NoSolution(format!(
+                        "a total tension of {force:?} N shortens it to nothing by the linear law; lower the tensions"
+                    )));
+                }
                 Ok(one(arc))
             }
             (Law::LeverArm, Some(modules)) => self.lever_arm(modules, &rest[self.first..]),

@@ -607,6 +607,7 @@ fn least_tensions_of_four_tendons() {
         .map(|a| Tendon {
             holes: vec![[0.029 * a.to_radians().cos(), 0.029 * a.to_radians().sin()]],
             end_disk: 8,
+            pushes: false,
         })
         .to_vec();
     let robot = Robot::new(spec).unwrap();

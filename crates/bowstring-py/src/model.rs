@@ -353,6 +353,7 @@ struct Disks<'py> {
 struct Tendons<'py> {
     holes_m: PyReadonlyArray3<'py, f64>,
     end_disk: PyReadonlyArray1<'py, i64>,
+    pushes: PyReadonlyArray1<'py, bool>,
 }
 
 /// Arrays of Python's `Robot` for the mechanics.
@@ -510,7 +511,10 @@ impl RobotArrays<'_> {
                     let end_disk = index(&tendons.end_disk.as_array()[i]);
                     let count = end_disk.saturating_add(2).min(holes.shape()[1]);
                     let hole = |k: usize| [holes[[i, k, 0]], holes[[i, k, 1]]];
-                    Tendon::new((0..count).map(hole).collect(), end_disk)
+                    Tendon {
+                        pushes: tendons.pushes.as_array()[i],
+                        ..Tendon::new((0..count).map(hole).collect(), end_disk)
+                    }
                 })
                 .collect(),
             gravity: self.gravity,
@@ -603,7 +607,10 @@ impl DesignArrays<'_> {
             for (k, tendon) in spec.tendons.iter_mut().enumerate() {
                 let hole = |p: usize| [0, 1].map(|q| holes[[i, 2 * (each * k + p) + q]]);
                 let count = each.min(tendon.end_disk + 2);
-                *tendon = Tendon::new((0..count).map(hole).collect(), tendon.end_disk);
+                *tendon = Tendon {
+                    pushes: tendon.pushes,
+                    ..Tendon::new((0..count).map(hole).collect(), tendon.end_disk)
+                };
             }
             Robot::new(spec).map_err(|e| input_error(e.in_row(i)))
         };

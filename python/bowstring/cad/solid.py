@@ -292,10 +292,10 @@ _MOST_TENSIONS: Final = 3  # different tensions that are listed
 def _load(data: xr.Dataset) -> str:
     """Describe a load: `tendon 1 at 60 N, tendons 2 and 3 at 5 N, with gravity`."""
     tensions = data["tension"].to_numpy()[0].tolist()
-    most = max(tensions)
+    most = max(map(abs, tensions))
     groups: dict[str, list[str]] = {}
     for i, tension in enumerate(tensions, 1):
-        if tension > 1e-9 * most:
+        if abs(tension) > 1e-9 * most:
             groups.setdefault(significant(tension), []).append(str(i))
     if len(groups) > _MOST_TENSIONS:
         said = [f"tensions up to {significant(most)} N"]

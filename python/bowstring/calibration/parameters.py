@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 from bowstring.formatting import significant
 from bowstring.robot.fields import number_fields, quantity_of
-from bowstring.robot.laws import LAWS, MEMORIES, OF_COMMANDS
+from bowstring.robot.laws import LAWS, MEMORIES
 from bowstring.robot.model import Robot, with_drives, without_laws
 from bowstring.robot.overrides import expand
 from bowstring.robot.parts import TendonRing
 from bowstring.robot.paths import example_path
 from bowstring.robot.stiffness import entry_of
+from bowstring.statics.actuation import driven
 from bowstring.units import read_number, unit_of_size
 from bowstring.validation import shown
 
@@ -211,12 +212,16 @@ class Setting:
             return None
         displacement, tension = np.nan_to_num(given)
         displacement = displacement - np.clip(displacement, -self.backlash, self.backlash)
+        moved = np.where(by_displacement, self.gain * displacement, 0.0)
         values = first + np.where(
-            by_displacement, self.gain * displacement, self.tension_gain * tension
+            by_displacement, driven(self.robot, moved), self.tension_gain * tension
         )
         at_tension = by_displacement & np.isfinite(given[1])
         held = by_displacement & ~at_tension
-        return held, np.where(held, values, np.maximum(np.where(at_tension, tension, values), 0.0))
+        least = self.robot.tendons.least_tension_N
+        return held, np.where(
+            held, values, np.maximum(np.where(at_tension, tension, values), least)
+        )
 
     def offsets(self, count: int) -> Floats:
         """Offsets (M, 3) of `count` measured points in the frames of their disks, m."""
@@ -255,7 +260,7 @@ class Unknowns:
         self.by_tension = by_tension
         #: Gain and zero (m) of each drive in the robot file; fitted ones are beside these.
         self._drives = robot.tendons.gain, robot.tendons.zero_m
-        robot = without_laws(robot, *(key for key in robot.laws if key not in OF_COMMANDS))
+        robot = without_laws(robot, *(key for key in robot.laws if key not in ("gain", "zero")))
         self.robot = robot
         if isinstance(names, str) or not all(isinstance(name, str) for name in names):
             raise InputError(

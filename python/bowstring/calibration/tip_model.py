@@ -92,10 +92,14 @@ class Commands:
                 first = values[rows[0]] + np.nan_to_num(before)
                 followed[rows] = _play(values[rows], setting.backlash, first)
             values = np.where(self.by_displacement, followed, values)
-        moved = values * setting.gain + setting.offset
+        moved = np.where(self.by_displacement, values * setting.gain + setting.offset, 0.0)
+        actuation.check_coupled(setting.robot, self.by_displacement)
+        moved = actuation.driven(setting.robot, moved)
         tensions = values * setting.tension_gain
         if self.are_tensions:
-            tensions = np.maximum(tensions + setting.tension_offset, 0.0)
+            tensions = tensions + setting.tension_offset
+            pulls = ~setting.robot.tendons.pushes
+            tensions[..., pulls] = np.maximum(tensions[..., pulls], 0.0)
         out: Floats = np.where(self.by_displacement, moved, tensions)
         return out
 

@@ -50,22 +50,34 @@ _ANGLE: Final = _Texts(
     form="A1,A2,...",
     signed=True,
 )
+_PRESSURE: Final = _Texts(
+    "Pa",
+    '"30 kPa",0,0',
+    "Pressures in chambers, above that around the robot: tensions of minus pressure times area.",
+    "--pressure",
+    form="P1,P2,...",
+    signed=True,
+)
 Tension = Annotated[str | None, _TENSION]
 Displacement = Annotated[str | None, _DISPLACEMENT]
 Angle = Annotated[str | None, _ANGLE]
+Pressure = Annotated[str | None, _PRESSURE]
 
 
 def actuation_or_none(
-    robot: Robot, tension: Tension, displacement: Displacement, angle: Angle
+    robot: Robot, tension: Tension, displacement: Displacement, angle: Angle, pressure: Pressure
 ) -> Load | None:
-    """Make a load from tensions, displacements and angles; each tendon has one of them."""
+    """Make a load from tensions, displacements, angles and pressures; each tendon has one."""
+    from bowstring.statics.actuation import tensions_of_pressures
     from bowstring.statics.load import Load
 
-    given = [
-        (flag, text)
-        for flag, text in ((_TENSION, tension), (_DISPLACEMENT, displacement), (_ANGLE, angle))
-        if text is not None
-    ]
+    texts = (
+        (_TENSION, tension),
+        (_DISPLACEMENT, displacement),
+        (_ANGLE, angle),
+        (_PRESSURE, pressure),
+    )
+    given = [(flag, text) for flag, text in texts if text is not None]
     if not given:
         return None
     lists = {
@@ -82,6 +94,12 @@ def actuation_or_none(
             raise InputError(
                 f"tendon {i + 1} has no command; write a number for it in one of the lists."
             )
+    if pressure is not None:
+        pushed = of_flag(
+            "--pressure", lambda each: tensions_of_pressures(robot, each), lists["--pressure"]
+        )
+        pulled = lists.get("--tension", pushed)
+        lists["--tension"] = [a if b is None else b for a, b in zip(pulled, pushed, strict=True)]
     return Load(*(lists.get(flag.name) for flag in (_TENSION, _DISPLACEMENT, _ANGLE)))
 
 
@@ -99,8 +117,8 @@ def acting(actuation: Load, loads: Load) -> Load:
 
 def no_command() -> InputError:
     return InputError(
-        "no tendon has a command: give --tension T1,T2,..., --displacement P1,P2,... or "
-        "--angle A1,A2,..."
+        "no tendon has a command: give --tension T1,T2,..., --displacement P1,P2,..., "
+        "--angle A1,A2,... or, for chambers, --pressure P1,P2,..."
     )
 
 
@@ -175,6 +193,7 @@ def actuated_over_time(
     tension: Tension,
     displacement: Displacement,
     angle: Angle,
+    pressure: Pressure,
     rise: Annotated[
         float | None,
         Number(
@@ -224,7 +243,12 @@ def actuated_over_time(
     from bowstring.statics.load import Load
 
     starts = {"--from": before, "--from-displacement": from_displacement}
-    wanted = {"--tension": tension, "--displacement": displacement, "--angle": angle}
+    wanted = {
+        "--tension": tension,
+        "--displacement": displacement,
+        "--angle": angle,
+        "--pressure": pressure,
+    }
     if table is not None:
         for flag, given in {**wanted, "--rise": rise, "--hold": hold}.items():
             if given is not None:
@@ -232,7 +256,7 @@ def actuated_over_time(
                     f"--table already gives the actuation: leave {flag} out, or --table."
                 )
         return _of_table(robot, table, starts)
-    load = actuation_or_none(robot, tension, displacement, angle)
+    load = actuation_or_none(robot, tension, displacement, angle, pressure)
     if load is None and tendon_count(robot):
         raise InputError(
             "no tendon has a command: give --tension T1,T2,..., --displacement "

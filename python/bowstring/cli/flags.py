@@ -258,8 +258,9 @@ class PerTendon(Numbers):
         if self.signed:
             check_bare_command(flag, text, self.si, robot)
             return values
+        least = robot.tendons.least_tension_N if self.si == "N" else [0.0] * wanted
         for i, value in enumerate(values, 1):
-            if value is not None and (value < 0 or (above_zero and value == 0)):
+            if value is not None and (value < least[i - 1] or (above_zero and value == 0)):
                 rule = "positive" if above_zero else "0 or more, a tendon cannot push"
                 raise InputError(f"{flag}: got {value:g} {self.si} for tendon {i}; must be {rule}.")
         self.check_far(flag, text, robot)
@@ -267,7 +268,10 @@ class PerTendon(Numbers):
 
 
 class OneOrEach(PerTendon):
-    """A number for all tendons, which follows the rule ``one``, or one for each, 0 or more."""
+    """A number for all tendons, which follows the rule ``one``, or one for each, 0 or more.
+
+    Tensions of a robot with rods or chambers have any sign.
+    """
 
     form = "T or T1,T2,..."
 
@@ -278,7 +282,9 @@ class OneOrEach(PerTendon):
     def read(self, flag: str, text: str, robot: Robot) -> Any:
         if "," in text:
             return self.entries(flag, text, robot, dashes=False)
-        return Number(self.si, self.example, "", must_be=self.one).number(flag, text)
+        signed = self.one == "0 or more" and self.si == "N" and robot.tendons.pushes.any()
+        must_be = "" if signed else self.one
+        return Number(self.si, self.example, "", must_be=must_be).number(flag, text)
 
 
 class OnDisks(Numbers):

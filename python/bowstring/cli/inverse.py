@@ -91,7 +91,11 @@ class _Options:
     ] = "physics"
     min_tension: Annotated[
         Any,
-        OneOrEach("N", '"1 N"', "Least tension of all tendons, or of each.  [default: 0 N]"),
+        OneOrEach(
+            "N",
+            '"1 N"',
+            "Least tension of all tendons, or of each.  [default: 0 N; of what pushes half a turn]",
+        ),
     ]
     max_tension: Annotated[
         Any,
@@ -146,8 +150,10 @@ class _Options:
     ) -> InverseSolution:
         from bowstring.inverse.kinematics import inverse_kinematics
 
-        least = 0.0 if self.min_tension is None else self.min_tension
-        limits: dict[str, Any] = {"min_tension": least, "max_tension": self.max_tension}
+        limits: dict[str, Any] = {
+            "min_tension": self.min_tension,
+            "max_tension": self.max_tension,
+        }
         try:
             if (model or self.model) == "cc":
                 return inverse_kinematics(
@@ -505,7 +511,7 @@ def _jumps(changes: Any, steps: Any, tensions: Any) -> bool:
         return False
     rates = changes[known] / steps[known]
     where = rates > _JUMP_RATE * np.median(rates)
-    return bool((changes[known][where] > _JUMP_SHARE * np.nanmax(tensions)).any())
+    return bool((changes[known][where] > _JUMP_SHARE * np.nanmax(np.abs(tensions))).any())
 
 
 def _path(

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from bowstring.cli import completion
 from bowstring.cli.actuation import (
@@ -95,27 +95,51 @@ def schema(as_json: AsJson = False) -> None:
 def fk(
     robot: RobotArgument,
     lengths: Annotated[
-        list[float],
+        list[float] | None,
         PerTendon(
             "m",
             '"641 mm",0.65,0.65',
             "Tendon lengths, from the base to the end disk.",
             form="L1,L2,...",
-            default=...,
             must_be="positive",
             far=FAR,
         ),
-    ],
+    ] = None,
+    displacement: Annotated[
+        list[float] | None,
+        PerTendon(
+            "m",
+            '"10 mm",-0.005,-0.005',
+            "Tendon displacements from the robot without load instead, as drives are commanded: "
+            "with decoupling those of the tendon's own segment.",
+            form="P1,P2,...",
+            signed=True,
+        ),
+    ] = None,
     chord: Chord = False,
     as_json: AsJson = False,
 ) -> None:
-    """Forward kinematics, constant curvature: lengths to arcs and tip."""
-    from bowstring.constant_curvature import RobotArcs
+    """Forward kinematics, constant curvature: lengths or displacements to arcs and tip."""
+    import numpy as np
 
-    arcs: RobotArcs = of_flag(
-        "--lengths",
-        lambda each: RobotArcs.from_lengths(robot, each, "chord" if chord else None),
-        lengths,
+    from bowstring.constant_curvature import RobotArcs
+    from bowstring.statics.actuation import driven
+
+    if (lengths is None) == (displacement is None):
+        raise InputError("fk takes the tendons' lengths or displacements: give one of the two.")
+    correction: Literal["chord"] | None = "chord" if chord else None
+
+    def displaced(by: list[float]) -> RobotArcs:
+        unloaded = RobotArcs.from_tensions(robot, np.zeros(tendon_count(robot)))
+        home = RobotArcs(robot, unloaded.arc, correction).lengths()
+        return RobotArcs.from_lengths(robot, home - driven(robot, np.array(by)), correction)
+
+    arcs: RobotArcs = (
+        of_flag("--displacement", displaced, displacement)
+        if lengths is None
+        else of_flag(
+            "--lengths", lambda each: RobotArcs.from_lengths(robot, each, correction), lengths
+        )
     )
     segments: list[FittedArc] = [
         {**segment, "misfit_m": float(misfit)}
@@ -124,7 +148,7 @@ def fk(
     result: Fk = {
         "segments": segments,
         "tip": frame(arcs.tip.position, arcs.tip.rotation),
-        **provenance_of(robot, lengths_m=lengths, chord=chord),
+        **provenance_of(robot, lengths_m=lengths, displacements_m=displacement, chord=chord),
     }
     if as_json:
         return write_json(result)

@@ -245,7 +245,7 @@ def curvature_from_loads(
     """
     order = _degree(degree)
     given = to_array("tensions", tensions, len(robot.tendons.segment))
-    bad = ~((given >= 0) & np.isfinite(given))
+    bad = ~((given >= robot.tendons.least_tension_N) & np.isfinite(given))
     if bad.any():
         at = tuple(np.argwhere(bad)[0])
         raise InputError(f"tension {at[-1] + 1} is {given[at]:g} N; tensions must be >= 0 N")

@@ -216,14 +216,16 @@ class RobotArcs:
     def from_tensions(cls, robot: Robot, tensions: ArrayLike, law: Law = "linear") -> RobotArcs:
         """Make arcs from a robot's tensions; segments keep their lengths.
 
-        Every tendon bends all segments that it passes, not only the one of its end disk.
+        Every tendon bends all segments that it passes, not only the one of its end disk. By the
+        linear law, segments of a robot with rods or chambers change their lengths by the sum of the
+        tensions over E A.
 
         Parameters
         ----------
         robot : Robot
             The robot.
         tensions : array_like (..., T)
-            Tensions, N, not negative.
+            Tensions, N; negative for rods and chambers that push only.
         law : {"linear", "arm"}
             "linear": theta = ``|m| l/(E I)`` with the moment m of the tensions about the tension
             centre (theory Eq. 1.7), added to the bend without load. "arm": the mean lever arm of
@@ -245,7 +247,7 @@ class RobotArcs:
         """
         check_option("law", law, ("linear", "arm"))
         given = to_array("tensions", tensions, len(_check_robot(robot).tendons.segment))
-        bad = ~((given >= 0) & np.isfinite(given))
+        bad = ~((given >= robot.tendons.least_tension_N) & np.isfinite(given))
         if bad.any():
             at = tuple(np.argwhere(bad)[0])
             raise InputError(f"tension {at[-1] + 1} is {given[at]:g} N; tensions must be >= 0 N")

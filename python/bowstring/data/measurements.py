@@ -335,7 +335,7 @@ def read_measurements(
     count = len(layout.tendons)
     if robot is not None and count != len(robot.tendons.angle_rad):
         raise _wrong_count(table, robot, count)
-    found = _Reader(table, layout, keep_below_zero).read()
+    found = _Reader(table, layout, robot, keep_below_zero).read()
     return found if robot is None else _within_reach(found, robot)
 
 
@@ -380,8 +380,12 @@ def _wrong_count(table: Table, robot: Robot, count: int) -> InputError:
 class _Reader:
     """Reader of rows into arrays; invalid rows are left out and listed."""
 
-    def __init__(self, table: Table, layout: Layout, keep_below_zero: bool) -> None:
+    def __init__(
+        self, table: Table, layout: Layout, robot: Robot | None, keep_below_zero: bool
+    ) -> None:
         self.table, self.layout, self.keep_below_zero = table, layout, keep_below_zero
+        alike = [False] * len(layout.tendons)
+        self.pushes = alike if robot is None else robot.tendons.pushes.tolist()
         self.issues: list[tuple[int, str]] = []
         self.left_out = self.filtered = self.below_zero = 0
         self.least_tension = 0.0
@@ -607,7 +611,7 @@ class _Reader:
         displacements = tensions.copy()
         for k, (kind, column) in enumerate(layout.tendons):
             target = tensions if kind == "tension" else displacements
-            target[:, k] = numbers(column, kind)
+            target[:, k] = numbers(column, "" if self.pushes[k] else kind)
         if layout.shape is not None:
             points = self.shapes(columns[layout.shape.index] if rows else (), lines, good)
         else:
@@ -664,6 +668,8 @@ class _Reader:
         for k, (kind, column) in enumerate(self.layout.tendons):
             readings = tensions[:, k]
             if kind != "tension" or column.constant is not None or column.part != "all":
+                continue
+            if self.pushes[k]:
                 continue
             likely = channels.likely_zero(readings)
             zeros.append((column.name, column.reading(likely)))

@@ -580,7 +580,9 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
     else:
         return "no point and no direction of bending is measured", None
     if not np.isnan(m.displacements).any():
-        commands, by_tendon = m.displacements, _by_displacement(robot)
+        coupling, commands = robot.displacement_coupling, m.displacements
+        commands = commands if coupling is None else commands @ coupling.T
+        by_tendon = _by_displacement(robot)
     elif not np.isnan(m.tensions).any():
         commands, by_tendon = m.tensions, _by_tension(robot)
     else:

@@ -223,8 +223,10 @@ class _Function:
         shape: tuple[int, ...],
         *,
         loose: bool = False,
+        least: Floats | float = 0.0,
     ) -> None:
         self.name, self.function, self.shape, self.loose = name, function, shape, loose
+        self.least = np.broadcast_to(least, shape)
 
     def rows(self, times: Floats, *, before: bool = False) -> Floats:
         return np.array([self.at(t) for t in times.tolist()])
@@ -250,8 +252,9 @@ class _Function:
                 f"it must be {self.shape}"
             )
         value = value.ravel()
-        said = value[~np.isnan(value)] if self.loose else value
-        validation.check_values(self.name, said, f" at {time:.6g} s")
+        known = ~np.isnan(value) if self.loose else np.full(value.shape, True)
+        least = self.least.ravel()[known]
+        validation.check_values(self.name, value[known], f" at {time:.6g} s", least)
         return value
 
     def knots(self) -> set[float]:
@@ -284,8 +287,9 @@ class Actuation:
         self._robot = robot
         count = robot.core.tendon_count
         alone = load.is_tension_controlled and load.tensions is not None
+        least = robot.tendons.least_tension_N
         self._histories: dict[str, _History] = {
-            name: over_time(name, getattr(load, name), count, unit, loose=not alone)
+            name: over_time(name, getattr(load, name), count, unit, loose=not alone, least=least)
             for name, unit in actuation.KINDS.items()
             if getattr(load, name) is not None
         }
@@ -586,18 +590,31 @@ def disk_row(name: str, value: Any, disks: int) -> Floats:
     return array.ravel()
 
 
-def over_time(name: str, value: Any, count: int, unit: str, *, loose: bool = False) -> _History:
-    """Convert a user's value to a load history; ``loose`` allows NaN and None."""
+def over_time(
+    name: str,
+    value: Any,
+    count: int,
+    unit: str,
+    *,
+    loose: bool = False,
+    least: Floats | float = 0.0,
+) -> _History:
+    """Convert a user's value to a load history; ``loose`` allows NaN and None.
+
+    `least` are the least possible tensions (count,) in N.
+    """
+    lowest = np.broadcast_to(least, (count,))
     if isinstance(value, Table):
         if value.values.shape[1] != count:
             raise InputError(
                 f"the table for {name} has {value.values.shape[1]} columns, it must have {count}"
             )
         for row in value.values:
-            validation.check_values(name, row[~np.isnan(row)] if loose else row)
+            known = ~np.isnan(row) if loose else np.full(count, True)
+            validation.check_values(name, row[known], least=lowest[known])
         return value
     if callable(value):
-        return _Function(name, value, (count,), loose=loose)
+        return _Function(name, value, (count,), loose=loose, least=least)
     if loose:
         what = (
             f"{count} numbers in {unit} (None where a tendon has a command of another kind), "
@@ -606,7 +623,8 @@ def over_time(name: str, value: Any, count: int, unit: str, *, loose: bool = Fal
         row = validation.read(name, value, what)
         if row.shape != (count,):
             raise InputError(f"{name} is {validation.shown(value)}, it must be {what}")
-        validation.check_values(name, row[~np.isnan(row)])
+        known = ~np.isnan(row)
+        validation.check_values(name, row[known], least=lowest[known])
         return Table([0.0], row[None, :])
-    row = validation.row(name, value, count, unit, ", a table or a function")
+    row = validation.row(name, value, count, unit, ", a table or a function", least)
     return Table([0.0], row[None, :])

@@ -63,7 +63,7 @@ def read_actuation(path: str | Path, robot: Robot) -> dict[str, Table]:
     values: list[list[float]] = []
     for here, (time, *given) in _numbers(header, rows, columns):
         for i, value in enumerate(given):
-            if value < 0 and kinds[i] == "tension":
+            if value < robot.tendons.least_tension_N[i] and kinds[i] == "tension":
                 raise InputError(
                     f"{here}: the tension of tendon {i + 1} is {value:g} N; a tendon cannot push, "
                     "give zero or more"

@@ -217,7 +217,7 @@ def checked(
     if commands[0].any() or robot.has_friction or history is not None:
         path = actuation.Path(robot, model, history)
     else:
-        validation.check_values("tensions", commands[1])
+        validation.check_values("tensions", commands[1], least=robot.tendons.least_tension_N)
     return commands, load, path
 
 

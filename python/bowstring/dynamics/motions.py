@@ -166,6 +166,7 @@ class Motions:
             scheme = with_ratio(scheme, integrator.modal_damping, found.frequency_hz)
         gravity = robot.gravity if load.gravity is None else load.gravity
         self._tendons = len(robot.tendons.end_disk)
+        self._least = robot.tendons.least_tension_N
         self.load, self.model = load.replace(gravity=gravity), model
         size = (self.count, whole("threads", threads, 0, 1024))
         control = (self.period, between == "hold")
@@ -319,7 +320,8 @@ class Motions:
             raise InputError(
                 f"tensions has shape {found.shape}, it must be {shape} or {shape[1:]}, in N"
             )
-        wrong = np.argwhere(~(np.isfinite(found) & (found >= 0.0)))
+        least = self._least if found.ndim else self._least.max()
+        wrong = np.argwhere(~(np.isfinite(found) & (found >= least)))
         if len(wrong):
             value = found[tuple(wrong[0])]
             where = f" {wrong[0][-1] + 1}" if found.ndim else ""

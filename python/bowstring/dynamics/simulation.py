@@ -725,7 +725,9 @@ def _initial(robot: Robot, actuated: Actuation, otherwise: Floats, given: Load) 
         if given.tensions is None:
             return otherwise
         if not actuated.by_displacement.any():
-            return validation.row("start.load.tensions", given.tensions, len(otherwise), "N")
+            least = robot.tendons.least_tension_N
+            count = len(otherwise)
+            return validation.row("start.load.tensions", given.tensions, count, "N", least=least)
     by_displacement, values = actuation.commands(robot, given)
     if np.isnan(values).any():
         raise InputError(

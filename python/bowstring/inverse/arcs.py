@@ -147,6 +147,14 @@ def tensions_of(robot: Robot, arcs: RobotArcs, least: Floats, most: Floats) -> F
 
 
 def _curvatures(arcs: RobotArcs) -> Floats:
-    """Curvature vectors (n, 2 S) in 1/m."""
-    vectors = arcs.kappa[..., None] * np.stack([np.cos(arcs.phi), np.sin(arcs.phi)], axis=-1)
-    return np.asarray(vectors.reshape(len(vectors), -1))
+    """Curvature vectors by length without load (n, 2 S) in 1/m.
+
+    Where tendons push, also the strains (n, S) over the length of the robot: linear in tensions.
+    """
+    stretch = arcs.length / [segment.length for segment in arcs.robot.segments]
+    size = arcs.kappa * stretch
+    vectors = size[..., None] * np.stack([np.cos(arcs.phi), np.sin(arcs.phi)], axis=-1)
+    flat = np.asarray(vectors.reshape(len(vectors), -1))
+    if not arcs.robot.tendons.pushes.any():
+        return flat
+    return np.concatenate([flat, (stretch - 1.0) / arcs.robot.length], axis=-1)

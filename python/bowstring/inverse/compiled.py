@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bowstring.errors import InputError
 from bowstring.inverse.kinematics import default_max_tension
 from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.statics.actuation import compliances
@@ -41,8 +42,8 @@ def compile_robot(robot: Robot) -> schema.RobotDescription:
     Raises
     ------
     InputError
-        If the robot has a law of `bowstring.robot.laws`, such as friction, which the library does
-        not model.
+        If the robot has a law of `bowstring.robot.laws`, such as friction, or rods or chambers,
+        which the library does not model.
 
     Examples
     --------
@@ -56,6 +57,11 @@ def compile_robot(robot: Robot) -> schema.RobotDescription:
         robot,
         ", which the C library does not model",
     )
+    if robot.tendons.pushes.any():
+        raise InputError(
+            f"{robot.name} has rods or chambers that push, which the C library does not model; set "
+            "their kind to tendon"
+        )
     disks, tendons = robot.disks, robot.tendons
     given = ~np.isnan(robot.section_stiffness[:, 0, 0])
     segments: list[schema.SegmentNumbers] = [

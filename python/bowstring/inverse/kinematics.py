@@ -44,7 +44,7 @@ def inverse_kinematics(
     direction: ArrayLike | None = None,
     load: Load | None = None,
     model: RodModel | Literal["constant_curvature"] | None = None,
-    min_tension: ArrayLike = 0.0,
+    min_tension: ArrayLike | None = None,
     max_tension: ArrayLike | None = None,
     displacement_limits: ArrayLike | None = None,
     distance_margin: float | str = 1e-3,
@@ -76,7 +76,7 @@ def inverse_kinematics(
         linear law.
     min_tension, max_tension : array_like () or (T,), optional
         Limits of the tensions in N. The default is 0 N, and for each tendon the tension that bends
-        its segment by half a turn by the linear law.
+        its segment by half a turn by the linear law; of rods and chambers minus that tension to it.
     displacement_limits : array_like (2,) or (2, T), optional
         Least and largest displacement of all tendons, or of each, in m from the home pose; by
         physics, and for tendons without friction. None by default.
@@ -141,6 +141,11 @@ def inverse_kinematics(
                 raise InputError(
                     f"displacement_limits are for tendons without friction, and {robot.name} has "
                     "some; leave them out, or set friction to 0"
+                )
+            if robot.displacement_coupling is not None:
+                raise InputError(
+                    "displacement_limits are of whole tendons, and the drives of "
+                    f"{robot.name} have decoupling; leave them out, or set decoupling to 0"
                 )
             lowest, highest = (driven(robot, each) for each in displacements)
             limits = (least, most), (lowest, highest)
@@ -218,6 +223,7 @@ def _by_arcs(
     # the arcs of these tensions: those wanted, unless limits bind
     arcs = RobotArcs.from_tensions(robot, np.nan_to_num(tensions))
     moved = np.linalg.norm(arcs.arc.bend - wanted.arc.bend, axis=-1).max(axis=-1)
+    moved += np.abs(arcs.length / wanted.length - 1.0).max(axis=-1)
     bound = moved > 1e-7
     if not bound.any():
         arcs = wanted
@@ -309,9 +315,12 @@ def _rows(name: str, given: ArrayLike, unit: str) -> Floats:
 
 
 def _limits(
-    robot: Robot, min_tension: ArrayLike, max_tension: ArrayLike | None
+    robot: Robot, min_tension: ArrayLike | None, max_tension: ArrayLike | None
 ) -> tuple[Floats, Floats]:
-    least = _limit(robot, "min_tension", min_tension)
+    if min_tension is None:
+        least = np.where(robot.tendons.pushes, -default_max_tension(robot), 0.0)
+    else:
+        least = _limit(robot, "min_tension", min_tension)
     if max_tension is None:
         most = np.maximum(default_max_tension(robot), least)
     else:
@@ -330,10 +339,10 @@ def _limit(robot: Robot, name: str, given: ArrayLike) -> Floats:
     if found.shape not in ((), (count,)):
         raise InputError(f"{name} has shape {found.shape}, it must be one number or ({count},)")
     found = np.array(np.broadcast_to(found, (count,)))
-    for i in np.flatnonzero(~(np.isfinite(found) & (found >= 0.0)))[:1]:
-        raise InputError(
-            f"{name} of tendon {i + 1} is {found[i]:g} N; it must be a finite number, 0 N or more"
-        )
+    possible = np.isfinite(found) & (found >= robot.tendons.least_tension_N)
+    for i in np.flatnonzero(~possible)[:1]:
+        rule = "a finite number" + ("" if robot.tendons.pushes[i] else ", 0 N or more")
+        raise InputError(f"{name} of tendon {i + 1} is {found[i]:g} N; it must be {rule}")
     return found
 
 

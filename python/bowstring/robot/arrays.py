@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from bowstring.display import short_repr
+from bowstring.errors import InputError
 from bowstring.robot.consistency import bores, problems
 from bowstring.robot.disk import distinct_holes, drilled_disk, outside_bore, stacked
 from bowstring.robot.laws import LAWS, MEMORIES
@@ -119,10 +120,23 @@ class RobotTendons:
     """Displacements (T,) of the tendons over those commanded."""
     zero_m: Floats
     """Displacements (T,) of the tendons where 0 is commanded, m."""
+    decoupling: Floats
+    """Shares (T,), of the displacements that inner segments take, that the drives add."""
     pretension_N: Floats
     """Tensions (T,) in the home pose, where the tendon displacements are zero, N."""
     spool_radius_m: Floats
     diameter_m: Floats
+    pushes: NDArray[np.bool_]
+    """Whether each tendon (T,) is a rod or a chamber, which pushes too."""
+    area_m2: Floats
+    """Areas (T,) on which the pressure of chambers acts, NaN where unknown, m^2."""
+    bending_stiffness_Nm2: Floats
+    """Bending stiffnesses (T,) of rods, NaN where unknown, N m^2."""
+
+    @property
+    def least_tension_N(self) -> Floats:
+        """Least possible tensions (T,): 0, or -infinity of those that push too, N."""
+        return np.where(self.pushes, -math.inf, 0.0)
 
     @cached_property
     def arm_m(self) -> Floats:
@@ -399,9 +413,13 @@ class RobotArrays(Part):
             mount_compliance_m_per_N=each("mount_compliance"),
             gain=each("gain"),
             zero_m=each("zero"),
+            decoupling=each("decoupling"),
             pretension_N=each("pretension"),
             spool_radius_m=each("spool_radius"),
             diameter_m=each("diameter"),
+            pushes=frozen([t.pushes for t in every], bool),
+            area_m2=each("area"),
+            bending_stiffness_Nm2=each("bending_stiffness"),
         )
 
     def _routing(self, every: list[Tendon], ends: Ints, hole: Floats) -> tuple[Floats, Floats]:
@@ -510,6 +528,37 @@ class RobotArrays(Part):
             for parts in [tendons if law.part == "tendons" else backbones]
             if any(np.any(getattr(p, size) != law.none) for p in parts for size in law.sizes)
         )
+
+    @cached_property
+    def displacement_coupling(self) -> Floats | None:
+        """Displacements of the tendons (T, T) by those commanded, of drives that add what inner
+        segments take (theory Eq. 4.13); None without decoupling.
+
+        Raises
+        ------
+        InputError
+            For many designs whose holes or decoupling differ.
+        """
+        tendons = self.tendons
+        if not tendons.decoupling.any():
+            return None
+        if tendons.decoupling.ndim > 1 or tendons.mean_hole_m.ndim > 3:
+            raise InputError(
+                "designs with different holes take displacements of whole tendons; set decoupling "
+                "to 0"
+            )
+        every = np.eye(len(tendons.segment))
+        taken = np.zeros_like(every)
+        for k, holes in enumerate(tendons.mean_hole_m):
+            own, beyond = tendons.segment == k, tendons.segment > k
+            # shortening and bend of the segment: at the hole b a tendon loses s + b . bend
+            arm = np.column_stack([np.full(len(holes), np.abs(holes).max()), holes])
+            if np.linalg.matrix_rank(arm[own]) == np.linalg.matrix_rank(arm[own, 1:]):
+                arm = arm[:, 1:]  # its own tendons do not tell a shortening from a bend
+            taken[np.ix_(beyond, own)] = arm[beyond] @ np.linalg.pinv(arm[own])
+        share = tendons.decoupling[:, None]
+        alone = np.linalg.inv(every + (1.0 - share) * taken)
+        return frozen(every + share * (taken @ alone))
 
     @property
     def memories(self) -> tuple[str, ...]:

@@ -35,6 +35,8 @@ class Law:
     """Size of a term without an effect."""
     of_commands: bool = False
     """Whether it acts on displacements as they are commanded, before all mechanics."""
+    pushes: bool = True
+    """Whether its equation holds for rods and chambers, whose tension may be negative."""
 
     @property
     def sizes(self) -> tuple[str, ...]:
@@ -68,6 +70,7 @@ _LAWS: Final = (
         (("friction",),),
         0.05,
         "The friction of the robot is left out; an axis friction or bend takes it in.",
+        pushes=False,  # the logarithm of a tension
     ),
     Law(
         "backlash",
@@ -95,6 +98,7 @@ _LAWS: Final = (
         1e-4,
         "The clearance of the tendons in their holes is left out.",
         memory=False,
+        pushes=False,  # a rod that pushes takes the other side of the hole
     ),
     Law(
         "mount compliance",
@@ -117,6 +121,16 @@ _LAWS: Final = (
         of_commands=True,
     ),
     Law("zero", "drives", "tendons", (("zero",),), 1e-4, _COMMANDS, memory=False, of_commands=True),
+    Law(
+        "decoupling",
+        "drives",
+        "tendons",
+        (("decoupling",),),
+        0.05,
+        "The decoupling of the drives is left out: displacements are those of whole tendons.",
+        memory=False,
+        of_commands=True,
+    ),
 )
 LAWS: Final = {law.key: law for law in _LAWS}
 """The laws by their keys."""

@@ -150,7 +150,7 @@ class Robot(RobotArrays):
         def tendon(t: Tendon) -> list[Any]:
             # Unused fields are left out, so that a new field does not change existing hashes.
             properties: dict[str, Any] = {
-                name: exact(getattr(t, name))
+                name: value if isinstance(value := getattr(t, name), str) else exact(value)
                 for name, field in TendonProperties.model_fields.items()
                 if getattr(t, name) != field.default and name not in ("diameter", "material")
             }

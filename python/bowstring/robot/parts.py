@@ -22,6 +22,7 @@ from pydantic import (
 
 from bowstring.errors import InputError
 from bowstring.robot.disk import stacked
+from bowstring.robot.laws import LAWS
 from bowstring.robot.stiffness import StiffnessMatrix
 from bowstring.units import Choice, Count, Quantity, Share, Text, wrong
 
@@ -57,6 +58,9 @@ TENDON_MATERIALS: Final = {
 }
 """E A over the area of the full circle in Pa by material, for tendons without a given E A: the
 mean of strand and wire (steel: 60 to 190 GPa), within a factor of two of either."""
+
+
+TENDON_KINDS: Final = ("tendon", "rod", "chamber")
 
 
 class Part(BaseModel):
@@ -656,6 +660,12 @@ class TendonProperties(Part):
     zero: Annotated[float, Quantity("m", "0.2 mm", "-1 km", "1 km")] = Field(
         0.0, description="Displacement of the tendon where 0 is commanded; 0 if left out."
     )
+    decoupling: Annotated[float, Quantity("", "1", "0", "1")] = Field(
+        0.0,
+        description="Share, of the displacement that inner segments take of the tendon, that its "
+        "drive adds to the commanded one: 1 if displacements are those of its own segment alone, 0 "
+        "if left out, those of the whole tendon.",
+    )
     pretension: Annotated[float, Quantity("N", "2 N", "0 N", "1e9 N")] = Field(
         0.0, description="Tension in the home pose, where its displacement is zero; 0 if left out."
     )
@@ -670,6 +680,18 @@ class TendonProperties(Part):
         None, description="Material of the tendon, for the E A that a study assumes; else steel."
     )
 
+    kind: Annotated[str, Choice(TENDON_KINDS, "rod")] = Field(
+        "tendon",
+        description="A tendon can only pull; a rod pushes too, and so does a chamber under "
+        "pressure, on the path of its axis: both take tensions of either sign.",
+    )
+    area: Annotated[float | None, Quantity("m^2", "2 cm^2", "1e-12 m^2", "10 m^2")] = Field(
+        None, description="Area on which the pressure of a chamber acts; needed for pressures."
+    )
+    bending_stiffness: Annotated[
+        float | None, Quantity("N*m^2", "200 N*mm^2", "1e-15 N*m^2", "1e6 N*m^2")
+    ] = Field(None, description="E I of a rod, for the warning where it buckles between two disks.")
+
     turns: Annotated[float, Quantity("", "0.5", "-100", "100")] = Field(
         0.0,
         description="Turns about the backbone from the base to its end disk, counter-clockwise; "
@@ -680,6 +702,24 @@ class TendonProperties(Part):
         description="Pitch radius at its end disk, reached evenly along the backbone; "
         "pitch_radius if left out.",
     )
+
+    @property
+    def pushes(self) -> bool:
+        """Whether it pushes too, so that its tension may be negative and it is never slack."""
+        return self.kind != "tendon"
+
+    @model_validator(mode="after")
+    def _check_kind(self) -> TendonProperties:
+        for name, kind in (("area", "chamber"), ("bending_stiffness", "rod")):
+            if getattr(self, name) is not None and self.kind != kind:
+                raise wrong(f"{name}: given with kind {self.kind}; it is for kind {kind}")
+        if not self.pushes:
+            return self
+        for law in LAWS.values():
+            for name in law.sizes if law.owner == "tendons" and not law.pushes else ():
+                if np.any(getattr(self, name)):
+                    raise wrong(f"{name}: given with kind {self.kind}, which pushes; set it to 0")
+        return self
 
 
 class TendonRing(TendonProperties):
@@ -699,10 +739,12 @@ class TendonRing(TendonProperties):
         Values of each tendon, as in `Tendon`.
     second_creep_compliance, second_creep_time, wrap_angle : float
         Values of each tendon, as in `Tendon`.
-    hole_clearance, mount_compliance, gain, zero : float
+    hole_clearance, mount_compliance, gain, zero, decoupling : float
         Values of each tendon, as in `Tendon`.
-    material : str or None
-        Material of each tendon.
+    material, kind : str or None
+        Material and kind of each tendon.
+    area, bending_stiffness : float or None
+        Values of each chamber or rod, as in `Tendon`.
     turns, end_pitch_radius : float
         Routing of each tendon, as in `Tendon`.
     """
@@ -750,6 +792,8 @@ class Tendon(TendonProperties):
         Displacement of the tendon over that commanded.
     zero : float
         Displacement of the tendon where 0 is commanded, in m.
+    decoupling : float
+        Share, of the displacement that inner segments take, that the drive adds.
     pretension : float
         Tension in the home pose, where its displacement is zero, in N.
     spool_radius : float or None
@@ -758,6 +802,12 @@ class Tendon(TendonProperties):
         Diameter in m, used for the solid and for a study that assumes E A.
     material : str or None
         One of `TENDON_MATERIALS`, used for a study that assumes E A.
+    kind : str
+        "tendon", or "rod" or "chamber" where it pushes too.
+    area : float or None
+        Area in m^2 on which the pressure of a chamber acts.
+    bending_stiffness : float or None
+        Bending stiffness E I of a rod in N m^2, used to warn where it buckles.
     turns : float
         Turns about the backbone from the base to the end disk, in proportion to length.
     end_pitch_radius : float or None

@@ -41,6 +41,7 @@ __all__ = [
     "durations",
     "given",
     "home_lengths",
+    "tensions_of_pressures",
 ]
 
 HISTORY_SCHEMA_VERSION: Final = 1
@@ -125,16 +126,37 @@ def is_by_tensions(robot: Robot, load: Load, history: Mapping[str, Any] | None =
 # --------------------------------------------------------------------------------------
 
 
+def tensions_of_pressures(robot: Robot, pressures: Sequence[float | None]) -> list[float | None]:
+    """Tensions -p A in N of chambers at pressures in Pa (theory Eq. 4.12); None stays None.
+
+    Raises
+    ------
+    InputError
+        For a tendon without an area.
+    """
+    out = []
+    for i, (p, area) in enumerate(zip(pressures, robot.tendons.area_m2.tolist(), strict=True), 1):
+        if p is not None and math.isnan(area):
+            raise InputError(
+                f"tendon {i} of {robot.name} has no area, so that a pressure does not say its "
+                "force; give it kind chamber and area, or give tensions"
+            )
+        out.append(None if p is None else -p * area + 0.0)
+    return out
+
+
 def driven(robot: RobotArrays, displacements: Floats) -> Floats:
-    """Displacements of the tendons at commanded ones (..., T), m (theory Eq. 4.11)."""
-    tendons = robot.tendons
+    """Displacements of the tendons at commanded ones (..., T), m (theory Eq. 4.11, 4.13)."""
+    tendons, coupling = robot.tendons, robot.displacement_coupling
     found: Floats = tendons.gain * displacements + tendons.zero_m
-    return found
+    return found if coupling is None else found @ coupling.T
 
 
 def commanded(robot: Robot, displacements: Floats) -> Floats:
-    """Commands that give displacements of the tendons (..., T), m (theory Eq. 4.11)."""
-    tendons = robot.tendons
+    """Commands that give displacements of the tendons (..., T), m (theory Eq. 4.11, 4.13)."""
+    tendons, coupling = robot.tendons, robot.displacement_coupling
+    if coupling is not None:
+        displacements = displacements @ np.linalg.inv(coupling).T
     found: Floats = (displacements - tendons.zero_m) / tendons.gain
     return found
 
@@ -143,8 +165,26 @@ def commands(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Fl
     """Commands of a load as they reach the tendons; otherwise as `given`."""
     by_displacement, values = given(robot, load, rows=rows)
     if robot.laws and by_displacement.any():
-        values = np.where(by_displacement, driven(robot, values), values)
+        moved = np.where(by_displacement, values, 0.0)
+        check_coupled(robot, by_displacement)
+        values = np.where(by_displacement, driven(robot, moved), values)
     return by_displacement, values
+
+
+def check_coupled(robot: Robot, by_displacement: Bools) -> None:
+    """Refuse a displacement of a segment alone, beyond tendons that have none (..., T)."""
+    coupling = robot.displacement_coupling
+    if coupling is None or by_displacement.all():
+        return
+    lacks = by_displacement & (~by_displacement @ (coupling != 0.0).T)
+    if lacks.any():
+        place = tuple(np.argwhere(lacks)[0])
+        needed = np.flatnonzero((coupling[place[-1]] != 0.0) & ~by_displacement[place[:-1]])
+        raise InputError(
+            f"tendon {place[-1] + 1} has the displacement of its own segment, as its decoupling is "
+            f"above 0, and tendon {needed[0] + 1} of an inner segment has none; give both "
+            "displacements, or set decoupling to 0"
+        )
 
 
 def given(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Floats]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import NoSolutionError
-from bowstring.formatting import in_mm, in_percent, significant
+from bowstring.formatting import in_mm, in_percent, listed, significant
 from bowstring.results import Key, Result
 from bowstring.statics import fields
 from bowstring.units import number_with_unit
@@ -30,6 +30,7 @@ __all__ = [
     "Utilisation",
     "below_base",
     "by_segment",
+    "compressed_rods",
     "has_limits",
     "of_pose",
     "of_sweep",
@@ -149,6 +150,47 @@ def of_pose(
         if u.share > 1.0
     ]
     return tuple(out), tuple(uses)
+
+
+def compressed_rods(robot: Robot, tensions: Floats) -> list[str]:
+    """Sentences on rods under compression: beyond Euler's load of a span, or not checked.
+
+    A rod in equidistant holes buckles to both sides in turn, so that each span has hinged ends.
+
+    Parameters
+    ----------
+    robot : Robot
+    tensions : ndarray (T,)
+        In N.
+
+    Returns
+    -------
+    list of str
+    """
+    if robot.is_embedded:  # the body holds them everywhere
+        return []
+    tendons, out, unknown = robot.tendons, [], []
+    spacing = np.diff(robot.disks.station_m, prepend=0.0)
+    kinds = [t.kind for segment in robot.segments for t in segment.tendon_list]
+    for i in np.flatnonzero(tensions < 0.0).tolist():
+        longest = float(spacing[: tendons.end_disk[i] + 1].max())
+        euler = np.pi**2 * float(tendons.bending_stiffness_Nm2[i]) / longest**2
+        if kinds[i] == "rod" and np.isnan(euler):
+            unknown.append(str(i + 1))
+        elif -tensions[i] > euler:
+            out.append(
+                f"rod {i + 1} carries {significant(-float(tensions[i]))} N of compression and "
+                f"buckles between two disks {in_mm(longest)} apart at {significant(euler)} N "
+                "(Euler's load of hinged ends): take a stiffer rod or more disks."
+            )
+    if unknown:
+        many = len(unknown) > 1
+        out.append(
+            f"rod{'s' * many} {listed(unknown)} {'are' if many else 'is'} under compression, and "
+            f"whether {'they buckle' if many else 'it buckles'} between two disks is not checked: "
+            "give bending_stiffness."
+        )
+    return out
 
 
 def below_base(robot: Robot, disk_positions: Floats) -> list[str]:

@@ -51,7 +51,7 @@ def discretisation(
     ``error`` is that of the tip in m and of tensions in N; `path` says whether it is that of a
     path with a memory, which is followed with two numbers of elements.
     """
-    largest = float(np.nanmax(tensions, initial=0.0))
+    largest = float(np.nanmax(np.abs(tensions), initial=0.0))
     of_tip, of_tension = error
     tip, tension = of_tip > 1e-5 * length, of_tension > 1e-4 * largest
     if not (tip or tension):

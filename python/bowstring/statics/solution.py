@@ -420,7 +420,8 @@ class Solution(Result):
         Returns
         -------
         warnings : tuple of str
-            Disks below the base, and segments beyond ``yield_strength`` or ``strain_limit``.
+            Rods that buckle, disks below the base, and segments beyond ``yield_strength`` or
+            ``strain_limit``.
         uses : tuple of `bowstring.statics.limits.Utilisation`
             Utilisation of each limit; empty if the robot file has none or the solve failed.
         """
@@ -429,7 +430,9 @@ class Solution(Result):
         if not self.converged or self.disk_positions is None:
             return (), ()
         frames = partial(self._frames, limits.POINTS)
-        return limits.of_pose(self.robot, self.disk_positions, frames, self.model)
+        rods = limits.compressed_rods(self.robot, self.tensions)
+        warnings, uses = limits.of_pose(self.robot, self.disk_positions, frames, self.model)
+        return (*rods, *warnings), uses
 
     def warnings(self) -> tuple[str, ...]:
         """Warnings: disks below the base, and limits of the backbone that are exceeded.

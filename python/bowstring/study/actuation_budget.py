@@ -480,8 +480,8 @@ def _with_friction(model: Model, calibrated: Robot | None) -> tuple[Robot, Sourc
                 where = f"segments.{k}.tendons" if ring else f"segments.{k}.tendons.{i}"
                 changes[f"{where}.friction"] = tendon.friction
         return robot.with_(changes), "calibrated"
-    if robot.tendons.friction[model.tendon] > 0.0:
-        return robot, "file"
+    if robot.tendons.friction[model.tendon] > 0.0 or robot.tendons.pushes.any():
+        return robot, "file"  # friction is of tendons that only pull
     return with_tendons(robot, {"friction": ASSUMED_FRICTION}, missing=True), "assumed"
 
 
@@ -534,7 +534,7 @@ class _Commanded:
         # A tendon with pretension should stay taut. One without gets a surplus length, so that it
         # stays slack and does not act against the actuated one where the arc is inaccurate.
         slack = robot.tendons.pretension_N == 0.0
-        slack[model.shares > 0.0] = False
+        slack[(model.shares != 0.0) | model.robot.tendons.pushes] = False
         self._others = np.flatnonzero(slack)
         self._nothing = 1e-12 * robot.length
         self.displacements = straight - self.lengths - _SURPLUS * robot.length * slack

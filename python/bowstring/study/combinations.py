@@ -12,7 +12,7 @@ from bowstring.errors import BowstringError
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
 from bowstring.study.comparison import MEANINGS, Model, Theory
-from bowstring.validity.loading import largest_load
+from bowstring.validity.loading import largest_load, whole_share
 
 __all__ = ["combinations", "worst_combination"]
 
@@ -56,7 +56,9 @@ def combinations(robot: Robot) -> list[Shares]:
     most = min(_MOST, max(8, _DISKS // len(robot.disks.station_m)))
     kept, more = _thinned(alone, most), found[len(alone) :]
     kept += _thinned(more, most - len(kept))
-    return [tuple(float(t in chosen) for t in range(len(of))) for chosen in kept]
+    share = whole_share(robot)
+    each = range(len(of))
+    return [tuple(share[t] if t in chosen else 0.0 for t in each) for chosen in kept]
 
 
 def _thinned(found: list[tuple[int, ...]], most: int) -> list[tuple[int, ...]]:
@@ -110,7 +112,7 @@ def _severity(
     """Share of the range of tension beyond the tolerance's first crossing, and largest error, m."""
     if top is None:
         top = largest_load(robot, np.array(shares), RodModel(theory))
-    model = Model(robot, int(np.argmax(shares)), theory, shares)
+    model = Model(robot, int(np.argmax(np.abs(shares))), theory, shares)
     tension = np.linspace(0.0, top, _POINTS)
     case = model.case(model.main, tension)
     beyond, largest = 0.0, 0.0

@@ -263,7 +263,8 @@ class Model:
 
     def _angle(self) -> float:
         """Direction of bending by the tendons, angle from x, rad."""
-        alone = np.count_nonzero(self.shares) == 1 and self.robot.is_round
+        pulls = np.count_nonzero(self.shares) == 1 and self.shares[self.tendon] > 0.0
+        alone = pulls and self.robot.is_round
         whole = self.linear_bend.sum(axis=0)
         if alone or not whole.any():
             return float(self.robot.tendons.angle_rad[self.tendon])

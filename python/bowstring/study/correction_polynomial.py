@@ -172,18 +172,19 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
 
 
 def _random_tensions(of: NDArray[np.int64], top: float) -> Floats:
-    """Tensions (n, T) whose sums over each segment's tendons are at most `top`, more near it."""
+    """Tensions (n, T) whose sums over each segment's tendons are at most `top`, from none."""
     rng = np.random.default_rng(1)
     count = _FITTED + _HELD_OUT
     tensions = np.zeros((count, len(of)))
     for k in np.unique(of):
         own = np.flatnonzero(of == k)
         shares = rng.dirichlet(np.full(len(own), 0.5), count)
-        tensions[:, own] = top * shares * rng.uniform(size=(count, 1)) ** 0.35
-        alone = np.arange(count) % 20 == 0  # the edges of the range
+        tensions[:, own] = top * shares * rng.uniform(size=(count, 1)) ** (1.0 / len(own))
+        alone = np.arange(count) % 20 < 2  # the edges of the range, and more at their ends
         tensions[np.ix_(alone, own)] = 0.0
-        tensions[alone, rng.choice(own, alone.sum())] = top * rng.uniform(size=alone.sum()) ** 0.35
-    tensions[0] = 0.0
+        along = 0.5 - 0.5 * np.cos(np.pi * rng.uniform(size=alone.sum()))
+        tensions[alone, rng.choice(own, alone.sum())] = top * along
+    tensions[[0, -1]] = 0.0  # of the fit, and of its test
     return tensions
 
 

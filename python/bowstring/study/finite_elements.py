@@ -209,7 +209,7 @@ def at_data(
     table = data.data.tensions
     point = np.full((len(table), 3), math.nan)
     reached = len(found.run.states)
-    tendon = int(np.argmax(shares))
+    tendon = int(np.argmax(np.abs(shares)))
     rest = np.abs(table - np.outer(table[:, tendon], shares))
     alone = (rest <= _SAME * np.abs(table[:, [tendon]])).all(axis=1)
     if reached > 1:

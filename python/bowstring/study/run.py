@@ -304,7 +304,7 @@ def settings_of(
     shares = loading.shares(robot)
     if len(tried) > 1:
         shares = worst_combination(robot, tried, theory, tolerance, loading.max_tension)
-    leading = int(np.argmax(shares))
+    leading = int(np.argmax(np.abs(shares)))
     limit = loading.max_tension
     if limit is None:
         limit = largest_load(robot, np.array(shares), RodModel(theory))

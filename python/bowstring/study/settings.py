@@ -126,4 +126,4 @@ class Settings:
     @property
     def actuated_alone(self) -> bool:
         """Whether one tendon is actuated and all others are slack."""
-        return sum(share > 0.0 for share in self.shares) == 1
+        return sum(share != 0.0 for share in self.shares) == 1

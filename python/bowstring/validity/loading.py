@@ -27,6 +27,7 @@ __all__ = [
     "linear_bend",
     "named",
     "turned",
+    "whole_share",
 ]
 
 Floats = NDArray[np.float64]
@@ -54,8 +55,9 @@ class Loading:
         Number of loads in equal steps, including zero.
     tendon : int or mapping from int to float, optional
         Number of the actuated tendon, from 1; or a mapping from numbers to shares of the sweep's
-        tension, the largest of which must be 1: ``{1: 1.0, 4: 0.5}``. The default is the first
-        tendon of the outermost segment. All others are slack.
+        tension, the largest of which must be 1: ``{1: 1.0, 4: 0.5}``. Rods and chambers push by a
+        negative share: ``{1: -1.0}``. The default is the first tendon of the outermost segment, at
+        -1 if it is a chamber. All others are slack.
 
     Raises
     ------
@@ -82,27 +84,35 @@ class Loading:
         out = [0.0] * count
         if self.tendon is None:
             of = robot.tendons.segment
-            out[int(np.flatnonzero(of == of.max())[0])] = 1.0
+            first = int(np.flatnonzero(of == of.max())[0])
+            out[first] = whole_share(robot)[first]
             return tuple(out)
         given = self.tendon if isinstance(self.tendon, Mapping) else {self.tendon: 1.0}
         for tendon, share in given.items():
             if not is_whole(tendon) or not 1 <= tendon <= count:
                 rule = f"a whole number from 1 to {count}, the tendons of {robot.name}"
                 raise InputError.of("tendon", shown(tendon), rule)
-            if not isinstance(share, (int, float)) or not 0.0 < share <= 1.0:
+            least = -1.0 if robot.tendons.pushes[tendon - 1] else 0.0
+            if not isinstance(share, (int, float)) or not least <= share <= 1.0 or share == 0.0:
+                rule = "from -1 to 1 and not 0" if least else "above 0 and at most 1"
                 raise InputError(
-                    f"the share of tendon {tendon} is {shown(share)}; must be above 0 and at most "
-                    "1",
+                    f"the share of tendon {tendon} is {shown(share)}; must be {rule}",
                     argument="tendon",
                 )
             out[tendon - 1] = float(share)
-        if max(out) != 1.0:
+        if (largest := max(map(abs, out))) != 1.0:
             raise InputError(
-                f"the largest share of the actuated tendons is {max(out):g}; must be 1, the tendon "
+                f"the largest share of the actuated tendons is {largest:g}; must be 1, the tendon "
                 "that has the whole tension of the sweep",
                 argument="tendon",
             )
         return tuple(out)
+
+
+def whole_share(robot: Robot) -> list[float]:
+    """Share of the sweep's tension with which each tendon alone acts: -1 of a chamber, else 1."""
+    every = [tendon for segment in robot.segments for tendon in segment.tendon_list]
+    return [-1.0 if tendon.kind == "chamber" else 1.0 for tendon in every]
 
 
 def actuated(shares: Sequence[float] | Floats) -> str:

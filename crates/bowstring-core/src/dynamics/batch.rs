@@ -330,15 +330,6 @@ impl Motions {
                 tensions.len()
             )));
         }
-        let wrong = |t: &f64| !(t.is_finite() && *t >= 0.0);
-        match tensions.iter().position(wrong) {
-            Some(at) => Err(InputError::number(
-                Argument::Tension,
-                Some(at % tendons),
-                tensions[at],
-                Rule::NotNegative,
-            )),
-            None => Ok(()),
-        }
+        self.robot.check_tensions(tensions)
     }
 }

@@ -411,6 +411,7 @@ mod tests {
         let tendons = (0..4).map(|i| Tendon {
             holes: vec![[0.02 * (i as f64).cos(), 0.02 * (i as f64).sin()]],
             end_disk: if i < 2 { 3 } else { 7 },
+            pushes: false,
         });
         Robot::new(RobotSpec {
             payloads: vec![],

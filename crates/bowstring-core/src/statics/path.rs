@@ -189,7 +189,7 @@ impl PathSolver {
             || drops.len() != n * m
             || spans.len() != n * m
             || !numbers.into_iter().all(|v| v.is_finite())
-            || tensions.iter().any(|t| *t < 0.0)
+            || self.robot().check_tensions(tensions).is_err()
         {
             return Err(InputError::other(
                 "the history does not belong to this robot",

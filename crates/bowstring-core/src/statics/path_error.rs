@@ -40,7 +40,7 @@ impl PathStep {
             largest *= MEMORY_SAFETY[1];
         }
         let tensions = &self.transmission.tendons.now.tensions;
-        let tautest = tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
+        let tautest = tensions.iter().fold(0.0, |a: f64, t| a.max(t.abs()));
         let verdict = Verdict::new(
             &found,
             [largest, tautest],
@@ -61,9 +61,9 @@ impl PathStep {
     /// returns the largest of these changes (N).
     fn correct_tensions(&mut self, found: &mut Correction<f64>) -> f64 {
         let tendons = &self.transmission.tendons;
-        let (commands, tensions) = (&tendons.now.commands, &tendons.now.tensions);
+        let commands = &tendons.now.commands;
         let held: Vec<usize> = (0..commands.len())
-            .filter(|&i| commands[i].is_displacement() && tensions[i] > 0.0)
+            .filter(|&i| commands[i].is_displacement() && tendons.is_taut(i))
             .collect();
         if held.is_empty() {
             return 0.0;
@@ -86,7 +86,7 @@ impl PathStep {
         let mut spans = vec![0.0; held.len() * n];
         for (c, &i) in held.iter().enumerate() {
             for k in 0..n {
-                spans[c * n + k] = engine.span_tension(k, i) / tendons.now.tensions[i];
+                spans[c * n + k] = tendons.carried[k * tendons.lines.len() + i];
             }
         }
         engine.measure_spans(false);

@@ -549,9 +549,9 @@ impl PathStep {
             outcome.stable = None;
             return outcome;
         }
-        for (slack, tension) in tendons.slack.iter_mut().zip(&tendons.now.tensions) {
-            if *tension > 0.0 {
-                *slack = 0.0;
+        for i in 0..tendons.lines.len() {
+            if tendons.is_taut(i) {
+                tendons.slack[i] = 0.0;
             }
         }
         tendons.note_displacements();

@@ -531,6 +531,7 @@ mod tests {
         let tendons = (0..5).map(|i| Tendon {
             holes: vec![[0.02 * (i as f64).cos(), 0.02 * (i as f64).sin()]],
             end_disk: if i < 2 { 5 } else { 10 },
+            pushes: false,
         });
         Robot::new(RobotSpec {
             payloads: vec![],

@@ -4,7 +4,7 @@
 
 use super::line::Line;
 use crate::model::load::{Model, Theory};
-use crate::model::robot::Robot;
+use crate::model::robot::{Robot, Tendon};
 
 /// Least compliance of a span with friction, over `scale`: far below that of any tendon, but enough
 /// to make the tensions of several sticking holes unique.
@@ -19,6 +19,8 @@ pub(crate) struct Routing {
     pub modules: usize,
     /// Module in which each tendon ends.
     pub ends: Vec<usize>,
+    /// Least tension of each tendon (N), at which it is slack; -infinity where it pushes too.
+    pub least: Vec<f64>,
     /// Length of each tendon from base hole to anchor in the straight robot (m).
     pub straight: Vec<f64>,
     /// Length of the robot (m).
@@ -48,6 +50,7 @@ impl Routing {
         Routing {
             modules: robot.module_count(),
             ends: tendons.iter().map(|t| t.end_disk).collect(),
+            least: tendons.iter().map(Tendon::least_tension).collect(),
             straight: tendons.iter().map(|t| disks[t.end_disk].station).collect(),
             length: robot.length(),
         }

@@ -26,7 +26,7 @@ impl Tendons {
                     motors += self.now.tensions[i] * (p - step.counted[i]);
                     before += self.energy(i, step.elongation[i]);
                     after += self.energy(i, elongation);
-                    if self.now.tensions[i] > 0.0 && self.lines[i].friction == 0.0 {
+                    if self.is_taut(i) && self.lines[i].friction == 0.0 {
                         let more = elongation - step.elongation[i];
                         numerical += (2.0 * step.share - 1.0) * self.energy(i, more.abs());
                     }
@@ -41,10 +41,15 @@ impl Tendons {
         }
     }
 
+    /// Part of an elongation (m) that the tendon takes: slack takes the rest.
+    fn taken(&self, i: usize, elongation: f64) -> f64 {
+        f64::max(elongation, self.routing.least[i])
+    }
+
     /// Elastic energy of a tendon at an elongation (J).
     fn energy(&self, i: usize, elongation: f64) -> f64 {
         let compliance = self.whole_compliance(i);
-        if compliance > 0.0 && elongation > 0.0 {
+        if compliance > 0.0 && elongation > self.routing.least[i] {
             0.5 * elongation * elongation / compliance
         } else {
             0.0
@@ -64,11 +69,11 @@ impl Tendons {
         for (i, to) in values.iter().enumerate() {
             if self.now.commands[i].is_displacement() {
                 let elongation = self.step.routed[i] - self.home[i] + to - self.lost[i];
-                let now = f64::max(elongation, 0.0);
+                let now = self.taken(i, elongation);
                 energy += self.energy(i, now) - self.energy(i, self.step.elongation[i]);
                 self.step.elongation[i] = now;
                 if self.whole_compliance(i) > 0.0 {
-                    slack[i] = f64::max(-elongation, 0.0);
+                    slack[i] = now - elongation;
                 }
                 self.step.counted[i] = *to;
             }
@@ -89,7 +94,7 @@ impl Tendons {
     pub fn adopt(&mut self, rod: &dyn RoutedRod) {
         self.measure(rod);
         for (i, slack) in self.slack.iter().enumerate() {
-            if self.now.tensions[i] > 0.0 {
+            if self.is_taut(i) {
                 self.home[i] -= slack;
             }
         }
@@ -108,12 +113,13 @@ impl Tendons {
                     self.step.counted[i] = p;
                     // the slack of a taut inextensible tendon is rounding
                     let stiff = self.whole_compliance(i) == 0.0;
-                    let slack = if stiff && self.now.tensions[i] > 0.0 {
+                    let taken = self.taken(i, elongation);
+                    let slack = if stiff && self.is_taut(i) {
                         0.0
                     } else {
-                        f64::max(-elongation, 0.0)
+                        taken - elongation
                     };
-                    (f64::max(elongation, 0.0), slack)
+                    (taken, slack)
                 }
             };
             self.step.routed[i] = self.length_of(lengths, i);

@@ -192,7 +192,7 @@ impl Friction {
         let compliance = &tendons.compliance;
         let mut locks = vec![];
         for i in 0..m {
-            if tendons.now.tensions[i] == 0.0 {
+            if !tendons.is_taut(i) {
                 continue;
             }
             let friction = tendons.lines[i].friction > 0.0;

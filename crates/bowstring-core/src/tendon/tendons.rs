@@ -151,6 +151,11 @@ impl Tendons {
         }
     }
 
+    /// Whether a tendon is taut, or pushes.
+    pub fn is_taut(&self, i: usize) -> bool {
+        self.now.tensions[i] > self.routing.least[i]
+    }
+
     /// Whether a drive has backlash.
     pub fn has_backlash(&self) -> bool {
         self.lines.iter().any(|line| line.backlash > 0.0)
@@ -311,11 +316,7 @@ impl Tendons {
         for (i, command) in self.now.commands.iter().enumerate() {
             if command.is_displacement() {
                 let s = self.slack[i];
-                let miss = if self.now.tensions[i] > 0.0 {
-                    s.abs()
-                } else {
-                    -s
-                };
+                let miss = if self.is_taut(i) { s.abs() } else { -s };
                 most = most.max(miss);
             }
         }

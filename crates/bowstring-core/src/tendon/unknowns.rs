@@ -225,8 +225,8 @@ impl Unknowns {
     fn set_bounds(&mut self, r: usize, tendons: &Tendons, friction: &Friction) {
         let problem = &mut self.problem;
         match self.list[r] {
-            Unknown::Tension(_) => {
-                [problem.lower[r], problem.upper[r]] = [0.0, f64::INFINITY];
+            Unknown::Tension(i) => {
+                [problem.lower[r], problem.upper[r]] = [tendons.routing.least[i], f64::INFINITY];
             }
             Unknown::Drop { tendon, hole } => {
                 let at = hole * tendons.lines.len() + tendon;
@@ -334,7 +334,11 @@ impl Unknowns {
         let m = tendons.lines.len();
         let all = self.list.iter().zip(&self.problem.side).zip(values);
         let pushes = |((unknown, side), value): ((&Unknown, &Side), &f64)| {
-            matches!(unknown, Unknown::Tension(_)) && *side == Side::Between && *value <= 0.0
+            let least = match *unknown {
+                Unknown::Tension(i) => tendons.routing.least[i],
+                Unknown::Drop { .. } => return false,
+            };
+            *side == Side::Between && *value <= least
         };
         if all.clone().any(pushes) {
             return false;

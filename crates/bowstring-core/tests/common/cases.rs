@@ -97,6 +97,7 @@ impl Case {
                 tendons.push(Tendon {
                     holes: vec![[r * angle.cos(), r * angle.sin()]],
                     end_disk: disks.len() - 1,
+                    pushes: false,
                 });
                 // the linear law: theta = T r L / EI
                 let theta = if draw.often(0.5) {

@@ -38,6 +38,7 @@ pub fn study_robot(n: usize, clamped_length: f64) -> Robot {
     let tendons = [0.0f64, 120.0, 240.0].map(|a| Tendon {
         holes: vec![[0.029 * a.to_radians().cos(), 0.029 * a.to_radians().sin()]],
         end_disk: n - 1,
+        pushes: false,
     });
     Robot::new(RobotSpec {
         payloads: vec![],
@@ -70,6 +71,7 @@ pub fn rao_robot() -> Robot {
         [90.0f64, -30.0, 210.0].map(|a| Tendon {
             holes: vec![[0.01 * a.to_radians().cos(), 0.01 * a.to_radians().sin()]],
             end_disk,
+            pushes: false,
         })
     });
     let backbone = section(0.0014, 54e9, 0.3, 6450.0);

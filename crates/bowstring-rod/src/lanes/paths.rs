@@ -19,7 +19,7 @@ use crate::math::mlcp::Complementarity;
 use crate::math::real::{Layout, Real};
 use crate::math::simd::{Avx2, Avx512, Robots, Simd};
 use crate::model::load::{Load, Model};
-use crate::model::robot::Robot;
+use crate::model::robot::{Robot, Tendon};
 use crate::outcome::{PathOutcome, Settings, Status};
 use crate::rod::chain::Rod;
 use crate::rod::estimate::Verdict;
@@ -123,6 +123,8 @@ struct PathLanes<S: Simd> {
     /// Unstretched home lengths (m), and compliances of whole tendons (m/N).
     home: Vec<S::Vector>,
     compliance: Vec<S::Vector>,
+    /// Least tensions (N), at which tendons are slack; -infinity of those that push too.
+    least: Vec<f64>,
     start: States<S::Vector>,
     last: States<S::Vector>,
     columns: TensionColumns<S::Vector, 2>,
@@ -152,6 +154,12 @@ impl<S: Simd> PathLanes<S> {
             automatic: [true; MOST_LANES],
             home: of_tendons.clone(),
             compliance: of_tendons.clone(),
+            least: robot
+                .spec()
+                .tendons
+                .iter()
+                .map(Tendon::least_tension)
+                .collect(),
             start: states.clone(),
             last: states,
             columns: TensionColumns::new(),
@@ -397,7 +405,11 @@ impl<S: Simd> PathLanes<S> {
                 let loose = self.compliance[i].lane(lane) * tension - elongation;
                 slack.set_lane(lane, loose);
                 // a NaN is kept
-                let miss = if tension > 0.0 { loose.abs() } else { -loose };
+                let miss = if tension > self.least[i] {
+                    loose.abs()
+                } else {
+                    -loose
+                };
                 largest = Real::max(largest, miss);
             }
             most.set_lane(lane, largest / self.settings[lane].length);
@@ -473,7 +485,7 @@ impl<S: Simd> PathLanes<S> {
                 (problem.q[r], problem.lower[r]) = (-tension, f64::NEG_INFINITY);
                 continue;
             }
-            problem.lower[r] = 0.0;
+            problem.lower[r] = self.least[i];
             let mut q = self.slack[i].lane(lane) + columns.shortened[r].lane(lane);
             for (c, &j) in columns.tendons.iter().enumerate() {
                 let entry = &mut problem.matrix[r * size + c];
@@ -534,7 +546,7 @@ impl<S: Simd> PathLanes<S> {
         let mut outcomes = [const { None }; MOST_LANES];
         for lane in 0..S::Vector::LANES {
             let (found, settings) = (found.of_lane(lane), &self.settings[lane]);
-            let tautest = self.tensions.iter().map(|t| t.lane(lane));
+            let tautest = self.tensions.iter().map(|t| t.lane(lane).abs());
             let tautest = tautest.fold(0.0, f64::max);
             let tension = [changes[lane], tautest];
             let verdict = Verdict::new(&found, tension, Some(true), settings.length, 1);
@@ -568,7 +580,7 @@ impl<S: Simd> PathLanes<S> {
             let held: Vec<usize> = (0..columns.tendons.len())
                 .filter(|&c| {
                     let i = columns.tendons[c];
-                    by_displacement[i] && tensions[i].lane(lane) > 0.0
+                    by_displacement[i] && tensions[i].lane(lane) > self.least[i]
                 })
                 .collect();
             let mut matrix = Vec::with_capacity(held.len() * held.len());

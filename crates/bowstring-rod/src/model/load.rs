@@ -3,7 +3,7 @@
 //! Theory: docs/theory/rod.md (Loads).
 
 use crate::math::linalg::Vec3;
-use crate::model::error::{Argument, InputError, Rule};
+use crate::model::error::{Argument, InputError};
 use crate::model::robot::{place, Place, Robot, AT_CLAMP};
 
 /// Rod theory of the backbone.
@@ -385,15 +385,7 @@ impl Load<'_> {
                 "tendon",
             ));
         }
-        for (i, t) in self.tensions.iter().enumerate() {
-            if !(t.is_finite() && *t >= 0.0) {
-                let rule = match t.is_finite() {
-                    true => Rule::TendonsPull,
-                    false => Rule::Finite,
-                };
-                return Err(InputError::number(Argument::Tension, i, *t, rule));
-            }
-        }
+        robot.check_tensions(self.tensions)?;
         for (argument, v) in [
             (Argument::Gravity, &self.gravity),
             (Argument::TipForce, &self.tip_force),

@@ -186,6 +186,8 @@ pub struct Tendon {
     pub holes: Vec<[f64; 2]>,
     /// Index of its end disk, where it is anchored.
     pub end_disk: usize,
+    /// Whether it pushes too: a rod, or a chamber under pressure. It is never slack.
+    pub pushes: bool,
 }
 
 impl Tendon {
@@ -194,6 +196,7 @@ impl Tendon {
         Tendon {
             holes: vec![hole],
             end_disk,
+            pushes: false,
         }
     }
 
@@ -202,7 +205,20 @@ impl Tendon {
         if holes.iter().all(|hole| *hole == holes[0]) {
             holes.truncate(1);
         }
-        Tendon { holes, end_disk }
+        Tendon {
+            holes,
+            end_disk,
+            pushes: false,
+        }
+    }
+
+    /// Least tension (N), at which it is slack; none where it pushes too.
+    pub fn least_tension(&self) -> f64 {
+        if self.pushes {
+            f64::NEG_INFINITY
+        } else {
+            0.0
+        }
     }
 
     /// Its hole in the base (0) or in a disk (counted from 1); beyond the end disk that of the end
@@ -450,6 +466,22 @@ impl Robot {
     /// Number of tendons.
     pub fn tendon_count(&self) -> usize {
         self.spec.tendons.len()
+    }
+    /// Checks a tension of each tendon (N), counted on where there are more: finite, and not negative
+    /// where the tendon can only pull.
+    pub fn check_tensions(&self, tensions: &[f64]) -> Result<(), InputError> {
+        let tendons = self.spec.tendons.iter().cycle();
+        for (i, (t, tendon)) in tensions.iter().zip(tendons).enumerate() {
+            if !(t.is_finite() && *t >= tendon.least_tension()) {
+                let rule = match t.is_finite() {
+                    true => Rule::TendonsPull,
+                    false => Rule::Finite,
+                };
+                let tendon = i % self.tendon_count();
+                return Err(InputError::number(Argument::Tension, tendon, *t, rule));
+            }
+        }
+        Ok(())
     }
     /// Length of the straight backbone (m).
     pub fn length(&self) -> f64 {

@@ -35,6 +35,7 @@ fn robot() -> Robot {
     let tendons = (0..3).map(|i| Tendon {
         holes: vec![[0.02 * (2.0 * i as f64).cos(), 0.02 * (2.0 * i as f64).sin()]],
         end_disk: if i == 0 { 2 } else { 3 },
+        pushes: false,
     });
     Robot::new(RobotSpec {
         payloads: vec![],

@@ -87,6 +87,7 @@ fn rigid_rotation_has_the_inertia_of_the_rod() {
     let tendon = Tendon {
         holes: vec![[0.02, 0.0]],
         end_disk: 3,
+        pushes: false,
     };
     let robot = robot(disks.collect(), vec![tendon]);
     let still = Damping {
@@ -135,6 +136,7 @@ fn momentum_balances_with_the_base() {
     let tendons = (0..3).map(|i| Tendon {
         holes: vec![[0.02 * (2.0 * i as f64).cos(), 0.02 * (2.0 * i as f64).sin()]],
         end_disk: 8,
+        pushes: false,
     });
     let robot = robot(disks.collect(), tendons.collect());
     let gravity = Vec3([1.0, 2.0, -9.0]);

@@ -51,7 +51,7 @@ impl Target {
 }
 
 impl Limits<'_> {
-    /// Checks that there is one of each for each tendon, not negative and in order.
+    /// Checks that there is one of each for each tendon, in order, and not negative where it only pulls.
     pub fn check(&self, robot: &Robot) -> Result<(), InputError> {
         let count = robot.tendon_count();
         if self.least.len() != count || self.most.len() != count {
@@ -62,9 +62,12 @@ impl Limits<'_> {
             )));
         }
         for (i, (least, most)) in self.least.iter().zip(self.most).enumerate() {
-            if !(0.0 <= *least && least <= most && most.is_finite()) {
+            let lowest = robot.spec().tendons[i].least_tension();
+            let ordered = least.is_finite() && least <= most && most.is_finite();
+            if !(ordered && lowest <= *least) {
+                let sign = if lowest < 0.0 { "" } else { ", >= 0 N" };
                 return Err(InputError::other(format!(
-                    "limits of tension {} are {least} N and {most} N; they must be finite, >= 0 N and in order",
+                    "limits of tension {} are {least} N and {most} N; they must be finite{sign} and in order",
                     i + 1
                 )));
             }

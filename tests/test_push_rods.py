@@ -1,0 +1,340 @@
+"""Rods and chambers: tendons that push too, with tensions of either sign."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, fsolve
+
+import bowstring as bs
+from bowstring.constant_curvature import RobotArcs
+from bowstring.dynamics import ramp
+from bowstring.errors import InputError
+from shell import Shell
+from stages import Stages
+
+E, DIAMETER, LENGTH, RADIUS = 85e3, 26e-3, 0.14, 8e-3
+AREA, SECOND = math.pi / 4 * DIAMETER**2, math.pi / 64 * DIAMETER**4
+CHAMBERS = f"""
+segments:
+  - length: {LENGTH} m
+    tendons_in: body
+    backbone: {{diameter: {DIAMETER} m, E: {E} Pa, nu: 0.4, density: 1060 kg/m^3}}
+    tendons: {{count: 3, pitch_radius: {RADIUS} m, kind: chamber, area: 1.5 cm^2}}
+"""
+RODS = """
+segments:
+  - length: 70 mm
+    backbone: {diameter: 0.7 mm, E: 58 GPa, nu: 0.3, density: 6450 kg/m^3}
+    disks: {count: 7, mass: 0 g, radius: 5 mm, thickness: 1 mm, clamped_length: 0 mm}
+    tendons: {count: 4, pitch_radius: 3.5 mm, kind: rod}
+"""
+
+
+def _robot(folder: Path, text: str, **changes: Any) -> bs.Robot:
+    file = folder / "robot.yaml"
+    file.write_text(text)
+    paths = {f"segments.0.{path.replace('__', '.')}": value for path, value in changes.items()}
+    return bs.load_robot(file, paths)
+
+
+@pytest.fixture
+def chambers(tmp_path: Path) -> bs.Robot:
+    return _robot(tmp_path, CHAMBERS)
+
+
+@pytest.fixture
+def rods(tmp_path: Path) -> bs.Robot:
+    return _robot(tmp_path, RODS)
+
+
+@pytest.mark.parametrize("force", [-2.5, -0.3, 1.7])
+def test_a_chamber_bends_and_extends_in_closed_form(chambers: bs.Robot, force: float) -> None:
+    """kappa = P r/(E I) by the length without load, and extension P/(E A)."""
+    theta = force * RADIUS * LENGTH / (E * SECOND)
+    length = LENGTH * (1.0 - force / (E * AREA))
+    tip = length / theta * np.array([1.0 - math.cos(theta), 0.0, math.sin(theta)])
+    found = bs.solve(chambers, [force, 0.0, 0.0]).raise_for_status()
+    assert found.stable
+    assert found.tip.position == pytest.approx(tip, abs=1e-9 * LENGTH)
+    arcs = RobotArcs.from_tensions(chambers, [force, 0.0, 0.0])
+    assert arcs.length[0] == pytest.approx(length, rel=1e-12)
+    assert arcs.theta[0] * math.cos(arcs.phi[0]) == pytest.approx(theta, rel=1e-12)
+    assert arcs.tip.position == pytest.approx(tip, abs=1e-12 * LENGTH)
+
+
+def _shot(tensions: NDArray[np.float64], angles: NDArray[np.float64], force: Any) -> Any:
+    """Tip (x, z) of a rod in the plane under tendons in its body and a dead force, by shooting.
+
+    The force of rod and tendons together is the dead force; what the tendons carry of it acts
+    along their tangents, beside the rod.
+    """
+    shear = E / 2.8 * AREA
+    at = RADIUS * np.cos(angles)
+
+    def strain(theta: float, moment: float) -> Any:
+        c, s = math.cos(theta), math.sin(theta)
+        across, along = c * force[0] - s * force[1], s * force[0] + c * force[1]
+
+        def residual(y: Any) -> Any:
+            v, w, u = y  # shear, stretch, curvature towards x
+            run_x, run_z = v, w - u * at
+            size = np.hypot(run_x, run_z)
+            t_x, t_z = tensions * run_x / size, tensions * run_z / size
+            return [
+                shear * v + t_x.sum() - across,
+                E * AREA * (w - 1.0) + t_z.sum() - along,
+                (E * SECOND * u - (at * t_z).sum() - moment) / RADIUS,
+            ]
+
+        return fsolve(residual, [0.0, 1.0, 0.0], xtol=1e-11)
+
+    def path(moment: float) -> Any:
+        def rates(_: float, y: Any) -> Any:
+            v, w, u = strain(y[2], y[3])
+            c, s = math.cos(y[2]), math.sin(y[2])
+            x, z = c * v + s * w, -s * v + c * w
+            return [x, z, u, x * force[1] - z * force[0]]
+
+        start = [0.0, 0.0, 0.0, moment]
+        return solve_ivp(rates, (0.0, LENGTH), start, rtol=1e-9, atol=1e-11).y[:, -1]
+
+    found = brentq(lambda m: path(m)[3], -0.02, 0.02, xtol=1e-12)
+    return path(found)[:2]
+
+
+def test_chambers_under_load_agree_with_shooting(chambers: bs.Robot) -> None:
+    tensions, force = np.array([-1.8, 0.4, 0.4]), (0.05, -0.08)
+    load = bs.Load(tip_force=[force[0], 0.0, force[1]])
+    found = bs.solve(chambers, tensions, load=load).raise_for_status()
+    x, z = _shot(tensions, chambers.tendons.angle_rad, force)
+    # theory of continuous tendons: dead loads shear and stretch by a linear law beside them
+    assert found.error_estimate is not None
+    assert np.linalg.norm(found.tip.position - [x, 0.0, z]) < found.error_estimate.tip
+    assert found.error_estimate.tip < 2e-4 * LENGTH
+
+
+def _disks_of_rods(tensions: Any, robot: bs.Robot, force: Any) -> NDArray[np.float64]:
+    """Disks (x, z, theta) of a planar rod with straight spans, each module by shooting."""
+    backbone, h = robot.segments[0].backbone, robot.segments[0].length / len(robot.disks.station_m)
+    bending, axial = backbone.young * backbone.second_moment, backbone.young * backbone.area
+    shear = backbone.shear_modulus * backbone.area
+    offset = robot.tendons.hole_m[:, 0]
+
+    def holes(pose: Any) -> Any:
+        x, z, theta = pose
+        return np.array([x + offset * math.cos(theta), z - offset * math.sin(theta)]).T
+
+    def residual(flat: Any) -> Any:
+        poses = np.concatenate([np.zeros((1, 3)), flat.reshape(-1, 3)])
+        out = []
+        for start, end in pairwise(poses):
+            span = holes(end) - holes(start)
+            pulls = tensions[:, None] * span / np.linalg.norm(span, axis=1, keepdims=True)
+
+            def rates(_: float, y: Any, pulls: Any = pulls, end: Any = end) -> Any:
+                x_force, z_force = np.array(force) - pulls.sum(axis=0)
+                c, s = math.cos(y[2]), math.sin(y[2])
+                away, tip = holes(end) - y[:2], poses[-1, :2] - y[:2]
+                moment = tip[1] * force[0] - tip[0] * force[1]
+                moment -= (away[:, 1] * pulls[:, 0] - away[:, 0] * pulls[:, 1]).sum()
+                v = (c * x_force - s * z_force) / shear
+                w = 1.0 + (s * x_force + c * z_force) / axial
+                return [c * v + s * w, c * w - s * v, moment / bending]
+
+            out.append(solve_ivp(rates, (0.0, h), start, rtol=1e-9, atol=1e-12).y[:, -1] - end)
+        return np.ravel(out)
+
+    straight = [[0.0, at, 0.0] for at in robot.disks.station_m]
+    return np.asarray(fsolve(residual, np.ravel(straight), xtol=1e-11)).reshape(-1, 3)
+
+
+def test_rods_under_load_agree_with_shooting(tmp_path: Path) -> None:
+    robot = _robot(tmp_path, RODS, disks__count=3)
+    tensions, force = np.array([0.5, 0.1, -0.7, 0.1]), (0.06, -0.1)
+    load = bs.Load(tip_force=[force[0], 0.0, force[1]])
+    model = bs.RodModel(elements=8)
+    found = bs.solve(robot, tensions, load=load, model=model).raise_for_status()
+    disks = _disks_of_rods(tensions, robot, force)
+    assert found.disk_positions is not None
+    assert found.disk_positions[:, [0, 2]] == pytest.approx(disks[:, :2], abs=1e-8 * robot.length)
+    assert np.abs(disks[-1, 2]) > 0.5
+
+
+def test_rods_that_push_and_pull_alike_make_an_arc(rods: bs.Robot) -> None:
+    """The spans of a module are parallel: a couple T 2r cos(a/2) without axial force."""
+    force, r, n, length = 0.9, 3.5e-3, 7, 0.07
+    stiffness = 58e9 * math.pi / 64 * 0.7e-3**4
+    couple = 2.0 * force * r * length / stiffness
+    theta = brentq(lambda t: t - couple * math.cos(t / (2 * n)), 0.0, couple, xtol=1e-15)
+    found = bs.solve(rods, [force, 0.0, -force, 0.0]).raise_for_status()
+    tip = length / theta * np.array([1.0 - math.cos(theta), 0.0, math.sin(theta)])
+    assert found.tip.position == pytest.approx(tip, abs=1e-9 * length)
+    # spans to both sides of the chord
+    chord = 2.0 * length / theta * math.sin(theta / (2 * n))
+    away = 2.0 * r * math.sin(theta / (2 * n))
+    assert found.tendon_lengths is not None
+    assert found.tendon_lengths[[0, 2]] == pytest.approx(
+        [n * (chord - away), n * (chord + away)], abs=1e-9 * length
+    )
+
+
+def test_displacement_control_finds_tensions_of_either_sign(tmp_path: Path) -> None:
+    robot = _robot(tmp_path, RODS, tendons__count=3, tendons__axial_stiffness="4 kN")
+    given = np.array([[1.2, -0.5, -0.4], [-0.8, 0.3, 0.6], [-0.2, -0.3, -0.1]])
+    by_tension = bs.sweep(robot, given).raise_for_status()
+    alone = [bs.solve(robot, row) for row in given]
+    tips = np.array([each.tip.position for each in alone])
+    assert by_tension.tip_position == pytest.approx(tips, abs=1e-10)
+    moved = np.array([each.displacements() for each in alone])
+    found = bs.sweep(robot, load=bs.Load(displacements=moved)).raise_for_status()
+    assert found.tensions == pytest.approx(given, abs=1e-7)
+    assert not found.slack_lengths.any()
+    one = bs.solve(robot, load=bs.Load(displacements=moved[0])).raise_for_status()
+    assert one.tensions == pytest.approx(given[0], abs=1e-7)
+    assert one.slack == ()
+    # the same tendons without pushing: those that would push are slack
+    pulls = robot.with_({"segments.0.tendons.kind": "tendon"})
+    loose = bs.solve(pulls, load=bs.Load(displacements=moved[0])).raise_for_status()
+    assert (loose.tensions >= 0.0).all()
+    assert loose.slack
+
+
+def test_backlash_and_creep_hold_for_rods_that_push(tmp_path: Path) -> None:
+    """Their equations are linear in displacement and tension: a turned robot is a mirrored one."""
+    laws = {"backlash": "0.1 mm", "creep_compliance": "0.02 mm/N", "compliance": "0.01 mm/N"}
+    changes = {f"tendons__{name}": value for name, value in laws.items()}
+    robot = _robot(tmp_path, RODS, **changes)
+    path = 1e-3 * np.array([[1.0, 0.0, -1.0, 0.0], [0.4, 0.0, -0.4, 0.0], [0.9, 0.0, -0.9, 0.0]])
+    times = [1.0, 30.0, 60.0]
+    one = bs.sweep(robot, load=bs.Load(displacements=path), times=times).raise_for_status()
+    other = bs.sweep(robot, load=bs.Load(displacements=-path), times=times).raise_for_status()
+    assert (one.tensions[:, 2] < 0.0).any()
+    assert other.tensions[:, [2, 0]] == pytest.approx(one.tensions[:, [0, 2]], abs=1e-8)
+
+
+def test_a_motion_of_rods_ends_at_their_equilibrium(tmp_path: Path) -> None:
+    changes = {"tendons__axial_stiffness": "2 kN", "disks__mass": "0.4 g"}
+    robot = _robot(tmp_path, RODS, **changes)
+    target = [6e-4, 0.0, -6e-4, 0.0]
+    load = bs.Load(displacements=ramp(target, 0.05))
+    run_ = bs.simulate(
+        robot, load=load, duration=0.6, integrator=bs.Integrator(dt=2e-3, mass_damping=60.0)
+    )
+    rest = bs.solve(robot, load=bs.Load(displacements=target)).raise_for_status()
+    assert rest.tensions[2] < -0.1
+    assert run_.tip_position[-1] == pytest.approx(rest.tip.position, abs=1e-6)
+
+
+def test_inverse_kinematics_pushes_as_well_as_pulls(rods: bs.Robot) -> None:
+    wanted = bs.solve(rods, [0.6, 0.2, -0.6, -0.2]).raise_for_status().tip.position
+    found = bs.inverse_kinematics(rods, wanted).raise_for_status()
+    assert found.tensions.min() < -0.1
+    reached = bs.solve(rods, found.tensions).raise_for_status().tip.position
+    assert reached == pytest.approx(wanted, abs=1e-8)
+    arcs = bs.inverse_kinematics(rods, wanted, model="constant_curvature", max_tension=3.0)
+    assert arcs.tensions.min() < -0.1
+    # pushes and pulls together, so that the arcs keep their lengths
+    assert abs(arcs.tensions.sum()) < 1e-3
+
+
+def test_measured_compressions_are_read(rods: bs.Robot, tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    names = ",".join(f"tension_{i}_N" for i in range(1, 5))
+    table.write_text(f"{names},tip_x_mm,tip_y_mm,tip_z_mm\n0.5,0,-0.5,0,20,0,60\n")
+    assert bs.read_measurements(table, rods).tensions[0, 2] == -0.5
+
+
+def test_rods_that_buckle_are_announced(tmp_path: Path, rods: bs.Robot) -> None:
+    load = [0.5, 0.0, -0.5, 0.0]
+    assert bs.solve(rods, load).warnings() == (
+        "rod 3 is under compression, and whether it buckles between two disks is not checked: "
+        "give bending_stiffness.",
+    )
+    # pi^2 E I/h^2 with disks 10 mm apart
+    euler = math.pi**2 * 4e-6 / 0.01**2
+    stiff = _robot(tmp_path, RODS, tendons__bending_stiffness=4e-6)
+    assert euler == pytest.approx(0.395, abs=5e-4)
+    assert bs.solve(stiff, [0.39, 0.0, -0.39, 0.0]).warnings() == ()
+    (said,) = bs.solve(stiff, [0.4, 0.0, -0.4, 0.0]).warnings()
+    assert said == (
+        "rod 3 carries 0.4 N of compression and buckles between two disks 10 mm apart at 0.395 N "
+        "(Euler's load of hinged ends): take a stiffer rod or more disks."
+    )
+
+
+def test_shares_of_a_study_push(tmp_path: Path) -> None:
+    """A couple of a rod that pulls and one that pushes, in which the modules bend alike."""
+    robot = _robot(tmp_path, RODS, tendons__kind="chamber")
+    assert bs.Loading().shares(robot) == (-1.0, 0.0, 0.0, 0.0)
+    found = Stages(robot, max_tension=0.4, points=3, tendon={1: -1.0, 3: 1.0})
+    assert found.statics.tip_position[-1, 0] < -5e-3
+    assert 0.0 < found.comparisons["cc_from_force"].maximum < 1e-3 * robot.length
+    plain = bs.load_robot("amouri2019")
+    with pytest.raises(
+        InputError, match=r"share of tendon 1 is -1\.0; must be above 0 and at most"
+    ):
+        bs.Loading(tendon={1: -1.0}).shares(plain)
+
+
+def test_a_budget_assumes_no_friction_of_rods(rods: bs.Robot) -> None:
+    rows = Stages(rods, points=2, tendon={1: -1.0}, max_tension=0.4).budget.actuation.rows
+    assert rows[0].label == "friction 0, loading"
+    assert rows[0].assumed == ()
+    # rods that hold the displacements of the arc keep the tip near it
+    commanded = next(row for row in rows if row.effect == "tendon_elasticity")
+    assert commanded.case.tip_position[-1, 0] < -1e-3
+
+
+@pytest.mark.parametrize(
+    ("text", "change", "said"),
+    [
+        (RODS, {"tendons__friction": 0.1}, "friction: given with kind rod, which pushes; set it"),
+        (RODS, {"tendons__hole_clearance": "0.1 mm"}, "hole_clearance: given with kind rod"),
+        (RODS, {"tendons__area": "1 mm^2"}, "area: given with kind rod; it is for kind chamber"),
+        (CHAMBERS, {"tendons__bending_stiffness": 1e-6}, "it is for kind rod"),
+        (RODS, {"tendons__kind": "belt"}, "must be one of tendon, rod, chamber"),
+    ],
+)
+def test_what_does_not_go_with_pushing_is_refused(
+    tmp_path: Path, text: str, change: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        _robot(tmp_path, text, **change)
+
+
+def test_a_tendon_in_a_list_still_only_pulls(tmp_path: Path) -> None:
+    tendons = [
+        {"angle": 0.0, "pitch_radius": RADIUS, "kind": "chamber"},
+        {"angle": math.pi, "pitch_radius": RADIUS},
+    ]
+    robot = _robot(tmp_path, CHAMBERS, tendons=tendons)
+    assert bs.solve(robot, [-1.0, 0.5]).converged
+    with pytest.raises(
+        InputError, match=r"tension of tendon 2 is -0\.5 N, it must be zero or more"
+    ):
+        bs.solve(robot, [-1.0, -0.5])
+    with pytest.raises(InputError, match=r"tension 2 is -0\.5 N; tensions must be >= 0 N"):
+        RobotArcs.from_tensions(robot, [-1.0, -0.5])
+    assert bs.sweep(robot, [[-1.0, 0.0], [0.0, 0.2]]).converged.all()
+
+
+def test_pressures_are_commands(shell: Shell, tmp_path: Path, chambers: bs.Robot) -> None:
+    file = str(tmp_path / "robot.yaml")
+    found = shell.json("solve", file, "--pressure", "12 kPa,0,3 kPa")
+    assert found["tensions_N"] == pytest.approx([-1.8, 0.0, -0.45])
+    same = bs.solve(chambers, [-1.8, 0.0, -0.45]).tip.position
+    assert found["tip"]["position_m"] == pytest.approx(same)
+    mixed = shell.json("solve", file, "--pressure", "12 kPa,-,-", "--tension", "-,1,0")
+    assert mixed["tensions_N"] == pytest.approx([-1.8, 1.0, 0.0])
+    no_area = _robot(tmp_path, CHAMBERS.replace(", area: 1.5 cm^2", ""))
+    assert np.isnan(no_area.tendons.area_m2).all()
+    refused = shell.error("solve", file, "--pressure", "12 kPa,0,0")
+    assert "--pressure: tendon 1 of robot has no area" in refused
