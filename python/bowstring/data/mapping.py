@@ -21,6 +21,7 @@ from bowstring.data.columns import (
     SIGMA,
     TOOL,
     Column,
+    Joined,
     Layout,
     Part,
     Zero,
@@ -478,6 +479,9 @@ class Mapping(Fields):
             found.bend = find("angles.bend", self.angles.bend, factor)
             if self.angles.direction is not None:
                 found.direction = find("angles.direction", self.angles.direction, factor)
+        if self.join is not None and table.own is not None and found.tendons:
+            later = [column.index >= table.own for _, column in found.tendons]
+            found.join = Joined(self.join.shift, any(later))
         if self.stations is not None:
             count = len(found.points) or len(self.stations)
             found.stations = check_stations("mapping: stations", self.stations, count)

@@ -22,7 +22,7 @@ from bowstring import json_files
 from bowstring._core import __version__
 from bowstring.atomic_io import has_mark, not_overwritten, write_whole_file
 from bowstring.data import channels, datasets
-from bowstring.data.columns import SOURCES, Column, Layout, Source, check_stations, tidy
+from bowstring.data.columns import SOURCES, Column, Joined, Layout, Source, check_stations, tidy
 from bowstring.data.joining import seconds_of
 from bowstring.data.mapping import Mapping, load_mapping
 from bowstring.data.mapping_draft import draft
@@ -129,6 +129,8 @@ class Measurements:
     """Standard errors (T,) of the zeros of tensions that the file has by rows, N; 0 for others."""
     columns: tuple[Column, ...] = ()
     """Columns of the T tendons in the file; empty for other data."""
+    join: Joined | None = None
+    """Clock of a joined table; None: no table is joined."""
     faults: tuple[str, ...] = ()
     """Sentences on readings that are probably wrong, spikes and saturated sensors; these rows are
     kept."""
@@ -498,6 +500,7 @@ class _Reader:
                 ]
             ),
             columns=tuple(column for _, column in self.layout.tendons),
+            join=self.layout.join,
             faults=tuple(self.faults),
             path=self.table.path,
             sha256=self.table.sha256,
