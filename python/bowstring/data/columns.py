@@ -145,6 +145,8 @@ class Layout:
     """Column of the bend angle, rad; None without one."""
     direction: Column | None = None
     """Column of the direction of bending, rad; None without one."""
+    quaternion: tuple[Column, ...] | None = None
+    """Columns w, x, y, z of the rotation of the tip, in place of these; None without any."""
     sigma: Column | None = None
     """Column of the standard uncertainty of a coordinate, m; None without one."""
     time: Column | None = None

@@ -71,11 +71,14 @@ def draft(table: Table, tendons: int | None = None) -> str:
         (name for name in left if _words(name)[:1] and _words(name)[0] in _TIME_WORDS), None
     )
     left = [name for name in left if name != time]
-    tip = _tip(left)
+    quaternion = _quaternion(left)
+    tip = _tip([name for name in left if name not in quaternion])
+    if not tip:
+        left = [name for name in left if name not in quaternion]
     left = [name for name in left if name not in tip]
-    angles = {} if tip else _angles(left)
+    angles = {} if tip or quaternion else _angles(left)
     left = [name for name in left if name not in angles.values()]
-    known = bool(tip or angles)
+    known = bool(tip or angles or quaternion)
     quantity, found = _commands(left, known) if not table.length_unit else ("tension", [])
     if not table.length_unit and not known:  # without hints: commands first, then the tip
         free = [name for name in left if name not in found]
@@ -88,6 +91,9 @@ def draft(table: Table, tendons: int | None = None) -> str:
         fields = ", ".join(f"{field}: {_text(name)}" for field, name in angles.items())
         unit = _unit_in(angles["bend"], ("deg", "rad")) or "deg"
         lines.append(f"angles: {{{fields}, unit: {unit}}}   # and of what tips there are: tip")
+    elif quaternion and not tip:
+        cells = ", ".join(map(_text, quaternion))
+        lines.append(f"angles: {{quaternion: [{cells}]}}   # w, x, y and z")
     else:
         lines += _tip_lines(tip, table, left)
     if time is not None:
@@ -172,6 +178,17 @@ def _tip(names: Sequence[str]) -> tuple[str, ...]:
             if all(other in names for other in others):
                 sets.append((name, *others))
     return next((s for s in sets if "tip" in s[0].lower()), sets[-1] if sets else ())
+
+
+def _quaternion(names: Sequence[str]) -> tuple[str, ...]:
+    """Four columns whose names differ only in w, x, y and z."""
+    for name in names:
+        for match in re.finditer(r"[wW](?![A-Za-z])", name):
+            letters = "wxyz" if match[0] == "w" else "WXYZ"
+            found = [name[: match.start()] + each + name[match.end() :] for each in letters]
+            if all(each in names for each in found):
+                return tuple(found)
+    return ()
 
 
 def _is_coordinate(name: str) -> bool:
