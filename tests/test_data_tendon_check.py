@@ -174,6 +174,26 @@ def test_clocks_that_are_apart(lag: float) -> None:
     assert "or tendons 1 and 3 are swapped" in swapped.sentence
 
 
+@pytest.mark.parametrize("lag", [-2.4, 7.1])
+@pytest.mark.parametrize("motion", ["periodic", "ramp"])
+def test_shifts_of_motions_with_several_peaks_or_a_flat_one(motion: str, lag: float) -> None:
+    """The smallest of the shifts that explain a periodic motion; one ramp, once."""
+    time = np.arange(0.0, 70.0, 0.07)
+
+    def commands(at: Floats) -> Floats:
+        share = np.clip((at - 30) / 9, 0, 1) if motion == "ramp" else np.sin(at) * np.sin(0.2 * at)
+        return np.outer(6e-3 * share, np.cos(np.radians([0, 120, 240])))
+
+    lengths = STUDY.length - commands(time - lag)
+    arcs = bs.constant_curvature.RobotArcs.from_lengths(STUDY, lengths, hold_length=True)
+    data = replace(late_table(0.0).select(np.zeros(len(time), int)), time=time)
+    data = replace(data, displacements=commands(time), points=arcs.tip.position[:, None])
+    sentence = check_tendons(STUDY, data).sentence
+    named = re.search(r"tips are (\S+) s (behind|ahead of) the commands", sentence)
+    assert named, sentence
+    assert float(named[1]) * (1 if named[2] == "behind" else -1) == pytest.approx(lag, abs=0.03)
+
+
 def test_clocks_are_not_blamed_for_the_order_nor_for_noise() -> None:
     right = late_table(0.0)
     assert check_tendons(STUDY, right).found == "as_stated"

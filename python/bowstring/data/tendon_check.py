@@ -62,7 +62,8 @@ _STRAIGHT: Final = 0.01  # distance of a tip from that of the straight robot ove
 _LATE: Final = 1 / 3  # unexplained share with the clocks shifted over that without
 _IN_TIME: Final = 0.1  # unexplained share up to which no shift of the clocks is searched
 _MOST_SAMPLES: Final = 16_384  # of an even grid of times
-_MOST_PEAKS: Final = 5
+_MOST_PEAKS: Final = 9
+_ALIKE: Final = 0.05  # unexplained share below which shifts are equally good
 _FEWEST_SHIFTED: Final = 20  # rows
 _ALONE: Final = 0.1  # share of a common displacement that no bend has
 _UNMOVED: Final = 20.0  # ratio of motion to bend that no weight or load explains
@@ -242,9 +243,20 @@ def _delay(motion: _Motion) -> float:
 
     if not len(peaks):
         return 0.0
-    best = min(lags[peaks] * step, key=left)
-    for width in (1.0, 0.2, 0.04):
-        best = min(best + width * step * np.linspace(-1, 1, 11), key=left)
+
+    def refined(delay: float, width: float) -> float:
+        return float(min(delay + width * np.linspace(-1, 1, 11), key=left))
+
+    tried = [refined(delay, step) for delay in lags[peaks] * step]
+    least = min(map(left, tried))
+    # a periodic motion has several, of which the smallest is the most probable
+    best = min((delay for delay in tried if left(delay) <= max(_TIE * least, _ALIKE)), key=abs)
+    wide = refined(best, span / 20)  # the correlation of a single ramp has its peak aside
+    best = wide if left(wide) < _CLEARLY * left(best) else best
+    width = span / 100
+    while width > 0.01 * step:
+        best = refined(best, width)
+        width /= 5
     return float(best) if left(best) < _CLEARLY * motion.by_regression else 0.0
 
 
