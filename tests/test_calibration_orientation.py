@@ -53,7 +53,7 @@ def test_gain_noise_and_intervals(loss: str, directions: bool) -> None:
     for seed in range(12):
         data = made(seed)
         data = data if directions else replace(data, direction=None)
-        found = fit_orientation(ROBOT, data, ["bend_gain"], loss=loss)  # type: ignore[arg-type]
+        found = fit_orientation(ROBOT, data, ["bend_gain"], model="arc", loss=loss)  # type: ignore[arg-type]
         (gain,) = found.estimates
         deviations.append((gain.value - GAIN) / gain.standard_error)
         assert found.converged and gain.low < gain.value < gain.high
@@ -73,7 +73,7 @@ def test_a_robust_loss_takes_no_notice_of_outliers() -> None:
     spoiled[::20] += 0.8
     data = replace(data, bend=spoiled)
     robust, plain = (
-        fit_orientation(ROBOT, data, ["bend_gain"], loss=loss).estimates[0].value
+        fit_orientation(ROBOT, data, ["bend_gain"], model="arc", loss=loss).estimates[0].value
         for loss in ("huber", "linear")
     )
     assert robust == pytest.approx(GAIN, abs=0.01) and plain > GAIN + 0.02
@@ -85,10 +85,32 @@ def test_the_base_of_a_sensor_is_fitted() -> None:
     assert data.direction is not None and data.bend is not None
     turned = replace(data, direction=data.direction + np.radians(7))
     names = ["bend_gain", "hole_angle", "base.rx", "base.ry"]
-    values = [each.value for each in fit_orientation(ROBOT, turned, names).estimates]
+    values = [each.value for each in fit_orientation(ROBOT, turned, names, model="arc").estimates]
     np.testing.assert_allclose(values, [GAIN, 7, 0, 0], atol=1e-5)
     other = replace(data, bend=-data.bend, direction=data.direction + 3 * np.pi)
-    assert fit_orientation(ROBOT, other, ["bend_gain"]).estimates[0].value == pytest.approx(GAIN)
+    assert fit_orientation(ROBOT, other, ["bend_gain"], model="arc").estimates[
+        0
+    ].value == pytest.approx(GAIN)
+
+
+def test_statics() -> None:
+    """Young's modulus from tensions and the angles of their equilibria."""
+    robot = ROBOT.with_({"gravity": [0, 0, -9.81], "segments.0.backbone.E": "41 GPa"})
+    tensions = np.random.default_rng(6).uniform(0, 40, (12, 3))
+    x, y, z = bs.solve_batch(robot, tensions).tip_rotation[..., 2].T
+    data = replace(
+        made(1).select(np.arange(12)),
+        tensions=tensions,
+        displacements=np.full((12, 3), np.nan),
+        bend=np.arctan2(np.hypot(x, y), z),
+        direction=np.arctan2(y, x),
+    )
+    first = robot.with_({"segments.0.backbone.E": "48 GPa"})
+    found = fit_orientation(first, data, ["segments.0.backbone.E"])
+    assert found.model == "rod" and found.rows == 12
+    assert found.estimates[0].value == pytest.approx(41, rel=1e-3)
+    with pytest.raises(InputError, match="belongs to constant curvature"):
+        fit_orientation(first, data, ["bend_gain"])
 
 
 @pytest.mark.parametrize(
@@ -101,9 +123,9 @@ def test_the_base_of_a_sensor_is_fitted() -> None:
 )
 def test_parameters_that_angles_do_not_determine(names: list[str], says: str) -> None:
     with pytest.raises(InputError, match=says):
-        fit_orientation(ROBOT, made(1), names)
+        fit_orientation(ROBOT, made(1), names, model="arc")
     with pytest.raises(InputError, match="has no bend angles"):
-        fit_orientation(ROBOT, replace(made(1), bend=None), ["bend_gain"])
+        fit_orientation(ROBOT, replace(made(1), bend=None), ["bend_gain"], model="arc")
 
 
 def test_the_command(shell: Shell, tmp_path: Path) -> None:
@@ -113,12 +135,10 @@ def test_the_command(shell: Shell, tmp_path: Path) -> None:
     assert code == 0 and "fitted to the angles of angles (synthetic): 60 rows" in said
     assert "largest deg" in said and " mm" not in said
     _, text, _ = shell(*asked, "bend_gain", "--model", "arc", "--json")
-    adapter("fit --model arc, angles only").validate_json(text, strict=True)
+    adapter("fit --measurements, angles only").validate_json(text, strict=True)
     (gain,) = json.loads(text)["parameters"]
     assert gain["low"] < GAIN < gain["high"]
-    for more, says in (
-        (["gain"], "give --model arc"),
-        (["bend_gain", "--model", "arc", "--folds", "3"], "--folds needs measured tips"),
-    ):
-        code, _, refused = shell(*asked, *more)
-        assert code != 0 and says in " ".join(refused.split())
+    code, said, _ = shell(*asked, "gain")
+    assert code == 0 and "statics, fitted to the angles" in said
+    code, _, refused = shell(*asked, "gain", "--folds", "3")
+    assert code != 0 and "--folds needs measured tips" in refused

@@ -290,7 +290,7 @@ def tips(data: Measured, count: int) -> Floats:
         if not found.shape[1]:
             raise InputError(
                 "the measurements have angles only, a fit needs a measured tip; fit_orientation "
-                "fits constant curvature to angles"
+                "fits angles"
             )
         found = found[:, -1, :]
     if found.shape != (count, 3):

@@ -1,4 +1,4 @@
-"""Fit of parameters of constant curvature to measured orientations of the tip.
+"""Fit of parameters to measured orientations of the tip.
 
 An inertial sensor or a bend sensor measures no position. The errors are angles: between the
 measured and the predicted direction of the tip, or of the bend angle alone.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,10 @@ from bowstring.calibration.fitting import Estimate
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.pieces import Loss, rho
 from bowstring.calibration.tip_model import TipModel, rotation
-from bowstring.errors import InputError
+from bowstring.errors import InputError, NoSolutionError
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot, check_robot
+from bowstring.statics.model import RodModel, as_model
 from bowstring.validation import shown
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ Floats = NDArray[np.float64]
 
 _TURN: Final = 2.0  # standard deviations beyond which a robust loss is linear
 _SMALL: Final = 1e-6  # of a parameter's step
+_SMALL_BY_STATICS: Final = 1e-3  # the equilibrium is less exact than an arc
 _NO_EFFECT: Final = 1e-9  # rad per step of a parameter
 _ALIKE: Final = 1e-6  # least singular value over the largest of independent parameters
 
@@ -59,10 +61,12 @@ class AngleScore(Result):
 class OrientationFit(Result):
     """Result of `fit_orientation`."""
 
+    model: Annotated[Literal["rod", "arc"], Key()]
+    """Fitted model: statics of the rod, or constant curvature."""
     estimates: Annotated[tuple[Estimate, ...], Key("parameters")]
     """Fitted parameters."""
     rows: Annotated[int, Key()]
-    """Number of rows."""
+    """Number of rows with an equilibrium, which are fitted."""
     score: Annotated[AngleScore, Key()]
     """Errors after the fit."""
     score_before: Annotated[AngleScore, Key()]
@@ -78,10 +82,11 @@ def fit_orientation(
     data: Measurements,
     parameters: Sequence[str],
     *,
+    model: RodModel | Literal["arc"] | None = None,
     start: Mapping[str, float] | None = None,
     loss: Loss = "soft_l1",
 ) -> OrientationFit:
-    """Fit parameters of constant curvature to measured bend angles and directions.
+    """Fit parameters to measured bend angles and directions of the tip.
 
     Parameters
     ----------
@@ -91,6 +96,8 @@ def fit_orientation(
         Measurements with bend angles, and their directions or not; all rows are fitted.
     parameters : sequence of str
         Names of parameters as in `bowstring.calibration.fit`, such as ``bend_gain``.
+    model : RodModel or "arc", optional
+        Statics of `bowstring.solve`, by default with one element; or constant curvature.
     start : mapping from name to float, optional
         Initial values of fitted parameters and fixed values of others, in SI.
     loss : {"linear", "soft_l1", "huber"}
@@ -105,6 +112,8 @@ def fit_orientation(
     ------
     InputError
         If an argument is wrong, or the angles do not determine a parameter.
+    NoSolutionError
+        If the initial model has no solution for more than half of the rows.
 
     Notes
     -----
@@ -116,6 +125,8 @@ def fit_orientation(
     from scipy.stats import t
 
     check_robot(robot)
+    if isinstance(model, str) and model != "arc":
+        raise InputError.of("model", shown(model), 'a bowstring.RodModel or "arc"')
     if loss not in ("linear", "soft_l1", "huber"):
         raise InputError(f'loss is {shown(loss)}, it must be "linear", "soft_l1" or "huber"')
     if data.bend is None:
@@ -125,33 +136,47 @@ def fit_orientation(
     items = unknowns.items
     if not items:
         raise InputError("parameters is empty; name one at least, as bend_gain")
+    rod = None if isinstance(model, str) else as_model(model)
+    if rod is not None and any(name.startswith("bend_gain") for name in unknowns.names):
+        raise InputError('bend_gain belongs to constant curvature; give model="arc"')
     for name in unknowns.names:
-        unknowns.refuse_without_effect(name, arcs=True)
+        unknowns.refuse_without_effect(name, arcs=rod is None)
     if any(name == "delay" for name in unknowns.names):
         commands.clock()
-    model = TipModel(unknowns, commands, None)
+    of_tips = TipModel(unknowns, commands, rod)
     step = np.array([item.step for item in items])
     bounds = np.array([[item.low, item.high] for item in items]).T / step
     bend, direction = data.bend, data.direction
 
+    small = _SMALL if rod is None else _SMALL_BY_STATICS
+
     def errors(scaled: Floats) -> Floats:
         """Residuals (K, D), rad."""
-        at = model.predict(scaled * step)
+        at = of_tips.predict(scaled * step)
         predicted = at.rotation[:, -1, :, 2] @ rotation(at.setting.turn).T
-        return _errors(predicted, bend, direction)
+        return _errors(predicted, bend, direction)[solved]
 
     def residuals(scaled: Floats) -> Floats:
-        return errors(scaled).ravel()
+        found = errors(scaled).ravel()
+        # a row without an equilibrium counts as half a turn, so that steps avoid it
+        return np.where(np.isnan(found), np.pi, found)
 
     def jacobian(scaled: Floats) -> Floats:
         columns = []
         for i in range(len(scaled)):
-            ends = [np.clip(scaled[i] + side * _SMALL, *bounds[:, i]) for side in (-1, 1)]
+            ends = [np.clip(scaled[i] + side * small, *bounds[:, i]) for side in (-1, 1)]
             low, high = (residuals(np.where(np.arange(len(scaled)) == i, e, scaled)) for e in ends)
             columns.append((high - low) / (ends[1] - ends[0]))
         return np.stack(columns, axis=1)
 
     first = np.array([item.start for item in items]) / step
+    solved = np.ones(len(data), bool)
+    solved = np.isfinite(errors(first)).all(axis=1)
+    if solved.mean() < 0.5:
+        raise NoSolutionError(
+            f"{robot.name}: {int((~solved).sum())} of {len(data)} rows have no equilibrium at the "
+            "initial values"
+        )
     before = errors(first)
     free = before.size - len(items)
     if free < 1:
@@ -198,8 +223,9 @@ def fit_orientation(
         edge = bool(found.active_mask[i])
         estimates.append(Estimate(item.name, item.unit, value, wide, low, high, begin, edge))
     return OrientationFit(
+        "arc" if rod is None else "rod",
         tuple(estimates),
-        len(data),
+        int(solved.sum()),
         AngleScore.of(errors(found.x)),
         AngleScore.of(before),
         float(np.sqrt(variance)),

@@ -302,8 +302,9 @@ def fit(
             "--out": out,
             "--prior and --priors": priors,
         }
-        _check_orientation(model, [flag for flag, value in refused_flags.items() if value])
-        return _fit_orientation(robot, table, parameter, loss, begin, origin, as_json)
+        for flag in (flag for flag, value in refused_flags.items() if value):
+            raise InputError(f"{flag} needs measured tips, and the table has angles only.")
+        return _fit_orientation(robot, table, parameter, model, loss, begin, origin, as_json)
     compared = None
     try:
         if compare:
@@ -475,27 +476,17 @@ def _check_comparison(model: str, holdout: float | None, start: Path | None) -> 
         raise InputError("--compare begins at the values of ROBOT; leave --start out.")
 
 
-def _check_orientation(model: str, flags: Sequence[str]) -> None:
-    """Refuse a model and flags that are for tables with tips."""
-    if model != "arc":
-        raise InputError(
-            "the table has angles only and no measured tip, to which constant curvature is fitted; "
-            "give --model arc."
-        )
-    if flags:
-        raise InputError(f"{flags[0]} needs measured tips, and the table has angles only.")
-
-
 def _fit_orientation(
     robot: Robot,
     table: Measurements,
     parameter: list[str],
+    model: Literal["rod", "arc"],
     loss: Literal["linear", "soft_l1", "huber"],
     begin: dict[str, float] | None,
     origin: OfRobot,
     as_json: bool,
 ) -> None:
-    """Fit constant curvature to a table of angles, and write the result."""
+    """Fit a model to a table of angles, and write the result."""
     from bowstring.calibration.orientation_fit import fit_orientation
     from bowstring.data.tendon_check import check_tendons
 
@@ -505,7 +496,8 @@ def _fit_orientation(
         zero_is_fitted=any(name.partition(".")[0] == "offset" for name in parameter),
         delay_is_fitted="delay" in parameter,
     )
-    found = fit_orientation(robot, table, parameter, start=begin, loss=loss)
+    kind: Literal["arc"] | None = "arc" if model == "arc" else None
+    found = fit_orientation(robot, table, parameter, model=kind, start=begin, loss=loss)
     doubts = [table.doubt, order.sentence if order.alarm else order.remark]
     doubts = [sentence for sentence in doubts if sentence]
     for sentence in doubts:
@@ -513,13 +505,16 @@ def _fit_orientation(
     if as_json:
         write_json({**found.to_dict(), **origin, "warnings": [*robot.warnings, *doubts]})
     else:
+        what = "statics" if model == "rod" else "constant curvature"
         left = f", {table.left_out} left out" if table.left_out else ""
+        lost = len(table) - found.rows
+        left += f", {lost} without an equilibrium" if lost else ""
         scores = new_table("angle error", ">RMSE deg", ">mean deg", ">largest deg")
         for name, score in (("before", found.score_before), ("after", found.score)):
             sizes = (score.rmse, score.mean, score.largest)
             scores.add_row(name, *[fixed(math.degrees(size), 3) for size in sizes])
         write_tables(
-            f"{robot.name}, constant curvature, fitted to the angles of {table.name} "
+            f"{robot.name}, {what}, fitted to the angles of {table.name} "
             f"({table.source}): {counted(found.rows, 'row')}{left}",
             _estimate_table(found.estimates),
             scores,

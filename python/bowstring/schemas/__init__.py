@@ -51,7 +51,7 @@ _FORMS: Final[dict[str, Any]] = {
     "bench simulate": bench.BenchSimulate,
     "fit": fit.Fit,
     "fit --compare, stopped": fit.StoppedComparison,
-    "fit --model arc, angles only": fit.FitOfAngles,
+    "fit --measurements, angles only": fit.FitOfAngles,
     "export --out .step": solids.Cad,
     "export --out .xml": program.Export,
     "export --out .json": compiled.Compiled,
