@@ -170,8 +170,8 @@ def fit_orientation(
         return np.stack(columns, axis=1)
 
     first = np.array([item.start for item in items]) / step
-    solved = np.ones(len(data), bool)
-    solved = np.isfinite(errors(first)).all(axis=1)
+    solved: NDArray[np.bool_] = np.ones(len(data), bool)
+    solved = np.asarray(np.isfinite(errors(first)).all(axis=1))
     if solved.mean() < 0.5:
         raise NoSolutionError(
             f"{robot.name}: {int((~solved).sum())} of {len(data)} rows have no equilibrium at the "
